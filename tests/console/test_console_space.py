@@ -16,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from foretouch.console.panels.network import Speech
+from foretouch.console.panels.session import Speech
 from foretouch.console.panels.space import MARKERS, draw_over, pose_sentence
 from foretouch.console.playback import RecordedWatch
 from foretouch.console.space_heard import SpaceHeard, newest_image

@@ -12,11 +12,11 @@ from typing import Any
 
 from foretouch.console.gate import Entrance, make_gated_server
 from foretouch.console.gate.entrance import free_port, require_free_port
-from foretouch.console.library import Library
 from foretouch.console.panels.figures import describe, numbers_of
-from foretouch.console.panels.network import NetworkFaults, Speech
 from foretouch.console.panels.panel import CHOOSE_RECORDING, INSTRUCTION, WATCH_RECORDING, Actions, Panel, felt
+from foretouch.console.panels.session import NetworkFaults, Speech
 from foretouch.console.panels.stop import ASKING, LATCHED, READY, UNABLE, EmergencyCall
+from foretouch.console.playback import Library
 from foretouch.console.plots import SECONDS
 from foretouch.console.sentences import (
     ENDED_INSTRUCTION,

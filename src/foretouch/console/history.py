@@ -154,13 +154,7 @@ SLOWEST, FASTEST = 4.0, 30.0
 
 
 class LossTrace(NamedTuple):
-    """Losses over time, both ways; all arrays have one length.
-
-    Attributes:
-        time: Seconds before now, increasing.
-        there: Fraction of the commands that were lost shortly before [%]; NaN where it is unknown.
-        back: Fraction of the telemetry that was lost [%].
-    """
+    """Losses of commands there, of telemetry back [%], over seconds before now; all arrays have one length."""
 
     time: Array
     there: Array

@@ -115,14 +115,7 @@ class TimePlot:
     def draw(
         self, time: Array, values: Sequence[Array], deviations: Sequence[Array] = (), most: float = math.inf
     ) -> None:
-        """Draw the curves.
-
-        Args:
-            time: Seconds before now, increasing, shape (n,).
-            values: Of each curve, shape (n,); NaN where it is not known.
-            deviations: Of each curve that has a band; NaN counts as 0.
-            most: What is more is drawn there.
-        """
+        """Draw the curves at times before now [s], shape (n,), with bands where they have one; NaN is a gap."""
         if not len(time):
             return
         columns = list(values)

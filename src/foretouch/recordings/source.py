@@ -22,17 +22,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Column:
-    """One column of a table, or one number in the messages of a topic.
-
-    Attributes:
-        name: As a map takes it.
-        kind: Type of its values.
-        count: Of its values; None where only reading tells.
-        unit: As the file states it, or empty.
-        example: First value, where it is at hand.
-        smallest: Finite value, where the messages of its topic were looked through.
-        largest: Likewise.
-    """
+    """One column of a table, or one number in the messages of a topic; None where only reading tells."""
 
     name: str
     kind: str

@@ -62,26 +62,7 @@ DELAYED_AGAIN = Curve("Delayed, run again", ORANGE, 2.0, "dashed")
 
 
 class Numbers(NamedTuple):
-    """Numbers and lines beside the plot; NaN where a number is unknown.
-
-    Attributes:
-        predicted: Force of the newest model at the hand's motion [N].
-        delayed: Force of the newest telemetry that had arrived [N].
-        true: Newest true force that is known [N].
-        true_age: Time since the hand was there [s].
-        rendered: Force rendered to the hand after the clamps [N].
-        depth: Depth of the operator's tip below the surface [m].
-        prediction_error: Error of the predicted force over the plotted time [%].
-        delayed_error: Error of the delayed force over the plotted time [%].
-        status: One line: what the session is doing.
-        names: One line: what is pressed, and what learns it.
-        deviation: Standard deviation of `predicted` [N].
-        warnings: Lines in vermillion above all.
-        again: Predicted and delayed force of a second run [N], None where there is none.
-        again_errors: Their errors over the plotted time [%].
-        away: Part of the plotted time in which the robot did not follow [s], which no error counts.
-        rendered_error: Error of the rendered force over the plotted time [%]; NaN where forces are scaled.
-    """
+    """Numbers beside the plot: forces [N], depth [m], times [s], errors [%]; NaN where one is unknown."""
 
     predicted: float
     delayed: float

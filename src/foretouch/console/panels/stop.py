@@ -54,11 +54,6 @@ class Alarm:
     """The emergency stop button and, above it, sentences that have to be known at once.
 
     It is the first that the keyboard reaches, and never disabled.
-
-    Args:
-        gui: The viewer's user interface.
-        on_press: Called when the button is pressed, by the mouse, by touch, or by Space or Escape (`gate/page.js`).
-        offered: Whether there may be a robot to stop. Without one there is no button, which would stop nothing.
     """
 
     def __init__(self, gui: Any, on_press: Callable[[], None], *, offered: bool = True) -> None:

@@ -176,7 +176,7 @@ class FixtureView:
             add_body(scene, "/space/fixture/walls", (walls * units, triangles), CUT[0])
         self._add_board(scene)
         rim = footprint(self._vertices) * units
-        self._outline = scene.add_line_segments(
+        scene.add_line_segments(
             "/space/believed/outline", _ring(rim), VERMILLION, thickness=2.0, thickness_units="screen"
         )
         self._halo = add_body(scene, "/space/believed/halo", _halo(rim, 0.0), VERMILLION, opacity=0.18)

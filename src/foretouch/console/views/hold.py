@@ -7,7 +7,7 @@ import threading
 import time
 from collections.abc import Sequence
 
-from foretouch.console.panels.network import Speech
+from foretouch.console.panels.session import Speech
 from foretouch.console.watched import Watched
 from foretouch.quantities.pose import Vector, add, scaled, subtract
 

@@ -83,11 +83,10 @@ class Scene:
             self._handle,
             self._rail,
             self._probes.probe,
-        ):  # a handle that moves is hard to catch; its rail stands
+        ):  # a handle that moves is hard to catch; a rail is not
             node.on_drag("left")(self._dragged)
-        self._handle_label = scene.add_label(
-            "/line/labels/handle", "Drag me down to press", anchor="bottom-center", font_screen_scale=1.4
-        )
+        label = "/line/labels/handle"
+        self._handle_label = scene.add_label(label, DRAG, anchor="bottom-center", font_screen_scale=1.4)
 
     def show(self, shown: bool) -> None:
         """Show it all, or hide it: a session in three dimensions has a separate picture."""
@@ -197,11 +196,9 @@ class LineView:
         self.hold.follow()
         leader, surface, position = shown.leader, shown.surface, shown.probe_position
         z = (surface - position) * UNITS
-        rendered, delayed, deviation = (
-            (0.0, 0.0, math.nan)
-            if leader is None
-            else (leader.rendered_force, leader.delayed_force, leader.standard_deviation)
-        )
+        rendered, delayed, deviation = 0.0, 0.0, math.nan
+        if leader is not None:
+            rendered, delayed, deviation = leader.rendered_force, leader.delayed_force, leader.standard_deviation
         self._scene.set_travel(round((surface - shown.deepest) * UNITS, 1), round(surface * UNITS, 1))
         self._scene.draw(z, (surface - shown.robot_position) * UNITS, rendered, delayed, deviation)
         offered = live and self._watched.operator == "browser"
@@ -219,11 +216,7 @@ class LineView:
             self._scene.label(DRAG, "", "")
             return
         held_back = ", holds back" if shown.telemetry is not None and shown.telemetry.guarded else ""
-        self._scene.label(
-            LET_GO if self.hold.held else DRAG,
-            "rendered force",
-            f"delayed robot{held_back}",
-        )
+        self._scene.label(LET_GO if self.hold.held else DRAG, "rendered force", f"delayed robot{held_back}")
 
     def _handle_height(self) -> float:
         """Height of the handle as drawn [scene units]."""

@@ -36,11 +36,7 @@ class Measures(NamedTuple):
 
 
 class Probes:
-    """Both probes; the arrow and the label of each stand on its side, so that they belong to it.
-
-    Attributes:
-        probe: The viewer's node of the virtual probe.
-    """
+    """Both probes; the arrow and the label of each stand on its side, so that they belong to it."""
 
     def __init__(self, scene: Any, root: str, colour: tuple[int, int, int], measures: Measures) -> None:
         self._measures = measures

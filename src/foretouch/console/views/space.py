@@ -207,7 +207,7 @@ class SpaceView:
         except (ForetouchError, OSError) as error:  # a mesh that only the other machine has, or nothing to read it with
             self.problem = f"The scene cannot be drawn here: {error}"
         else:
-            self._scene = SpaceScene(self._server, self._surface, self._dragged)
+            self._scene = SpaceScene(self._server, self._surface, self.hold.drag_to)
         if self._panel is None:
             with self._tabs.add_tab("Fixture"):
                 self._panel = SpacePanel(self._server.gui, self._slide)
@@ -246,20 +246,14 @@ class SpaceView:
     def _write_legend(self, content: str) -> None:
         put(self._legend, content=_LEGEND.format(content) if content else "")
 
-    def _dragged(self, place: Vector, phase: str) -> None:
-        self.hold.drag_to(place, phase)
-
     def _slide(self, axis: int, value: float) -> None:
         way = [0.0, 0.0, 0.0]
         way[axis] = value - self.hold.hand[axis]
-        self._stroke((way[0], way[1], way[2]))
+        self.hold.stroke((way[0], way[1], way[2]))
 
     def _key_stroke(self, way: Vector) -> None:
         if self._offered:
-            self._stroke(way)
-
-    def _stroke(self, way: Vector) -> None:
-        self.hold.stroke(way)
+            self.hold.stroke(way)
 
 
 def _force(space: LeaderSpace | FollowerSpace) -> Vector:

@@ -29,11 +29,6 @@ _SEPARATOR = "=" * 80 + "\n"
 def definitions_of(type_name: str, text: str, encoding: str) -> Definitions:
     """Definitions of a type and of those within it.
 
-    Args:
-        type_name: Name in the file, with ``/msg/``.
-        text: Definition in the file, or empty.
-        encoding: Of that text: ``ros2msg``, or ``ros2idl``.
-
     Raises:
         ValueError: The text cannot be parsed, or there is none and the type is not one of ROS 2.
         MissingExtraError: The package ``rosbags`` is not installed.
@@ -97,15 +92,6 @@ class RosBag(Bag):
             value = float(np.frombuffer(raws[0], code, 1, offset)[0])
             shown.append(Column(name, np.dtype(code).name, found.count, example=value))
         return tuple(shown)
-
-    def joint_names(self, topic: str) -> tuple[str, ...]:
-        """The names in the first JointState of a topic."""
-        found = self.topic(topic)
-        raws, _ = self.messages(found, 1)
-        if not raws:
-            return ()
-        places = Places(raws[0], self._definitions(found), found.type_name)
-        return tuple(text for _, text in places.texts.get("name", ()))
 
     def first_rate(self, topic: str, most: int) -> float:
         """As `Bag.first_rate`."""

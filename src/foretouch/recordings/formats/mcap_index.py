@@ -175,11 +175,6 @@ def append_index(file: BlockFile, schemas: list[Any], channels: list[Any]) -> No
 
     The memory that this takes does not grow with the file.
 
-    Args:
-        file: All of its data flushed.
-        schemas: Schema records of the library, those of the file.
-        channels: Channel records, likewise.
-
     Raises:
         OSError: The file cannot be written; it is as it was.
     """

@@ -77,12 +77,7 @@ _word = re.compile(r"[^\W\d_]+|\d+")
 
 
 class Named(NamedTuple):
-    """Words and unit in the name of a column.
-
-    Attributes:
-        words: Its words, lower case, without accents.
-        unit: Unit in it, as written, or empty.
-    """
+    """Words in the name of a column, lower case, without accents, and the unit in it as written, or empty."""
 
     words: tuple[str, ...]
     unit: str

@@ -75,14 +75,7 @@ class Candidate:
 
 
 class Chosen(NamedTuple):
-    """What came of it.
-
-    Attributes:
-        signal: The only one that it can be, or None.
-        problems: What is open.
-        notes: What should be known of the choice.
-        candidates: Where something is open, all; those that fit best and have most messages first.
-    """
+    """What came of it: the only signal that it can be, or what is open with all candidates; and notes."""
 
     signal: Signal | None
     problems: tuple[str, ...]

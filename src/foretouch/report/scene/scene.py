@@ -45,14 +45,7 @@ EPISODE = 0.02
 
 
 class Wrong(NamedTuple):
-    """Wrong contacts in each row at equal command, shape (n,).
-
-    Attributes:
-        false: The leader predicts a force, and the probe touches nothing.
-        missed: The probe touches, and the leader, which has a model, predicts nothing.
-        first: The probe touches, and there is no model yet to predict it.
-        counted: Rows that are looked at: the robot was where the command said.
-    """
+    """Wrong contacts in rows at equal command, shape (n,): false, missed, before any model; and the counted rows."""
 
     false: Flags
     missed: Flags
