@@ -302,9 +302,9 @@ class Console:
 
     def _draw_scene(self, shown: Watched, live: bool, *, useful: bool = True) -> None:
         live = live and self._live  # without a session there is no handle
-        if self._space.draw(shown, live=live, useful=useful):
-            self._line.hide()
-        else:
+        in_space = self._space.draw(shown, live=live, useful=useful)
+        self._line.show(not in_space)
+        if not in_space:
             self._line.draw(shown, live=live, useful=useful)
 
     def _plot(self, shown: Watched) -> None:

@@ -5,7 +5,17 @@ from foretouch.quantities import new_figure
 from foretouch.report.drawing import COLOURS, finished, legend
 from foretouch.report.energy import energy_account, energy_figures, exact_energy
 from foretouch.report.forces import Forces, forces_under_delay, remarks, require_delay_within
-from foretouch.report.perception import LargestJump, largest_jump, rendered_jump, time_to_accuracy, update_jumps
+from foretouch.report.perception import (
+    LargestJump,
+    free_hand,
+    largest_jump,
+    oscillation,
+    rendered_jump,
+    swings,
+    time_to_accuracy,
+    turning_points,
+    update_jumps,
+)
 from foretouch.report.rows import Pairs, force_at_follower, guarded_runs, pair
 from foretouch.report.scene.scene import SceneFindings, look_at_scene, scene_figures
 from foretouch.report.scene.section import map_figure, pose_figure
@@ -14,7 +24,6 @@ from foretouch.report.sections.hand import hand_figures
 from foretouch.report.sections.model import IDLE_LAW, law_is_idle, map_lines
 from foretouch.report.sections.session import left_out
 from foretouch.report.session import CONTACT_FLOOR, session_figures
-from foretouch.report.swings import free_hand, oscillation, swings, turning_points
 from foretouch.report.writing.pages import (
     embedded,
     named_values,

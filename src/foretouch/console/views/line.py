@@ -79,11 +79,8 @@ class Scene:
         self._handle = add_body(scene, "/line/handle", shapes.handle(), BLUE)
         self._hint = add_body(scene, "/line/hint", shapes.hint(), GREY)  # blue arrows are forces
         self._rail = add_body(scene, "/line/rail", shapes.rail(0.0, 1.0), BLUE, opacity=0.1)
-        for node in (
-            self._handle,
-            self._rail,
-            self._probes.probe,
-        ):  # a handle that moves is hard to catch; a rail is not
+        # A handle that moves is hard to catch; its rail stands.
+        for node in (self._handle, self._rail, self._probes.probe):
             node.on_drag("left")(self._dragged)
         label = "/line/labels/handle"
         self._handle_label = scene.add_label(label, DRAG, anchor="bottom-center", font_screen_scale=1.4)
@@ -147,12 +144,13 @@ class Scene:
         self._on_drag(self._handle_z if math.isnan(height) else height - self._grab_offset, self.held)
 
     def _add_ruler(self, scene: Any) -> None:
-        heights = [-depth_mm * 1e-3 * UNITS for depth_mm in (0, 5, 10)]
+        depths = (0, 5, 10)
+        heights = [-depth_mm * 1e-3 * UNITS for depth_mm in depths]
         y = -0.05
         ticks = [[(RULER_X - 0.15, y, z), (RULER_X + 0.15, y, z)] for z in heights]
         points = np.array([*ticks, [(RULER_X, y, heights[0]), (RULER_X, y, heights[-1])]], np.float32)
         scene.add_line_segments("/line/ruler", points, (60, 60, 60))
-        for depth_mm, z in zip((0, 5, 10), heights, strict=True):
+        for depth_mm, z in zip(depths, heights, strict=True):
             scene.add_label(
                 f"/line/ruler/{depth_mm}", f"{depth_mm} mm", position=(RULER_X - 0.25, y, z), anchor="center-right"
             )
@@ -185,14 +183,10 @@ class LineView:
     def __init__(self, server: Any, watched: Watched, hold: Hold) -> None:
         self._watched, self.hold = watched, hold
         self._scene = Scene(server, self._take_handle, self._dragged)
-
-    def hide(self) -> None:
-        """Show nothing."""
-        self._scene.show(False)
+        self.show = self._scene.show
 
     def draw(self, shown: Watched, *, live: bool, useful: bool) -> None:
         """Draw a session or recording; whether a person can move its hand, and the robot goes along then."""
-        self._scene.show(True)
         self.hold.follow()
         leader, surface, position = shown.leader, shown.surface, shown.probe_position
         z = (surface - position) * UNITS

@@ -38,11 +38,11 @@ from foretouch.report.numbers import (
     runs,
     setting,
 )
+from foretouch.report.perception import free_hand, oscillation
 from foretouch.report.rows import Pairs, away, not_scored, pair
 from foretouch.report.section import Drawing, Section, View
 from foretouch.report.sections.energy import FELT
 from foretouch.report.sections.safety import guarded_figures
-from foretouch.report.swings import free_hand, oscillation
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
