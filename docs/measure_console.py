@@ -34,7 +34,7 @@ sys.path.insert(0, str(ROOT / "tests" / "console"))  # the mouse and the browser
 from console_driver import held_handle, open_page, take_handle  # noqa: E402
 from visitors import Printed  # noqa: E402
 
-from foretouch.console.window import CONTACT_FLOOR  # noqa: E402
+from foretouch.console.history import CONTACT_FLOOR  # noqa: E402
 from foretouch.link import free_endpoint  # noqa: E402
 from foretouch.messages import WITH_THE_COMMANDS, SessionLog, Status  # noqa: E402
 from foretouch.recordings import read_session  # noqa: E402

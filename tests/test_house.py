@@ -17,7 +17,7 @@ PARAMETERS, LONG_SIGNATURES = 8, 5
 FIELDS, LARGE_CLASSES = 20, 2
 RECORDS = ("sweep.outcome.Outcome", "report.writing.session_report.SessionReport")
 """One row of a table and one JSON object: like a message, each is as large as what it says."""
-ONLY_NEIGHBOURS = 6
+ONLY_NEIGHBOURS = 4
 """Modules that one neighbour alone imports, beside kernels and these folders, of which each file is one of many:"""
 ALTERNATIVES = ("cli.commands", "doctor", "reproduction.figures", "reproduction.questions", "bench.benchmarks")
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from foretouch.console.panels.forces import Numbers, numbers_html
-from foretouch.console.panels.model import describe
+from foretouch.console.panels.figures import Numbers, describe, numbers_html
 from foretouch.console.sentences import INSECURE
 from foretouch.identification import Learner, make_estimator
 from foretouch.messages import VERSION, ModelUpdate

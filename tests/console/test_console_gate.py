@@ -26,8 +26,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from foretouch.console import Console
 from foretouch.console.gate import Entrance, make_gated_server
-from foretouch.console.gate.page import ENDED_ATTRIBUTE
-from foretouch.console.gate.permitted import FARTHEST, permitted
+from foretouch.console.gate.page import ENDED_ATTRIBUTE, FARTHEST, permitted
 from foretouch.console.gate.serving import BURST, MOST_BYTES, MOST_PAGES, RATE, Volume, Wait
 from foretouch.console.panels.stop import LATCHED, READY
 from foretouch.errors import LinkError
@@ -303,7 +302,7 @@ def test_every_permitted_kind_is_one_of_the_viewer_s_with_its_fields() -> None:
 
     from viser import _messages
 
-    from foretouch.console.gate import permitted as room
+    from foretouch.console.gate import page as room
 
     kinds = [room.Camera, room.Update, room.Command, room.Drag, room.GizmoStart, room.GizmoMove, room.GizmoEnd]
     for kind in kinds:

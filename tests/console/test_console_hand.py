@@ -11,7 +11,7 @@ import pytest
 from console_driver import PRESS_DEPTH, SURFACE
 
 from foretouch.console import Console
-from foretouch.console.panels.forces import RENDERED, numbers_html, numbers_of
+from foretouch.console.panels.figures import RENDERED, numbers_html, numbers_of
 from foretouch.console.panels.panel import felt
 from foretouch.console.views.hold import STROKE
 from foretouch.console.views.probes import UNITS

@@ -12,9 +12,8 @@ import numpy as np
 import pytest
 from console_driver import simulated_session
 
-from foretouch.console.library import NOT_YET, Library
 from foretouch.console.models_seen import figures_of
-from foretouch.console.playback import Playback, RecordedWatch
+from foretouch.console.playback import NOT_YET, Library, Playback, RecordedWatch
 from foretouch.errors import RecordingError
 from foretouch.messages import LEADER_DTYPE, Said, SessionLog
 

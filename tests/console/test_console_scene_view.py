@@ -16,12 +16,12 @@ import numpy as np
 import pytest
 
 from foretouch.console import Console
-from foretouch.console.panels.forces import numbers_html, numbers_of
-from foretouch.console.panels.image import NO_IMAGE, can_draw, missing_image
+from foretouch.console.panels.figures import numbers_html, numbers_of
+from foretouch.console.panels.space import NO_IMAGE, can_draw, missing_image
 from foretouch.console.plots import number
-from foretouch.console.views import fixture as shape
+from foretouch.console.views import shapes as shape
+from foretouch.console.views.fixture import StiffnessScale
 from foretouch.console.views.probes import ANCHORS
-from foretouch.console.views.stiffness_colours import StiffnessScale
 from foretouch.errors import install_command
 from foretouch.messages import VERSION, CameraImage, FollowerSpace, Hello, LeaderSpace, LeaderState
 from foretouch.session.spatial import make_scene

@@ -15,8 +15,8 @@ pytest.importorskip("viser")
 
 from foretouch.console import Console
 from foretouch.console.gate.page import ENDED, LOST
-from foretouch.console.panels.network import SLIDERS
 from foretouch.console.panels.panel import WIDTH
+from foretouch.console.panels.session import SLIDERS
 from foretouch.console.panels.stop import READY
 from foretouch.console.sentences import ENDED_INSTRUCTION
 from foretouch.console.views.shapes import HANDLE_HEIGHT

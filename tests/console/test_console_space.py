@@ -16,15 +16,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from foretouch.console.panels.image import MARKERS, draw_over
-from foretouch.console.panels.network import Speech
-from foretouch.console.panels.space import pose_sentence
+from foretouch.console.panels.session import Speech
+from foretouch.console.panels.space import MARKERS, draw_over, pose_sentence
 from foretouch.console.playback import RecordedWatch
 from foretouch.console.space_heard import SpaceHeard, newest_image
-from foretouch.console.views import fixture as shape
-from foretouch.console.views.fixture import along, wxyz_of
+from foretouch.console.views import fixture
+from foretouch.console.views import shapes as shape
+from foretouch.console.views.fixture import COLOURS, StiffnessScale, known_share, legend_html, levels_of
 from foretouch.console.views.hold import HOME, REACH, SpaceHold
-from foretouch.console.views.stiffness_colours import COLOURS, StiffnessScale, known_share, legend_html, levels_of
+from foretouch.console.views.shapes import along, wxyz_of
 from foretouch.console.watched import Watched
 from foretouch.messages import (
     VERSION,
@@ -255,11 +255,11 @@ def test_the_surface_is_fine_enough_and_still_the_same(name: str) -> None:
 def test_the_dent_is_as_deep_as_the_probe_and_ends() -> None:
     vertices, _ = shape.refined(*make_scene("plane").surface.outline())
     middle = vertices[np.argmin(((vertices - vertices.mean(axis=0)) ** 2).sum(axis=1))]
-    bent, sinking = shape.sunk(vertices, middle, (0.0, 0.0, 1.0), 0.004)
+    bent, sinking = fixture.sunk(vertices, middle, (0.0, 0.0, 1.0), 0.004)
     assert sinking.max() == pytest.approx(0.004)
-    far = np.linalg.norm(vertices - middle, axis=1) >= shape.REACH
+    far = np.linalg.norm(vertices - middle, axis=1) >= fixture.REACH
     np.testing.assert_array_equal(bent[far], vertices[far])
-    assert not shape.sunk(vertices, middle, (0.0, 0.0, 1.0), -0.01)[1].any()
+    assert not fixture.sunk(vertices, middle, (0.0, 0.0, 1.0), -0.01)[1].any()
 
 
 @given(st.tuples(*[st.floats(-3.0, 3.0)] * 3))

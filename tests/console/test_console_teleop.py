@@ -29,7 +29,7 @@ from console_driver import (
 )
 from visitors import Printed
 
-from foretouch.console.panels.image import DRAW_PROBE
+from foretouch.console.panels.space import DRAW_PROBE
 from foretouch.console.panels.stop import LATCHED, READY
 from foretouch.console.views.space import SPACE_INSTRUCTION
 from foretouch.devices.browser import HOLD_TIME

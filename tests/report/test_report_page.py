@@ -31,7 +31,7 @@ from foretouch.report import (
 from foretouch.report.drawing import NARROW, corners, extremes, joined, thinned
 from foretouch.report.sections.forces import force_figure, prediction_figure
 from foretouch.report.sections.robot import timing_figure
-from foretouch.report.writing.html import MOST_BYTES
+from foretouch.report.writing.pages import MOST_BYTES
 
 EMPTY = SessionLog(np.zeros(0, LEADER_DTYPE), np.zeros(0, FOLLOWER_DTYPE), ())
 

@@ -19,7 +19,7 @@ from foretouch.recordings import follower_samples
 from foretouch.report import left_out, pair, render_text, session_figures, write_page
 from foretouch.report.drawing import thinned
 from foretouch.report.energy import energy_account
-from foretouch.report.statuses import follower_away, trusted
+from foretouch.report.rows import follower_away, trusted
 
 TITLE = "What the robot did beside following"
 

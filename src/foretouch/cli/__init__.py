@@ -71,12 +71,7 @@ def main() -> None:
 
 
 def as_typed(error: ForetouchError, words: Sequence[str]) -> str:
-    """Text of an error; a setting in it has the name of the option by which it was given.
-
-    Args:
-        error: Error of a command.
-        words: Words with which it was called.
-    """
+    """Text of an error; a setting in it has the name of the option by which it was given."""
     name = getattr(error, "name", "")
     option = f"--{name.replace('_', '-')}"
     given = bool(name) and any(word == option or word.startswith(f"{option}=") for word in words)
@@ -84,11 +79,7 @@ def as_typed(error: ForetouchError, words: Sequence[str]) -> str:
 
 
 def usage_line(error: Exception) -> str:
-    """One line on a command that was typed wrong; the whole help where a group was called without a command.
-
-    Args:
-        error: Error of the parser of the command line.
-    """
+    """One line on a command that was typed wrong; the whole help where a group was called without a command."""
     message = str(getattr(error, "format_message", lambda: error)())
     context = getattr(error, "ctx", None)
     if "Usage:" in message:

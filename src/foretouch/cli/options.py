@@ -88,8 +88,8 @@ ContactFloor = Annotated[
 ]
 
 
-def make_folder(path: Path) -> None:
-    """Make a folder for results, before anything is computed that would be lost.
+def make_folder(path: Path | None) -> None:
+    """Make a folder for results where one is asked for, before anything is computed that would be lost.
 
     Below the working directory its parents are made with it; elsewhere the parent must exist, so that a slip in a path
     makes no folder that goes unnoticed.
@@ -97,8 +97,10 @@ def make_folder(path: Path) -> None:
     Raises:
         SettingError: It cannot be made or written to.
     """
+    if path is None:
+        return
     try:
-        if not path.parent.is_dir() and not _is_below_here(path):
+        if not path.parent.is_dir() and not path.resolve().is_relative_to(Path.cwd()):
             raise SettingError("folder", str(path), f"there is no {path.parent} that it could be made in")
         path.mkdir(parents=True, exist_ok=True)
         require_writable(path)
@@ -107,12 +109,7 @@ def make_folder(path: Path) -> None:
 
 
 def made_by(recordings: Sequence[Path] = (), **what: Any) -> dict[str, Any]:
-    """Origin of a page, for its end: this command as it was given, the recordings, and further values.
-
-    Args:
-        recordings: Recordings that are read; files are identified by a checksum.
-        **what: Further values by name; None is left out.
-    """
+    """Origin of a page, for its end: this command as it was given, the recordings, and further values."""
     said: dict[str, Any] = {"command": shlex.join(["foretouch", *sys.argv[1:]])}
     if recordings:
         said["recording" if len(recordings) == 1 else "recordings"] = "; ".join(map(_which, recordings))
@@ -138,22 +135,20 @@ def require_writable(folder: Path) -> None:
         raise SettingError("folder", str(folder), f"cannot be written: {error.strerror}") from None
 
 
-def _is_below_here(path: Path) -> bool:
-    return path.resolve().is_relative_to(Path.cwd())
-
-
 def require_duration(duration: float | None) -> None:
     """Raise `SettingError` unless it is above 0, or not given."""
     if duration is not None and not 0.0 < duration < math.inf:
         raise SettingError("duration", duration, "must be finite and above 0 s")
 
 
-def require_recording(path: Path) -> None:
-    """Refuse a recording that could not be written, before anything starts; no folder is made for it.
+def require_recording(path: Path | None) -> None:
+    """Refuse a recording that could not be written, if any, before anything starts; no folder is made for it.
 
     Raises:
         SettingError: No MCAP file, or none that can be written there.
     """
+    if path is None:
+        return
     if path.suffix.lower() != ".mcap":
         raise SettingError("recording", str(path), "must end with .mcap")
     require_writable(path.parent)
@@ -186,11 +181,7 @@ def _bounded(value: Any) -> Any:
 
 
 def session_settings(**defaults: object) -> Callable[..., SessionSettings]:
-    """Makes the settings of a session from options, for `with_options`.
-
-    Args:
-        **defaults: Those of the command that differ from the common ones.
-    """
+    """Makes the settings of a session from options, for `with_options`."""
 
     def make(**given: Any) -> SessionSettings:
         from foretouch.session import SessionSettings
@@ -201,12 +192,7 @@ def session_settings(**defaults: object) -> Callable[..., SessionSettings]:
 
 
 def changed_settings(panel: str, *names: str) -> Callable[..., dict[str, Any]]:
-    """Maker of a mapping of the settings that are given as options, without defaults, for `with_options`.
-
-    Args:
-        panel: Heading of the help.
-        *names: Names of the settings.
-    """
+    """Maker of a mapping of the settings that are given as options, without defaults, for `with_options`."""
 
     def make(**given: Any) -> dict[str, Any]:
         return {name: value for name, value in given.items() if value is not None}
@@ -252,12 +238,6 @@ def open_link(
     watch: Callable[[Message], None] | None = None,
 ) -> ZenohLink:
     """The link of one process, with its keys where an endpoint asks for them; prints its warnings.
-
-    Args:
-        process: leader, follower, or the name of a watcher.
-        endpoints: At least one.
-        channels: Channels that it receives.
-        watch: Called with each message that arrives, instead of keeping them.
 
     Raises:
         LinkError: No endpoint, or one that cannot be used.

@@ -42,13 +42,7 @@ class Bar:
         self._task: Any = None
 
     def update(self, done: float, total: float | None, title: str = "") -> None:
-        """Update the progress.
-
-        Args:
-            done: Work done, in the unit of `total`.
-            total: Whole work; None where it is unknown.
-            title: What is being done now; without one, the bar's title.
-        """
+        """Update the progress."""
         if not self.shown:
             return
         self._state = {"completed": done, "total": total, "description": title or self._title}
@@ -114,12 +108,7 @@ class Bar:
 
 @contextmanager
 def progress_bar(title: str, *, refreshing: bool = True) -> Iterator[Bar]:
-    """A bar that is gone when the work is done, however it ends.
-
-    Args:
-        title: What is being done.
-        refreshing: As of `Bar`.
-    """
+    """A bar that is gone when the work is done, however it ends."""
     bar = Bar(title, refreshing=refreshing)
     try:
         yield bar
@@ -128,14 +117,7 @@ def progress_bar(title: str, *, refreshing: bool = True) -> Iterator[Bar]:
 
 
 def pulsing(title: str, work: Callable[Given, Made], *given: Given.args, **named: Given.kwargs) -> Made:
-    """Do work that reports no progress, under a bar that only shows that it goes on.
-
-    Args:
-        title: What is being done.
-        work: Function that does it.
-        *given: Arguments for `work`.
-        **named: Keyword arguments for `work`.
-    """
+    """Do work that reports no progress, under a bar that only shows that it goes on."""
     with progress_bar(title) as bar:
         bar.pulse()
         return work(*given, **named)

@@ -12,12 +12,11 @@ from typing import Any
 
 from foretouch.console.gate import Entrance, make_gated_server
 from foretouch.console.gate.entrance import free_port, require_free_port
-from foretouch.console.library import Library
-from foretouch.console.panels.forces import numbers_of
-from foretouch.console.panels.model import describe
-from foretouch.console.panels.network import NetworkFaults, Speech
+from foretouch.console.panels.figures import describe, numbers_of
 from foretouch.console.panels.panel import CHOOSE_RECORDING, INSTRUCTION, WATCH_RECORDING, Actions, Panel, felt
+from foretouch.console.panels.session import NetworkFaults, Speech
 from foretouch.console.panels.stop import ASKING, LATCHED, READY, UNABLE, EmergencyCall
+from foretouch.console.playback import Library
 from foretouch.console.plots import SECONDS
 from foretouch.console.sentences import (
     ENDED_INSTRUCTION,
@@ -303,9 +302,9 @@ class Console:
 
     def _draw_scene(self, shown: Watched, live: bool, *, useful: bool = True) -> None:
         live = live and self._live  # without a session there is no handle
-        if self._space.draw(shown, live=live, useful=useful):
-            self._line.hide()
-        else:
+        in_space = self._space.draw(shown, live=live, useful=useful)
+        self._line.show(not in_space)
+        if not in_space:
             self._line.draw(shown, live=live, useful=useful)
 
     def _plot(self, shown: Watched) -> None:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from foretouch.console.window import NAN, Array
+from foretouch.console.history import NAN, Array
 from foretouch.errors import InputError
 from foretouch.messages import ModelUpdate
 from foretouch.models import ContactModel, advance, make_model
@@ -41,16 +41,7 @@ class ModelFigures(NamedTuple):
 
 
 class ModelTrace(NamedTuple):
-    """Models over time.
-
-    Attributes:
-        time: Seconds before now, increasing, shape (n,).
-        stiffness: Local stiffness [N/m], shape (n,).
-        deviation: Its standard deviation [N/m], NaN where none is known, shape (n,).
-        names: Names of the parameters of the newest law.
-        parameters: Their values, NaN under another law, shape (n, number of names).
-        errors: Their standard errors, NaN where they are not known, of the same shape.
-    """
+    """Models over time [s before now], shape (n,), as `ModelFigures`; parameters are NaN under another law."""
 
     time: Array
     stiffness: Array

@@ -1,109 +1,32 @@
-"""A recorded session at a moment of one's choice, along a line or in space: what a live session shows, and no more."""
+"""Recordings that can be looked at, and one at a moment of one's choice: what a live session shows, and no more."""
 
 from __future__ import annotations
 
 import bisect
+import contextlib
 import math
-from collections.abc import Mapping
+import stat
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 
-from foretouch.console.history import LossTrace
+from foretouch.console.history import NAN, Array, LossTrace, Window, empty_window, window_of
 from foretouch.console.models_seen import ModelFigures, ModelTrace, figures_of, trace_of
-from foretouch.console.space_heard import PoseTrace, SpaceHeard, newest_field, newest_image
+from foretouch.console.space_heard import RecordedSpace
 from foretouch.console.watched import Watched
-from foretouch.console.window import NAN, Array, Window, empty_window, window_of
-from foretouch.errors import RecordingError
+from foretouch.errors import ForetouchError, RecordingError, one_line
 from foretouch.messages import (
     VERSION,
     WITH_THE_COMMANDS,
-    CameraImage,
-    FieldUpdate,
-    FollowerSpace,
-    LeaderSpace,
     LeaderState,
     SessionLog,
     Telemetry,
     settings_at,
 )
-
-TRACE_STRIDE = 50
-"""Ticks between two points of a trace."""
-
-
-class RecordedSpace(SpaceHeard):
-    """Messages received in space at a moment; see `SpaceHeard`.
-
-    Those of the robot's side are those that the operator's had received: two recorded clocks need not agree.
-
-    Args:
-        segment: Of the session; nothing is shown of one along a line.
-    """
-
-    def __init__(self, segment: SessionLog) -> None:
-        super().__init__()
-        self._leads, self._follows = segment.leader_space, segment.follower_space
-        if segment.leader.size:  # a side that began again counts from 1 again
-            self._leads = self._leads[self._leads["epoch"] == segment.leader["epoch"][-1]]
-        if segment.follower.size:
-            self._follows = self._follows[self._follows["run"] == segment.follower["run"][-1]]
-        run = int(self._follows["run"][-1]) if self._follows.size else 0
-        self._pictures = tuple(image for image in segment.images if image.run == run or 0 in (run, image.run))
-        self._maps = tuple(field for field in segment.fields if run in (0, field.run))
-        self._beliefs = sorted(segment.beliefs, key=lambda belief: belief.time_ns)
-        self._belief_times = [belief.time_ns for belief in self._beliefs]
-
-    def go_to(self, leader: int, telemetry: int) -> None:
-        """Show another moment.
-
-        Args:
-            leader: Sequence of the leader's tick.
-            telemetry: Sequence of the newest telemetry that it had received.
-        """
-        row = int(np.searchsorted(self._leads["sequence"], leader, side="right")) - 1
-        self.leader = LeaderSpace(VERSION, *_numbers(self._leads[row])) if row >= 0 else None
-        self.follower = self.heard(telemetry)
-        self.belief = None
-        if self.follower is not None:
-            last = bisect.bisect_right(self._belief_times, self.follower.time_ns) - 1
-            self.belief = self._beliefs[last] if last >= 0 else None
-
-    def heard(self, sequence: int) -> FollowerSpace | None:
-        """State of the robot that the operator's side received last."""
-        row = int(np.searchsorted(self._follows["sequence"], sequence, side="right")) - 1
-        return FollowerSpace(VERSION, *_numbers(self._follows[row])) if row >= 0 and sequence > 0 else None
-
-    def image(self, sequence: int, camera_delay: float) -> CameraImage | None:
-        """The image that had come over the network."""
-        return newest_image(self._pictures, sequence, camera_delay)
-
-    def field(self, sequence: int) -> FieldUpdate | None:
-        """The materials that had come over the network."""
-        tick = self.heard(sequence)
-        return None if tick is None else newest_field(self._maps, tick)
-
-    def camera_silence(self, now: float) -> float:
-        """Not known for a recording: no tracker is reported as missing."""
-        return 0.0 if self.belief is not None else math.inf
-
-    def pose_trace(self, seconds: float) -> PoseTrace:
-        """What was known of the fixture's pose in the seconds before the moment."""
-        if self.leader is None:
-            return PoseTrace.of((), 0.0, seconds)
-        last = int(np.searchsorted(self._leads["sequence"], self.leader.sequence, side="right"))
-        now = self.leader.time_ns * 1e-9
-        first = int(np.searchsorted(self._leads["time_ns"][:last], (now - seconds) * 1e9))
-        part = self._leads[first:last]
-        part = part[part["sequence"] % TRACE_STRIDE == 0]
-        columns = (part["time_ns"] * 1e-9, part["fixture_deviation"], part["fixture_turn"], part["fixture_age"])
-        return PoseTrace.of(np.column_stack(columns).tolist(), now, seconds)
-
-
-def _numbers(row: np.void) -> tuple[Any, ...]:
-    """Of a row."""
-    return tuple(row.tolist())
-
 
 TOLERANCE = 1e-6
 """A tick counts as being at a moment that is at most this much before it [s]."""
@@ -115,9 +38,6 @@ class RecordedWatch(Watched):
     """State of a recorded session as received at `now`; see `Watched`.
 
     For a session in which a side began again, the longest segment.
-
-    Args:
-        log: The session.
 
     Attributes:
         duration: From the leader's first tick to its last [s].
@@ -147,11 +67,7 @@ class RecordedWatch(Watched):
         self.go_to(0.0)
 
     def go_to(self, now: float) -> None:
-        """Show another moment.
-
-        Args:
-            now: Since the leader's first tick [s]; held within the recording.
-        """
+        """Show another moment since the leader's first tick [s], held within the recording."""
         self.now = min(max(now, 0.0), self.duration) if math.isfinite(now) else 0.0
         row = int(np.searchsorted(self._seconds, self.now + TOLERANCE, side="right")) - 1
         self.leader = _message(LeaderState, self._leader[row])
@@ -231,18 +147,6 @@ class RecordedWatch(Watched):
 class Playback:
     """A recording that is played, and perhaps a second run of it beside it.
 
-    Args:
-        log: The session.
-        other: The same session run again under other settings.
-        name: Name of the recording, for people.
-
-    Attributes:
-        shown: State received at this moment.
-        other: State of the second run, None where there is none.
-        log: The session.
-        name: Name of the recording.
-        playing: Whether time goes on.
-
     Raises:
         RecordingError: Nothing was recorded of a leader.
     """
@@ -298,3 +202,167 @@ def _rows_of(heard: np.ndarray, sequences: np.ndarray) -> np.ndarray:
     """The follower's row of the telemetry that each leader tick had received last; -1 before the first."""
     rows: np.ndarray = np.searchsorted(sequences, heard, side="right") - 1
     return np.where(heard > 0, rows, -1)
+
+
+PATTERN = "*.mcap"
+MOST = 50
+"""Largest number of recordings that are listed, the newest first."""
+NOT_YET = "It is being recorded just now: it shows what there was when it was chosen. Choose it again for more."
+"""Note on the file that a recorder is writing."""
+
+
+class Library:
+    """The recordings that can be looked at, and the one that is.
+
+    A recording is read on a separate thread; meanwhile and afterwards `note` gives its progress and result in one
+    line. An unreadable one gives a line, no error.
+
+    Args:
+        folders: Folders of the recordings; one that is named twice counts once.
+    """
+
+    def __init__(self, folders: Sequence[Path]) -> None:
+        self._folders = tuple({folder.resolve(): folder for folder in folders}.values())
+        self.being_written = ""
+        self._job: threading.Thread | None = None
+        self._begun, self._share = 0.0, math.nan  # of the job: when it began [s], how much of it is done
+        self._said = ""
+        self.playback: Playback | None = None
+
+    def names(self) -> tuple[str, ...]:
+        """Names of the recordings, the newest first: files of these folders, no pipes, devices or links out of them.
+
+        With several folders, that of a file stands before its name, but for the current one.
+        """
+        return tuple(self._listed())
+
+    @property
+    def where(self) -> str:
+        """Which folders these are, in a sentence."""
+        return f"Of {' and '.join(str(folder.resolve()) for folder in self._folders)}, the newest first."
+
+    def _listed(self) -> dict[str, Path]:
+        """The recordings by name, the newest first."""
+        found = []
+        for folder in self._folders:
+            with contextlib.suppress(OSError):
+                resolved = folder.resolve()
+                found += [(_age(path, resolved), self._name(path, folder), path) for path in folder.glob(PATTERN)]
+        return {name: path for age, name, path in sorted(found)[:MOST] if math.isfinite(age)}
+
+    def _name(self, path: Path, folder: Path) -> str:
+        alone = len(self._folders) == 1 or folder.resolve() == Path.cwd()
+        return path.name if alone else str(path)
+
+    @property
+    def busy(self) -> bool:
+        """Whether a recording is being read or run again."""
+        return self._job is not None and self._job.is_alive()
+
+    @property
+    def note(self) -> str:
+        """Status in one line, with the progress while something is read or run; "" for none."""
+        if not self.busy or not self._said.endswith("…"):
+            return self._said
+        done = f" {100.0 * self._share:.0f} %," if math.isfinite(self._share) else ""
+        return f"{self._said}{done} {time.monotonic() - self._begun:.0f} s"
+
+    @note.setter
+    def note(self, said: str) -> None:
+        self._said = said
+
+    def open(self, name: str) -> None:
+        """Look at one of `names` from its beginning, paused; whatever else it is, nothing is opened."""
+
+        def read() -> str:
+            path = self._listed().get(name)
+            if path is None:
+                raise RecordingError("the recording", "is none that is listed")
+            from foretouch.recordings import read_session
+
+            log = read_session(path)
+            self.playback = Playback(log, name=name)
+            if not log.counts.get("truncated"):
+                return ""
+            return NOT_YET if self._is_being_written(path) else "It ends before its session did."
+
+        self._start(read, f"Reading {name}{self._size(name)} …", "This recording cannot be looked at")
+
+    def run_again(self, position_delay: float, force_delay: float, *, closed_loop: bool) -> None:
+        """Run the recorded session again under other one-way delays [s], there and back, beside what was recorded."""
+        shown = self.playback
+        if shown is None:
+            return
+
+        def run() -> str:
+            log = shown.log.longest()
+
+            def progress(seconds: float) -> None:
+                self._share = min(seconds / max(shown.duration, 1e-3), 1.0)
+
+            other = _again(log, closed_loop, progress, position_delay=position_delay, force_delay=force_delay)
+            again = Playback(log, other, name=shown.name)
+            again.go_to(shown.now)
+            if self.playback is shown:
+                self.playback = again
+            loop = "the force moves the hand" if closed_loop else "the hand's motion is the recorded one"
+            return f"Run again under {position_delay:g} s there and {force_delay:g} s back; {loop}."
+
+        self._start(run, "Running it again …", "It cannot be run again")
+
+    def _size(self, name: str) -> str:
+        try:
+            path = self._listed().get(name)
+            return "" if path is None else f" ({path.stat().st_size / 1e6:.0f} MB)"
+        except OSError:  # it was removed meanwhile
+            return ""
+
+    def _is_being_written(self, path: Path) -> bool:
+        return bool(self.being_written) and path.resolve() == Path(self.being_written).resolve()
+
+    def close(self) -> None:
+        """Look at none: back to the session that runs."""
+        self.playback, self.note = None, ""
+
+    def wait(self, timeout: float = 60.0) -> None:
+        """Wait until nothing is read any more, for at most this time [s]."""
+        if self._job is not None:
+            self._job.join(timeout)
+
+    def _start(self, work: Callable[[], str], meanwhile: str, failed: str) -> None:
+        if self.busy:
+            self.note = "Another recording is still being read."
+            return
+
+        def job() -> None:
+            begun = time.monotonic()
+            try:
+                self.note = work() or f"Read in {time.monotonic() - begun:.1f} s."
+            except ForetouchError as error:
+                self.note = f"{failed}: {one_line(error)}"
+            except Exception as error:  # whatever a file holds, the console goes on
+                self.note = f"{failed}: {type(error).__name__}: {one_line(error)}"
+
+        self.note, self._begun, self._share = meanwhile, time.monotonic(), math.nan
+        self._job = threading.Thread(target=job, name="recording", daemon=True)
+        self._job.start()
+
+
+def _age(path: Path, folder: Path) -> float:
+    """By which recordings are sorted, the newest first; infinite for what is no file of the folder."""
+    try:
+        state = path.stat()
+        if not stat.S_ISREG(state.st_mode) or path.resolve().parent != folder:
+            return math.inf
+    except (OSError, RuntimeError):  # it was removed meanwhile, or links go in a circle
+        return math.inf
+    return -state.st_mtime
+
+
+def _again(log: SessionLog, closed_loop: bool, progress: Callable[[float], None], **changes: Any) -> SessionLog:
+    """The session under other settings."""
+    from foretouch.session import replay_under
+    from foretouch.session.replay.machines import recorded_settings
+
+    settings, _ = recorded_settings(log.settings, changes)
+    return replay_under(log, settings, closed_loop, progress)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import html
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from foretouch.console.window import NAN, Array
+from foretouch.console.history import NAN, Array
 from foretouch.quantities.colours import Colour, css, faint
 
 SECONDS = 6.0
@@ -28,16 +28,22 @@ def put(handle: Any, **values: Any) -> None:
             setattr(handle, name, value)
 
 
-class Curve(NamedTuple):
-    """Style of a curve, in a plot and in its table.
+def heard(action: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """A callback for the viewer, which is given the event; async, so that the viewer keeps the order of events."""
 
-    Attributes:
-        name: Name on the page.
-        colour: Colour of the line.
-        width: Width of the line [pixel].
-        dash: One of `DASHES`.
-        band: Whether a band goes around it.
-    """
+    async def hear(event: Any) -> None:
+        action(event)
+
+    return hear
+
+
+def moved(action: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """The same for a control, whose value a person has changed and not the program."""
+    return heard(lambda event: action(event) if event.client is not None else None)
+
+
+class Curve(NamedTuple):
+    """Style of a curve in plot and table: width [pixel], one of `DASHES`, and whether a band goes around it."""
 
     name: str
     colour: Colour
@@ -47,14 +53,7 @@ class Curve(NamedTuple):
 
 
 class Row(NamedTuple):
-    """One line of a table of numbers.
-
-    Attributes:
-        name: What it is.
-        value: As text, with its unit.
-        curve: That shows it in the plot, None for none.
-        more: In a third column.
-    """
+    """One line of a table of numbers, each with its unit, and the curve that shows it in the plot."""
 
     name: str
     value: str
@@ -71,7 +70,7 @@ class TimePlot:
         curves: From the back to the front.
         height: [pixel].
         lowest: Lower end of the drawn range; None to fit it to the curves.
-        least: What the drawn range reaches at least, so that noise does not fill the plot; None to fit it to the curves.
+        least: What the drawn range reaches at least, so that noise does not fill the plot; None for no such end.
         time: What stands below the time axis.
     """
 
@@ -120,14 +119,7 @@ class TimePlot:
     def draw(
         self, time: Array, values: Sequence[Array], deviations: Sequence[Array] = (), most: float = math.inf
     ) -> None:
-        """Draw the curves.
-
-        Args:
-            time: Seconds before now, increasing, shape (n,).
-            values: Of each curve, shape (n,); NaN where it is not known.
-            deviations: Of each curve that has a band; NaN counts as 0.
-            most: What is more is drawn there.
-        """
+        """Draw the curves at times before now [s], shape (n,), with bands where they have one; NaN is a gap."""
         if not len(time):
             return
         columns = list(values)
@@ -158,13 +150,7 @@ def _series(label: str, stroke: str, width: float, dash: tuple[float, ...]) -> d
 
 
 def number(value: float, unit: str, digits: int = 2) -> str:
-    """A number with its unit; a dash where it is not known.
-
-    Args:
-        value: That is to be written.
-        unit: Behind it.
-        digits: Behind the point.
-    """
+    """A number with its unit and so many digits behind the point; a dash where it is not known."""
     if not math.isfinite(value):
         return "–"
     if abs(value) >= 1e6:

@@ -56,12 +56,7 @@ def doing(watched: Watched) -> tuple[str, ...]:
 
 
 def hindrance(watched: Watched, now: float) -> str:
-    """Why pressing cannot help now, in place of what there is to do; "" where it can.
-
-    Args:
-        watched: State of the session as received.
-        now: Time by the clock of reception [s].
-    """
+    """Why pressing cannot help now, in place of what there is to do; "" where it can."""
     if watched.heard == -math.inf:
         return WAITING_INSTRUCTION
     if watched.silent(now):
@@ -79,14 +74,7 @@ def hindrance(watched: Watched, now: float) -> str:
 
 
 def session_status(watched: Watched, now: float, *, held: bool, clutched: bool) -> str:
-    """One line: what the session is doing.
-
-    Args:
-        watched: State of the session as received.
-        now: Time by the clock of reception [s].
-        held: Whether the handle is held.
-        clutched: Whether the clutch is pressed.
-    """
+    """One line: what the session is doing."""
     if watched.heard == -math.inf:
         return "Waiting for the session."
     if watched.silent(now):
@@ -130,12 +118,7 @@ def lateness(watched: Watched) -> str:
 
 
 def robot_alerts(watched: Watched, now: float) -> tuple[str, ...]:
-    """Urgent remarks for a person at the other end, most urgent first.
-
-    Args:
-        watched: State of the session as received.
-        now: Time by the clock of reception [s].
-    """
+    """Urgent remarks for a person at the other end, most urgent first."""
     telemetry = watched.telemetry
     robot = (
         ()
@@ -151,12 +134,7 @@ def robot_alerts(watched: Watched, now: float) -> tuple[str, ...]:
 
 
 def warnings(watched: Watched, now: float) -> tuple[str, ...]:
-    """Text above the numbers: that nothing is secure, that the recording is incomplete.
-
-    Args:
-        watched: State of the session as received.
-        now: Time by the clock of reception [s].
-    """
+    """Text above the numbers: that nothing is secure, that the recording is incomplete."""
     insecure = INSECURE if watched.insecure else ""
     return tuple(text for text in (insecure, _recording(watched, now)) if text)
 

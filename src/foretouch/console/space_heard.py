@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
+import bisect
 import math
 from collections import deque
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from foretouch.console.window import Array
-from foretouch.messages import CameraImage, FieldUpdate, FixtureBelief, FollowerSpace, LeaderSpace, Message
+from foretouch.console.history import Array
+from foretouch.messages import (
+    VERSION,
+    CameraImage,
+    FieldUpdate,
+    FixtureBelief,
+    FollowerSpace,
+    LeaderSpace,
+    Message,
+    SessionLog,
+)
 
 TICKS_PER_SECOND = 1000
 LENGTH = 16_384
@@ -38,13 +48,7 @@ class PoseTrace(NamedTuple):
 
     @classmethod
     def of(cls, rows: Sequence[tuple[float, float, float, float]], now: float, seconds: float) -> PoseTrace:
-        """The last seconds before a moment.
-
-        Args:
-            rows: Time [s], deviation [m], turn [rad] and age [s].
-            now: The moment [s].
-            seconds: How far back.
-        """
+        """The last seconds before a moment [s], of rows as above."""
         table = np.array(rows, dtype=np.float64).reshape(-1, 4)
         time = table[:, 0] - now
         inside = (time >= -seconds) & (time <= 0.0)
@@ -58,12 +62,6 @@ class SpaceHeard:
     are selected by the follower's tick that the leader received last, and by no clock.
 
     One thread calls `take`; others read.
-
-    Attributes:
-        leader: Newest message of the leader that is shown; None in a session along a line.
-        follower: Newest message of the robot's side.
-        belief: Newest message of the fixture's tracker.
-        belief_heard: Time of its reception [s]; minus infinity before.
     """
 
     def __init__(self) -> None:
@@ -78,13 +76,7 @@ class SpaceHeard:
         self._traced_ns = 0
 
     def take(self, message: Message, now: float, epoch: int) -> None:
-        """Take note of one message; those along a line are left out.
-
-        Args:
-            message: Message as received.
-            now: Time of reception [s].
-            epoch: Epoch of the leader that is shown, 0 before it is known.
-        """
+        """Take note of a message received at a time [s], of the leader of this epoch (0 for any); none along a line."""
         if isinstance(message, LeaderSpace):
             if epoch in (0, message.epoch):
                 self._take_leader(message)
@@ -99,31 +91,18 @@ class SpaceHeard:
             self.belief, self.belief_heard = message, now
 
     def heard(self, sequence: int) -> FollowerSpace | None:
-        """State of the robot that the operator's side received last.
-
-        Args:
-            sequence: Sequence of the newest telemetry that the leader had.
-        """
+        """State of the robot in the newest telemetry that the leader had."""
         tick, newest = self._ticks[sequence % LENGTH], self.follower
         known = tick is not None and newest is not None and tick.sequence == sequence and tick.run == newest.run
         return tick if known else None
 
     def image(self, sequence: int, camera_delay: float) -> CameraImage | None:
-        """The image that has come over the network; None before the first.
-
-        Args:
-            sequence: Sequence of the newest telemetry that the leader had.
-            camera_delay: Time from the moment that an image shows to its reading [s].
-        """
+        """The image that had come by that telemetry, a camera's delay [s] after its exposure; else None."""
         run = 0 if self.follower is None else self.follower.run
         return newest_image(tuple(self._images), sequence, camera_delay, run)
 
     def field(self, sequence: int) -> FieldUpdate | None:
-        """The materials that have come over the network; None before the first.
-
-        Args:
-            sequence: Sequence of the newest telemetry that the leader had.
-        """
+        """The materials that had come by that telemetry; None before the first."""
         tick = self.heard(sequence)
         return None if tick is None else newest_field(tuple(self._fields), tick)
 
@@ -147,14 +126,7 @@ class SpaceHeard:
 
 
 def newest_image(images: Sequence[CameraImage], sequence: int, camera_delay: float, run: int = 0) -> CameraImage | None:
-    """The newest image that had come by a tick of the follower.
-
-    Args:
-        images: Images in order of reception.
-        sequence: Sequence of the tick.
-        camera_delay: Time from the moment that an image shows to its reading [s].
-        run: Number of the follower's process; 0 for any, and in an image without one.
-    """
+    """The newest image that had come by a follower's tick, a camera's delay [s] later; 0 stands for any run."""
     latest = sequence - round(camera_delay * TICKS_PER_SECOND)
     for image in reversed(images):
         if image.tick <= latest and (image.run == run or 0 in (run, image.run)):
@@ -163,12 +135,7 @@ def newest_image(images: Sequence[CameraImage], sequence: int, camera_delay: flo
 
 
 def newest_field(fields: Sequence[FieldUpdate], tick: FollowerSpace) -> FieldUpdate | None:
-    """The newest field that was sent by a tick of the follower.
-
-    Args:
-        fields: In the order in which they came.
-        tick: By the clock of the same process.
-    """
+    """The newest field that was sent by a tick of the follower."""
     for field in reversed(fields):
         if field.time_ns <= tick.time_ns and field.run == tick.run:
             return field
@@ -180,3 +147,72 @@ def fixture_of(space: LeaderSpace | FollowerSpace) -> tuple[float, ...]:
     return (
         space.fixture_x, space.fixture_y, space.fixture_z, space.fixture_rx, space.fixture_ry, space.fixture_rz
     )  # fmt: skip
+
+
+TRACE_STRIDE = 50
+"""Ticks between two points of a trace."""
+
+
+class RecordedSpace(SpaceHeard):
+    """Messages received in space at a moment; see `SpaceHeard`.
+
+    Those of the robot's side are those that the operator's had received: two recorded clocks need not agree.
+    """
+
+    def __init__(self, segment: SessionLog) -> None:
+        super().__init__()
+        self._leads, self._follows = segment.leader_space, segment.follower_space
+        if segment.leader.size:  # a side that began again counts from 1 again
+            self._leads = self._leads[self._leads["epoch"] == segment.leader["epoch"][-1]]
+        if segment.follower.size:
+            self._follows = self._follows[self._follows["run"] == segment.follower["run"][-1]]
+        run = int(self._follows["run"][-1]) if self._follows.size else 0
+        self._pictures = tuple(image for image in segment.images if image.run == run or 0 in (run, image.run))
+        self._maps = tuple(field for field in segment.fields if run in (0, field.run))
+        self._beliefs = sorted(segment.beliefs, key=lambda belief: belief.time_ns)
+        self._belief_times = [belief.time_ns for belief in self._beliefs]
+
+    def go_to(self, leader: int, telemetry: int) -> None:
+        """Show the leader's tick of a sequence, and the newest telemetry that it had received."""
+        row = int(np.searchsorted(self._leads["sequence"], leader, side="right")) - 1
+        self.leader = LeaderSpace(VERSION, *_numbers(self._leads[row])) if row >= 0 else None
+        self.follower = self.heard(telemetry)
+        self.belief = None
+        if self.follower is not None:
+            last = bisect.bisect_right(self._belief_times, self.follower.time_ns) - 1
+            self.belief = self._beliefs[last] if last >= 0 else None
+
+    def heard(self, sequence: int) -> FollowerSpace | None:
+        """State of the robot that the operator's side received last."""
+        row = int(np.searchsorted(self._follows["sequence"], sequence, side="right")) - 1
+        return FollowerSpace(VERSION, *_numbers(self._follows[row])) if row >= 0 and sequence > 0 else None
+
+    def image(self, sequence: int, camera_delay: float) -> CameraImage | None:
+        """The image that had come over the network."""
+        return newest_image(self._pictures, sequence, camera_delay)
+
+    def field(self, sequence: int) -> FieldUpdate | None:
+        """The materials that had come over the network."""
+        tick = self.heard(sequence)
+        return None if tick is None else newest_field(self._maps, tick)
+
+    def camera_silence(self, now: float) -> float:
+        """Not known for a recording: no tracker is reported as missing."""
+        return 0.0 if self.belief is not None else math.inf
+
+    def pose_trace(self, seconds: float) -> PoseTrace:
+        """What was known of the fixture's pose in the seconds before the moment."""
+        if self.leader is None:
+            return PoseTrace.of((), 0.0, seconds)
+        last = int(np.searchsorted(self._leads["sequence"], self.leader.sequence, side="right"))
+        now = self.leader.time_ns * 1e-9
+        first = int(np.searchsorted(self._leads["time_ns"][:last], (now - seconds) * 1e9))
+        part = self._leads[first:last]
+        part = part[part["sequence"] % TRACE_STRIDE == 0]
+        columns = (part["time_ns"] * 1e-9, part["fixture_deviation"], part["fixture_turn"], part["fixture_age"])
+        return PoseTrace.of(np.column_stack(columns).tolist(), now, seconds)
+
+
+def _numbers(row: np.void) -> tuple[Any, ...]:
+    """Of a row."""
+    return tuple(row.tolist())

@@ -7,10 +7,9 @@ import math
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from foretouch.console.history import History, Lateness, Losses, LossTrace
+from foretouch.console.history import History, Lateness, Losses, LossTrace, Window
 from foretouch.console.models_seen import ModelsSeen, ModelTrace
 from foretouch.console.space_heard import SpaceHeard
-from foretouch.console.window import Window
 from foretouch.devices import GRIPS, INTENDED_FORCE
 from foretouch.messages import Hello, LeaderState, Message, ModelUpdate, Status, Telemetry
 from foretouch.rendering.withheld import LEAST_FORCE, OWED, REDUCED_BELOW, UNPAID, Withheld, due_force
@@ -123,12 +122,7 @@ class Watched:
         return now - self._supervisor_heard < SUPERVISOR_SILENT
 
     def said(self, role: str, name: str) -> str:
-        """The last text of one role under a name, whatever others send under it; "" for none.
-
-        Args:
-            role: The role that alone can know: the follower which leader commands it; the recorder if it records all.
-            name: Name of the text.
-        """
+        """The last text of one role under a name, whatever others send under it; "" for none."""
         return self._said.get(role, {}).get(name, "")
 
     @property
@@ -238,12 +232,7 @@ class Watched:
         return self.surface + DEEPEST * (self.setting("press_depth", PRESS_DEPTH) + more)
 
     def setting(self, name: str, otherwise: float) -> float:
-        """A number among the session's settings, or another where there is none.
-
-        Args:
-            name: Name of the setting.
-            otherwise: The other number.
-        """
+        """A number among the session's settings, or another where there is none."""
         try:
             value = float(self.settings.get(name, otherwise))
         except ValueError:

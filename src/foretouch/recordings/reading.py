@@ -144,15 +144,7 @@ def read_with_notes(
     budget: float | None = None,
     **named: Unpack[ReadingKeywords],
 ) -> Read:
-    """The same with sentences on how: see `read_recording`.
-
-    Raises:
-        RecordingError: As there.
-        UnknownNameError: As there.
-        ArgumentTypeError: As there.
-        TypeError: As there.
-        MissingExtraError: As there.
-    """
+    """The same with sentences on how: see `read_recording`, whose errors it raises."""
     require_path("path", path)
     options = options_of(options, named)
     suffix = require_readable(path)

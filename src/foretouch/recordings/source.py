@@ -22,17 +22,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Column:
-    """One column of a table, or one number in the messages of a topic.
-
-    Attributes:
-        name: As a map takes it.
-        kind: Type of its values.
-        count: Of its values; None where only reading tells.
-        unit: As the file states it, or empty.
-        example: First value, where it is at hand.
-        smallest: Finite value, where the messages of its topic were looked through.
-        largest: Likewise.
-    """
+    """One column of a table, or one number in the messages of a topic; None where only reading tells."""
 
     name: str
     kind: str
@@ -45,13 +35,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Topic:
-    """One topic of a bag.
-
-    Attributes:
-        name: Name of the topic.
-        type_name: Type of its messages.
-        count: Number of its messages.
-    """
+    """One topic of a bag."""
 
     name: str
     type_name: str
@@ -60,15 +44,7 @@ class Topic:
 
 @dataclass(frozen=True)
 class Series(ByValue):
-    """Numbers out of the messages of one topic, in the order of the file.
-
-    Attributes:
-        topic: Topic of the messages.
-        log_ns: Time at which the recorder took each message [ns], shape (n,).
-        stamp_ns: Stamp in the header of each [ns], shape (n,), or None where the messages have none, or it is not set.
-        values: Field name to numbers, shape (n,).
-        left_out: Messages that have not all of the fields.
-    """
+    """Numbers out of the messages of one topic in the file's order; times in ns, stamps None where none are set."""
 
     topic: str
     log_ns: NDArray[np.int64]
@@ -193,13 +169,6 @@ def require_names(
     source: object, there: Sequence[str], names: Iterable[str], *, row: int | None = None, hint: str = ""
 ) -> None:
     """Refuse a table in which a column is missing, or there twice.
-
-    Args:
-        source: Name of the file, for messages.
-        there: Names of the columns that it has.
-        names: Names of those that are needed.
-        row: Row of the header.
-        hint: What to do where one is missing.
 
     Raises:
         RecordingError: A column is missing, or there twice.

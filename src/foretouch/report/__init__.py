@@ -5,8 +5,18 @@ from foretouch.quantities import new_figure
 from foretouch.report.drawing import COLOURS, finished, legend
 from foretouch.report.energy import energy_account, energy_figures, exact_energy
 from foretouch.report.forces import Forces, forces_under_delay, remarks, require_delay_within
-from foretouch.report.pairs import Pairs, force_at_follower, pair
-from foretouch.report.perception import LargestJump, largest_jump, rendered_jump, time_to_accuracy, update_jumps
+from foretouch.report.perception import (
+    LargestJump,
+    free_hand,
+    largest_jump,
+    oscillation,
+    rendered_jump,
+    swings,
+    time_to_accuracy,
+    turning_points,
+    update_jumps,
+)
+from foretouch.report.rows import Pairs, force_at_follower, guarded_runs, pair
 from foretouch.report.scene.scene import SceneFindings, look_at_scene, scene_figures
 from foretouch.report.scene.section import map_figure, pose_figure
 from foretouch.report.scores import STATUSES, Scores, delayed_force, score_prediction
@@ -14,10 +24,16 @@ from foretouch.report.sections.hand import hand_figures
 from foretouch.report.sections.model import IDLE_LAW, law_is_idle, map_lines
 from foretouch.report.sections.session import left_out
 from foretouch.report.session import CONTACT_FLOOR, session_figures
-from foretouch.report.statuses import guarded_runs
-from foretouch.report.swings import free_hand, oscillation, swings, turning_points
-from foretouch.report.writing.html import embedded, named_values, table, tiles, write_html
-from foretouch.report.writing.pages import write_calibration_page, write_page, write_prediction_page
+from foretouch.report.writing.pages import (
+    embedded,
+    named_values,
+    table,
+    tiles,
+    write_calibration_page,
+    write_html,
+    write_page,
+    write_prediction_page,
+)
 from foretouch.report.writing.replay import (
     Contact,
     compare_replay,
@@ -26,8 +42,7 @@ from foretouch.report.writing.replay import (
     replay_figure,
     write_replay_page,
 )
-from foretouch.report.writing.session_report import Figures, SessionReport, session_report
-from foretouch.report.writing.text import findings, render_text
+from foretouch.report.writing.session_report import Figures, SessionReport, findings, render_text, session_report
 
 __all__ = [
     "COLOURS",

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from foretouch.quantities import Rows, colours, columns
 from foretouch.report.numbers import largest
-from foretouch.report.statuses import Segment
+from foretouch.report.rows import Segment
 
 Array = NDArray[np.float64]
 
@@ -62,12 +62,7 @@ def shade(axes: Any, time: NDArray[np.float64], flags: NDArray[np.bool_], colour
 
 
 def mark(axes: Any, segments: Sequence[Segment]) -> None:
-    """Hatch the times in which the robot was not where the commands said, within what the axes show.
-
-    Args:
-        axes: With the curves drawn.
-        segments: Segments in the time of the axes.
-    """
+    """Hatch the times in which the robot was not where the commands said, within what the axes show."""
     begin, end = sides = axes.get_xlim()
     for failing, (label, hatch, colour) in _MARKS.items():
         seen = [one[:2] for one in segments if one.failing == failing and one.end >= begin and one.begin <= end]
@@ -157,9 +152,6 @@ def extremes(values: Array, buckets: int = 1500) -> NDArray[np.intp]:
     Args:
         values: Shape (n,).
         buckets: Largest number of buckets; with no more than two samples for each, all are kept.
-
-    Returns:
-        Increasing, at most two for each bucket.
     """
     size = -(-values.size // buckets)
     if size <= 2:

@@ -40,11 +40,7 @@ NO_DEVICE = BookedDevice()
 
 
 def booked_device(settings: Mapping[str, str]) -> BookedDevice | None:
-    """The device of a session; None where its settings are incomplete.
-
-    Args:
-        settings: Of the log.
-    """
+    """The device of a session; None where its settings are incomplete."""
     if settings.get("grip") == "none" and settings.get("felt") != "yes":
         return NO_DEVICE
     try:
@@ -317,10 +313,6 @@ def lost_rows(told: Rows, there: Flags) -> Flags:
     """Rows in which only the leader's account is available: after missing rows, or another process, and shortly beyond.
 
     Each process keeps its account. The force that acted after a gap is known from the second position on.
-
-    Args:
-        told: Rows with ``sequence`` and ``epoch``.
-        there: Whether the position of each is known.
     """
     lost = np.diff(told["sequence"], prepend=0) != 1  # a leader counts from 1
     lost |= np.diff(told["epoch"], prepend=told["epoch"][:1]) != 0

@@ -17,8 +17,8 @@ from foretouch.identification import Learner, predict
 from foretouch.identification.force_calibration import TOUCH, lowest_mean
 from foretouch.messages import SessionLog
 from foretouch.quantities import ByValue, Recording
-from foretouch.report.pairs import not_scored, pair
 from foretouch.report.perception import LargestJump, largest_jump, time_to_accuracy
+from foretouch.report.rows import not_scored, pair
 from foretouch.report.scores import STATUSES, Scores, delayed_force
 from foretouch.report.session import CONTACT_FLOOR
 from foretouch.session import replay

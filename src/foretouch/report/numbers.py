@@ -107,12 +107,7 @@ def runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
 
 
 def parameter_text(parameters: Mapping[str, float | None], errors: Mapping[str, float | None] | None) -> str:
-    """A law's numbers with their units and standard errors.
-
-    Args:
-        parameters: By name, None for one that is undetermined.
-        errors: By name; None where there are none.
-    """
+    """A law's numbers with their units and standard errors, by name; None for an undetermined one."""
     told = errors or {}
     return ", ".join(
         f"{name} {measured(value, told.get(name), parameter_unit(name, parameters))}"

@@ -146,22 +146,8 @@ def score_prediction(
     if skipped is not None:
         (left_out, _) = columns_of(skipped, clock)
         window &= left_out == 0.0
-    nothing = Scores(
-        samples=clock.size,
-        scored_samples=0,
-        contact_force_rms_N=None,
-        prediction_rmse_N=None,
-        prediction_error_percent=None,
-        delayed_force_error_percent=None,
-        delayed_force_rmse_N=None,
-        within_jnd_percent=None,
-        phantom_force_rms_N=None,
-        missed_contact_percent=None,
-        status="nothing_to_score",
-        threshold_N=None,
-        in_contact=np.zeros(clock.size, dtype=np.bool_),
-        measured_force=measured,
-    )
+    untouched, metrics = np.zeros(clock.size, dtype=np.bool_), (None,) * 8
+    nothing = Scores(clock.size, 0, *metrics, "nothing_to_score", None, untouched, measured)
     if not window.any():
         return nothing
     threshold = max(THRESHOLD_SHARE * float(np.percentile(measured[window], 98.0)), contact_floor)

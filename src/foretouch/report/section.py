@@ -10,9 +10,8 @@ from foretouch.report.numbers import NO_BASELINE, Finding
 
 if TYPE_CHECKING:
     from foretouch.messages import SessionLog
-    from foretouch.report.pairs import Pairs
+    from foretouch.report.rows import Pairs, Segment
     from foretouch.report.scene.scene import SceneFindings
-    from foretouch.report.statuses import Segment
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,14 +53,7 @@ def nothing(*_: Any) -> tuple[()]:
 
 
 class Section(NamedTuple):
-    """One section of a report; each function gives nothing where the session has nothing of that to show.
-
-    Attributes:
-        name: Of what it is about.
-        findings: Sentences about the figures that `session_report` gave.
-        lines: A block of text about these figures.
-        drawings: What a page draws.
-    """
+    """One section of a report; each function gives nothing where the session has nothing of that to show."""
 
     name: str
     findings: Callable[[Mapping[str, Any]], Iterable[Finding]] = nothing

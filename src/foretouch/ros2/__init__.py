@@ -4,9 +4,8 @@
 """
 
 from foretouch.ros2.bridge import BRIDGE_CHANNELS, Bridge, Pace, SessionClock, wall_offset_ns
-from foretouch.ros2.graph import Graph
+from foretouch.ros2.graph import Graph, type_description, type_hash
 from foretouch.ros2.keys import DEFAULT, SENSOR_DATA, Node, Qos, TopicType, attachment, dds_type, publisher_gid
-from foretouch.ros2.topics import type_description, type_hash
 
 __all__ = [
     "BRIDGE_CHANNELS",

@@ -14,8 +14,7 @@ from typing import Final
 from foretouch.errors import SettingError
 from foretouch.link import ZenohLink
 from foretouch.messages import Hello, LeaderState, Message, Telemetry
-from foretouch.ros2.graph import Graph
-from foretouch.ros2.topics import as_ros, probe_on_a_line
+from foretouch.ros2.graph import Graph, as_ros, probe_on_a_line
 
 BLOCK_NS = 30_000_000_000
 """The smallest transit is that of this block of time and of the one before [ns]: the last half to whole minute."""
@@ -30,13 +29,9 @@ READS = 5
 
 def wall_offset_ns() -> int:
     """What to add to this machine's monotonic clock for nanoseconds since 1970."""
-    return min(_offset() for _ in range(READS))[1]
-
-
-def _offset() -> tuple[int, int]:
-    """Duration of the reading, and the offset [ns]."""
-    before, wall, after = time.monotonic_ns(), time.time_ns(), time.monotonic_ns()
-    return after - before, wall - (before + after) // 2
+    readings = [(time.monotonic_ns(), time.time_ns(), time.monotonic_ns()) for _ in range(READS)]
+    before, wall, after = min(readings, key=lambda reading: reading[2] - reading[0])
+    return wall - (before + after) // 2
 
 
 class _Transit:
@@ -212,9 +207,7 @@ class Bridge:
         if channel not in SENDERS:
             self._note(channel, message)
             return
-        if not self._there:
-            return
-        if isinstance(message, LeaderState) and self._obeyed not in (0, message.epoch):
+        if not self._there or (isinstance(message, LeaderState) and self._obeyed not in (0, message.epoch)):
             return
         process = message.epoch if isinstance(message, LeaderState) else getattr(message, "run", 0)
         local_ns = self._clock.local_ns((SENDERS[channel], process), message.time_ns, arrival_ns)

@@ -1,20 +1,184 @@
-"""A node on a live ROS 2 graph, without ROS 2: over Zenoh, as `rmw_zenoh_cpp` is there."""
+"""A node on a live ROS 2 graph, without ROS 2: over Zenoh, as `rmw_zenoh_cpp` is there; and the topics it offers.
+
+Topics are those of a recording, stamped anew. By the hash of its type ROS 2 tells definitions apart. A definition
+becomes a ``type_description_interfaces/msg/TypeDescription``, default values and comments left out; the hash is the
+SHA-256 of its JSON text, with ``RIHS01_`` before it. Source: REP-2011 ("Evolving message types"), REP-2016 ("Type
+descriptions and hashes"), and ``rosidl_generator_type_description`` of ROS 2, whose JSON this is to the byte.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import json
+import re
 import time
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
+
+import msgspec
 
 from foretouch.errors import LinkError, MissingExtraError
 from foretouch.link import check_endpoint, is_encrypted
-from foretouch.recordings.formats.topics import StandardTopic
-from foretouch.ros2.keys import Node, attachment, publisher_gid
-from foretouch.ros2.topics import qos_of, type_of
+from foretouch.messages import Message, Telemetry
+from foretouch.recordings.formats.topics import BESIDE, FIXTURE, MODEL, NUMBERS, PROBE, StandardTopic, pose_on_a_line
+from foretouch.ros2.keys import DEFAULT, SENSOR_DATA, Node, Qos, TopicType, attachment, publisher_gid
 
 if TYPE_CHECKING:
     import zenoh
+
+
+NESTED: Final = 1
+"""Number of a field whose type is another message; see ``FieldType.msg`` of ``type_description_interfaces``."""
+
+TYPE_NUMBERS: Final = {
+    "int8": 2,
+    "uint8": 3,
+    "int16": 4,
+    "uint16": 5,
+    "int32": 6,
+    "uint32": 7,
+    "int64": 8,
+    "uint64": 9,
+    "float32": 10,
+    "float64": 11,
+    "bool": 15,
+    "byte": 16,
+    "string": 17,
+    "wstring": 18,
+}
+"""Number of each type that is no message, by its name in the ``.msg`` language."""
+
+ARRAY, SEQUENCE = 48, 144
+"""Numbers added to that of the element: for a field of fixed length, and for one of any."""
+
+EMPTY: Final = ["uint8", "structure_needs_at_least_one_member"]
+"""The one field of a message that has none: rosidl puts it there."""
+
+_TYPE = re.compile(r"(?P<element>[A-Za-z][A-Za-z0-9_/]*)(?P<many>\[(?P<length>\d*)\])?")
+_SEPARATOR = re.compile(r"^=+$", re.MULTILINE)
+
+
+def type_hash(type_name: str, schema: str) -> str:
+    """Hash of a message type.
+
+    Args:
+        type_name: Such as ``"geometry_msgs/msg/WrenchStamped"``.
+        schema: As `type_description`.
+
+    Returns:
+        ``RIHS01_`` and 64 hexadecimal digits.
+
+    Raises:
+        ValueError: As `type_description`.
+    """
+    text = json.dumps(type_description(type_name, schema), separators=(", ", ": "))
+    return "RIHS01_" + hashlib.sha256(text.encode()).hexdigest()
+
+
+def type_description(type_name: str, schema: str) -> dict[str, Any]:
+    """What is hashed: the type and all that it refers to, these in the order of their names.
+
+    Args:
+        type_name: Such as ``"geometry_msgs/msg/WrenchStamped"``.
+        schema: Its definition in the ``.msg`` language and behind it, each after a line of ``=`` and ``MSG: NAME``,
+            that of every message in it, as MCAP and rosbag2 keep it.
+
+    Raises:
+        ValueError: A field is of a type that is not in `schema`, or that has no counterpart here (bounded ones).
+    """
+    first, *others = _SEPARATOR.split(schema)
+    definitions = {type_name: first}
+    for other in others:
+        title, _, text = other.strip().partition("\n")
+        definitions[_full_name(title.removeprefix("MSG:").strip(), type_name)] = text
+    fields = {name: _fields(name, text, definitions) for name, text in definitions.items()}
+    return {
+        "type_description": {"type_name": type_name, "fields": fields[type_name]},
+        "referenced_type_descriptions": [
+            {"type_name": name, "fields": fields[name]} for name in sorted(_referenced(type_name, fields))
+        ],
+    }
+
+
+def _full_name(name: str, beside: str) -> str:
+    """Name with package and ``msg``; a bare one is of the package of the type beside it."""
+    words = name.split("/")
+    package = beside.split("/")[0] if len(words) == 1 else words[0]
+    return f"{package}/msg/{words[-1]}"
+
+
+def _fields(owner: str, text: str, definitions: dict[str, str]) -> list[dict[str, Any]]:
+    lines = [line.split("#")[0].split() for line in text.splitlines()]
+    members = [words[:2] for words in lines if words and not _is_constant(words)]
+    return [_field(owner, ros_type, name, definitions) for ros_type, name in members or [EMPTY]]
+
+
+def _is_constant(words: list[str]) -> bool:
+    """Whether a line is ``TYPE NAME=VALUE``, spaces or not."""
+    return "=" in words[1] or words[2:3] == ["="]
+
+
+def _field(owner: str, ros_type: str, name: str, definitions: dict[str, str]) -> dict[str, Any]:
+    match = _TYPE.fullmatch(ros_type)
+    if match is None:
+        raise ValueError(f"{owner}.{name}: cannot describe the type {ros_type!r}")
+    number, nested = TYPE_NUMBERS.get(match["element"]), ""
+    if number is None:
+        number, nested = NESTED, _full_name(match["element"], owner)
+        if nested not in definitions:
+            raise ValueError(f"{owner}.{name}: the definition of {nested} is not there")
+    capacity = int(match["length"] or 0)
+    if match["many"]:
+        number += ARRAY if capacity else SEQUENCE
+    described = {"type_id": number, "capacity": capacity, "string_capacity": 0, "nested_type_name": nested}
+    return {"name": name, "type": described}
+
+
+def _referenced(type_name: str, fields: dict[str, list[dict[str, Any]]]) -> set[str]:
+    """Every message inside a message, at any depth."""
+    found: set[str] = set()
+    waiting = [type_name]
+    while waiting:
+        inside = {field["type"]["nested_type_name"] for field in fields[waiting.pop()]} - {""} - found
+        found |= inside
+        waiting += inside
+    return found
+
+
+KEPT: Final = (MODEL.name, NUMBERS.name, FIXTURE.name)
+"""Topics whose last message must not be missed: reliable. The others are streams of samples."""
+
+_TYPES: Final[dict[str, TopicType]] = {}
+
+
+def qos_of(topic: StandardTopic) -> Qos:
+    """Quality of service of a topic: models and the fixture's pose reliable, samples as sensor data."""
+    return DEFAULT if topic.name in KEPT else SENSOR_DATA
+
+
+def type_of(topic: StandardTopic) -> TopicType:
+    """Type of a topic with the hash of its definition, computed once."""
+    if topic.type_name not in _TYPES:
+        _TYPES[topic.type_name] = TopicType(topic.type_name, type_hash(topic.type_name, topic.schema))
+    return _TYPES[topic.type_name]
+
+
+def as_ros(message: Message, stamp_ns: int) -> tuple[tuple[StandardTopic, bytes], ...]:
+    """The topics that say what a message says, with their CDR bytes.
+
+    Returns:
+        Empty for a kind of message that has no counterpart, and for samples of sensors that are not to be trusted.
+    """
+    make = BESIDE.get(type(message))
+    if make is None or (isinstance(message, Telemetry) and message.validity):
+        return ()
+    return make(msgspec.structs.replace(message, time_ns=stamp_ns))
+
+
+def probe_on_a_line(telemetry: Telemetry, stamp_ns: int) -> tuple[tuple[StandardTopic, bytes], ...]:
+    """The position of the probe along a line: z of the world points out of the surface, as the force does."""
+    return () if telemetry.validity else ((PROBE, pose_on_a_line(stamp_ns, telemetry.position)),)
+
 
 CONNECTING_MS = 1000
 """Longest time that an attempt to reach the router takes [ms]."""

@@ -69,7 +69,7 @@ class TopicType:
 
     Attributes:
         name: Name of the message type, such as ``"geometry_msgs/msg/WrenchStamped"``.
-        hash: `foretouch.ros2.topics` of its definition.
+        hash: `foretouch.ros2.graph` of its definition.
     """
 
     name: str

@@ -65,8 +65,7 @@ def sensor(
 
     direction = _unit_vector(axis)
     before = _before(output, poses, motion)
-    if report_directory is not None:
-        make_folder(report_directory)
+    make_folder(report_directory)
     measured = read_poses(poses)
     weight = fit_tool_weight(measured.gravity, measured.force, measured.torque)
     found: dict[str, Any] = {
@@ -116,8 +115,7 @@ def compliance(
     from foretouch.identification import fit_series_compliance
 
     before = _before(output, recording, None)
-    if report_directory is not None:
-        make_folder(report_directory)
+    make_folder(report_directory)
     data = read_and_say(recording, options)
     found = fit_series_compliance(data, sensor_lag=before.sensor_lag or 0.0)
     calibration = msgspec.structs.replace(

@@ -207,8 +207,7 @@ def predict(
     require("delay", delay, at_least=0.0)
     recording = source.path()
     _refuse_to_replace(recording, out)
-    if report_directory is not None:
-        make_folder(report_directory)
+    make_folder(report_directory)
     learning = learning.with_estimator()
     compile_first()
     learner = learning.learner()

@@ -171,8 +171,7 @@ def repair(
     """
     from foretouch.recordings import repair_session
 
-    if output is not None:
-        require_recording(output)
+    require_recording(output)
     found = repair_session(path, output)
     if json_output:
         print_json({**asdict(found), "path": str(found.path)})

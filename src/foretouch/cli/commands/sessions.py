@@ -42,14 +42,7 @@ MODULES = {"sim": "mujoco", "link": "zenoh", "console": "viser", "recordings": "
 
 
 def require_extras(*extras: str) -> None:
-    """Refuse in one line what is not installed; nothing is imported.
-
-    Args:
-        *extras: Names from `MODULES`.
-
-    Raises:
-        MissingExtraError: Naming all that are missing.
-    """
+    """Refuse in one line what is not installed; nothing is imported."""
     missing = [extra for extra in extras if importlib.util.find_spec(MODULES[extra]) is None]
     if missing:
         raise MissingExtraError(", ".join(MODULES[extra] for extra in missing), ",".join(missing))
@@ -80,10 +73,8 @@ def teleop(
     _check_material(settings.material)
     session_calibration(settings)  # the follower reads it again; here, the user gets the error before anything starts
     path = recording or _default_recording(report)
-    if recording is not None:
-        require_recording(recording)
-    if report is not None:
-        make_folder(report)
+    require_recording(recording)
+    make_folder(report)
     require_recording(path)
     if not headless:
         from foretouch.console import require_free_port
@@ -123,10 +114,8 @@ def simulate(
 
     require_duration(duration)
     require_simulated_operator(settings)
-    if recording is not None:
-        require_recording(recording)
-    if report is not None:
-        make_folder(report)
+    require_recording(recording)
+    make_folder(report)
     compile_first()
     with progress_bar("simulating") as bar:
         start = prepare_simulation(settings, duration=duration, progress=lambda now: bar.update(now, duration), say=say)
@@ -231,8 +220,7 @@ def replay(
         require_recording(output)
         if output.resolve() == recording.resolve():
             raise SettingError("recording", str(output), "is the recording itself: name another file")
-    if report is not None:
-        make_folder(report)
+    make_folder(report)
     log = _session(recording)
     settings, told = recorded_settings(log.longest().settings, changes)
     compile_first()

@@ -9,7 +9,7 @@ import os
 import signal
 import socket
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -82,8 +82,7 @@ def follower(
     # Before the robot is opened: a driver's watchdog does not wait for the compiler.
     ran: Mapping[str, Any] = {"ended": prepare(settings, stop, say, parent)}
     if not ran["ended"]:
-        follow = _follow_in_a_scene if settings.scene else _follow_along_a_line
-        ran = follow(settings, endpoints, shadow, stop, duration, parent)
+        ran = _follow(settings, endpoints, shadow, stop, duration, parent)
     if json_output:
         print_json(ran)
 
@@ -222,7 +221,7 @@ def _has_stopped(sentence: str) -> bool:
     return "emergency stop" in sentence and "foretouch release" in sentence
 
 
-def _follow_along_a_line(
+def _follow(
     settings: SessionSettings,
     endpoints: Endpoints,
     shadow: bool,
@@ -230,10 +229,11 @@ def _follow_along_a_line(
     duration: float | None,
     parent: int | None,
 ) -> Mapping[str, Any]:
-    """The follower's side of a session along a line, or a shadow of it; why it ended, and what it counted."""
+    """The follower's side of a session, or a shadow of it; why it ended, and what it counted."""
     from foretouch.session import (
         FOLLOWER_CHANNELS,
         SHADOW_CHANNELS,
+        SPACE_FOLLOWER_CHANNELS,
         Process,
         make_moved_robot,
         make_session_robot,
@@ -242,59 +242,39 @@ def _follow_along_a_line(
         run_shadow,
     )
 
-    robot, reach = make_moved_robot(settings, say=say) if shadow else make_session_robot(settings)
-    # A shadow reports by itself which settings it uses.
-    said = {} if shadow else {name: text for name, text in settings.as_text().items() if name not in LEADER_SETTINGS}
-    channels = SHADOW_CHANNELS if shadow else FOLLOWER_CHANNELS
-    with contextlib.closing(robot), open_link("follower", endpoints, channels) as link:
-        if parent is None:
-            simulated = robot.specification.simulated
-            mover = f"the {settings.operator} operator moves it" if simulated else "somebody else moves it"
-            waits = f"{mover} and nothing is commanded" if shadow else WAITS
-            pressed = f"pressing {settings.material}" if settings.robot == "simulated" else f"robot {settings.robot}"
-            _introduce(f"follower: {pressed}, {waits}", "" if shadow else unchecked(endpoints))
-        run = run_shadow if shadow else run_follower
-        return run(
-            Process(link, stop, say, parent),
-            robot,
-            settings,
-            description=said | reach_texts(reach) | insecurity(link),
-            duration=duration,
-        )
-
-
-def _follow_in_a_scene(
-    settings: SessionSettings,
-    endpoints: Endpoints,
-    shadow: bool,
-    stop: StopFlag,
-    duration: float | None,
-    parent: int | None,
-) -> Mapping[str, Any]:
-    """The follower's side of a session in three dimensions."""
-    from foretouch.session import FOLLOWER_CHANNELS, SPACE_FOLLOWER_CHANNELS, Process, run_follower
-    from foretouch.session.spatial import make_scene, make_spatial_robot
-
-    if shadow:
-        raise SettingError("scene", settings.scene, "is not watched: --shadow is for a robot along a line")
-    robot = make_spatial_robot(settings, make_scene(settings.scene))
     said = {name: text for name, text in settings.as_text().items() if name not in LEADER_SETTINGS}
-    with open_link("follower", endpoints, (*FOLLOWER_CHANNELS, *SPACE_FOLLOWER_CHANNELS)) as link:
+    run: Callable[..., Mapping[str, Any]] = run_follower
+    channels: tuple[str, ...] = FOLLOWER_CHANNELS
+    closes, waits = True, WAITS
+    pressed = f"pressing {settings.material}" if settings.robot == "simulated" else f"robot {settings.robot}"
+    robot: Any
+    if settings.scene:
+        from foretouch.session.spatial import make_scene, make_spatial_robot
+
+        if shadow:
+            raise SettingError("scene", settings.scene, "is not watched: --shadow is for a robot along a line")
+        robot, closes = make_spatial_robot(settings, make_scene(settings.scene)), False
+        channels = (*FOLLOWER_CHANNELS, *SPACE_FOLLOWER_CHANNELS)
+        pressed = f"pressing {settings.material} on the scene {settings.scene}"
+    elif shadow:
+        robot, reach = make_moved_robot(settings, say=say)
+        run, channels, said = run_shadow, SHADOW_CHANNELS, reach_texts(reach)  # it reports its settings by itself
+        simulated = robot.specification.simulated
+        mover = f"the {settings.operator} operator moves it" if simulated else "somebody else moves it"
+        waits = f"{mover} and nothing is commanded"
+    else:
+        robot, reach = make_session_robot(settings)
+        said |= reach_texts(reach)
+    with (
+        contextlib.closing(robot) if closes else contextlib.nullcontext(),
+        open_link("follower", endpoints, channels) as link,
+    ):
         if parent is None:
-            _introduce(
-                f"follower: pressing {settings.material} on the scene {settings.scene}, {WAITS}", unchecked(endpoints)
-            )
+            say(f"follower: {pressed}, {waits}")
+            if not shadow and (warning := unchecked(endpoints)):
+                say(f"follower: {warning}")
         description = said | insecurity(link)
-        return run_follower(
-            Process(link, stop, say, parent), robot, settings, description=description, duration=duration
-        )
-
-
-def _introduce(line: str, warning: str) -> None:
-    """Say what a follower does, and who may command it."""
-    say(line)
-    if warning:
-        say(f"follower: {warning}")
+        return run(Process(link, stop, say, parent), robot, settings, description=description, duration=duration)
 
 
 def _operator(settings: SessionSettings, hello: dict[str, str]) -> Device | SpatialDevice:

@@ -125,8 +125,7 @@ def compare(
     """
     from foretouch import comparison
 
-    if report_directory is not None:
-        make_folder(report_directory)
+    make_folder(report_directory)
     cases, delays = on.cases(options), compared.delays()
 
     def progress(done: int, total: int, result: comparison.Result) -> None:
@@ -299,8 +298,7 @@ def reproduce(
     from foretouch.reproduction import reproduce as run
 
     names = only or list(SECTIONS)
-    if out is not None:
-        make_folder(out)
+    make_folder(out)
 
     def progress(name: str, seconds: float) -> None:
         done.append(name)

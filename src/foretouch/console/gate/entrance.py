@@ -66,13 +66,7 @@ class Headers(Protocol):
 
 
 class Answer(NamedTuple):
-    """What a request gets.
-
-    Attributes:
-        status: 200 lets it in, 303 sends it on to the page, 403 refuses.
-        text: Why it is refused.
-        headers: Further headers of the response.
-    """
+    """The response to a request: 200 lets it in, 303 sends it on to the page, 403 refuses, and `text` says why."""
 
     status: int
     text: str = ""
@@ -89,11 +83,6 @@ class Entrance:
         base: Where the console listens, such as ``http://127.0.0.1:8080``.
         say: Prints a line for people, with the next address whenever one was used.
         names: Names of hosts, beside `LOOPBACK`, under which the page may be asked for.
-
-    Attributes:
-        base: Where the console listens.
-        path: Path of the page, with a slash before it and none behind.
-        url: The address that lets the next browser in.
     """
 
     def __init__(self, base: str, say: Callable[[str], None] = lambda line: None, names: Sequence[str] = ()) -> None:
@@ -110,13 +99,7 @@ class Entrance:
         return f"{self.base}{self.path}/?token={self._token}"
 
     def answer(self, target: str, headers: Headers, *, socket: bool) -> Answer:
-        """Decide about a request.
-
-        Args:
-            target: Path and query of the request.
-            headers: Headers of the request.
-            socket: Whether a connection is requested, and not a page: browsers name the origin of such a request.
-        """
+        """Decide about a request by its path and query; browsers name the origin where a socket is requested."""
         host, origins = _only(headers.get_all("Host")).lower(), headers.get_all("Origin")
         if not self._here(host):
             return Answer(403, FOREIGN)

@@ -1,14 +1,22 @@
-"""Additions to the viewer's page: how it draws, and the messages that it shows by itself.
+"""Additions to the viewer's page, which it draws and shows by itself; and what messages a page may send.
 
 Where the page is drawn in software it draws more cheaply, and never more often than the console asks; a curve has gaps
 where it is no number; Space and Escape press the emergency stop; a number out of a slider's range is ignored; and
 within a second the page shows that it does not reach the console, or that the session has ended.
+
+A page may send seven kinds of messages, each with typed fields, and of controls their value alone. The viewer takes far
+more: any attribute of a control, files, a tunnel to the internet. What is not listed here is dropped before it sees it.
 """
 
 from __future__ import annotations
 
 import html
+import math
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any, Literal
+
+import msgspec
 
 from foretouch.quantities.colours import URGENT, css
 
@@ -35,24 +43,142 @@ _WORDS = {
 
 
 def beat_html(beat: int, frames: float = 30.0, ended: str = "") -> str:
-    """An invisible element; its number grows for as long as the console draws.
-
-    Args:
-        beat: The number.
-        frames: Number of pictures per second that the page may draw.
-        ended: Text after the session's end; "" while it runs.
-    """
+    """An invisible element: a number that grows while the console draws, frames per second, the text after the end."""
     last = f' {ENDED_ATTRIBUTE}="{html.escape(ended)}"' if ended else ""
     return f'<i {BEAT_ATTRIBUTE}="{beat}" {FRAMES_ATTRIBUTE}="{frames:.0f}"{last}></i>'
 
 
 def with_watch(page: bytes) -> bytes:
-    """The viewer's page with the script.
-
-    Args:
-        page: As the viewer has it.
-    """
+    """The viewer's page with the script."""
     script = _SCRIPT.read_text()
     for name, word in _WORDS.items():
         script = script.replace(name, word)
     return page.replace(b"<head>", b"<head><script>" + script.encode() + b"</script>", 1)
+
+
+LARGEST_MESSAGE = 16_384
+"""Longest message [byte]. Those of a page are a few hundred long; the longest name of a recording is 255."""
+FARTHEST = 1e6
+"""Largest coordinate of a point in the scene [scene units]; the pictures here are some ten units wide."""
+
+Vector = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+Point = tuple[float, float]
+
+
+class _Said(msgspec.Struct, tag_field="type"):
+    """Fields that are not listed are dropped."""
+
+
+class Camera(_Said, tag="ViewerCameraMessage"):
+    """Camera pose of the page; the viewer counts a page as connected once it has sent it."""
+
+    wxyz: Quaternion
+    position: Vector
+    fov: float
+    near: float
+    far: float
+    image_height: float
+    image_width: float
+    look_at: Vector
+    up_direction: Vector
+
+
+class Value(msgspec.Struct, forbid_unknown_fields=True):
+    """The one property of a control that a page may set."""
+
+    value: bool | int | float | str
+
+
+class Update(_Said, tag="GuiUpdateMessage"):
+    """A control was operated."""
+
+    uuid: str
+    updates: Value
+
+
+class Command(_Said, tag="CommandTriggerMessage"):
+    """A key was pressed, or a command chosen by its name."""
+
+    uuid: str
+
+
+class Drag(_Said, tag="SceneNodeDragMessage"):
+    """The handle along a line is dragged."""
+
+    phase: Literal["start", "update", "end"]
+    name: str
+    instance_index: int | None
+    start_position: Vector
+    start_screen_pos: Point
+    end_position: Vector
+    end_screen_pos: Point
+    button: Literal["left", "middle", "right"]
+    modifier: str | None
+    owner: str = ""
+
+
+class GizmoStart(_Said, tag="TransformControlsDragStartMessage"):
+    """The handle in space is taken."""
+
+    name: str
+    owner: str = ""
+
+
+class GizmoMove(_Said, tag="TransformControlsUpdateMessage"):
+    """It is moved."""
+
+    name: str
+    wxyz: Quaternion
+    position: Vector
+    owner: str = ""
+
+
+class GizmoEnd(_Said, tag="TransformControlsDragEndMessage"):
+    """It is let go."""
+
+    name: str
+    owner: str = ""
+
+
+_DECODER = msgspec.msgpack.Decoder(Camera | Update | Command | Drag | GizmoStart | GizmoMove | GizmoEnd)
+
+
+def permitted(raw: bytes | str, control: Callable[[str], Any]) -> bytes | None:
+    """The permitted part of a page's message; None where it is to be dropped."""
+    if not isinstance(raw, bytes):
+        return None
+    try:
+        said = _DECODER.decode(raw)
+    except (msgspec.MsgspecError, RecursionError, ValueError, OverflowError):
+        return None
+    if isinstance(said, Update) and not fits(control(said.uuid), said.updates.value):
+        return None
+    fields = (getattr(said, name) for name in said.__struct_fields__)
+    if not all(_bounded(field) for field in fields):
+        return None
+    return msgspec.msgpack.encode(said)
+
+
+def fits(control: Any, value: Any) -> bool:
+    """Whether a person could have given a control this value: it is shown, enabled, and allows the value."""
+    from viser import GuiButtonHandle, GuiCheckboxHandle, GuiDropdownHandle, GuiSliderHandle
+
+    if isinstance(control, GuiButtonHandle):
+        right = value is True
+    elif isinstance(control, GuiCheckboxHandle):
+        right = isinstance(value, bool)
+    elif isinstance(control, GuiSliderHandle):
+        right = isinstance(value, int | float) and not isinstance(value, bool) and control.min <= value <= control.max
+    elif isinstance(control, GuiDropdownHandle):
+        right = value in control.options
+    else:
+        right = False
+    return right and bool(control.visible) and not control.disabled
+
+
+def _bounded(field: Any) -> bool:
+    """Whether the numbers of a field are finite and near enough to be of the scene."""
+    if isinstance(field, tuple):
+        return all(_bounded(part) for part in field)
+    return not isinstance(field, int | float) or (math.isfinite(field) and abs(field) <= FARTHEST)

@@ -17,8 +17,7 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
 from foretouch.console.gate.entrance import Entrance
-from foretouch.console.gate.page import with_watch
-from foretouch.console.gate.permitted import LARGEST_MESSAGE, permitted
+from foretouch.console.gate.page import LARGEST_MESSAGE, permitted, with_watch
 from foretouch.errors import LinkError
 
 if TYPE_CHECKING:
@@ -50,14 +49,7 @@ class Wait:
         self._due = 0.0
 
     def next(self, now: float) -> float:
-        """Count one message.
-
-        Args:
-            now: By a monotonic clock [s].
-
-        Returns:
-            How long it has to wait [s]; not positive where it need not.
-        """
+        """Count one message at a time [s]; how long it has to wait [s], not positive where it need not."""
         self._due = max(self._due, now - BURST / RATE) + 1.0 / RATE
         return self._due - now
 
@@ -69,12 +61,7 @@ class Volume:
         self._since, self._bytes = 0.0, 0
 
     def too_much(self, now: float, size: int) -> bool:
-        """Count bytes that have come, and whether they are too many.
-
-        Args:
-            now: By a monotonic clock [s].
-            size: [byte].
-        """
+        """Count bytes that have come at a time [s], and whether they are too many."""
         if now - self._since > 1.0:
             self._since, self._bytes = now, 0
         self._bytes += size
@@ -101,15 +88,7 @@ _STARTING = threading.Lock()
 
 
 def make_gated_server(host: str, port: int, entrance: Entrance) -> Any:
-    """Start the viewer's server with the gate in front of it.
-
-    Args:
-        host: Address to listen on.
-        port: TCP port.
-        entrance: Decides which visitors are admitted.
-
-    Returns:
-        The viewer's ``ViserServer``.
+    """Start the viewer's ``ViserServer`` with the gate in front of it.
 
     Raises:
         ImportError: viser is not installed.
@@ -134,18 +113,7 @@ def make_gated_server(host: str, port: int, entrance: Entrance) -> Any:
 
 
 class _Gate:
-    """Checks every request and every message of a page.
-
-    Args:
-        entrance: Decides which visitors are admitted.
-        protocol: Protocol that a page of this version of the viewer names.
-
-    Attributes:
-        stands: Whether the viewer serves through it.
-        control: Gives the viewer's handle of a control by its identifier.
-        pages: Pages that are connected.
-        connections: Connections of all kinds.
-    """
+    """Checks every request and every message of a page; `stands` says whether the viewer serves through it."""
 
     def __init__(self, entrance: Entrance, protocol: str) -> None:
         self._entrance, self._protocol = entrance, protocol
@@ -158,13 +126,7 @@ class _Gate:
     def process(
         self, serve: Callable[[Any, Any], Response | None], connection: ServerConnection, request: Request
     ) -> Response | None:
-        """Answer a request, or let the viewer do so.
-
-        Args:
-            serve: The viewer's handler.
-            connection: Connection of the request.
-            request: The request.
-        """
+        """Answer a request, or let the viewer do so."""
         if not self.stands:  # the viewer, which waits until it serves, is ended in a moment
             return _respond(connection, 403, "")
         socket = any(value.lower() == "websocket" for value in request.headers.get_all("Upgrade"))

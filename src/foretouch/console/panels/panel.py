@@ -1,21 +1,20 @@
-"""The panel beside the picture: what to do, the forces, behind tabs the rest; and a recording's bar across the top."""
+"""The panel beside the picture: what to do, the forces, behind tabs the rest; and recordings, with a bar at the top."""
 
 from __future__ import annotations
 
 import html
+import math
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from foretouch.console.panels.forces import EnergyPanel, ForcePanel
-from foretouch.console.panels.image import ImagePanel
-from foretouch.console.panels.keys import HELP, SPACE_HELP, add_keys
-from foretouch.console.panels.model import ModelPanel
-from foretouch.console.panels.network import NetworkFaults, NetworkPanel
-from foretouch.console.panels.session import RecordingsPanel, SessionPanel
-from foretouch.console.panels.stop import Alarm
+from foretouch.console.panels.figures import EnergyPanel, ForcePanel, ModelPanel
+from foretouch.console.panels.session import LONGEST_DELAY, NetworkFaults, NetworkPanel, SessionPanel
+from foretouch.console.panels.space import ImagePanel
+from foretouch.console.panels.stop import HELP, SPACE_HELP, Alarm, add_keys
 from foretouch.console.playback import Playback
-from foretouch.console.plots import put
+from foretouch.console.plots import heard, moved, put
 from foretouch.console.sentences import WAITING_INSTRUCTION
 from foretouch.quantities.colours import BLUE, GREY, INK, ORANGE, css
 
@@ -29,26 +28,15 @@ _TOP = (
 
 
 class Banner:
-    """Banner over the top of the picture, where it moves nothing aside.
-
-    Args:
-        gui: The viewer's user interface.
-        meanwhile: Text below the name of a recording.
-    """
+    """Banner over the top of the picture, where it moves nothing aside."""
 
     def __init__(self, gui: Any, meanwhile: str) -> None:
         self._meanwhile = meanwhile
         self._box = gui.add_html("")
 
     def show(self, playback: Playback | None, note: str = "") -> None:
-        """Show which recording is looked at, and which moment of it.
-
-        Args:
-            playback: The recording, None for none.
-            note: Text where none is looked at; "" for none.
-        """
-        content = _note_html(note) if playback is None else _html(playback, self._meanwhile)
-        put(self._box, content=content)
+        """Show which recording is looked at, and which moment of it; without one, a note."""
+        put(self._box, content=_note_html(note) if playback is None else _html(playback, self._meanwhile))
 
 
 def _note_html(note: str) -> str:
@@ -107,22 +95,7 @@ _LAYOUT = (
 
 @dataclass(frozen=True)
 class Actions:
-    """Functions called for actions of a person, from the viewer's thread.
-
-    Attributes:
-        faults: Called with all delays and faults, when one of their sliders was moved.
-        clutch: Called with the browser's number.
-        end: The session is to end.
-        emergency: The robot is to stop at once.
-        choose: Called with the name of a choice and its value.
-        record: A recording is to begin or to end.
-        open: Called with the name of a recording to look at.
-        play: It is to go on or to pause.
-        seek: Called with the moment that it is to show [s].
-        live: The session is to be shown again.
-        again: Called with two delays [s] and whether the force moves the hand, for a second run.
-        step: Called with the distance that the hand is to go in [m].
-    """
+    """Functions called for actions of a person, from the viewer's thread; moments and delays are in s, steps in m."""
 
     faults: Callable[[NetworkFaults], None]
     clutch: Callable[[int | None], None]
@@ -145,22 +118,9 @@ class Panel:
         server: The viewer's server.
         actions: Functions called for actions of a person.
         live: Whether a session may be received; else recordings come first, and nothing offers to act on a robot.
-
-    Attributes:
-        alarm: The emergency stop and what is urgent.
-        banner: Note that a recording is shown.
-        forces: Plot and numbers.
-        image: Image of the camera at the robot, in a session in three dimensions.
-        tabs: All the rest.
-        network: Delays, faults, losses.
-        models: The learnt models.
-        energy: The account of energy.
-        session: The running session.
-        recordings: The recordings.
     """
 
     def __init__(self, server: Any, actions: Actions, *, live: bool = True) -> None:
-        self._on_clutch = actions.clutch
         gui = self._gui = server.gui
         gui.set_panel_label("foretouch")
         gui.configure_theme(control_width="large", show_logo=False, show_share_button=False, brand_color=BLUE)
@@ -173,7 +133,7 @@ class Panel:
         self.forces = ForcePanel(gui)
         self.image = ImagePanel(gui)
         self._clutch = gui.add_button(PRESS_CLUTCH, color=GREY, hint=_CLUTCH)
-        self._clutch.on_click(self._clutch_clicked)
+        self._clutch.on_click(heard(lambda event: actions.clutch(event.client_id)))
         self.tabs = tabs = gui.add_tab_group()
         if not live:
             self._add_recordings(actions, live)
@@ -198,13 +158,11 @@ class Panel:
 
     def explain_space_keys(self) -> None:
         """Name the keys that a session in three dimensions has too."""
-        content = _help_html(HELP.replace("Keys: ", f"Keys: {SPACE_HELP}"))
-        put(self._help, content=content)
+        put(self._help, content=_help_html(HELP.replace("Keys: ", f"Keys: {SPACE_HELP}")))
 
     def instruct(self, instruction: str, note: str) -> None:
         """Show what to do, in one line, and which hand the force moves."""
-        content = _head_html(instruction, note)
-        put(self._head, content=content)
+        put(self._head, content=_head_html(instruction, note))
 
     def offer_clutch(self, offered: bool) -> None:
         """Show the clutch, or hide it where no leader uses it."""
@@ -215,17 +173,9 @@ class Panel:
         self._clutch.label = RELEASE_CLUTCH if pressed else PRESS_CLUTCH
         self._clutch.color = BLUE if pressed else GREY
 
-    async def _clutch_clicked(self, event: Any) -> None:
-        self._on_clutch(event.client_id)
-
 
 def felt(grip: str, by_mouse: bool) -> str:
-    """Which hand the force moves, in a sentence.
-
-    Args:
-        grip: How a hand holds the device that the force moves; empty where it moves none.
-        by_mouse: Whether the mouse leads.
-    """
+    """Which hand the force moves, in a sentence; an empty grip says that it moves none."""
     if not grip:
         return "A mouse cannot push back: see the blue arrow." if by_mouse else "It moves nobody's hand."
     leads = "that follows your mouse" if by_mouse else "of the operator"
@@ -247,3 +197,118 @@ def _head_html(instruction: str, note: str) -> str:
 
 
 _CLUTCH = "While it is pressed your hand moves alone and the robot stays where it is"
+
+
+SETTLED = 0.3
+"""Time without a motion after which a bar is put where the recording is [s], whatever a page shows: the value sent to
+it last may have crossed one that a person typed into it."""
+
+
+SLIGHTLY = 0.01
+"""Smallest difference from the former value: the viewer does not send a repetition [s]."""
+
+
+CHOOSE = "choose one to look at it"
+
+
+PLAY, PAUSE = "Play (P)", "Pause (P)"
+
+
+BACK, CLOSE = "Back to live", "Close the recording"
+
+
+RUN_AGAIN = "Run it again under these delays"
+
+
+_QUIET = "padding:2px 12px;color:#555;overflow-wrap:anywhere"
+"""Of what explains itself once it is read."""
+
+
+class RecordingsPanel:
+    """What was recorded, and when of it is shown."""
+
+    def __init__(
+        self,
+        gui: Any,
+        on_open: Callable[[str], None],
+        on_play: Callable[[], None],
+        on_seek: Callable[[float], None],
+        on_live: Callable[[], None],
+        on_again: Callable[[float, float, bool], None],
+        *,
+        live: bool = True,
+    ) -> None:
+        self._on_open, self._on_seek, self._on_again = on_open, on_seek, on_again
+        self._list = gui.add_dropdown("Recording", (CHOOSE,), hint="The newest first")
+        self._where = gui.add_html("")
+        self._bar = gui.add_slider("Time [s]", 0.0, 1.0, 0.01, 0.0, disabled=True)
+        self._play = gui.add_button(PLAY, color=GREY, disabled=True)
+        self._live = gui.add_button(BACK if live else CLOSE, color=BLUE, disabled=True)
+        self._note = gui.add_html("")
+        self._position_delay = gui.add_slider("Delay there [s]", 0.0, LONGEST_DELAY, 0.01, 0.0, disabled=True)
+        self._force_delay = gui.add_slider("Delay back [s]", 0.0, LONGEST_DELAY, 0.01, 0.0, disabled=True)
+        self._closed = gui.add_checkbox(
+            "Closed loop", False, hint="The force moves the hand; needs a grip", disabled=True
+        )
+        self._again = gui.add_button(RUN_AGAIN, color=GREY, disabled=True)
+        self._shown: Playback | None = None
+        self._moved = math.nan  # when a person moved the bar [s], until it has settled
+        self._list.on_update(moved(self._chosen))
+        self._bar.on_update(moved(self._dragged))
+        self._play.on_click(heard(lambda event: on_play()))
+        self._live.on_click(heard(lambda event: on_live()))
+        self._again.on_click(heard(self._run_again))
+
+    def list(self, names: tuple[str, ...], where: str) -> None:
+        """Show which recordings there are, and in which folders."""
+        put(self._where, content=f'<div style="{_QUIET}">{html.escape(where)}</div>')
+        options = (CHOOSE, *names)
+        if tuple(self._list.options) != options:
+            value = self._list.value
+            self._list.options = options
+            if value in options:
+                self._list.value = value
+
+    def show(self, playback: Playback | None, note: str, busy: bool) -> None:
+        """Show the recording that is looked at, one line on it, and whether something is being read or run."""
+        if playback is not self._shown:
+            if playback is None:
+                self._list.value, self._bar.value, self._play.label = CHOOSE, 0.0, PLAY
+            elif self._shown is None or playback.log is not self._shown.log:
+                self._put(playback)
+            self._shown = playback
+        here = playback is not None
+        controls = (self._bar, self._play, self._live, self._position_delay, self._force_delay, self._closed)
+        offers = [(control, here) for control in controls]
+        for control, offered in (*offers, (self._again, here and not busy), (self._list, not busy)):
+            put(control, disabled=not offered)
+        if playback is not None:
+            self._place_bar(playback.now)
+            put(self._play, label=PAUSE if playback.playing else PLAY)
+        put(self._note, content=f'<div style="{_QUIET}">{html.escape(note)}</div>')
+
+    def _place_bar(self, now: float) -> None:
+        """Put the bar where the recording is [s]."""
+        if time.monotonic() - self._moved > SETTLED:
+            self._moved = math.nan
+            self._bar.value = round(now, 2) + SLIGHTLY
+        if abs(self._bar.value - now) > 0.005:
+            self._bar.value = round(now, 2)
+
+    def _put(self, playback: Playback) -> None:
+        """A new one: its length, and the delays that it had."""
+        self._bar.max = max(round(playback.duration, 2), 0.01)
+        for slider, name in ((self._position_delay, "position_delay"), (self._force_delay, "force_delay")):
+            slider.value = min(max(playback.shown.setting(name, 0.0), 0.0), LONGEST_DELAY)
+
+    def _chosen(self, event: Any) -> None:
+        if self._list.value != CHOOSE:
+            self._list.disabled = True  # it lets go of the focus too, in which no key would stop the robot
+            self._on_open(str(self._list.value))
+
+    def _dragged(self, event: Any) -> None:
+        self._moved = time.monotonic()
+        self._on_seek(float(self._bar.value))
+
+    def _run_again(self, event: Any) -> None:
+        self._on_again(float(self._position_delay.value), float(self._force_delay.value), bool(self._closed.value))

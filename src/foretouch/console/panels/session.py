@@ -1,23 +1,140 @@
-"""What the session is made of, to choose and to end, and the recordings to look at again.
+"""The session: its network's delays and faults, what it is made of, its end, and all messages that the console sends.
 
-A session has material, operator, grip and recording; recordings have a list, a time bar, and a run under other delays.
+A message caused by a person goes out in order with those of its kind, from whichever thread causes it.
 """
 
 from __future__ import annotations
 
+import functools
 import html
 import math
+import threading
 import time
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
 
-from foretouch.console.panels.network import LONGEST_DELAY
-from foretouch.console.playback import Playback
-from foretouch.console.plots import put
+import numpy as np
+
+from foretouch.console.history import LossTrace, Window
+from foretouch.console.plots import Curve, Row, TimePlot, heard, moved, number, put, table
 from foretouch.console.sentences import NOTHING_LIVE
 from foretouch.devices import GRIPS, OPERATORS
-from foretouch.quantities.colours import BLUE, GREY, VERMILLION, css
+from foretouch.messages import VERSION, Choice, EmergencyStop, Handle, Message, Settings, Stop
+from foretouch.quantities.colours import BLUE, GREY, INK, VERMILLION, css
 from foretouch.robot import MATERIALS
+
+LONGEST_DELAY = 2.0
+"""End of the sliders of delays [s]."""
+OWN = 2.0
+"""Time for which a slider that was moved stays as it is [s], until the session sends the new value too."""
+TRIP = Curve("Round trip: age of the answer", INK, 2.0)
+THERE = Curve("Lost on the way there", BLUE, 2.0)
+BACK = Curve("Lost on the way back", VERMILLION, 2.0, "dashed")
+
+
+class NetworkFaults(NamedTuple):
+    """Values of the sliders: one-way delays, jitter and outages [s], and the fraction of messages lost."""
+
+    position_delay: float = 0.0
+    force_delay: float = 0.0
+    jitter: float = 0.0
+    loss: float = 0.0
+    outage: float = 0.0
+
+
+SLIDERS = {
+    "position_delay": ("Delay there [s]", LONGEST_DELAY, 0.01, "One-way delay of your positions to the robot"),
+    "force_delay": ("Delay back [s]", LONGEST_DELAY, 0.01, "One-way delay of models and measured forces"),
+    "jitter": ("Jitter ± [s]", 0.5, 0.005, "Largest change of either delay, drawn for each message"),
+    "loss": ("Loss [share]", 0.9, 0.01, "Share of messages that are lost, either way"),
+    "outage": ("Outage [s]", 5.0, 0.1, "In every 10 s all messages are lost for so long"),
+}
+"""Of each fault: the label, the end of its slider, its step and what it is."""
+
+
+class NetworkPanel:
+    """Sliders, and below them delay and loss as measured; `on_faults` gets all of them when a person moves one."""
+
+    def __init__(self, gui: Any, on_faults: Callable[[NetworkFaults], None]) -> None:
+        self._on_faults = on_faults
+        self._moved = -math.inf
+        self._sliders = {
+            name: gui.add_slider(label, 0.0, end, step, 0.0, hint=hint)
+            for name, (label, end, step, hint) in SLIDERS.items()
+        }
+        for slider in self._sliders.values():
+            slider.on_update(moved(self._slid))
+        self._trip = TimePlot(gui, "Round trip as measured [ms]", (TRIP,), height=120)
+        self._text = gui.add_html("")
+        self._loss = TimePlot(gui, "Messages lost [%]", (THERE, BACK), height=120)
+
+    def put(self, faults: Mapping[str, float]) -> None:
+        """Put sliders where the session is, without telling the session."""
+        if time.monotonic() - self._moved < OWN:
+            return  # the session will confirm its new value
+        for name, value in faults.items():
+            self._sliders[name].value = min(max(value, 0.0), SLIDERS[name][1])
+
+    def offer(self, offered: bool) -> None:
+        """Let the sliders be moved, or not, as while a recording is played."""
+        for slider in self._sliders.values():
+            slider.disabled = not offered
+
+    def draw(self, window: Window, losses: LossTrace) -> None:
+        """Draw and write what is measured."""
+        trips = window.round_trip * 1e3
+        self._trip.draw(window.time, (trips,))
+        self._loss.draw(losses.time, (losses.there, losses.back), most=100.0)
+        known = trips[np.isfinite(trips)]
+        rows = [Row(TRIP.name, number(float(known[-1]) if len(known) else np.nan, "ms", 0), TRIP)]
+        for curve, shares in ((THERE, losses.there), (BACK, losses.back)):
+            rows.append(Row(curve.name, number(float(shares[-1]) if len(shares) else np.nan, "%", 1), curve))
+        put(self._text, content=f'<div style="padding:0 12px">{table(rows)}</div>')
+
+    def _slid(self, event: Any) -> None:
+        self._moved = time.monotonic()
+        self._on_faults(NetworkFaults(**{name: float(slider.value) for name, slider in self._sliders.items()}))
+
+
+class Speech:
+    """Numbers the messages and publishes them."""
+
+    def __init__(self, publish: Callable[[Message], None]) -> None:
+        self._publish = publish
+        self._lock = threading.Lock()
+        self._sequences: dict[type[Message], int] = {}
+
+    def handle(self, position: float, *, held: bool, clutched: bool, place: tuple[float, ...] = ()) -> None:
+        """Send the position that the handle requests [m], and whether it is held or the clutch pressed."""
+        with self._lock:
+            self._publish(Handle(*self._stamp(Handle), position=position, held=held, clutched=clutched, place=place))
+
+    def settings(self, faults: NetworkFaults) -> None:
+        """Which delays and faults there are to be."""
+        with self._lock:
+            self._publish(Settings(*self._stamp(Settings), *faults))
+
+    def choice(self, *, material: str = "", operator: str = "", grip: str = "", record: str = "") -> None:
+        """Send the choice of material, operator and recording; see `Choice`."""
+        with self._lock:
+            self._publish(Choice(*self._stamp(Choice), material, operator, grip, record))
+
+    def stop(self) -> None:
+        """The session is to end."""
+        with self._lock:
+            self._publish(Stop(*self._stamp(Stop), reason="ended in the console"))
+
+    def emergency(self, press: int) -> None:
+        """The robot is to stop at once; the number of the press."""
+        with self._lock:
+            reason = "pressed in the console"
+            self._publish(EmergencyStop(*self._stamp(EmergencyStop), reason=reason, press=press))
+
+    def _stamp(self, kind: type[Message]) -> tuple[int, int, int]:
+        """What every message begins with."""
+        self._sequences[kind] = self._sequences.get(kind, 0) + 1
+        return VERSION, self._sequences[kind], time.monotonic_ns()
+
 
 END = "End the session"
 START_RECORDING, STOP_RECORDING = "Start a recording (R)", "Stop the recording (R)"
@@ -40,15 +157,7 @@ closed, the browser would hear of neither, and the focus would stay in it, where
 
 
 class SessionPanel:
-    """Dropdowns, the recording's button, and the end.
-
-    Args:
-        gui: The viewer's user interface.
-        on_choice: Called with a choice's name and what was chosen.
-        on_record: Called when a recording is to begin or to end.
-        on_end: Called when the session is to end.
-        live: Whether there may be one.
-    """
+    """Dropdowns, the recording's button, and the end."""
 
     def __init__(
         self,
@@ -59,7 +168,7 @@ class SessionPanel:
         *,
         live: bool = True,
     ) -> None:
-        self._on_choice, self._on_record, self._on_end = on_choice, on_record, on_end
+        self._on_choice = on_choice
         self._supervised_elsewhere = BY_HAND if live else NOTHING_LIVE
         self._waiting: dict[str, tuple[str, float]] = {}  # what was chosen, and when [s]
         self._dropdowns = {
@@ -67,22 +176,15 @@ class SessionPanel:
             for name, (label, options, hint) in CHOICES.items()
         }
         for name, dropdown in self._dropdowns.items():
-            dropdown.on_update(self._chooser(name))
+            dropdown.on_update(moved(functools.partial(self._choose, name)))
         self._record = gui.add_button(START_RECORDING, color=GREY, disabled=True)
         self._note = gui.add_html("")
         self._end = gui.add_button(END, color=GREY, disabled=not live)
-        self._record.on_click(self._record_clicked)
-        self._end.on_click(self._end_clicked)
+        self._record.on_click(heard(lambda event: on_record()))
+        self._end.on_click(heard(lambda event: on_end()))
 
     def show(self, runs: dict[str, str], *, offered: bool, recording: str, refused: str) -> None:
-        """Show what runs.
-
-        Args:
-            runs: Material, operator and grip by name, those that are known.
-            offered: Whether a process follows a choice.
-            recording: File that is written; "" for none.
-            refused: Why the newest choice was not followed; "" where it was.
-        """
+        """Show what runs: choices, the file that is written, and why the newest choice was refused; "" for none."""
         for name, (chosen, at) in tuple(self._waiting.items()):
             waited = time.monotonic() - at
             if waited > BEGINNING or (waited > CLOSED and (refused or runs.get(name) == chosen)):
@@ -114,156 +216,10 @@ class SessionPanel:
             lines += [f"<b>Begins anew with {html.escape(chosen)} …</b>" for chosen, _ in self._waiting.values()]
         if refused:
             lines.append(f'<b style="color:{css(VERMILLION)}">Not chosen: {html.escape(refused)}</b>')
-        text = f'<div style="padding:2px 12px;overflow-wrap:anywhere">{"<br>".join(lines)}</div>'
-        put(self._note, content=text)
+        put(self._note, content=f'<div style="padding:2px 12px;overflow-wrap:anywhere">{"<br>".join(lines)}</div>')
 
-    def _chooser(self, name: str) -> Callable[[Any], Any]:
-        async def chosen(event: Any) -> None:
-            if event.client is not None:  # None: the program set it
-                value = str(event.target.value)
-                event.target.disabled = True  # it lets go of the focus too, in which no key would stop the robot
-                self._waiting[name] = (value, time.monotonic())
-                self._on_choice(name, value)
-
-        return chosen
-
-    async def _record_clicked(self, event: Any) -> None:
-        self._on_record()
-
-    async def _end_clicked(self, event: Any) -> None:
-        self._on_end()
-
-
-SETTLED = 0.3
-"""Time without a motion after which a bar is put where the recording is [s], whatever a page shows: the value sent to
-it last may have crossed one that a person typed into it."""
-SLIGHTLY = 0.01
-"""Smallest difference from the former value: the viewer does not send a repetition [s]."""
-CHOOSE = "choose one to look at it"
-PLAY, PAUSE = "Play (P)", "Pause (P)"
-BACK, CLOSE = "Back to live", "Close the recording"
-RUN_AGAIN = "Run it again under these delays"
-_QUIET = "padding:2px 12px;color:#555;overflow-wrap:anywhere"
-"""Of what explains itself once it is read."""
-
-
-class RecordingsPanel:
-    """What was recorded, and when of it is shown.
-
-    Args:
-        gui: The viewer's user interface.
-        on_open: Called with the name of a recording.
-        on_play: Called when it is to go on or to pause.
-        on_seek: Called with the moment [s] at which a person puts the bar.
-        on_live: Called when the session that runs is to be shown again.
-        on_again: Called with both delays [s] and whether the force moves the hand.
-        live: Whether there may be a session to go back to.
-    """
-
-    def __init__(
-        self,
-        gui: Any,
-        on_open: Callable[[str], None],
-        on_play: Callable[[], None],
-        on_seek: Callable[[float], None],
-        on_live: Callable[[], None],
-        on_again: Callable[[float, float, bool], None],
-        *,
-        live: bool = True,
-    ) -> None:
-        self._on_open, self._on_play, self._on_seek = on_open, on_play, on_seek
-        self._on_live, self._on_again = on_live, on_again
-        self._list = gui.add_dropdown("Recording", (CHOOSE,), hint="The newest first")
-        self._where = gui.add_html("")
-        self._bar = gui.add_slider("Time [s]", 0.0, 1.0, 0.01, 0.0, disabled=True)
-        self._play = gui.add_button(PLAY, color=GREY, disabled=True)
-        self._live = gui.add_button(BACK if live else CLOSE, color=BLUE, disabled=True)
-        self._note = gui.add_html("")
-        self._position_delay = gui.add_slider("Delay there [s]", 0.0, LONGEST_DELAY, 0.01, 0.0, disabled=True)
-        self._force_delay = gui.add_slider("Delay back [s]", 0.0, LONGEST_DELAY, 0.01, 0.0, disabled=True)
-        self._closed = gui.add_checkbox(
-            "Closed loop", False, hint="The force moves the hand; needs a grip", disabled=True
-        )
-        self._again = gui.add_button(RUN_AGAIN, color=GREY, disabled=True)
-        self._shown: Playback | None = None
-        self._moved = math.nan  # when a person moved the bar [s], until it has settled
-        self._list.on_update(self._chosen)
-        self._bar.on_update(self._dragged)
-        self._play.on_click(self._play_clicked)
-        self._live.on_click(self._live_clicked)
-        self._again.on_click(self._again_clicked)
-
-    def list(self, names: tuple[str, ...], where: str) -> None:
-        """Show which recordings there are.
-
-        Args:
-            names: The newest first.
-            where: In which folders they are.
-        """
-        text = f'<div style="{_QUIET}">{html.escape(where)}</div>'
-        put(self._where, content=text)
-        options = (CHOOSE, *names)
-        if tuple(self._list.options) != options:
-            value = self._list.value
-            self._list.options = options
-            if value in options:
-                self._list.value = value
-
-    def show(self, playback: Playback | None, note: str, busy: bool) -> None:
-        """Show the recording that is looked at.
-
-        Args:
-            playback: It, None for none.
-            note: One line.
-            busy: Whether something is being read or run.
-        """
-        if playback is not self._shown:
-            if playback is None:
-                self._list.value, self._bar.value, self._play.label = CHOOSE, 0.0, PLAY
-            elif self._shown is None or playback.log is not self._shown.log:
-                self._put(playback)
-            self._shown = playback
-        here = playback is not None
-        controls = (self._bar, self._play, self._live, self._position_delay, self._force_delay, self._closed)
-        offers = [(control, here) for control in controls]
-        for control, offered in (*offers, (self._again, here and not busy), (self._list, not busy)):
-            put(control, disabled=not offered)
-        if playback is not None:
-            self._place_bar(playback.now)
-            label = PAUSE if playback.playing else PLAY
-            put(self._play, label=label)
-        text = f'<div style="{_QUIET}">{html.escape(note)}</div>'
-        put(self._note, content=text)
-
-    def _place_bar(self, now: float) -> None:
-        """Put the bar where the recording is [s]."""
-        if time.monotonic() - self._moved > SETTLED:
-            self._moved = math.nan
-            self._bar.value = round(now, 2) + SLIGHTLY
-        if abs(self._bar.value - now) > 0.005:
-            self._bar.value = round(now, 2)
-
-    def _put(self, playback: Playback) -> None:
-        """A new one: its length, and the delays that it had."""
-        self._bar.max = max(round(playback.duration, 2), 0.01)
-        for slider, name in ((self._position_delay, "position_delay"), (self._force_delay, "force_delay")):
-            slider.value = min(max(playback.shown.setting(name, 0.0), 0.0), LONGEST_DELAY)
-
-    async def _chosen(self, event: Any) -> None:
-        if event.client is not None and self._list.value != CHOOSE:
-            self._list.disabled = True  # it lets go of the focus too, in which no key would stop the robot
-            self._on_open(str(self._list.value))
-
-    async def _dragged(self, event: Any) -> None:
-        if event.client is not None:
-            self._moved = time.monotonic()
-            self._on_seek(float(self._bar.value))
-
-    async def _play_clicked(self, event: Any) -> None:
-        self._on_play()
-
-    async def _live_clicked(self, event: Any) -> None:
-        self._on_live()
-
-    async def _again_clicked(self, event: Any) -> None:
-        self._on_again(float(self._position_delay.value), float(self._force_delay.value), bool(self._closed.value))
+    def _choose(self, name: str, event: Any) -> None:
+        value = str(event.target.value)
+        event.target.disabled = True  # it lets go of the focus too, in which no key would stop the robot
+        self._waiting[name] = (value, time.monotonic())
+        self._on_choice(name, value)

@@ -1,19 +1,244 @@
-"""What is known of the fixture: its pose and how surely, friction, local stiffness; and the handle's sliders."""
+"""A session in three dimensions: the camera's image, as late as the network is, and what is known of the fixture.
+
+The virtual probe and the fixture can be drawn over the image: what the camera would see if there were no delay. Such
+predictive displays for delayed teleoperation: Bejczy, Kim and Venema (1990), The phantom robot, IEEE International
+Conference on Robotics and Automation, 546-551.
+"""
 
 from __future__ import annotations
 
+import functools
 import html
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from foretouch.console.plots import Curve, Row, TimePlot, number, put, table
-from foretouch.console.space_heard import PoseTrace
+from foretouch.console.history import Array
+from foretouch.console.plots import Curve, Row, TimePlot, moved, number, put, table
+from foretouch.console.space_heard import PoseTrace, fixture_of
 from foretouch.console.watched import Watched
-from foretouch.messages import FixtureBelief, LeaderSpace
-from foretouch.quantities.colours import BLUE, INK, VERMILLION, css
+from foretouch.errors import MissingExtraError, SettingError, install_command
+from foretouch.messages import CameraImage, FixtureBelief, LeaderSpace
+from foretouch.quantities import Pose
+from foretouch.quantities.colours import BLUE, GREEN, INK, VERMILLION, Colour, css
+from foretouch.quantities.pose import Vector
+from foretouch.vision.camera import opencv
+
+ROD = 0.03
+"""Length of the probe that is drawn [m]."""
+TIP_RADIUS = 2.25e-3
+PARTS = 8
+"""Number of parts in which a side of the outline is drawn: a lens bends it."""
+QUALITY = 80
+
+
+def can_draw() -> bool:
+    """Whether OpenCV, which reads and draws images, is there and starts: it may lack a library of its own."""
+    try:
+        opencv()
+    except MissingExtraError:
+        return False
+    return True
+
+
+def draw_over(
+    jpeg: bytes, camera: Sequence[float], probe: Vector, pose: Sequence[float], corners: Array
+) -> bytes | None:
+    """An image with the virtual probe and the fixture's outline in it; None where it cannot be read.
+
+    Args:
+        jpeg: The image.
+        camera: As `foretouch.messages.CameraImage.camera` has it.
+        probe: Position of the virtual probe [m].
+        pose: Pose of the fixture as it is rendered: a position [m] and a rotation vector [rad].
+        corners: Corners of the outline in the fixture's frame [m], shape (n, 3).
+    """
+    cv2 = opencv()
+
+    image = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
+    if image is None or len(camera) != 15:
+        return None
+    outline = Pose.from_rotation_vector(pose[3:], pose[:3]).apply(_divided(corners))
+    try:
+        seen = _pixels(camera, outline)
+    except SettingError:  # no such lens
+        return None
+    _draw_line(image, np.vstack([seen, seen[:1]]), GREEN, 2)
+    if all(map(math.isfinite, probe)):
+        rod = np.asarray(probe) + np.outer(np.linspace(0.0, ROD, PARTS), (0.0, 0.0, 1.0))
+        _draw_line(image, _pixels(camera, rod), BLUE, 6)
+        _draw_tip(image, camera, probe)
+    written, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
+    return bytes(data) if written else None
+
+
+def _draw_tip(image: np.ndarray, camera: Sequence[float], probe: Vector) -> None:
+    """A disc as large as the tip would be."""
+    cv2 = opencv()
+
+    x, y, z = probe
+    middle, right = _pixels(camera, np.array([(x, y, z), (x + TIP_RADIUS, y, z)]))
+    if np.isfinite(middle).all() and np.isfinite(right).all():
+        radius = max(round(math.dist(middle, right)), 5)
+        at = (round(float(middle[0])), round(float(middle[1])))
+        cv2.circle(image, at, radius + 2, (255, 255, 255), -1, cv2.LINE_AA)
+        cv2.circle(image, at, radius, BLUE[::-1], -1, cv2.LINE_AA)
+
+
+def _draw_line(image: np.ndarray, points: Array, colour: Colour, width: int) -> None:
+    """A line with a white rim, left out where it is not before the camera or far beside the image."""
+    cv2 = opencv()
+
+    height, across = image.shape[:2]
+    near = np.isfinite(points).all(axis=1) & (np.abs(points) < 4 * max(height, across)).all(axis=1)
+    for wider, painted in ((width + 3, (255, 255, 255)), (width, colour[::-1])):
+        for a, b, here, there in zip(points[:-1], points[1:], near[:-1], near[1:], strict=True):
+            if here and there:
+                ends = [tuple(round(float(value)) for value in point) for point in (a, b)]
+                cv2.line(image, ends[0], ends[1], painted, wider, cv2.LINE_AA)
+
+
+def _divided(corners: Array) -> Array:
+    """Points along the sides of a closed outline."""
+    share = np.arange(PARTS)[:, None] / PARTS
+    sides = [a + share * (b - a) for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)]
+    return np.concatenate(sides)
+
+
+def _pixels(camera: Sequence[float], points: Array) -> Array:
+    from foretouch.session.spatial.camera import pixels
+
+    return pixels(camera, points)
+
+
+DRAW_PROBE = "Probe over image"
+WHAT_IS_DRAWN = "Draw the virtual probe (blue) and the fixture as rendered (green) over the delayed image"
+NO_OPENCV = "OpenCV is not here: the probe cannot be drawn over images. "
+NO_CAMERA = "There is no camera at the robot."
+NOT_USED = ("contact", "none")
+"""With these values of ``fusion`` no image is needed."""
+NO_IMAGE = "No image has come yet."
+CAMERA_DELAY = 0.05
+"""Time from exposure to reading [s] until the session sends its value."""
+MARKERS = 4
+"""Number of markers on the board."""
+TITLE = "Camera at the robot, delayed"
+_STYLE = (
+    '<div class="foretouch-camera"><style>'
+    "div:has(> .foretouch-camera) + div{position:fixed !important;z-index:40;bottom:12px;right:472px;"
+    "width:clamp(200px, calc(100vw - 900px), 400px);background:#fff;border:1px solid #999;border-radius:6px;"
+    "padding:2px 6px 6px 6px !important;margin:0 !important}"
+    "@media (max-width:1100px){div:has(> .foretouch-camera) + div{bottom:92px}}"
+    "@media (max-width:36em){div:has(> .foretouch-camera) + div{position:static !important;width:auto}}"
+    "</style></div>"
+)
+"""The image comes next: it stands in the corner of the picture while the panel scrolls."""
+BLANK = np.full((480, 640, 3), 96, np.uint8)
+
+
+class ImagePanel:
+    """The camera's image, hidden in sessions along a line.
+
+    What it shows goes to the browser as it came, as a JPEG; only with the probe drawn over it is it read here.
+    """
+
+    def __init__(self, gui: Any) -> None:
+        self._style = gui.add_html(_STYLE, visible=False)
+        self._image = gui.add_image(BLANK, label=TITLE, format="jpeg", visible=False)
+        self._text = gui.add_html("", visible=False)
+        self._over = gui.add_checkbox(DRAW_PROBE, False, hint=WHAT_IS_DRAWN, visible=False)
+        self._can_draw: bool | None = None  # not asked yet: loading OpenCV takes its time
+        self._shown = False
+        self._sent: CameraImage | None = None
+        self._drawn_over = False
+
+    def show(self, shown: bool) -> None:
+        """Show the panel, or hide it."""
+        if shown != self._shown:
+            if self._can_draw is None:
+                self._can_draw = can_draw()
+                self._over.disabled = not self._can_draw
+            self._shown = shown
+            self._style.visible = self._text.visible = self._over.visible = shown
+            self._image.visible = shown and self._sent is not None
+
+    def toggle_overlay(self) -> None:
+        """Draw the virtual probe over the image, or no more."""
+        if self._can_draw:
+            self._over.value = not self._over.value
+
+    def draw(self, watched: Watched, vertices: Array) -> None:
+        """Draw the newest image; vertices of what is touched are in the fixture's frame [m], shape (n, 3)."""
+        image = watched.space.image(watched.heard_sequence, watched.setting("camera_delay", CAMERA_DELAY))
+        leader = watched.space.leader
+        self._write(watched, image)
+        put(self._image, visible=image is not None)
+        if image is None or leader is None or not image.jpeg:
+            return
+        over = bool(self._over.value) and bool(self._can_draw)
+        if image is self._sent and not over and not self._drawn_over:
+            return
+        jpeg = _over(image, leader, vertices) if over else image.jpeg
+        self._sent, self._drawn_over = image, over
+        if jpeg is not None:
+            self._image._data = jpeg  # as it came: the viewer would read and write it once more
+
+    def _write(self, watched: Watched, image: CameraImage | None) -> None:
+        lines = []
+        if image is None:
+            lines.append(missing_image(watched.settings))
+        else:
+            lines.append(f"{_age(watched, image)}; {image.markers} of {MARKERS} markers found.")
+            if image.reason:
+                lines.append(f"No pose from it: {image.reason}.")
+        if image is not None and not self._can_draw:
+            lines.append(NO_OPENCV + install_command("vision"))
+        wrong = image is None or bool(image.reason)
+        colour = css(VERMILLION) if wrong else "#555"
+        text = (
+            f'<div style="padding:0 12px;color:{colour};line-height:1.35">{"<br>".join(map(html.escape, lines))}</div>'
+        )
+        put(self._text, content=text)
+
+
+def missing_image(settings: Mapping[str, str]) -> str:
+    """Why there is no image, and what to install, in a sentence."""
+    fusion, why = settings.get("fusion", ""), settings.get("camera_missing", "")
+    if why:
+        return f"{why[:1].upper()}{why[1:].rstrip('.')}."
+    if settings.get("camera") == "there is none" or fusion in NOT_USED:
+        return f"{NO_CAMERA} Images are not used (--fusion {fusion})." if fusion in NOT_USED else NO_CAMERA
+    return NO_IMAGE
+
+
+def _over(image: CameraImage, leader: LeaderSpace, vertices: Array) -> bytes | None:
+    probe = (leader.place_x, leader.place_y, leader.place_z)
+    return draw_over(image.jpeg, image.camera, probe, fixture_of(leader), footprint(vertices))
+
+
+def _age(watched: Watched, image: CameraImage) -> str:
+    """How old the image is, in words: the ticks of the robot since then, and the network's delay."""
+    there = (watched.heard_sequence - image.tick) * 1e-3
+    back = watched.setting("force_delay", math.nan)
+    age = there + (back if math.isfinite(back) else 0.0)
+    return f"Shows the robot of {age:.1f} s ago"
+
+
+BOARD, MARKER = 0.060, 0.024
+"""Sides of the board and of a marker as they are drawn [m]."""
+MARGIN = 0.004
+"""Distance of the outline from what it encloses [m]."""
+
+
+def footprint(vertices: np.ndarray) -> np.ndarray:
+    """Corners of a rectangle about board and specimen, in the fixture's frame [m], shape (4, 3)."""
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    left, right = min(float(low[0]), -0.5 * BOARD) - MARGIN, max(float(high[0]), 0.5 * BOARD) + MARGIN
+    near, far = min(float(low[1]), -0.5 * BOARD) - MARGIN, max(float(high[1]), 0.5 * BOARD) + MARGIN
+    return np.array([(left, near, 0.0), (right, near, 0.0), (right, far, 0.0), (left, far, 0.0)])
+
 
 PLACE = Curve("Deviation of its position", BLUE, 2.0)
 TURN = Curve("Deviation of its rotation", VERMILLION, 2.0, "dashed")
@@ -31,12 +256,7 @@ SMALLEST_MOVE = 0.3
 
 
 class SpacePanel:
-    """Numbers and plots of the fixture.
-
-    Args:
-        gui: The viewer's user interface.
-        on_move: Called with an axis, 0 to 2, and where along it the hand is to be [m].
-    """
+    """Numbers and plots of the fixture; a slider says along which axis, 0 to 2, the hand is to be where [m]."""
 
     def __init__(self, gui: Any, on_move: Callable[[int, float], None]) -> None:
         self._on_move = on_move
@@ -48,17 +268,10 @@ class SpacePanel:
             for label in SLIDERS
         ]
         for axis, slider in enumerate(self._sliders):
-            slider.on_update(self._mover(axis))
+            slider.on_update(moved(functools.partial(self._move, axis)))
 
     def draw(self, watched: Watched, seconds: float, now: float, hand: tuple[float, float, float] | None) -> None:
-        """Draw and write what is known.
-
-        Args:
-            watched: The session, or a recording.
-            seconds: Time span of the plots [s].
-            now: Time by the clock of reception [s].
-            hand: Requested position of the hand [m]; None without a request.
-        """
+        """Draw and write what is known over seconds before now [s], and the hand's requested position [m] if any."""
         trace = watched.space.pose_trace(seconds)
         self._plot(trace)
         self._follow(hand)
@@ -69,8 +282,7 @@ class SpacePanel:
         said = pose_sentence(watched, now)
         colour = css(VERMILLION) if leader.fixture_age > AGED else "#555"
         sentence = f'<div style="color:{colour};line-height:1.35;padding-bottom:2px"><b>{html.escape(said)}</b></div>'
-        text = f'<div style="padding:0 12px">{sentence}{table(rows)}</div>'
-        put(self._text, content=text)
+        put(self._text, content=f'<div style="padding:0 12px">{sentence}{table(rows)}</div>')
 
     def _plot(self, trace: PoseTrace) -> None:
         self._pose.draw(trace.time, (trace.deviation * 1e3, trace.turn * (180.0 / math.pi)))
@@ -87,21 +299,12 @@ class SpacePanel:
             if abs(slider.value - value) > SMALLEST_MOVE:
                 slider.value = value
 
-    def _mover(self, axis: int) -> Callable[[Any], Any]:
-        async def moved(event: Any) -> None:
-            if event.client is not None:  # None: the program set it
-                self._on_move(axis, float(event.target.value) * 1e-3)
-
-        return moved
+    def _move(self, axis: int, event: Any) -> None:
+        self._on_move(axis, float(event.target.value) * 1e-3)
 
 
 def pose_sentence(watched: Watched, now: float) -> str:
-    """Uncertainty of the fixture's pose, in a sentence.
-
-    Args:
-        watched: The session, or a recording.
-        now: Time by the clock of reception [s].
-    """
+    """Uncertainty of the fixture's pose, in a sentence."""
     leader, belief = watched.space.leader, watched.space.belief
     silence = watched.space.camera_silence(now)
     if leader is None:

@@ -1,10 +1,12 @@
 """Corner of the picture that is always shown: the emergency stop, and what is urgent.
 
-A stop is requested again and again, until the robot confirms that it has stopped.
+A stop is requested again and again, until the robot confirms that it has stopped. The page has the stop's keys; what
+letters do, wherever the focus is but in a field for text or numbers, stands here.
 """
 
 from __future__ import annotations
 
+import functools
 import html
 import math
 import re
@@ -13,8 +15,9 @@ from collections.abc import Callable
 from typing import Any
 
 from foretouch.console.gate.page import BEAT_PERIOD, STOP_BUTTON, WITH_KEYBOARD, beat_html
-from foretouch.console.plots import put
+from foretouch.console.plots import heard, put
 from foretouch.quantities.colours import BLUE, GREY, INK, VERMILLION, css
+from foretouch.quantities.pose import Vector
 
 READY, ASKING, LATCHED = "EMERGENCY STOP", "Stopping the robot …", "Emergency stop is latched"
 """What stands on the button: before it is pressed, until the robot has stopped, and until it is released there."""
@@ -51,60 +54,38 @@ class Alarm:
     """The emergency stop button and, above it, sentences that have to be known at once.
 
     It is the first that the keyboard reaches, and never disabled.
-
-    Args:
-        gui: The viewer's user interface.
-        on_press: Called when the button is pressed, by the mouse, by touch, or by Space or Escape (`gate/page.js`).
-        offered: Whether there may be a robot to stop. Without one there is no button, which would stop nothing.
     """
 
     def __init__(self, gui: Any, on_press: Callable[[], None], *, offered: bool = True) -> None:
-        self._on_press, self._offered = on_press, offered
+        self._offered = offered
         gui.add_html(_STYLE)
         self._button = gui.add_button(READY, color=VERMILLION, visible=offered)
         self._box = gui.add_html("")
         self._key = gui.add_html(_KEY, visible=offered)
         self._beats, self._next_beat = 0, 0.0
         self._beat = gui.add_html(beat_html(0))
-        self._button.on_click(self._pressed)
+        pressed = heard(lambda event: on_press())
+        self._button.on_click(pressed)
         if offered:
-            gui.add_command("Emergency stop", description="The robot unloads and stays so").on_trigger(self._pressed)
+            gui.add_command("Emergency stop", description="The robot unloads and stays so").on_trigger(pressed)
 
     def show(self, label: str, alerts: tuple[str, ...]) -> None:
-        """Show how far the emergency stop is, and what is urgent.
-
-        Args:
-            label: `READY`, `ASKING`, `LATCHED` or `UNABLE`.
-            alerts: Sentences.
-        """
+        """Show how far the emergency stop is (`READY`, `ASKING`, `LATCHED` or `UNABLE`), and what is urgent."""
         put(self._button, label=label, color=COLOURS.get(label, INK))
         put(self._key, visible=self._offered and label == READY)
-        content = _box_html(alerts)
-        put(self._box, content=content)
+        put(self._box, content=_box_html(alerts))
 
     def beat(self, now: float, frames: float) -> None:
-        """Show the page that the console draws; without that the page states that it cannot stop the robot.
-
-        Args:
-            now: Time by a monotonic clock [s].
-            frames: Number of pictures per second that the page may draw.
-        """
+        """Show the page that the console draws; without that the page states that it cannot stop the robot."""
         if now >= self._next_beat:
             self._next_beat = now + BEAT_PERIOD
             self._beats += 1
             self._beat.content = beat_html(self._beats, frames)
 
     def end(self, said: str) -> None:
-        """Show on the page that the session has ended, and that there is nothing to stop any more.
-
-        Args:
-            said: Text on what there is to do.
-        """
+        """Show on the page that the session has ended, and that there is nothing to stop any more."""
         self._next_beat = math.inf
         self._beat.content = beat_html(self._beats + 1, ended=said)
-
-    async def _pressed(self, event: Any) -> None:
-        self._on_press()
 
 
 def _box_html(alerts: tuple[str, ...]) -> str:
@@ -132,11 +113,7 @@ LEAST_ASKED = 4
 
 
 class EmergencyCall:
-    """Requests on a separate thread: neither a slow picture nor a browser that is gone holds them up.
-
-    Args:
-        ask: Sends one message; it should return at once.
-    """
+    """Requests on a separate thread: neither a slow picture nor a browser that is gone holds them up."""
 
     def __init__(self, ask: Callable[[], None]) -> None:
         self._ask = ask
@@ -172,3 +149,51 @@ class EmergencyCall:
             self._ask()
             self._asked += 1
             self._closed.wait(ASKING_PERIOD)
+
+
+STEP = 0.0005
+"""How far one stroke moves the hand [m]."""
+
+HELP = (
+    "Keys: <b>Space</b> or <b>Esc</b> emergency stop · <b>D</b> deeper, <b>U</b> up · <b>C</b> clutch · "
+    "<b>R</b> record · <b>P</b> play, pause · <b>Tab</b>, <b>Enter</b> reach everything."
+)
+"""Letters and no arrows: those belong to sliders, tabs and lists."""
+
+SPACE_HELP = "<b>J</b>, <b>L</b> left, right · <b>I</b>, <b>K</b> away, nearer · <b>O</b> probe over image · "
+"""In a session in three dimensions."""
+
+
+def add_keys(
+    gui: Any,
+    *,
+    on_step: Callable[[float], None],
+    on_clutch: Callable[[int | None], None],
+    on_record: Callable[[], None],
+    on_play: Callable[[], None],
+) -> None:
+    """Register the keys with the viewer, whose list of commands (Ctrl-K) names them too; a step is in metres."""
+    for label, key, action in (
+        ("Hand deeper", "D", lambda event: on_step(STEP)),
+        ("Hand up", "U", lambda event: on_step(-STEP)),
+        ("Clutch", "C", lambda event: on_clutch(event.client_id)),
+        ("Start or stop recording", "R", lambda event: on_record()),
+        ("Play or pause the recording", "P", lambda event: on_play()),
+    ):
+        gui.add_command(label, hotkey=key).on_trigger(heard(action))
+
+
+def add_space_keys(gui: Any, on_stroke: Callable[[Vector], None], on_overlay: Callable[[], None]) -> None:
+    """Register the keys that a session in three dimensions has beside the others; a stroke is a way [m]."""
+    for label, key, way in (
+        ("Hand to the left", "J", (-STEP, 0.0, 0.0)),
+        ("Hand to the right", "L", (STEP, 0.0, 0.0)),
+        ("Hand away", "I", (0.0, STEP, 0.0)),
+        ("Hand nearer", "K", (0.0, -STEP, 0.0)),
+    ):
+        gui.add_command(label, hotkey=key).on_trigger(heard(functools.partial(_stroke, on_stroke, way)))
+    gui.add_command("Probe over image", hotkey="O").on_trigger(heard(lambda event: on_overlay()))
+
+
+def _stroke(on_stroke: Callable[[Vector], None], way: Vector, event: Any) -> None:
+    on_stroke(way)

@@ -1,11 +1,9 @@
-"""The virtual fixture in the picture: its board, and its surface with its dent and the colours of what was learnt.
-
-The surface is drawn as triangles, fine enough to sink under a probe. Turns are quaternions as the viewer writes them,
-with the real part first.
-"""
+"""The virtual fixture in the picture: its board, and its surface with its dent and the colours of what was learnt."""
 
 from __future__ import annotations
 
+import html
+import itertools
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -13,120 +11,121 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.console.panels.image import BOARD, MARKER, footprint
-from foretouch.console.views.shapes import add_body
-from foretouch.console.views.stiffness_colours import (
-    COLOURS,
-    LEAST_KNOWN,
-    UNKNOWN,
-    StiffnessScale,
-    known_share,
-    levels_of,
-)
-from foretouch.console.window import Array
-from foretouch.models import MaterialField
-from foretouch.quantities.colours import CUT, GREY, INK, VERMILLION
+from foretouch.console.history import Array
+from foretouch.console.panels.space import BOARD, MARKER, TIP_RADIUS, footprint
+from foretouch.console.views.shapes import Faces, add_body, boundary, compacted, refined, sinking, skirt, wxyz_of
+from foretouch.models import FIELD_DEPTH, MaterialField
+from foretouch.quantities.colours import CUT, GREY, INK, VERMILLION, Colour, css
 from foretouch.quantities.pose import RigidMotion
 from foretouch.rendering import Surface
 
-Quaternion = tuple[float, float, float, float]
+COLOURS: tuple[Colour, ...] = (
+    (253, 231, 157), (247, 196, 108), (232, 155, 84), (205, 113, 79), (165, 78, 77), (116, 53, 71), (66, 30, 54)
+)  # fmt: skip
+"""From soft to stiff: lightness alone tells the steps apart, whichever colours an eye sees."""
+UNKNOWN: Colour = (190, 190, 190)
+"""Where nothing was learnt."""
+LEAST_KNOWN = 0.5
+"""Weight of learnt nodes in the law of a point from which its stiffness counts as known."""
+STEPS = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)
+"""A step is one of these times a power of ten."""
+SMALLEST, LARGEST = 1.0, 1e7
+"""Steps stay within these [N/m]."""
+LEAST_SHARE = 0.05
+"""Least step as a fraction of the scale's stiff end: less is noise, and one material has few colours."""
+CORNERS = np.array(list(itertools.product((0, 1), repeat=3)))
+WIDE = np.int64(1 << 20)
 
 
-def wxyz_of(vector: Sequence[float]) -> Quaternion:
-    """Of a rotation vector [rad]."""
-    x, y, z = (float(value) for value in vector)
-    angle = math.sqrt(x * x + y * y + z * z)
-    share = 0.5 if angle < 1e-9 else math.sin(0.5 * angle) / angle
-    return math.cos(0.5 * angle), share * x, share * y, share * z
+class StiffnessScale:
+    """Round numbers at equal steps. It grows when more is learnt and does not shrink, so that colours keep.
 
-
-def along(direction: Sequence[float]) -> Quaternion:
-    """The shortest turn from the z axis into a direction; none where it has no length.
-
-    Args:
-        direction: Of any length.
+    Attributes:
+        edges: Between the steps [N/m], one more than there are colours; empty before anything was learnt.
     """
-    x, y, z = (float(value) for value in direction)
-    length = math.sqrt(x * x + y * y + z * z)
-    if not 0.0 < length < math.inf:
-        return 1.0, 0.0, 0.0, 0.0
-    x, y, z = x / length, y / length, z / length
-    if z < -1.0 + 1e-9:
-        return 0.0, 1.0, 0.0, 0.0
-    w = math.sqrt(0.5 * (1.0 + z))
-    return w, -0.5 * y / w, 0.5 * x / w, 0.0
+
+    def __init__(self) -> None:
+        self.edges: Array = np.empty(0)
+
+    def include(self, stiffness: Array) -> bool:
+        """Let the scale hold what was learnt [N/m]; whether it has changed."""
+        if not len(stiffness):
+            return False
+        low, high = (float(value) for value in np.percentile(stiffness, (2.0, 98.0)))
+        if len(self.edges):
+            low, high = min(low, float(self.edges[0])), max(high, float(self.edges[-1]))
+        edges = _round_edges(low, high)
+        if np.array_equal(edges, self.edges):
+            return False
+        self.edges = edges
+        return True
+
+    def forget(self) -> None:
+        """Another material: the scale begins anew."""
+        self.edges = np.empty(0)
 
 
-Faces = NDArray[np.int64]
+def levels_of(edges: Array, stiffness: Array, known: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """The step of each point, shape (n,): 0 where nothing was learnt, then 1 for the softest."""
+    if not len(edges):
+        return np.zeros(len(stiffness), np.int64)
+    step = np.clip(np.searchsorted(edges, stiffness, side="right"), 1, len(edges) - 1)
+    return np.where(known, step, 0).astype(np.int64)
 
-LONGEST_EDGE = 4e-3
-"""Triangles are divided until no edge is longer [m]."""
-MOST_TRIANGLES = 6000
-"""Largest number of triangles, at which the division ends."""
+
+def known_share(field: MaterialField, points: Array) -> Array:
+    """Weight of the learnt nodes in the law at each point of the fixture's frame [m], shape (n, 3)."""
+    if not len(field):
+        return np.zeros(len(points))
+    lattice = points / field.spacing
+    base = np.floor(lattice).astype(np.int64)
+    within = lattice - base
+    codes = _codes(field.keys.astype(np.int64))
+    share = np.zeros(len(points))
+    for corner in CORNERS:
+        weight = np.prod(np.where(corner == 1, within, 1.0 - within), axis=1)
+        share += weight * np.isin(_codes(base + corner), codes)
+    return share
+
+
+def legend_html(edges: Array) -> str:
+    """What the colours of the surface mean."""
+    grey = f'{_swatch(css(UNKNOWN))}<td style="padding-left:6px">nothing learnt yet</td>'
+    rows = [f"<tr>{grey}</tr>"]
+    for colour, (low, high) in zip(COLOURS, itertools.pairwise(edges.tolist()), strict=False):
+        rows.append(f'<tr>{_swatch(css(colour))}<td style="padding-left:6px">{low:,.0f} to {high:,.0f}</td></tr>')
+    rows.reverse()
+    title = html.escape(f"Local stiffness at {FIELD_DEPTH * 1e3:.0f} mm [N/m]")
+    return f'<b>{title}</b><table style="border-spacing:0;line-height:1.25">{"".join(rows)}</table>'
+
+
+def _swatch(colour: str) -> str:
+    return f'<td><div style="width:26px;height:14px;background:{colour};border:1px solid #555"></div></td>'
+
+
+def _codes(keys: NDArray[np.int64]) -> NDArray[np.int64]:
+    return (keys[:, 0] * WIDE + keys[:, 1]) * WIDE + keys[:, 2]
+
+
+def _round_edges(low: float, high: float) -> Array:
+    """Round numbers at equal steps, the smallest that reach from one stiffness to another."""
+    count = len(COLOURS)
+    least = min(max((high - low) / count, LEAST_SHARE * high, SMALLEST), LARGEST)
+    power = 10.0 ** math.floor(math.log10(least))
+    for step in (power * factor for factor in (*STEPS, *(10.0 * factor for factor in STEPS))):
+        first = step * math.floor(low / step)
+        last = first + count * step
+        if last >= high and step >= LEAST_SHARE * last:
+            break
+    return np.asarray(first + step * np.arange(count + 1), dtype=np.float64)
+
+
 NARROW, REACH = 2.5e-3, 16e-3
 """Width of a shallow dent, and where every dent ends [m]."""
-TIP_RADIUS = 2.25e-3
-"""Radius of the probe as it is drawn [m]."""
-
-
-def refined(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
-    """Divide every triangle into four, until they are fine enough to be bent; or join them where they are too many.
-
-    Args:
-        vertices: [m], shape (n, 3).
-        faces: Indices, shape (m, 3).
-    """
-    vertices, faces = np.asarray(vertices, np.float64), np.asarray(faces, np.int64)
-    if len(faces) > MOST_TRIANGLES:
-        return thinned(vertices, faces, MOST_TRIANGLES)
-    while _longest_edge(vertices, faces) > LONGEST_EDGE and 4 * len(faces) <= MOST_TRIANGLES:
-        edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-        unique, index = np.unique(edges, axis=0, return_inverse=True)
-        middle = len(vertices) + index.reshape(-1, 3)
-        vertices = np.vstack([vertices, vertices[unique].mean(axis=1)])
-        (a, b, c), (ab, bc, ca) = faces.T, middle.T
-        parts = ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))
-        faces = np.concatenate([np.stack(part, axis=1) for part in parts])
-    return vertices, faces
-
-
-def thinned(vertices: Array, faces: Faces, most: int) -> tuple[Array, Faces]:
-    """Fewer triangles: vertices in one cube become one, in cubes as large as it takes.
-
-    A browser is sent what is drawn thirty times a second. What is felt is the whole mesh.
-
-    Args:
-        vertices: [m], shape (n, 3).
-        faces: Indices, shape (m, 3).
-        most: Triangles that are left.
-
-    References:
-        Rossignac and Borrel (1993), Multi-resolution 3D approximations for rendering complex scenes, in Modeling in
-        Computer Graphics, Springer: vertex clustering.
-    """
-    corners = vertices[faces]
-    crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    side = math.sqrt(float(np.linalg.norm(crosses, axis=1).sum()) / most)  # about two triangles a cube
-    low = vertices.min(axis=0)
-    while True:
-        cubes, cube_of = np.unique(((vertices - low) / side).astype(np.int64), axis=0, return_inverse=True)
-        joined = cube_of.reshape(-1)[faces]
-        joined = joined[(joined != np.roll(joined, 1, axis=1)).all(axis=1)]
-        _, first = np.unique(np.sort(joined, axis=1), axis=0, return_index=True)
-        if len(first) <= most:
-            break
-        side *= 1.25
-    counts = np.bincount(cube_of.reshape(-1), minlength=len(cubes))
-    sums = [np.bincount(cube_of.reshape(-1), vertices[:, axis], len(cubes)) for axis in range(3)]
-    return np.column_stack(sums) / counts[:, None], joined[np.sort(first)]
 
 
 def sunk(vertices: Array, point: Sequence[float], normal: Sequence[float], depth: float) -> tuple[Array, Array]:
-    r"""Vertices under a probe, and by how much each has sunk.
-
-    .. math:: u(r) = d \left(1 + r^2 / w^2\right)^{-3/2} \left(1 - r^2 / W^2\right)^2, \quad w^2 = w_0^2 + 3 d R
-
-    along the normal; r is the distance from the proxy. It is a picture, not a solution.
+    """Vertices under a probe, and by how much each has sunk along the normal: see `shapes.sinking`.
 
     Args:
         vertices: [m], shape (n, 3).
@@ -137,39 +136,8 @@ def sunk(vertices: Array, point: Sequence[float], normal: Sequence[float], depth
     if not depth > 0.0:
         return vertices, np.zeros(len(vertices))
     square = ((vertices - np.asarray(point)) ** 2).sum(axis=1)
-    edge = np.maximum(1.0 - square / REACH**2, 0.0) ** 2
-    sinking = depth * edge * (1.0 + square / (NARROW**2 + 3.0 * depth * TIP_RADIUS)) ** -1.5
-    return vertices - sinking[:, None] * np.asarray(normal), sinking
-
-
-def boundary(faces: Faces) -> Faces:
-    """Edges of one triangle alone, shape (k, 2): none where the surface is closed."""
-    edges = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    _, index, count = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True)
-    alone: Faces = edges[count[index.reshape(-1)] == 1]
-    return alone
-
-
-def skirt(vertices: Array, faces: Faces, bottom: float) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
-    """Walls from a surface's rim down to a height [m]; None of them where it is closed."""
-    rim = boundary(faces)
-    low, high = vertices[rim].copy(), vertices[rim]
-    low[..., 2] = bottom
-    walls = np.concatenate([high, low], axis=1).reshape(-1, 3).astype(np.float32)
-    start = 4 * np.arange(len(rim))[:, None]
-    triangles = np.concatenate([start + np.array(corners) for corners in ((0, 1, 3), (0, 3, 2))]).astype(np.uint32)
-    return walls, triangles
-
-
-def compacted(faces: Faces) -> tuple[Faces, NDArray[np.uint32]]:
-    """Which vertices some triangles have, and the triangles over these alone."""
-    used, index = np.unique(faces, return_inverse=True)
-    return used, index.reshape(-1, 3).astype(np.uint32)
-
-
-def _longest_edge(vertices: Array, faces: Faces) -> float:
-    corners = vertices[faces]
-    return math.sqrt(float(((corners - np.roll(corners, 1, axis=1)) ** 2).sum(axis=2).max()))
+    sunken = sinking(square, depth, NARROW, REACH, TIP_RADIUS)
+    return vertices - sunken[:, None] * np.asarray(normal), sunken
 
 
 THICKNESS = 0.012
@@ -183,13 +151,7 @@ LARGEST_HALO = 0.02
 
 
 class FixtureView:
-    """Board and specimen where the leader renders them, and an outline where the follower believes them.
-
-    Args:
-        scene: The viewer's.
-        surface: In the fixture's frame.
-        units: Scene units per metre.
-    """
+    """Board and specimen where the leader renders them, and an outline where the follower believes them."""
 
     def __init__(self, scene: Any, surface: Surface, units: float) -> None:
         self._units = units
@@ -214,7 +176,7 @@ class FixtureView:
             add_body(scene, "/space/fixture/walls", (walls * units, triangles), CUT[0])
         self._add_board(scene)
         rim = footprint(self._vertices) * units
-        self._outline = scene.add_line_segments(
+        scene.add_line_segments(
             "/space/believed/outline", _ring(rim), VERMILLION, thickness=2.0, thickness_units="screen"
         )
         self._halo = add_body(scene, "/space/believed/halo", _halo(rim, 0.0), VERMILLION, opacity=0.18)
@@ -226,12 +188,7 @@ class FixtureView:
         _place(self._root, pose, self._units)
 
     def believe(self, pose: Sequence[float] | None, deviation: float) -> None:
-        """Draw the follower's estimate of its pose, with its uncertainty.
-
-        Args:
-            pose: A position [m] and a rotation vector [rad]; None where it is unknown.
-            deviation: Standard deviation of its position [m]; NaN for none.
-        """
+        """Draw the follower's estimate of its pose [m, rad], None where unknown, with the position's deviation [m]."""
         self._believed.visible = pose is not None
         if pose is None:
             return
@@ -260,14 +217,7 @@ class FixtureView:
             self._paint()
 
     def sink(self, pose: Sequence[float], point: Sequence[float], normal: Sequence[float], depth: float) -> None:
-        """Dent the surface.
-
-        Args:
-            pose: Pose of the fixture as rendered.
-            point: The proxy in the world [m].
-            normal: Outward normal, in the world.
-            depth: Depth of the probe [m].
-        """
+        """Dent the rendered surface at the proxy [m], along the outward normal, both in the world, to a depth [m]."""
         depth = max(depth, 0.0) if math.isfinite(depth) else 0.0
         motion = RigidMotion.from_numbers(pose)
         x, y, z = motion.apply_back((point[0], point[1], point[2]))

@@ -7,7 +7,7 @@ import threading
 import time
 from collections.abc import Sequence
 
-from foretouch.console.panels.network import Speech
+from foretouch.console.panels.session import Speech
 from foretouch.console.watched import Watched
 from foretouch.quantities.pose import Vector, add, scaled, subtract
 
@@ -29,10 +29,6 @@ class Hold:
     While it is not held it is at the operator's intended position, in the probe's frame. A drag moves the hand from
     its position when it was taken, by the drag over the position scale, so that index and clutch, which separate hand
     and probe, do not interfere.
-
-    Args:
-        watched: State of the session as received.
-        speech: Sends the handle's position.
 
     Attributes:
         position: Position of the handle as drawn, in the probe's frame [m].
@@ -118,10 +114,6 @@ class SpaceHold(Hold):
     A drag moves the hand by the motion of the handle, from the hand's position when the handle was taken; so the
     handle need not be at the hand.
 
-    Args:
-        watched: State of the session as received.
-        speech: Sends the handle's position.
-
     Attributes:
         place: Position of the handle as drawn, in the world [m].
         hand: Position that it requests of the hand, in the world [m].
@@ -139,12 +131,7 @@ class SpaceHold(Hold):
         return self.held and self._let_go == math.inf
 
     def drag_to(self, place: Sequence[float], phase: str) -> None:
-        """The handle was taken, dragged to a position [m], or let go there.
-
-        Args:
-            place: Position of the handle in the world [m].
-            phase: ``"start"``, ``"update"`` or ``"end"``.
-        """
+        """The handle was at a position [m] in the ``"start"``, an ``"update"`` or the ``"end"`` of a drag."""
         x, y, z = (float(value) for value in place)
         with self._lock:
             if phase == "start":

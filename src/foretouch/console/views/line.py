@@ -35,12 +35,7 @@ RULER_X = -4.4
 
 
 def look(server: Any, camera: tuple[tuple[float, ...], tuple[float, ...]]) -> None:
-    """Put the camera of every browser, and of those that come, where a picture can be seen as a whole.
-
-    Args:
-        server: The viewer's server.
-        camera: Where it is and what it looks at [scene units].
-    """
+    """Put the camera of every browser, and of those that come, where a picture is seen as a whole [scene units]."""
     position, target = camera
     server.initial_camera.position, server.initial_camera.look_at = position, target
     for client in server.get_clients().values():
@@ -84,30 +79,18 @@ class Scene:
         self._handle = add_body(scene, "/line/handle", shapes.handle(), BLUE)
         self._hint = add_body(scene, "/line/hint", shapes.hint(), GREY)  # blue arrows are forces
         self._rail = add_body(scene, "/line/rail", shapes.rail(0.0, 1.0), BLUE, opacity=0.1)
-        for node in (
-            self._handle,
-            self._rail,
-            self._probes.probe,
-        ):  # a handle that moves is hard to catch; its rail stands
+        # A handle that moves is hard to catch; its rail stands.
+        for node in (self._handle, self._rail, self._probes.probe):
             node.on_drag("left")(self._dragged)
-        self._handle_label = scene.add_label(
-            "/line/labels/handle", "Drag me down to press", anchor="bottom-center", font_screen_scale=1.4
-        )
+        label = "/line/labels/handle"
+        self._handle_label = scene.add_label(label, DRAG, anchor="bottom-center", font_screen_scale=1.4)
 
     def show(self, shown: bool) -> None:
         """Show it all, or hide it: a session in three dimensions has a separate picture."""
         put(self._root, visible=shown)
 
     def draw(self, z: float, ghost_z: float, force: float, ghost_force: float, deviation: float = math.nan) -> None:
-        """Move everything.
-
-        Args:
-            z: Height of the operator's tip [scene units].
-            ghost_z: Height of the robot's tip as last seen [scene units]; NaN hides it.
-            force: Force rendered to the operator [N].
-            ghost_force: Delayed force [N].
-            deviation: Standard deviation of the predicted force [N]; NaN where none is shown.
-        """
+        """Move tips to heights [scene units] and show forces [N] and their deviation; NaN hides one."""
         self._material.draw(-z)
         self._probes.draw_probe((0.0, 0.0, z), _upwards(force), deviation)
         seen = math.isfinite(ghost_z)
@@ -124,13 +107,7 @@ class Scene:
             self._hint.position = (1.75, -0.3, self._handle_z - 1.6 + bob)
 
     def draw_hand(self, z: float, ahead: float) -> None:
-        """Show where the hand is while it and the probe are apart.
-
-        Args:
-            z: Height of the probe's tip [scene units].
-            ahead: How much lower the hand is [scene units]; NaN hides it, and so does a distance too small to see or
-                as large as the picture.
-        """
+        """Show the hand below the probe's tip [scene units], unless that is NaN, or too little or too far to see."""
         self._hand.visible = SMALLEST_APART < abs(ahead) < LARGEST_APART
         if self._hand.visible:
             self._hand.position = (0.0, 0.0, z - ahead)
@@ -148,13 +125,7 @@ class Scene:
             self._rail.vertices = shapes.rail(*ends)[0]
 
     def offer_handle(self, offered: bool, *, useful: bool, hinted: bool) -> None:
-        """Show the handle and its rail, or hide them where no leader uses them.
-
-        Args:
-            offered: Whether a leader uses them.
-            useful: Whether a drag moves the robot: only then there is a text on what to do.
-            hinted: Whether an arrow shows it, too: the handle has not been used yet.
-        """
+        """Show the handle and its rail, what to do where a drag moves the robot, and an arrow until it was used."""
         for node, shown in ((self._handle, offered), (self._rail, offered), (self._handle_label, offered and useful)):
             node.visible = shown
         self._hint.visible = offered and useful and hinted
@@ -173,12 +144,13 @@ class Scene:
         self._on_drag(self._handle_z if math.isnan(height) else height - self._grab_offset, self.held)
 
     def _add_ruler(self, scene: Any) -> None:
-        heights = [-depth_mm * 1e-3 * UNITS for depth_mm in (0, 5, 10)]
+        depths = (0, 5, 10)
+        heights = [-depth_mm * 1e-3 * UNITS for depth_mm in depths]
         y = -0.05
         ticks = [[(RULER_X - 0.15, y, z), (RULER_X + 0.15, y, z)] for z in heights]
         points = np.array([*ticks, [(RULER_X, y, heights[0]), (RULER_X, y, heights[-1])]], np.float32)
         scene.add_line_segments("/line/ruler", points, (60, 60, 60))
-        for depth_mm, z in zip((0, 5, 10), heights, strict=True):
+        for depth_mm, z in zip(depths, heights, strict=True):
             scene.add_label(
                 f"/line/ruler/{depth_mm}", f"{depth_mm} mm", position=(RULER_X - 0.25, y, z), anchor="center-right"
             )
@@ -206,38 +178,21 @@ class LineView:
     """What a console shows of a session along a line.
 
     The handle is drawn in the probe's frame, from 0 to 1.2 times the press depth below the surface.
-
-    Args:
-        server: The viewer's server.
-        watched: The session, to which the handle belongs whatever is shown.
-        hold: The handle along the line.
     """
 
     def __init__(self, server: Any, watched: Watched, hold: Hold) -> None:
         self._watched, self.hold = watched, hold
         self._scene = Scene(server, self._take_handle, self._dragged)
-
-    def hide(self) -> None:
-        """Show nothing."""
-        self._scene.show(False)
+        self.show = self._scene.show
 
     def draw(self, shown: Watched, *, live: bool, useful: bool) -> None:
-        """Draw the picture.
-
-        Args:
-            shown: The session, or a recording.
-            live: Whether a person can move the hand in it.
-            useful: Whether the robot goes along then.
-        """
-        self._scene.show(True)
+        """Draw a session or recording; whether a person can move its hand, and the robot goes along then."""
         self.hold.follow()
         leader, surface, position = shown.leader, shown.surface, shown.probe_position
         z = (surface - position) * UNITS
-        rendered, delayed, deviation = (
-            (0.0, 0.0, math.nan)
-            if leader is None
-            else (leader.rendered_force, leader.delayed_force, leader.standard_deviation)
-        )
+        rendered, delayed, deviation = 0.0, 0.0, math.nan
+        if leader is not None:
+            rendered, delayed, deviation = leader.rendered_force, leader.delayed_force, leader.standard_deviation
         self._scene.set_travel(round((surface - shown.deepest) * UNITS, 1), round(surface * UNITS, 1))
         self._scene.draw(z, (surface - shown.robot_position) * UNITS, rendered, delayed, deviation)
         offered = live and self._watched.operator == "browser"
@@ -249,20 +204,13 @@ class LineView:
         """Write beside handle, force and robot what they are.
 
         How large a force is stands in the panel alone: the viewer draws labels some pictures later than numbers.
-
-        Args:
-            shown: The session, or a recording.
         """
         leader = shown.leader
         if leader is None:
             self._scene.label(DRAG, "", "")
             return
         held_back = ", holds back" if shown.telemetry is not None and shown.telemetry.guarded else ""
-        self._scene.label(
-            LET_GO if self.hold.held else DRAG,
-            "rendered force",
-            f"delayed robot{held_back}",
-        )
+        self._scene.label(LET_GO if self.hold.held else DRAG, "rendered force", f"delayed robot{held_back}")
 
     def _handle_height(self) -> float:
         """Height of the handle as drawn [scene units]."""

@@ -7,8 +7,7 @@ from typing import Any, NamedTuple
 
 from foretouch.console.plots import put
 from foretouch.console.views import shapes
-from foretouch.console.views.fixture import along
-from foretouch.console.views.shapes import add_body
+from foretouch.console.views.shapes import add_body, along
 from foretouch.quantities.colours import BLUE, VERMILLION
 from foretouch.quantities.pose import Vector
 
@@ -37,17 +36,7 @@ class Measures(NamedTuple):
 
 
 class Probes:
-    """Both probes; the arrow and the label of each stand on its side, so that they belong to it.
-
-    Args:
-        scene: The viewer's scene.
-        root: Path of the picture's nodes.
-        colour: Colour of the virtual probe.
-        measures: How forces are shown.
-
-    Attributes:
-        probe: The viewer's node of the virtual probe.
-    """
+    """Both probes; the arrow and the label of each stand on its side, so that they belong to it."""
 
     def __init__(self, scene: Any, root: str, colour: tuple[int, int, int], measures: Measures) -> None:
         self._measures = measures
@@ -74,13 +63,7 @@ class Probes:
                 label.anchor = anchor
 
     def draw_probe(self, here: Vector | None, force: Vector, deviation: float) -> None:
-        """Draw the virtual probe, at once where the hand is.
-
-        Args:
-            here: Its tip [scene units]; None hides it.
-            force: Force rendered to the hand [N].
-            deviation: Standard deviation of its size [N]; NaN where none is shown.
-        """
+        """Draw the virtual probe's tip [scene units], None to hide it, with rendered force and deviation [N]."""
         label, size = self.labels[0], math.hypot(*force)
         self.probe.visible = here is not None
         arrow = self._draw_force(self._force, here, self._side, force)
@@ -94,12 +77,7 @@ class Probes:
             self._uncertainty.position, self._uncertainty.wxyz = self._force.position, self._force.wxyz
 
     def draw_robot(self, here: Vector | None, force: Vector) -> None:
-        """Draw the robot as the network shows it.
-
-        Args:
-            here: Its tip [scene units]; None hides it.
-            force: That its sensor felt [N].
-        """
+        """Draw the delayed robot's tip [scene units], None to hide it, with the force that it felt [N]."""
         self.robot.visible = self.labels[1].visible = here is not None
         self._draw_force(self._robot_force, here, -self._side, force)
         if here is not None:

@@ -9,18 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from foretouch.console.panels.image import ImagePanel
-from foretouch.console.panels.keys import add_space_keys
-from foretouch.console.panels.space import SpacePanel
+from foretouch.console.panels.space import ImagePanel, SpacePanel
+from foretouch.console.panels.stop import add_space_keys
 from foretouch.console.plots import SECONDS, put
 from foretouch.console.space_heard import fixture_of
 from foretouch.console.views import shapes
-from foretouch.console.views.fixture import FixtureView, along
+from foretouch.console.views.fixture import FixtureView, legend_html
 from foretouch.console.views.hold import SpaceHold
 from foretouch.console.views.line import CAMERA, look
 from foretouch.console.views.probes import UNITS, Measures, Probes
-from foretouch.console.views.shapes import add_body
-from foretouch.console.views.stiffness_colours import legend_html
+from foretouch.console.views.shapes import add_body, along
 from foretouch.console.watched import Watched
 from foretouch.errors import ForetouchError
 from foretouch.messages import FieldUpdate, FollowerSpace, LeaderSpace
@@ -80,14 +78,7 @@ class SpaceScene:
         put(self._root, visible=shown)
 
     def draw_probes(self, place: Vector, force: Vector, deviation: float, robot: FollowerSpace | None) -> None:
-        """Draw the virtual probe, at once where the hand is, and the robot as the network shows it.
-
-        Args:
-            place: Position of the probe [m]; one that is not finite hides it.
-            force: Force rendered to the hand [N].
-            deviation: Standard deviation of its size [N]; NaN where none is shown.
-            robot: Its state with position and sensor force; None hides it.
-        """
+        """Draw the probe [m] with the rendered force and its deviation [N], and the delayed robot; None hides it."""
         if robot is not None and abs(place[0] - robot.place_x) >= APART:
             self.probes.keep_apart(place[0] - robot.place_x)
         self.probes.draw_probe(_scene(place), force, deviation)
@@ -97,13 +88,7 @@ class SpaceScene:
             self.probes.draw_robot(_scene((robot.place_x, robot.place_y, robot.place_z)), _force(robot))
 
     def draw_normal(self, point: Vector, normal: Vector, shown: bool) -> None:
-        """Draw the surface's normal under the probe.
-
-        Args:
-            point: The proxy [m].
-            normal: Outward.
-            shown: Whether the probe is near enough for it to matter.
-        """
+        """Draw the surface's outward normal at the proxy [m], where the probe is near enough for it to matter."""
         here = _scene(point)
         self._normal.visible = shown and here is not None
         if here is not None and shown:
@@ -111,15 +96,7 @@ class SpaceScene:
             self._normal.wxyz = along(normal)
 
     def draw_handle(self, place: Vector, probe: Vector, *, offered: bool, held: bool, hinted: bool) -> None:
-        """Draw the handle, and a line from it to the probe.
-
-        Args:
-            place: Position of the handle [m]; while it is held it stays where the browser has it.
-            probe: Position of the probe [m].
-            offered: Whether a leader uses it.
-            held: Whether a person holds it.
-            hinted: Whether a sentence says what to do.
-        """
+        """Draw the handle [m], which stays where a browser holds it, a line to the probe [m], and what to do."""
         end = _scene(probe)
         for node, shown in ((self._handle, offered), (self._tether, offered and end is not None)):
             put(node, visible=shown)
@@ -152,12 +129,6 @@ def _scene(place: Sequence[float]) -> Vector | None:
 class SpaceView:
     """Display of a session in three dimensions; made when the first such session is looked at.
 
-    Args:
-        server: The viewer's server.
-        image: The camera's panel.
-        tabs: Tabs of the panel; one more is added.
-        hold: The handle in space.
-
     Attributes:
         problem: Why the picture of the scene is not drawn, in a sentence; "" where it is.
     """
@@ -175,13 +146,7 @@ class SpaceView:
         self._legend = server.gui.add_html("")
 
     def draw(self, watched: Watched, *, live: bool, useful: bool) -> bool:
-        """Draw the scene; False, and nothing is shown, where the session is one along a line.
-
-        Args:
-            watched: The session, or a recording.
-            live: Whether a person can move the hand in it.
-            useful: Whether the robot goes along then.
-        """
+        """Draw the scene; False, and nothing is shown, where the session is one along a line."""
         leader = watched.space.leader
         self._offered = leader is not None and live and watched.operator == "browser"
         self._image.show(leader is not None)
@@ -210,13 +175,7 @@ class SpaceView:
             self._image.draw(watched, BOARD_ALONE if self._surface is None else self._surface.outline()[0])
 
     def write(self, watched: Watched, now: float, *, live: bool) -> None:
-        """Numbers, labels, plots and legend.
-
-        Args:
-            watched: The session, or a recording.
-            now: Time by the clock of reception [s].
-            live: Whether a person can move the hand in it.
-        """
+        """Numbers, labels, plots and legend."""
         leader, scene = watched.space.leader, self._scene
         if leader is None or self._panel is None:
             return
@@ -248,7 +207,7 @@ class SpaceView:
         except (ForetouchError, OSError) as error:  # a mesh that only the other machine has, or nothing to read it with
             self.problem = f"The scene cannot be drawn here: {error}"
         else:
-            self._scene = SpaceScene(self._server, self._surface, self._dragged)
+            self._scene = SpaceScene(self._server, self._surface, self.hold.drag_to)
         if self._panel is None:
             with self._tabs.add_tab("Fixture"):
                 self._panel = SpacePanel(self._server.gui, self._slide)
@@ -285,23 +244,16 @@ class SpaceView:
         return self._field[1]
 
     def _write_legend(self, content: str) -> None:
-        html_text = _LEGEND.format(content) if content else ""
-        put(self._legend, content=html_text)
-
-    def _dragged(self, place: Vector, phase: str) -> None:
-        self.hold.drag_to(place, phase)
+        put(self._legend, content=_LEGEND.format(content) if content else "")
 
     def _slide(self, axis: int, value: float) -> None:
         way = [0.0, 0.0, 0.0]
         way[axis] = value - self.hold.hand[axis]
-        self._stroke((way[0], way[1], way[2]))
+        self.hold.stroke((way[0], way[1], way[2]))
 
     def _key_stroke(self, way: Vector) -> None:
         if self._offered:
-            self._stroke(way)
-
-    def _stroke(self, way: Vector) -> None:
-        self.hold.stroke(way)
+            self.hold.stroke(way)
 
 
 def _force(space: LeaderSpace | FollowerSpace) -> Vector:

@@ -161,12 +161,7 @@ def open_mat(path: str | PathLike[str]) -> Table:
 
 
 class MatTable(Table):
-    """The numbers of a MATLAB file; structures are gone into, ``scope.signals[0].values[1]``.
-
-    Args:
-        path: Path of the file.
-        content: Its variables, as SciPy reads them with structures as objects.
-    """
+    """The numbers of a MATLAB file; structures are gone into, ``scope.signals[0].values[1]``."""
 
     def __init__(self, path: str | PathLike[str], content: dict[str, Any]) -> None:
         self.path, self.format = path, "MATLAB"

@@ -26,13 +26,9 @@ from foretouch.recordings.source import Bag, Column, Series, Topic, gathered, li
 _SEPARATOR = "=" * 80 + "\n"
 
 
+@lru_cache(maxsize=64)
 def definitions_of(type_name: str, text: str, encoding: str) -> Definitions:
     """Definitions of a type and of those within it.
-
-    Args:
-        type_name: Name in the file, with ``/msg/``.
-        text: Definition in the file, or empty.
-        encoding: Of that text: ``ros2msg``, or ``ros2idl``.
 
     Raises:
         ValueError: The text cannot be parsed, or there is none and the type is not one of ROS 2.
@@ -92,20 +88,11 @@ class RosBag(Bag):
             places = Places(raws[0], self._definitions(found), found.type_name)
         except (ValueError, RecordingError):
             return ()
-        shown = []
-        for name, code, offset in places.fields():
-            value = float(np.frombuffer(raws[0], code, 1, offset)[0])
-            shown.append(Column(name, np.dtype(code).name, found.count, example=value))
-        return tuple(shown)
-
-    def joint_names(self, topic: str) -> tuple[str, ...]:
-        """The names in the first JointState of a topic."""
-        found = self.topic(topic)
-        raws, _ = self.messages(found, 1)
-        if not raws:
-            return ()
-        places = Places(raws[0], self._definitions(found), found.type_name)
-        return tuple(text for _, text in places.texts.get("name", ()))
+        shown = ((name, np.dtype(code), offset) for name, code, offset in places.fields())
+        return tuple(
+            Column(name, code.name, found.count, example=float(np.frombuffer(raws[0], code, 1, offset)[0]))
+            for name, code, offset in shown
+        )
 
     def first_rate(self, topic: str, most: int) -> float:
         """As `Bag.first_rate`."""
@@ -141,7 +128,7 @@ class RosBag(Bag):
         return max(1, size // max(1, len(raws[0]))) if raws else 1
 
     def _definitions(self, topic: Topic) -> Definitions:
-        return _definitions(topic.type_name, *self.definition(topic))
+        return definitions_of(topic.type_name, *self.definition(topic))
 
     def _refuse(self, topic: Topic, raw: bytes, fields: Sequence[str]) -> None:
         """Error that names the missing field, and those that there are."""
@@ -153,11 +140,6 @@ class RosBag(Bag):
         raise RecordingError(self.path, problem)
 
 
-@lru_cache(maxsize=64)
-def _definitions(type_name: str, text: str, encoding: str) -> Definitions:
-    return definitions_of(type_name, text, encoding)
-
-
 _PARSE_QOS_USERS: Final = ("reader", "storage_sqlite3", "storage_mcap")
 """Modules of `rosbags.rosbag2` that parse QoS profiles."""
 
@@ -166,9 +148,6 @@ class Rosbag2(RosBag):
     """An opened rosbag2.
 
     It stays open as long as it is referenced: opening parses the metadata of all topics, seconds for thousands.
-
-    Args:
-        path: Its folder, with ``metadata.yaml``, or one ``.db3`` file.
 
     Raises:
         RecordingError: It is none, is damaged, or was not ended by its recorder.
@@ -190,8 +169,9 @@ class Rosbag2(RosBag):
             self.topics = gathered(Topic(found.topic, found.msgtype, found.msgcount) for found in reader.connections)
             self.begin_ns = reader.start_time if reader.message_count else 0
             self.end_ns = reader.end_time - 1 if reader.message_count else 0
-            storage = "one file" if Path(path).is_file() else _storage(reader)
-        self.format = f"rosbag2 ({storage})"
+            file = Path(path).is_file()
+            kinds = set() if file else {type(one).__name__ for one in reader.storage.storages}
+        self.format = f"rosbag2 ({'one file' if file else 'MCAP' if kinds == {'McapReader'} else 'sqlite3'})"
 
     def definition(self, topic: Topic) -> tuple[str, str]:
         """As `RosBag.definition`."""
@@ -232,30 +212,16 @@ def _equal_profiles_parsed_once(rosbag2: Any) -> Iterator[None]:
     here asks for the profiles. Without the function of that name, nothing is changed.
     """
     modules: list[Any] = [getattr(rosbag2, name, None) for name in _PARSE_QOS_USERS]
-    users = [module for module in modules if hasattr(module, "parse_qos")]
-    parsers = [module.parse_qos for module in users]
-    for module, parser in zip(users, parsers, strict=True):
+    parsers = {module: module.parse_qos for module in modules if hasattr(module, "parse_qos")}
+    for module, parser in parsers.items():
         module.parse_qos = _remembering(parser)
     try:
         yield
     finally:
-        for module, parser in zip(users, parsers, strict=True):
+        for module, parser in parsers.items():
             module.parse_qos = parser
 
 
 def _remembering(parser: Callable[[Any], Any]) -> Callable[[Any], Any]:
-    known: dict[str, Any] = {}
-
-    def parsed(profiles: Any) -> Any:
-        if not isinstance(profiles, str):
-            return parser(profiles)
-        if profiles not in known:
-            known[profiles] = parser(profiles)
-        return known[profiles]
-
-    return parsed
-
-
-def _storage(reader: Any) -> str:
-    kinds = {type(storage).__name__ for storage in reader.storage.storages}
-    return "MCAP" if kinds == {"McapReader"} else "sqlite3"
+    known = lru_cache(maxsize=None)(parser)
+    return lambda profiles: known(profiles) if isinstance(profiles, str) else parser(profiles)

@@ -56,7 +56,7 @@ class Layout:
     """
 
     def __init__(self, kind: type[Message]) -> None:
-        self._set(kind, _ros_types(kind))
+        self._set(kind, {field.name: _ros_type(kind, field) for field in _fields(kind)})
         self.missing: dict[str, Any] = {}
 
     def _set(self, kind: type[Message], types: dict[str, str]) -> None:
@@ -79,7 +79,8 @@ class Layout:
         """
         if schema == self.schema:
             return self
-        theirs, defaults = _parsed(schema), _defaults(self.kind)
+        theirs = _parsed(schema)
+        defaults = {one.name: one.default for one in _fields(self.kind) if one.default is not msgspec.NODEFAULT}
         missing = self._types.keys() - theirs.keys()
         other_types = any(theirs.get(name, ros_type) != ros_type for name, ros_type in self._types.items())
         if other_types or not missing <= defaults.keys():
@@ -102,11 +103,10 @@ class Layout:
         return self.kind(**{name: values[name] for name in self.kind.__struct_fields__ if name in values})
 
 
-def _ros_types(kind: type[Message]) -> dict[str, str]:
-    """Field name to ROS 2 type."""
+def _fields(kind: type[Message]) -> tuple[msgspec.inspect.Field, ...]:
     described = msgspec.inspect.type_info(kind)
     assert isinstance(described, msgspec.inspect.StructType)
-    return {field.name: _ros_type(kind, field) for field in described.fields}
+    return described.fields
 
 
 def _parsed(schema: str) -> dict[str, str]:
@@ -117,13 +117,6 @@ def _parsed(schema: str) -> dict[str, str]:
     if not all(len(words) == 2 and words[0] in known for words in lines):
         return {}
     return {name: ros_type for ros_type, name in lines}
-
-
-def _defaults(kind: type[Message]) -> dict[str, Any]:
-    """The fields that have a default, with it."""
-    described = msgspec.inspect.type_info(kind)
-    assert isinstance(described, msgspec.inspect.StructType)
-    return {field.name: field.default for field in described.fields if field.default is not msgspec.NODEFAULT}
 
 
 def _ros_type(kind: type[Message], field: msgspec.inspect.Field) -> str:
@@ -154,12 +147,7 @@ def _fixed(types: dict[str, str]) -> tuple[np.dtype[np.void], struct.Struct]:
 
 
 def pack_fields(types: Mapping[str, str], values: Sequence[Any]) -> bytes:
-    """CDR bytes of a message, header included.
-
-    Args:
-        types: Field name to ROS 2 type, in order: numbers, strings, and sequences of either. Of a message within the
-            message the fields, one by one: CDR puts nothing around them.
-        values: As many.
+    """CDR bytes of a message, header included, by ROS 2 types in order; those of a message within it stand one by one.
 
     Raises:
         struct.error: A value does not fit its type.
@@ -238,11 +226,6 @@ _index = re.compile(r"(.*)\[([^\[\]]+)\]\Z")
 class Places:
     """Offset of each number of one message.
 
-    Args:
-        data: CDR bytes of the message.
-        definitions: Definitions of its type and those within.
-        type_name: Name of its type.
-
     Attributes:
         numbers: Field name to dtype, offset, and count where it is an array.
         texts: Field name of a sequence of texts to the texts, each with its offset.
@@ -276,16 +259,11 @@ class Places:
         if match is None or match[1] not in self.numbers:
             return None
         code, offset, count = self.numbers[match[1]]
-        place = self._place(match[1], match[2])
-        if place is None or count is None or not 0 <= place < count:
+        texts = [text for _, text in self.texts.get(_names_beside(match[1]), [])]
+        place = int(match[2]) if match[2].isdecimal() else texts.index(match[2]) if match[2] in texts else -1
+        if count is None or not 0 <= place < count:
             return None
         return code, offset + place * np.dtype(code).itemsize
-
-    def _place(self, name: str, index: str) -> int | None:
-        if index.isdecimal():
-            return int(index)
-        texts = [text for _, text in self.texts.get(_names_beside(name), [])]
-        return texts.index(index) if index in texts else None
 
     def fields(self, most: int = 32) -> Iterator[tuple[str, str, int]]:
         """Name, dtype and offset of each number, of arrays the first `most`."""
@@ -394,8 +372,7 @@ def extract(
             end = max((offset + 8 for _, offset in whole.values()), default=int(size))
             layouts += 1
             if layouts > _MOST_LAYOUTS:  # each message is another: one by one, so that it stays linear
-                same = np.arange(left.size) == 0
-                rows, left, table = table[:1], left, table
+                same, rows = np.arange(left.size) == 0, table[:1]
             else:
                 same = places.same(table, fields, end if len(whole) == len(found) else int(size))
                 rows = table[same]

@@ -51,14 +51,7 @@ _NAMES: Final = {
 def records(
     head_at: Callable[[int], tuple[Any, ...]], position: int, end: int, longest: int = sys.maxsize
 ) -> Iterator[tuple[int, int, int]]:
-    """Code, begin and end of the content of each record, up to the first incomplete one.
-
-    Args:
-        head_at: Code and length of the record that begins at a position.
-        position: Position of the first.
-        end: Position behind the last.
-        longest: Bytes of content beyond which a record is damage.
-    """
+    """Code, begin and end of the content of each record, up to the first incomplete or longer one, which is damage."""
     while position + RECORD.size <= end:
         code, length = head_at(position)
         start = position + RECORD.size
@@ -140,10 +133,6 @@ class McapFile(RosBag):
     """An opened MCAP file.
 
     A file that ends before its index, because its writer was killed or still writes, is read as far as it goes.
-
-    Args:
-        path: Path of the file.
-        peek: Look no further than the first block of a file without index: its topics, as far as that has them.
 
     Raises:
         RecordingError: It is no MCAP, or damaged.

@@ -53,9 +53,6 @@ class BlockFile:
     Args:
         path: The file; an existing one is replaced, unless another process writes it.
 
-    Attributes:
-        path: Where the file is; `keep` may have moved it.
-
     Raises:
         OSError: Also by every method.
     """
@@ -177,11 +174,6 @@ def append_index(file: BlockFile, schemas: list[Any], channels: list[Any]) -> No
     """End a file that holds data only: go through it once and write what stands where behind it.
 
     The memory that this takes does not grow with the file.
-
-    Args:
-        file: All of its data flushed.
-        schemas: Schema records of the library, those of the file.
-        channels: Channel records, likewise.
 
     Raises:
         OSError: The file cannot be written; it is as it was.

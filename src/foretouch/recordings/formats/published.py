@@ -51,16 +51,7 @@ LEADER: Final = "leader_position"
 
 
 class About(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Origin of an excerpt.
-
-    Attributes:
-        name: Name of the recording.
-        original: Address of the file.
-        sha256: Checksum of that file.
-        licence: Its licence and copyright line.
-        contact_floor: Smallest force [N] that counts as contact.
-        counts_per_unit: Column to its number of counts per second, metre or newton.
-    """
+    """Origin of an excerpt, its contact floor [N], and by column its counts per second, metre or newton."""
 
     name: str
     original: str
@@ -127,11 +118,6 @@ def write_excerpt(path: str | PathLike[str], about: About, columns: Mapping[str,
 def recording_of(path: str | PathLike[str], force_channel: str = "raw", *, flip: bool = False) -> Recording:
     """The recording that an excerpt holds.
 
-    Args:
-        path: Path of the excerpt.
-        force_channel: ``"raw"``, or ``"logged"`` where it has one.
-        flip: Change the sign of the positions.
-
     Raises:
         RecordingError: The file is no excerpt, or has no such channel.
         UnknownNameError: Another force channel.
@@ -183,12 +169,6 @@ def read_tue(path: str | PathLike[str], force_channel: str = "raw", *, flip: boo
     """The follower's press: position = 0.075 m times its angle, force = torque / 0.075 m.
 
     In these files the angle and both torques already grow while pressing.
-
-    Args:
-        path: The file.
-        force_channel: ``"raw"``, the force bridge with its offset of 7 to 8 N; or ``"logged"``, the environment
-            torque that the experiment logged, which lags by about 3 ms behind a first-order low-pass.
-        flip: Change the sign of the positions.
 
     Raises:
         RecordingError: The file is no such recording.

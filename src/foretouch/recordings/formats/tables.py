@@ -43,7 +43,7 @@ class ParquetTable(Table):
     def __init__(self, path: str | PathLike[str]) -> None:
         self.path, self.format = path, "Parquet"
         self._pyarrow, self._parquet = optional("pyarrow"), optional("pyarrow.parquet")
-        with self._refusing(), self._parquet.ParquetFile(path) as file:
+        with _refusing(path), self._parquet.ParquetFile(path) as file:
             schema, count = file.schema_arrow, file.metadata.num_rows
         self.columns = tuple(Column(field.name, str(field.type), count, _unit_of(field)) for field in schema)
         self._names = list(schema.names)
@@ -56,18 +56,13 @@ class ParquetTable(Table):
             RecordingError: A column is missing, there twice, or holds no numbers; or the file is damaged.
         """
         require_names(self.path, self._names, names, row=1)
-        with self._refusing(), self._parquet.ParquetFile(self.path) as file:
+        with _refusing(self.path), self._parquet.ParquetFile(self.path) as file:
             table = file.read(columns=list(names))
         return {name: self._numbers(name, table[name]) for name in names}
 
-    def _refusing(self) -> Any:
-        return _OneLine(self.path)
-
-    def _holds_numbers(self, kind: Any) -> bool:
-        return bool(self._pyarrow.types.is_floating(kind) or self._pyarrow.types.is_integer(kind))
-
     def _numbers(self, name: str, column: Any) -> NDArray[np.float64]:
-        if not self._holds_numbers(column.type):
+        kinds = self._pyarrow.types
+        if not (kinds.is_floating(column.type) or kinds.is_integer(column.type)):
             raise RecordingError(self.path, f"{name} holds {column.type}, not numbers")
         if column.null_count:
             row = 1 + int(np.argmax(column.is_null().to_numpy()))
@@ -82,18 +77,13 @@ def numbers_of(column: Any) -> NDArray[np.float64]:
     return np.asarray(whole, dtype=np.float64)
 
 
-class _OneLine:
+@contextlib.contextmanager
+def _refusing(path: object) -> Iterator[None]:
     """What pyarrow raises on a damaged or foreign file, as one line: it has many kinds."""
-
-    def __init__(self, path: object) -> None:
-        self._path = path
-
-    def __enter__(self) -> None:
-        return None
-
-    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
-        if isinstance(error, Exception):
-            raise RecordingError(self._path, f"is no Parquet file that can be read: {one_line(error)}") from None
+    try:
+        yield
+    except Exception as error:
+        raise RecordingError(path, f"is no Parquet file that can be read: {one_line(error)}") from None
 
 
 def _unit_of(field: Any) -> str:
@@ -128,16 +118,7 @@ def _encoding(path: str | PathLike[str]) -> str:
 
 @dataclass(frozen=True)
 class _Top:
-    """Header above the samples.
-
-    Attributes:
-        separator: Separator between columns.
-        names: Names of the columns.
-        units: Unit of each, empty where none stand below the names.
-        row: Row of the names, as an editor counts.
-        lines: Number of lines above the first sample.
-        passed_over: Lines above the names that are no remarks.
-    """
+    """Header above the samples."""
 
     separator: str
     names: list[str]
@@ -317,12 +298,7 @@ def _by_spaces(line: str, below: str) -> bool:
 
 
 def _under_a_preamble(first: int, lines: list[str]) -> _Top | None:
-    """The header below lines of fewer columns: names, perhaps units, and then as many cells with numbers among them.
-
-    Args:
-        first: Row of the first of the lines.
-        lines: Below the first one that has fewer.
-    """
+    """The header below lines of fewer columns: names, perhaps units, and then as many cells with numbers among them."""
     for place, line in enumerate(lines[:-1]):
         separator = _separator_of(line)
         names = _cells(line, separator)

@@ -12,7 +12,7 @@ import math
 import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Final, TypeAlias
+from typing import Any, Final, TypeAlias
 
 from foretouch.messages import (
     CameraImage,
@@ -44,14 +44,7 @@ TRUNCATED: Final = {"truncated": 1}
 
 @dataclass(frozen=True)
 class Topic:
-    """One topic of our own messages.
-
-    Attributes:
-        name: Name of the topic.
-        type_name: Name of the ROS 2 type.
-        layout: Schema and bytes.
-        former: Name of the type in earlier recordings; they are read too.
-    """
+    """One topic of our own messages."""
 
     name: str
     type_name: str
@@ -135,13 +128,7 @@ def parameter_names(law: str, count: int) -> tuple[str, ...]:
 
 
 def contact_model(update: ModelUpdate, stamp: tuple[int, int], frame: str) -> bytes:
-    """CDR bytes of a ContactModel.
-
-    Args:
-        update: The model as the follower sent it.
-        stamp: Seconds and nanoseconds of the header.
-        frame: Frame of the header.
-    """
+    """CDR bytes of a ContactModel."""
     names = parameter_names(update.law, len(update.parameters))
     numbers = (names, update.parameters, update.standard_errors)
     return pack_fields(
@@ -310,43 +297,22 @@ def compressed_image(time_ns: int, jpeg: bytes) -> bytes:
 Packed: TypeAlias = tuple[tuple[StandardTopic, bytes], ...]
 
 
-def _of_telemetry(said: Message) -> Packed:
-    assert isinstance(said, Telemetry)
-    joints = joint_state(said.time_ns, said.position, said.velocity, said.force)
-    return (WRENCH, wrench(said.time_ns, said.force)), (FOLLOWER_JOINTS, joints)
-
-
-def _of_leader(said: Message) -> Packed:
-    assert isinstance(said, LeaderState)
-    return ((LEADER_JOINTS, joint_state(said.time_ns, said.position, said.velocity, said.rendered_force)),)
-
-
-def _of_model(said: Message) -> Packed:
-    assert isinstance(said, ModelUpdate)
-    return (MODEL, contact_model(said, _stamp(said.time_ns), "probe")), (NUMBERS, number_array(said))
-
-
-def _of_space(said: Message) -> Packed:
-    assert isinstance(said, FollowerSpace)
-    return ((PROBE, pose(said.time_ns, (said.place_x, said.place_y, said.place_z))),)
-
-
-def _of_belief(said: Message) -> Packed:
-    assert isinstance(said, FixtureBelief)
-    return ((FIXTURE, pose(said.time_ns, said.pose[:3], said.pose[3:])),) if len(said.pose) == 6 else ()
-
-
-def _of_image(said: Message) -> Packed:
-    assert isinstance(said, CameraImage)
-    return ((IMAGE, compressed_image(said.time_ns, said.jpeg)),) if said.jpeg else ()
-
-
-BESIDE: Final[dict[type[Message], Callable[[Message], Packed]]] = {
-    Telemetry: _of_telemetry,
-    LeaderState: _of_leader,
-    ModelUpdate: _of_model,
-    FollowerSpace: _of_space,
-    FixtureBelief: _of_belief,
-    CameraImage: _of_image,
+BESIDE: Final[dict[type[Message], Callable[[Any], Packed]]] = {
+    Telemetry: lambda said: (
+        (WRENCH, wrench(said.time_ns, said.force)),
+        (FOLLOWER_JOINTS, joint_state(said.time_ns, said.position, said.velocity, said.force)),
+    ),
+    LeaderState: lambda said: (
+        (LEADER_JOINTS, joint_state(said.time_ns, said.position, said.velocity, said.rendered_force)),
+    ),
+    ModelUpdate: lambda said: (
+        (MODEL, contact_model(said, _stamp(said.time_ns), "probe")),
+        (NUMBERS, number_array(said)),
+    ),
+    FollowerSpace: lambda said: ((PROBE, pose(said.time_ns, (said.place_x, said.place_y, said.place_z))),),
+    FixtureBelief: lambda said: (
+        ((FIXTURE, pose(said.time_ns, said.pose[:3], said.pose[3:])),) if len(said.pose) == 6 else ()
+    ),
+    CameraImage: lambda said: ((IMAGE, compressed_image(said.time_ns, said.jpeg)),) if said.jpeg else (),
 }
 """What is written beside a message, topic by topic; an image that the stream dropped has nothing beside it."""

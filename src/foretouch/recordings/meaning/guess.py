@@ -116,9 +116,6 @@ class Guess:
     def in_units(self, options: RecordingOptions) -> Guess:
         """The same with units where the file states none, and with positions or forces turned round.
 
-        Args:
-            options: As they were given.
-
         Raises:
             RecordingError: The file states another unit.
         """

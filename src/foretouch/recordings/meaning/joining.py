@@ -25,13 +25,7 @@ LARGEST_GAP: Final = 0.1
 
 
 class Joined(NamedTuple):
-    """Samples at the times of the forces.
-
-    Attributes:
-        time_ns: [ns], increasing, shape (n,).
-        columns: Each position column and each force column at these times, shape (n,).
-        notes: Sentences on how.
-    """
+    """Samples at the times of the forces [ns], increasing, shape (n,): their columns, and sentences on how."""
 
     time_ns: Times
     columns: dict[str, Array]
@@ -95,12 +89,6 @@ def clock_of(source: object, series: list[Series], asked: str) -> tuple[list[Tim
     from message to message. So stamps are taken, as long as those of all topics are on one clock: that is so where they
     lie equally far from log time. Where they do not, either clocks differ or one topic takes longer to the recorder,
     and the file does not say which: within `CLOCKS_AGREE` stamps are taken as they are, and the distance is noted.
-
-    Args:
-        source: Name of the file, for messages.
-        series: One, or positions and forces.
-        asked: ``"auto"``, ``"header"``, ``"log"`` or ``"aligned"``: stamps, those of positions moved by the distance of
-            the medians.
 
     Raises:
         RecordingError: Header stamps are asked for and a topic has none.
@@ -177,14 +165,6 @@ def at_force_times(
 
     which errs by the square of the period of positions, and looks less than one such period ahead. ``hold`` takes the
     last position before, which a causal system has too; it lags by half a period on average, which looks like damping.
-
-    Args:
-        source: For messages.
-        method: ``"interpolate"`` or ``"hold"``.
-        position_ns: Times of positions [ns], increasing.
-        position: Columns at these.
-        force_ns: Times of forces [ns], increasing.
-        force: Columns at these.
 
     Raises:
         RecordingError: The two have less than two samples in common time.

@@ -77,12 +77,7 @@ _word = re.compile(r"[^\W\d_]+|\d+")
 
 
 class Named(NamedTuple):
-    """Words and unit in the name of a column.
-
-    Attributes:
-        words: Its words, lower case, without accents.
-        unit: Unit in it, as written, or empty.
-    """
+    """Words in the name of a column, lower case, without accents, and the unit in it as written, or empty."""
 
     words: tuple[str, ...]
     unit: str
@@ -221,11 +216,7 @@ _indexed = re.compile(rf"(?:^|[^A-Za-z])({'|'.join(KNOWN)})[\[_. ]?(\d+)\]?\s*\Z
 
 
 def robot_column(name: str) -> RobotColumn | None:
-    """What a column is, such as ``O_T_EE[14]`` or ``actual_TCP_force_2``, if it is along z; None for any other.
-
-    Args:
-        name: Name of the column; a prefix before the robot's name, as ``state/``, is passed over.
-    """
+    """What a column is, such as ``O_T_EE[14]`` or ``state/actual_TCP_force_2``, if along z; None for any other."""
     found = _indexed.search(name)
     known = KNOWN[found[1]] if found else None
     return known if found and known is not None and int(found[2]) == known.axes[2] else None

@@ -75,14 +75,7 @@ class Candidate:
 
 
 class Chosen(NamedTuple):
-    """What came of it.
-
-    Attributes:
-        signal: The only one that it can be, or None.
-        problems: What is open.
-        notes: What should be known of the choice.
-        candidates: Where something is open, all; those that fit best and have most messages first.
-    """
+    """What came of it: the only signal that it can be, or what is open with all candidates; and notes."""
 
     signal: Signal | None
     problems: tuple[str, ...]
@@ -96,10 +89,6 @@ def choose_topic(bag: Bag, quantity: str) -> Chosen:
     Of the topics that come `LEAST_RATE` times a second or more, those whose type of message fits best; of several none.
     Where no topic comes as often, the same of all; positions that come so rarely are refused, for a press lies between
     two of them.
-
-    Args:
-        bag: Opened.
-        quantity: `POSITION` or `FORCE`.
     """
     found = sorted(_candidates(bag, quantity), key=lambda one: (-one.standing, -one.count))
     if not found:
@@ -129,13 +118,7 @@ def choose_topic(bag: Bag, quantity: str) -> Chosen:
 
 
 def axis_note(bag: Bag, quantity: str, signal: Signal) -> tuple[str, ...]:
-    """A sentence where a quantity moves more along another axis than along z, which is assumed.
-
-    Args:
-        bag: The opened bag.
-        quantity: Name of the quantity, for people.
-        signal: Signal whose field ends with the axis, or names none.
-    """
+    """A sentence where a quantity moves more along another axis than along z, which is assumed."""
     stem, dot, axis = signal.field.rpartition(".")
     if axis != "z":
         return ()

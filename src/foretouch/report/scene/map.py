@@ -86,13 +86,6 @@ def stiffness_map(
     with the material's law f at rest and the inclusion's factor s. Depths count from the shape of the scene. A soft
     material is detected late, and the laws of the field begin where contact was detected: that is taken off. The
     probe's position is taken from the true pose of the fixture, else from the follower's estimate.
-
-    Args:
-        rows: Rows of the session.
-        field: The newest one.
-        scene: What was touched.
-        material: Name of the simulated one; None where it is unknown.
-        felt_deeper: Depth below the shape at which the surface was detected, by the newest model [m].
     """
     x = MIDDLE[0] + np.arange(-REACH, REACH + 0.5 * CELL, CELL)
     y = MIDDLE[1] + np.arange(-REACH, REACH + 0.5 * CELL, CELL)

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from foretouch.messages import SessionLog
 from foretouch.quantities import ByValue, Rows
 from foretouch.report.numbers import number_of, setting
-from foretouch.report.pairs import Pairs
+from foretouch.report.rows import Pairs
 
 Array = NDArray[np.float64]
 
@@ -54,10 +54,6 @@ def scene_rows(log: SessionLog, pairs: Pairs) -> SceneRows:
 
     The clocks of two machines are brought together by the fastest command, which took the position delay of the
     settings. Where that shows them less apart than the jitter and a few ticks, they are one, as in simulated time.
-
-    Args:
-        log: One segment (`SessionLog.segments`).
-        pairs: Its rows at equal command.
     """
     leader, hand = _of_same_tick(log.leader, log.leader_space, "epoch")
     follower, probe = _of_same_tick(log.follower, log.follower_space, "run")
@@ -71,13 +67,7 @@ def scene_rows(log: SessionLog, pairs: Pairs) -> SceneRows:
 
 
 def vectors(rows: Rows, name: str, *, turn: bool = False) -> Array:
-    """Three columns of a table as vectors, shape (n, 3).
-
-    Args:
-        rows: Of `SessionLog.leader_space` or `SessionLog.follower_space`.
-        name: Beginning of the columns' names.
-        turn: Whether a rotation vector, whose columns end otherwise.
-    """
+    """Three columns of a table as vectors, shape (n, 3), by the beginning of their names; or a rotation vector."""
     return np.stack([rows[f"{name}_{'r' if turn else ''}{axis}"] for axis in "xyz"], axis=1)
 
 
@@ -155,10 +145,6 @@ def pose_error(rows: SceneRows) -> PoseError:
 
 def pose_figures(log: SessionLog, error: PoseError) -> dict[str, Any]:
     """The figures of the pose.
-
-    Args:
-        log: The session, for the counts of the tracker.
-        error: Error of the pose.
 
     Returns:
         ``place_mm`` and ``turn_degrees``, each with ``median``, ``p95`` and the filter's median ``deviation``, from

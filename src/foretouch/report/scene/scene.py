@@ -28,7 +28,7 @@ from foretouch.report.energy import (
     summed_account,
 )
 from foretouch.report.numbers import number_of, runs, setting
-from foretouch.report.pairs import Pairs, not_scored
+from foretouch.report.rows import Pairs, not_scored
 from foretouch.report.scene.map import StiffnessMap, learnt_field, map_figures, stiffness_map
 from foretouch.report.scene.pose import PoseError, SceneRows, pose_error, pose_figures, scene_rows, vectors
 from foretouch.robot import MATERIALS
@@ -45,14 +45,7 @@ EPISODE = 0.02
 
 
 class Wrong(NamedTuple):
-    """Wrong contacts in each row at equal command, shape (n,).
-
-    Attributes:
-        false: The leader predicts a force, and the probe touches nothing.
-        missed: The probe touches, and the leader, which has a model, predicts nothing.
-        first: The probe touches, and there is no model yet to predict it.
-        counted: Rows that are looked at: the robot was where the command said.
-    """
+    """Wrong contacts in rows at equal command, shape (n,): false, missed, before any model; and the counted rows."""
 
     false: Flags
     missed: Flags
@@ -76,10 +69,6 @@ def wrong_contacts(log: SessionLog, pairs: Pairs) -> Wrong | None:
 def contact_figures(wrong: Wrong | None, time: Array) -> dict[str, Any]:
     """Fractions and numbers of the wrong contacts.
 
-    Args:
-        wrong: Wrong contacts of the rows at equal command; None where unknown.
-        time: Time of these rows [s].
-
     Returns:
         ``false``, ``missed`` and ``before_model``, each with ``percent`` of the rows that are counted, the number of
         ``episodes`` longer than 20 ms, and the ``longest_s`` of them, 0 where there is none; all None where
@@ -93,13 +82,7 @@ def contact_figures(wrong: Wrong | None, time: Array) -> dict[str, Any]:
 
 
 def friction_figures(log: SessionLog, coefficient: float | None, viscous: float | None) -> dict[str, float | None]:
-    """Friction as it was learnt last, beside what a simulated scene has.
-
-    Args:
-        log: One segment.
-        coefficient: The true one, None where it is unknown.
-        viscous: True viscous friction [N s/m].
-    """
+    """Friction as it was learnt last, beside the true coefficient and viscous friction [N s/m], None where unknown."""
     said = next((model.friction for model in reversed(log.models) if len(model.friction) >= 4), (None,) * 4)
     return {
         "coefficient": said[0],
@@ -241,11 +224,6 @@ def in_scene(report: dict[str, Any], scene: Mapping[str, Any], found: SceneFindi
 
     The account of energy is that in all directions, and so is the distance between robot and command. Figures that
     compare positions along one line, or the whole contact force with the model's part along the normal, are None.
-
-    Args:
-        report: Report of the session along the normal.
-        scene: Result of `scene_figures`.
-        found: Data that it was computed from.
     """
     energy, hand = scene["energy"], report["hand"]
     holds = energy["certificate_holds"]

@@ -12,7 +12,7 @@ from foretouch.messages import SessionLog
 from foretouch.quantities import new_figure
 from foretouch.report.drawing import ERROR, NARROW, PREDICTED, TRUE, extremes, finished, joined, legend, shade, thinned
 from foretouch.report.numbers import Finding, figure, filled
-from foretouch.report.pairs import Pairs
+from foretouch.report.rows import Pairs
 from foretouch.report.scene.map import StiffnessMap, map_figures
 from foretouch.report.scene.pose import NEAR_DEGREES, NEAR_MM, PoseError
 from foretouch.report.scene.scene import Wrong
@@ -47,23 +47,14 @@ def pose_figure(error: PoseError) -> Any:
         axes.tick_params(which="minor", labelleft=False)  # their powers of ten would push the title of the axis out
         axes.set_ylabel(f"error [{unit}]")
     place.set_title("Where the leader shows the fixture, against where it is: place")
-    turn.set_title("The same: turn")
-    turn.set_xlabel("time [s]")
+    turn.set(title="The same: turn", xlabel="time [s]")
     legend(place, columns=5)
     legend(turn, columns=5)
     return finished(figure, 2)
 
 
 def contact_figure(log: SessionLog, pairs: Pairs, wrong: Wrong, true_friction: float | None, start_ns: int) -> Any:
-    """False and missed contacts, and friction as it is learnt.
-
-    Args:
-        log: One segment, with the follower's models.
-        pairs: Its rows at equal command, at least one.
-        wrong: Contacts of these rows.
-        true_friction: Coefficient; None where it is unknown.
-        start_ns: Time zero by the follower's clock [ns].
-    """
+    """False and missed contacts of rows at equal command, at least one, and friction as it is learnt."""
     figure = new_figure(6.4)
     force, friction = figure.subplots(2, 1, sharex=True)
     force.plot(*thinned(pairs.time, pairs.follower["exact_force"]), color=TRUE, linewidth=1.3, label="true")
@@ -72,8 +63,7 @@ def contact_figure(log: SessionLog, pairs: Pairs, wrong: Wrong, true_friction: f
     shade(force, pairs.time, wrong.false, ERROR, "false: nothing is there")
     shade(force, pairs.time, wrong.missed, "#CC79A7", "missed")
     shade(force, pairs.time, wrong.first, "0.5", "before any model")
-    force.set_title("Contacts at equal command")
-    force.set_ylabel("force [N]")
+    force.set(title="Contacts at equal command", ylabel="force [N]")
     legend(force, columns=5)
     said = [(1e-9 * (model.time_ns - start_ns), *model.friction) for model in log.models if len(model.friction) >= 4]
     if said:
@@ -87,9 +77,7 @@ def contact_figure(log: SessionLog, pairs: Pairs, wrong: Wrong, true_friction: f
     if true_friction is not None:
         friction.axhline(true_friction, color=TRUE, linestyle="--", linewidth=1.0, label="true")
     friction.set_ylim(0.0, 2.0 * (true_friction or 0.5))
-    friction.set_title("Coefficient of friction")
-    friction.set_ylabel("coefficient")
-    friction.set_xlabel("time [s]")
+    friction.set(title="Coefficient of friction", ylabel="coefficient", xlabel="time [s]")
     if friction.get_legend_handles_labels()[1]:
         legend(friction, columns=4)
     return finished(figure, 2)
@@ -122,8 +110,7 @@ def map_figure(found: StiffnessMap, inclusion: Inclusion | None = None, *, centr
         image = axes.imshow(shown, origin="lower", extent=edges, vmin=low, vmax=high, cmap="cividis")
         axes.set_facecolor("0.85")
         _outlines(axes, found, inclusion, centre)
-        axes.set_title(f"{title} [N/m]")
-        axes.set_xlabel("x in the fixture's frame [mm]")
+        axes.set(title=f"{title} [N/m]", xlabel="x in the fixture's frame [mm]")
         figure.colorbar(image, ax=axes, fraction=0.046, pad=0.03)
     first = np.ravel(grid)[0]
     first.set_ylabel("y [mm]")

@@ -31,11 +31,7 @@ FELT = 0.05
 
 
 def instability(report: Mapping[str, Any]) -> str:
-    """Why a session was not stable, in a sentence; empty where it was, or where that is unknown.
-
-    Args:
-        report: What `session_figures` gave.
-    """
+    """Why a session was not stable, in a sentence; empty where it was, or where that is unknown."""
     if report["stable"] is not False:
         return ""
     hand = report["hand"]
@@ -146,12 +142,7 @@ def _drawings(view: View) -> Iterator[Drawing]:
 
 
 def energy_figure(leader: Rows, account: Account) -> Any:
-    """The energy account of all contacts, and the same near its bound, which it may not cross.
-
-    Args:
-        leader: Rows of `SessionLog.leader`, at least one.
-        account: What `energy_account` made of them.
-    """
+    """The energy account of all contacts, and the same near its bound, which it may not cross."""
     figure = new_figure(6.4)
     whole, near = figure.subplots(2, 1, sharex=True)
     time = since_first(leader)

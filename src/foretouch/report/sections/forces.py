@@ -27,10 +27,9 @@ from foretouch.report.drawing import (
     thinned,
 )
 from foretouch.report.numbers import AS_IT_COMES, NO_BASELINE, Finding, figure, filled, number
-from foretouch.report.pairs import Pairs, not_scored
+from foretouch.report.rows import Pairs, Segment, not_scored
 from foretouch.report.scores import JND_FORCE, JND_SHARE, STATUSES
 from foretouch.report.section import Drawing, Section, View
-from foretouch.report.statuses import Segment
 from foretouch.session.operators import STAYS_IN_THE_AIR
 from foretouch.settings import SIMULATED
 
@@ -87,8 +86,7 @@ def force_figure(
             alpha = 0.45 if force is rendered_force else 1.0
             axes.plot(*thinned(time[chosen], force[chosen]), color=colour, linewidth=width, alpha=alpha, label=label)
         axes.set_ylim(-0.08 * top, top)
-        axes.set_ylabel("force [N]")
-        axes.set_xlabel("time [s]")
+        axes.set(ylabel="force [N]", xlabel="time [s]")
         _say_beyond(axes, predicted_force[chosen], top, "predicted force")
     whole.set_title("Contact force at equal command")
     if scored is not None:
@@ -110,9 +108,11 @@ def force_figure(
     widest = min(top, ROOM * max(peak(np.abs(wrong[wanted])), JND_FORCE))
     error.set_ylim(-widest, widest)
     mark(error, _within(segments, time[inside]))
-    error.set_title(f"Error in the close-up, scaled to that of the {wanted} force: force less {name.split()[0]} force")
-    error.set_ylabel("error [N]")
-    error.set_xlabel("time [s]")
+    error.set(
+        title=f"Error in the close-up, scaled to that of the {wanted} force: force less {name.split()[0]} force",
+        ylabel="error [N]",
+        xlabel="time [s]",
+    )
     for kind, values in wrong.items():
         _say_beyond(error, np.abs(values), widest, f"error of the {kind} force")
     legend(error, columns=5)
@@ -158,9 +158,11 @@ def loop_figure(pairs: Pairs, true_force: Array, surface: float | None, wanted: 
     top = ROOM * max(peak(true_force), LEAST)
     axes.set_ylim(-0.08 * top, top)
     _say_beyond(axes, pairs.leader["predicted_force"], top, "predicted force")
-    axes.set_title("Force against depth")
-    axes.set_xlabel("position [mm]" if surface is None else "depth, from the last surface that was sent [mm]")
-    axes.set_ylabel("force [N]")
+    axes.set(
+        title="Force against depth",
+        xlabel="position [mm]" if surface is None else "depth, from the last surface that was sent [mm]",
+        ylabel="force [N]",
+    )
     legend(axes, columns=2)
     return finished(figure, 1)
 

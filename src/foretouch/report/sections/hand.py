@@ -38,12 +38,11 @@ from foretouch.report.numbers import (
     runs,
     setting,
 )
-from foretouch.report.pairs import Pairs, not_scored, pair
+from foretouch.report.perception import free_hand, oscillation
+from foretouch.report.rows import Pairs, away, not_scored, pair
 from foretouch.report.section import Drawing, Section, View
 from foretouch.report.sections.energy import FELT
 from foretouch.report.sections.safety import guarded_figures
-from foretouch.report.statuses import away
-from foretouch.report.swings import free_hand, oscillation
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -327,13 +326,7 @@ def _drawings(view: View) -> Iterator[Drawing]:
 
 
 def hand_figure(log: SessionLog, pairs: Pairs, burst_at: float | None = None) -> Any:
-    """What the hand meant, what it did, and where it was for the follower, with the force that it was given.
-
-    Args:
-        log: The session, with at least one row of the leader.
-        pairs: Its rows at equal command: they tell which commands the follower held back.
-        burst_at: Where the close-up is to begin, because the hand oscillates there [s]; None for the first contact.
-    """
+    """What the hand meant and did, where it was for the follower, and its force; the close-up shows an oscillation."""
     leader = log.leader
     time = since_first(leader)
     figure = new_figure(9.5)
@@ -358,8 +351,7 @@ def hand_figure(log: SessionLog, pairs: Pairs, burst_at: float | None = None) ->
                 alpha = 0.45 if width == WIDE else 1.0
                 curve = thinned(time[chosen], 1e3 * values[chosen])
                 axes.plot(*curve, color=colour, linewidth=width, alpha=alpha, label=label)
-            axes.set_ylabel("position [mm]")
-            axes.set_xlabel("time [s]")
+            axes.set(ylabel="position [mm]", xlabel="time [s]")
     place.axvspan(time[inside][0], time[inside][-1], color="#56B4E9", alpha=0.15, linewidth=0.0, label="close-up below")
     place.set_title("The hand")
     legend(place, columns=6 if not elsewhere.any() else 4)
@@ -371,9 +363,7 @@ def hand_figure(log: SessionLog, pairs: Pairs, burst_at: float | None = None) ->
     force.plot(*thinned(time[inside], asked), color=PREDICTED, linewidth=1.1, label="asked for, before the limits")
     top = 1.1 * max(peak(given), peak(asked), 0.1)
     force.set_ylim(-0.05 * top, top)
-    force.set_title("Force in the close-up")
-    force.set_ylabel("force [N]")
-    force.set_xlabel("time [s]")
+    force.set(title="Force in the close-up", ylabel="force [N]", xlabel="time [s]")
     legend(force, columns=4)
     for axes in (near, force):
         axes.set_xlim(time[inside][0], time[inside][-1])

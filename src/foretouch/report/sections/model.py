@@ -13,8 +13,8 @@ from foretouch.models import LAWS
 from foretouch.quantities import QUANTITIES, new_figure
 from foretouch.report.drawing import ERROR, NARROW, PREDICTED, extremes, finished, legend, mark
 from foretouch.report.numbers import Finding, figure, number, parameter_text
+from foretouch.report.rows import Segment
 from foretouch.report.section import Drawing, Section, View
-from foretouch.report.statuses import Segment
 
 Array = NDArray[np.float64]
 
@@ -80,13 +80,7 @@ def _parameters(view: View) -> Iterator[Drawing]:
 
 
 def model_figure(models: tuple[ModelUpdate, ...], start_ns: int, segments: Sequence[Segment] = ()) -> Any:
-    """Identified parameters over time, each in axes of its own; the layout of the paper's Fig. 10.
-
-    Args:
-        models: Of at least one law that is known here; the law that was sent most is shown.
-        start_ns: Time zero by the follower's clock [ns].
-        segments: In which the robot was not where the commands said, in the same time.
-    """
+    """Identified parameters of the most frequent known law, each in own axes; the layout of the paper's Fig. 10."""
     laws = [model.law for model in models if model.law in LAWS]
     law = max(sorted(set(laws)), key=laws.count)
     shown = [model for model in models if model.law == law]

@@ -13,9 +13,8 @@ from foretouch.messages import SessionLog
 from foretouch.quantities import new_figure
 from foretouch.report.drawing import ERROR, PREDICTED, RENDERED, TRUE, finished, legend, mark, thinned
 from foretouch.report.numbers import Finding, figure, filled, number
-from foretouch.report.pairs import Pairs
+from foretouch.report.rows import Pairs, Segment
 from foretouch.report.section import Drawing, Section, View
-from foretouch.report.statuses import Segment
 
 Array = NDArray[np.float64]
 
@@ -51,26 +50,18 @@ def _tracking(view: View) -> Iterator[Drawing]:
 
 
 def tracking_figure(pairs: Pairs, segments: Sequence[Segment] = ()) -> Any:
-    """Commanded and actual position of the robot, and the distance between them.
-
-    Args:
-        pairs: Rows at equal command.
-        segments: In which the robot was not where the commands said, in the time of the rows.
-    """
+    """Commanded and actual position of the robot, and the distance between them."""
     figure = new_figure(5.0)
     place, apart = figure.subplots(2, 1, sharex=True)
     commanded, actual = 1e3 * pairs.leader["position"], 1e3 * pairs.follower["position"]
     place.plot(*thinned(pairs.time, commanded), color=ERROR, linewidth=1.6, label="command that was applied")
     place.plot(*thinned(pairs.time, actual), color=TRUE, linewidth=0.9, label="follower")
-    place.set_title("Position of the robot at equal command")
-    place.set_ylabel("position [mm]")
+    place.set(title="Position of the robot at equal command", ylabel="position [mm]")
     for axes in (place, apart):
         mark(axes, segments)
     legend(place, columns=4)
     apart.plot(*thinned(pairs.time, actual - commanded), color=PREDICTED, linewidth=0.9)
-    apart.set_title("Tracking error: follower less command")
-    apart.set_ylabel("error [mm]")
-    apart.set_xlabel("time [s]")
+    apart.set(title="Tracking error: follower less command", ylabel="error [mm]", xlabel="time [s]")
     return finished(figure, 2, gap=0.5)
 
 
@@ -133,9 +124,7 @@ def timing_figure(log: SessionLog) -> Any:
             (grid[row][1], table["compute_ns"] * 1e-3, f"{side}: compute time", "µs"),
         ):
             _histogram(axes, values, colour)
-            axes.set_title(title)
-            axes.set_xlabel(f"{title.partition(': ')[2]} [{unit}]")
-            axes.set_ylabel("ticks")
+            axes.set(title=title, xlabel=f"{title.partition(': ')[2]} [{unit}]", ylabel="ticks")
     return finished(figure, 2, above=0.4)
 
 

@@ -16,15 +16,12 @@ from foretouch.identification import SENSOR_SENTENCES, SensorState
 from foretouch.messages import STATUS_SENTENCES, WITH_THE_COMMANDS, SessionLog, Status
 from foretouch.quantities import Rows
 from foretouch.report.numbers import Finding, largest, number
+from foretouch.report.rows import guarded_runs, joining, runs_of, seconds_of, since_first_command, usual_period
 from foretouch.report.section import Section
-from foretouch.report.statuses import guarded_runs, joining, runs_of, seconds_of, since_first_command, usual_period
 
 
 def guarded_figures(log: SessionLog) -> dict[str, Any]:
     """What the guard did, over all ticks of the follower.
-
-    Args:
-        log: The session.
 
     Returns:
         ``guarded_contact_percent``: fraction of the ticks in contact that were guarded; None without contact.
@@ -98,9 +95,6 @@ def safety_figures(log: SessionLog) -> dict[str, Any]:
     From the first command on; a robot that joins that within 0.1 s does not count as returned. An emergency stop in
     which one process ended and the next began is one: it had not been released.
 
-    Args:
-        log: The whole session.
-
     Returns:
         ``statuses`` and ``sensor_faults``: by name the ``times``, the ``seconds`` and the ``sentence``; what is less
         than 0.1 s apart is one time. ``refused_commands``: by reason, where there were any. ``control``: leaders
@@ -112,8 +106,8 @@ def safety_figures(log: SessionLog) -> dict[str, Any]:
     refused = {reason: log.counts.get(f"commands_{reason}", 0) for reason in REFUSALS}
     reasons = [*(stop.reason for stop in log.emergencies), *log.news.get("stopped", ())]
     return {
-        "statuses": _summed(parts, "status", WITH_THE_COMMANDS, _status),
-        "sensor_faults": _summed(parts, "validity", (SensorState.GOOD,), _fault),
+        "statuses": _summed(parts, "status", WITH_THE_COMMANDS),
+        "sensor_faults": _summed(parts, "validity", (SensorState.GOOD,)),
         "refused_commands": {reason: count for reason, count in refused.items() if count},
         "control": list(log.news.get("control", ())),
         "contests": list(log.news.get("contest", ())),
@@ -122,7 +116,7 @@ def safety_figures(log: SessionLog) -> dict[str, Any]:
     }
 
 
-def _summed(parts: list[Rows], column: str, ordinary: tuple[int, ...], name_of: Any) -> dict[str, Any]:
+def _summed(parts: list[Rows], column: str, ordinary: tuple[int, ...]) -> dict[str, Any]:
     """Times and seconds of each value of a column that is not ordinary, over the processes of the follower."""
     found: dict[str, Any] = {}
     for value in sorted({int(value) for rows in parts for value in np.unique(rows[column])} - set(map(int, ordinary))):
@@ -138,28 +132,23 @@ def _summed(parts: list[Rows], column: str, ordinary: tuple[int, ...], name_of: 
             seconds += seconds_of(rows, flags)
             held = bool(flags[-1]) if flags.size else held
         if ticks:
-            name, sentence = name_of(value)
+            name, sentence = _named(column, value)
             found[name] = {"times": times, "seconds": seconds, "sentence": sentence}
     return found
 
 
-def _status(value: int) -> tuple[str, str]:
-    try:
-        return Status(value).name.lower(), STATUS_SENTENCES[Status(value)]
-    except ValueError:
-        return f"status {value}", "is not known to this version of foretouch"
-
-
 def fault_name(value: int) -> str:
     """Of a fault of the sensors, also one that this version does not know."""
-    return _fault(value)[0]
+    return _named("validity", value)[0]
 
 
-def _fault(value: int) -> tuple[str, str]:
-    try:
-        return SensorState(value).name.lower(), SENSOR_SENTENCES[SensorState(value)]
-    except ValueError:
-        return f"fault {value}", "is not known to this version of foretouch"
+def _named(column: str, value: int) -> tuple[str, str]:
+    """Name and sentence of a status, or of a validity of the sensors."""
+    sentences: Mapping[Any, str] = STATUS_SENTENCES if column == "status" else SENSOR_SENTENCES
+    for known, sentence in sentences.items():
+        if known == value:
+            return known.name.lower(), sentence
+    return f"{'status' if column == 'status' else 'fault'} {value}", "is not known to this version of foretouch"
 
 
 REFUSED = {

@@ -23,7 +23,7 @@ from foretouch.report.numbers import (
     sentence,
     setting,
 )
-from foretouch.report.pairs import not_scored, pair
+from foretouch.report.rows import not_scored, pair
 from foretouch.report.scores import score_prediction
 from foretouch.report.section import Section
 from foretouch.report.sections.hand import hand_figures
@@ -38,9 +38,6 @@ OWN_HAND = "closed loop: a hand of its own holds the device {} and feels the for
 
 def pressed(settings: Mapping[str, str]) -> dict[str, str]:
     """What was pressed, by the name of its setting: a robot of another package has its own material.
-
-    Args:
-        settings: Of the session, as texts.
 
     Returns:
         ``scene`` and ``material``, as far as they are known, or ``robot`` in place of the material.
@@ -57,11 +54,7 @@ def session_findings(report: Mapping[str, Any]) -> Iterator[Finding]:
 
 
 def heading(report: Mapping[str, Any]) -> list[str]:
-    """The first lines of the report: the operator, what was pressed, the part reported, and what the force moved.
-
-    Args:
-        report: What `session_figures` gave.
-    """
+    """The first lines of the report: the operator, what was pressed, the part reported, and what the force moved."""
     chosen = report["settings"]
     words = [lasted(report), *(f"{name} {what}" for name, what in pressed(chosen).items())]
     words += [f"{name.replace('_', ' ')} {chosen[name]}{unit}" for name, unit in _SHOWN.items() if chosen.get(name)]
@@ -75,15 +68,12 @@ _SHOWN = {"operator": "", "estimator": "", "position_delay": " s", "force_delay"
 def loop_sentence(settings: Mapping[str, str]) -> str:
     """Whether the force moves a hand, whose, and which device it holds."""
     grip = setting(settings, "grip", NO_GRIP)
-    if settings.get("replay") == "open loop":
+    if settings.get("replay") == "open loop" or (grip == NO_GRIP and settings.get("felt") != "yes"):
         return OPEN_LOOP
     if grip == NO_GRIP:
-        return (
-            OWN_HAND.format(setting(settings, "operator", "a device")) if settings.get("felt") == "yes" else OPEN_LOOP
-        )
-    mass, damping, friction, resolution = (
-        number_of(settings, f"device_{name}", 0.0) for name in ("mass", "damping", "friction", "resolution")
-    )
+        return OWN_HAND.format(setting(settings, "operator", "a device"))
+    names = ("mass", "damping", "friction", "resolution")
+    mass, damping, friction, resolution = (number_of(settings, f"device_{name}", 0.0) for name in names)
     return (
         f"closed loop: a hand with a {grip} grip holds a device of {mass:g} kg, {damping:g} N s/m, "
         f"{friction:g} N of friction and {1e6 * resolution:g} um a count"
@@ -99,11 +89,7 @@ def baseline_sentence(report: Mapping[str, Any]) -> str:
 
 
 def lasted(report: Mapping[str, Any]) -> str:
-    """How long the whole session was, and the segment whose figures these are, as the beginning of a line.
-
-    Args:
-        report: What `session_figures` gave.
-    """
+    """How long the whole session was, and the segment whose figures these are, as the beginning of a line."""
     if report["segments"]["count"] < 2:
         return filled("{duration_s:.1f} s", report)
     several = "{segments.duration_s:.1f} s in {segments.count} segments, of which the longest: {duration_s:.1f} s"
@@ -111,11 +97,7 @@ def lasted(report: Mapping[str, Any]) -> str:
 
 
 def segment_sentence(report: Mapping[str, Any]) -> str:
-    """Which part of a session the figures are of, where a side began again or settings changed; else empty.
-
-    Args:
-        report: What `session_figures` gave.
-    """
+    """Which part of a session the figures are of, where a side began again or settings changed; else empty."""
     found = report["segments"]
     if found["count"] < 2:
         return ""
@@ -158,12 +140,7 @@ MOST_LINES = 12
 
 
 def contact_scores(log: SessionLog, **window: Any) -> dict[str, Any]:
-    """Scores of the rendered and of the predicted force of one phase, at equal command.
-
-    Args:
-        log: Of `SessionLog.phases`.
-        **window: As for `score_prediction`: ``contact_floor``, ``score_from``, ``score_to``.
-    """
+    """Scores of the rendered and of the predicted force of one phase, at equal command."""
     pairs = pair(log)
     sensor, known = pairs.follower["sensor_force"], pairs.leader["delayed_force"]
     felt = pairs.leader["rendered_force"] / number_of(log.settings, "force_scale", 1.0)
@@ -174,11 +151,6 @@ def contact_scores(log: SessionLog, **window: Any) -> dict[str, Any]:
 
 def phase_figures(whole: SessionLog, chosen: SessionLog, **window: Any) -> list[dict[str, Any]]:
     """One object for each phase of a session, none where it is one alone.
-
-    Args:
-        whole: The session.
-        chosen: The phase whose figures the report gives in full.
-        **window: As for `score_prediction`.
 
     Returns:
         For each: ``begin_s`` since the leader's first message, ``duration_s``, ``reported`` (whether it is the chosen
@@ -222,11 +194,7 @@ def phase_figures(whole: SessionLog, chosen: SessionLog, **window: Any) -> list[
 
 
 def phase_lines(report: Mapping[str, Any]) -> list[str]:
-    """The block of the report that lists the phases; nothing where there is one alone.
-
-    Args:
-        report: What `session_figures` gave.
-    """
+    """The block of the report that lists the phases; nothing where there is one alone."""
     phases = report["segments"]["each"]
     if not phases:
         return []

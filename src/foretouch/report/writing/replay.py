@@ -18,10 +18,10 @@ from foretouch.messages import SessionLog
 from foretouch.quantities import Rows, new_figure
 from foretouch.report.drawing import DELAYED, ERROR, PREDICTED, TRUE, finished, last_contact, legend, peak, thinned
 from foretouch.report.numbers import number, sentence, value_of
-from foretouch.report.pairs import Pairs, not_scored, pair
+from foretouch.report.rows import Pairs, not_scored, pair
 from foretouch.report.scores import score_prediction
 from foretouch.report.session import CONTACT_FLOOR, session_figures
-from foretouch.report.writing.html import embedded, table, write_html
+from foretouch.report.writing.pages import embedded, table, write_html
 from foretouch.session import SessionSettings
 
 Array = NDArray[np.float64]
@@ -156,11 +156,7 @@ def contacts(log: SessionLog) -> list[Contact]:
 
 
 def hand_begins_ns(leader: Rows) -> int:
-    """When the time of the hand begins, by the leader's clock [ns]: one that feels something waits for the follower.
-
-    Args:
-        leader: Rows of `SessionLog.leader`, of one process, at least 1.
-    """
+    """When the time of the hand begins, by the leader's clock [ns]: one that feels something waits for the follower."""
     waits = bool(np.isfinite(leader["exact_hand_position"]).any() and leader["engaged"].any())
     return int(leader["time_ns"][int(np.argmax(leader["engaged"])) if waits else 0])
 
@@ -183,11 +179,7 @@ def render_replay(content: Mapping[str, Any]) -> str:
 
 
 def table_rows(content: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
-    """What `render_replay` and the page show: name, recorded, replayed, and their ratio, as text.
-
-    Args:
-        content: What `compare_replay` gave.
-    """
+    """What `render_replay` and the page show: name, recorded, replayed, and their ratio, as text."""
     before, after = content["recorded"], content["replayed"]
     always = ("position_delay", "force_delay", "model", "estimator")
     names = [*always, *(name for name in content["settings"] if name not in always)]
@@ -303,8 +295,7 @@ def replay_figure(recorded: SessionLog, replayed: SessionLog, contacts: Mapping[
         _draw_forces(axes, *near_by)
         top = ROOM * max(LEAST, *(peak(columns[kind]) for columns in near_by for kind in ("true", "delayed")))
         axes.set_ylim(-0.08 * top, top)
-        axes.set_ylabel("force [N]")
-        axes.set_xlabel("time of the hand [s]")
+        axes.set(ylabel="force [N]", xlabel="time of the hand [s]")
     whole.set_title("Contact force at equal command, over the time in which the hand moved")
     whole.axvspan(begin, end, color="0.5", alpha=0.15, linewidth=0.0, label="close-up below")
     near.set_title("Close-up")
@@ -359,9 +350,9 @@ def _draw_errors(axes: Any, contacts: Mapping[str, Any]) -> None:
         sizes = np.maximum([one[kind] for one in found], LEAST_ERROR)
         axes.plot(middle, sizes, sign, color=colour, markersize=6.0, label=label)
     axes.set_yscale("log")
-    axes.set_title("Error of each contact, in percent of the force in it")
-    axes.set_ylabel("error [%]")
-    axes.set_xlabel("time of the hand [s]")
+    axes.set(
+        title="Error of each contact, in percent of the force in it", ylabel="error [%]", xlabel="time of the hand [s]"
+    )
     drawn = axes.get_ylim()
     axes.set_yticks([tick for tick in ERROR_TICKS if drawn[0] <= tick <= drawn[1]])
     axes.yaxis.set_major_formatter("{x:g}")

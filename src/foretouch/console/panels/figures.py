@@ -1,4 +1,4 @@
-"""The plot of forces and the numbers beside it, those of the hand's energy among them."""
+"""Plots with the numbers beside them: the forces, the hand's energy, and the model that was learnt."""
 
 from __future__ import annotations
 
@@ -9,10 +9,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from foretouch.console.history import NAN, Window
+from foretouch.console.models_seen import ModelTrace
 from foretouch.console.plots import SECONDS, Curve, Row, TimePlot, number, put, table
 from foretouch.console.watched import Watched
-from foretouch.console.window import NAN, Window
-from foretouch.quantities.colours import BLUE, GREEN, GREY, INK, ORANGE, SKY, VERMILLION, css
+from foretouch.errors import InputError
+from foretouch.messages import ModelUpdate
+from foretouch.models import ContactMapModel, make_model, summarise_map
+from foretouch.quantities import measured, parameter_unit
+from foretouch.quantities.colours import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, SKY, VERMILLION, css
 from foretouch.settings import SIMULATED
 
 PUT_IN = Curve("Put in by the hand, less what it owes", GREEN, 2.0)
@@ -20,11 +25,7 @@ LEAST = Curve("Least that it may be: minus the bound", VERMILLION, 2.0, "dashed"
 
 
 class EnergyPanel:
-    """The account of energy over time: the curve never falls below the bound.
-
-    Args:
-        gui: The viewer's user interface.
-    """
+    """The account of energy over time: the curve never falls below the bound."""
 
     def __init__(self, gui: Any) -> None:
         self._plot = TimePlot(gui, "Energy of the session [mJ]", (PUT_IN, LEAST), lowest=None)
@@ -61,26 +62,7 @@ DELAYED_AGAIN = Curve("Delayed, run again", ORANGE, 2.0, "dashed")
 
 
 class Numbers(NamedTuple):
-    """Numbers and lines beside the plot; NaN where a number is unknown.
-
-    Attributes:
-        predicted: Force of the newest model at the hand's motion [N].
-        delayed: Force of the newest telemetry that had arrived [N].
-        true: Newest true force that is known [N].
-        true_age: Time since the hand was there [s].
-        rendered: Force rendered to the hand after the clamps [N].
-        depth: Depth of the operator's tip below the surface [m].
-        prediction_error: Error of the predicted force over the plotted time [%].
-        delayed_error: Error of the delayed force over the plotted time [%].
-        status: One line: what the session is doing.
-        names: One line: what is pressed, and what learns it.
-        deviation: Standard deviation of `predicted` [N].
-        warnings: Lines in vermillion above all.
-        again: Predicted and delayed force of a second run [N], None where there is none.
-        again_errors: Their errors over the plotted time [%].
-        away: Part of the plotted time in which the robot did not follow [s], which no error counts.
-        rendered_error: Error of the rendered force over the plotted time [%]; NaN where forces are scaled.
-    """
+    """Numbers beside the plot: forces [N], depth [m], times [s], errors [%]; NaN where one is unknown."""
 
     predicted: float
     delayed: float
@@ -101,11 +83,7 @@ class Numbers(NamedTuple):
 
 
 class ForcePanel:
-    """Forces over time, and as numbers.
-
-    Args:
-        gui: The viewer's user interface.
-    """
+    """Forces over time, and as numbers."""
 
     def __init__(self, gui: Any) -> None:
         curves = (TRUE, PREDICTED, DELAYED, RENDERED, AWAY, PREDICTED_AGAIN, DELAYED_AGAIN)
@@ -116,12 +94,7 @@ class ForcePanel:
         self._text = gui.add_html("")
 
     def plot(self, window: Window, other: Window | None = None) -> None:
-        """Draw the forces.
-
-        Args:
-            window: Of the session.
-            other: Of a second run at the same time.
-        """
+        """Draw the forces of a session, and of a second run at the same time."""
         unknown = np.full(len(window.time), NAN)
         again = [unknown, unknown]
         if other is not None and len(other.time):
@@ -133,8 +106,7 @@ class ForcePanel:
 
     def write(self, numbers: Numbers) -> None:
         """Write the numbers."""
-        text = numbers_html(numbers)
-        put(self._text, content=text)
+        put(self._text, content=numbers_html(numbers))
 
 
 def numbers_html(n: Numbers) -> str:
@@ -176,15 +148,7 @@ NAMES = ("material", "model", "estimator")
 def numbers_of(
     shown: Watched, window: Window, other: Watched | None, *, status: str, warnings: tuple[str, ...]
 ) -> Numbers:
-    """The numbers of a moment.
-
-    Args:
-        shown: The session, or a recording.
-        window: Of its last seconds.
-        other: A second run of that recording, None where there is none.
-        status: One line: what the session is doing.
-        warnings: What stands above all.
-    """
+    """The numbers of the last seconds of a session or recording, and of a second run of that."""
     leader = shown.leader
     known = np.flatnonzero(np.isfinite(window.true))
     true, age = (window.true[known[-1]], -window.time[known[-1]]) if len(known) else (NAN, NAN)
@@ -219,3 +183,77 @@ def _names(settings: Mapping[str, str]) -> list[str]:
     robot = settings.get("robot", SIMULATED)
     own = [] if robot == SIMULATED else [f"robot {robot}"]
     return own + [settings[name] for name in NAMES if name in settings and not (own and name == "material")]
+
+
+SYMBOLS = {"stiffness": "k", "damping": "λ", "exponent": "n", "switching": "α"}
+
+
+def describe(update: ModelUpdate) -> tuple[str, ...]:
+    """The law's numbers, a contact map's weights, visited region and stiffness; else the reason."""
+    reason = (update.reason,) if update.reason else ()
+    if not update.valid:
+        return reason
+    try:
+        model = make_model(update.law, update.parameters, update.map)
+    except InputError:
+        return reason
+    named = zip(model.parameter_names, model.parameters, strict=True)
+    numbers = "law: " + ", ".join(f"{SYMBOLS.get(name, name)} {measured(value, None)}" for name, value in named)
+    return (numbers, *(_map_lines(model) if isinstance(model, ContactMapModel) else ()), *reason)
+
+
+def _map_lines(model: ContactMapModel) -> tuple[str, ...]:
+    summary = summarise_map(model)
+    shares = ", ".join(f"{name} {100.0 * share:.0f} %" for name, share in summary.shares.items())
+    lines = [f"map: {shares}; visited {1e3 * summary.depth_visited:.1f} mm, {1e3 * summary.speed_visited:.0f} mm/s"]
+    if summary.depths:
+        values = ", ".join(f"{value:.0f}" for value in summary.stiffnesses)
+        lines.append(f"stiffness: {values} N/m at {', '.join(f'{1e3 * depth:.1f}' for depth in summary.depths)} mm")
+    return tuple(lines)
+
+
+STIFFNESS = Curve("Local stiffness", BLUE, 2.0, band=True)
+LOOKS = ((INK, "solid"), (VERMILLION, "dashed"), (GREEN, "dotted"), (PURPLE, "solid"))
+"""Colours and dashes of the law's parameters, in its order."""
+LARGEST_RATIO = 3.0
+
+
+class ModelPanel:
+    """The newest model's stiffness and parameters over time."""
+
+    def __init__(self, gui: Any) -> None:
+        self._stiffness = TimePlot(gui, "Stiffness dF/dx at rest [N/mm] and one deviation", (STIFFNESS,), height=130)
+        curves = [Curve(f"parameter {n}", colour, 2.0, dash, band=True) for n, (colour, dash) in enumerate(LOOKS, 1)]
+        self._curves = curves
+        self._parameters = TimePlot(gui, "The law's numbers over their newest, and one deviation", curves, height=130)
+        self._text = gui.add_html("")
+
+    def draw(self, trace: ModelTrace, depth: float, lines: tuple[str, ...]) -> None:
+        """Draw and write the models of the last seconds, compared at a depth [m], with remarks on the newest."""
+        rows: list[Row] = []
+        if len(trace.time) > 1:
+            self._stiffness.draw(trace.time, (trace.stiffness * 1e-3,), (trace.deviation * 1e-3,))
+            ratios, spreads = self._ratios(trace, trace.parameters), self._ratios(trace, trace.errors)
+            self._parameters.draw(trace.time, ratios, [np.abs(spread) for spread in spreads], most=LARGEST_RATIO)
+            value = measured(trace.stiffness[-1] * 1e-3, trace.deviation[-1] * 1e-3)
+            rows.append(Row(f"Stiffness at {depth * 1e3:.1f} mm [N/mm]", value, STIFFNESS))
+            newest = zip(self._curves, trace.names, trace.parameters[-1], trace.errors[-1], strict=False)
+            for curve, name, parameter, error in newest:
+                unit = parameter_unit(name, trace.names)
+                label = f"{SYMBOLS.get(name, '')} {name}{f' [{unit}]' if unit else ''}".strip()
+                rows.append(Row(label, measured(parameter, error), curve))
+        text = "<br>".join(map(html.escape, lines))
+        content = (
+            f'<div style="padding:0 12px">{table(rows)}<div style="font-size:0.85em;line-height:1.4;color:#555">{text}'
+            "</div></div>"
+        )
+        put(self._text, content=content)
+
+    def _ratios(self, trace: ModelTrace, columns: np.ndarray) -> list[np.ndarray]:
+        """What belongs to each parameter over its newest value; NaN where the law has none, or that value is 0."""
+        unknown = np.full(len(trace.time), NAN)
+        ratios = []
+        for index in range(len(self._curves)):
+            known = index < len(trace.names) and trace.parameters[-1, index] != 0.0
+            ratios.append(columns[:, index] / trace.parameters[-1, index] if known else unknown)
+        return ratios
