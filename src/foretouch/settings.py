@@ -23,10 +23,13 @@ LAWS_HELP = (
 NO_GRIP = "none"
 """The grip of an operator whose hand the force does not move."""
 
+NO_BASELINE = "none"
+"""The baseline of a session that renders models."""
+
 SIMULATED = "simulated"
 """The robot of the package: an arm in MuJoCo that presses the settings' material."""
 
-BASELINES = ("none", "delayed", "delayed-tdpa")
+BASELINES = (NO_BASELINE, "delayed", "delayed-tdpa")
 """What renders: models, or for comparison the delayed force, without and with a passivity controller."""
 
 SCENES = ("plane", "hill", "phantom")

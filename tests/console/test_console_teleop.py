@@ -244,7 +244,7 @@ def test_an_emergency_stop_is_released_at_the_follower_and_a_killed_tab_lets_go(
     knows = np.isin(leader["telemetry_sequence"], follower["sequence"][stopped])
     assert knows.sum() > 200
     assert not leader["engaged"][knows].any()
-    assert (leader["rendered_force"][knows][150:] == 0.0).all()  # it falls as fast as a force may for a hand
+    assert leader["rendered_force"][knows][150:].max() < 1e-3  # it falls as fast as a force may for a hand
     # The hand moved with the mouse, stayed where the tab let go of it, and moved with the script again; and the clutch,
     # which the tab had pressed after the release, was let go.
     moved = np.flatnonzero(np.abs(np.diff(leader["intended_position"])) > 1e-7)

@@ -12,7 +12,7 @@ from foretouch.link import Faults, FaultStage
 from foretouch.messages import VERSION, Command, Hello
 from foretouch.session.network.lease import MANY, TOLD_NS, Contest, ContestHeard, ControlLease
 from foretouch.session.runners.news import leader_news
-from foretouch.session.steps.heard import Heard
+from foretouch.session.steps.follower_view import FollowerView
 
 MS = 1_000_000
 
@@ -114,7 +114,7 @@ def test_control_that_another_has_taken_is_told() -> None:
 
 @pytest.mark.parametrize("trouble", ["", "the robot holds its place"])
 def test_the_operator_is_told_what_the_follower_tells_of_a_contest(trouble: str) -> None:
-    said = leader_news(Heard(5), {"contest": "CONTROL CONTESTED: bert would", "trouble": trouble})
+    said = leader_news(FollowerView(5), {"contest": "CONTROL CONTESTED: bert would", "trouble": trouble})
     assert said == "CONTROL CONTESTED: bert would" + (f"; {trouble}" if trouble else "")
 
 

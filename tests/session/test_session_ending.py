@@ -30,7 +30,7 @@ from foretouch.session.runners import live
 from foretouch.session.runners.driven import LineFollower
 from foretouch.session.runners.news import LoopWatch
 from foretouch.session.safety.kernel import REST_FORCE
-from foretouch.session.steps.heard import MOST_OF_FORMER, Heard
+from foretouch.session.steps.follower_view import MOST_OF_FORMER, FollowerView
 
 SETTINGS = SessionSettings(material="hunt-crossley", position_delay=0.0, force_delay=0.0)
 TELEMETRY = Telemetry(VERSION, 1, 1, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, False, False, 0, 1, 1)
@@ -292,12 +292,12 @@ def test_a_leader_asks_until_a_thousand_ticks_after_the_press_say_that_the_robot
 # --- by steps alone ---------------------------------------------------------------------------------------------------
 
 
-def say(heard: Heard, run: int, sequence: int, position: float = 0.0) -> None:
+def say(heard: FollowerView, run: int, sequence: int, position: float = 0.0) -> None:
     heard.take_telemetry(msgspec.structs.replace(TELEMETRY, run=run, sequence=sequence, position=position))
 
 
 def test_a_process_that_was_thought_to_be_gone_is_heard_again_once_it_alone_speaks() -> None:
-    heard = Heard(1)
+    heard = FollowerView(1)
     say(heard, 3, 1)
     say(heard, 4, 1, 0.01)
     assert (heard.run, heard.take_renewed()) == (4, True)
@@ -315,7 +315,7 @@ def test_a_process_that_was_thought_to_be_gone_is_heard_again_once_it_alone_spea
 
 
 def test_while_the_other_speaks_too_it_stays_a_former_one() -> None:
-    heard = Heard(1)
+    heard = FollowerView(1)
     say(heard, 3, 1)
     say(heard, 4, 1)
     for sequence in range(2, 3 * MOST_OF_FORMER):

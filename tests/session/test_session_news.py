@@ -19,7 +19,7 @@ from foretouch.session.processes.children import Child
 from foretouch.session.runners.housekeeping import NOT_RECORDED, WELCOME, Housekeeper
 from foretouch.session.runners.news import ANEW, QUIET, Repeats, follower_news, leader_news
 from foretouch.session.steps import follower
-from foretouch.session.steps.heard import Heard
+from foretouch.session.steps.follower_view import FollowerView
 
 HOLDS = "the robot hears no fresh command: holds its place"
 
@@ -61,7 +61,7 @@ def test_a_wanted_restart_of_the_leader_is_said_to_be_that() -> None:
 
 
 def test_a_leader_that_shares_the_terminal_does_not_say_what_the_follower_says() -> None:
-    heard = Heard(1)
+    heard = FollowerView(1)
     heard.in_control = True
     assert leader_news(heard, {"trouble": HOLDS}) == HOLDS
     assert leader_news(heard, {"trouble": HOLDS}, told_here=True) == ""

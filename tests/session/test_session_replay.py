@@ -11,7 +11,7 @@ from foretouch.messages import LeaderState, SessionLog
 from foretouch.session import replay
 
 
-class Heard(Lap):
+class FollowerView(Lap):
     """A lap whose leaders' words are kept even of those that are gone."""
 
     def __init__(self, **changes: object) -> None:
@@ -29,7 +29,7 @@ class Heard(Lap):
         return SessionLog.from_messages([*self.records, *self.telemetry], self.settings.as_text())
 
 
-def own_error(lap: Heard) -> np.ndarray:
+def own_error(lap: FollowerView) -> np.ndarray:
     """What the replay of the longest segment predicts less what its leader did [N]."""
     log = lap.log()
     again = replay(log, Learner(lap.settings.make_estimator()), delay=lap.settings.force_delay)
@@ -37,7 +37,7 @@ def own_error(lap: Heard) -> np.ndarray:
 
 
 def test_after_a_leader_began_again_all_that_the_follower_learnt_counts() -> None:
-    lap = Heard()
+    lap = FollowerView()
     lap.start_leader("anna", 11)
     lap.run(4.0)
     lap.keep()
@@ -50,7 +50,7 @@ def test_after_a_leader_began_again_all_that_the_follower_learnt_counts() -> Non
 
 
 def test_after_a_follower_began_again_its_own_learning_counts() -> None:
-    lap = Heard()
+    lap = FollowerView()
     lap.start_leader("anna", 11)
     lap.run(4.0)
     lap.run(0.7, follows=False)
@@ -69,7 +69,7 @@ def test_after_a_follower_began_again_its_own_learning_counts() -> None:
 def test_what_a_failing_sensor_showed_is_not_learnt(kind: str) -> None:
     from foretouch.robot import FaultySensor, SensorFault
 
-    lap = Heard()
+    lap = FollowerView()
     lap.robot = FaultySensor(lap.robot, SensorFault(kind, 3.0, 4.0), seed=1)
     lap.start_leader("anna", 11)
     lap.run(4.2)

@@ -65,7 +65,7 @@ def test_its_next_start_has_control_and_a_model_within_a_second(grip: str) -> No
     again = lap.start_leader("anna", 12)
     lap.run(1.0)
     assert lap.following.lease.epoch == 12
-    assert again.state.heard.in_control
+    assert again.state.follower_view.in_control
     assert again.state.renderer.predictor.model is not None
     assert again.records[-1].engaged
     before = len(lap.forces)
@@ -87,7 +87,7 @@ def test_a_follower_that_begins_again_comes_slowly_and_the_leader_keeps_the_mode
     lap.start_follower(2, robot=True)
     begun = len(lap.telemetry)
     lap.run(0.05)
-    assert one.state.heard.run == 2
+    assert one.state.follower_view.run == 2
     assert one.state.renderer.predictor.model is model
     assert one.state.renderer.predictor.message == 0  # the new process must not believe that its models are known
     lap.run(9.0)
@@ -95,8 +95,8 @@ def test_a_follower_that_begins_again_comes_slowly_and_the_leader_keeps_the_mode
     returning = np.array([said.status == Status.RETURNING for said in lap.telemetry[begun:]])
     assert np.diff(positions)[returning[1:]].max(initial=0.0) <= 0.05e-3 + 1e-9
     assert one.state.renderer.predictor.message > 0
-    assert one.state.inherits is not one.state.heard.has_relearnt
-    assert one.state.heard.models.received > 50
+    assert one.state.inherits is not one.state.follower_view.has_relearnt
+    assert one.state.follower_view.models.received > 50
     assert max(lap.forces) < 15.0
     felt = [record.rendered_force for record in one.records]
     assert np.abs(np.diff(felt)).max() <= 0.2 + 1e-9
@@ -112,7 +112,7 @@ def test_a_hand_that_presses_as_another_process_answers_feels_no_jump() -> None:
     begun = len(one.records)
     lap.run(0.2)
     felt = [record.rendered_force for record in one.records[begun - 1 :]]
-    assert one.state.heard.run == 2
+    assert one.state.follower_view.run == 2
     assert felt[0] > 1.0
     assert min(felt) < 0.05  # it is elsewhere, in free air, where a map may give some millinewtons
     assert np.abs(np.diff(felt)).max() <= 0.1
@@ -125,11 +125,11 @@ def test_what_a_process_said_that_is_gone_is_left_out_however_late_it_comes() ->
     old = lap.telemetry[-1]
     lap.start_follower(2)
     lap.run(0.2)
-    count = one.state.heard.telemetry.received
-    one.state.heard.take_telemetry(old)
-    assert one.state.heard.run == 2
-    assert one.state.heard.telemetry.received == count
-    assert not one.state.heard.take_renewed() or lap.now < 0
+    count = one.state.follower_view.telemetry.received
+    one.state.follower_view.take_telemetry(old)
+    assert one.state.follower_view.run == 2
+    assert one.state.follower_view.telemetry.received == count
+    assert not one.state.follower_view.take_renewed() or lap.now < 0
 
 
 @GRIP_OR_NONE
@@ -139,20 +139,20 @@ def test_a_second_leader_is_not_obeyed_and_feels_nothing_until_the_first_is_sile
     first, second = lap.leaders[0], lap.start_leader("bert", 7)
     lap.run(2.0)
     assert lap.following.lease.holder == "anna"
-    assert first.state.heard.in_control
-    assert not second.state.heard.in_control
-    assert not second.state.heard.had_control
+    assert first.state.follower_view.in_control
+    assert not second.state.follower_view.in_control
+    assert not second.state.follower_view.had_control
     assert max(one.rendered_force for one in second.records) == 0.0
     assert lap.following.lease.refused > 1500
     lap.leaders.remove(first)
     lap.run(2.0)
     assert lap.following.lease.holder == "bert"
-    assert second.state.heard.in_control
+    assert second.state.follower_view.in_control
     lap.leaders.append(first)  # it comes back as what it was
     lap.run(0.5)
     assert lap.following.lease.holder == "bert"
-    assert not first.state.heard.in_control
-    assert first.state.heard.had_control
+    assert not first.state.follower_view.in_control
+    assert first.state.follower_view.had_control
     lap.run(1.0)
     assert first.records[-1].rendered_force == 0.0
 

@@ -179,9 +179,9 @@ def test_a_leader_that_hears_a_shadow_is_told_and_lets_go() -> None:
         assert led.record.rendered_force == 0.0
         assert not led.record.engaged
         assert math.isnan(led.command.position)
-    assert other.heard.shadows
-    assert not other.heard.had_control
-    assert "commands nothing" in leader_news(other.heard, {})
+    assert other.follower_view.shadows
+    assert not other.follower_view.had_control
+    assert "commands nothing" in leader_news(other.follower_view, {})
 
 
 FORCES = st.floats(0.0, 20.0).map(lambda force: round(force, 4))

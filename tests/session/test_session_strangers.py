@@ -20,7 +20,7 @@ from foretouch.link.zenoh_link import PATIENCE
 from foretouch.messages import VERSION, Hello, Hellos, Message, ModelUpdate, encode
 from foretouch.session import Housekeeper, Process, StopFlag, wait_for_hello
 from foretouch.session.runners.housekeeping import NOT_RECORDED
-from foretouch.session.steps.heard import MOST_FORMER, Heard
+from foretouch.session.steps.follower_view import MOST_FORMER, FollowerView
 
 pytestmark = pytest.mark.network
 
@@ -93,7 +93,7 @@ def test_memory_does_not_grow_with_hellos(stranger: tuple[ZenohLink, Any], kind:
 
 
 def test_followers_without_end_fill_nothing() -> None:
-    heard = Heard(5)
+    heard = FollowerView(5)
     update = ModelUpdate(VERSION, 1, 1, 0, "x", (), (), 0.0, False, "", "", b"")
     for run in range(1, 3 * MOST_FORMER):
         heard.is_for_us(msgspec.structs.replace(update, run=run))

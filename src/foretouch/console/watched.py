@@ -13,6 +13,7 @@ from foretouch.console.space_heard import SpaceHeard
 from foretouch.devices import GRIPS, INTENDED_FORCE
 from foretouch.messages import Hello, LeaderState, Message, ModelUpdate, Status, Telemetry
 from foretouch.rendering.withheld import LEAST_FORCE, OWED, REDUCED_BELOW, UNPAID, Withheld, due_force
+from foretouch.settings import NO_BASELINE, NO_GRIP
 
 SILENT = 0.3
 """A side that sends every millisecond is silent when nothing has come for this time [s]."""
@@ -22,8 +23,6 @@ SURFACE, PRESS_DEPTH = 0.012, 0.01
 """Surface position and depth of presses [m] until the session sends its values."""
 DEEPEST = 1.2
 """How far the handle goes below the surface, in press depths."""
-NO_GRIP = NO_BASELINE = "none"
-"""The grip of an operator whose hand the force does not move, and the baseline of a session that renders models."""
 SMALLEST_SCALE = 1e-3
 """A bound on the position scale."""
 SUPERVISOR = "supervisor"

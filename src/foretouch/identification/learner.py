@@ -154,7 +154,7 @@ class Learner:
             return LearntModel(None, 0.0, (), GONE if gone else "nothing has been touched yet")
         model = self.estimator.model
         if model is None:
-            return LearntModel(None, surface, (), "too few samples in contact")
+            return LearntModel(None, surface, (), "too few samples in contact, or too alike")
         surface -= self.estimator.surface_correction
         return LearntModel(model, surface, self.estimator.state, self.status.value)
 

@@ -25,8 +25,6 @@ RENDERED = GREEN
 """Colour of the force on the hand, and of energy."""
 TRUE = INK
 """The true force."""
-AGAIN = (SKY, ORANGE)
-"""The predicted and the delayed force of a second run."""
 URGENT = VERMILLION
 """The emergency stop, and whatever has to be known at once."""
 WRONG = ORANGE

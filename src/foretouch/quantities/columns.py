@@ -93,7 +93,8 @@ def in_words(name: str) -> tuple[str, str]:
         name: In lower case with underlines, ending in its unit where it has one.
     """
     words = (word.upper() if word in ("rms", "rmse", "jnd") else word for word in _quantity(name).split("_"))
-    return " ".join(words), _unit(name)
+    unit = _unit(name)
+    return ("rate of " if unit == "N/s" else "") + " ".join(words), unit
 
 
 Rows = Any

@@ -12,12 +12,7 @@ from numpy.typing import NDArray
 
 from foretouch.errors import plural
 from foretouch.quantities import measured, parameter_unit
-
-NO_GRIP = "none"
-"""The grip of an operator whose hand the force does not move."""
-
-NO_BASELINE = "none"
-"""The baseline of a session that renders models."""
+from foretouch.settings import NO_BASELINE
 
 AS_IT_COMES = "delayed"
 """The baseline that renders the delayed force itself."""

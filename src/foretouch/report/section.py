@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from foretouch.report.numbers import NO_BASELINE, Finding
+from foretouch.report.numbers import Finding
+from foretouch.settings import NO_BASELINE
 
 if TYPE_CHECKING:
     from foretouch.messages import SessionLog

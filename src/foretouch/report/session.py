@@ -13,7 +13,7 @@ from foretouch.errors.checks import require_type
 from foretouch.messages import CHANNELS, SessionLog, encode
 from foretouch.models import ContactMapModel, summarise_map
 from foretouch.quantities import Rows
-from foretouch.report.numbers import NO_BASELINE, largest, renders_models, setting
+from foretouch.report.numbers import largest, renders_models, setting
 from foretouch.report.perception import time_to_accuracy, update_jumps
 from foretouch.report.rows import Pairs, away, force_at_follower, joining, model_of, not_scored, nowhere, pair
 from foretouch.report.scene.pose import has_scene
@@ -22,6 +22,7 @@ from foretouch.report.scores import Scores, score_prediction
 from foretouch.report.sections.hand import contact_force, hand_figures
 from foretouch.report.sections.safety import safety_figures, segment_figures
 from foretouch.report.sections.session import contact_scores, loop_sentence, phase_figures
+from foretouch.settings import NO_BASELINE
 
 Array = NDArray[np.float64]
 

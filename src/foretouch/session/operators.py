@@ -272,4 +272,5 @@ def _intention(settings: SessionSettings, surface: float, press_depth: float, sa
     if name == "recorded":
         time, position = read_leader_motion(excerpt(RECORDED_MOTION))
         return RecordedOperator(time, position, surface, press_depth)
+    assert name == "scripted", name  # an operator in OPERATORS is made above
     return script

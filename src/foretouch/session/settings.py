@@ -36,7 +36,7 @@ SAMPLE_PERIOD = 1e-3
 """Period of both loops [s]."""
 
 RATE = 1.0 / SAMPLE_PERIOD
-"""[Hz]."""
+"""Rate of both loops [Hz]."""
 
 ROBOTS = (SIMULATED,)
 """Names of the robots in the package; others come from `foretouch.plugins`."""
@@ -100,7 +100,7 @@ class SessionSettings(Declared, Brief):
         if self.estimator not in ESTIMATORS.get(self.model, ()):  # one of ours is not made here: that compiles
             make_estimator(self.model, self.estimator)
         if self.model not in ESTIMATORS:
-            rule = "is the law of another package, which the other side may not have: identify and compare take it"
+            rule = "is the law of another package, which the other side may not have: identify and predict take it"
             raise SettingError("model", self.model, rule)
         for name, declared in SETTINGS.items():
             if declared.bounds:

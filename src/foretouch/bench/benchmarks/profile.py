@@ -32,7 +32,7 @@ from foretouch.rendering.energy import Ledger
 from foretouch.session.network.model_sender import ModelSender
 from foretouch.session.network.playout import Playout
 from foretouch.session.steps import follower, leader
-from foretouch.session.steps.heard import Heard
+from foretouch.session.steps.follower_view import FollowerView
 
 Array = NDArray[np.float64]
 
@@ -183,7 +183,7 @@ PARTS: dict[str, tuple[Part, ...]] = {
     "leader": (
         Part(
             "hearing the follower",
-            ((Heard, "take_telemetry"), (Heard, "is_for_us")),
+            ((FollowerView, "take_telemetry"), (FollowerView, "is_for_us")),
         ),
         Part(
             "letting a model in",

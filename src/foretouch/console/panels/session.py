@@ -22,6 +22,7 @@ from foretouch.devices import GRIPS, OPERATORS
 from foretouch.messages import VERSION, Choice, EmergencyStop, Handle, Message, Settings, Stop
 from foretouch.quantities.colours import BLUE, GREY, INK, VERMILLION, css
 from foretouch.robot import MATERIALS
+from foretouch.settings import NO_GRIP
 
 LONGEST_DELAY = 2.0
 """End of the sliders of delays [s]."""
@@ -138,8 +139,6 @@ class Speech:
 
 END = "End the session"
 START_RECORDING, STOP_RECORDING = "Start a recording (R)", "Stop the recording (R)"
-NO_GRIP = "none"
-"""The grip of an operator whose hand the force does not move."""
 BY_HAND = (
     "Material, operator, grip and recording are chosen where the two sides were started: nobody supervises them here."
 )

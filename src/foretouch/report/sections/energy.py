@@ -23,8 +23,9 @@ from foretouch.report.drawing import (
     thinned,
 )
 from foretouch.report.energy import ROUNDING, Account, booked_device, energy_account
-from foretouch.report.numbers import NO_GRIP, Finding, number
+from foretouch.report.numbers import Finding, number
 from foretouch.report.section import Drawing, Section, View
+from foretouch.settings import NO_GRIP
 
 FELT = 0.05
 """Rendered force from which on a tick counts as contact at the hand [N]."""

@@ -26,12 +26,12 @@ from foretouch.report.drawing import (
     shade,
     thinned,
 )
-from foretouch.report.numbers import AS_IT_COMES, NO_BASELINE, Finding, figure, filled, number
+from foretouch.report.numbers import AS_IT_COMES, Finding, figure, filled, number
 from foretouch.report.rows import Pairs, Segment, not_scored
 from foretouch.report.scores import JND_FORCE, JND_SHARE, STATUSES
 from foretouch.report.section import Drawing, Section, View
 from foretouch.session.operators import STAYS_IN_THE_AIR
-from foretouch.settings import SIMULATED
+from foretouch.settings import NO_BASELINE, SIMULATED
 
 Array = NDArray[np.float64]
 

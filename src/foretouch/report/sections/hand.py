@@ -27,8 +27,6 @@ from foretouch.report.drawing import (
 )
 from foretouch.report.energy import booked_device, energy_figures
 from foretouch.report.numbers import (
-    NO_BASELINE,
-    NO_GRIP,
     Finding,
     figure,
     filled,
@@ -43,6 +41,7 @@ from foretouch.report.rows import Pairs, away, not_scored, pair
 from foretouch.report.section import Drawing, Section, View
 from foretouch.report.sections.energy import FELT
 from foretouch.report.sections.safety import guarded_figures
+from foretouch.settings import NO_BASELINE, NO_GRIP
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

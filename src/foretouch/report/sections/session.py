@@ -12,8 +12,6 @@ from foretouch.messages import SessionLog, Status
 from foretouch.recordings import FollowerSamples
 from foretouch.report.numbers import (
     AS_IT_COMES,
-    NO_BASELINE,
-    NO_GRIP,
     Finding,
     figure,
     filled,
@@ -28,7 +26,7 @@ from foretouch.report.scores import score_prediction
 from foretouch.report.section import Section
 from foretouch.report.sections.hand import hand_figures
 from foretouch.report.sections.safety import fault_name
-from foretouch.settings import SIMULATED
+from foretouch.settings import NO_BASELINE, NO_GRIP, SIMULATED
 
 INSECURE = "INSECURE: nothing was encrypted and nobody was checked; anybody on the network could command."
 

@@ -167,7 +167,7 @@ def _crosses(model: ContactModel) -> Finding:
         "a model of a law of foretouch.models.LAWS, made again from its numbers",
     )
     if model.law not in LAWS:
-        why = f"the law {model.law!r} is not foretouch's: identify and compare take it, a session does not"
+        why = f"the law {model.law!r} is not foretouch's: identify and predict take it, a session does not"
         return Finding(check, None, why, rule)
     try:
         again = make_model(model.law, model.parameters, getattr(model, "map", b""))

@@ -30,8 +30,8 @@ RANGES: dict[str, tuple[float, float]] = {
     "largest_offset": (0.0, math.inf),
 }
 """Ranges of a specification's numbers, in SI units: a value outside shows another unit."""
-FARTHEST, MOST_FORCE, MOST_ACCELERATION = 2.0, 5000.0, 1000.0
-"""Largest values of the sensors [m, N, m/s^2]."""
+FARTHEST, MOST_FORCE = 2.0, 5000.0
+"""Largest values of the sensors [m, N]."""
 STEP, SPEED = 0.005, 0.02
 """Distance and speed of the commanded motion, in from the robot's position and back [m, m/s]."""
 SWING, SWINGS = 0.001, 3.0

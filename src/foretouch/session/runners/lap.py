@@ -185,7 +185,7 @@ class Lap:
             follows.exchange()
             if self.watcher is not None:
                 said += self.watcher.look(said, now_ns)
-            arrived, theirs = returned.pop_due(now_ns), clock.read(now_ns, coupled=leads.state.heard.run > 0)
+            arrived, theirs = returned.pop_due(now_ns), clock.read(now_ns, coupled=leads.state.follower_view.run > 0)
             start = time.perf_counter_ns()
             command, *records = leads.tick(arrived, theirs, _PERIOD_NS, 0, now_ns, stop=False)
             compute[0, tick] = time.perf_counter_ns() - start

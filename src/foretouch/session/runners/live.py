@@ -65,11 +65,11 @@ def wait_for_hello(
         PeerVersionError: An awaited side speaks another version. Processes of one `parent` are of one version, and
             ignore a message of another.
     """
-    heard: dict[str, dict[str, str]] = {}
+    texts_of: dict[str, dict[str, str]] = {}
     end = None if timeout is None else time.monotonic() + timeout
-    while not stop.reason and not roles <= heard.keys():
+    while not stop.reason and not roles <= texts_of.keys():
         for _, hello in link.take("hello"):
-            heard[hello.role] = hello.texts
+            texts_of[hello.role] = hello.texts
         if parent is None and (error := link.other_version(roles & set(SIDES))) is not None:
             raise error
         if end is not None and time.monotonic() > end:
@@ -77,7 +77,7 @@ def wait_for_hello(
         if orphaned(parent):
             stop.set(ORPHANED)
         time.sleep(0.01)
-    return heard
+    return texts_of
 
 
 def run_follower(
@@ -275,12 +275,12 @@ def run_leader(
 
     lost_before = 0
 
-    def news(heard: Mapping[str, Mapping[str, str]]) -> str:
+    def news(texts_of: Mapping[str, Mapping[str, str]]) -> str:
         nonlocal lost_before
         nowhere, lost_before = driven.nowhere > lost_before, driven.nowhere
         silence = (time.monotonic_ns() - heard_ns) * 1e-9
         return leader_news(
-            state.heard, heard.get("follower", {}), silence, nowhere=nowhere, told_here=parent is not None
+            state.follower_view, texts_of.get("follower", {}), silence, nowhere=nowhere, told_here=parent is not None
         )
 
     def release() -> None:
@@ -308,18 +308,18 @@ def run_leader(
         while not stop.reason:
             now, _ = timer.wait()
             loop.ticked = now
-            operator_ns = clock.read(now, coupled=state.heard.run > 0)
+            operator_ns = clock.read(now, coupled=state.follower_view.run > 0)
             for channel in ("model", "telemetry", *driven.channels):
                 for arrival, message in link.take(channel):
                     stage.push(arrival, message)
                     heard_ns = arrival
             if stop.emergency and not press:
-                press, answered = new_press(), state.heard.telemetry.received + ANSWERS
+                press, answered = new_press(), state.follower_view.telemetry.received + ANSWERS
             if press and now - asked_ns >= ASKING_PERIOD_NS:
                 asked, asked_ns = asked + 1, now
                 link.publish(EmergencyStop(VERSION, asked, now, f"{stop.emergency} at {name}", press))
             # A message that it has stopped may have been under way since an earlier stop.
-            if press and state.heard.stopped and state.heard.telemetry.received >= answered:
+            if press and state.follower_view.stopped and state.follower_view.telemetry.received >= answered:
                 stop.emergency, press = "", 0
             if link.inboxes["settings"]:
                 chosen = link.take("settings")[-1][1]

@@ -20,7 +20,7 @@ from foretouch.identification import SENSOR_SENTENCES, SensorState
 from foretouch.messages import PROCESS, STATUS_SENTENCES, Status
 from foretouch.session.network.lease import LEASE
 from foretouch.session.steps import follower
-from foretouch.session.steps.heard import Heard
+from foretouch.session.steps.follower_view import FollowerView
 
 RELEASE = "foretouch release"
 """Marks a sentence about a condition that waits for a person."""
@@ -156,12 +156,12 @@ def all_of(*sentences: str) -> str:
     return "; ".join(filter(None, sentences))
 
 
-def connected(role: str, heard: Mapping[str, Mapping[str, str]]) -> str:
+def connected(role: str, texts_of: Mapping[str, Mapping[str, str]]) -> str:
     """One sentence once the other side of a session has sent a `Hello`; else ""."""
     other = "follower" if role == "leader" else "leader"
-    if other not in heard:
+    if other not in texts_of:
         return ""
-    texts = heard[other]
+    texts = texts_of[other]
     if other == "leader":
         return f"connected: the leader is {texts.get('leader', 'without a name')}"
     robot, material = texts.get("robot", "without a name"), texts.get("material")
@@ -208,7 +208,7 @@ def failure_news(state: follower.State) -> str:
 
 
 def leader_news(
-    heard: Heard,
+    view: FollowerView,
     follower_texts: Mapping[str, str],
     silence: float = 0.0,
     *,
@@ -218,7 +218,7 @@ def leader_news(
     """One sentence for an operator whose commands are not obeyed, or may not be; else "".
 
     Args:
-        heard: What was received from the follower.
+        view: What was received from the follower.
         follower_texts: Texts of its newest `Hello`.
         silence: Time since its last message [s].
         nowhere: Whether the operator's device gives no position.
@@ -226,14 +226,14 @@ def leader_news(
     """
     if nowhere:
         return "the device gives no position: the last one is held"
-    if heard.run and silence > LONGEST_SILENCE:
+    if view.run and silence > LONGEST_SILENCE:
         return "nothing is heard of the follower: the hand still feels the newest model, not what the robot does now"
-    if heard.shadows:
+    if view.shadows:
         return f"the robot {STATUS_SENTENCES[Status.SHADOW]}"
-    if heard.in_control:
+    if view.in_control:
         return "" if told_here else all_of(follower_texts.get("contest", ""), follower_texts.get("trouble", ""))
     other = follower_texts.get("control") or "another leader"
-    if heard.had_control:
+    if view.had_control:
         return f"lost control to {other}: start this leader again to have it back"
     return f"{other} holds control: this leader has it after {LEASE:g} s of silence"
 

@@ -1,1 +1,1 @@
-"""What the robot may be told: limits of force and motion, the way in that was proven, and the last word."""
+"""What the robot may be commanded: limits of force and motion, the proven way in, and the last stage of all."""

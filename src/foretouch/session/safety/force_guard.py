@@ -160,7 +160,7 @@ class FirstTouch:
         guarded: Whether the newest command was held back.
     """
 
-    __slots__ = ("_guard", "_held", "_holding_force", "_period", "_speed", "_told", "_unknown", "guarded")
+    __slots__ = ("_commanded", "_guard", "_held_back", "_holding_force", "_period", "_speed", "_unknown", "guarded")
 
     def __init__(self, approach_speed: float, force: float, sample_period: float) -> None:
         require("approach_speed", approach_speed, above=0.0)
@@ -174,8 +174,8 @@ class FirstTouch:
 
     def restart(self) -> None:
         """Start again where the robot then is, guarding nothing."""
-        self._told = math.nan
-        self._held = 0.0
+        self._commanded = math.nan
+        self._held_back = 0.0
         self._unknown = False
         self.guarded = False
 
@@ -190,20 +190,20 @@ class FirstTouch:
             known_surface: Surface of the newest model that the leader is known to render from [m]; NaN for none.
         """
         unknown = math.isnan(known_surface) or (in_contact and position < known_surface - UNKNOWN_FROM)
-        if math.isnan(self._told):
-            self._told = position if math.isfinite(position) else desired
+        if math.isnan(self._commanded):
+            self._commanded = position if math.isfinite(position) else desired
         if unknown:
-            self._told = min(desired, self._told + self._allowed(position, force, in_contact) * self._period)
-            self._held = desired - self._told
+            self._commanded = min(desired, self._commanded + self._allowed(position, force, in_contact) * self._period)
+            self._held_back = desired - self._commanded
         else:
-            if self._unknown:  # a step of the commands, as where the index has met the surface, is none of the robot
-                self._held = desired - self._told
+            if self._unknown:  # a step of the commands, as where the index has met the surface, is none of the robot's
+                self._held_back = desired - self._commanded
             back = self._speed * self._period
-            self._held -= math.copysign(min(back, abs(self._held)), self._held)
-            self._told = desired - self._held
+            self._held_back -= math.copysign(min(back, abs(self._held_back)), self._held_back)
+            self._commanded = desired - self._held_back
         self._unknown = unknown
-        self.guarded = self._held != 0.0
-        return self._told
+        self.guarded = self._held_back != 0.0
+        return self._commanded
 
     def _allowed(self, position: float, force: float, in_contact: bool) -> float:
         """Speed at which the robot may go deeper now, negative where it goes back [m/s]."""

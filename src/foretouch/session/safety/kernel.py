@@ -235,7 +235,7 @@ def keep_safe(
     fastest = _fastest(memory, status, position, surface, free)
     if uncertain:
         fastest = min(fastest, 0.0)
-    # The aim in the next tick, never beyond the next position on the path, for it would press on by itself; and the
+    # The aim in the next tick, never more than 10 ms ahead of the path, for it would press on by itself; and the
     # displacement of the aim by that limit.
     path, shifted = motion[POSITION], 0.0
     if not math.isnan(path):
@@ -249,6 +249,6 @@ def keep_safe(
         status = GUARDED
     memory[AIM] = _clip(memory, aim, surface)
     memory[FASTEST], memory[SHIFTED] = fastest, shifted
-    told = memory[AIM] if memory[IN_SPACE] != 0.0 else limited(motion, memory[AIM], max(fastest, 0.0), shifted)
+    commanded = memory[AIM] if memory[IN_SPACE] != 0.0 else limited(motion, memory[AIM], max(fastest, 0.0), shifted)
     presses = not abs(force) <= REST_FORCE if not faulty else math.isnan(memory[CAME]) or _is_inside(memory)
-    return told, status, presses
+    return commanded, status, presses

@@ -25,7 +25,7 @@ LARGEST_STEP = 2e-3
 """Step of the position in one tick above which it is another position, and no motion to it [m]."""
 
 GROWTH = 4.0
-"""Largest ratio of the allowed speed to that of the last crossing: no law is trusted further."""
+"""Largest ratio of the allowed speed to that of the crossing that is kept, the fastest: no law is trusted further."""
 
 CONTRADICTED = 1.2
 """Ratio of a force to the proven one above which it replaces it."""

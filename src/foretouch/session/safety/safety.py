@@ -93,11 +93,11 @@ class Safety:
 
        .. math:: v_0 = \frac{0.88\, F - f}{Z}
 
-       F being the ceiling, f the measured force, or that at the robot's last passage, and Z the `impact_impedance` of
-       the robot's mass, 3 ms of reaction, and the largest stiffness and damping assumed, both at once: the largest
-       force of an impact on all that is no stiffer and no more damped. Where it has, as fast as `ProvenWay` allows for
-       three quarters of the ceiling. It brakes in time before a lower limit: at a distance d before it, less 0.5 mm of
-       margin, with w the speed allowed there, by
+       F being the ceiling, f the larger of the measured force and the one proven at that depth, and Z the
+       `impact_impedance` of the robot's mass, 3 ms of reaction, and the largest stiffness and damping assumed, both at
+       once: the largest force of an impact on all that is no stiffer and no more damped. Where it has, as fast as
+       `ProvenWay` allows for three quarters of the ceiling. It brakes in time before a lower limit: at a distance d
+       before it, less 0.5 mm of margin, with w the speed allowed there, by
 
        .. math:: v = \sqrt{(w + A \tau / 2)^2 + A\, d} - A \tau / 2, \quad \tau = 5\ \mathrm{ms}
 

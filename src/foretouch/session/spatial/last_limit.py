@@ -118,12 +118,12 @@ class ForceCap:
         self._slide = speed
         return speed
 
-    def limit(self, wanted: Vector, told: Vector) -> tuple[Vector, Vector]:
+    def limit(self, wanted: Vector, commanded: Vector) -> tuple[Vector, Vector]:
         """Allowed position, and its displacement by a limit, which is no motion of the position [m].
 
         Args:
             wanted: Wanted position [m].
-            told: Position commanded to the robot in the tick before [m].
+            commanded: Position commanded to the robot in the tick before [m].
         """
         before, self._place, shifted = self._place, wanted, (0.0, 0.0, 0.0)
         if before is None:
@@ -133,11 +133,11 @@ class ForceCap:
             return before, shifted
         outwards, deeper = self._outwards, max(self.fastest, 0.0)
         # Never beyond the next position on the path, for the probe would slide and press on by itself.
-        shifted = subtract(add(told, self._shortened(subtract(before, told), self._slide * PATIENCE)), before)
+        shifted = subtract(add(commanded, self._shortened(subtract(before, commanded), self._slide * PATIENCE)), before)
         before = add(before, shifted)
         self._place = add(before, self._shortened(subtract(wanted, before), self._slide * self._period))
         if self._force > FELT:
-            back = max(dot(subtract(told, before), outwards) - deeper * PATIENCE, 0.0)
+            back = max(dot(subtract(commanded, before), outwards) - deeper * PATIENCE, 0.0)
             inwards = back - dot(subtract(self._place, before), outwards)
             most = min(max(self.fastest, -self._speed), self._speed) * self._period
             if inwards > most:
@@ -243,11 +243,11 @@ class LastLimit:
         beside = not free and dot(facing, closest.normal) < ALIGNED
         down = min(deeper, safety.blind_speed) if beside else deeper
         bounds = _against(facing, down), _against(closest.normal, deeper), self._cap.bound(deeper)
-        told = limits.move(wanted, bounds, shifted)
-        here = line.follow(told)
-        position = aim + dot(subtract(allowed, told), gone.normal)
+        commanded = limits.move(wanted, bounds, shifted)
+        here = line.follow(commanded)
+        position = aim + dot(subtract(allowed, commanded), gone.normal)
         safety.went(position, -dot(limits.velocity, here.normal), here.along)
-        return told, position
+        return commanded, position
 
 
 def _against(normal: Vector, speed: float) -> Bound:

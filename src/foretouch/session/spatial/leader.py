@@ -277,7 +277,7 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
 
 def _is_current(state: State, run: int) -> bool:
     """Whether this run of the follower is the current one; none is, before the first."""
-    return state.inner.heard.run in (0, run)
+    return state.inner.follower_view.run in (0, run)
 
 
 def _take_model(state: State, model: ModelUpdate) -> ModelUpdate:
@@ -312,14 +312,14 @@ def _couple(state: State, inputs: Inputs) -> tuple[Vector, list[Telemetry]]:
         state.hand = subtract(here, state.apart)
         return state.hand, inputs.telemetry
     was_left = not math.isnan(proxy.position) and math.isfinite(state.hand[0])
-    newest = inputs.telemetry[-1].run if inputs.telemetry else state.inner.heard.run
+    newest = inputs.telemetry[-1].run if inputs.telemetry else state.inner.follower_view.run
     meet = state.hand if was_left else state.follower_at
     if not math.isfinite(meet[0]) or not (was_left or state.follower_run == newest):
-        state.inner.heard.position = math.nan
+        state.inner.follower_view.position = math.nan
         return NOWHERE, [msgspec.structs.replace(one, desired_position=math.nan) for one in inputs.telemetry]
     state.apart, state.hand = subtract(here, meet), meet
     along = state.line.follow(meet).along
-    state.inner.heard.position = along
+    state.inner.follower_view.position = along
     return meet, [msgspec.structs.replace(one, desired_position=along) for one in inputs.telemetry]
 
 

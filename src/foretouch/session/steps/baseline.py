@@ -35,7 +35,7 @@ from foretouch.models import MotionFilter
 from foretouch.rendering import LARGEST_FORCE, EnergyAccount, ForceLimiter, Proxy
 from foretouch.rendering.passivity_control import PassivityController
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
-from foretouch.session.steps.heard import Heard
+from foretouch.session.steps.follower_view import FollowerView
 from foretouch.session.steps.leader import Inputs, Outputs, meeting_place, moving_time
 from foretouch.settings import NO_GRIP
 
@@ -55,7 +55,7 @@ class State:
         settings: Session settings.
         holder: Name of this leader.
         epoch: Epoch of this process.
-        heard: Messages received from the follower.
+        follower_view: Messages received from the follower.
         start_ns: Clock at the first tick, None before it.
         newest_ns: Clock at the newest tick, None before the first.
         sequence: Sequence number of the newest command.
@@ -71,7 +71,7 @@ class State:
     settings: SessionSettings
     holder: str
     epoch: int
-    heard: Heard
+    follower_view: FollowerView
     start_ns: int | None = None
     newest_ns: int | None = None
     sequence: int = 0
@@ -95,7 +95,7 @@ def start(
         settings,
         holder,
         epoch,
-        Heard(epoch),
+        FollowerView(epoch),
     )
 
 
@@ -109,11 +109,11 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     """
     if state.start_ns is None:
         state.start_ns = now_ns
-    heard = state.heard
+    follower_view = state.follower_view
     for telemetry in inputs.telemetry:
-        heard.take_telemetry(telemetry)
+        follower_view.take_telemetry(telemetry)
     for model in inputs.models:
-        heard.is_for_us(model)  # counted, not used
+        follower_view.is_for_us(model)  # counted, not used
     proxy, account, time = state.proxy, state.account, (now_ns - state.start_ns) * 1e-9
     account.observe(inputs.position, moving_time(inputs.period_ns, inputs.exact_position, now_ns, state.newest_ns))
     state.newest_ns = now_ns
@@ -134,8 +134,8 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         settings.guards(),
         state.holder,
         state.epoch,
-        telemetry_sequence=heard.telemetry.newest,
-        run=heard.run,
+        telemetry_sequence=follower_view.telemetry.newest,
+        run=follower_view.run,
     )
     record = LeaderState(
         VERSION,
@@ -145,9 +145,9 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         velocity,
         wanted / settings.force_scale,
         rendered,
-        heard.force,
-        heard.telemetry.newest,
-        heard.models.newest,
+        follower_view.force,
+        follower_view.telemetry.newest,
+        follower_view.models.newest,
         0.0,
         state.limiter.clipped,
         inputs.period_ns,
@@ -163,7 +163,7 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         math.nan,
         proxy.engaged,
         state.epoch,
-        heard.run,
+        follower_view.run,
         account.late_energy,
     )
     return state, Outputs(command, record)
@@ -171,12 +171,12 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
 
 def _render(state: State, inputs: Inputs, velocity: float) -> float:
     """Set the limiter's force, which the hand gets; return the force wanted before the limits [N]."""
-    heard = state.heard
+    follower_view = state.follower_view
     # In free air the sensor shows noise, which the operator is not to feel.
-    touching = heard.touching and heard.force > 0.0 and state.proxy.engaged
+    touching = follower_view.touching and follower_view.force > 0.0 and state.proxy.engaged
     wanted = 0.0
     if touching:
-        wanted = max(state.settings.force_scale * heard.force + LOCAL_DAMPING * velocity, 0.0)
+        wanted = max(state.settings.force_scale * follower_view.force + LOCAL_DAMPING * velocity, 0.0)
     ceiling = math.inf
     if state.controller is not None:
         state.controller.observe(inputs.position)
@@ -195,14 +195,14 @@ def _render(state: State, inputs: Inputs, velocity: float) -> float:
 
 
 def _couple(state: State, inputs: Inputs) -> None:
-    proxy, hand, heard = state.proxy, inputs.position, state.heard
-    if inputs.stopping or heard.stopped or not heard.in_control or heard.take_renewed():
+    proxy, hand, follower_view = state.proxy, inputs.position, state.follower_view
+    if inputs.stopping or follower_view.stopped or not follower_view.in_control or follower_view.take_renewed():
         proxy.leave()
         return
     if state.settings.grip == NO_GRIP:
         if not proxy.engaged and math.isfinite(hand):
             proxy.engage(hand)
         return
-    place = meeting_place(proxy, hand, heard.position, clutched=inputs.clutched)
+    place = meeting_place(proxy, hand, follower_view.position, clutched=inputs.clutched)
     if math.isfinite(place):
         proxy.engage(hand, place)

@@ -18,13 +18,13 @@ def leader_counts(state: leader.State) -> dict[str, int]:
     """Messages sent by the leader, and what it missed of the follower's."""
     return {
         "commands_sent": state.sequence,
-        "models_lost": state.heard.models.lost,
-        "models_late": state.heard.models.late,
-        "models_copies": state.heard.models.copies,
+        "models_lost": state.follower_view.models.lost,
+        "models_late": state.follower_view.models.late,
+        "models_copies": state.follower_view.models.copies,
         "models_refused": state.refused,
-        "telemetry_lost": state.heard.telemetry.lost,
-        "telemetry_late": state.heard.telemetry.late,
-        "telemetry_copies": state.heard.telemetry.copies,
+        "telemetry_lost": state.follower_view.telemetry.lost,
+        "telemetry_late": state.follower_view.telemetry.late,
+        "telemetry_copies": state.follower_view.telemetry.copies,
     }
 
 

@@ -17,7 +17,7 @@ from foretouch.quantities import LARGEST_POSITION
 from foretouch.rendering import Proxy, Renderer
 from foretouch.rendering.energy import RenderingAccount
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
-from foretouch.session.steps.heard import Heard
+from foretouch.session.steps.follower_view import FollowerView
 from foretouch.settings import NO_GRIP
 
 
@@ -70,7 +70,7 @@ class State:
         guarded: Whether the follower is asked to guard the first touch.
         holder: Name of this leader.
         epoch: Epoch of this process, at least 1.
-        heard: Messages received from the follower. Its force is recorded and never rendered.
+        follower_view: Messages received from the follower. Its force is recorded and never rendered.
         start_ns: Clock at the first tick, None before it.
         newest_ns: Clock at the newest tick, None before the first.
         sequence: Sequence number of the newest command.
@@ -82,7 +82,7 @@ class State:
     guarded: bool = False
     holder: str = "leader"
     epoch: int = 1
-    heard: Heard = field(default_factory=lambda: Heard(1))
+    follower_view: FollowerView = field(default_factory=lambda: FollowerView(1))
     start_ns: int | None = None
     newest_ns: int | None = None
     sequence: int = 0
@@ -153,7 +153,7 @@ def start(
         sample_period=SAMPLE_PERIOD,
         account=account,
     )
-    return State(renderer, guarded, holder, epoch, Heard(epoch))
+    return State(renderer, guarded, holder, epoch, FollowerView(epoch))
 
 
 def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
@@ -165,7 +165,7 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     A hand that feels the force is coupled with the follower once the follower's position is known, and again each time
     the clutch is released, without a jump of either; until then commands carry no position. While an emergency stop is
     latched, or the follower obeys another leader, it is let go and feels nothing. Where another follower process has
-    started the model stays, for the material is the same, until that process knows as much (`Heard`).
+    started the model stays, for the material is the same, until that process knows as much (`FollowerView`).
 
     Args:
         state: Updated in place and returned.
@@ -174,17 +174,17 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     """
     if state.start_ns is None:
         state.start_ns = now_ns
-    renderer, heard = state.renderer, state.heard
+    renderer, follower_view = state.renderer, state.follower_view
     predictor, proxy = renderer.predictor, renderer.proxy
     for telemetry in inputs.telemetry:
-        heard.take_telemetry(telemetry)
-    ours = [model for model in inputs.models if heard.is_for_us(model)] if inputs.models else inputs.models
-    renewed = heard.take_renewed()
+        follower_view.take_telemetry(telemetry)
+    ours = [model for model in inputs.models if follower_view.is_for_us(model)] if inputs.models else inputs.models
+    renewed = follower_view.take_renewed()
     if renewed:
         _renew(state)
     for model in ours:
         _adopt(state, model)
-    free = inputs.stopping or heard.stopped or not heard.in_control
+    free = inputs.stopping or follower_view.stopped or not follower_view.in_control
     if renderer.closed_loop and not free and not renewed:  # let go for a tick, so that the force leaves as models do
         _couple(state, inputs)
     period = moving_time(inputs.period_ns, inputs.exact_position, now_ns, state.newest_ns)
@@ -200,8 +200,8 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         state.guarded,
         state.holder,
         state.epoch,
-        telemetry_sequence=heard.telemetry.newest,
-        run=heard.run,
+        telemetry_sequence=follower_view.telemetry.newest,
+        run=follower_view.run,
     )
     record = LeaderState(
         VERSION,
@@ -211,9 +211,9 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         predictor.velocity,
         predictor.force,
         rendered,
-        heard.force,
-        heard.telemetry.newest,
-        heard.models.newest,
+        follower_view.force,
+        follower_view.telemetry.newest,
+        follower_view.models.newest,
         predictor.jump,
         renderer.limiter.clipped,
         inputs.period_ns,
@@ -229,7 +229,7 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         renderer.share,
         proxy.engaged,
         state.epoch,
-        heard.run,
+        follower_view.run,
         renderer.late_energy,
     )
     return state, Outputs(command, record)
@@ -239,7 +239,7 @@ def _couple(state: State, inputs: Inputs) -> None:
     renderer, hand, clutched = state.renderer, inputs.position, inputs.clutched
     if renderer.proxy.engaged and not clutched:
         return
-    place = meeting_place(renderer.proxy, hand, state.heard.position, clutched=clutched)
+    place = meeting_place(renderer.proxy, hand, state.follower_view.position, clutched=clutched)
     if math.isfinite(place):
         renderer.engage(hand, place)
 
@@ -255,7 +255,7 @@ def _renew(state: State) -> None:
 
 def _adopt(state: State, update: ModelUpdate) -> None:
     """Predict from an arrived model; one that claims to be valid and cannot be evaluated counts as no model."""
-    if state.inherits and not (update.valid and state.heard.has_relearnt):
+    if state.inherits and not (update.valid and state.follower_view.has_relearnt):
         predictor = state.renderer.predictor
         if update.valid and abs(update.surface - predictor.surface) < SAME_SURFACE:
             predictor.message = update.sequence  # its surface is known here

@@ -24,7 +24,7 @@ TOUCHED_ENOUGH = 3000
 """Ticks of contact after which a process knows more than one that is gone: the material may be another."""
 
 
-class Heard:
+class FollowerView:
     """Separates messages for this leader from late ones, and from those of a past follower or for another leader.
 
     A follower's process counts its messages from 1. With another process, which its epoch shows, counting begins anew;
