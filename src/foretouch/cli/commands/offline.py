@@ -137,6 +137,7 @@ def identify(
     """
     from foretouch import identification
     from foretouch.recordings import write_columns
+    from foretouch.report.numbers import finite_or_none
 
     recording = source.path()
     _refuse_to_replace(recording, out)
@@ -156,7 +157,7 @@ def identify(
         keep_history=out is not None,
     )
     residual, contact = result.residual_rms, result.contact_force_rms
-    percent = _finite(100.0 * residual / contact) if contact > 0.0 else None
+    percent = finite_or_none(100.0 * residual / contact) if contact > 0.0 else None
     content = {
         "model": learning.model,
         "estimator": learning.estimator,
@@ -165,13 +166,13 @@ def identify(
         "standard_errors": result.standard_errors,
         "standard_errors_with_surface": result.standard_errors_with_surface,
         "surface_m": result.surface,
-        "surface_error_m": _finite(result.surface_error),
+        "surface_error_m": finite_or_none(result.surface_error),
         "force_offset_N": result.force_offset,
         "sensor_lag_s": result.sensor_lag,
         "sensor_lag_error_s": result.sensor_lag_error,
         "samples": len(data),
         "contact_samples": int(result.in_contact.sum()),
-        "residual_rms_N": _finite(residual),
+        "residual_rms_N": finite_or_none(residual),
         "residual_percent": percent,
         "status": _identified(data) if math.isfinite(residual) else "no_residual",
         "hint": _hint(data, percent),
@@ -357,14 +358,10 @@ def _number_or_auto(name: str, text: str) -> float | None:
     return value
 
 
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
-
-
 def _print_lines(title: str, content: dict[str, Any]) -> None:
     """A result as aligned lines: what is known with an error has as many digits as that allows."""
     from foretouch.quantities import in_words, measured
-    from foretouch.report import IDLE_LAW, law_is_idle
+    from foretouch.report import IDLE_LAW, law_is_idle, map_lines
     from foretouch.report.numbers import parameter_text
 
     show(title)
@@ -381,7 +378,8 @@ def _print_lines(title: str, content: dict[str, Any]) -> None:
             show("".join(f"  {remark}\n" for remark in value), end=False)
             continue
         if name == "map":
-            _print_map(value)
+            for line in () if value is None else map_lines(value):
+                show(f"  {'map':<28} {line}")
             continue
         if name == "parameters":
             errors, alone = content["standard_errors_with_surface"], content["standard_errors"]
@@ -398,11 +396,3 @@ def _print_lines(title: str, content: dict[str, Any]) -> None:
         else:
             text = f"{value:.4g} {in_words(name)[1]}" if isinstance(value, float) else str(value)
         show(f"  {in_words(name)[0]:<28} {text}")
-
-
-def _print_map(figures: dict[str, Any] | None) -> None:
-    """A contact map as aligned lines, nothing for other models."""
-    from foretouch.report import map_lines
-
-    for line in () if figures is None else map_lines(figures):
-        show(f"  {'map':<28} {line}")

@@ -339,21 +339,9 @@ def _shown(claims: list[Claim]) -> Choice:
 def _table(history: History) -> dict[str, Array]:
     """Fifty rows a second at most."""
     due = np.unique(np.floor(50.0 * history["time"]), return_index=True)[1]
-    names = {
-        "time": "time_s",
-        "iteration": "iteration",
-        "depth": "depth_m",
-        "velocity": "velocity_m_s",
-        "force": "force_N",
-        "ln_k": "ln_k",
-        "s": "s",
-        "b1": "b1_s_m",
-        "b2": "b2_s",
-        "damping": "damping",
-        "exponent": "exponent",
-        "switching": "switching",
-    }
-    return {column: history[name][due] for name, column in names.items()}
+    units = {"time": "_s", "depth": "_m", "velocity": "_m_s", "force": "_N", "b1": "_s_m", "b2": "_s"}
+    names = ("time", "iteration", "depth", "velocity", "force", "ln_k", *(name for name, _, _ in ROWS[1:]))
+    return {name + units.get(name, ""): history[name][due] for name in names}
 
 
 def _least_force(experiment: Experiment) -> float:

@@ -229,13 +229,7 @@ def start(
 
 
 def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
-    """One tick of the leader.
-
-    Args:
-        state: Updated in place and returned.
-        inputs: Inputs of this tick.
-        now_ns: This side's monotonic clock [ns].
-    """
+    """One tick of the leader, at a time of its monotonic clock [ns]; the state is updated in place and returned."""
     for space in inputs.spaces:
         state.follower_at, state.follower_run = (space.desired_x, space.desired_y, space.desired_z), space.run
     for update in inputs.fields:

@@ -124,13 +124,7 @@ class Inputs(NamedTuple):
 
 
 class Outputs(NamedTuple):
-    """Outputs of a tick.
-
-    Attributes:
-        desired_position: Position for the robot [m].
-        telemetry: Telemetry for all subscribers.
-        model: Model for the leader, when one is due.
-    """
+    """Position for the robot [m], telemetry for all subscribers, and the model for the leader when one is due."""
 
     desired_position: float
     telemetry: Telemetry
@@ -140,13 +134,7 @@ class Outputs(NamedTuple):
 def start(
     specification: RobotSpecification, settings: SessionSettings, estimator: Estimator | None = None, *, run: int = 1
 ) -> State:
-    """State before the first tick.
-
-    Args:
-        specification: Specification of the robot.
-        settings: Session settings.
-        estimator: New estimator; None for the one that the settings name.
-        run: Epoch of this process (`foretouch.session.network.lease.own_epoch`).
+    """State before the first tick, with the settings' estimator or another, as process `run` of this side.
 
     Raises:
         RecordingError: The settings' calibration cannot be read.
@@ -189,15 +177,10 @@ def _limits(specification: RobotSpecification, settings: SessionSettings) -> Saf
 
 
 def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
-    """One tick of the follower.
+    """One tick of the follower, at a time of its monotonic clock [ns]; the state is updated in place and returned.
 
     Learning begins with the first command: no operator is active before, and a recording from the first command on
     holds all that was learnt from.
-
-    Args:
-        state: Updated in place and returned.
-        inputs: Inputs of this tick.
-        now_ns: This side's monotonic clock [ns].
     """
     sample = inputs.sample
     desired_position = _commanded(state, inputs.commands, now_ns)
