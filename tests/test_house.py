@@ -1,4 +1,6 @@
-"""The house keeps its rules. Where one fails, move or merge what it names; a number here only ever falls."""
+"""The house keeps its rules. Where one fails, move or merge what it names. A number here only falls, but for
+a new variant (a law, an estimator, a device, a material, a panel), which brings a file and its lines.
+"""
 
 from __future__ import annotations
 
