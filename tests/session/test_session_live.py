@@ -231,40 +231,61 @@ def commanded(path: Path) -> bool:
     return read_session(path).leader.size > 0
 
 
+Going = tuple[Running, Path, set[int]]
+"""A session that runs, its recording, and its processes."""
+
+
+def begun(count: int, folder: Path) -> list[tuple[Running, Path]]:
+    """As many sessions begun together, each with its recording, as soon as the leader of each is in it."""
+    common = ("teleop", "--headless", "--operator", "scripted", "--json", "--recording")
+    running = [(Running(*common, path), path) for path in (folder / f"{i}.mcap" for i in range(count))]
+    end = time.monotonic() + 90.0
+    while not all(path.exists() and path.stat().st_size > 200_000 and commanded(path) for _, path in running):
+        assert time.monotonic() < end, "no leader is in the recording"
+        time.sleep(0.3)
+    return running
+
+
 @pytest.fixture(scope="module")
-def three(tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[tuple[Running, Path, set[int]]]]:
-    """Three sessions that run, each with its recording and its processes: each is ended in another way."""
-    paths = [tmp_path_factory.mktemp("three") / "live.mcap" for _ in range(3)]
+def three(tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[tuple[Running, Path]]]:
+    """Three sessions that begin together, for that takes its time: each is ended in another way."""
     with ExitStack() as stack:
-        common = ("teleop", "--headless", "--operator", "scripted", "--json", "--recording")
-        running = [stack.enter_context(Running(*common, path)) for path in paths]
-        end = time.monotonic() + 90.0
-        while not all(path.exists() and path.stat().st_size > 200_000 and commanded(path) for path in paths):
-            assert time.monotonic() < end, "no leader is in the recording"
-            time.sleep(0.3)
-        yield [(one, path, children_of(one.process.pid)) for one, path in zip(running, paths, strict=True)]
+        sessions = begun(3, tmp_path_factory.mktemp("three"))
+        for running, _ in sessions:
+            stack.enter_context(running)
+        yield sessions
 
 
-def test_ctrl_c_ends_all_processes_and_still_reports(three: list[tuple[Running, Path, set[int]]]) -> None:
-    teleop, path, children = three[0]
+@pytest.fixture
+def going(three: list[tuple[Running, Path]], tmp_path: Path) -> Iterator[Going]:
+    """The next of the three, or one of its own where a test is tried once more."""
+    running, path = (three or begun(1, tmp_path)).pop()
+    with running:
+        children = children_of(running.process.pid)
+        if len(children) != 3:
+            running.process.send_signal(signal.SIGINT)
+            raise AssertionError(f"{len(children)} processes of a session that goes on: {running.wait(40)}")
+        yield running, path, children
+
+
+def test_ctrl_c_ends_all_processes_and_still_reports(going: Going) -> None:
+    teleop, path, children = going
     teleop.process.send_signal(signal.SIGINT)
     code, out, err = teleop.wait(40)
     assert code == 0, err
     assert json.loads(out)["recording"] == str(path)
-    assert len(children) == 3
     assert gone(children)
 
 
-def test_killing_the_parent_leaves_no_process_behind(three: list[tuple[Running, Path, set[int]]]) -> None:
-    teleop, path, children = three[1]
+def test_killing_the_parent_leaves_no_process_behind(going: Going) -> None:
+    teleop, path, children = going
     os.kill(teleop.process.pid, signal.SIGKILL)
-    assert len(children) == 3
     assert gone(children)
     assert read_session(path).leader.size > 0
 
 
-def test_a_failing_process_ends_the_session_with_its_code(three: list[tuple[Running, Path, set[int]]]) -> None:
-    teleop, _, children = three[2]
+def test_a_failing_process_ends_the_session_with_its_code(going: Going) -> None:
+    teleop, _, children = going
     follower = next(pid for pid in children if b"\0follower\0" in Path(f"/proc/{pid}/cmdline").read_bytes())
     os.kill(follower, signal.SIGKILL)
     code, _, err = teleop.wait(40)
