@@ -4,7 +4,75 @@ Nothing of the package that is heavy is imported here: a check that needs it mak
 also crash there.
 """
 
-from foretouch.doctor.examine import examine
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
 from foretouch.doctor.finding import Finding, Verdict, render_findings, worst
+from foretouch.doctor.hardware import check_cores, check_governor, check_graphics, check_real_time
+from foretouch.doctor.loops import LoopReport, check_loops, run_loops
+from foretouch.doctor.surroundings import (
+    PORTS,
+    check_compiled,
+    check_disk,
+    check_extras,
+    check_keys,
+    check_packages,
+    check_port,
+    check_python,
+    check_text,
+)
+from foretouch.errors import install_command
+
+if TYPE_CHECKING:
+    from foretouch.link import ZenohLink
+    from foretouch.messages import Message
 
 __all__ = ["Finding", "Verdict", "examine", "render_findings", "worst"]
+
+Way = tuple[str, str, int, "Callable[[Callable[[Message], None]], ZenohLink]"]
+"""Way to a peer: endpoint, host, port, and the function that opens a link to it."""
+
+
+def examine(
+    *, seconds: float = 5.0, keys: Path | None = None, ways: tuple[Way, ...] = (), say: Callable[[str], None]
+) -> Iterator[Finding]:
+    """Make every check, those first that disturb the others least, and give each finding as soon as it is there.
+
+    Args:
+        seconds: Time that the loops run, and that each peer is asked [s], above 0.
+        keys: Folder of keys; the usual one where none is given.
+        ways: Ways to the peers that are to be asked.
+        say: Called with what is examined next, where it takes long.
+    """
+    yield from (check_python(), check_packages(), check_extras(), check_cores(), check_governor())
+    yield from (check_text(), check_disk(), check_compiled())
+    for port in PORTS:
+        yield _made(f"port {port}", functools.partial(check_port, port))
+    yield _made("keys", lambda: check_keys(keys))
+    say("drawing an image")
+    yield check_graphics()
+    say(f"running two loops for {seconds:g} s")
+    reports: dict[str, LoopReport] | str
+    try:
+        reports = run_loops(seconds)
+    except RuntimeError as error:
+        reports = str(error)
+    yield check_loops(reports)
+    yield check_real_time(None if isinstance(reports, str) else reports["session"]["slice_s"])
+    for endpoint, host, port, open_link in ways:
+        from foretouch.doctor.network import check_peer
+
+        say(f"asking {endpoint} for {seconds:g} s")
+        yield from check_peer(endpoint, host, port, open_link, seconds)
+
+
+def _made(name: str, check: Callable[[], Finding]) -> Finding:
+    """A check that needs a package, or why it could not be made."""
+    try:
+        return check()
+    except ImportError as error:
+        return Finding(name, Verdict.UNKNOWN, f"{error.name} is not installed", install_command(again=True))

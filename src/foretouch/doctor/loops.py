@@ -16,7 +16,6 @@ import select
 import struct
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -145,28 +144,16 @@ def main(kind: str, seconds: str) -> None:
 
 
 def _run(seconds: float, work: Callable[[float], None]) -> LoopReport:
-    """The loop, paced as both sides of a session are."""
+    """The figures of a loop at the sample period."""
     from foretouch.session import SAMPLE_PERIOD
-    from foretouch.session.runners.loop_timer import LoopTimer, steady
+    from foretouch.session.runners.loop_timer import measure_loop
 
-    period_ns = round(SAMPLE_PERIOD * 1e9)
-    ticks = max(10, round(seconds / SAMPLE_PERIOD))
-    late, computed, timer = [0] * ticks, [], LoopTimer(SAMPLE_PERIOD)
-    tick = -1
-    with steady():
-        while tick < ticks - 1:
-            deadline, periods = timer.wait()
-            tick += max(1, periods)
-            for back in range(max(1, periods)):  # a deadline that was passed over is late until the one that was not
-                if tick - back < ticks:
-                    late[tick - back] = timer.woke_ns - deadline + back * period_ns
-            work(tick * SAMPLE_PERIOD)
-            computed.append(time.monotonic_ns() - timer.woke_ns)
+    loop = measure_loop(SAMPLE_PERIOD, max(10, round(seconds / SAMPLE_PERIOD)), work)
     return {
-        **_percentiles("late", late),
-        **_percentiles("compute", computed),
-        "ticks": float(ticks),
-        "missed": float(timer.missed),
+        **_percentiles("late", loop.late_ns),
+        **_percentiles("compute", loop.compute_ns),
+        "ticks": float(len(loop.late_ns)),
+        "missed": float(loop.missed),
         "slice_s": 1e-9 * granted_slice_ns(),
     }
 

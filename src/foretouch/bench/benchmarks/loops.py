@@ -133,16 +133,10 @@ def _noting(path: Path) -> Iterator[Notes]:
 
 def _bare(seconds: float) -> list[int]:
     """A loop at 1 kHz with nothing to do: how late each tick woke [ns]."""
-    from foretouch.session.runners.loop_timer import LoopTimer, be_prompt, steady
+    from foretouch.session.runners.loop_timer import be_prompt, measure_loop
 
     be_prompt()
-    ticks = round(seconds * 1e9 / PERIOD_NS)
-    late, timer = [0] * ticks, LoopTimer(PERIOD_NS * 1e-9)
-    with steady():
-        for tick in range(ticks):
-            deadline, periods = timer.wait()
-            late[tick] = timer.woke_ns - deadline + max(0, periods - 1) * PERIOD_NS  # from the first that was missed
-    return late
+    return measure_loop(PERIOD_NS * 1e-9, round(seconds * 1e9 / PERIOD_NS)).late_ns
 
 
 def side(notes: str, what: str, *arguments: str) -> None:

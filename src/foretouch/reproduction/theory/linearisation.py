@@ -162,17 +162,10 @@ def linearise(law: MemorylessLaw, a1: float, a2: float) -> LinearisedContinuousS
 def linearisation_error(
     law: MemorylessLaw, a1: float, a2: float, depth: ArrayLike, velocity: ArrayLike
 ) -> LinearisationError:
-    """Error of (18) against (15), in newtons and relative, split into its two steps.
+    """Error of (18) against (15) in newtons and relative, split into its steps; arguments as `linearised_log_force`.
 
-    Args:
-        law: The contact law.
-        a1: Of (17) [m^-alpha].
-        a2: Of (17) [m^(1 - alpha)].
-        depth: x [m], broadcasts with `velocity`.
-        velocity: [m/s].
-
-    Returns:
-        Arrays of the shape that depth and velocity broadcast to; infinite where (18) overflows near the surface.
+    Its arrays have the shape that depth and velocity broadcast to; they are infinite where (18) overflows near the
+    surface.
     """
     k, damping, _, _ = law.general_form
     x, v = np.broadcast_arrays(_inside(depth), np.asarray(velocity, dtype=np.float64))

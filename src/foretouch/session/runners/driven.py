@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import importlib
 import math
 from collections.abc import Sequence
 from typing import Any, Protocol
 
-from foretouch.devices import BrowserOperator, Device, SpatialDevice
+from foretouch.devices import BrowserOperator, Device, DeviceSpecification, SpatialDevice
 from foretouch.link import ZenohLink
 from foretouch.messages import Command, Handle, Message, ModelUpdate, Telemetry
 from foretouch.robot import Robot, SpatialRobot
@@ -14,7 +15,31 @@ from foretouch.session.frames import browser_operator, framed_device, framed_rob
 from foretouch.session.operators import felt_device
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.steps import follower, leader
-from foretouch.session.steps.sides import leading_side
+
+
+class LeadingSide(Protocol):
+    """What leads a session: a start and a step, as of `foretouch.session.steps.leader`."""
+
+    def start(
+        self,
+        settings: SessionSettings,
+        *,
+        holder: str = "leader",
+        epoch: int = 1,
+        device: DeviceSpecification | None = None,
+    ) -> Any:
+        """State before the first tick."""
+
+    def step(self, state: Any, inputs: leader.Inputs, now_ns: int) -> tuple[Any, leader.Outputs]:
+        """One tick."""
+
+
+def leading_side(settings: SessionSettings) -> LeadingSide:
+    """The leader of a session; a baseline's, which renders the delayed force, is imported where it is asked for."""
+    if settings.baseline == "none":
+        return leader
+    module: LeadingSide = importlib.import_module("foretouch.session.steps.baseline")
+    return module
 
 
 class DrivenFollower(Protocol):

@@ -14,6 +14,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import NamedTuple
 
 from foretouch.errors.checks import require
 
@@ -165,3 +166,36 @@ def steady() -> Iterator[None]:
         sys.setswitchinterval(switch)
         gc.enable()
         gc.unfreeze()
+
+
+class Punctuality(NamedTuple):
+    """How late the ticks of a loop woke and how long they computed [ns], and how many deadlines were missed."""
+
+    late_ns: list[int]
+    compute_ns: list[int]
+    missed: int
+
+
+def measure_loop(period: float, ticks: int, work: Callable[[float], None] = lambda time: None) -> Punctuality:
+    """Run a loop that is paced as both sides of a session are, and measure it.
+
+    A deadline that was passed over is late until the one that was not.
+
+    Args:
+        period: Period [s], positive.
+        ticks: Number of deadlines, at least 1.
+        work: What each tick computes; it is given the time since the first deadline [s].
+    """
+    late, computed, timer = [0] * ticks, [], LoopTimer(period)
+    period_ns, tick = round(period * 1e9), -1
+    with steady():
+        while tick < ticks - 1:
+            deadline, periods = timer.wait()
+            periods = max(1, periods)
+            tick += periods
+            for back in range(periods):
+                if tick - back < ticks:
+                    late[tick - back] = timer.woke_ns - deadline + back * period_ns
+            work(tick * period)
+            computed.append(time.monotonic_ns() - timer.woke_ns)
+    return Punctuality(late, computed, timer.missed)

@@ -1,6 +1,6 @@
 r"""The baselines' step: the one place where a delayed force is rendered, for comparison.
 
-Nothing imports it but a session that asks for a baseline (`foretouch.session.steps.sides`).
+Nothing imports it but a session that asks for a baseline (`foretouch.session.runners.driven.leading_side`).
 
 - ``delayed``: the newest force that has arrived, times the force scale, and in contact a local damper,
 
