@@ -48,25 +48,16 @@ PUBLISHED = ("handle", "settings", "choice", "stop", "emergency")
 
 @dataclasses.dataclass
 class Tally:
-    """What was tried, how often, and how often it got in."""
-
     what: str
     tried: int = 0
     got_in: int = 0
 
     def count(self, got_in: bool) -> None:
-        """Count one attempt."""
         self.tried += 1
         self.got_in += got_in
 
 
 class Target:
-    """A console of its own, and what it says to a session.
-
-    Args:
-        folder: Of its recordings.
-    """
-
     def __init__(self, folder: Path) -> None:
         endpoint = free_endpoint()
         command = [sys.executable, "-m", "foretouch", "console", "--listen", endpoint, "--port", "0"]
@@ -79,31 +70,26 @@ class Target:
         time.sleep(1.0)
 
     def heard(self) -> list[Any]:
-        """What the console has published since the last call."""
         return [message for channel in PUBLISHED for _, message in self._link.take(channel)]
 
     def memory(self) -> float:
-        """Of its process [byte]."""
         pages = int(Path(f"/proc/{self.process.pid}/statm").read_text().split()[1])
         return float(pages * os.sysconf("SC_PAGE_SIZE"))
 
     @property
     def alive(self) -> bool:
-        """Whether it runs, and draws for a page."""
         if self.process.poll() is not None:
             return False
         with page_of(self.visitor) as page:
             return len(page.hear(0.5)) > 1
 
     def close(self) -> None:
-        """End it."""
         self._link.close()
         self.process.kill()
         self.process.wait()
 
 
 def strangers(target: Target) -> Iterator[Tally]:
-    """Without the address of the terminal, or with a used one."""
     visitor = target.visitor
     tally = Tally("page without token and cookie")
     for path in (
@@ -139,7 +125,6 @@ def strangers(target: Target) -> Iterator[Tally]:
 
 
 def pages(target: Target) -> Iterator[Tally]:
-    """What a page that has come in may not say."""
     tally = Tally("properties of every control set by a page")
     with page_of(target.visitor) as page:
         controls = [message["uuid"] for message in page.shown if message["type"].startswith("Gui")]
@@ -174,7 +159,6 @@ def pages(target: Target) -> Iterator[Tally]:
 
 
 def recordings(target: Target, folder: Path) -> Iterator[Tally]:
-    """Files elsewhere, pipes and links named as recordings."""
     tally = Tally("recordings that are none of the folder")
     secret = folder.parent / "secret.mcap"
     secret.write_bytes(b"secret")
@@ -192,7 +176,6 @@ def recordings(target: Target, folder: Path) -> Iterator[Tally]:
 
 
 def floods(target: Target) -> Iterator[Tally]:
-    """More and larger than a person causes; meanwhile another page has to be drawn."""
     trigger = msgspec.msgpack.encode({"type": "CommandTriggerMessage", "uuid": "x" * 20})
     kinds: dict[str, Callable[[Page], None]] = {
         "messages": lambda page: page.say(trigger),
@@ -211,7 +194,6 @@ def floods(target: Target) -> Iterator[Tally]:
 
 
 def browser(target: Target) -> Iterator[Tally]:
-    """Pages of another server and of a rebound name, in a browser that has come in."""
     from console_driver import CHROMIUM_ARGUMENTS, chromium
 
     with contextlib.suppress(ImportError):
@@ -242,7 +224,6 @@ def browser(target: Target) -> Iterator[Tally]:
 
 
 def honest_stop(target: Target) -> Tally:
-    """After all of it the click of an operator has to arrive."""
     from foretouch.console.panels.stop import READY
 
     target.heard()
@@ -255,7 +236,6 @@ def honest_stop(target: Target) -> Tally:
 
 
 def main() -> int:
-    """Attack, print the table, and return 1 where anything got in."""
     logging.getLogger("websockets").setLevel(logging.CRITICAL)  # of connections that were cut off, at this end
     done: list[Tally] = []
     with tempfile.TemporaryDirectory() as place:
@@ -294,7 +274,6 @@ def _hosts(visitor: Visitor) -> list[str]:
 
 
 def _opens(visitor: Visitor, **changes: Any) -> bool:
-    """Whether a connection opens."""
     try:
         open_socket(visitor, **changes).close()
     except (InvalidStatus, InvalidMessage, ConnectionClosed, OSError):
@@ -315,7 +294,6 @@ def _pour(visitor: Visitor, pour: Callable[[Page], None], end: float) -> int:
 
 
 def _stands_still(page: Page) -> bool:
-    """Whether nothing comes to a page."""
     end = time.monotonic() + STILL
     while time.monotonic() < end:
         if page.hear(0.1):

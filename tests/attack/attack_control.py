@@ -26,14 +26,12 @@ DEEPER = 1e-3
 
 
 def commands(telemetry: Telemetry, holder: str, clock: int, ahead: int, begun: float) -> Command:
-    """What looks like the holder's next command, some numbers ahead of it."""
     passed = round((time.monotonic() - begun) * 1000)
     sequence = telemetry.command_sequence + passed + ahead
     return Command(VERSION, sequence, clock + passed * 1_000_000, DEEP, 0, False, holder, telemetry.epoch)
 
 
 def deepest(rows: list[Any]) -> float:
-    """Deepest place that the robot was sent to [m]."""
     return max((one.desired_position for one in rows), default=0.0)
 
 
@@ -107,7 +105,6 @@ def without_keys(folder: Path, score: Score) -> None:
 
 
 def main() -> int:
-    """Try to take control; 1 where it was taken, or tried unseen."""
     score = Score()
     with tempfile.TemporaryDirectory() as folder:
         print("control: another leader's certificate")

@@ -22,7 +22,6 @@ SECONDS = 1.5
 
 
 def strangers(keys: KeyFolder) -> dict[str, tuple[Identity | None, Identity | None]]:
-    """What each shows, and whom it trusts."""
     now = datetime.now(UTC)
     authority, here, _ = keys.read()
     signing = Identity.read((keys.path / "authority.key").read_bytes(), "authority.key", with_key=True)
@@ -45,7 +44,6 @@ def strangers(keys: KeyFolder) -> dict[str, tuple[Identity | None, Identity | No
 
 
 def knock(target: Target, endpoint: str, identity: Identity | None, trusts: Identity | None) -> tuple[int, int]:
-    """Try to hear and to say everything; how often it was said, and how much was heard."""
     heard: list[str] = []
     said = 0
     with intruder(connect=endpoint, identity=identity, trusts=trusts) as session:
@@ -90,14 +88,12 @@ def overstep(target: Target, endpoint: str, name: str) -> tuple[int, bool]:
 
 
 def changed(before: dict[str, object], after: dict[str, object]) -> str:
-    """What differs, as a text."""
     return ", ".join(
         f"{name}: {before.get(name)} -> {after.get(name)}" for name in after if before.get(name) != after[name]
     )
 
 
 def main() -> int:
-    """Try everybody; 1 where somebody got in."""
     score = Score()
     print("door: strangers at a follower's port over TLS, who say everything")
     with tempfile.TemporaryDirectory() as folder, session(Path(folder)) as target:

@@ -57,7 +57,6 @@ TOKENS = (
 
 
 def damaged(content: bytes, rng: random.Random, *, text: bool) -> bytes:
-    """A file with one kind of damage."""
     if text and rng.random() < 0.5:
         parts = re.split(rb"([^A-Za-z0-9_.+-]+)", content)
         for _ in range(rng.randint(1, 8)):
@@ -70,7 +69,6 @@ def damaged(content: bytes, rng: random.Random, *, text: bool) -> bytes:
 
 
 def _place(found: bytearray, rng: random.Random) -> int:
-    """Mostly near the beginning or the end, where formats have their structure."""
     size, kind = len(found), rng.random()
     if kind < 0.35:
         return rng.randrange(min(size, 512))
@@ -126,7 +124,6 @@ def _swapped(found: bytearray, rng: random.Random) -> None:
 
 
 def readers(path: Path, aside: Path) -> Iterator[tuple[str, Callable[[], object]]]:
-    """All readers that take such a file, by name."""
     ending = path.suffix
     if ending in (".stl", ".obj", ".ply"):
         yield "mesh", lambda: read_mesh(path)
@@ -148,12 +145,6 @@ def readers(path: Path, aside: Path) -> Iterator[tuple[str, Callable[[], object]
 
 
 class Attack:
-    """Tries files, and counts what became of them.
-
-    Args:
-        aside: A folder for what readers need or make.
-    """
-
     def __init__(self, aside: Path) -> None:
         self.aside = aside
         self.tried: Counter[str] = Counter()
@@ -164,7 +155,6 @@ class Attack:
         self.memory = ""
 
     def file(self, path: Path, label: str) -> None:
-        """Give a file to each of its readers."""
         self.largest = max(self.largest, path.stat().st_size)
         for name, read in readers(path, self.aside):
             begun = time.perf_counter()
@@ -183,7 +173,6 @@ class Attack:
                 self.failures.append(f"{label}, {name}: {took:.1f} s")
 
     def command(self, path: Path) -> None:
-        """Give a file to the command that reads its kind."""
         command = ["recordings", "inspect", str(path)]
         if path.suffix in (".stl", ".obj", ".ply"):
             command = ["simulate", "--scene", str(path), "--duration", "0.05", "--json"]
@@ -206,7 +195,6 @@ class Attack:
             self.failures.append(f"{most / 1e6:.0f} MB taken, where {allowed / 1e6:.0f} are allowed")
 
     def told(self) -> bool:
-        """Print it; whether nothing failed."""
         for name, times in sorted(self.tried.items()):
             print(f"{name:<14} {times:5d} tried, {self.read[name]:4d} read, the others refused in one line")
         print(f"slowest: {self.slowest[0]:.1f} s ({self.slowest[1]}); {self.memory}")
@@ -217,7 +205,6 @@ class Attack:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Attack all readers; 1 where something failed."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--files", type=int, default=400, help="damaged files")
     parser.add_argument("--seed", type=int, default=1)

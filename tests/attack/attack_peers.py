@@ -25,7 +25,6 @@ Words = Callable[[int], tuple[str, bytes]]
 
 
 def flood(target: Target, words: Words, count: int) -> int:
-    """Say these to follower and leader with a watcher's certificate; how much the larger grew [MB]."""
     watcher, sides = target.identity("watcher"), (target.follower, target.leader)
     before = [side.memory for side in sides]
     import zenoh
@@ -55,13 +54,11 @@ def another_role(number: int) -> tuple[str, bytes]:
 
 
 def other_names(number: int) -> tuple[str, bytes]:
-    """A hello of 46 kB, each time with other names."""
     names = tuple(f"n{number}-{i}" for i in range(120))
     return "foretouch/hello/watcher", encode(Hello(VERSION, 1, 1, "recorder", names, ("v" * 380,) * 120))
 
 
 def other_version(number: int) -> tuple[str, bytes]:
-    """Two bytes, or a whole hello, of another version."""
     whole = encode(Hello(VERSION + 1, 1, 1, ("recorder", "leader", "follower")[number % 3], (), ()))
     return "foretouch/hello/watcher", whole if number % 2 else bytes((0x91, VERSION + 1))
 
@@ -81,7 +78,6 @@ def garbage(number: int) -> tuple[str, bytes]:
 
 
 def starts_all_the_same(target: Target, folder: Path) -> tuple[int, bool]:
-    """Start a leader while a watcher says other versions: how often, and whether it ended of that."""
     watcher = target.identity("watcher")
     endpoint, tried = free_endpoint("tls"), 0
     with (
@@ -112,7 +108,6 @@ def starts_all_the_same(target: Target, folder: Path) -> tuple[int, bool]:
 
 
 def ends_a_teleop(folder: Path) -> tuple[int, bool]:
-    """Say other versions at every endpoint of a session on one machine: how often, and whether it ended of that."""
     teleop = Process(
         folder, "teleop", "--operator", "scripted", "--material", "hunt-crossley", "--duration", 120,
         "--port", free_endpoint().rpartition(":")[2], "--recording", folder / "teleop.mcap",
@@ -139,7 +134,6 @@ def ends_a_teleop(folder: Path) -> tuple[int, bool]:
 
 
 def control_characters(target: Target) -> tuple[int, int]:
-    """A stop and a hello whose texts would do something to a terminal: how often, and how many letters were printed."""
     watcher = target.identity("watcher")
     tried = 0
     with intruder(connect=target.at_follower, identity=watcher, trusts=target.authority) as session:
@@ -158,7 +152,6 @@ def control_characters(target: Target) -> tuple[int, int]:
 
 
 def main() -> int:
-    """Try all; 1 where a process ended, grew, or printed what it should not."""
     score = Score()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

@@ -32,7 +32,6 @@ SLOW = (
 
 
 def bomb(name: str) -> Callable[[Callable[[Path], None]], Callable[[Path], None]]:
-    """Put the function that writes a bomb into the table of them."""
     return lambda write: BOMBS.setdefault(name, write)
 
 

@@ -32,7 +32,6 @@ TABLE_MAP = "".join(
 
 
 def write_all(folder: Path) -> dict[str, Path]:
-    """The files by name; what a map is for lies beside them."""
     folder.mkdir()
     columns = dict(zip(NAMES, made_bags.press(0.2), strict=True))
     table = np.column_stack(list(columns.values()))

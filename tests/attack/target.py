@@ -41,22 +41,14 @@ STARTING = 120.0
 
 @dataclass
 class Score:
-    """What was tried, how often, and what got in.
-
-    Attributes:
-        failures: What got in, or did not end as it should.
-    """
-
     failures: list[str] = field(default_factory=list)
 
     def note(self, what: str, tried: int, got_in: int, more: str = "") -> None:
-        """Print one line; what got in is a failure."""
         print(f"  {what:<58} tried {tried:>6}   got in {got_in}{'   ' + more if more else ''}", flush=True)
         if got_in:
             self.failures.append(what)
 
     def end(self) -> int:
-        """Print the result; the exit code."""
         print(f"FAILED: {'; '.join(self.failures)}" if self.failures else "nothing got in", flush=True)
         return 1 if self.failures else 0
 
@@ -73,22 +65,18 @@ class Process:
 
     @property
     def said(self) -> str:
-        """Everything that it has printed."""
         return Path(self._said.name).read_text(errors="surrogateescape")
 
     @property
     def memory(self) -> float:
-        """What it holds [MB]."""
         status = Path(f"/proc/{self.process.pid}/status").read_text().splitlines()
         return int(next(line for line in status if line.startswith("VmRSS")).split()[1]) / 1024
 
     @property
     def running(self) -> bool:
-        """Whether it has not ended."""
         return self.process.poll() is None
 
     def end(self) -> None:
-        """Ask it to end, and kill it where it does not."""
         if self.running:
             self.process.terminate()
         try:
@@ -101,17 +89,6 @@ class Process:
 
 @dataclass
 class Target:
-    """A session that runs.
-
-    Attributes:
-        keys: Of all that take part, ``leader.bob`` among them.
-        follower: The process.
-        leader: The process.
-        at_follower: Endpoint.
-        at_leader: Endpoint.
-        watch: A watcher's link with everything that is said to those who watch.
-    """
-
     keys: KeyFolder
     follower: Process
     leader: Process
@@ -120,16 +97,13 @@ class Target:
     watch: ZenohLink
 
     def identity(self, name: str) -> Identity:
-        """A certificate and its key, stolen."""
         return self.keys.read()[1][name]
 
     @property
     def authority(self) -> Identity:
-        """Certificate of the authority."""
         return self.keys.read()[0]
 
     def telemetry(self) -> list[Any]:
-        """What the robot's side has said since it was asked last."""
         return [message for _, message in self.watch.take("telemetry")]
 
     def traces(self) -> dict[str, object]:
@@ -156,11 +130,6 @@ class Target:
 
 
 def until(condition: Callable[[], object], seconds: float, what: str) -> None:
-    """Wait until it is so.
-
-    Raises:
-        TimeoutError: It was not.
-    """
     end = time.monotonic() + seconds
     while not condition():
         if time.monotonic() > end:
@@ -169,7 +138,6 @@ def until(condition: Callable[[], object], seconds: float, what: str) -> None:
 
 
 def keys_in(folder: Path) -> KeyFolder:
-    """Keys of the three roles, and of a second leader."""
     keys, now = KeyFolder(folder), datetime.now(UTC)
     keys.init(now)
     for role, name in (("leader", ""), ("leader", "bob"), ("follower", ""), ("watcher", "")):
@@ -179,12 +147,6 @@ def keys_in(folder: Path) -> KeyFolder:
 
 @contextmanager
 def session(folder: Path, *, material: str = "hunt-crossley") -> Iterator[Target]:
-    """Start a follower and a leader with keys, wait until the robot follows, and end both.
-
-    Args:
-        folder: For keys and what is said; it is there.
-        material: That is pressed.
-    """
     keys = keys_in(folder / "keys")
     at_follower, at_leader = free_endpoint("tls"), free_endpoint("tls")
     common = ("--material", material, "--keys", keys.path, "--duration", 300)

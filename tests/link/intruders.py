@@ -25,7 +25,6 @@ def intruder(
     identity: Identity | None = None,
     trusts: Identity | None = None,
 ) -> Iterator[Any]:
-    """A Zenoh session that shows this certificate, trusts this authority, and has no access list."""
     import zenoh
 
     tls: dict[str, object] = {"verify_name_on_connect": False}
@@ -57,7 +56,6 @@ def intruder(
 
 
 def listen(session: Any, key: str, heard: list[str]) -> Any:
-    """Subscribe, and note the keys of what comes from elsewhere."""
     import zenoh
 
     return session.declare_subscriber(
@@ -66,7 +64,6 @@ def listen(session: Any, key: str, heard: list[str]) -> Any:
 
 
 def sample(name: str) -> Message:
-    """A message of a channel, whole and correct, with the intruder's mark."""
     kind = CHANNELS[name].kind
     defaults: dict[type, object] = {
         msgspec.inspect.IntType: 1,

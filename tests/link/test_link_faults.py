@@ -86,7 +86,6 @@ def test_the_delay_may_change_on_the_way() -> None:
 
 @given(st.lists(st.tuples(st.integers(0, 40), st.booleans()), max_size=120), st.integers(0, 9))
 def test_what_is_due_comes_by_its_time_and_then_by_its_turn(sent: list[tuple[int, bool]], seed: int) -> None:
-    """Whatever overtakes whatever: as a list that is sorted anew each time gives them."""
     stage: FaultStage[int] = FaultStage(Faults(seed=seed))
     waiting: list[tuple[int, int]] = []
     for tick, (delay_ms, asked) in enumerate(sent):
@@ -101,7 +100,6 @@ def test_what_is_due_comes_by_its_time_and_then_by_its_turn(sent: list[tuple[int
 
 
 def changed(begins: Faults, at_ms: int, messages: int = 4000, **faults: float) -> list[tuple[int, int]]:
-    """Like `run`, with other faults from one message on."""
     stage: FaultStage[int] = FaultStage(begins)
     arrived = []
     for tick in range(messages + 2000):

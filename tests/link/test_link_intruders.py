@@ -50,7 +50,6 @@ def theirs(tmp_path_factory: pytest.TempPathFactory) -> KeyFolder:
 
 @pytest.fixture(scope="module")
 def alice(tmp_path_factory: pytest.TempPathFactory, ours: KeyFolder) -> Identity:
-    """A leader of the right authority whose name nobody lists."""
     elsewhere = KeyFolder(tmp_path_factory.mktemp("alice"))
     for name in ("authority.key", "authority.crt", "allowed.txt"):
         (elsewhere.path / name).write_bytes((ours.path / name).read_bytes())
@@ -71,7 +70,6 @@ def link(credentials: Credentials, **more: Any) -> ZenohLink:
 
 
 def marked(receiver: ZenohLink) -> set[str]:
-    """Channels on which something of the intruder's arrived."""
     return {name for name in receiver.inboxes if any(m.sequence == MARK for _, m in receiver.take(name))}
 
 
@@ -366,7 +364,6 @@ for _ in range({count}):
 
 
 def footprint() -> dict[str, int]:
-    """Resident memory [kB], threads, and file descriptors of this process."""
     gc.collect()
     status = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())
     return {

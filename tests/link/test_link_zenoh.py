@@ -138,7 +138,6 @@ def test_what_is_too_large_is_said_at_the_sender() -> None:
 
 
 def update_of(size: int) -> ModelUpdate:
-    """A model of so many bytes on the wire."""
     numbers = (0.5,) * max(size // 9 - 60, 0)
     parts = (numbers[:2000], numbers[2000:4000], numbers[4000:])
     update = ModelUpdate(VERSION, 1, 1, 0, "x", parts[0], parts[1], 0.0, True, "", "", b"", standard_errors=parts[2])
@@ -148,7 +147,6 @@ def update_of(size: int) -> ModelUpdate:
 
 
 def test_an_inbox_holds_what_comes_in_some_seconds() -> None:
-    """So that a reader that stopped holds no more, however large the messages of a channel are."""
     with ZenohLink(listen=[free_endpoint()], subscribe=list(CHANNELS)) as link:
         lengths = {name: inbox.maxlen for name, inbox in link.inboxes.items()}
     assert lengths["command"] == lengths["telemetry"] == 20_000

@@ -103,7 +103,6 @@ def texts_of(message: Message) -> list[str]:
     ],
 )
 def test_control_characters_of_a_peer_are_shown_and_not_done(message: Message) -> None:
-    """ESC, BEL, CR LF, C1 and DEL, and what turns the direction of writing."""
     arrived = decode(encode(message), type(message))
     assert all(text.isprintable() for text in texts_of(arrived))
     assert any(r"\x1b]0;mine\x07\x1b[2J\r\nfollower: released \u202e" in text for text in texts_of(arrived))

@@ -39,7 +39,6 @@ HEADS = (
 
 @pytest.fixture(scope="module")
 def valid_map() -> bytes:
-    """What a learner packs after presses of a spring, 4 mm deep."""
     learner = Learner(make_estimator("contact-map", "bank"), surface=0.0, force_offset=0.0)
     for tick in range(1000):
         depth = 0.004 * (1.0 - abs(1.0 - tick / 500))
@@ -77,12 +76,10 @@ class Fuzz:
         return data if kind < 4 else data[: 4 * draw.randrange(len(data) // 4)]
 
     def number(self) -> float:
-        """A number that a peer might send."""
         draw = self.random
         return draw.choice(FLOATS) if draw.random() < 0.3 else draw.uniform(0.0, 10.0) * 10.0 ** draw.randrange(-3, 5)
 
     def numbers(self) -> tuple[float, ...]:
-        """As many as a law, a state or nobody takes."""
         return tuple(self.number() for _ in range(self.random.choice((0, 1, 2, 3, 4, 4, 4, 5, 6, 50))))
 
     def update(self) -> ModelUpdate:
@@ -116,7 +113,6 @@ class Fuzz:
         return [draw.choice(TEXTS) for _ in range(draw.choice((0, 1, 3, 64, 65)))]
 
     def data(self, kind: type[Message]) -> bytes:
-        """Bytes that are a message of this kind, or nearly one."""
         draw = self.random
         info = msgspec.inspect.type_info(kind)
         assert isinstance(info, msgspec.inspect.StructType)
@@ -169,7 +165,6 @@ class Fuzz:
         self.slowest = max(self.slowest, time.thread_time() - begin)
 
     def run(self, update: ModelUpdate) -> None:
-        """Make the model and run it, as a leader would."""
         unpack(update.map)
         try:
             model = make_model(update.law, update.parameters, update.map)
@@ -182,7 +177,6 @@ class Fuzz:
             self.press(model, state)
 
     def press(self, model: ContactModel, state: tuple[float, ...]) -> None:
-        """Forces at depths and speeds of every size."""
         for depth, velocity in ((0.003, 0.02), (self.number(), self.number()), (-0.001, -0.1), (math.nan, math.inf)):
             state, force, _ = advance(model, state, depth, velocity, 1e-3)
             assert math.isfinite(force), (model, depth, velocity, force)

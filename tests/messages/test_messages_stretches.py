@@ -38,10 +38,6 @@ def model(sequence: int, epoch: int, run: int) -> ModelUpdate:
 
 
 def session() -> SessionLog:
-    """Leader 5 for 100 ticks; leader 7 for 300, which hears run 1, and then run 2 of the follower, each 10 ticks late.
-
-    Run 1 ends after tick 250, run 2 begins at tick 280; commands take 10 ticks.
-    """
     leader = [led(tick, tick, 5, 1 if tick > 10 else 0) for tick in range(1, 101)]
     for tick in range(101, 401):
         run = 0 if tick <= 110 else 1 if tick < 290 else 2

@@ -46,12 +46,6 @@ def pick(gene: float, choices: tuple[object, ...]) -> object:
 
 
 class Attack:
-    """A programme at work on a follower and its simulated arm.
-
-    Attributes:
-        forces: The simulator's own, once a tick [N].
-    """
-
     def __init__(self, material: str, programme: Programme) -> None:
         network, first, drive, encoder, seed = programme[:HEADER]
         guarded = "guarded" if first > 0.5 else "follow"
@@ -66,7 +60,6 @@ class Attack:
         self.begin()
 
     def begin(self) -> None:
-        """The follower's process begins, perhaps again; the arm stays where it is."""
         self.run += 1
         self.following = follower.start(self.robot.specification, self.settings, run=self.run)
         self.telemetry = None
@@ -104,7 +97,6 @@ class Attack:
         return sample._replace(position=sample.position + 1e-6 * float(size) * error)
 
     def act(self, genes: Programme) -> None:
-        """One part of the programme."""
         kind, depth, size, pace, length = genes
         kinds = (
             self.step, self.step, self.ramp, self.creep, self.creep, self.strike, self.strike, self.hammer, self.press,
@@ -114,12 +106,10 @@ class Attack:
         pick(kind, kinds)(target, size, pace, 30 + int(470 * length * length))  # type: ignore[operator]
 
     def step(self, target: float, size: float, pace: float, ticks: int) -> None:
-        """Told to be there."""
         for _ in range(ticks):
             self.tick(target)
 
     def ramp(self, target: float, size: float, pace: float, ticks: int) -> None:
-        """Goes there evenly."""
         begin = self.place
         for tick in range(ticks):
             self.tick(begin + (target - begin) * (tick + 1) / ticks)
@@ -146,7 +136,6 @@ class Attack:
             self.tick(max(target, self.felt_at + 2e-3))
 
     def hammer(self, target: float, size: float, pace: float, ticks: int) -> None:
-        """To and fro about a place."""
         amplitude, half = 3e-5 * 10.0 ** (2.3 * size), 2 + int(60 * pace)
         for tick in range(ticks):
             self.tick(target + (amplitude if (tick // half) % 2 else -amplitude))
@@ -201,21 +190,13 @@ class Attack:
         self.step(target, size, pace, ticks)
 
     def stop(self, target: float, size: float, pace: float, ticks: int) -> None:
-        """An emergency stop, released as soon as that goes."""
         self.tick(target, stop="enemy")
         for tick in range(ticks + 300):
             self.tick(target, release=tick % 20 == 19)
 
 
 class Found(NamedTuple):
-    """What a search has found.
-
-    Attributes:
-        force: The largest [N].
-        programme: That led to it.
-        tried: Programmes.
-        over: How many of them passed the ceiling.
-    """
+    """What a search has found."""
 
     force: float
     programme: Programme
@@ -224,7 +205,6 @@ class Found(NamedTuple):
 
 
 def largest_force(material: str, programme: Programme) -> float:
-    """Of one programme [N]."""
     attack = Attack(material, programme)
     for part in range(PARTS):
         attack.act(programme[HEADER + GENES * part :][:GENES])
@@ -232,16 +212,7 @@ def largest_force(material: str, programme: Programme) -> float:
 
 
 def search(force: Callable[[Programme], float], tries: int, length: int = LENGTH, seed: int = 1) -> Found:
-    """The programme that presses hardest: a third at random, then the children of the twelve best.
-
-    A child has parts of two parents, some numbers drawn anew, and others moved a little.
-
-    Args:
-        force: Of a programme [N].
-        tries: Programmes.
-        length: Of a programme.
-        seed: Of the search.
-    """
+    """The programme that presses hardest: a third at random, then the children of the twelve best."""
     numbers = np.random.default_rng(seed)
     best: list[tuple[float, Programme]] = []
     over = 0

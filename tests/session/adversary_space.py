@@ -38,11 +38,7 @@ Place = tuple[float, float, float]
 
 
 class SpaceAttack:
-    """A programme at work on a follower in space and the simulated gantry.
-
-    Attributes:
-        forces: The simulator's own, once a tick [N].
-    """
+    """A programme at work on a follower in space and the simulated gantry."""
 
     def __init__(self, scene: str, material: str, programme: Programme) -> None:
         first, drive, camera, seed, _ = programme[:HEADER]
@@ -123,7 +119,6 @@ class SpaceAttack:
         return [] if belief is None else [belief]
 
     def act(self, genes: Programme) -> None:
-        """One part of the programme."""
         kind, x, y, height, how = genes
         target = (REACH * (2 * x - 1), REACH * (2 * y - 1), float(pick(height, HEIGHTS)))
         kinds = (
@@ -184,7 +179,6 @@ class SpaceAttack:
             self.tick(None)
 
     def stop(self, target: Place, how: float) -> None:
-        """An emergency stop, released as soon as that goes."""
         self.tick(target, stop="enemy")
         for tick in range(300 + int(500 * how)):
             self.tick(target, release=tick % 20 == 19)
@@ -196,7 +190,6 @@ def _between(begin: Place, end: Place, share: float) -> Place:
 
 
 def largest_force_in_space(scene: str, material: str, programme: Programme) -> float:
-    """Of one programme [N]."""
     attack = SpaceAttack(scene, material, np.asarray(programme))
     for part in range(PARTS):
         attack.act(programme[HEADER + GENES * part :][:GENES])

@@ -42,10 +42,7 @@ def leader_killed(fire: Fire) -> Outcome:
 
 
 def follower_killed(fire: Fire) -> Outcome:
-    """Kill the follower, and with it the simulated robot, which begins anew in free air.
-
-    A scripted hand that was deep in the material is coupled there; it may not come to press again.
-    """
+    """Kill the follower, and with it the simulated robot, which begins anew in free air."""
     with fire.fault("follower killed", felt=not fire.closed_loop) as outcome:
         outcome.relearns = True
         fire.kill("follower")
@@ -70,7 +67,6 @@ def _stands_still(fire: Fire, role: str) -> Outcome:
 
 
 def network_cut(fire: Fire) -> Outcome:
-    """Nothing passes between both sides, and nobody is told."""
     with fire.fault(f"network cut for {CUT:g} s", felt=True) as outcome:
         fire.relay.cut()
         time.sleep(CUT)
@@ -87,7 +83,6 @@ def network_stalls(fire: Fire) -> Outcome:
 
 
 def wall_clock_stepped(fire: Fire) -> Outcome:
-    """The wall clock of all processes goes forward by an hour, then back."""
     with fire.fault("wall clock stepped by an hour", lossless=True) as outcome:
         outcome.returned_ns = outcome.begin_ns
         fire.step_wall_clock(HOUR)
@@ -150,7 +145,6 @@ def _come_and_go(endpoint: str, count: int) -> None:
 
 
 def _at_both(fire: Fire, action: Callable[[str], None]) -> None:
-    """Do something at both sides' endpoints at a time."""
     threads = [
         threading.Thread(target=action, args=[endpoint]) for endpoint in (fire.follower_endpoint, fire.leader_endpoint)
     ]
@@ -176,7 +170,6 @@ KILL: dict[str, Callable[[Fire], Outcome]] = {"leader killed": leader_killed, "f
 
 
 def nothing(fire: Fire) -> Outcome:
-    """What is measured where nothing happens."""
     with fire.fault("nothing", felt=True, lossless=True) as outcome:
         outcome.returned_ns = outcome.begin_ns
     return outcome

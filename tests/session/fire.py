@@ -53,24 +53,7 @@ CALM = 1.0
 
 @dataclass
 class Outcome:
-    """What came of one fault.
-
-    Attributes:
-        fault: Its name.
-        begin_ns: When it began.
-        returned_ns: When what was gone came back: the first tick of a new process, or when the test let go.
-        resumed: From then until robot, hand and model are together again [s].
-        force: Largest at the robot [N].
-        unloaded: Largest at the robot once it had to be unloaded, until the return [N]; 0 where there was no such time.
-        rendered: Largest force for the hand [N].
-        change: Its largest change in a tick [N], as `largest_change` says.
-        beyond: Largest energy that the hand was given beyond the bound [J].
-        lost: Messages lost where there was no fault any more; with a fault that takes none, from its begin on.
-        felt_error: Predicted force less the robot's own, afterwards, by the robot's own [%]; NaN where none was felt.
-        statuses: What the robot did, in order.
-        grown: What the processes have more of afterwards, by name, where that was looked at.
-        relearns: Whether the follower has to learn all of the material anew: then the first presses are no fault.
-    """
+    """What came of one fault."""
 
     fault: str
     begin_ns: int
@@ -88,7 +71,6 @@ class Outcome:
     relearns: bool = False
 
     def broken(self) -> list[str]:
-        """What should hold whatever happens, and did not."""
         kept = {
             f"resumed within 1 s: {self.resumed:.3f} s": self.resumed < 1.0,
             f"force of the robot below 15 N: {self.force:.2f} N": self.force < 15.0,
@@ -135,12 +117,10 @@ class Watcher:
         self.told.append(message)
 
     def counts(self, role: str) -> dict[str, int]:
-        """Counters that a side said last."""
         hello = self.hellos[role]
         return split_texts(dict(zip(hello.names, hello.values, strict=True)))[1]
 
     def take(self) -> SessionLog:
-        """All that was said since this was asked last."""
         return SessionLog.from_messages([self.told.popleft() for _ in range(len(self.told))])
 
     def close(self) -> None:
@@ -148,13 +128,7 @@ class Watcher:
 
 
 class Fire:
-    """Follower, leader and recorder, a relay between the first two, and a watcher.
-
-    Args:
-        folder: For the recording and for what the processes say.
-        options: Of follower and leader.
-        environment: Of all processes, beside this one's.
-    """
+    """Follower, leader and recorder, a relay between the first two, and a watcher."""
 
     def __init__(self, folder: Path, *options: object, environment: dict[str, str] | None = None) -> None:
         self.folder = folder
@@ -220,13 +194,11 @@ class Fire:
             time.sleep(0.01)
 
     def state(self) -> str:
-        """What both sides said last, for who has to find out what went wrong."""
         said = [repr(self.watcher.telemetry), repr(self.watcher.leader)]
         now = [f"now {time.monotonic_ns()}"]
         return "\n".join([*now, *said, *(f"{role}: {self.said(role)[-2000:]}" for role in self.processes)])
 
     def together(self) -> bool:
-        """Whether robot and hand are coupled now and a model is rendered."""
         telemetry, leader = self.watcher.telemetry, self.watcher.leader
         if telemetry is None or leader is None:
             return False
@@ -251,13 +223,7 @@ class Fire:
 
     @contextmanager
     def fault(self, name: str, *, felt: bool = False, lossless: bool = False) -> Iterator[Outcome]:
-        """What is done inside is one fault; once that is over it is waited for what comes of it.
-
-        Args:
-            name: Of the fault.
-            felt: Whether to wait until the robot has pressed again, so that the model can be judged.
-            lossless: Whether this fault takes no message.
-        """
+        """What is done inside is one fault; once that is over it is waited for what comes of it."""
         self.take()
         outcome = Outcome(name, time.monotonic_ns())
         before = self._lost_between() if lossless else 0
@@ -274,7 +240,6 @@ class Fire:
             outcome.lost += self._lost_between() - before
 
     def take(self) -> SessionLog:
-        """All that was said since this was asked last; what the recording has to hold is kept."""
         log = self.watcher.take()
         self.heard.append(numbers(log))
         return log
@@ -290,14 +255,9 @@ class Fire:
         return missing
 
     def undecodable(self) -> int:
-        """Messages that did not decode at either side."""
         return sum(self.watcher.counts(role)[f"{role}_undecodable"] for role in ("follower", "leader"))
 
     def footprints(self) -> dict[str, int]:
-        """Resident memory [kB], threads, and files of both sides, by name.
-
-        The network's own threads come when there is much to do and go after ten idle seconds: they are counted apart.
-        """
         found = {}
         for role in ("follower", "leader"):
             process = Path(f"/proc/{self.processes[role].pid}")
@@ -310,11 +270,9 @@ class Fire:
         return found
 
     def grown(self) -> dict[str, int]:
-        """What both sides have more of than when `footprint` was taken."""
         return {name: now - self.footprint[name] for name, now in self.footprints().items()}
 
     def _lost_between(self) -> int:
-        """Messages that one side missed of the other's, as both count."""
         follower, leader = self.watcher.counts("follower"), self.watcher.counts("leader")
         return follower["commands_lost"] + leader["models_lost"] + leader["telemetry_lost"]
 
@@ -351,7 +309,6 @@ def numbers(log: SessionLog) -> np.ndarray:
 
 
 def judge(outcome: Outcome, log: SessionLog, *, lossless: bool = False) -> None:
-    """Fill in what the messages since the fault say."""
     leader, follower = log.leader, log.follower
     after = follower["time_ns"] >= outcome.begin_ns
     outcome.resumed = resumed_after(outcome.returned_ns, log)
@@ -403,11 +360,7 @@ def _unloaded(returned_ns: int, follower: np.ndarray) -> float:
 
 
 def largest_change(leader: np.ndarray) -> float:
-    """Largest change of the rendered force between two ticks of one process [N].
-
-    After a tick that came late it counts for each that it lasted, for the hand has moved on meanwhile; and a fall with
-    which the energy account keeps the hand from being given what it has not put in is no jump but what it is for.
-    """
+    """Largest change of the rendered force between two ticks of one process [N]."""
     next_tick = (np.diff(leader["epoch"]) == 0) & (np.diff(leader["sequence"]) == 1)
     lasted = np.maximum(leader["period_ns"][1:], leader["period_ns"][:-1]) * 1e-6
     change = np.diff(leader["rendered_force"]) / np.maximum(lasted, 1.0)

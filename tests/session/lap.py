@@ -16,8 +16,6 @@ MS = 1_000_000
 
 
 class Leader:
-    """A leader's process: its step, its hand, and what has not reached it yet."""
-
     def __init__(self, settings: SessionSettings, material: Any, name: str, epoch: int) -> None:
         press: Device = ScriptedOperator(material.surface, material.press_depth, settings.seed)
         self.hand = press if settings.grip == "none" else Hand(press, GRIPS[settings.grip], settings.device)
@@ -46,8 +44,6 @@ class Leader:
 
 
 class Lap:
-    """A follower with its arm, and the leaders that speak to it."""
-
     def __init__(self, **changes: Any) -> None:
         delays = {"position_delay": 0.02, "force_delay": 0.03}
         self.settings = replace(SessionSettings(material="hunt-crossley", **delays), **changes)
@@ -69,7 +65,6 @@ class Lap:
         self.sample = self.robot.read()
 
     def start_leader(self, name: str, epoch: int) -> Leader:
-        """One more leader."""
         one = Leader(self.settings, self.material, name, epoch)
         self.leaders.append(one)
         return one

@@ -52,8 +52,6 @@ def safe_position(
 
 
 class Pressed:
-    """A simulated robot behind the safety, as the follower has it."""
-
     def __init__(self, material: str, *, force_limit: float = 15.0, **limits: float | bool) -> None:
         self.robot = make_robot(material, seed=1, force_limit=force_limit)
         workspace = self.robot.specification.workspace

@@ -44,7 +44,6 @@ def hello(role: str, n: int) -> Hello:
 
 
 def resident() -> int:
-    """Resident memory of this process [kB]."""
     return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") // 1024
 
 

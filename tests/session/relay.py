@@ -15,13 +15,6 @@ HOST = "127.0.0.1"
 
 
 class Relay:
-    """The relay's process, seen from a test.
-
-    Args:
-        port: To listen on.
-        target: Port that all connections go on to.
-    """
-
     def __init__(self, port: int, target: int) -> None:
         command = [sys.executable, __file__, str(port), str(target)]
         self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
@@ -55,8 +48,6 @@ class Relay:
 
 
 class _Wire:
-    """All that passes, in the relay's own process."""
-
     def __init__(self, port: int, target: int) -> None:
         self._port, self._target = port, target
         self._passing = asyncio.Event()

@@ -13,8 +13,6 @@ MS = 1_000_000
 
 
 class Ticks:
-    """A loop's timer whose ticks come as fast as they are made, each a millisecond after the one before."""
-
     def __init__(self, period: float = 1e-3) -> None:
         self.woke_ns = time.monotonic_ns()
         self.count = 0

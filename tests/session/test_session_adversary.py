@@ -29,7 +29,6 @@ def test_a_short_search_finds_nothing(material: str, tries: int) -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("material", sorted(MATERIALS))
 def test_a_search_of_thousands_finds_nothing(material: str) -> None:
-    """Seven to ten minutes for each material."""
     found = search(lambda programme: largest_force(material, programme), THOUSANDS)
     assert found.over == 0, found
 
@@ -83,7 +82,6 @@ def test_an_enemy_goes_on_after_a_stop() -> None:
 
 
 def test_a_programme_is_the_same_each_time() -> None:
-    """So that what is found can be looked at."""
     programme = np.random.default_rng(3).random(LENGTH)
     programme[HEADER] = 0.2
     assert largest_force("bone", programme) == largest_force("bone", programme)

@@ -23,8 +23,6 @@ PERIOD_NS = 1_000_000
 
 
 class Press(Device):
-    """Wants to be in free air for two seconds, then at a depth for ever."""
-
     name = "scripted"
     closed_loop = False
 
@@ -68,7 +66,6 @@ def palpated(which: str, material: str, grip: str, round_trip: float, duration: 
 
 
 def swing(log: SessionLog) -> float:
-    """How far the hand moves in the last three seconds, in which it wants to stand [m]."""
     return float(np.ptp(log.leader["exact_hand_position"][-3000:]))
 
 

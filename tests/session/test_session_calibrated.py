@@ -83,7 +83,6 @@ def stiffness(log: SessionLog) -> float:
 
 
 def in_touch(log: SessionLog) -> Any:
-    """Rows of the follower in contact, once it has learnt."""
     follower = log.follower[2000:]
     return follower[follower["exact_force"] > 1.0]
 

@@ -53,11 +53,9 @@ class Hostile:
         self.forces: list[float] = []
 
     def restart(self) -> None:
-        """The follower's process ends and begins again; the arm stays where it is."""
         self.following = follower.start(self.robot.specification, self.settings, run=2)
 
     def tick(self, position: float | None, **changes: Any) -> None:
-        """One tick, with a command or without one."""
         self.now += MS
         if position is not None:
             self.sequence += 1
@@ -243,10 +241,7 @@ def test_a_retreat_goes_out_the_way_in_until_it_is_free_and_no_further(material:
 
 
 def test_after_an_outage_nothing_that_waited_is_followed_and_the_way_back_is_slow() -> None:
-    """A stall hands over a second of commands at once; the follower goes to the newest, at the return speed.
-
-    It goes there from what it was told last before.
-    """
+    """A stall hands over a second of commands at once; the follower goes to the newest, at the return speed."""
     hostile = Hostile("hunt-crossley", Faults(0.0))
     surface = hostile.robot.surface
     for tick in range(800):

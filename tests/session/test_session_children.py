@@ -30,7 +30,6 @@ STAYS = "import signal, os, time\nsignal.signal(signal.SIGTERM, signal.SIG_IGN)\
 
 @pytest.fixture
 def begin() -> Iterator[Callable[..., Child]]:
-    """Start a process that runs this source, as a side of a session."""
     made: list[Child] = []
 
     def start(source: str, role: str = "leader") -> Child:
@@ -159,7 +158,6 @@ def test_a_follower_that_did_not_hear_the_leader_s_last_word_is_told_and_may_unl
 
 
 def test_a_leader_that_is_ending_keeps_its_exit_code(begin: Callable[..., Child]) -> None:
-    """The follower has heard its last word and was faster."""
     leader, follower = begin("import sys, time\ntime.sleep(1.0)\nsys.exit(1)"), begin("", "follower")
     listen(follower, lambda: not follower.running)
     assert end_session([follower, leader]) == []

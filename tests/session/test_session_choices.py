@@ -62,7 +62,6 @@ def test_faults_that_were_set_stay_for_processes_that_begin_anew() -> None:
 
 @pytest.fixture
 def desk() -> Iterator[tuple[Desk, ZenohLink]]:
-    """The supervisor's desk, and the link of somebody who speaks to it."""
     endpoint = free_endpoint()
     with ZenohLink(listen=[endpoint], subscribe=["hello"]) as console:
         there = Desk(ZenohLink(connect=[endpoint], subscribe=CHOICE_CHANNELS))

@@ -24,7 +24,6 @@ def run(duration: float, **changes: Any) -> SessionLog:
 
 
 def clutched(log: SessionLog) -> list[slice]:
-    """Ticks of each time that the clutch was pressed."""
     free = np.concatenate([[True], log.leader["engaged"], [True]])
     first = int(np.argmax(log.leader["engaged"]))  # before, hand and follower had not met
     starts, ends = np.flatnonzero(~free[1:] & free[:-1]), np.flatnonzero(free[1:] & ~free[:-1])
@@ -80,7 +79,6 @@ def test_energy_stays_within_its_bound_over_the_clutch(pressed_in_contact: Sessi
 
 
 def test_the_scales_scale() -> None:
-    """The hand moves twice as far as the follower and feels twice its force."""
     log = run(6.0, position_delay=0.02, force_delay=0.03, position_scale=0.5, force_scale=2.0)
     leader = log.leader
     held = leader["engaged"] & (leader["rendered_share"] == 1.0)

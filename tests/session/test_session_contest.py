@@ -72,7 +72,6 @@ def test_another_process_of_the_same_name_is_told_from_a_collision() -> None:
 
 
 def test_a_few_of_another_are_no_contest() -> None:
-    """As of a leader that is killed, and what it had said comes after its next start has begun."""
     follower = Follower()
     for tick in range(300):
         late = [command("anna", 9000 + tick, tick * MS, 4)] if tick in range(100, 100 + MANY - 1) else []

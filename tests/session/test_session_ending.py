@@ -40,8 +40,6 @@ TELEMETRY = Telemetry(VERSION, 1, 1, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, False, Fal
 
 
 class Ticks:
-    """A loop's timer in simulated time."""
-
     def __init__(self, now_ns: int) -> None:
         self.now_ns, self.count = now_ns, 0
 
@@ -51,8 +49,6 @@ class Ticks:
 
 
 class Deaf(Robot):
-    """Goes nowhere, whatever it is told, and feels what it felt."""
-
     def __init__(self, robot: Robot) -> None:
         self.robot, self.specification = robot, robot.specification
         self.sample = robot.read()
@@ -66,7 +62,6 @@ class Deaf(Robot):
 
 
 def pressing() -> Lap:
-    """A leader presses, and the robot feels at least 2 N."""
     lap = Lap()
     lap.start_leader("anna", 11)
     lap.run(6.0)
@@ -145,7 +140,6 @@ class Operator(threading.Thread):
             self.heard += [telemetry for _, telemetry in self.link.take("telemetry")]
 
     def until(self, holds: Callable[[Telemetry], bool], seconds: float = 5.0) -> Telemetry:
-        """The first telemetry from now on of which this is true."""
         begun, end = len(self.heard), time.monotonic() + seconds
         while time.monotonic() < end:
             for telemetry in self.heard[begun:]:
@@ -157,7 +151,6 @@ class Operator(threading.Thread):
 
 @contextmanager
 def following() -> Iterator[tuple[Operator, StopFlag, threading.Thread, Robot]]:
-    """A follower's loop on a thread, and who commands it."""
     robot = make_robot("hunt-crossley", seed=0)
     endpoint, stop, epoch = free_endpoint(), StopFlag(), 2**40
     with (

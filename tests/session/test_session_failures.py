@@ -97,7 +97,6 @@ class Session:
         return self.force > 2.0
 
     def broken(self, owner: Any, name: str, times: float = float("inf")) -> Broken:
-        """From the first press on this raises."""
         made = Broken(getattr(owner, name), self.presses, times)
         if isinstance(owner, type):
             self.patch.setattr(owner, name, lambda *arguments, **named: made(*arguments, **named))

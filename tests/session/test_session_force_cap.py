@@ -15,7 +15,6 @@ UP: Vector = (0.0, 0.0, 1.0)
 
 
 def pressed(normal: Vector) -> ForceCap:
-    """It goes 2 mm into a spring that pushes upwards, whatever normal is believed."""
     cap = ForceCap(CEILING, MOST_DAMPED, 0.25, 1e-3)
     for tick in range(200):
         depth = 1e-5 * tick

@@ -19,8 +19,6 @@ from foretouch.session.operators import reach_of
 
 
 class MirroredArm(Robot):
-    """The simulated arm with encoder and accelerometer turned round: its positions shrink into the material."""
-
     def __init__(self, arm: RcmArm) -> None:
         self._arm = arm
         low, high = arm.specification.workspace
@@ -44,8 +42,6 @@ class MirroredArm(Robot):
 
 
 class MirroredDevice(Device):
-    """A device with its encoder turned round."""
-
     name = "mirrored"
     closed_loop = True
 
@@ -75,7 +71,6 @@ COMPARED = ("rendered_force", "predicted_force", "position", "hand_position", "i
 
 
 def session(settings: SessionSettings, *, mirrored: bool = False, duration: float = 3.0) -> Any:
-    """A session with machines that count as the session does, or that are mirrored."""
     plain = dataclasses.replace(settings, leader_frame="0,1", follower_frame="0,1")
     arm = make_robot("hunt-crossley", seed=1)
     operator = make_operator(
@@ -101,7 +96,6 @@ def test_mirrored_machines_give_the_same_session_to_the_last_bit() -> None:
 
 
 def test_a_mirrored_machine_that_nobody_declared_is_another_session() -> None:
-    """The test above could not tell, were the frames not used."""
     settings = SessionSettings(material="hunt-crossley", grip="normal", seed=1)
     assert session(settings, mirrored=True, duration=2.0).leader["rendered_force"].max() < 0.01
 

@@ -16,7 +16,6 @@ FAR = 10**15  # between both clocks [ns]
 
 
 def judge(freshness: Freshness, sequence: int, transit_ms: float, *, offset: int = FAR) -> Arrival:
-    """One command of a leader that ticks at 1 kHz on a clock of its own."""
     sent = sequence * MS
     return freshness.judge(sequence, sent, sent + offset + round(transit_ms * MS))
 
@@ -70,7 +69,6 @@ def test_another_way_begins_anew() -> None:
 
 @given(st.lists(st.floats(0.0, 900.0), min_size=1, max_size=300), st.integers(0, 2**32))
 def test_what_is_fresh_grows_in_number_and_never_waited_longer_than_allowed(waits: list[float], seed: int) -> None:
-    """Against the definition, with all transits of the last minute at hand."""
     freshness, numbers = Freshness(0.2, 1e-3), random.Random(seed)
     arrivals = sorted(
         (5.0 * number + wait, number)

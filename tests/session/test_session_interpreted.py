@@ -45,7 +45,6 @@ def session(duration: float, changes: dict[str, object]) -> SessionLog:
 
 
 def press() -> Recording:
-    """A press and the half of another of a Hunt-Crossley material, 400 samples a second."""
     time = np.arange(0.0, 1.5, 2.5e-3)
     position = 0.010 - 0.005 * np.cos(2.0 * np.pi * 1.0 * time)
     depth, velocity = np.maximum(position - 0.011, 0.0), np.gradient(position, time)

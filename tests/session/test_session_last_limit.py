@@ -28,7 +28,6 @@ X, Y, Z = MIDDLE
 
 
 def within(path: list[Vector], *, hardest: float = EMERGENCY * ACCELERATION, change: float = math.inf) -> None:
-    """The limits, by differences of a path that begins at rest."""
     places = np.array([path[0], path[0], *path])
     velocity = np.diff(places, axis=0) / TICK
     acceleration = np.diff(velocity, axis=0) / TICK
@@ -183,14 +182,12 @@ def mesh(corners: list[Vector], faces: list[tuple[int, int, int]]) -> TriangleMe
 
 
 def block(x: float, y: float, z: float) -> TriangleMesh:
-    """A closed one with its top at the middle's height."""
     corners = [(a, b, c) for a in (-x, x) for b in (-y, y) for c in (-z, 0.0)]
     sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     return mesh(corners, [half for a, b, c, d in sides for half in ((a, b, c), (a, c, d))])
 
 
 def groove() -> TriangleMesh:
-    """An open V, 20 mm deep."""
     corners = [(x, y, -0.02 if x == 0.0 else 0.0) for x in (-0.03, 0.0, 0.03) for y in (-0.03, 0.03)]
     return mesh(corners, [(0, 2, 1), (1, 2, 3), (2, 4, 3), (3, 4, 5)])
 
@@ -224,10 +221,7 @@ def true_top(scene: Scene, fixture: tuple[float, ...]) -> float:
 
 
 class Driven:
-    """A follower with the simulated arm over a scene that stands elsewhere than believed.
-
-    It begins in the air, or where `inside` is given so deep inside the true surface [m].
-    """
+    """A follower with the simulated arm over a scene that stands elsewhere than believed."""
 
     def __init__(
         self, scene: Scene, *, seed: int = 0, elsewhere: float = 1.0, inside: float | None = None, **changes: Any
@@ -243,7 +237,6 @@ class Driven:
         self.restart()
 
     def restart(self) -> None:
-        """A follower that is started again: the path begins where the robot is then."""
         self.state = follower.start(self.robot.specification, self.settings, self.surface, self.nominal)
         self.path = [self.sample.place]
         self.numbered = self.tick
@@ -254,7 +247,6 @@ class Driven:
         return FixtureBelief(VERSION, self.beliefs, 0, pose, covariance, 0.1, 1, 0, 0, "", 1)
 
     def go(self, place: Vector | None, *, blind: str = "", beliefs: list[FixtureBelief] | None = None, **asked: Any):
-        """One tick; without a place it is a silent one."""
         self.tick += 1
         now, sample = self.tick * MS, self.sample
         commands = []
@@ -291,7 +283,6 @@ part = st.tuples(
 
 
 def moved(name: str, parts: Any, seed: int, inside: float | None, first_touch: str) -> int:
-    """In how many ticks something is felt."""
     driven = Driven(SCENES[name], seed=seed, inside=inside, first_touch=first_touch)
     random = np.random.default_rng(seed)
     before = np.array(driven.sample.place)

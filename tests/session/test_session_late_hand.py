@@ -20,11 +20,6 @@ SEEN = Telemetry(VERSION, 1, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, False, False, 0
 
 
 def pressed(*, simulated: bool) -> list[LeaderState]:
-    """A hand goes in at one speed, and in the middle the machine sleeps; as a timer on an even grid tells it.
-
-    The tick that is woken late has its own time, and the ticks that were missed are left out after it. A simulated hand
-    is where it is at that time; a hand of flesh is already where it is by now.
-    """
     settings = SessionSettings(grip="normal", first_touch="follow")
     state, records, begun = leader.start(settings, device=None if simulated else settings.device), [], 0
     for tick in (*range(100), *range(99 + LATE, 200)):

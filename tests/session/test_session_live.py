@@ -30,8 +30,6 @@ COMMAND = [sys.executable, "-m", "foretouch"]
 
 
 class Running:
-    """A foretouch process that is ended whatever happens."""
-
     def __init__(self, *arguments: object) -> None:
         command = [*COMMAND, *(str(argument) for argument in arguments)]
         self.process = subprocess.Popen(
@@ -52,7 +50,6 @@ class Running:
 
 
 def children_of(pid: int) -> set[int]:
-    """Processes of ours whose parent is this one."""
     found = set()
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit():
@@ -80,7 +77,6 @@ def _readable(pid: int) -> bool:
 
 @pytest.fixture(scope="module")
 def session(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], Path, str]:
-    """One headless session of eight seconds: its report, its recording, what it said."""
     path = tmp_path_factory.mktemp("live") / "live.mcap"
     options = ("--headless", "--duration", 8, "--material", "hunt-crossley", "--operator", "scripted", "--json")
     with Running("teleop", *options, "--recording", path) as teleop:
@@ -236,7 +232,6 @@ Going = tuple[Running, Path, set[int]]
 
 
 def begun(count: int, folder: Path) -> list[tuple[Running, Path]]:
-    """As many sessions begun together, each with its recording, as soon as the leader of each is in it."""
     common = ("teleop", "--headless", "--operator", "scripted", "--json", "--recording")
     running = [(Running(*common, path), path) for path in (folder / f"{i}.mcap" for i in range(count))]
     end = time.monotonic() + 90.0
@@ -248,7 +243,6 @@ def begun(count: int, folder: Path) -> list[tuple[Running, Path]]:
 
 @pytest.fixture(scope="module")
 def three(tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[tuple[Running, Path]]]:
-    """Three sessions that begin together, for that takes its time: each is ended in another way."""
     with ExitStack() as stack:
         sessions = begun(3, tmp_path_factory.mktemp("three"))
         for running, _ in sessions:
@@ -258,7 +252,6 @@ def three(tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[tuple[Runni
 
 @pytest.fixture
 def going(three: list[tuple[Running, Path]], tmp_path: Path) -> Iterator[Going]:
-    """The next of the three, or one of its own where a test is tried once more."""
     running, path = (three or begun(1, tmp_path)).pop()
     with running:
         children = children_of(running.process.pid)
@@ -309,7 +302,6 @@ def test_a_console_port_in_use_is_refused_before_anything_starts(tmp_path: Path)
 
 
 def live_log(tmp_path: Path, *options: object) -> SessionLog:
-    """A headless session of the script on a law; its recording."""
     path = tmp_path / "live.mcap"
     common = ("--headless", "--material", "hunt-crossley", "--operator", "scripted", "--recording", path)
     with Running("teleop", *common, *options) as teleop:

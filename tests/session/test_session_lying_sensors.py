@@ -48,7 +48,6 @@ class Pressing:
 
 
 def dead(sample: RobotSample) -> RobotSample:
-    """Its offset and noise."""
     return sample._replace(sensor_force=0.3 + 0.02 * NOISE[int(1e6 * abs(sample.sensor_force)) % 10_000])
 
 
@@ -96,7 +95,6 @@ def test_a_sensor_that_lies_about_a_press_is_found_and_the_robot_goes_out(materi
     ],
 )
 def test_nor_does_one_that_dies_on_the_way_in(material: str, felt: float, kind: str) -> None:
-    """At every stage: it is told to go 30 mm deep, and does."""
     pressing = Pressing(material, tells=True)
     inside = pressing.robot.surface + 0.03
     pressing.go(0.0, 300)

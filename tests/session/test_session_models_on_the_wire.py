@@ -49,7 +49,6 @@ class Pressing:
         self.stiffnesses, self.stiffness, self.tick = stiffnesses, 0.0, 0
 
     def step(self) -> ModelUpdate | None:
-        """One tick; the model that it sends, if any."""
         self.stiffness = self.stiffnesses.get(self.tick, self.stiffness)
         position = SURFACE + 0.006 * float(np.sin(2.0 * np.pi * 0.9e-3 * self.tick - 1.2))
         force = self.stiffness * max(position - SURFACE, 0.0)
@@ -63,13 +62,10 @@ class Pressing:
         return outputs.model
 
     def run(self, ticks: int) -> list[ModelUpdate]:
-        """The models of so many ticks."""
         return [model for model in (self.step() for _ in range(ticks)) if model is not None]
 
 
 class Flickering(Estimator):
-    """Has a model in every second tick."""
-
     name = "flickering"
     model_name = "kelvin-voigt"
     standard_errors = None
@@ -88,8 +84,6 @@ class Flickering(Estimator):
 
 
 class Counting(ContactMap):
-    """Counts how often its model is asked for."""
-
     asked = 0
 
     @property

@@ -13,7 +13,6 @@ from foretouch.session.network.playout import LONGEST_BRIDGE, Playout
 
 
 def path(sequence: float) -> float:
-    """Where the leader is: a hand at 1 kHz, at most 63 mm/s."""
     return 0.01 * math.sin(2 * math.pi * 1e-3 * sequence)
 
 

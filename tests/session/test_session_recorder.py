@@ -72,7 +72,6 @@ def test_a_second_recorder_does_not_replace_what_is_being_written(tmp_path: Path
 
 
 def memory(path: Path, hours: float) -> np.ndarray:
-    """Resident memory [kB] at ten points and after the end."""
     script = Path(__file__).with_name("recorder_memory.py")
     done = subprocess.run([sys.executable, script, path, str(hours)], capture_output=True, text=True, check=True)
     sys.stdout.write(done.stdout)
@@ -131,7 +130,6 @@ class Sides:
             time.sleep(max(0.0, begin + n * 1e-3 - time.monotonic()))
 
     def end(self) -> None:
-        """The last word, and silence."""
         if not self._ended.is_set():
             self._ended.set()
             self._thread.join()
@@ -160,7 +158,6 @@ def size(path: Path) -> int:
 
 @pytest.fixture
 def record(sides: Sides) -> Iterator[Callable[..., subprocess.Popen[str]]]:
-    """Starts recorders of the sides; none stays behind."""
     started: list[subprocess.Popen[str]] = []
 
     def start(path: Path, largest_file: int | None = None) -> subprocess.Popen[str]:
@@ -182,14 +179,12 @@ def record(sides: Sides) -> Iterator[Callable[..., subprocess.Popen[str]]]:
 
 
 def limit_files(process: subprocess.Popen[str], largest: int | None) -> None:
-    """The largest file that a process, and those that it starts from now on, may write."""
     if largest is not None:
         resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (largest, largest))
 
 
 @pytest.fixture
 def small_disk(tmp_path: Path) -> Iterator[Path]:
-    """A disk of 400 kB."""
     folder = tmp_path / "disk"
     folder.mkdir()
     mount = ["mount", "-t", "tmpfs", "-o", "size=400k", "tmpfs", str(folder)]

@@ -13,8 +13,6 @@ DELAYS = {"position_delay": 0.3, "force_delay": 0.2}
 
 
 class Noted(Lap):
-    """A lap that notes each command with the time at which it was sent, and which of them the follower plays."""
-
     def __init__(self, **changes: Any) -> None:
         super().__init__(**DELAYS | changes)
         self.played: list[tuple[float, int]] = []

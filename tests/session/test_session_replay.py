@@ -12,14 +12,11 @@ from foretouch.session import replay
 
 
 class FollowerView(Lap):
-    """A lap whose leaders' words are kept even of those that are gone."""
-
     def __init__(self, **changes: object) -> None:
         super().__init__(**changes)
         self.records: list[LeaderState] = []
 
     def keep(self) -> None:
-        """Keep what the leaders have said; call it before one is taken away."""
         for one in self.leaders:
             self.records += one.records
             one.records = []

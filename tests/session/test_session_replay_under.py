@@ -34,7 +34,6 @@ MS = 1_000_000
 
 
 def recorded(seconds: float = 4.0, **changes: Any) -> SessionLog:
-    """A simulated session."""
     settings = SessionSettings(**{"material": "hunt-crossley"} | changes)
     robot, reach = make_session_robot(settings)
     hand = make_operator(settings, surface=reach.surface, press_depth=reach.press_depth, say=pytest.fail)
@@ -43,7 +42,6 @@ def recorded(seconds: float = 4.0, **changes: Any) -> SessionLog:
 
 
 def again(log: SessionLog, *, closed_loop: bool = False, **changes: Any) -> SessionLog:
-    """The replay under changed settings."""
     return replay_under(log, recorded_settings(log.settings, changes)[0], closed_loop)
 
 
@@ -57,7 +55,6 @@ def assert_same(one: SessionLog, other: SessionLog) -> None:
 
 
 def on_a_real_robot(log: SessionLog) -> SessionLog:
-    """The same recorded of a robot whose exact force nobody knows, with a clock of its own."""
     follower = log.follower.copy()
     follower["exact_force"] = np.nan
     follower["time_ns"] += 7_000_000_000_123
@@ -66,13 +63,11 @@ def on_a_real_robot(log: SessionLog) -> SessionLog:
 
 @pytest.fixture(scope="module")
 def pressed() -> SessionLog:
-    """Presses that nobody feels."""
     return recorded(4.0)
 
 
 @pytest.fixture(scope="module")
 def felt() -> SessionLog:
-    """Presses by a hand that the force moves, and that presses its clutch."""
     return recorded(4.0, grip="normal", clutch="3.2:3.6")
 
 

@@ -19,12 +19,10 @@ GRIP_OR_NONE = pytest.mark.parametrize("grip", [pytest.param("none", marks=pytes
 
 
 def statuses(said: list[Telemetry]) -> list[Status]:
-    """What the follower did, each segment once."""
     return [Status(status) for status, _ in itertools.groupby(one.status for one in said)]
 
 
 def pressing(lap: Lap, name: str = "anna", epoch: int = 11, *, seconds: float = 3.0) -> None:
-    """A leader presses until the robot feels at least 1 N."""
     lap.start_leader(name, epoch)
     lap.run(seconds)
     for _ in range(400):

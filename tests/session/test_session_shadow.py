@@ -39,8 +39,6 @@ SETTINGS = SessionSettings(material="hunt-crossley", force_delay=0.3)
 
 
 class Noting(Robot):
-    """Notes what a robot is told."""
-
     def __init__(self, robot: Robot) -> None:
         self.robot, self.specification = robot, robot.specification
         self.told: list[float] = []
@@ -54,7 +52,6 @@ class Noting(Robot):
 
 
 def watched(settings: SessionSettings, seconds: float) -> tuple[SessionLog, shadow.State]:
-    """A shadow of an arm that the script moves, in simulated time: its log and its state."""
     robot, material = make_moved_robot(settings, say=pytest.fail)
     settings = shadow.shadow_settings(settings)
     state = shadow.start(robot.specification, settings, epoch=5, run=5)
@@ -72,7 +69,6 @@ def watched(settings: SessionSettings, seconds: float) -> tuple[SessionLog, shad
 
 @pytest.fixture(scope="module")
 def day() -> tuple[SessionLog, shadow.State]:
-    """Seven seconds of presses."""
     return watched(SETTINGS, 7.0)
 
 

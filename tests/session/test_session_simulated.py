@@ -43,7 +43,6 @@ def session() -> SimulatedSession:
 
 
 def without_timing(log: SessionLog) -> list[np.ndarray[Any, Any]]:
-    """The columns of both sides, but for what depends on the machine."""
     tables = (log.leader, log.follower)
     return [table[name] for table in tables for name in table.dtype.names if name != "compute_ns"]
 
@@ -53,7 +52,6 @@ FAULTS = {"jitter": 0.01, "loss": 0.05, "outage": 0.3, "seed": 5}
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[SimulatedSession, Path]:
-    """A session over a poor network, in which something is pressed, and its recording."""
     path = tmp_path_factory.mktemp("recorded") / "a.mcap"
     session = run(2.0, record=path, **FAULTS)
     assert session.log.leader["predicted_force"].any()
@@ -174,8 +172,6 @@ def test_the_network_s_jitter_does_not_shake_what_the_follower_feels(jitter: flo
 
 
 class Still(Device):
-    """A hand that stays where it is."""
-
     name = "still"
     closed_loop = False
 
@@ -260,7 +256,6 @@ print(len(made), made)
     ids=str,
 )
 def test_a_warm_session_compiles_nothing(options: dict[str, str]) -> None:
-    """What a loop calls was compiled before it: the first touch of none waits for the compiler."""
     if config.DISABLE_JIT:
         pytest.skip("nothing is compiled")
     done = subprocess.run([sys.executable, "-c", NEW, str(options)], capture_output=True, text=True, check=False)
@@ -307,7 +302,6 @@ def test_everything_is_compiled_once_in_an_empty_folder(tmp_path: Path) -> None:
 def test_everything_is_run_once_before_a_loop_begins(
     model: str, estimator: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The press that is thrown away gives a model, and a force is predicted from it."""
     forces: list[float] = []
     update = Predictor.update
 

@@ -142,8 +142,6 @@ def test_every_robot_of_the_package_says_whether_it_is_fresh() -> None:
 
 
 class Wall(Robot):
-    """A robot of somebody else, which says nothing of what it did before."""
-
     def __init__(self) -> None:
         self._arm = make_robot("hunt-crossley")
         self.specification = self._arm.specification

@@ -82,7 +82,6 @@ def faults(fire: Fire, chance: random.Random) -> list[Callable[[Fire], Outcome]]
 
 
 def ended(fire: Fire) -> int:
-    """End a session; returns how many messages its recording lacks."""
     fire.signal("leader", signal.SIGINT)
     for role, process in fire.processes.items():
         assert process.wait(30) == 0, fire.said(role)

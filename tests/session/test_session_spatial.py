@@ -79,7 +79,6 @@ def pose(row: np.void, prefix: str) -> Pose:
 
 
 def errors(log: SessionLog, time: float) -> tuple[float, float]:
-    """Of the pose that the leader renders [mm, degrees]."""
     row = round(time * 1e3)
     far, turned = pose(log.follower_space[row], "exact").distance(pose(log.leader_space[row], "fixture"))
     return 1e3 * far, math.degrees(turned)
@@ -197,7 +196,6 @@ class Bench:
         self.sample = self.robot.read()
 
     def go(self, path: np.ndarray, **asked: Any) -> None:
-        """Follow commands, one a tick; rows of NaN are ticks without one."""
         for place in path:
             self.tick += 1
             now = self.tick * MS
@@ -277,7 +275,6 @@ def test_walls_are_met_so_at_any_speed_and_in_any_phase_of_a_tick(stiffness: flo
     "angle", [10.0, 135.0, *(pytest.param(angle, marks=pytest.mark.long) for angle in (60.0, 90.0, 180.0))]
 )
 def test_whatever_is_believed_of_the_normal_the_force_stays_below_its_ceiling(angle: float) -> None:
-    """A stiff half-space turned against the believed one, drives that could push with 100 N, a press and a slide."""
     turned = math.radians(angle)
     normal = np.array([math.sin(turned), 0.0, math.cos(turned)])
 

@@ -32,7 +32,6 @@ KERNELS = (
 
 
 def pressed(seed: int, ticks: int = 1500) -> list[object]:
-    """A press with every kind of trouble, on a stiff spring: what watch, safety, guard and motion answer."""
     numbers, said = random.Random(seed), []
     watch, safety = SensorWatch((-40.0, 40.0)), Safety(SafetyLimits(workspace=(-0.02, 0.05), retreats=True), TICK)
     guard, motion = ForceGuard(), MotionLimits(0.25, 40.0, 1e5, TICK)
@@ -98,7 +97,6 @@ def test_compiled_and_interpreted_are_equal() -> None:
 
 
 def test_a_whole_number_compiles_nothing_and_is_the_same() -> None:
-    """Who compiles in a loop stands still for a second."""
     said = []
     for kind in (int, float):
         safety, watch, guard = Safety(SafetyLimits(), TICK), SensorWatch(), ForceGuard()

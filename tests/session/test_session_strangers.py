@@ -42,7 +42,6 @@ def hello(number: int, role: str, texts: int, length: int) -> bytes:
 
 @pytest.fixture
 def stranger() -> Iterator[tuple[ZenohLink, Any]]:
-    """A link that listens, and the session of a stranger at its door."""
     endpoint = free_endpoint()
     with ZenohLink(listen=[endpoint], subscribe=["hello"]) as link, ZenohLink(connect=[endpoint]) as other:
         session = other._session
@@ -153,8 +152,6 @@ def test_what_is_too_large_is_said_once_and_counted(stranger: tuple[ZenohLink, A
 
 
 class Saying:
-    """A link on which the other side says hello."""
-
     def __init__(self, **texts: str) -> None:
         self.hello = Hello.of("leader", 1, 1, texts)
 

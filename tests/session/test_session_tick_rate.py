@@ -147,8 +147,6 @@ def test_a_follower_that_is_too_slow_holds_and_says_so_and_then_goes_slowly_back
 
 
 def timed(monkeypatch: pytest.MonkeyPatch, robot: Bus) -> bool | None:
-    """The finding of the exchange time, by the robot's clock."""
-
     def now() -> float:
         robot.now_ns += 1000  # looking at the clock takes a microsecond
         return robot.now_ns * 1e-9

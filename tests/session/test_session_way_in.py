@@ -41,7 +41,6 @@ class Feeler:
         return self.random.gauss(0.0, 0.01)
 
     def go(self, x: float, y: float, z: float, pressed: float = 0.0, ticks: int = 1) -> None:
-        """Be at a place [m] with a force along z [N]."""
         for _ in range(ticks):
             self.tick += 1
             self.place = x, y, z
@@ -58,7 +57,6 @@ class Feeler:
                 self.spaces, self.beliefs = [], [] if belief is None else [belief]
 
     def glide(self, x: float, y: float, z: float) -> None:
-        """Go evenly to a place [m], where nothing is felt."""
         for place in np.linspace(self.place, (x, y, z), 200).tolist():
             self.go(*place)
 
