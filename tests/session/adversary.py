@@ -12,19 +12,15 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from commanded import CEILING, MS, NO_LIMIT, Commanded
 from numpy.typing import NDArray
 
-from foretouch.link import Faults, FaultStage
-from foretouch.messages import VERSION, Command
-from foretouch.robot import RobotSample, make_robot
-from foretouch.session import SessionSettings
-from foretouch.session.steps import follower
+from foretouch.link import Faults
+from foretouch.robot import RobotSample
 
 Programme = NDArray[np.float64]
 
-MS = 1_000_000
-CEILING = 15.0
-DRIVES = (CEILING, 1000.0)
+DRIVES = (CEILING, NO_LIMIT)
 """Force at which the arm's own drive is clipped [N]: as it is built, and not at all."""
 NETWORKS = (
     Faults(0.0),
@@ -45,48 +41,33 @@ def pick(gene: float, choices: tuple[object, ...]) -> object:
     return choices[min(int(gene * len(choices)), len(choices) - 1)]
 
 
-class Attack:
+class Attack(Commanded):
+    """A programme at work on a follower and its simulated arm."""
+
     def __init__(self, material: str, programme: Programme) -> None:
         network, first, drive, encoder, seed = programme[:HEADER]
-        guarded = "guarded" if first > 0.5 else "follow"
-        self.settings = SessionSettings(material=material, model="kelvin-voigt", first_touch=guarded)
-        self.robot = make_robot(material, seed=int(seed * 1000), force_limit=pick(drive, DRIVES))
-        self.network: FaultStage[Command] = FaultStage(pick(network, NETWORKS))
         self.encoder, self.numbers = pick(encoder, ENCODERS), random.Random(int(seed * 1e6))
-        self.sample = self.robot.read()
-        self.run, self.epoch, self.sequence, self.now = 0, 1, 0, 0
-        self.forces: list[float] = []
-        self.acknowledged, self.felt_at, self.place, self.told = 0, self.robot.surface, 0.0, 0.0
-        self.begin()
+        super().__init__(
+            material,
+            pick(network, NETWORKS),
+            seed=int(seed * 1000),
+            force_limit=pick(drive, DRIVES),
+            first_touch="guarded" if first > 0.5 else "follow",
+        )
+        self.felt_at, self.was_touching = self.robot.surface, False
 
     def begin(self) -> None:
-        self.run += 1
-        self.following = follower.start(self.robot.specification, self.settings, run=self.run)
+        super().begin()
         self.telemetry = None
 
     def tick(self, position: float | None, *, stop: str = "", release: bool = False) -> None:
-        self.now += MS
-        if position is not None:
-            self.sequence += 1
-            self.place = position
-            said = (self.sequence, self.now, position, self.acknowledged, False, "enemy", self.epoch)
-            heard = self.following.tick  # all that the follower has said: else nothing after a release is obeyed
-            self.network.push(self.now, Command(VERSION, *said, telemetry_sequence=heard, run=self.run))
-        arrived = self.network.pop_due(self.now)
-        inputs = follower.Inputs(arrived, self.sample, MS, 0, stop, release)
-        self.following, said_back = follower.step(self.following, inputs, self.now)
-        self.telemetry = said_back.telemetry
-        if said_back.model is not None:
-            self.acknowledged = said_back.model.sequence
+        said = super().tick(position, stop=stop, release=release)
+        self.telemetry = said.telemetry
+        if said.model is not None:
+            self.acknowledged = said.model.sequence
         if self.telemetry.in_contact and not self.was_touching:
             self.felt_at = self.telemetry.position
         self.was_touching = self.telemetry.in_contact
-        self.told = said_back.desired_position
-        sample = self.robot.exchange(self.told)
-        self.forces.append(sample.exact_force)
-        self.sample = self.seen(sample)
-
-    was_touching = False
 
     def seen(self, sample: RobotSample) -> RobotSample:
         """The sample as the encoder of this programme shows it."""
@@ -106,8 +87,7 @@ class Attack:
         pick(kind, kinds)(target, size, pace, 30 + int(470 * length * length))  # type: ignore[operator]
 
     def step(self, target: float, size: float, pace: float, ticks: int) -> None:
-        for _ in range(ticks):
-            self.tick(target)
+        self.go(target, ticks)
 
     def ramp(self, target: float, size: float, pace: float, ticks: int) -> None:
         begin = self.place
@@ -119,8 +99,7 @@ class Attack:
         amplitude, speed = 3e-6 * 10.0 ** (1.2 * size), 1e-4 * 10.0 ** (2.0 * pace)
         dither = DITHERS[ticks % len(DITHERS)]
         place, enough = self.felt_at - 3e-4 * (1.0 + pace), 0.1 + 0.5 * (ticks % 7)
-        for _ in range(30):
-            self.tick(place)
+        self.go(place, 30)
         for tick in range(600):
             place += speed * 1e-3
             self.tick(place + amplitude * dither[tick % len(dither)])
@@ -132,8 +111,7 @@ class Attack:
         back = 1e-4 * 10.0 ** (2.0 * size)
         for tick in range(20 + int(60 * pace)):
             self.tick(self.felt_at - back * min(1.0, tick / 20.0))
-        for _ in range(max(ticks, 150)):
-            self.tick(max(target, self.felt_at + 2e-3))
+        self.go(max(target, self.felt_at + 2e-3), max(ticks, 150))
 
     def hammer(self, target: float, size: float, pace: float, ticks: int) -> None:
         amplitude, half = 3e-5 * 10.0 ** (2.3 * size), 2 + int(60 * pace)
@@ -147,8 +125,7 @@ class Attack:
         for _ in range(ticks):
             place += gain * (wanted - self.telemetry.force) if self.telemetry is not None else 0.0
             self.tick(place)
-        for _ in range(60):
-            self.tick(target)
+        self.go(target, 60)
 
     def pump(self, target: float, size: float, pace: float, ticks: int) -> None:
         """In when the force falls, out when it rises: feeds what oscillates."""
@@ -158,8 +135,7 @@ class Attack:
             here = self.telemetry.position if self.telemetry is not None else self.place
             self.tick(here + (amplitude if force < before - 0.02 * pace else -0.5 * amplitude))
             before = force
-        for _ in range(40):
-            self.tick(target)
+        self.go(target, 40)
 
     def sine(self, target: float, size: float, pace: float, ticks: int) -> None:
         for tick in range(ticks):
@@ -170,13 +146,11 @@ class Attack:
             self.tick(target + self.numbers.gauss(0.0, 1e-6 * 10.0 ** (4.0 * size)))
 
     def silence(self, target: float, size: float, pace: float, ticks: int) -> None:
-        for _ in range(ticks + int(400 * size)):
-            self.tick(None)
+        self.go(None, ticks + int(400 * size))
 
     def take_over(self, target: float, size: float, pace: float, ticks: int) -> None:
         """Another leader comes after a second of silence, with other numbers."""
-        for _ in range(1100 if size > 0.5 else 200):
-            self.tick(None)
+        self.go(None, 1100 if size > 0.5 else 200)
         self.epoch += 1
         self.sequence = int(1e6 * pace)
         self.step(target, size, pace, ticks)
@@ -185,7 +159,7 @@ class Attack:
         """The follower's process ends and comes again, which takes longer than the drive takes to come to rest."""
         for _ in range(200):
             self.now += MS
-            self.sample = self.seen(self.robot.exchange(self.told))
+            self.sample = self.seen(self.robot.exchange(self.path[-1]))
         self.begin()
         self.step(target, size, pace, ticks)
 

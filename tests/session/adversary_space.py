@@ -11,11 +11,12 @@ import math
 import random
 
 import numpy as np
-from adversary import CEILING, GENES, HEADER, MS, Programme, pick
+from adversary import CEILING, GENES, HEADER, Programme, pick
+from commanded import MS, CommandedInSpace
 
-from foretouch.messages import VERSION, Command, FixtureBelief, FollowerSpace
+from foretouch.messages import VERSION, FixtureBelief, FollowerSpace
 from foretouch.session import SessionSettings
-from foretouch.session.spatial import follower, make_scene, make_spatial_robot, tracker
+from foretouch.session.spatial import make_scene, make_spatial_robot, tracker
 from foretouch.session.spatial.scenes import KnownSurface
 
 PARTS = 5
@@ -37,8 +38,10 @@ DAMPED = 2000.0
 Place = tuple[float, float, float]
 
 
-class SpaceAttack:
+class SpaceAttack(CommandedInSpace):
     """A programme at work on a follower in space and the simulated gantry."""
+
+    numbers_silence = False
 
     def __init__(self, scene: str, material: str, programme: Programme) -> None:
         first, drive, camera, seed, _ = programme[:HEADER]
@@ -53,44 +56,32 @@ class SpaceAttack:
             most_damped=DAMPED if (scene, material) == ("phantom", "kelvin-voigt") else SessionSettings.most_damped,
         )
         made = make_scene(scene)
-        self.robot = make_spatial_robot(settings, made, force_limit=pick(drive, (CEILING, 1000.0)))
+        robot = make_spatial_robot(settings, made, force_limit=pick(drive, (CEILING, 1000.0)))
+        super().__init__(robot, settings, made.surface, made.nominal)
         self.camera = str(pick(camera, CAMERAS))
-        self.following = follower.start(self.robot.specification, settings, made.surface, made.nominal)
-        self.longest_touch = round(TOUCH_WAY / self.following.inner.safety.blind_speed * 1000)
+        self.longest_touch = round(TOUCH_WAY / self.state.inner.safety.blind_speed * 1000)
         self.tracking = tracker.start(KnownSurface(made.surface), made.nominal, "contact")
         self.spaces: list[FollowerSpace] = []
-        self.sample = self.robot.read()
         self.place: Place = self.sample.place
         self.felt_at: Place = (0.0, 0.0, 0.0)
-        self.now = self.sequence = self.beliefs = self.touches = 0
+        self.beliefs = self.touches = 0
         self.was_touching = False
-        self.forces: list[float] = []
 
-    def tick(self, place: Place | None, *, stop: str = "", release: bool = False) -> None:
-        self.now += MS
-        commands = []
-        if place is not None:
-            self.sequence += 1
-            self.place = place
-            said = (self.sequence, self.now, 0.0, 0, False, "enemy", 1)
-            heard = self.following.inner.tick  # all that it has said: else nothing after a release is obeyed
-            commands = [Command(VERSION, *said, place=place, telemetry_sequence=heard, run=1)]
-        inputs = follower.Inputs(commands, self.sample, MS, 0, self.seen(), stop, release)
-        self.following, said_back = follower.step(self.following, inputs, self.now)
+    def tick(self, place: Place | None, **asked: object) -> None:
+        here, self.place = self.sample, self.place if place is None else place
+        said_back = super().tick(place, beliefs=self.believed(), **asked)
         touches = said_back.telemetry.in_contact
         if touches and not self.was_touching:
             self.touches += 1
-            self.felt_at = self.sample.place
+            self.felt_at = here.place
         self.was_touching = touches
         self.spaces.append(said_back.space)
-        self.sample = self.robot.exchange(said_back.desired)
-        self.forces.append(math.hypot(*self.sample.exact_force))
 
-    def seen(self) -> list[FixtureBelief]:
+    def believed(self) -> list[FixtureBelief]:
         """What a tracker says now: of touches, or from images the fixture's true pose, and its error."""
         if self.camera == "touch":
             return self.touched()
-        if self.camera == "none" or (self.now // MS) % CAMERA_TICKS or len(self.sample.fixture) != 6:
+        if self.camera == "none" or (self.ticks + 1) % CAMERA_TICKS or len(self.sample.fixture) != 6:
             return []
         self.beliefs += 1
         deviation = [size for size in DEVIATIONS[self.camera] for _ in range(3)]
@@ -101,7 +92,7 @@ class SpaceAttack:
         said = FixtureBelief(
             VERSION,
             self.beliefs,
-            self.now,
+            (self.ticks + 1) * MS,
             pose,
             tuple(np.diag(np.square(deviation)).ravel().tolist()),
             *counts,
@@ -112,9 +103,9 @@ class SpaceAttack:
 
     def touched(self) -> list[FixtureBelief]:
         """What the tracker has made of the follower's ticks, every 5 of them."""
-        if (self.now // MS) % TRACKER_TICKS:
+        if (self.ticks + 1) % TRACKER_TICKS:
             return []
-        belief = tracker.step(self.tracking, self.spaces, [], self.now - MS)
+        belief = tracker.step(self.tracking, self.spaces, [], self.ticks * MS)
         self.spaces = []
         return [] if belief is None else [belief]
 

@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from lap import MS
+from commanded import MS, CommandedInSpace
 
 from foretouch.errors import RecordingError, SettingError
 from foretouch.messages import SessionLog, Status
 from foretouch.quantities import SensorCalibration
 from foretouch.recordings import write_calibration
-from foretouch.robot import Robot, RobotSample, make_robot
+from foretouch.robot import Robot, RobotSample, SpatialSample, make_robot
 from foretouch.session import SessionSettings, make_operator, simulate
 from foretouch.session.runners import shadow
 from foretouch.session.spatial import follower as space
@@ -219,23 +219,26 @@ def test_a_file_that_is_not_there_is_refused_where_the_robot_is() -> None:
 # --- in space ---------------------------------------------------------------------------------------------------------
 
 
+class Offset(CommandedInSpace):
+    """Its sensor has an offset."""
+
+    offset: tuple[float, float, float]
+
+    def seen(self, sample: SpatialSample) -> SpatialSample:
+        return sample._replace(force=tuple(a + b for a, b in zip(sample.force, self.offset, strict=True)))
+
+
 def in_space(path: str, offset: tuple[float, float, float], ticks: int = 4500) -> list[Any]:
     """What a follower on a plane says of a press straight down by a sensor with an offset."""
     settings = SessionSettings(scene="plane", fusion="none", displacement=0.0, turn=0.0, calibration=path)
     scene = make_scene("plane")
-    robot = make_spatial_robot(settings, scene)
-    state = space.start(robot.specification, settings, scene.surface, scene.nominal)
-    from foretouch.messages import VERSION, Command
-
-    sample, said = robot.read(), []
-    x, y, z = sample.exact_place
+    driven, said = Offset(make_spatial_robot(settings, scene), settings, scene.surface, scene.nominal), []
+    driven.offset = offset
+    x, y, z = driven.sample.exact_place
     for tick in range(ticks):
-        sample = sample._replace(force=tuple(a + b for a, b in zip(sample.force, offset, strict=True)))
-        place = (x, y, z if tick < 1000 else max(z - 3e-5 * (tick - 1000), -0.004))
-        command = Command(VERSION, tick + 1, tick * MS, 0.0, 0, holder="test", epoch=1, place=place)
-        state, outputs = space.step(state, space.Inputs([command], sample, MS, 0, []), tick * MS)
-        said.append((outputs.telemetry, outputs.space, sample.exact_force))
-        sample = robot.exchange(outputs.desired)
+        exact = driven.sample.exact_force
+        outputs = driven.tick((x, y, z if tick < 1000 else max(z - 3e-5 * (tick - 1000), -0.004)))
+        said.append((outputs.telemetry, outputs.space, exact))
     return said
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from commanded import MS, CommandedInSpace
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -14,15 +15,14 @@ from foretouch.messages import VERSION, Command, FixtureBelief
 from foretouch.quantities import Pose
 from foretouch.quantities.pose import Vector
 from foretouch.rendering.surfaces import TriangleMesh
-from foretouch.robot import GantryArm, RobotSample, RobotSpecification, make_material
+from foretouch.robot import GantryArm, RobotSample, RobotSpecification, SpatialSample, make_material
 from foretouch.session import SessionSettings
 from foretouch.session.safety.motion import EMERGENCY, UNBOUNDED, MotionLimits
-from foretouch.session.spatial import follower, make_scene
+from foretouch.session.spatial import make_scene
 from foretouch.session.spatial.making import SpatialWorld
 from foretouch.session.spatial.scenes import MIDDLE, Scene
 from foretouch.session.steps import follower as line_follower
 
-MS = 1_000_000
 TICK, SPEED, ACCELERATION, JERK = 1e-3, 0.25, 40.0, 1e5
 X, Y, Z = MIDDLE
 
@@ -220,8 +220,11 @@ def true_top(scene: Scene, fixture: tuple[float, ...]) -> float:
     return next(z for z in heights if scene.surface.contact(tuple(pose.apply((0.0, 0.0, z)))).depth > 0.0)
 
 
-class Driven:
-    """A follower with the simulated arm over a scene that stands elsewhere than believed."""
+class Driven(CommandedInSpace):
+    """A follower with the simulated arm over a scene that stands elsewhere than believed.
+
+    It begins in the air, or where `inside` is given so deep inside the true surface [m].
+    """
 
     def __init__(
         self, scene: Scene, *, seed: int = 0, elsewhere: float = 1.0, inside: float | None = None, **changes: Any
@@ -229,35 +232,21 @@ class Driven:
         material = make_material(changes.pop("material", "hunt-crossley"))
         world = SpatialWorld(scene, material, displacement=0.01 * elsewhere, turn=0.1 * elsewhere, bump=0.0, seed=seed)
         height = HOVER if inside is None else true_top(scene, world.fixture()) - inside
-        self.robot = GantryArm(world.touch, world.fixture, seed=seed, start=(0.0, 0.0, height))
-        self.settings = SessionSettings(scene="plane", **changes)
-        self.surface, self.nominal, self.tick, self.beliefs = scene.surface, scene.nominal, 0, 0
-        self.sample = self.robot.read()
-        self.forces: list[float] = []
-        self.restart()
-
-    def restart(self) -> None:
-        self.state = follower.start(self.robot.specification, self.settings, self.surface, self.nominal)
-        self.path = [self.sample.place]
-        self.numbered = self.tick
+        robot = GantryArm(world.touch, world.fixture, seed=seed, start=(0.0, 0.0, height))
+        super().__init__(robot, SessionSettings(scene="plane", **changes), scene.surface, scene.nominal)
+        self.beliefs, self.blind = 0, ""
 
     def belief(self, pose: tuple[float, ...], deviation: float) -> FixtureBelief:
         self.beliefs += 1
         covariance = tuple((deviation**2 * np.eye(6)).ravel().tolist())
         return FixtureBelief(VERSION, self.beliefs, 0, pose, covariance, 0.1, 1, 0, 0, "", 1)
 
-    def go(self, place: Vector | None, *, blind: str = "", beliefs: list[FixtureBelief] | None = None, **asked: Any):
-        self.tick += 1
-        now, sample = self.tick * MS, self.sample
-        commands = []
-        if place is not None:
-            commands = [Command(VERSION, self.tick, now, 0.0, 0, holder="test", epoch=1, place=place)]
-        if blind:
-            sample = sample._replace(**{blind: (math.nan, 0.0, 0.0)})
-        _, acted = follower.step(self.state, follower.Inputs(commands, sample, MS, 0, beliefs or [], **asked), now)
-        self.path.append(acted.desired)
-        self.sample = self.robot.exchange(acted.desired)
-        self.forces.append(math.hypot(*self.sample.exact_force))
+    def go(self, place: Vector | None, *, blind: str = "", **asked: Any) -> None:
+        self.blind = blind
+        self.tick(place, **asked)
+
+    def seen(self, sample: SpatialSample) -> SpatialSample:
+        return sample._replace(**{self.blind: (math.nan, 0.0, 0.0)}) if self.blind else sample
 
     def glide(self, begin: Vector, end: Vector, ticks: int, stay: int = 0) -> None:
         """Told to go evenly from one place to another [m], and to stay there."""
@@ -303,7 +292,7 @@ def moved(name: str, parts: Any, seed: int, inside: float | None, first_touch: s
                 asked["blind"] = trouble
             if trouble == "restart" and tick == 30:
                 within(driven.path)
-                driven.restart()
+                driven.begin()
             silent = trouble == "silence" and tick > 10
             driven.go(None if silent else tuple(place.tolist()), **asked)
         before = np.array(target)

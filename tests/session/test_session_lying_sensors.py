@@ -1,7 +1,4 @@
-"""A force sensor that lies while the robot presses: no more than the ceiling, and the robot is taken out.
-
-Honest ones are believed, however quickly a material is let go.
-"""
+"""A force sensor that lies while the robot presses, and honest ones, which are believed."""
 
 from __future__ import annotations
 
@@ -10,41 +7,27 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from commanded import CEILING, Commanded
 
 from foretouch.identification import SensorState
-from foretouch.messages import VERSION, Command, Status
-from foretouch.robot import MATERIALS, RobotSample, make_robot
-from foretouch.session import SessionSettings
-from foretouch.session.steps import follower
+from foretouch.messages import Status
+from foretouch.robot import MATERIALS, RobotSample
 
-MS = 1_000_000
-CEILING, NO_LIMIT = 15.0, 1000.0
 NOISE = np.random.default_rng(1).standard_normal(10_000).tolist()
 
 Lie = Callable[[RobotSample], RobotSample]
 
 
-class Pressing:
+class Pressing(Commanded):
     """A follower that is told places, with an arm whose drive is not clipped and a sensor that may lie."""
 
     def __init__(self, material: str, *, tells: bool = False) -> None:
-        self.robot, self.tells = make_robot(material, seed=3, force_limit=NO_LIMIT), tells
-        settings = SessionSettings(material=material, model="kelvin-voigt", first_touch="follow")
-        self.state, self.sample = follower.start(self.robot.specification, settings), self.robot.read()
-        self.tick, self.forces, self.statuses = 0, [0.0], [Status.FOLLOWING]
+        self.tells = tells
         self.lie: Lie = lambda sample: sample
+        super().__init__(material, seed=3)
 
-    def go(self, place: float, ticks: int, stop: str = "") -> None:
-        for _ in range(ticks):
-            self.tick += 1
-            command = Command(VERSION, self.tick, self.tick * MS, place, 0, False, "test", 1)
-            inputs = follower.Inputs([command], self.sample, MS, 0, stop)
-            self.state, said = follower.step(self.state, inputs, self.tick * MS)
-            raw = self.robot.exchange(said.desired_position)
-            shown = self.lie(raw)
-            self.sample = shown if self.tells else shown._replace(effort=math.nan)
-            self.forces.append(raw.exact_force)
-            self.statuses.append(self.state.safety.status)
+    def seen(self, sample: RobotSample) -> RobotSample:
+        return self.lie(sample) if self.tells else self.lie(sample)._replace(effort=math.nan)
 
 
 def dead(sample: RobotSample) -> RobotSample:
@@ -98,8 +81,8 @@ def test_nor_does_one_that_dies_on_the_way_in(material: str, felt: float, kind: 
     pressing = Pressing(material, tells=True)
     inside = pressing.robot.surface + 0.03
     pressing.go(0.0, 300)
-    while pressing.forces[-1] < felt and pressing.tick < 6000:
-        pressing.go(inside, 1)
+    while pressing.forces[-1] < felt and pressing.sequence < 6000:
+        pressing.tick(inside)
     pressing.lie = LIES[kind]
     pressing.go(inside, 1500)
     assert max(pressing.forces) <= CEILING
@@ -125,7 +108,7 @@ def test_a_stop_unloads_a_robot_whose_sensor_shows_nothing() -> None:
     pressing.go(inside, 1000)
     pressing.lie = dead
     pressing.go(inside, 20)
-    pressing.go(inside, 1, stop="a person shouted")
+    pressing.tick(inside, stop="a person shouted")
     pressing.go(inside, 200)
     assert pressing.forces[-1] == 0.0
     assert pressing.statuses[-1] is Status.STOPPED
@@ -143,6 +126,6 @@ def test_honest_sensors_are_believed_however_quickly_it_is_let_go(material: str)
         pressing.go(surface + depth, int(numbers.integers(50, 500)))
         here = float(pressing.sample.position)
         pressing.go(here - back, int(numbers.integers(20, 150)))
-    assert pressing.state.watch.state is SensorState.GOOD
+    assert pressing.following.watch.state is SensorState.GOOD
     assert Status.SENSOR_FAULT not in pressing.statuses
     assert max(pressing.forces) > 0.3
