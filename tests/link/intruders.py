@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -94,3 +95,10 @@ def say_everything(session: Any) -> None:
         session.put(f"foretouch/command/{role}", encode(msgspec.structs.replace(sample("command"), holder=role)))
     session.put("foretouch/command/more", b"x")
     session.put("elsewhere", b"x")
+
+
+def until(condition: Callable[[], object], seconds: float = 15.0) -> None:
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "it did not happen in time"
+        time.sleep(0.01)

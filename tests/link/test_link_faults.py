@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import time
 from collections import Counter
 from itertools import groupby, pairwise
 from typing import Any
@@ -14,7 +15,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from foretouch.errors import SettingError
-from foretouch.link import Faults, FaultStage
+from foretouch.link import Faults, FaultStage, SequenceCounter
+from foretouch.link.sequence import REMEMBERED
 
 MS = 1_000_000
 
@@ -28,10 +30,6 @@ def run(faults: Faults, messages: int = 5000) -> list[tuple[int, int]]:
             stage.push(tick * MS, tick)
         arrived += [(tick, message) for message in stage.pop_due(tick * MS)]
     return arrived
-
-
-def test_without_faults_everything_arrives_at_once_and_in_order() -> None:
-    assert run(Faults(), 100) == [(n, n) for n in range(100)]
 
 
 @given(st.integers(0, 500))
@@ -63,25 +61,10 @@ def test_an_outage_takes_its_length_out_of_every_ten_seconds() -> None:
         assert lost[-1] - lost[0] == len(lost) - 1
 
 
-def test_the_seed_decides_everything() -> None:
-    faults = Faults(delay=0.05, jitter=0.02, loss=0.1, outage=0.2, seed=7)
-    assert run(faults) == run(faults)
-    assert run(faults) != run(Faults(delay=0.05, jitter=0.02, loss=0.1, outage=0.2, seed=8))
-
-
 def test_one_fault_does_not_shift_the_draws_of_another() -> None:
     with_loss = {message: tick for tick, message in run(Faults(delay=0.05, jitter=0.02, loss=0.2, seed=4))}
     without = {message: tick for tick, message in run(Faults(delay=0.05, jitter=0.02, seed=4))}
     assert all(without[message] == tick for message, tick in with_loss.items())
-
-
-def test_the_delay_may_change_on_the_way() -> None:
-    stage: FaultStage[str] = FaultStage(Faults(delay=0.1))
-    stage.push(0, "slow")
-    stage.delay = 0.01
-    stage.push(0, "fast")
-    assert stage.pop_due(10 * MS) == ["fast"]
-    assert stage.pop_due(100 * MS) == ["slow"]
 
 
 @given(st.lists(st.tuples(st.integers(0, 40), st.booleans()), max_size=120), st.integers(0, 9))
@@ -306,14 +289,6 @@ def test_new_faults_do_not_shift_the_draws_of_the_others() -> None:
     assert later <= {message for message, tick in first(reorder=0.3).items() if tick > plain[message]}
 
 
-def test_the_seed_decides_the_new_faults_too() -> None:
-    asked: dict[str, Any] = {"loss": 0.2, "burst": 6.0, "reorder": 0.1, "duplicate": 0.1, "stall": 0.3}
-    assert run(Faults(**asked, seed=14)) == run(Faults(**asked, seed=14))
-    for name in ("reorder", "duplicate", "stall"):
-        alone = {name: asked[name]}
-        assert run(Faults(**alone, seed=14)) != run(Faults(**alone, seed=15))
-
-
 @given(st.floats(1.0, 10_000.0, exclude_min=True))
 @settings(derandomize=True, deadline=None, max_examples=50)
 def test_more_loss_than_bursts_can_make_is_refused_with_the_most_that_works(burst: float) -> None:
@@ -346,3 +321,83 @@ def test_bad_faults_are_refused(name: str, value: float) -> None:
     settings: dict[str, Any] = {name: value}
     with pytest.raises(SettingError, match=f"{name} = {value}: .*must lie between"):
         Faults(**settings)
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        {"delay": 0.05, "jitter": 0.02, "loss": 0.1, "outage": 0.2},
+        {"loss": 0.2, "burst": 6.0},
+        {"reorder": 0.1},
+        {"duplicate": 0.1},
+        {"stall": 0.3},
+    ],
+    ids=str,
+)
+def test_the_seed_decides_everything(asked: dict[str, Any]) -> None:
+    assert run(Faults(**asked, seed=14)) == run(Faults(**asked, seed=14)) != run(Faults(**asked, seed=15))
+
+
+# --- counting by sequence number, against a set that forgets nothing --------------------------------------------------
+
+
+@settings(derandomize=True, deadline=None, max_examples=200)
+@given(st.lists(st.integers(1, 60), min_size=1, max_size=80), st.integers(0, 3 * REMEMBERED))
+def test_every_arrival_is_newest_late_or_a_copy(offsets: list[int], start: int) -> None:
+    counter, seen, newest, late, copies = SequenceCounter(), set[int](), 0, 0, 0
+    for sequence in (start + offset for offset in offsets):
+        is_newest = sequence > newest
+        assert counter.is_newest(sequence) is is_newest
+        copies += sequence in seen
+        late += sequence not in seen and not is_newest
+        seen.add(sequence)
+        newest = max(newest, sequence)
+        lost = newest - min(seen) + 1 - len(seen)
+        assert (counter.newest, counter.first, counter.received) == (newest, min(seen), len(seen))
+        assert (counter.late, counter.copies, counter.lost) == (late, copies, lost)
+
+
+def test_copies_hide_no_loss() -> None:
+    faults = Faults(delay=0.05, jitter=0.01, loss=0.05, duplicate=0.3, reorder=0.1, seed=7)
+    stage: FaultStage[int] = FaultStage(faults)
+    counter, sent, arrivals = SequenceCounter(), 20_000, 0
+    for tick in range(sent + 500):
+        if tick < sent:
+            stage.push(tick * 1_000_000, tick + 1)
+        for sequence in stage.pop_due(tick * 1_000_000):
+            counter.is_newest(sequence)
+            arrivals += 1
+    unheard = counter.first - 1 + sent - counter.newest  # at the very start and end, where nobody can know
+    assert counter.lost == stage.dropped - unheard
+    assert 0.04 * sent < counter.lost < 0.06 * sent
+    assert counter.received == sent - stage.dropped
+    assert counter.copies == stage.duplicated == arrivals - counter.received
+
+
+def test_what_is_too_old_to_tell_is_a_copy() -> None:
+    counter = SequenceCounter()
+    for sequence in (1, REMEMBERED + 5, 2, 5, 6):
+        counter.is_newest(sequence)
+    assert (counter.copies, counter.late, counter.received) == (2, 1, 3)
+    assert counter.lost == REMEMBERED + 5 - 3
+
+
+def test_the_largest_number_that_a_message_can_carry_costs_no_more() -> None:
+    counter = SequenceCounter()
+    begin = time.perf_counter()
+    assert [counter.is_newest(n) for n in (1, 2**63 - 1, 2, 2**63 - 2)] == [True, True, False, False]
+    assert time.perf_counter() - begin < 0.01
+    assert counter.lost == 2**63 - 1 - 3
+
+
+def test_a_sender_that_begins_again_is_counted_on() -> None:
+    counter = SequenceCounter()
+    for number in (1, 2, 4, 4, 3, 7):
+        counter.is_newest(number)
+    assert (counter.lost, counter.received, counter.copies, counter.late) == (2, 5, 1, 1)
+    counter.restart()
+    assert counter.newest == 0
+    assert counter.is_newest(3)  # what it sent before there was a listener is not lost
+    assert counter.is_newest(5)
+    assert not counter.is_newest(5)
+    assert (counter.lost, counter.received, counter.copies, counter.newest) == (3, 7, 2, 5)

@@ -16,7 +16,7 @@ from typing import Any
 
 import msgspec
 import pytest
-from intruders import MARK, hello_of, intruder, listen, sample, say_everything
+from intruders import MARK, hello_of, intruder, listen, sample, say_everything, until
 
 from foretouch.errors import LinkError
 from foretouch.link import ROLES, Credentials, Identity, KeyFolder, ZenohLink, access_list, free_endpoint, may_publish
@@ -56,13 +56,6 @@ def alice(tmp_path_factory: pytest.TempPathFactory, ours: KeyFolder) -> Identity
         (elsewhere.path / name).chmod(0o600)
     elsewhere.path.chmod(0o700)
     return elsewhere.issue("leader", "alice", NOW)
-
-
-def until(condition: Callable[[], object], seconds: float = 15.0) -> None:
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, "it did not happen in time"
-        time.sleep(0.02)
 
 
 def link(credentials: Credentials, **more: Any) -> ZenohLink:

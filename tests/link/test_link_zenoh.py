@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import socket
 import time
-from collections.abc import Callable
 
 import msgspec
 import pytest
-from intruders import intruder
+from intruders import intruder, until
 
 from foretouch.errors import LinkError, PeerVersionError
 from foretouch.link import ZenohLink, check_endpoint, free_endpoint
@@ -26,13 +25,6 @@ from foretouch.messages import (
 )
 
 pytestmark = pytest.mark.network
-
-
-def until(condition: Callable[[], object], seconds: float = 10.0) -> None:
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, "it did not happen in time"
-        time.sleep(0.01)
 
 
 def command(sequence: int) -> Command:

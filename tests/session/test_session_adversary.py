@@ -81,12 +81,6 @@ def test_an_enemy_goes_on_after_a_stop() -> None:
     assert max(attack.forces[before:]) > 5.0
 
 
-def test_a_programme_is_the_same_each_time() -> None:
-    programme = np.random.default_rng(3).random(LENGTH)
-    programme[HEADER] = 0.2
-    assert largest_force("bone", programme) == largest_force("bone", programme)
-
-
 # --- in space ---------------------------------------------------------------------------------------------------------
 
 IN_SPACE = [

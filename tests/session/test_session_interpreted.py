@@ -16,7 +16,7 @@ import pytest
 from foretouch.identification import Learner, identify, make_estimator
 from foretouch.messages import SessionLog
 from foretouch.quantities import Recording
-from foretouch.session import SessionSettings, make_operator, make_session_robot, simulate
+from foretouch.session import SessionSettings, simulate
 
 pytest.importorskip("mujoco")
 
@@ -39,9 +39,7 @@ IDENTIFIED = (("contact-map", "bank"), ("continuous-switching", "fprls"), ("hunt
 
 def session(duration: float, changes: dict[str, object]) -> SessionLog:
     settings = SessionSettings(material="hunt-crossley", loss=0.02, jitter=0.005, **changes)  # type: ignore[arg-type]
-    robot, material = make_session_robot(settings)
-    operator = make_operator(settings, surface=material.surface, press_depth=material.press_depth, say=print)
-    return simulate(settings, duration=duration, operator=operator, robot=robot).log
+    return simulate(settings, duration=duration).log
 
 
 def press() -> Recording:

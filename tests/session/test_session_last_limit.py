@@ -414,12 +414,6 @@ def test_the_first_tick_of_a_follower_on_a_line_begins_at_the_robot(guarded: boo
     within([(position, 0.0, 0.0) for position in path])
 
 
-def test_and_of_one_in_a_scene() -> None:
-    driven = Driven(SCENES["hill"])
-    driven.go((0.05, -0.03, -0.02))
-    assert math.dist(driven.path[0], driven.path[1]) <= ACCELERATION * TICK**2 * (1 + 1e-6)
-
-
 def test_a_robot_that_does_not_say_where_it_is_is_told_nothing_yet() -> None:
     driven = Driven(SCENES["hill"])
     driven.go((0.0, 0.0, 0.01), blind="place")

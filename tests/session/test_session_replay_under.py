@@ -19,8 +19,6 @@ from foretouch.session import (
     FIXED_MOTION,
     SessionSettings,
     make_moved_robot,
-    make_operator,
-    make_session_robot,
     material_answers,
     recorded_settings,
     replay_notes,
@@ -34,11 +32,7 @@ MS = 1_000_000
 
 
 def recorded(seconds: float = 4.0, **changes: Any) -> SessionLog:
-    settings = SessionSettings(**{"material": "hunt-crossley"} | changes)
-    robot, reach = make_session_robot(settings)
-    hand = make_operator(settings, surface=reach.surface, press_depth=reach.press_depth, say=pytest.fail)
-    texts = {"surface": str(reach.surface)}
-    return simulate(settings, duration=seconds, operator=hand, robot=robot, description=texts).log
+    return simulate(SessionSettings(**{"material": "hunt-crossley"} | changes), duration=seconds).log
 
 
 def again(log: SessionLog, *, closed_loop: bool = False, **changes: Any) -> SessionLog:

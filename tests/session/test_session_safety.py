@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import random
 
 import numpy as np
 import pytest
@@ -24,22 +23,6 @@ def begun(jerk: float = JERK) -> MotionLimits:
 
 
 places = st.floats(-0.05, 0.1) | st.sampled_from((math.nan, math.inf, -math.inf, 1e300))
-
-
-@settings(max_examples=60)
-@given(
-    st.lists(st.tuples(places, st.integers(1, 80), st.sampled_from(("step", "noise", "ramp"))), min_size=1, max_size=8)
-)
-def test_no_stream_breaks_a_limit_of_motion(parts: list[tuple[float, int, str]]) -> None:
-    limits, numbers = begun(), random.Random(1)
-    path = [0.0]
-    for place, ticks, kind in parts:
-        for tick in range(ticks):
-            wanted = {"step": place, "noise": place + numbers.gauss(0.0, 1e-3), "ramp": place * (tick + 1) / ticks}[
-                kind
-            ]
-            path.append(limits.update(wanted))
-    kept(path)
 
 
 def test_what_is_within_the_limits_passes_as_it_is_after_a_moment() -> None:
@@ -82,16 +65,6 @@ def test_silence_holds_then_unloads_and_the_way_back_is_slow() -> None:
     assert pressed.safety.status is Status.FOLLOWING
     assert np.diff(pressed.path[before:]).max() / TICK <= 0.05 * 1.001
     assert pressed.path[-1] == pytest.approx(deep, abs=1e-6)
-
-
-def test_who_asks_for_it_is_taken_out_the_way_in() -> None:
-    pressed = Pressed("sponge", retreats=True)
-    surface = pressed.robot.surface
-    pressed.run(surface + 0.01, 2.0)
-    pressed.run(surface + 0.01, 2.0, silent=True)
-    assert pressed.safety.status is Status.RETREATING
-    assert pressed.sample.position < surface - 0.004
-    assert pressed.forces[-1] == 0.0
 
 
 def test_an_emergency_stop_latches_until_it_is_released_at_rest() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import subprocess
 import sys
@@ -13,8 +12,7 @@ import numpy as np
 import pytest
 from numba import config
 
-from foretouch.devices import Device, ScriptedOperator
-from foretouch.errors import SettingError, UnknownNameError
+from foretouch.devices import Device
 from foretouch.identification import ESTIMATORS, Learner, make_estimator
 from foretouch.messages import SessionLog, encode
 from foretouch.models import Predictor
@@ -27,12 +25,10 @@ from foretouch.session.runners.warm_up import KERNELS, warm_up
 
 def run(duration: float = 6.0, *, record: Path | None = None, **changes: Any) -> SimulatedSession:
     settings = SessionSettings(**changes)
-    robot = make_robot(settings.material, seed=settings.seed)
-    operator = ScriptedOperator(robot.material.surface, robot.material.press_depth, settings.seed)
     if record is None:
-        return simulate(settings, duration=duration, operator=operator, robot=robot)
+        return simulate(settings, duration=duration)
     with SessionWriter(record) as writer:
-        session = simulate(settings, duration=duration, operator=operator, robot=robot, record=writer.write)
+        session = simulate(settings, duration=duration, record=writer.write)
         writer.close(session.log.counts)
     return session
 
@@ -60,17 +56,8 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[SimulatedSession
 
 def test_it_repeats_to_the_last_bit(recorded: tuple[SimulatedSession, Path], tmp_path: Path) -> None:
     first, path = recorded
-    second = run(2.0, record=tmp_path / "b.mcap", **FAULTS)
-    for one, other in zip(without_timing(first.log), without_timing(second.log), strict=True):
-        np.testing.assert_array_equal(one, other)
-    assert list(map(encode, first.log.models)) == list(map(encode, second.log.models))
-    assert first.log.counts == second.log.counts
-    digests = {hashlib.sha256(one.read_bytes()).digest() for one in (path, tmp_path / "b.mcap")}
-    assert len(digests) == 1
-
-
-def test_another_seed_is_another_session() -> None:
-    assert run(1.0, seed=1).log.follower["sensor_force"][-1] != run(1.0, seed=2).log.follower["sensor_force"][-1]
+    assert run(2.0, record=tmp_path / "b.mcap", **FAULTS) == first
+    assert (tmp_path / "b.mcap").read_bytes() == path.read_bytes()
 
 
 def test_the_recording_holds_the_session(recorded: tuple[SimulatedSession, Path]) -> None:
@@ -190,36 +177,6 @@ def test_a_still_hand_in_free_air_feels_nothing() -> None:
     report = session_figures(log, score_from=0.0)
     assert report["status"] == "no_contact"
     assert report["prediction_error_percent"] is None
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"position_delay": -0.1}, r"position_delay = -0\.1: must lie between 0 and 10"),
-        ({"force_delay": float("nan")}, "force_delay = nan"),
-        ({"loss": 2.0}, "loss = 2.0"),
-        ({"model_rate": 0.0}, "model_rate = 0.0"),
-    ],
-)
-def test_settings_out_of_range_are_refused(changes: dict[str, float], message: str) -> None:
-    with pytest.raises(SettingError, match=message):
-        SessionSettings(**changes)
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        (
-            {"operator": "nobody"},
-            "unknown operator 'nobody': choose one of browser, force-dimension, gamepad, recorded, scripted",
-        ),
-        ({"model": "jelly"}, "unknown model 'jelly': choose one of contact-map"),
-        ({"estimator": "guess"}, "unknown estimator for contact-map 'guess': choose one of bank"),
-    ],
-)
-def test_unknown_names_are_refused_with_the_choices(changes: dict[str, str], message: str) -> None:
-    with pytest.raises(UnknownNameError, match=message):
-        SessionSettings(**changes)
 
 
 NEW = """

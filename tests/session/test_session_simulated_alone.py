@@ -122,12 +122,6 @@ def test_every_operator_of_the_package_says_whether_it_is_fresh(operator: Device
     assert not operator.fresh
 
 
-def test_a_hand_is_as_fresh_as_what_it_intends() -> None:
-    script = ScriptedOperator(0.01, 0.005)
-    script.read(0)
-    assert not Hand(script, GRIPS["normal"], SETTINGS.device).fresh
-
-
 def test_every_robot_of_the_package_says_whether_it_is_fresh() -> None:
     def arm() -> Robot:
         return make_robot("hunt-crossley")

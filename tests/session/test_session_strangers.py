@@ -7,11 +7,12 @@ import os
 import threading
 import time
 import tracemalloc
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import msgspec
 import pytest
+from running import until
 
 from foretouch.console.watched import Watched
 from foretouch.errors import PeerVersionError
@@ -25,13 +26,6 @@ from foretouch.session.steps.follower_view import MOST_FORMER, FollowerView
 pytestmark = pytest.mark.network
 
 SIZE = 46_000
-
-
-def until(condition: Callable[[], object], seconds: float = 20.0) -> None:
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, "it did not happen in time"
-        time.sleep(0.01)
 
 
 def hello(number: int, role: str, texts: int, length: int) -> bytes:

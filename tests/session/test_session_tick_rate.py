@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
 import time
 from dataclasses import replace
 from typing import Any
@@ -214,3 +216,69 @@ def test_a_driver_that_really_waits_for_its_cycle_keeps_the_pace_of_the_machine(
         return len(link.telemetry)
 
     assert ticks(True) > ticks(False) / 5
+
+
+# --- what a process asks the kernel for, and what its threads have of it ----------------------------------------------
+
+
+SLICES = """
+import ctypes, platform, struct
+def asked():  # sched_getattr: size, policy, flags, nice, priority, runtime, deadline, period
+    buffer = ctypes.create_string_buffer(48)
+    ctypes.CDLL(None).syscall({"x86_64": 315, "aarch64": 275}[platform.machine()], 0, buffer, 48, 0)
+    return struct.unpack("<IIQiIQQQ", buffer.raw)
+"""
+
+
+HERE_ONCE = """
+import os
+from foretouch.session.runners import loop_timer as scheduling  # imported once for all of them
+for code in {codes!r}:
+    if (child := os.fork()) == 0:
+        exec(code, {{}})
+        os._exit(0)
+    assert os.waitpid(child, 0)[1] == 0
+"""
+
+PROMPT = (
+    "import ctypes, threading\n"
+    "from foretouch.session.runners.loop_timer import PROMPT_NS, SET_TIMER_SLACK, USUAL_NS, be_prompt, wakes_late_ns\n"
+    "ctypes.CDLL(None).prctl(SET_TIMER_SLACK, ctypes.c_ulong(50_000), 0, 0, 0)\n"  # the parent may have been prompt
+    "assert wakes_late_ns() == USUAL_NS\n"
+    "be_prompt()\n"
+    "seen = []\n"
+    "thread = threading.Thread(target=lambda: seen.append(wakes_late_ns()))\n"
+    "thread.start(); thread.join()\n"
+    "print(wakes_late_ns() == PROMPT_NS, seen == [PROMPT_NS], flush=True)"
+)
+SHORT = (
+    "import os, threading\n" + SLICES + "from foretouch.session.runners.loop_timer import SLICE_NS, be_prompt\n"
+    "os.nice(3)\n"
+    "before = asked()\n"
+    "be_prompt()\n"
+    "seen = []\n"
+    "thread = threading.Thread(target=lambda: seen.append(asked()))\n"
+    "thread.start(); thread.join()\n"
+    "after = asked()\n"
+    "knows = tuple(map(int, os.uname().release.split('.')[:2])) >= (6, 12)\n"
+    "print(after[3] == before[3], seen[0] == after, not knows or after[5] == SLICE_NS, flush=True)"
+)
+WATCHER = (
+    "import os, threading\n"
+    "from foretouch.session.runners.loop_timer import WATCHERS_NICE, give_way\n"
+    "wanted = min(19, os.getpriority(os.PRIO_PROCESS, 0) + WATCHERS_NICE)\n"
+    "give_way()\n"
+    "seen = []\n"
+    "nice = lambda: os.getpriority(os.PRIO_PROCESS, 0)\n"
+    "def look(): seen.append((os.sched_getscheduler(0) == os.SCHED_BATCH, nice() == wanted))\n"
+    "thread = threading.Thread(target=look)\n"
+    "thread.start(); thread.join(); look()\n"
+    "print(seen, flush=True)"
+)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="Linux alone can be asked")
+def test_a_prompt_process_has_short_slices_and_wakes_at_once_and_a_watcher_gives_way_with_all_their_threads() -> None:
+    code = HERE_ONCE.format(codes=(PROMPT, SHORT, WATCHER))
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
+    assert done.stdout.splitlines() == ["True True", "True True True", "[(True, True), (True, True)]"]

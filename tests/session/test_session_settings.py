@@ -1,15 +1,19 @@
-"""Settings by objects equal settings by text, and are told by the texts that recordings and messages carry."""
+"""Settings by objects equal settings by text; what they cannot be is refused before anything is made."""
 
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import pytest
+from typer.testing import CliRunner
 
+import foretouch.cli.commands.sessions
 from foretouch import Frame, ImageFault, SensorFault, SessionSettings
-from foretouch.errors import ArgumentTypeError, SettingError
-from foretouch.session import recorded_settings
+from foretouch.cli.app import app
+from foretouch.errors import ArgumentTypeError, SettingError, UnknownNameError
+from foretouch.session import SessionSettings, recorded_settings
 
 KINDS = {kind.__name__: kind for kind in (SessionSettings, Frame, SensorFault, ImageFault)}
 PAIRS: list[tuple[dict[str, Any], dict[str, str]]] = [
@@ -58,3 +62,43 @@ def test_what_is_neither_is_refused() -> None:
         SessionSettings(material=None)  # type: ignore[arg-type]
     with pytest.raises(SettingError, match="place and size by default"):
         SessionSettings(scene="plane", image_fault=ImageFault("hand", 5, 8, size=0.5))
+
+
+# --- names and ranges are known before anything is made or compiled ---------------------------------------------------
+
+
+NAMES = ("material", "operator", "model", "estimator", "grip", "scene", "robot", "baseline", "first_touch", "fusion")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_an_unknown_name_is_refused_where_the_settings_are_made(name: str) -> None:
+    with pytest.raises(UnknownNameError, match="'nobody'"):
+        SessionSettings(**{name: "nobody"})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("name", ["material", "operator", "model", "scene"])
+def test_an_unknown_name_is_told_before_anything_is_compiled_or_written(
+    name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(foretouch.cli.commands.sessions, "compile_first", lambda: pytest.fail("compiled"))
+    done = CliRunner().invoke(app, ["simulate", f"--{name}", "nobody", "--report", str(tmp_path / "out")])
+    assert isinstance(done.exception, UnknownNameError)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"position_delay": -0.1}, r"position_delay = -0\.1: must lie between 0 and 10"),
+        ({"force_delay": float("nan")}, "force_delay = nan"),
+        ({"loss": 2.0}, "loss = 2.0"),
+        ({"model_rate": 0.0}, "model_rate = 0.0"),
+        ({"operator": "nobody"}, "'nobody': choose one of browser, force-dimension, gamepad, recorded, scripted"),
+        ({"model": "jelly"}, "unknown model 'jelly': choose one of contact-map"),
+        ({"estimator": "guess"}, "unknown estimator for contact-map 'guess': choose one of bank"),
+    ],
+    ids=str,
+)
+def test_settings_out_of_range_and_unknown_names_are_refused_with_the_choices(changes: Any, message: str) -> None:
+    with pytest.raises((SettingError, UnknownNameError), match=message):
+        SessionSettings(**changes)
