@@ -104,45 +104,15 @@ def typed(path: Path, kind: str, text: str, data: bytes = b"\0\1\0\0" + bytes(64
     bag(path, *(message(data, at * 10**6) for at in range(3)), kind=kind, text=text)
 
 
-@bomb("type-within-itself.mcap")
-def _(path: Path) -> None:
-    typed(path, "x/msg/A", f"x/A a\nfloat64 b\n{RULE}MSG: x/A\nx/A a\nfloat64 b\n")
-
-
 def towers(innermost: str, levels: int = 12) -> str:
     parts = [f"{RULE}MSG: x/L{level}\nx/L{level + 1}[256] a\n" for level in range(levels)]
     return "x/L0[256] a\nfloat64 q\n" + "".join(parts) + f"{RULE}MSG: x/L{levels}\n{innermost}\n"
-
-
-@bomb("exploding-type.mcap")
-def _(path: Path) -> None:
-    typed(path, "x/msg/T", towers("float64 b"))
-
-
-@bomb("exploding-type-of-nothing.mcap")
-def _(path: Path) -> None:
-    typed(path, "x/msg/T", towers("uint8 C=1"))
-
-
-@bomb("long-sequence.mcap")
-def _(path: Path) -> None:
-    typed(path, "x/msg/T", "string[] s\n", b"\0\1\0\0" + struct.pack("<I", 2**32 - 1) + bytes(4000))
 
 
 def hdf5(path: Path, samples: int) -> None:
     with h5py.File(path, "w") as file:
         for name in ("time_s", "position_m", "force_N"):
             file.create_dataset(name, shape=(samples,), dtype="f8", chunks=(10**6,), compression="gzip")
-
-
-@bomb("unwritten.h5")
-def _(path: Path) -> None:
-    hdf5(path, 5 * 10**8)
-
-
-@bomb("endless.h5")
-def _(path: Path) -> None:
-    hdf5(path, 10**13)
 
 
 @bomb("deep.h5")
@@ -187,79 +157,14 @@ def _(path: Path) -> None:
             writer.write_table(table)
 
 
-@bomb("one-line.csv")
-def _(path: Path) -> None:
-    path.write_bytes(b"time_s,position_m,force_N\n" + b"1" * 50_000_000)
+FACET = b"facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 0.1 0 0\nvertex 0 0.1 0\nendloop\nendfacet\n"
 
 
-@bomb("open-quote.csv")
-def _(path: Path) -> None:
-    path.write_bytes(b'time_s,position_m,force_N\n"' + b"0,1,2\n" * 5_000_000)
-
-
-@bomb("large-numbers.csv")
-def _(path: Path) -> None:
-    path.write_bytes(b"time_s,position_m,force_N\n0,0,0\n1,1e400,nan\n2," + b"9" * 200_000 + b",1\n")
-
-
-@bomb("wide.csv")
-def _(path: Path) -> None:
-    path.write_bytes(b",".join(b"c%d" % i for i in range(300_000)) + b"\n" + b",".join([b"1"] * 300_000) + b"\n")
-
-
-@bomb("deep.toml")
-def _(path: Path) -> None:
-    path.write_text("a = " + "[" * 8_000 + "]" * 8_000)
-
-
-@bomb("long-key.toml")
-def _(path: Path) -> None:
-    path.write_text("[" + ".".join("a" * 8_000) + "]\nx = 1\n")
-
-
-@bomb("long.toml")
-def _(path: Path) -> None:
-    path.write_text("[" + ".".join("a" * 200_000) + "]\nx = 1\n")
-
-
-@bomb("count.stl")
-def _(path: Path) -> None:
-    path.write_bytes(b"x" * 80 + struct.pack("<I", 2**32 - 1) + bytes(500))
-
-
-FACET = "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 0.1 0 0\nvertex 0 0.1 0\nendloop\nendfacet\n"
-
-
-@bomb("bad-token.stl")
-def _(path: Path) -> None:
-    path.write_text("solid a\n" + FACET * 9 + FACET.replace("0.1 0 0", "0.1 o 0") + "endsolid a\n")
-
-
-@bomb("not-finite.stl")
-def _(path: Path) -> None:
-    path.write_text("solid a\n" + FACET.replace("0.1 0 0", "1e400 0 0") * 9 + "endsolid a\n")
-
-
-@bomb("far-index.obj")
-def _(path: Path) -> None:
-    path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4000000000\nf -1 -2 -3\n")
-
-
-def ply(path: Path, vertices: int, kind: str, content: bytes) -> None:
+def ply(vertices: int, kind: str, content: bytes) -> bytes:
     axes = "".join(f"property float {axis}\n" for axis in "xyz")
     head = f"ply\nformat binary_little_endian 1.0\nelement vertex {vertices}\n{axes}"
     head += f"element face {max(1, vertices - 3)}\nproperty list {kind} int vertex_indices\nend_header\n"
-    path.write_bytes(head.encode() + content)
-
-
-@bomb("count.ply")
-def _(path: Path) -> None:
-    ply(path, 4_000_000_000, "uchar", bytes(1000))
-
-
-@bomb("long-list.ply")
-def _(path: Path) -> None:
-    ply(path, 3, "uint", bytes(36) + struct.pack("<I", 2**32 - 1) + bytes(100))
+    return head.encode() + content
 
 
 @bomb("loose-triangles.stl")
@@ -269,3 +174,34 @@ def _(path: Path) -> None:
     table = np.zeros(count, dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
     table["corners"] = np.random.default_rng(0).random((count, 3, 3)) * 0.1
     path.write_bytes(b"x" * 80 + struct.pack("<I", count) + table.tobytes())
+
+
+HEAD = b"time_s,position_m,force_N\n"
+BYTES: dict[str, Callable[[], bytes]] = {
+    "one-line.csv": lambda: HEAD + b"1" * 50_000_000,
+    "open-quote.csv": lambda: HEAD + b'"' + b"0,1,2\n" * 5_000_000,
+    "large-numbers.csv": lambda: HEAD + b"0,0,0\n1,1e400,nan\n2," + b"9" * 200_000 + b",1\n",
+    "wide.csv": lambda: b",".join(b"c%d" % i for i in range(300_000)) + b"\n" + b",".join([b"1"] * 300_000) + b"\n",
+    "deep.toml": lambda: b"a = " + b"[" * 8_000 + b"]" * 8_000,
+    "long-key.toml": lambda: b"[" + b"a." * 7_999 + b"a]\nx = 1\n",
+    "long.toml": lambda: b"[" + b"a." * 199_999 + b"a]\nx = 1\n",
+    "count.stl": lambda: b"x" * 80 + struct.pack("<I", 2**32 - 1) + bytes(500),
+    "bad-token.stl": lambda: b"solid a\n" + FACET * 9 + FACET.replace(b"0.1 0 0", b"0.1 o 0") + b"endsolid a\n",
+    "not-finite.stl": lambda: b"solid a\n" + FACET.replace(b"0.1 0 0", b"1e400 0 0") * 9 + b"endsolid a\n",
+    "far-index.obj": lambda: b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4000000000\nf -1 -2 -3\n",
+    "count.ply": lambda: ply(4_000_000_000, "uchar", bytes(1000)),
+    "long-list.ply": lambda: ply(3, "uint", bytes(36) + struct.pack("<I", 2**32 - 1) + bytes(100)),
+}
+BOMBS |= {name: (lambda path, made=made: path.write_bytes(made())) for name, made in BYTES.items()}
+BOMBS |= {
+    "type-within-itself.mcap": lambda path: typed(
+        path, "x/msg/A", f"x/A a\nfloat64 b\n{RULE}MSG: x/A\nx/A a\nfloat64 b\n"
+    ),
+    "exploding-type.mcap": lambda path: typed(path, "x/msg/T", towers("float64 b")),
+    "exploding-type-of-nothing.mcap": lambda path: typed(path, "x/msg/T", towers("uint8 C=1")),
+    "long-sequence.mcap": lambda path: typed(
+        path, "x/msg/T", "string[] s\n", b"\0\1\0\0" + struct.pack("<I", 2**32 - 1) + bytes(4000)
+    ),
+    "unwritten.h5": lambda path: hdf5(path, 5 * 10**8),
+    "endless.h5": lambda path: hdf5(path, 10**13),
+}

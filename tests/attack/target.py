@@ -15,24 +15,10 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "link"))
 
-from intruders import hello_of, intruder, listen, sample, say_everything
+from intruders import hello_of, intruder, listen, sample, say_everything  # noqa: F401
 
 from foretouch.link import Identity, KeyFolder, ZenohLink, free_endpoint, load_credentials
 from foretouch.messages import Status, split_texts
-
-__all__ = [
-    "Process",
-    "Score",
-    "Target",
-    "hello_of",
-    "intruder",
-    "keys_in",
-    "listen",
-    "sample",
-    "say_everything",
-    "session",
-    "until",
-]
 
 COMMAND = (sys.executable, "-m", "foretouch")
 STARTING = 120.0

@@ -223,21 +223,18 @@ def test_a_name_is_let_in_no_more_once_it_is_struck_out(keys: KeyFolder) -> None
 
 def test_files_that_are_no_keys_are_refused(keys: KeyFolder) -> None:
     leader, follower = keys.issue("leader", "", NOW), keys.issue("follower", "", NOW)
-    path = keys.path / "leader.pem"
-    for data in (b"", b"garbage", leader.certificate, leader.key, leader.pem[:-40], b"\xff" * 1000):
+    path, none = keys.path / "leader.pem", r"leader.pem.*is no key with a certificate"
+    garbage = (b"", b"garbage", leader.certificate, leader.key, leader.pem[:-40], b"\xff" * 1000)
+    for data, message in (
+        *((data, none) for data in garbage),
+        (leader.key + follower.certificate, "the certificate of another key"),
+        (follower.pem, "is the certificate of 'follower'"),
+        (b" " * 100_000, "longer than 65536 bytes"),
+    ):
         path.write_bytes(data)
-        with pytest.raises(SettingError, match=r"leader.pem.*is no key with a certificate") as raised:
+        with pytest.raises(SettingError, match=message) as raised:
             load_credentials("leader", keys.path, now=NOW)
         assert "\n" not in str(raised.value)
-    path.write_bytes(leader.key + follower.certificate)
-    with pytest.raises(SettingError, match="the certificate of another key"):
-        load_credentials("leader", keys.path, now=NOW)
-    path.write_bytes(follower.pem)
-    with pytest.raises(SettingError, match="is the certificate of 'follower'"):
-        load_credentials("leader", keys.path, now=NOW)
-    path.write_bytes(b" " * 100_000)
-    with pytest.raises(SettingError, match="longer than 65536 bytes"):
-        load_credentials("leader", keys.path, now=NOW)
     path.unlink()
     os.mkfifo(path, 0o600)
     with pytest.raises(SettingError, match="no regular file"):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, Self
 
 from foretouch.devices import GRIPS, Device, Hand, ScriptedOperator
 from foretouch.link import Faults, FaultStage
@@ -68,6 +68,14 @@ class Lap:
         one = Leader(self.settings, self.material, name, epoch)
         self.leaders.append(one)
         return one
+
+    @classmethod
+    def led(cls, seconds: float, **changes: Any) -> Self:
+        """One in which anna has led for so long."""
+        lap = cls(**changes)
+        lap.start_leader("anna", 11)
+        lap.run(seconds)
+        return lap
 
     def run(self, seconds: float, *, follows: bool = True) -> list[Telemetry]:
         """Let time pass; returns what the follower said, which does not run where it does not follow."""

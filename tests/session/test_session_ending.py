@@ -62,9 +62,7 @@ class Deaf(Robot):
 
 
 def pressing() -> Lap:
-    lap = Lap()
-    lap.start_leader("anna", 11)
-    lap.run(6.0)
+    lap = Lap.led(6.0)
     for _ in range(600):
         if lap.run(0.01)[-1].force > 2.0:
             return lap
@@ -97,9 +95,7 @@ def test_a_robot_that_a_session_leaves_in_contact_unloads() -> None:
 
 
 def test_one_in_free_air_is_left_at_once() -> None:
-    lap = Lap()
-    lap.start_leader("anna", 11)
-    lap.run(0.5)
+    lap = Lap.led(0.5)
     timer: Any = Ticks(lap.now)
     leave(driven(lap, lap.robot), timer)
     assert timer.count == 0

@@ -40,9 +40,7 @@ def own_error(lap: FollowerView) -> np.ndarray:
 
 
 def test_after_a_leader_began_again_all_that_the_follower_learnt_counts() -> None:
-    lap = FollowerView()
-    lap.start_leader("anna", 11)
-    lap.run(4.0)
+    lap = FollowerView.led(4.0)
     lap.keep()
     lap.leaders.clear()
     lap.run(1.0)
@@ -53,9 +51,7 @@ def test_after_a_leader_began_again_all_that_the_follower_learnt_counts() -> Non
 
 
 def test_after_a_follower_began_again_its_own_learning_counts() -> None:
-    lap = FollowerView()
-    lap.start_leader("anna", 11)
-    lap.run(4.0)
+    lap = FollowerView.led(4.0)
     lap.run(0.7, follows=False)
     lap.start_follower(2, robot=True)
     lap.run(10.0)

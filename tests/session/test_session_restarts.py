@@ -262,9 +262,7 @@ class _Playout:
 
 @pytest.mark.parametrize("baseline", ["none", "delayed"])
 def test_what_was_sent_before_a_release_was_known_is_not_obeyed_after_it(baseline: str) -> None:
-    lap = Noted(baseline=baseline)
-    lap.start_leader("anna", 11)
-    lap.run(4.0)
+    lap = Noted.led(4.0, baseline=baseline)
     lap.stop = "somebody shouted"
     lap.run(1.5)
     lap.release = True
@@ -285,9 +283,7 @@ def test_what_was_sent_before_a_release_was_known_is_not_obeyed_after_it(baselin
 
 
 def test_a_leader_that_knows_another_process_of_the_follower_alone_does_not_know_of_the_release() -> None:
-    lap = Noted()
-    lap.start_leader("anna", 11)
-    lap.run(2.0)
+    lap = Noted.led(2.0)
     lap.start_follower(2)  # its telemetry counts from 1, and commands that acknowledge thousands are under way
     lap.run(1.0)
     lap.stop = "somebody shouted"
@@ -301,9 +297,7 @@ def test_a_leader_that_knows_another_process_of_the_follower_alone_does_not_know
 
 
 def test_a_release_of_sensors_that_were_mended_is_one_too() -> None:
-    lap = Noted()
-    lap.start_leader("anna", 11)
-    lap.run(2.0)
+    lap = Noted.led(2.0)
     for _ in range(30):
         lap.sample = lap.sample._replace(position=lap.sample.position + 0.05)  # the encoder jumps, for good
         lap.run(0.001)
@@ -317,8 +311,6 @@ def test_a_release_of_sensors_that_were_mended_is_one_too() -> None:
 
 
 def test_without_a_release_nothing_has_to_be_known() -> None:
-    lap = Noted()
-    lap.start_leader("anna", 11)
-    lap.run(1.0)
+    lap = Noted.led(1.0)
     assert lap.played[0][0] < 0.31
     assert lap.following.before_release == 0

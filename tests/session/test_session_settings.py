@@ -13,7 +13,7 @@ import foretouch.cli.commands.sessions
 from foretouch import Frame, ImageFault, SensorFault, SessionSettings
 from foretouch.cli.app import app
 from foretouch.errors import ArgumentTypeError, SettingError, UnknownNameError
-from foretouch.session import SessionSettings, recorded_settings
+from foretouch.session import recorded_settings
 
 KINDS = {kind.__name__: kind for kind in (SessionSettings, Frame, SensorFault, ImageFault)}
 PAIRS: list[tuple[dict[str, Any], dict[str, str]]] = [

@@ -126,9 +126,7 @@ def test_a_loop_that_collapses_is_too_slow_within_half_a_second_more_and_one_tha
 
 
 def test_a_follower_that_is_too_slow_holds_and_says_so_and_then_goes_slowly_back() -> None:
-    lap = Lap(position_delay=0.0, force_delay=0.0)
-    lap.start_leader("anna", 11)
-    lap.run(2.0)
+    lap = Lap.led(2.0, position_delay=0.0, force_delay=0.0)
     assert lap.telemetry[-1].status == Status.FOLLOWING
     slow = [lap.following.rate.update(3 * MS) for _ in range(WINDOW)]
     assert slow[-1]
