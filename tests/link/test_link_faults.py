@@ -21,11 +21,13 @@ from foretouch.link.sequence import REMEMBERED
 MS = 1_000_000
 
 
-def run(faults: Faults, messages: int = 5000) -> list[tuple[int, int]]:
-    """Send one message a millisecond; return (arrival tick, message) in order of arrival."""
+def run(faults: Faults, messages: int = 5000, at_ms: int = -1, **changes: float) -> list[tuple[int, int]]:
+    """Send one message a millisecond, from one on with other faults; (arrival tick, message) in order of arrival."""
     stage: FaultStage[int] = FaultStage(faults)
     arrived = []
     for tick in range(messages + 2000):
+        if tick == at_ms:
+            stage.change(**{"delay": 0.0, "jitter": 0.0, "loss": 0.0, "outage": 0.0, **changes})
         if tick < messages:
             stage.push(tick * MS, tick)
         arrived += [(tick, message) for message in stage.pop_due(tick * MS)]
@@ -82,34 +84,22 @@ def test_what_is_due_comes_by_its_time_and_then_by_its_turn(sent: list[tuple[int
     assert stage.pop_due(1000 * MS) == [number for _, number in sorted(waiting)]
 
 
-def changed(begins: Faults, at_ms: int, messages: int = 4000, **faults: float) -> list[tuple[int, int]]:
-    stage: FaultStage[int] = FaultStage(begins)
-    arrived = []
-    for tick in range(messages + 2000):
-        if tick == at_ms:
-            stage.change(**{"delay": 0.0, "jitter": 0.0, "loss": 0.0, "outage": 0.0, **faults})
-        if tick < messages:
-            stage.push(tick * MS, tick)
-        arrived += [(tick, message) for message in stage.pop_due(tick * MS)]
-    return arrived
-
-
 def test_faults_that_are_changed_on_the_way_are_those_from_then_on() -> None:
     """What is drawn for a message depends on the seed and its number alone, whenever the faults came to be these."""
     faults = {"delay": 0.05, "jitter": 0.02, "loss": 0.2}
     whole = {message: tick for tick, message in run(Faults(**faults, seed=4), 4000)}
-    late = {message: tick for tick, message in changed(Faults(seed=4), 1000, **faults)}
+    late = {message: tick for tick, message in run(Faults(seed=4), 4000, 1000, **faults)}
     assert all(late[message] == message for message in range(1000))
     assert {n: tick for n, tick in late.items() if n > 1000} == {n: tick for n, tick in whole.items() if n > 1000}
-    ended = {message: tick for tick, message in changed(Faults(**faults, seed=4), 1000)}
+    ended = {message: tick for tick, message in run(Faults(**faults, seed=4), 4000, 1000)}
     assert all(ended[message] == message for message in range(1000, 4000))
     assert {n for n in ended if n < 1000} == {n for n in whole if n < 1000}
-    assert changed(Faults(seed=4), 1000, **faults) == changed(Faults(seed=4), 1000, **faults)
+    assert run(Faults(seed=4), 4000, 1000, **faults) == run(Faults(seed=4), 4000, 1000, **faults)
 
 
 def test_an_outage_that_is_asked_for_on_the_way_is_that_of_the_whole_session() -> None:
     whole = {message for _, message in run(Faults(outage=2.0, seed=3), 30_000)}
-    late = {message for _, message in changed(Faults(seed=3), 10_000, 30_000, outage=2.0)}
+    late = {message for _, message in run(Faults(seed=3), 30_000, 10_000, outage=2.0)}
     assert late == set(range(10_000)) | {message for message in whole if message >= 10_000}
 
 

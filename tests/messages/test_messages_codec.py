@@ -241,7 +241,7 @@ def session() -> SessionLog:
     return SessionLog.from_messages([*leader, *follower, *models], {"material": "foam"}, {"late": 1})
 
 
-def test_each_segment_has_one_process_of_either_side() -> None:
+def test_each_segment_has_one_process_of_either_side_and_numbers_of_different_processes_are_not_paired() -> None:
     log = session()
     parts = log.segments()
     assert [(part.leader["epoch"][0], part.follower["run"][0]) for part in parts] == [(5, 1), (7, 1), (7, 2)]
@@ -251,18 +251,11 @@ def test_each_segment_has_one_process_of_either_side() -> None:
     assert sum(part.follower.size for part in parts) == log.follower.size
     assert [[one.sequence for one in part.models] for part in parts] == [[1, 2], [3], [1, 2]]
     assert all(part.settings == log.settings and part.counts == log.counts for part in parts)
-
-
-def test_what_is_said_before_the_other_side_is_heard_belongs_to_what_follows() -> None:
     first, second, third = session().segments()
     assert first.leader["run"][0] == 0 == first.follower["epoch"][0]
     assert second.leader["sequence"][0] == 1
     assert third.follower["sequence"][0] == 1
     assert third.follower["epoch"][0] == 0
-
-
-def test_numbers_of_different_processes_are_not_paired() -> None:
-    log = session()
     rows = log.rows()
     assert (rows.leader["epoch"] == rows.follower["epoch"]).all()
     assert (rows.leader["position"] == rows.follower["position"]).all()
@@ -313,7 +306,7 @@ def hello(role: str, process: str, **texts: str) -> Hello:
     return Hello(VERSION, 1, 0, role, tuple(texts), tuple(texts.values()))
 
 
-def test_counters_of_all_processes_are_summed() -> None:
+def test_counters_of_all_processes_are_summed_and_news_are_kept_once_each() -> None:
     hellos = Hellos()
     lost = COUNT_PREFIX + "commands_lost"
     for process, count in (("1", 3), ("1", 10), ("2", 0), ("2", 4)):
@@ -321,9 +314,6 @@ def test_counters_of_all_processes_are_summed() -> None:
     hellos.take(hello("leader", "9", **{COUNT_PREFIX + "models_lost": "2", "material": "foam"}))
     assert hellos.counts == {"commands_lost": 14, "models_lost": 2}
     assert hellos.settings == {"material": "foam"}
-
-
-def test_news_are_kept_once_each_and_are_no_settings() -> None:
     hellos = Hellos()
     for holder in ("", "anna", "anna", "bert", "anna"):
         hellos.take(hello("follower", "1", control=holder, trouble="", stopped=""))

@@ -187,7 +187,10 @@ def memory_kilobytes() -> int:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
 
-def fuzz(cases: int, seed: int, valid_map: bytes) -> None:
+@pytest.mark.parametrize(
+    ("cases", "seed"), [(10_000, 1), *(pytest.param(100_000, 100 + n, marks=pytest.mark.long) for n in range(10))]
+)
+def test_ten_thousand_messages_and_a_million(cases: int, seed: int, valid_map: bytes) -> None:
     warm = Fuzz(seed + 1, valid_map)  # compiles what is compiled
     for _ in range(500):
         warm.case()
@@ -198,19 +201,8 @@ def fuzz(cases: int, seed: int, valid_map: bytes) -> None:
     assert made.longest < 1000
     assert memory_kilobytes() - before < MOST_MEMORY
     # It is worth something only if every way is gone.
-    assert min(made.count[name] for name in ("version", "refused", "message", "no model", "model")) > cases / 100, (
-        made.count
-    )
-
-
-def test_ten_thousand_messages(valid_map: bytes) -> None:
-    fuzz(10_000, 1, valid_map)
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("seed", range(10))
-def test_a_million_messages(seed: int, valid_map: bytes) -> None:
-    fuzz(100_000, 100 + seed, valid_map)
+    ways = ("version", "refused", "message", "no model", "model")
+    assert min(made.count[name] for name in ways) > cases / 100, made.count
 
 
 @pytest.mark.parametrize("kind", KINDS)

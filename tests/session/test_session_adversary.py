@@ -19,18 +19,14 @@ HUNDREDS = 600
 """Programmes in space, whose ticks cost four times as much, and which last longer."""
 
 
-@pytest.mark.parametrize(("material", "tries"), [("bone", 3), ("kelvin-voigt", 4)])
-def test_a_short_search_finds_nothing(material: str, tries: int) -> None:
-    found = search(lambda programme: largest_force(material, programme), tries, seed=5)
-    assert found.force <= CEILING, found
-    assert found.force > 5.0, "it does press"
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("material", sorted(MATERIALS))
-def test_a_search_of_thousands_finds_nothing(material: str) -> None:
-    found = search(lambda programme: largest_force(material, programme), THOUSANDS)
+@pytest.mark.parametrize(
+    ("material", "tries"),
+    [("bone", 3), ("kelvin-voigt", 4), *(pytest.param(name, THOUSANDS, marks=pytest.mark.long) for name in MATERIALS)],
+)
+def test_a_search_finds_nothing(material: str, tries: int) -> None:
+    found = search(lambda programme: largest_force(material, programme), tries, seed=5 if tries < THOUSANDS else 1)
     assert found.over == 0, found
+    assert found.force > (5.0 if tries < THOUSANDS else 0.0), "it does press"
 
 
 SOFT, HARD = ("kelvin-voigt", 1.1e-5, (-1.0, 0.0, 1.0)), ("bone", 6e-6, (1.0, -1.0))
@@ -92,17 +88,13 @@ IN_SPACE = [
 ]
 
 
-@pytest.mark.parametrize(("scene", "material"), IN_SPACE[:1])
-def test_a_short_search_in_space_finds_nothing(scene: str, material: str) -> None:
-    found = search(lambda programme: largest_force_in_space(scene, material, programme), 1, SPACE_LENGTH)
-    assert found.force <= CEILING, found
-
-
-@pytest.mark.long
-@pytest.mark.parametrize(("scene", "material"), IN_SPACE)
-def test_a_search_of_hundreds_in_space_finds_nothing(scene: str, material: str) -> None:
-    """With and without a camera that sees the fixture, well or poorly; some twelve minutes for each."""
-    found = search(lambda programme: largest_force_in_space(scene, material, programme), HUNDREDS, SPACE_LENGTH)
+@pytest.mark.parametrize(
+    ("scene", "material", "tries"),
+    [(*IN_SPACE[0], 1), *(pytest.param(*scene, HUNDREDS, marks=pytest.mark.long) for scene in IN_SPACE)],
+)
+def test_a_search_in_space_finds_nothing(scene: str, material: str, tries: int) -> None:
+    """With and without a camera that sees the fixture, well or poorly; some twelve minutes for each long one."""
+    found = search(lambda programme: largest_force_in_space(scene, material, programme), tries, SPACE_LENGTH)
     assert found.over == 0, found
 
 

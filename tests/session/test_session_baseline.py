@@ -131,16 +131,6 @@ def test_palpating_with_passivity_control_gives_out_no_more_than_ticks_do() -> N
         assert surplus(palpated("delayed-tdpa", "foam-measured", grip, 0.4)) < 2e-4
 
 
-@pytest.mark.parametrize("which", ["delayed", "delayed-tdpa"])
-@pytest.mark.long
-def test_it_repeats_to_the_last_bit(which: str) -> None:
-    settings = made(which, "hunt-crossley", "soft", 0.1, jitter=0.01, loss=0.1, burst=5.0, seed=3)
-    logs = [run(ScriptedOperator(0.02, 0.01, 3), settings, 3.0) for _ in range(2)]
-    for name in logs[0].leader.dtype.names or ():
-        if name != "compute_ns":
-            np.testing.assert_array_equal(logs[0].leader[name], logs[1].leader[name])
-
-
 def test_no_default_imports_it() -> None:
     code = (
         "import sys; from foretouch.devices import ScriptedOperator; from foretouch.robot import make_robot;"

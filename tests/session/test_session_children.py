@@ -187,23 +187,20 @@ def choice(**chosen: str) -> Choice:
     return Choice(VERSION, 1, 1, **chosen)
 
 
-def test_what_is_chosen_is_in_the_settings_and_the_rest_stays() -> None:
+def test_what_is_chosen_is_in_the_settings_the_rest_stays_and_what_another_setting_forbids_is_refused() -> None:
     before = SessionSettings(seed=4, force_delay=0.2)
     after = choose(before, choice(material="bone", grip="soft"))
     assert (after.material, after.grip, after.operator) == ("bone", "soft", before.operator)
     assert (after.seed, after.force_delay) == (4, 0.2)
     assert choose(before, choice(record="start")) == before
+    with pytest.raises(SettingError, match="choose a grip"):
+        choose(SessionSettings(grip="soft", largest_stiffness=500.0), choice(grip="none"))
 
 
 @pytest.mark.parametrize("chosen", [{"material": "jelly"}, {"operator": "nobody"}, {"grip": "iron"}])
 def test_a_name_that_there_is_not_is_refused(chosen: dict[str, str]) -> None:
     with pytest.raises(UnknownNameError):
         choose(SessionSettings(), choice(**chosen))
-
-
-def test_a_choice_that_another_setting_forbids_is_refused() -> None:
-    with pytest.raises(SettingError, match="choose a grip"):
-        choose(SessionSettings(grip="soft", largest_stiffness=500.0), choice(grip="none"))
 
 
 def test_faults_that_were_set_stay_for_processes_that_begin_anew() -> None:

@@ -31,7 +31,9 @@ def pressed_in_contact() -> SessionLog:
     return run(6.0, position_delay=0.02, force_delay=0.03, clutch="3.5:3.6,4.6:5.5")
 
 
-def test_what_is_commanded_holds_still(pressed_in_contact: SessionLog) -> None:
+def test_what_is_commanded_holds_still_and_does_not_jump_when_it_is_let_go_wherever_the_hand_went(
+    pressed_in_contact: SessionLog,
+) -> None:
     leader = pressed_in_contact.leader
     pauses = clutched(pressed_in_contact)
     assert len(pauses) == 2
@@ -41,6 +43,13 @@ def test_what_is_commanded_holds_still(pressed_in_contact: SessionLog) -> None:
         assert np.ptp(leader["position"][pause]) == 0.0
         assert abs(leader["position"][pause.start] - before) < 1e-4  # as far as the hand goes in a tick
         assert np.ptp(leader["hand_position"][pause]) > 1e-4  # while the hand is free
+    for pause in clutched(pressed_in_contact):
+        moved = leader["hand_position"][pause.stop + 1] - leader["hand_position"][pause.stop]
+        assert leader["position"][pause.stop] == pytest.approx(leader["position"][pause.stop - 1], abs=1e-12)
+        assert leader["position"][pause.stop + 1] - leader["position"][pause.stop] == pytest.approx(moved, abs=1e-9)
+    apart = leader["hand_position"] - leader["position"]
+    _, long = clutched(pressed_in_contact)
+    assert abs(apart[long.stop] - apart[long.start - 1]) > 1e-3
 
 
 def test_the_force_goes_gently_and_comes_back_from_nothing(pressed_in_contact: SessionLog) -> None:
@@ -56,17 +65,6 @@ def test_the_force_goes_gently_and_comes_back_from_nothing(pressed_in_contact: S
     assert force[brief.stop] <= force[brief.stop - 1] + LARGEST_STEP + 1e-9
     assert np.abs(leader["update_step"]).max() <= LARGEST_STEP + 1e-9
     assert force[brief.stop + 100] > 0.1  # as fast as the hand's own work pays for it
-
-
-def test_no_command_jumps_when_it_is_let_go_wherever_the_hand_went(pressed_in_contact: SessionLog) -> None:
-    leader = pressed_in_contact.leader
-    for pause in clutched(pressed_in_contact):
-        moved = leader["hand_position"][pause.stop + 1] - leader["hand_position"][pause.stop]
-        assert leader["position"][pause.stop] == pytest.approx(leader["position"][pause.stop - 1], abs=1e-12)
-        assert leader["position"][pause.stop + 1] - leader["position"][pause.stop] == pytest.approx(moved, abs=1e-9)
-    apart = leader["hand_position"] - leader["position"]
-    _, long = clutched(pressed_in_contact)
-    assert abs(apart[long.stop] - apart[long.start - 1]) > 1e-3
 
 
 def test_the_scales_scale() -> None:

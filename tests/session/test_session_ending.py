@@ -82,7 +82,7 @@ def leave(follower: LineFollower, timer: Any) -> tuple[LoopWatch, list[Message]]
     return loop, said
 
 
-def test_a_robot_that_a_session_leaves_in_contact_unloads() -> None:
+def test_a_robot_in_contact_is_unloaded_as_a_session_leaves_it_and_one_in_free_air_is_left_at_once() -> None:
     lap = pressing()
     timer: Any = Ticks(lap.now)
     loop, said = leave(driven(lap, lap.robot), timer)
@@ -92,9 +92,6 @@ def test_a_robot_that_a_session_leaves_in_contact_unloads() -> None:
     assert lap.following.safety.status == Status.UNLOADING
     assert loop.ticked == timer.now_ns  # a driver that hangs now is noticed
     assert sum(isinstance(message, Telemetry) for message in said) == timer.count
-
-
-def test_one_in_free_air_is_left_at_once() -> None:
     lap = Lap.led(0.5)
     timer: Any = Ticks(lap.now)
     leave(driven(lap, lap.robot), timer)

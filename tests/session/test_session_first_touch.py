@@ -246,11 +246,7 @@ def pressed(normal: Vector) -> ForceCap:
     return cap
 
 
-def test_along_the_believed_normal_it_goes_as_a_guard_on_a_line_does() -> None:
+def test_the_cap_goes_as_a_guard_along_the_believed_normal_and_takes_what_that_does_not_explain_for_damped() -> None:
     missing = AIMED * CEILING - STIFFNESS * 199e-5
     assert pressed(UP).fastest == pytest.approx(missing / (STEEPER * STIFFNESS * PATIENCE), rel=0.3)
-
-
-def test_a_force_that_the_normal_does_not_explain_may_be_of_something_damped() -> None:
-    missing = AIMED * CEILING - STIFFNESS * 199e-5
     assert 0.0 < pressed((1.0, 0.0, 0.0)).fastest <= missing / MOST_DAMPED

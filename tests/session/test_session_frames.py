@@ -143,21 +143,10 @@ def test_a_frame_turns_the_machine_s_numbers_and_no_force() -> None:
     robot.close()
 
 
-def test_what_counts_alike_is_left_as_it_is() -> None:
+def test_what_counts_alike_is_left_as_it_is_and_the_mouse_is_found_behind_hand_and_frame() -> None:
     device, robot = ScriptedOperator(0.01, 0.005), make_robot("hunt-crossley", seed=0)
     assert framed_device(device, Frame()) is device
     assert framed_robot(robot, Frame()) is robot
-
-
-@pytest.mark.parametrize("frame", [Frame(), Frame(0.25, 1), Frame(0.25, -1), Frame(-0.5, -1)])
-def test_the_inverse_of_a_frame_undoes_it(frame: Frame) -> None:
-    back = inverse(frame)
-    for position in (-0.125, 0.0, 0.03125):
-        assert back.inside(frame.inside(position)) == position
-        assert back.outside(frame.outside(position)) == position
-
-
-def test_the_mouse_is_found_behind_hand_and_frame() -> None:
     mouse = BrowserOperator(ScriptedOperator(0.01, 0.005))
     hand = Hand(mouse, GRIPS["normal"], DeviceSpecification(damping=2.0))
     for device in (mouse, hand, framed_device(mouse, Frame(0.1, -1)), framed_device(hand, Frame(0.1, -1))):
@@ -169,6 +158,14 @@ def test_the_mouse_is_found_behind_hand_and_frame() -> None:
     assert framed.intention == pytest.approx(0.1)
     assert framed.render(3.0) == 3.0
     assert browser_operator(ScriptedOperator(0.01, 0.005)) is None
+
+
+@pytest.mark.parametrize("frame", [Frame(), Frame(0.25, 1), Frame(0.25, -1), Frame(-0.5, -1)])
+def test_the_inverse_of_a_frame_undoes_it(frame: Frame) -> None:
+    back = inverse(frame)
+    for position in (-0.125, 0.0, 0.03125):
+        assert back.inside(frame.inside(position)) == position
+        assert back.outside(frame.outside(position)) == position
 
 
 @pytest.mark.parametrize("text", ["nonsense", "0", "0,2", "0,0.5", "2,1", "nan,1", "0,1,1"])

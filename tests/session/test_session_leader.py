@@ -59,10 +59,12 @@ def test_the_delayed_force_moves_nothing(forces: list[float]) -> None:
     assert loud[-1].record.delayed_force == forces[-1]
 
 
-def test_there_is_no_force_before_a_valid_model() -> None:
+def test_there_is_no_force_before_a_valid_model_nor_in_a_hand_at_rest_when_one_comes() -> None:
     outputs = run({5: model(1, valid=False)})
     assert max(o.record.rendered_force for o in outputs) == 0.0
     assert outputs[-1].command.acknowledged_model == 1
+    outputs = run({5: model(1), 50: model(2, parameters=(9000.0, 0.0, 1.4))})
+    assert max(o.record.rendered_force for o in outputs) == 0.0
 
 
 def test_the_force_is_the_model_s_within_the_rate_limit() -> None:
@@ -85,11 +87,6 @@ def test_the_tick_that_adopts_a_model_says_by_how_much_it_changed_the_force() ->
     force = 3000.0 * 0.01**1.4
     np.testing.assert_allclose(jumps[[5, 50, 100]], [force, 2.0 * force, -3.0 * force])
     assert np.flatnonzero(jumps).tolist() == [5, 50, 100]
-
-
-def test_a_hand_at_rest_inside_is_not_pushed_by_a_model_that_comes() -> None:
-    outputs = run({5: model(1), 50: model(2, parameters=(9000.0, 0.0, 1.4))})
-    assert max(o.record.rendered_force for o in outputs) == 0.0
 
 
 def test_an_old_model_does_not_replace_a_newer_one() -> None:

@@ -178,7 +178,7 @@ def test_one_leader_alone_is_no_contest_however_it_is_delayed_lost_and_begun_ane
         assert follower.contest.sentence(now) == ""
 
 
-def test_another_who_would_command_is_named_while_it_asks_and_a_while_after() -> None:
+def test_another_who_would_command_or_a_process_of_the_same_name_is_named_while_it_asks() -> None:
     follower = Follower()
     for tick in range(1000):
         now = tick * MS
@@ -190,9 +190,6 @@ def test_another_who_would_command_is_named_while_it_asks_and_a_while_after() ->
         assert bool(said) is (tick >= 300 + MANY - 1)
     assert said == "CONTROL CONTESTED: bert would command too, and is not obeyed: anna holds control"
     assert follower.contest.sentence(600 * MS + TOLD_NS + MS) == ""
-
-
-def test_another_process_of_the_same_name_is_told_from_a_collision() -> None:
     follower = Follower()
     for tick in range(300):
         follower.tick(tick * MS, command("anna", tick + 1, tick * MS), command("anna", tick + 1, tick * MS, 7))

@@ -111,17 +111,14 @@ def test_its_recording_can_be_replayed(session: tuple[dict[str, Any], Path, str]
     assert any("real time" in note for note in replay_notes(log, settings)) == late
 
 
-def test_the_follower_feels_what_it_touches(session: tuple[dict[str, Any], Path, str]) -> None:
-    """Free air is free air and the surface is where it is, also where ticks and arrivals beat."""
+def test_every_tick_is_in_the_recording_and_the_follower_feels_what_it_touches(
+    session: tuple[dict[str, Any], Path, str],
+) -> None:
     log = read_session(session[1])
     learnt = log.follower[log.follower["command_sequence"] > 0]
     assert abs(np.median(learnt["sensor_force"][learnt["exact_force"] == 0.0]) - 0.3) < 0.02
     assert np.mean(learnt["in_contact"] == (learnt["exact_force"] > 0.0)) > 0.7
     assert 0.005 < log.models[-1].surface < 0.014
-
-
-def test_every_tick_is_in_the_recording(session: tuple[dict[str, Any], Path, str]) -> None:
-    log = read_session(session[1])
     np.testing.assert_array_equal(log.leader["sequence"], np.arange(1, log.leader.size + 1))
     learnt = log.follower[log.follower["command_sequence"] > 0]["sequence"]
     np.testing.assert_array_equal(np.diff(learnt), 1)

@@ -206,7 +206,7 @@ def test_the_delay_that_the_estimator_is_told_is_the_round_trip_and_replay_tells
     np.testing.assert_array_equal(again.predicted.force, log.leader["predicted_force"])
 
 
-def test_a_round_trip_is_the_smallest_of_a_second_by_one_clock() -> None:
+def test_a_leader_s_round_trip_is_the_smallest_of_a_second_by_one_clock_and_unknown_where_it_never_answers() -> None:
     trip, told = RoundTrip(), []
     for tick in range(2500):
         now = tick * MS
@@ -217,6 +217,11 @@ def test_a_round_trip_is_the_smallest_of_a_second_by_one_clock() -> None:
         told.append(trip.applied(tick, now))
     assert np.flatnonzero([delay is not None for delay in told]).tolist() == [1000, 2000]
     assert told[1000] == told[2000] == pytest.approx(0.04)
+    trip = RoundTrip()
+    for tick in range(10_000):
+        trip.sent(tick + 1, tick * MS)
+        trip.commanded(2**40 + tick, 0)
+        assert trip.applied(tick, tick * MS) is None
 
 
 @given(st.lists(st.tuples(st.integers(1, 40), st.integers(0, 8), st.integers(0, 40)), max_size=60))
@@ -233,14 +238,6 @@ def test_the_newest_applied_command_says_what_the_leader_renders_from(ticks: lis
         current = told[max(reached)] if reached else current
         told = {number: model for number, model in told.items() if number > applied}
         assert trip.current == current
-
-
-def test_a_leader_that_never_answers_says_nothing_of_the_delay() -> None:
-    trip = RoundTrip()
-    for tick in range(10_000):
-        trip.sent(tick + 1, tick * MS)
-        trip.commanded(2**40 + tick, 0)
-        assert trip.applied(tick, tick * MS) is None
 
 
 @pytest.mark.parametrize("faults", [pytest.param({}, marks=pytest.mark.long), {"loss": 0.05, "jitter": 0.003}])

@@ -49,7 +49,7 @@ def test_what_waits_for_a_person_is_said_each_time() -> None:
     ]
 
 
-def test_a_wanted_restart_of_the_leader_is_said_to_be_that() -> None:
+def test_a_wanted_restart_is_said_to_be_that_and_who_shares_the_terminal_says_nothing_twice() -> None:
     settings = SessionSettings(material="hunt-crossley")
     state = follower.start(make_session_robot(settings)[0].specification, settings)
     state.lease.epoch = 7
@@ -58,9 +58,6 @@ def test_a_wanted_restart_of_the_leader_is_said_to_be_that() -> None:
     assert follower_news(state, anew=True) == ANEW
     state.safety.status = Status.TOO_SLOW
     assert follower_news(state, anew=True) != ANEW
-
-
-def test_a_leader_that_shares_the_terminal_does_not_say_what_the_follower_says() -> None:
     heard = FollowerView(1)
     heard.in_control = True
     assert leader_news(heard, {"trouble": HOLDS}) == HOLDS

@@ -138,15 +138,12 @@ def test_copies_and_what_was_overtaken_are_refused() -> None:
         assert judge(freshness, sequence, 10.0) is found
 
 
-def test_numbers_and_clocks_that_run_ahead_are_from_the_future() -> None:
+def test_numbers_and_clocks_that_run_ahead_are_from_the_future_and_lost_ticks_are_not() -> None:
     freshness = Freshness(0.2, 1e-3)
     assert judge(freshness, 100, 10.0) is Arrival.FRESH
     assert freshness.judge(5000, 101 * MS, 111 * MS + FAR) is Arrival.FUTURE
     assert freshness.judge(101, 101 * MS + 20 * S, 111 * MS + FAR) is Arrival.FUTURE
     assert judge(freshness, 101, 10.0) is Arrival.FRESH, "what was refused leaves no trace"
-
-
-def test_a_leader_that_lost_ticks_is_not_from_the_future() -> None:
     freshness = Freshness(0.2, 1e-3)
     assert freshness.judge(1, 0, FAR) is Arrival.FRESH
     assert freshness.judge(2, 30 * S, FAR + 30 * S) is Arrival.FRESH

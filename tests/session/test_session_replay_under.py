@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from typing import Any
 
@@ -10,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from watched_robot import watched
 
 from foretouch.errors import RecordingError, SettingError, UnknownNameError
 from foretouch.messages import EmergencyStop, SessionLog, Status
@@ -18,7 +18,6 @@ from foretouch.session import (
     CLOSED_LOOP,
     FIXED_MOTION,
     SessionSettings,
-    make_moved_robot,
     material_answers,
     recorded_settings,
     replay_notes,
@@ -26,7 +25,6 @@ from foretouch.session import (
     simulate,
 )
 from foretouch.session.replay.machines import PlayedOperator
-from foretouch.session.runners import shadow
 
 MS = 1_000_000
 
@@ -178,20 +176,7 @@ def test_what_was_not_believed_is_not_learnt_again_and_what_comes_after_is() -> 
 
 
 def test_a_robot_that_somebody_else_moved_goes_its_way_again() -> None:
-    settings = SessionSettings(material="hunt-crossley")
-    robot, material = make_moved_robot(settings, say=pytest.fail)
-    settings = shadow.shadow_settings(settings)
-    state = shadow.start(robot.specification, settings, epoch=5, run=5)
-    records, telemetry, models = [], [], []
-    sample = robot.read()
-    for tick in range(4000):
-        state, said = shadow.step(state, shadow.Inputs(sample, MS, 0), tick * MS)
-        records.append(said.record)
-        telemetry.append(said.telemetry)
-        models += [] if said.model is None else [said.model]
-        sample = robot.exchange(math.nan)
-    texts = settings.as_text() | {"operator": "shadow", "surface": str(material.surface)}
-    log = SessionLog.from_messages([*records, *telemetry, *models], texts)
+    log, _ = watched(SessionSettings(material="hunt-crossley"), 4.0)
     out = again(log)
     assert set(out.follower["status"]) == {Status.SHADOW}
     assert np.isnan(out.follower["desired_position"]).all()

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from watched_robot import MS, watched
 
 from foretouch.link import ZenohLink, free_endpoint
 from foretouch.messages import VERSION, Command, EmergencyStop, SessionLog, Status, Telemetry
@@ -34,7 +35,6 @@ from foretouch.session.runners.news import leader_news, shadow_news
 from foretouch.session.runners.shadow import SCORED_AFTER, ShadowScore
 from foretouch.session.steps import leader
 
-MS = 1_000_000
 SETTINGS = SessionSettings(material="hunt-crossley", force_delay=0.3)
 
 
@@ -49,22 +49,6 @@ class Noting(Robot):
     def exchange(self, desired_position: float) -> RobotSample:
         self.told.append(desired_position)
         return self.robot.exchange(desired_position)
-
-
-def watched(settings: SessionSettings, seconds: float) -> tuple[SessionLog, shadow.State]:
-    robot, material = make_moved_robot(settings, say=pytest.fail)
-    settings = shadow.shadow_settings(settings)
-    state = shadow.start(robot.specification, settings, epoch=5, run=5)
-    records, telemetry, models = [], [], []
-    sample = robot.read()
-    for tick in range(round(seconds * 1000)):
-        state, said = shadow.step(state, shadow.Inputs(sample, MS, 0), tick * MS)
-        records.append(said.record)
-        telemetry.append(said.telemetry)
-        models += [] if said.model is None else [said.model]
-        sample = robot.exchange(math.nan)
-    texts = settings.as_text() | {"surface": str(material.surface)}
-    return SessionLog.from_messages([*records, *telemetry, *models], texts), state
 
 
 @pytest.fixture(scope="module")
@@ -86,7 +70,9 @@ def test_a_moved_robot_goes_its_own_way_and_leaves_out_what_it_is_told() -> None
     assert np.abs([one.position for one in nothing] - expected).max() < 1e-3  # a drive is late
 
 
-def test_what_is_said_is_a_session_at_equal_positions_with_nothing_commanded(day: tuple[SessionLog, object]) -> None:
+def test_what_is_said_is_a_session_at_equal_positions_with_nothing_commanded_and_all_fresh(
+    day: tuple[SessionLog, shadow.State],
+) -> None:
     log, _ = day
     assert set(log.follower["status"]) == {Status.SHADOW}
     assert np.isnan(log.follower["desired_position"]).all()
@@ -95,6 +81,10 @@ def test_what_is_said_is_a_session_at_equal_positions_with_nothing_commanded(day
     assert not log.follower["guarded"].any()
     assert log.leader["engaged"].all()
     assert len(log.models) > 300
+    following = day[1].following
+    assert following.freshness.counts[Arrival.FRESH] == 7_000
+    assert following.lease.refused == 0
+    assert following.held_ticks == following.faulty_ticks == 0
 
 
 def test_models_and_forces_come_as_late_as_the_settings_say(day: tuple[SessionLog, object]) -> None:
@@ -125,13 +115,6 @@ def test_it_predicts_as_a_session_does(day: tuple[SessionLog, shadow.State]) -> 
     assert score.prediction_error_percent == pytest.approx(report["prediction_error_percent"], abs=2.0)
     assert score.delayed_force_error_percent == pytest.approx(report["delayed_force_error_percent"], rel=0.1)
     assert "s in contact at" in score.sentence(0.3)
-
-
-def test_all_its_commands_are_fresh_and_its_own(day: tuple[SessionLog, shadow.State]) -> None:
-    following = day[1].following
-    assert following.freshness.counts[Arrival.FRESH] == 7_000
-    assert following.lease.refused == 0
-    assert following.held_ticks == following.faulty_ticks == 0
 
 
 def test_the_hand_s_settings_have_no_part_in_it() -> None:

@@ -78,7 +78,9 @@ def test_its_columns_are_those_of_its_log(session: SimulatedSession) -> None:
     assert session.plot("predicted_force").axes
 
 
-def test_commands_and_models_take_their_delays(session: SimulatedSession) -> None:
+def test_commands_and_models_take_their_delays_and_models_come_fifty_times_a_second_or_at_once_on_change(
+    session: SimulatedSession,
+) -> None:
     log = session.log
     rows = log.rows()
     transit = rows.follower["time_ns"] - rows.leader["time_ns"]
@@ -88,9 +90,6 @@ def test_commands_and_models_take_their_delays(session: SimulatedSession) -> Non
     arrived = np.unique(log.leader["model_sequence"], return_index=True)
     ages = [int(log.leader["time_ns"][i]) - sent[s] for s, i in zip(*map(np.ndarray.tolist, arrived), strict=True) if s]
     assert min(ages) == max(ages) == 300_000_000
-
-
-def test_models_come_fifty_times_a_second_and_at_once_on_change(session: SimulatedSession) -> None:
     gaps = np.diff([model.time_ns for model in session.log.models])
     assert np.median(gaps) == 20_000_000
     assert gaps.max() == 20_000_000

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner
@@ -54,9 +55,18 @@ def test_settings_alone_give_the_session_that_the_command_gives(options: dict[st
     assert log.settings.items() <= recorded.settings.items()
 
 
-@pytest.mark.parametrize("scene", ["", "plane"])
-def test_a_session_equals_its_repetition_whatever_the_computer_took(scene: str) -> None:
-    settings = SessionSettings(material="hunt-crossley", seed=3, scene=scene, fusion="contact", loss=0.1)
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"fusion": "contact"},
+        {"scene": "plane", "fusion": "contact"},
+        {"scene": "hill", "fusion": "contact", "jitter": 0.01},
+        {"baseline": "delayed-tdpa", "grip": "soft", "jitter": 0.01, "burst": 5.0},
+    ],
+    ids=str,
+)
+def test_a_session_equals_its_repetition_whatever_the_computer_took(changes: dict[str, Any]) -> None:
+    settings = SessionSettings(**{"material": "hunt-crossley", "seed": 3, "loss": 0.1} | changes)
     one, other = (simulate(settings, duration=SECONDS) for _ in range(2))
     for side in (other.log.leader, other.log.follower):
         side["compute_ns"] += 1
@@ -122,7 +132,7 @@ def test_every_operator_of_the_package_says_whether_it_is_fresh(operator: Device
     assert not operator.fresh
 
 
-def test_every_robot_of_the_package_says_whether_it_is_fresh() -> None:
+def test_every_robot_says_whether_it_is_fresh_and_one_that_does_not_is_taken() -> None:
     def arm() -> Robot:
         return make_robot("hunt-crossley")
 
@@ -133,6 +143,10 @@ def test_every_robot_of_the_package_says_whether_it_is_fresh() -> None:
         assert robot.fresh
         robot.exchange(0.0)
         assert not robot.fresh
+    robot = Wall()
+    for _ in range(2):
+        operator = ScriptedOperator(0.01, 0.005)
+        assert simulate(SETTINGS, duration=SECONDS, operator=operator, robot=robot).log.follower.size
 
 
 class Wall(Robot):
@@ -145,13 +159,6 @@ class Wall(Robot):
 
     def exchange(self, desired_position: float) -> RobotSample:
         return self._arm.exchange(desired_position)
-
-
-def test_a_robot_that_does_not_say_whether_it_is_fresh_is_taken() -> None:
-    robot = Wall()
-    for _ in range(2):
-        operator = ScriptedOperator(0.01, 0.005)
-        assert simulate(SETTINGS, duration=SECONDS, operator=operator, robot=robot).log.follower.size
 
 
 @pytest.mark.parametrize("framed", [False, True])

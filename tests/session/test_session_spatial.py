@@ -139,16 +139,6 @@ def test_no_more_energy_comes_out_than_the_bound_and_no_update_jerks() -> None:
     assert np.linalg.norm(force, axis=0).max() < 10.0
 
 
-def test_it_repeats_to_the_last_bit() -> None:
-    first, second = (run(0.8, camera=False, seed=4, loss=0.05, jitter=0.01) for _ in range(2))
-    for table in ("leader_space", "follower_space"):
-        one, other = getattr(first, table), getattr(second, table)
-        for name in one.dtype.names:
-            np.testing.assert_array_equal(one[name], other[name], err_msg=name)
-    assert first.models == second.models
-    assert first.fields == second.fields
-
-
 @sees
 @pytest.mark.long
 def test_a_hidden_board_ages_and_nothing_jumps() -> None:

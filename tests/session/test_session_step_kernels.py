@@ -114,8 +114,7 @@ def test_a_whole_number_compiles_nothing_and_is_the_same() -> None:
     assert [len(getattr(kernel, "signatures", [None])) for kernel in KERNELS] == [1] * len(KERNELS)
 
 
-def test_two_that_share_an_array_with_others_do_not_disturb_each_other() -> None:
-    """The guard and the path within a safety answer as those that stand alone."""
+def test_an_array_that_is_shared_disturbs_nobody_and_a_guard_without_a_contact_reckons_with_the_softest() -> None:
     limits = SafetyLimits(workspace=(-1.0, 1.0))
     safety, alone = Safety(limits, TICK), MotionLimits(limits.speed, limits.acceleration, limits.jerk, TICK)
     aims = [0.005 * math.sin(tick / 400) for tick in range(2000)]
@@ -123,9 +122,6 @@ def test_two_that_share_an_array_with_others_do_not_disturb_each_other() -> None
     alone.begin(0.0)
     reckoned = [alone.update(aim) for aim in aims]
     assert told[400:] == pytest.approx(reckoned[400:], abs=1e-9)
-
-
-def test_a_guard_that_knows_no_contact_reckons_with_the_softest() -> None:
     guard = ForceGuard()
     assert guard.speed(15.0) == 0.0
     guard.observe(0.0, 1.0, False)
