@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 import time
+from contextlib import nullcontext
 
 import msgspec
 import pytest
@@ -154,19 +155,22 @@ def test_a_port_in_use_is_refused_in_one_line() -> None:
             ZenohLink(listen=[f"tcp/127.0.0.1:{port}"])
 
 
-@pytest.mark.parametrize("endpoint", ["tcp/192.0.2.1:7447", "tcp/0.0.0.0:7447", "tcp/[::]:7447", "tcp/robot.lab:7447"])
-def test_endpoints_off_this_machine_need_insecure(endpoint: str) -> None:
-    with pytest.raises(LinkError, match=r"off this machine .*--insecure"):
+@pytest.mark.parametrize(
+    ("endpoint", "message"),
+    [
+        *(
+            (f"tcp/{host}:7447", r"off this machine .*--insecure")
+            for host in ("192.0.2.1", "0.0.0.0", "[::]", "robot.lab")
+        ),
+        *((f"tcp/{host}:7447", "") for host in ("127.0.0.1", "localhost", "[::1]", "127.5.5.5")),
+        *(
+            (endpoint, "write it as tcp/HOST:PORT")
+            for endpoint in ("127.0.0.1:7447", "udp/127.0.0.1:7447", "tcp/127.0.0.1", "tcp/127.0.0.1:0", "")
+        ),
+    ],
+)
+def test_endpoints_are_on_this_machine_or_insecure_and_written_as_they_should_be(endpoint: str, message: str) -> None:
+    with pytest.raises(LinkError, match=message) if message else nullcontext():
         check_endpoint(endpoint)
-    check_endpoint(endpoint, insecure=True)
-
-
-@pytest.mark.parametrize("endpoint", ["tcp/127.0.0.1:7447", "tcp/localhost:7447", "tcp/[::1]:7447", "tcp/127.5.5.5:1"])
-def test_loopback_is_allowed(endpoint: str) -> None:
-    check_endpoint(endpoint)
-
-
-@pytest.mark.parametrize("endpoint", ["127.0.0.1:7447", "udp/127.0.0.1:7447", "tcp/127.0.0.1", "tcp/127.0.0.1:0", ""])
-def test_malformed_endpoints_say_how_to_write_one(endpoint: str) -> None:
-    with pytest.raises(LinkError, match="write it as tcp/HOST:PORT"):
-        check_endpoint(endpoint)
+    if "insecure" in message:
+        check_endpoint(endpoint, insecure=True)

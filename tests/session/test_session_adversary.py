@@ -112,19 +112,6 @@ def test_an_enemy_in_space_goes_on_after_a_stop() -> None:
     assert 10.0 < max(attack.forces[before + 300 :]) <= CEILING, "and after it the same enemy presses again"
 
 
-@pytest.mark.long  # a shorter way of the same kind is in test_session_last_limit.py
-@pytest.mark.parametrize("scene", ["hill", "phantom"])
-def test_a_hand_that_goes_under_the_surface_and_sideways_is_followed_softly(scene: str) -> None:
-    """Where the nearest point of the surface is another from one tick to the next nothing jumps and strikes."""
-    attack = SpaceAttack(scene, "kelvin-voigt", np.array((0.0, 0.0, 0.0, 0.002, 0.0)))
-    while not attack.touches and len(attack.forces) < attack.longest_touch:
-        attack.tick((0.0, 0.0, -0.05))
-    attack.step((0.0, 0.0, -0.05), 1.0)
-    for target in ((0.05, 0.0, -0.05), (-0.05, 0.03, -0.04), (0.0, 0.0, 0.03)):
-        attack.glide(target, 0.8)
-    assert 2.0 < max(attack.forces) <= CEILING
-
-
 BESIDE = [
     ((0.535, 0.831, 0.3, 0.706, 0.835), (0.392, 0.17, 0.385, 0.93)),
     pytest.param((0.1549, 0.6323, 0.2029, 0.6122, 0.9612), (0.1349, 0.4394, 0.7632, 0.1504), marks=pytest.mark.long),

@@ -122,24 +122,21 @@ def test_models_carry_the_standard_errors_that_their_estimator_tells(law: str, t
         assert errors[-1, 0] < abs(valid[-1].parameters[0])  # of the stiffness, which four seconds of presses show
 
 
-def test_a_model_that_flickers_floods_nobody() -> None:
-    models = Pressing(Flickering(), {0: 500.0}).run(6000)
-    without_limit = 6000 * np.mean([len(encode(model)) for model in models])
-    assert without_limit > 6 * 50_000
+class Large(Flickering):
+    @property
+    def state(self) -> tuple[float, ...]:
+        return (0.1,) * 400
+
+
+@pytest.mark.parametrize(("estimator", "size", "longest"), [(Flickering(), 50, 20), (Large(), 3_500, 200)])
+def test_a_model_that_flickers_floods_nobody_and_a_large_one_is_sent_less_often(
+    estimator: Estimator, size: int, longest: int
+) -> None:
+    models = Pressing(estimator, {0: 500.0}).run(6000)
+    assert len(encode(models[-1])) > size
+    assert 6000 * np.mean([len(encode(model)) for model in models]) > 6 * 50_000, "that would be too much"
     assert 40_000 < bytes_in_worst_second(models) <= 50_000
-    assert max(np.diff([model.time_ns for model in models])) <= 20 * MS
-
-
-def test_a_large_model_is_sent_less_often_and_still_within_200_ms() -> None:
-    class Large(Flickering):
-        @property
-        def state(self) -> tuple[float, ...]:
-            return (0.1,) * 400
-
-    models = Pressing(Large(), {0: 500.0}).run(4000)
-    assert len(encode(models[-1])) > 3_500
-    assert bytes_in_worst_second(models) <= 50_000
-    assert max(np.diff([model.time_ns for model in models])) <= 200 * MS
+    assert max(np.diff([model.time_ns for model in models])) <= longest * MS
 
 
 def test_a_map_is_packed_for_the_models_that_are_sent_and_no_others() -> None:

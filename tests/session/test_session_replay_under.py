@@ -78,17 +78,14 @@ def test_under_its_own_settings_a_session_comes_out_bit_by_bit(changes: dict[str
     assert out.settings == log.settings | {"replay": "open loop"}
 
 
-def test_so_does_one_whose_hand_was_moved_and_whose_motion_is_fixed_now(felt: SessionLog) -> None:
-    out = again(felt)
-    assert_same(out, felt)
-    assert session_figures(out)["loop"].startswith("open loop")
-
-
-def test_so_does_one_whose_hand_answers(felt: SessionLog) -> None:
-    out = again(felt, closed_loop=True)
+@pytest.mark.parametrize("closed_loop", [False, True])
+def test_so_does_one_whose_hand_was_moved_whether_its_motion_is_fixed_now_or_it_answers(
+    felt: SessionLog, closed_loop: bool
+) -> None:
+    out = again(felt, closed_loop=closed_loop)
     assert not felt.leader["engaged"][3700:3800].all()  # the clutch was pressed, and is again
     assert_same(out, felt)
-    assert session_figures(out)["loop"].startswith("closed loop")
+    assert session_figures(out)["loop"].startswith("closed loop" if closed_loop else "open loop")
 
 
 @pytest.mark.long
@@ -124,9 +121,11 @@ def test_the_hand_gives_way_where_it_is_to_answer() -> None:
     )
 
 
-def test_a_closed_loop_needs_a_hand(pressed: SessionLog) -> None:
+def test_a_closed_loop_needs_a_hand_and_a_robot_that_answers(pressed: SessionLog, felt: SessionLog) -> None:
     with pytest.raises(SettingError, match="choose a grip of normal, soft, stiff"):
         again(pressed, closed_loop=True)
+    with pytest.raises(SettingError, match="needs a material that answers"):
+        again(on_a_real_robot(felt), closed_loop=True)
 
 
 # --- robots that do not answer ----------------------------------------------------------------------------------------
@@ -157,11 +156,6 @@ def test_under_another_delay_true_and_predicted_force_stay_at_equal_command(posi
     report, answered = session_figures(out), session_figures(again(simulated, position_delay=position_delay))
     for figure in ("prediction_error_percent", "delayed_force_error_percent"):
         assert report[figure] == pytest.approx(answered[figure], abs=1.5)
-
-
-def test_no_hand_can_answer_to_a_robot_that_does_not(felt: SessionLog) -> None:
-    with pytest.raises(SettingError, match="needs a material that answers"):
-        again(on_a_real_robot(felt), closed_loop=True)
 
 
 def test_what_was_not_believed_is_not_learnt_again_and_what_comes_after_is() -> None:
@@ -224,21 +218,19 @@ def test_a_recording_of_old_has_the_proxy_alone_and_one_that_was_cut_is_replayed
 
 
 def test_a_side_or_a_motion_that_is_missing_is_said(pressed: SessionLog) -> None:
-    with pytest.raises(RecordingError, match="a side is missing"):
-        again(replace(pressed, leader=pressed.leader[:0]))
-    with pytest.raises(RecordingError, match="a side is missing"):
-        again(replace(pressed, follower=pressed.follower[:0]))
-    leader = pressed.leader.copy()
-    leader["hand_position"] = leader["position"] = np.nan
-    with pytest.raises(RecordingError, match="no position of the operator's hand"):
-        again(replace(pressed, leader=leader))
-    scene = replace(pressed, settings=pressed.settings | {"scene": "torso"})
-    with pytest.raises(RecordingError, match="three dimensions"):
-        replay_under(scene, SessionSettings(material="hunt-crossley"))
-    follower = on_a_real_robot(pressed).follower
-    follower["command_sequence"] = 0
-    with pytest.raises(RecordingError, match="applied no command"):
-        again(replace(pressed, follower=follower))
+    still, idle = pressed.leader.copy(), on_a_real_robot(pressed).follower
+    still["hand_position"] = still["position"] = np.nan
+    idle["command_sequence"] = 0
+    wrong: list[tuple[dict[str, Any], str]] = [
+        ({"leader": pressed.leader[:0]}, "a side is missing"),
+        ({"follower": pressed.follower[:0]}, "a side is missing"),
+        ({"leader": still}, "no position of the operator's hand"),
+        ({"settings": pressed.settings | {"scene": "torso"}}, "three dimensions"),
+        ({"follower": idle}, "applied no command"),
+    ]
+    for changes, message in wrong:
+        with pytest.raises(RecordingError, match=message):
+            replay_under(replace(pressed, **changes), SessionSettings(material="hunt-crossley"))
 
 
 def test_what_is_to_be_known_is_said(pressed: SessionLog, felt: SessionLog) -> None:

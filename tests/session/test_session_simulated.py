@@ -120,15 +120,12 @@ def test_every_material_is_pressed_within_the_clamps(material: str) -> None:
     assert log.follower["exact_force"].max() <= 1.1 * 15.0
 
 
-def test_the_robot_follows_within_two_milliseconds_where_it_has_been_before(session: SimulatedSession) -> None:
-    """In the first three presses it goes slowly in through what it does not know."""
+def test_the_robot_follows_within_two_milliseconds_where_it_has_been_before_and_compensation_leaves_the_exact_force(
+    session: SimulatedSession,
+) -> None:
     tracking = session_figures(session.log, score_from=5.0)["tracking_error"]
     assert 0.0 < tracking["lag_ms"] <= 2.0
     assert tracking["rms_mm"] < 0.1
-
-
-def test_compensation_leaves_the_exact_force(session: SimulatedSession) -> None:
-    """The conditioned force is the simulator's own, but for noise, the sensor's low-pass and the offset's estimate."""
     follower = session.log.follower[1500:]
     error = follower["force"] - follower["exact_force"]
     assert abs(error.mean()) < 0.03

@@ -96,15 +96,22 @@ def test_either_of_operator_and_robot_may_be_brought() -> None:
         assert (log.follower["force"] == alone.follower["force"]).all()
 
 
-def test_a_scene_has_its_own_operator_and_robot() -> None:
-    with pytest.raises(SettingError, match="scene = 'plane': has an operator and a robot of its own: leave both out"):
-        simulate(SessionSettings(scene="plane"), duration=SECONDS, robot=make_robot("hunt-crossley"))
+FRAMED = FramedRobot(FaultySensor(make_robot("hunt-crossley"), SensorFault("stuck", 1.0)), Frame(0.1, -1.0))
 
 
-@pytest.mark.parametrize("scene", ["", "plane"])
-def test_nobody_sits_at_a_console_in_simulated_time(scene: str) -> None:
-    with pytest.raises(SettingError, match="operator = 'browser': needs real time"):
-        simulate(SessionSettings(operator="browser", scene=scene), duration=SECONDS)
+@pytest.mark.parametrize(
+    ("changes", "robot", "message"),
+    [
+        ({"scene": "plane"}, make_robot("bone"), "scene = 'plane': has an operator and a robot of its own: leave both"),
+        ({"operator": "browser"}, None, "operator = 'browser': needs real time"),
+        ({"operator": "browser", "scene": "plane"}, None, "operator = 'browser': needs real time"),
+        ({"material": "bone"}, make_robot("hunt-crossley"), "material = 'bone': the robot presses hunt-crossley; make"),
+        ({"material": "bone"}, FRAMED, "material = 'bone': the robot presses hunt-crossley; make it with make_ro"),
+    ],
+)
+def test_what_does_not_go_together_is_refused(changes: dict[str, Any], robot: Robot | None, message: str) -> None:
+    with pytest.raises(SettingError, match=message):
+        simulate(SessionSettings(**changes), duration=SECONDS, robot=robot)
 
 
 def test_an_operator_or_a_robot_that_was_used_before_is_refused() -> None:
@@ -159,15 +166,6 @@ class Wall(Robot):
 
     def exchange(self, desired_position: float) -> RobotSample:
         return self._arm.exchange(desired_position)
-
-
-@pytest.mark.parametrize("framed", [False, True])
-def test_a_robot_of_another_material_than_the_settings_is_refused(framed: bool) -> None:
-    robot: Robot = make_robot("hunt-crossley")
-    if framed:
-        robot = FramedRobot(FaultySensor(robot, SensorFault("stuck", 1.0)), Frame(0.1, -1.0))
-    with pytest.raises(SettingError, match=r"material = 'bone': the robot presses hunt-crossley; make it with make_ro"):
-        simulate(SessionSettings(material="bone"), duration=SECONDS, robot=robot)
 
 
 def test_the_log_names_a_material_of_the_callers_own() -> None:

@@ -273,28 +273,21 @@ def floor(place: tuple, velocity: tuple, elapsed: float) -> tuple:
     return 0.0, 0.0, 400.0 * max(-place[2], 0.0)
 
 
-def test_silence_holds_in_all_directions_and_then_unloads() -> None:
-    bench = Bench(floor)
-    bench.go(line((0.0, 0.0, 0.01), (0.0, 0.0, -0.006), 1500))
-    bench.go(line((0.0, 0.0, -0.006), (0.01, 0.0, -0.006), 300))
-    before = bench.sample.exact_place
-    bench.go(np.repeat(NOTHING, 400, axis=0))
-    assert bench.status == Status.HOLDING
-    assert math.dist(before[:2], bench.sample.exact_place[:2]) < 1e-3
-    bench.go(np.repeat(NOTHING, 1000, axis=0))
-    assert bench.status == Status.UNLOADING
-    assert bench.sample.exact_force[2] < 1.0
-
-
-def test_an_emergency_stop_unloads_and_stays() -> None:
-    bench = Bench(floor)
-    bench.go(line((0.0, 0.0, 0.01), (0.0, 0.0, -0.006), 1500))
+@pytest.mark.parametrize("stops", [False, True])
+def test_silence_and_an_emergency_stop_hold_in_all_directions_and_unload(stops: bool) -> None:
+    bench, deep = Bench(floor), (0.0, 0.0, -0.006)
+    bench.go(line((0.0, 0.0, 0.01), deep, 1500))
     assert bench.sample.exact_force[2] > 1.5
-    bench.go(line((0.0, 0.0, -0.006), (0.0, 0.0, -0.006), 1), stop="pressed")
-    bench.go(line((0.0, 0.0, -0.006), (0.02, 0.0, -0.006), 800))
-    assert bench.status == Status.STOPPED
+    if stops:
+        bench.go(line(deep, deep, 1), stop="pressed")
+    before = bench.sample.exact_place
+    bench.go(line(deep, (0.02, 0.0, -0.006), 400) if stops else np.repeat(NOTHING, 400, axis=0))
+    assert bench.status == (Status.STOPPED if stops else Status.HOLDING)
+    assert math.dist(before[:2], bench.sample.exact_place[:2]) < 2e-3
+    bench.go(line(deep, (0.02, 0.0, -0.006), 400) if stops else np.repeat(NOTHING, 1000, axis=0))
+    assert bench.status == (Status.STOPPED if stops else Status.UNLOADING)
     assert bench.sample.exact_force[2] < 1.0
-    assert abs(bench.sample.exact_place[0]) < 2e-3
+    assert math.dist(before[:2], bench.sample.exact_place[:2]) < 2e-3
 
 
 @pytest.mark.parametrize("wrong", [(), (1.0,), (math.nan, 0.0, 0.0), (math.inf, 0.0, 0.0), (1e9, 0.0, 0.0)])
