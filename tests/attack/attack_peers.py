@@ -47,15 +47,17 @@ def flood(target: Target, words: Words, count: int) -> int:
     return round(max(side.memory - was for side, was in zip(sides, before, strict=True)))
 
 
+def of_46_kb(role: str, number: object) -> tuple[str, bytes]:
+    names = tuple(f"n{number}-{i}" for i in range(120))
+    return "foretouch/hello/watcher", encode(Hello(VERSION, 1, 1, role, names, ("v" * 380,) * 120))
+
+
 def another_role(number: int) -> tuple[str, bytes]:
-    """A hello of 46 kB, each time in another role."""
-    names = tuple(f"n{i}" for i in range(120))
-    return "foretouch/hello/watcher", encode(Hello(VERSION, 1, 1, f"r{number}", names, ("v" * 380,) * 120))
+    return of_46_kb(f"r{number}", "")
 
 
 def other_names(number: int) -> tuple[str, bytes]:
-    names = tuple(f"n{number}-{i}" for i in range(120))
-    return "foretouch/hello/watcher", encode(Hello(VERSION, 1, 1, "recorder", names, ("v" * 380,) * 120))
+    return of_46_kb("recorder", number)
 
 
 def other_version(number: int) -> tuple[str, bytes]:

@@ -66,7 +66,7 @@ def marked(receiver: ZenohLink) -> set[str]:
     return {name for name in receiver.inboxes if any(m.sequence == MARK for _, m in receiver.take(name))}
 
 
-def test_the_access_list_denies_what_it_does_not_name() -> None:
+def test_the_access_list_denies_what_it_does_not_name_and_a_hello_is_under_its_speaker_s_key() -> None:
     made: Any = access_list(ROLES, ["command", "stop"])
     assert (made["enabled"], made["default_permission"]) == (True, "deny")
     ingress = {rule["id"]: rule["key_exprs"] for rule in made["rules"] if rule["id"] in ROLES}
@@ -77,10 +77,7 @@ def test_the_access_list_denies_what_it_does_not_name() -> None:
     wide = {key for rule in made["rules"] for key in rule["key_exprs"] if "*" in key}
     assert wide == {"foretouch/hello/*", "foretouch/command/*"}
     assert not any("*" in key for keys in ingress.values() for key in keys)
-
-
-def test_a_hello_between_machines_is_under_its_speaker_s_key() -> None:
-    made: Any = access_list(ROLES, ["hello"])
+    made = access_list(ROLES, ["hello"])
     ingress = {rule["id"]: rule["key_exprs"] for rule in made["rules"] if rule["id"] in ROLES}
     assert ingress == {role: [f"foretouch/hello/{role}"] for role in ROLES}
     claims = {
@@ -92,6 +89,12 @@ def test_a_hello_between_machines_is_under_its_speaker_s_key() -> None:
         ("foretouch/hello/follower", "recorder"): False,
     }
     assert {claim: may_claim(*claim) for claim in claims} == claims
+    assert set(may_publish("follower")) >= {"telemetry", "model", "hello", "stop"}
+    assert set(may_publish("leader")) >= {"command", "leader", "hello", "settings", "stop"}
+    assert set(may_publish("watcher")) >= {"handle", "settings", "stop", "emergency", "hello"}
+    assert not set(may_publish("watcher")) & {"command", "leader", "model", "telemetry"}
+    assert not set(may_publish("follower")) & {"command", "leader", "handle", "settings"}
+    assert not set(may_publish("leader")) & {"model", "telemetry", "handle"}
 
 
 @pytest.mark.network
@@ -154,15 +157,6 @@ def test_nobody_commands_in_another_s_name(ours: KeyFolder) -> None:
             time.sleep(0.01)
         assert {(one.holder, one.sequence == MARK) for one in arrived} == {("leader", False), ("leader.bob", True)}
         assert follower.undecodable > 0, "what came under bob's own key in another's name"
-
-
-def test_who_may_say_what() -> None:
-    assert set(may_publish("follower")) >= {"telemetry", "model", "hello", "stop"}
-    assert set(may_publish("leader")) >= {"command", "leader", "hello", "settings", "stop"}
-    assert set(may_publish("watcher")) >= {"handle", "settings", "stop", "emergency", "hello"}
-    assert not set(may_publish("watcher")) & {"command", "leader", "model", "telemetry"}
-    assert not set(may_publish("follower")) & {"command", "leader", "handle", "settings"}
-    assert not set(may_publish("leader")) & {"model", "telemetry", "handle"}
 
 
 @pytest.fixture

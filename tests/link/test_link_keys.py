@@ -91,12 +91,6 @@ def test_what_is_public_may_be_read_but_not_written_by_others(keys: KeyFolder, n
         load_credentials("leader", keys.path, now=NOW)
 
 
-def test_a_folder_that_others_may_write_is_refused(keys: KeyFolder) -> None:
-    keys.path.chmod(0o770)
-    with pytest.raises(SettingError, match=f"can be written by others: chmod 700 {keys.path}$"):
-        load_credentials("leader", keys.path, now=NOW)
-
-
 def test_a_folder_that_others_may_look_into_is_tightened_when_keys_are_made(tmp_path: Path) -> None:
     for mode, tightened in ((0o755, True), (0o750, True), (0o711, True), (0o700, False)):
         keys = KeyFolder(tmp_path / f"{mode:o}")
@@ -192,7 +186,7 @@ def test_a_rotation_that_crashes_anywhere_leaves_the_old_or_the_new(
     assert not {name for name in old if name != "allowed.txt" and content(keys)[name] == after[name]}
 
 
-def test_what_is_not_there_is_told(tmp_path: Path, keys: KeyFolder) -> None:
+def test_a_folder_that_others_may_write_is_refused_and_what_is_not_there_told(tmp_path: Path, keys: KeyFolder) -> None:
     with pytest.raises(SettingError, match=r"is no folder of keys .*foretouch keys init makes one"):
         load_credentials("leader", tmp_path / "nowhere")
     with pytest.raises(SettingError, match="no certificate for the leader: foretouch keys issue leader"):
@@ -200,6 +194,9 @@ def test_what_is_not_there_is_told(tmp_path: Path, keys: KeyFolder) -> None:
     (keys.path / "authority.key").unlink()
     with pytest.raises(SettingError, match=r"authority.key.* is not here: run this where the authority was made"):
         keys.issue("leader", "", NOW)
+    keys.path.chmod(0o770)
+    with pytest.raises(SettingError, match=f"can be written by others: chmod 700 {keys.path}$"):
+        load_credentials("leader", keys.path, now=NOW)
 
 
 def test_of_several_certificates_of_a_role_the_plain_one_is_taken(keys: KeyFolder) -> None:

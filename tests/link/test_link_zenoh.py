@@ -13,17 +13,7 @@ from intruders import intruder, until
 from foretouch.errors import LinkError, PeerVersionError
 from foretouch.link import ZenohLink, check_endpoint, free_endpoint
 from foretouch.link.zenoh_link import PATIENCE
-from foretouch.messages import (
-    CHANNELS,
-    LARGEST_MESSAGE,
-    VERSION,
-    Command,
-    Hello,
-    Message,
-    ModelUpdate,
-    Stop,
-    encode,
-)
+from foretouch.messages import CHANNELS, LARGEST_MESSAGE, VERSION, Command, Hello, Message, ModelUpdate, Stop, encode
 
 pytestmark = pytest.mark.network
 

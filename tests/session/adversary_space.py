@@ -1,9 +1,4 @@
-"""The enemy of `adversary` in space: places, edges, circles, strikes and stops, with and without a camera.
-
-Without a camera the fixture's pose is known by touch alone, from the tracker of real sessions, or there is no tracker.
-
-A programme's five first numbers are the scene's own: first touch, drive, camera, seed, and one that is free.
-"""
+"""The enemy of `adversary` in space: places, edges, circles, strikes and stops, with and without a camera."""
 
 from __future__ import annotations
 

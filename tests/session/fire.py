@@ -19,16 +19,7 @@ import numpy as np
 from relay import Relay
 
 from foretouch.link import ZenohLink, free_endpoint
-from foretouch.messages import (
-    Hello,
-    LeaderState,
-    Message,
-    SessionLog,
-    Status,
-    Stop,
-    Telemetry,
-    split_texts,
-)
+from foretouch.messages import Hello, LeaderState, Message, SessionLog, Status, Stop, Telemetry, split_texts
 
 WATCHED = ("telemetry", "leader", "model", "hello", "stop")
 OBEYS = (Status.FOLLOWING, Status.GUARDED, Status.RETURNING)

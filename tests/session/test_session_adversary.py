@@ -1,8 +1,4 @@
-"""Nothing that a leader says gets the force over its ceiling: an enemy searches for it, with the telemetry in hand.
-
-`make test-long` tries 5,000 programmes on each material along a line, and 600 in each of five scenes; with the drive of
-the arm clipped at 15 N and not at all.
-"""
+"""Nothing that a leader says gets the force over its ceiling: an enemy searches for it, with the telemetry in hand."""
 
 from __future__ import annotations
 

@@ -74,14 +74,22 @@ def surplus(log: SessionLog) -> float:
     return float(-np.min(log.leader["energy"] + log.leader["energy_bound"]))
 
 
-@pytest.mark.parametrize("which", ["delayed", "delayed-tdpa"])
-@pytest.mark.parametrize("round_trip", [0.0, 0.02])
+@pytest.mark.parametrize(
+    ("which", "material", "grip", "round_trip"),
+    [
+        *((which, "foam-measured", "normal", late) for which in ("delayed", "delayed-tdpa") for late in (0.0, 0.02)),
+        ("delayed", "hunt-crossley", "stiff", 0.4),
+    ],
+)
 @pytest.mark.long
-def test_soft_foam_in_a_normal_grip_is_stable_at_short_delays(which: str, round_trip: float) -> None:
-    log = held(which, "foam-measured", "normal", round_trip, 10.0)
+def test_soft_foam_is_stable_at_short_delays_and_what_is_softer_than_the_grip_at_any(
+    which: str, material: str, grip: str, round_trip: float
+) -> None:
+    log = held(which, material, grip, round_trip, 10.0)
     assert swing(log) < 1e-5
-    assert surplus(log) <= 0.0
-    assert np.mean(log.leader["rendered_force"][-3000:]) > 1.5
+    if material == "foam-measured":
+        assert surplus(log) <= 0.0
+        assert np.mean(log.leader["rendered_force"][-3000:]) > 1.5
 
 
 STIFF_FOR_ITS_GRIP = [
@@ -109,11 +117,6 @@ def test_passivity_control_keeps_the_hand_still_there_and_takes_the_force_away(
     assert swing(log) < 1e-4
     assert surplus(log) < min(2e-3, 0.1 * surplus(free))
     assert np.mean(log.leader["rendered_force"][-3000:]) < 0.3 * np.mean(log.follower["exact_force"][-3000:])
-
-
-@pytest.mark.long
-def test_a_grip_that_is_stiffer_than_the_material_is_stable_at_any_delay() -> None:
-    assert swing(held("delayed", "hunt-crossley", "stiff", 0.4, 10.0)) < 1e-5
 
 
 def test_without_a_delay_the_force_is_nearly_right_and_with_one_it_is_not() -> None:

@@ -100,9 +100,7 @@ def test_one_that_was_stopped_by_a_signal_is_not_silent(begin: Callable[..., Chi
     listen(child, lambda: child.silence > 0.2)
 
 
-def test_a_supervisor_that_was_stopped_itself_does_not_count_that_time(
-    begin: Callable[..., Child],
-) -> None:
+def test_a_supervisor_that_was_stopped_itself_does_not_count_that_time(begin: Callable[..., Child]) -> None:
     child = begin(BEATS.replace("COUNT", "1"))
     listen(child, lambda: child.begun is not None)
     child.listened -= 100.0

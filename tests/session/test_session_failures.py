@@ -121,11 +121,7 @@ ON_A_LINE: list[tuple[Any, str]] = [
     *LEARNING,
 ]
 IN_SPACE = [(MaterialFieldLearner, "update"), (space, "_with_position"), (Course, "go"), (FieldSender, "due")]
-RARELY_IN_SPACE = [
-    (MaterialFieldLearner, "touch_at"),
-    (space, "_learn_beside_the_law"),
-    (space, "_with_fixture"),
-]
+RARELY_IN_SPACE = [(MaterialFieldLearner, "touch_at"), (space, "_learn_beside_the_law"), (space, "_with_fixture")]
 
 
 @pytest.mark.parametrize(

@@ -71,17 +71,11 @@ COMPARED = ("rendered_force", "predicted_force", "position", "hand_position", "i
 
 
 def session(settings: SessionSettings, *, mirrored: bool = False, duration: float = 3.0) -> Any:
-    plain = dataclasses.replace(settings, leader_frame="0,1", follower_frame="0,1")
+    """A session with machines that count as the session does, or that are mirrored."""
     arm = make_robot("hunt-crossley", seed=1)
-    operator = make_operator(
-        plain, surface=arm.material.surface, press_depth=arm.material.press_depth, say=lambda line: None
-    )
-    return simulate(
-        settings,
-        duration=duration,
-        operator=MirroredDevice(operator) if mirrored else operator,
-        robot=MirroredArm(arm) if mirrored else arm,
-    ).log
+    operator = make_operator(dataclasses.replace(settings, leader_frame="0,1", follower_frame="0,1"), robot=arm)
+    machines = (MirroredDevice(operator), MirroredArm(arm)) if mirrored else (operator, arm)
+    return simulate(settings, duration=duration, operator=machines[0], robot=machines[1]).log
 
 
 def test_mirrored_machines_give_the_same_session_to_the_last_bit() -> None:

@@ -1,7 +1,4 @@
-"""A whole session and an identification, once compiled and once with nothing compiled: the same to nine digits.
-
-The laws, estimators and kernels by themselves are compared with closed forms in either way (`make test-interpreted`).
-"""
+"""A whole session, once compiled and once with nothing compiled: the same to nine digits."""
 
 from __future__ import annotations
 
@@ -13,9 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from foretouch.identification import Learner, identify, make_estimator
 from foretouch.messages import SessionLog
-from foretouch.quantities import Recording
 from foretouch.session import SessionSettings, simulate
 
 pytest.importorskip("mujoco")
@@ -29,43 +24,21 @@ SIMULATED: dict[str, tuple[float, dict[str, object]]] = {
 }
 """How long [s], and what is set."""
 
-COMPARED = (
-    pytest.param("open loop", marks=pytest.mark.long),
-    pytest.param("a hand feels it", marks=pytest.mark.long),
-    "identify",
-)
-IDENTIFIED = (("contact-map", "bank"), ("continuous-switching", "fprls"), ("hunt-crossley", "exact"))
-
 
 def session(duration: float, changes: dict[str, object]) -> SessionLog:
     settings = SessionSettings(material="hunt-crossley", loss=0.02, jitter=0.005, **changes)  # type: ignore[arg-type]
     return simulate(settings, duration=duration).log
 
 
-def press() -> Recording:
-    time = np.arange(0.0, 1.5, 2.5e-3)
-    position = 0.010 - 0.005 * np.cos(2.0 * np.pi * 1.0 * time)
-    depth, velocity = np.maximum(position - 0.011, 0.0), np.gradient(position, time)
-    force = np.maximum(depth**1.4 * (3000.0 + 1500.0 * velocity), 0.0)
-    return Recording(time, position, force + 0.005 * np.random.default_rng(1).standard_normal(time.size))
-
-
 def everything(what: str) -> dict[str, np.ndarray]:
-    """All numbers that one of `COMPARED` says, in columns by name."""
-    said = {}
-    if what in SIMULATED:
-        log = session(*SIMULATED[what])
-        for side, rows in (("leader", log.leader), ("follower", log.follower)):
-            names = [name for name in rows.dtype.names or () if rows.dtype[name].kind in "fib" and name != "compute_ns"]
-            said |= {f"{side}, {name}": rows[name].astype(float) for name in names}
-        for name in ("parameters", "state"):
-            numbers = [number for model in log.models for number in getattr(model, name)]
-            said[f"models, {name}"] = np.array(numbers, dtype=float)
-        return said
-    for model, estimator in IDENTIFIED:
-        found = identify(press(), Learner(make_estimator(model, estimator)))
-        known = np.array([*found.parameters.values(), found.surface, found.force_offset], dtype=float)
-        said |= {f"{model} by {estimator}, residual": found.residual, f"{model} by {estimator}, numbers": known}
+    """All numbers that one of `SIMULATED` says, in columns by name."""
+    said, log = {}, session(*SIMULATED[what])
+    for side, rows in (("leader", log.leader), ("follower", log.follower)):
+        names = [name for name in rows.dtype.names or () if rows.dtype[name].kind in "fib" and name != "compute_ns"]
+        said |= {f"{side}, {name}": rows[name].astype(float) for name in names}
+    for name in ("parameters", "state"):
+        numbers = [number for model in log.models for number in getattr(model, name)]
+        said[f"models, {name}"] = np.array(numbers, dtype=float)
     return said
 
 
@@ -78,7 +51,8 @@ numpy.savez({path!r}, **everything({what!r}))
 """
 
 
-@pytest.mark.parametrize("what", COMPARED)
+@pytest.mark.long
+@pytest.mark.parametrize("what", SIMULATED)
 def test_compiled_and_interpreted_are_equal(what: str, tmp_path: Path) -> None:
     path = tmp_path / "said.npz"
     script = INTERPRETED.format(folder=str(Path(__file__).parent), path=str(path), what=what)
@@ -91,7 +65,6 @@ def test_compiled_and_interpreted_are_equal(what: str, tmp_path: Path) -> None:
             finite = column[np.isfinite(column)]
             tolerance = DIGITS * np.abs(finite).max(initial=0.0)
             np.testing.assert_allclose(interpreted[name], column, rtol=0.0, atol=tolerance, err_msg=name)
-    if what in SIMULATED:
-        assert compiled["leader, predicted_force"].max() > 0.5
-        assert compiled["leader, rendered_force"].max() > 0.01
-        assert compiled["models, parameters"].size > 20
+    assert compiled["leader, predicted_force"].max() > 0.5
+    assert compiled["leader, rendered_force"].max() > 0.01
+    assert compiled["models, parameters"].size > 20

@@ -206,12 +206,7 @@ def test_a_few_of_another_are_no_contest() -> None:
 
 
 @settings(derandomize=True, deadline=None, max_examples=40)
-@given(
-    st.integers(-2000, 20_000),
-    st.sampled_from([1, 2, 7, 1000]),
-    st.sampled_from([1, 2, 3, 10, 400]),
-    st.booleans(),
-)
+@given(st.integers(-2000, 20_000), st.sampled_from([1, 2, 7, 1000]), st.sampled_from([1, 2, 3, 10, 400]), st.booleans())
 def test_whatever_numbers_an_impostor_takes_they_collide(ahead: int, step: int, every: int, first: bool) -> None:
     """Name, epoch and clock are copied; numbers run ahead or behind, evenly or in leaps, seldom or often."""
     follower, said = Follower(), ""

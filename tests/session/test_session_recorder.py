@@ -18,7 +18,7 @@ import msgspec
 import numpy as np
 import pytest
 from recorder_memory import follower, hello, leader
-from running import until
+from running import Running, until
 
 from foretouch.errors import RecordingError
 from foretouch.link import ZenohLink, free_endpoint
@@ -152,11 +152,7 @@ def record(sides: Sides) -> Iterator[Callable[..., subprocess.Popen[str]]]:
 
     def start(path: Path, largest_file: int | None = None) -> subprocess.Popen[str]:
         command = [sys.executable, "-m", "foretouch", "record", str(path), "--connect", sides.endpoint]
-        process = subprocess.Popen(
-            command,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
+        process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
         limit_files(process, largest_file)
         started.append(process)
         return process
@@ -273,10 +269,7 @@ def test_a_recorder_that_stands_still_blocks_nobody_and_counts_what_it_missed(
 def test_what_a_full_inbox_pushes_out_is_counted(tmp_path: Path) -> None:
     endpoint = free_endpoint()
     stop, said, path = StopFlag(), [], tmp_path / "session.mcap"
-    with (
-        ZenohLink(listen=[endpoint], subscribe=RECORDER_CHANNELS) as link,
-        ZenohLink(connect=[endpoint]) as far,
-    ):
+    with ZenohLink(listen=[endpoint], subscribe=RECORDER_CHANNELS) as link, ZenohLink(connect=[endpoint]) as far:
         until(lambda: far.publish(follower(1)) or link.inboxes["telemetry"], 90.0)
         for n in range(1, 23_001):
             far.publish(follower(n))
@@ -293,45 +286,29 @@ def test_what_a_full_inbox_pushes_out_is_counted(tmp_path: Path) -> None:
     assert f"recorder: {dropped:,} messages came too fast to be written" in said
 
 
-def teleop(path: Path, seconds: float, largest_file: int | None = None) -> subprocess.Popen[str]:
-    options = ("--headless", "--material", "hunt-crossley", "--operator", "scripted", "--duration", str(seconds))
-    process = subprocess.Popen(
-        [sys.executable, "-m", "foretouch", "teleop", *options, "--recording", str(path), "--json"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    limit_files(process, largest_file)
-    return process
-
-
 @pytest.mark.live
 @pytest.mark.long
-def test_a_session_outlives_a_full_disk(tmp_path: Path) -> None:
+@pytest.mark.parametrize("largest_file", [400_000, None], ids=["full disk", "recorder killed"])
+def test_a_session_outlives_a_full_disk_and_its_recorder(tmp_path: Path, largest_file: int | None) -> None:
     path = tmp_path / "session.mcap"
-    with teleop(path, 5.0, 400_000) as session:
-        out, err = session.communicate(timeout=90)
-    assert session.returncode == RECORDING_INCOMPLETE, err
-    assert f"recorder: {path}: cannot be written: File too large; " in err
-    assert "the recording is not all there: " in err
-    assert f"{path}: ends before its session did" in err
-    assert "Traceback" not in err
-    assert json.loads(out)["counts"]["truncated"] == 1
-    assert 200_000 < path.stat().st_size <= 400_000
-
-
-@pytest.mark.live
-@pytest.mark.long
-def test_a_session_outlives_its_recorder(tmp_path: Path) -> None:
-    path = tmp_path / "session.mcap"
-    with teleop(path, 5.0) as session:
-        until(lambda: size(path) > 300_000, 90.0)
-        for child in Path(f"/proc/{session.pid}/task/{session.pid}/children").read_text().split():
-            if b"record" in Path(f"/proc/{child}/cmdline").read_bytes().split(b"\0"):
-                os.kill(int(child), signal.SIGKILL)
-        out, err = session.communicate(timeout=90)
-    assert session.returncode == RECORDING_INCOMPLETE, err
-    assert "the recorder ended with exit code -9; the session goes on without it" in err
-    assert f"`foretouch recordings repair {path}` makes it whole" in err
+    options = ("--headless", "--material", "hunt-crossley", "--operator", "scripted", "--duration", 5, "--json")
+    with Running("teleop", *options, "--recording", path) as session:
+        pid = session.process.pid
+        limit_files(session.process, largest_file)
+        if largest_file is None:
+            until(lambda: size(path) > 300_000, 90.0)
+            for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split():
+                if b"record" in Path(f"/proc/{child}/cmdline").read_bytes().split(b"\0"):
+                    os.kill(int(child), signal.SIGKILL)
+        code, out, err = session.wait(90)
+    assert code == RECORDING_INCOMPLETE, err
+    if largest_file is None:
+        assert "the recorder ended with exit code -9; the session goes on without it" in err
+        assert f"`foretouch recordings repair {path}` makes it whole" in err
+    else:
+        assert f"recorder: {path}: cannot be written: File too large; " in err
+        assert "the recording is not all there: " in err
+        assert f"{path}: ends before its session did" in err
+        assert 200_000 < path.stat().st_size <= largest_file
     assert json.loads(out)["counts"]["truncated"] == 1
     assert "Traceback" not in err

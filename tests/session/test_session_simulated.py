@@ -106,8 +106,7 @@ def test_predicting_the_recording_gives_the_session_s_own_figure(session: Simula
 
 
 @pytest.mark.parametrize(
-    "material",
-    [pytest.param(name, marks=[] if name in ("sponge", "bone") else pytest.mark.long) for name in MATERIALS],
+    "material", [pytest.param(name, marks=[] if name in ("sponge", "bone") else pytest.mark.long) for name in MATERIALS]
 )
 def test_every_material_is_pressed_within_the_clamps(material: str) -> None:
     log = run(3.5, material=material, seed=3).log

@@ -12,14 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from faults import (
-    KILL,
-    STAY,
-    follower_killed_behind_a_cut,
-    leader_killed,
-    leader_killed_as_it_starts,
-    nothing,
-)
+from faults import KILL, STAY, follower_killed_behind_a_cut, leader_killed, leader_killed_as_it_starts, nothing
 from fire import Fire, Outcome
 
 from foretouch.recordings import read_session
@@ -103,16 +96,7 @@ def recorder_killed(fire: Fire) -> float:
 
 def print_table(outcomes: dict[str, list[Outcome]]) -> None:
     """One line a fault, as the page about faults shows it."""
-    columns = (
-        "fault",
-        "times",
-        "resumed [s]",
-        "lost",
-        "robot [N]",
-        "unloaded [N]",
-        "change [N]",
-        "error [%]",
-    )
+    columns = ("fault", "times", "resumed [s]", "lost", "robot [N]", "unloaded [N]", "change [N]", "error [%]")
     print("\n| " + " | ".join(columns) + " |\n" + "| --- " * len(columns) + "|")  # noqa: T201
     for fault, many in sorted(outcomes.items()):
         resumed = [one.resumed for one in many]
