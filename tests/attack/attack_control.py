@@ -36,7 +36,6 @@ def deepest(rows: list[Any]) -> float:
 
 
 def with_a_key_of_its_own(target: Target, score: Score) -> None:
-    """``leader.bob`` copies name, epoch, numbers and clock of who holds control, under every key."""
     heard: deque[Command] = deque(maxlen=10)
     rows: list[Any] = []
     target.telemetry()
@@ -74,7 +73,6 @@ def with_a_key_of_its_own(target: Target, score: Score) -> None:
 
 
 def without_keys(folder: Path, score: Score) -> None:
-    """On one machine without keys anybody may: it is said at the start, and shouted when it is done."""
     endpoint = free_endpoint()
     common = ("--material", "hunt-crossley", "--duration", 120)
     follower = Process(folder, "follower", "--listen", endpoint, "--position-delay", 0, *common)

@@ -40,8 +40,6 @@ class Score:
 
 
 class Process:
-    """A foretouch process whose words are kept in a file."""
-
     def __init__(self, folder: Path, *arguments: object) -> None:
         self._said = tempfile.NamedTemporaryFile("w+", dir=folder, suffix=".txt")  # noqa: SIM115
         command = [*COMMAND, *map(str, arguments)]

@@ -82,7 +82,6 @@ def sample(name: str) -> Message:
 
 
 def hello_of(role: str) -> Message:
-    """What somebody with a certificate of this role says hello with: a watcher is a recorder, for example."""
     return msgspec.structs.replace(sample("hello"), role="recorder" if role == "watcher" else role)
 
 

@@ -126,7 +126,6 @@ def test_no_peer_speaks_in_another_s_name(ours: KeyFolder, role: str) -> None:
 
 @pytest.mark.network
 def test_nobody_commands_in_another_s_name(ours: KeyFolder) -> None:
-    """Another leader's certificate: it hears name and epoch of who holds control, and they are of no use to it."""
     endpoint = free_endpoint("tls")
     authority, here, allowed = ours.read()
     if "leader.bob" not in allowed:
@@ -312,7 +311,6 @@ def test_a_leader_takes_nothing_from_a_false_follower(who: str, ours: KeyFolder,
 
 @pytest.mark.network
 def test_what_is_on_this_machine_needs_no_keys_beside_what_is_not(ours: KeyFolder) -> None:
-    """A leader that connects to another machine by TLS listens here by TCP, for its console."""
     tls, tcp = free_endpoint("tls"), free_endpoint()
     names = ["telemetry", "hello", "command"]
     with (

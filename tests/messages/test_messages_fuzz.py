@@ -59,7 +59,6 @@ class Fuzz:
         self.longest = 0
 
     def content(self) -> bytes:
-        """Bytes of a map: the right ones, some of them changed, cut, or floats of any size."""
         draw = self.random
         kind = draw.randrange(5)
         if kind == 0:
@@ -83,7 +82,6 @@ class Fuzz:
         return tuple(self.number() for _ in range(self.random.choice((0, 1, 2, 3, 4, 4, 4, 5, 6, 50))))
 
     def update(self) -> ModelUpdate:
-        """Any model message that the schema lets through."""
         draw = self.random
         law = draw.choice((*LAWS, "contact-map", "contact-map", "jelly", ""))
         parameters = self.numbers()
@@ -140,7 +138,6 @@ class Fuzz:
         return bytes(data)
 
     def case(self) -> None:
-        """One message through the decoder, and if it is a model's, to the force."""
         begin = time.thread_time()
         kind = self.random.choice((*KINDS, ModelUpdate))
         shape = self.random.randrange(20)

@@ -42,8 +42,6 @@ def pick(gene: float, choices: tuple[object, ...]) -> object:
 
 
 class Attack(Commanded):
-    """A programme at work on a follower and its simulated arm."""
-
     def __init__(self, material: str, programme: Programme) -> None:
         network, first, drive, encoder, seed = programme[:HEADER]
         self.encoder, self.numbers = pick(encoder, ENCODERS), random.Random(int(seed * 1e6))
@@ -170,8 +168,6 @@ class Attack(Commanded):
 
 
 class Found(NamedTuple):
-    """What a search has found."""
-
     force: float
     programme: Programme
     tried: int

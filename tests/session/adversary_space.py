@@ -34,8 +34,6 @@ Place = tuple[float, float, float]
 
 
 class SpaceAttack(CommandedInSpace):
-    """A programme at work on a follower in space and the simulated gantry."""
-
     numbers_silence = False
 
     def __init__(self, scene: str, material: str, programme: Programme) -> None:
@@ -151,7 +149,6 @@ class SpaceAttack(CommandedInSpace):
             self.tick((x + size * (-1) ** tick, y, z + size * (-1) ** tick))
 
     def strike(self, target: Place, how: float) -> None:
-        """Out from where something was felt by up to 10 mm, perhaps sideways, and in again as fast as it is let."""
         x, y, z = self.felt_at
         back = 1e-4 * 10.0 ** (2.0 * how)
         aside = (x + 0.1 * target[0] * (how > 0.7), y + 0.1 * target[1] * (how > 0.7), z + back)

@@ -86,7 +86,6 @@ class Commanded:
         self.network.push(self.now, command)
 
     def seen(self, sample: RobotSample) -> RobotSample:
-        """What the sensors show of it."""
         return sample
 
 
@@ -110,7 +109,6 @@ class CommandedInSpace:
     def tick(
         self, place: Place | None, *, beliefs: Iterable[FixtureBelief] = (), **asked: Any
     ) -> space_follower.Outputs:
-        """One tick, with a command or without one."""
         self.ticks += 1
         self.sequence += place is not None or self.numbers_silence
         now = self.ticks * MS
@@ -126,5 +124,4 @@ class CommandedInSpace:
         return acted
 
     def seen(self, sample: SpatialSample) -> SpatialSample:
-        """What the sensors show of it."""
         return sample

@@ -75,7 +75,6 @@ def network_cut(fire: Fire) -> Outcome:
 
 
 def network_stalls(fire: Fire) -> Outcome:
-    """The network holds up all that it carries, then brings it at once."""
     with fire.fault(f"network stalls for {STALL:g} s", lossless=True) as outcome:
         fire.relay.hold(STALL)
         time.sleep(STALL)
@@ -188,7 +187,6 @@ def follower_killed_behind_a_cut(fire: Fire) -> Outcome:
 
 
 def leader_killed_as_it_starts(fire: Fire) -> Outcome:
-    """Kill the leader, its next start too, and start a third."""
     with fire.fault("leader killed twice", felt=True) as outcome:
         fire.kill("leader")
         fire.restarted("leader")

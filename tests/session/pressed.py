@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from foretouch.identification import Conditioner, ContactSample
-from foretouch.robot import Robot, RobotSample, make_robot
+from foretouch.identification import Conditioner
+from foretouch.robot import make_robot
 from foretouch.session.safety.safety import Safety, SafetyLimits
 
 TICK = 1e-3
@@ -25,32 +25,6 @@ def kept(path: list[float]) -> None:
     assert np.abs(np.diff(acceleration[1:]))[quiet].max(initial=0.0) / TICK <= JERK * (1 + 1e-6)
 
 
-def safe_position(
-    robot: Robot,
-    sample: RobotSample,
-    layers: tuple[Conditioner, Safety],
-    wanted: float,
-    time: float,
-    *,
-    silence: float = 0.0,
-    faulty: bool = False,
-) -> tuple[float, ContactSample]:
-    """What the safety leaves of a wanted position [m] at a time [s], and what the conditioner makes of the sample."""
-    conditioner, safety = layers
-    force = sample.sensor_force - robot.specification.tool_force(sample.acceleration)
-    felt = conditioner.update(time, sample.position, force)
-    told = safety.update(
-        wanted,
-        sample.position,
-        felt.force,
-        felt.in_contact,
-        surface=conditioner.surface,
-        silence=silence,
-        faulty=faulty,
-    )
-    return told, felt
-
-
 class Pressed:
     def __init__(self, material: str, *, force_limit: float = 15.0, **limits: float | bool) -> None:
         self.robot = make_robot(material, seed=1, force_limit=force_limit)
@@ -67,9 +41,16 @@ class Pressed:
         """Tell it to be somewhere [m] for a while, or tell it nothing: a silence goes on from the one before."""
         for _ in range(round(seconds / TICK)):
             self._silence = self._silence + TICK if silent else 0.0
-            layers, now = (self.conditioner, self.safety), TICK * len(self.path)
-            told, felt = safe_position(
-                self.robot, self.sample, layers, desired, now, silence=self._silence, faulty=faulty
+            force = self.sample.sensor_force - self.robot.specification.tool_force(self.sample.acceleration)
+            felt = self.conditioner.update(TICK * len(self.path), self.sample.position, force)
+            told = self.safety.update(
+                desired,
+                self.sample.position,
+                felt.force,
+                felt.in_contact,
+                surface=self.conditioner.surface,
+                silence=self._silence,
+                faulty=faulty,
             )
             self.felt = felt.force
             self.path.append(told)

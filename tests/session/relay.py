@@ -21,7 +21,6 @@ class Relay:
         self._answer()
 
     def cut(self) -> None:
-        """From now on nothing passes, nobody is told, and nobody gets a new connection."""
         self._say("cut")
 
     def mend(self) -> None:

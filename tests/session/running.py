@@ -9,8 +9,6 @@ from collections.abc import Callable
 
 
 class Running:
-    """A foretouch process that is ended whatever happens."""
-
     def __init__(self, *arguments: object) -> None:
         command = [sys.executable, "-m", "foretouch", *map(str, arguments)]
         self.process = subprocess.Popen(

@@ -13,8 +13,8 @@ MS = 1_000_000
 
 
 class Ticks:
-    def __init__(self, period: float = 1e-3) -> None:
-        self.woke_ns = time.monotonic_ns()
+    def __init__(self, period: float = 1e-3, begin_ns: int | None = None) -> None:
+        self.woke_ns = time.monotonic_ns() if begin_ns is None else begin_ns
         self.count = 0
 
     def wait(self) -> tuple[int, int]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from adversary import CEILING, HEADER, LENGTH, Attack, largest_force, search
 from adversary_space import LENGTH as SPACE_LENGTH
-from adversary_space import REACH, SpaceAttack, largest_force_in_space
+from adversary_space import SpaceAttack, largest_force_in_space
 
 from foretouch.robot import MATERIALS
 
@@ -40,7 +40,6 @@ SOFT, HARD = ("kelvin-voigt", 1.1e-5, (-1.0, 0.0, 1.0)), ("bone", 6e-6, (1.0, -1
 def test_a_creep_that_trembles_proves_nothing(
     material: str, dither: float, pattern: tuple[float, ...], encoder: str
 ) -> None:
-    """What is told for a tick is fast, what the robot does is slow: six touches, and then it strikes."""
     programme = np.zeros(LENGTH)
     programme[2] = 0.99  # the drive is not clipped
     attack = Attack(material, programme)
@@ -89,7 +88,6 @@ IN_SPACE = [
     [(*IN_SPACE[0], 1), *(pytest.param(*scene, HUNDREDS, marks=pytest.mark.long) for scene in IN_SPACE)],
 )
 def test_a_search_in_space_finds_nothing(scene: str, material: str, tries: int) -> None:
-    """With and without a camera that sees the fixture, well or poorly; some twelve minutes for each long one."""
     found = search(lambda programme: largest_force_in_space(scene, material, programme), tries, SPACE_LENGTH)
     assert found.over == 0, found
 
@@ -108,51 +106,43 @@ def test_an_enemy_in_space_goes_on_after_a_stop() -> None:
     assert 10.0 < max(attack.forces[before + 300 :]) <= CEILING, "and after it the same enemy presses again"
 
 
-BESIDE = [
-    ((0.535, 0.831, 0.3, 0.706, 0.835), (0.392, 0.17, 0.385, 0.93)),
-    pytest.param((0.1549, 0.6323, 0.2029, 0.6122, 0.9612), (0.1349, 0.4394, 0.7632, 0.1504), marks=pytest.mark.long),
-    pytest.param((0.1117, 0.3013, 0.1432, 0.3855, 0.7868), (0.831, 0.5, 0.048, 0.742), marks=pytest.mark.long),
-]
-"""Sessions, and where they go down beside the edge as it is believed to be: what a search has found."""
+FOUND = {
+    "beside the believed edge, where another normal is the true one": (
+        "hill",
+        (0.535, 0.831, 0.3, 0.706, 0.835),
+        (0.85, 0.392, 0.17, 0.385, 0.93),
+    ),
+    "beside it again": ("hill", (0.1549, 0.6323, 0.2029, 0.6122, 0.9612), (0.85, 0.1349, 0.4394, 0.7632, 0.1504)),
+    "and again": ("hill", (0.1117, 0.3013, 0.1432, 0.3855, 0.7868), (0.85, 0.831, 0.5, 0.048, 0.742)),
+    "along a plane that is inclined otherwise, where it swung up to 27 N": (
+        "plane",
+        (0.34326, 0.94072, 0.49908, 0.70998, 0.8302),
+        (0.89763, 0.26911, 0.68852, 0.74096, 0.38258),
+        (0.45831, 0.63018, 0.31441, 0.15195, 0.06922),
+        (0.79141, 0.70252, 0.08573, 0.04498, 0.74372),
+        (0.59332, 0.55936, 0.76706, 0.76397, 0.47594),
+        (0.81173, 0.85939, 0.30283, 0.09684, 0.08824),
+    ),
+    "under the fixture and over its edge, where it pressed with 17 N": (
+        "hill",
+        (0.3361, 0.676, 0.4858, 0.9968, 0.4411),
+        (0.6421, 0.8028, 0.2169, 0.7883, 0.6232),
+        (0.9533, 0.016, 0.3516, 0.8924, 0.7657),
+        (0.8527, 0.248, 0.025, 0.7625, 0.503),
+    ),
+}
+"""Ways that a search has found: a scene, the first numbers of a programme, and its parts."""
 
 
-@pytest.mark.parametrize(("header", "genes"), BESIDE)
-def test_a_probe_that_goes_down_beside_the_believed_edge_meets_the_true_surface_softly(
-    header: tuple[float, ...], genes: tuple[float, float, float, float]
-) -> None:
-    """There the believed normal is another than the true one, and out of the believed surface may be into the true."""
-    attack = SpaceAttack("hill", "kelvin-voigt", np.array(header))
-    x, y, height, how = genes
-    attack.touch((REACH * (2 * x - 1), REACH * (2 * y - 1), height), how)
-    assert 5.0 < max(attack.forces) <= CEILING
-
-
-SLIDES = (
-    (0.34326, 0.94072, 0.49908, 0.70998, 0.8302),
-    (0.89763, 0.26911, 0.68852, 0.74096, 0.38258),
-    (0.45831, 0.63018, 0.31441, 0.15195, 0.06922),
-    (0.79141, 0.70252, 0.08573, 0.04498, 0.74372),
-    (0.59332, 0.55936, 0.76706, 0.76397, 0.47594),
-    (0.81173, 0.85939, 0.30283, 0.09684, 0.08824),
+@pytest.mark.parametrize(
+    ("scene", "header", "parts"),
+    [
+        pytest.param(scene, header, parts, id=way, marks=pytest.mark.long if "again" in way else [])
+        for way, (scene, header, *parts) in FOUND.items()
+    ],
 )
-"""What a search has found on a plane that is believed inclined: the probe slides along it, and swung up to 27 N."""
-
-
-def test_a_slide_along_a_surface_that_is_inclined_otherwise_does_not_swing_up() -> None:
-    assert 2.0 < largest_force_in_space("plane", "kelvin-voigt", np.array(SLIDES).ravel()) <= CEILING
-
-
-FLIPS = (
-    (0.3361, 0.676, 0.4858, 0.9968, 0.4411),
-    (0.6421, 0.8028, 0.2169, 0.7883, 0.6232),
-    (0.9533, 0.016, 0.3516, 0.8924, 0.7657),
-    (0.8527, 0.248, 0.025, 0.7625, 0.503),
-)
-"""What a search has found on a hill: it touches, goes under the fixture and over its edge, and pressed with 17 N."""
-
-
-def test_a_course_whose_nearest_point_is_now_under_and_now_on_the_fixture_presses_no_harder() -> None:
-    attack = SpaceAttack("hill", "kelvin-voigt", np.array(FLIPS[0]))
-    for genes in FLIPS[1:]:
+def test_what_a_search_has_found_presses_no_harder_any_more(scene: str, header: tuple, parts: list[tuple]) -> None:
+    attack = SpaceAttack(scene, "kelvin-voigt", np.array(header))
+    for genes in parts:
         attack.act(np.array(genes))
-    assert 5.0 < max(attack.forces) <= CEILING
+    assert (2.0 if scene == "plane" else 5.0) < max(attack.forces) <= CEILING

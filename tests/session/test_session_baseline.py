@@ -51,7 +51,6 @@ def made(which: str, material: str, grip: str, round_trip: float, **changes: Any
 
 @cache
 def held(which: str, material: str, grip: str, round_trip: float, seconds: float = 6.0) -> SessionLog:
-    """A press that wants 2 N, held to the end."""
     robot = make_robot(material, seed=0)
     depth = 0.5 * robot.material.press_depth + 2.0 / GRIPS[grip].stiffness
     press = Press(robot.material.surface, depth)
@@ -120,7 +119,6 @@ def test_passivity_control_keeps_the_hand_still_there_and_takes_the_force_away(
 
 
 def test_without_a_delay_the_force_is_nearly_right_and_with_one_it_is_not() -> None:
-    """Half a second late, a press of half a second is rendered when it is over."""
     right = session_figures(palpated("delayed", "hunt-crossley", "stiff", 0.0))
     late = session_figures(palpated("delayed", "hunt-crossley", "stiff", 0.5))
     assert right["rendered_error_percent"] < 10.0

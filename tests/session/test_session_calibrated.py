@@ -220,8 +220,6 @@ def test_a_file_that_is_not_there_is_refused_where_the_robot_is() -> None:
 
 
 class Offset(CommandedInSpace):
-    """Its sensor has an offset."""
-
     offset: tuple[float, float, float]
 
     def seen(self, sample: SpatialSample) -> SpatialSample:
@@ -229,7 +227,6 @@ class Offset(CommandedInSpace):
 
 
 def in_space(path: str, offset: tuple[float, float, float], ticks: int = 4500) -> list[Any]:
-    """What a follower on a plane says of a press straight down by a sensor with an offset."""
     settings = SessionSettings(scene="plane", fusion="none", displacement=0.0, turn=0.0, calibration=path)
     scene = make_scene("plane")
     driven, said = Offset(make_spatial_robot(settings, scene), settings, scene.surface, scene.nominal), []

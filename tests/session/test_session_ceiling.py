@@ -27,8 +27,6 @@ KINDS = ("step", "ramp", "sine", "noise", "hammer", "nan", "teleport", "replay",
 
 
 class Hostile(Commanded):
-    """A leader that says anything, over a network that does anything, to a follower and its arm."""
-
     said: tuple[Command, ...] = ()
 
     def say(self, command: Command) -> None:

@@ -12,6 +12,7 @@ import msgspec
 import numpy as np
 import pytest
 from lap import MS, Lap
+from step_links import Ticks
 
 from foretouch.devices import ScriptedOperator
 from foretouch.link import ZenohLink, free_endpoint
@@ -39,15 +40,6 @@ TELEMETRY = Telemetry(VERSION, 1, 1, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, False, Fal
 # --- a session that ends in contact -----------------------------------------------------------------------------------
 
 
-class Ticks:
-    def __init__(self, now_ns: int) -> None:
-        self.now_ns, self.count = now_ns, 0
-
-    def wait(self) -> tuple[int, int]:
-        self.now_ns, self.count = self.now_ns + MS, self.count + 1
-        return self.now_ns, 1
-
-
 class Deaf(Robot):
     def __init__(self, robot: Robot) -> None:
         self.robot, self.specification = robot, robot.specification
@@ -70,7 +62,6 @@ def pressing() -> Lap:
 
 
 def driven(lap: Lap, robot: Any) -> LineFollower:
-    """The follower of a lap as a loop in real time drives it."""
     made = LineFollower(robot, SessionSettings(), 1)
     made.state = lap.following
     return made
@@ -84,16 +75,16 @@ def leave(follower: LineFollower, timer: Any) -> tuple[LoopWatch, list[Message]]
 
 def test_a_robot_in_contact_is_unloaded_as_a_session_leaves_it_and_one_in_free_air_is_left_at_once() -> None:
     lap = pressing()
-    timer: Any = Ticks(lap.now)
+    timer: Any = Ticks(begin_ns=lap.now)
     loop, said = leave(driven(lap, lap.robot), timer)
     assert lap.following.learner.sample.force < REST_FORCE
     assert lap.robot.read().exact_force < REST_FORCE + 0.1
     assert 5 < timer.count < 1000
     assert lap.following.safety.status == Status.UNLOADING
-    assert loop.ticked == timer.now_ns  # a driver that hangs now is noticed
+    assert loop.ticked == timer.woke_ns  # a driver that hangs now is noticed
     assert sum(isinstance(message, Telemetry) for message in said) == timer.count
     lap = Lap.led(0.5)
-    timer: Any = Ticks(lap.now)
+    timer: Any = Ticks(begin_ns=lap.now)
     leave(driven(lap, lap.robot), timer)
     assert timer.count == 0
 
@@ -102,7 +93,7 @@ def test_one_that_does_not_come_out_keeps_nobody_for_longer_than_that(monkeypatc
     assert live.LEAVING == 3.0
     monkeypatch.setattr(live, "LEAVING", 0.2)
     lap = pressing()
-    timer: Any = Ticks(lap.now)
+    timer: Any = Ticks(begin_ns=lap.now)
     begun = time.monotonic()
     leave(driven(lap, Deaf(lap.robot)), timer)
     assert 0.2 <= time.monotonic() - begun < 1.0

@@ -107,7 +107,6 @@ def test_where_all_is_known_commands_pass_as_they_are(ticks):
 
 
 def test_contact_with_something_else_further_out_is_guarded_too():
-    """The leader knows a surface at 20 mm; something is at 4 mm."""
     told, _, forces = touch(5000.0, lambda tick: min(1e-5 * tick, 0.012), lambda tick: 0.020, ticks=4000)
     assert told[300] == pytest.approx(1e-5 * 300)  # up to there nothing is held back
     assert forces.max() < 3.5
@@ -200,7 +199,6 @@ def test_what_comes_back_out_is_elastic_and_no_damping() -> None:
 
 @pytest.mark.parametrize("noise", [lambda n: 15e-6 * (n.random() < 0.5), lambda n: 5e-6 * n.standard_normal()])
 def test_an_encoder_that_trembles_is_no_motion(noise: object) -> None:
-    """A creep of 0.3 mm/s proves 0.3 mm/s, with a count that flickers and with white noise."""
     numbers, way = np.random.default_rng(1), ProvenWay()
     for place in ramp(-5e-4, 1.5e-3, 3e-4):
         way.observe(place + noise(numbers), 0.3, TICK)  # type: ignore[operator]

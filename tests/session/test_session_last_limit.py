@@ -221,10 +221,7 @@ def true_top(scene: Scene, fixture: tuple[float, ...]) -> float:
 
 
 class Driven(CommandedInSpace):
-    """A follower with the simulated arm over a scene that stands elsewhere than believed.
-
-    It begins in the air, or where `inside` is given so deep inside the true surface [m].
-    """
+    """A follower with the simulated arm over a scene that stands elsewhere than believed."""
 
     def __init__(
         self, scene: Scene, *, seed: int = 0, elsewhere: float = 1.0, inside: float | None = None, **changes: Any
@@ -249,7 +246,6 @@ class Driven(CommandedInSpace):
         return sample._replace(**{self.blind: (math.nan, 0.0, 0.0)}) if self.blind else sample
 
     def glide(self, begin: Vector, end: Vector, ticks: int, stay: int = 0) -> None:
-        """Told to go evenly from one place to another [m], and to stay there."""
         for tick in range(ticks + stay):
             place = np.array(begin) + np.subtract(end, begin) * min((tick + 1) / ticks, 1.0)
             self.go(tuple(place.tolist()))
@@ -301,7 +297,6 @@ def moved(name: str, parts: Any, seed: int, inside: float | None, first_touch: s
 
 
 def test_where_the_robot_is_told_to_go_it_goes_and_touches() -> None:
-    """Of the motions that the next tests draw: who does not move keeps every limit."""
     driven = Driven(SCENES["cube"], seed=3)
     for tick in range(3301):
         driven.go((1e-5 * min(max(tick - 2000, 0), 300), 0.0, max(0.016 - 3e-5 * tick, -0.006)))

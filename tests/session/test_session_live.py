@@ -135,7 +135,6 @@ def follower_endpoint() -> Iterator[tuple[str, Running]]:
 
 @pytest.mark.long
 def test_leaders_take_turns_and_anybody_stops_the_robot(follower_endpoint: tuple[str, Running]) -> None:
-    """Sides that are started by hand find each other; one leader commands; the last one's end ends the follower."""
     endpoint, follower = follower_endpoint
     with ZenohLink(connect=[endpoint], subscribe=["hello", "telemetry"]) as watcher:
 
@@ -192,7 +191,6 @@ def test_a_peer_of_another_version_is_refused_with_exit_code_2() -> None:
 
 
 def commanded(path: Path) -> bool:
-    """Whether the leader has begun, as far as a recording that goes on has been written: the follower begins first."""
     return read_session(path).leader.size > 0
 
 

@@ -174,7 +174,6 @@ def test_lost_models_are_made_good_within_200_ms(faults: dict[str, float], sessi
 
 
 def test_one_message_after_a_burst_of_losses_says_it_all(session: SessionLog) -> None:
-    """Two leaders of one motion, one without the models of 100 ms: with the next model they agree again."""
     arrivals = {model.time_ns + 300 * MS: model for model in session.models}
     lost = range(5_000 * MS, 5_100 * MS)
 

@@ -33,7 +33,6 @@ class FollowerView(Lap):
 
 
 def own_error(lap: FollowerView) -> np.ndarray:
-    """What the replay of the longest segment predicts less what its leader did [N]."""
     log = lap.log()
     again = replay(log, Learner(lap.settings.make_estimator()), delay=lap.settings.force_delay)
     return again.predicted.force - log.longest().leader["predicted_force"]

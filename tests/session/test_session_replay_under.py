@@ -38,7 +38,6 @@ def again(log: SessionLog, *, closed_loop: bool = False, **changes: Any) -> Sess
 
 
 def assert_same(one: SessionLog, other: SessionLog) -> None:
-    """Both say the same, bit by bit, but for what depends on the machine."""
     for table, expected in ((one.leader, other.leader), (one.follower, other.follower)):
         for name in set(expected.dtype.names) - {"compute_ns"}:
             np.testing.assert_array_equal(table[name], expected[name], err_msg=name)
@@ -188,7 +187,6 @@ def test_a_robot_that_somebody_else_moved_goes_its_way_again() -> None:
 
 
 def test_a_session_in_real_time_is_replayed_on_an_even_clock(pressed: SessionLog) -> None:
-    """Ticks of the leader that came late or never, another clock at the follower, epochs of real processes."""
     late = np.random.default_rng(0).random(pressed.leader.size) < 0.03
     leader, follower = pressed.leader[~late].copy(), pressed.follower.copy()
     leader["time_ns"] += 55_000_000_000

@@ -109,7 +109,6 @@ def test_sensors_that_stay_faulty_take_the_robot_out_by_the_way_that_it_came() -
 
 
 def test_an_emergency_stop_goes_back_without_a_force() -> None:
-    """A sensor that shows nothing, and that nobody has found: the way since the contact began is gone back."""
     pressed = Pressed("bone", force_limit=1000.0)
     pressed.run(pressed.robot.surface + 0.03, 2.0)
     assert pressed.forces[-1] > 13.0

@@ -230,7 +230,6 @@ print(said[-2])
 
 @pytest.mark.long
 def test_everything_is_compiled_once_in_an_empty_folder(tmp_path: Path) -> None:
-    """Two that begin together do it once, and a session afterwards compiles nothing."""
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
     both = [
         subprocess.Popen([sys.executable, "-c", COLD], env=environment, stdout=subprocess.PIPE, text=True)

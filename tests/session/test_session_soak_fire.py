@@ -86,7 +86,6 @@ def ended(fire: Fire) -> int:
 
 
 def recorder_killed(fire: Fire) -> float:
-    """Kill the recorder; returns how much of the session's end its file lacks [s]."""
     killed_ns = time.monotonic_ns()
     fire.kill("record")
     log = read_session(fire.recording)
@@ -95,7 +94,6 @@ def recorder_killed(fire: Fire) -> float:
 
 
 def print_table(outcomes: dict[str, list[Outcome]]) -> None:
-    """One line a fault, as the page about faults shows it."""
     columns = ("fault", "times", "resumed [s]", "lost", "robot [N]", "unloaded [N]", "change [N]", "error [%]")
     print("\n| " + " | ".join(columns) + " |\n" + "| --- " * len(columns) + "|")  # noqa: T201
     for fault, many in sorted(outcomes.items()):

@@ -229,7 +229,6 @@ def test_a_wall_that_nobody_knew_is_met_sideways_below_the_ceiling_but_for_an_in
 @pytest.mark.long
 @pytest.mark.parametrize(("stiffness", "most"), [(2e4, 15.0), (5e4, 15.0), (1e5, STIFF_WALL)])
 def test_walls_are_met_so_at_any_speed_and_in_any_phase_of_a_tick(stiffness: float, most: float) -> None:
-    """A ramp comes to the wall, which stands elsewhere within the way of a tick."""
     for speed in (0.02, 0.06, 0.1, 0.15, 0.2, 0.25):
         forces = [
             meet_sideways(stiffness, speed, 0.01 + 1e-3 * speed * phase, 1000.0) for phase in np.arange(0, 1, 0.1)

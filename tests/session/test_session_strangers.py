@@ -89,7 +89,6 @@ def test_followers_without_end_fill_nothing() -> None:
 
 
 def waits(link: ZenohLink, session: Any, *said: bytes, parent: int | None = None) -> dict[str, dict[str, str]]:
-    """Wait two seconds for a follower while somebody says this."""
     ended = threading.Event()
 
     def speak() -> None:

@@ -144,8 +144,6 @@ def test_a_follower_that_is_too_slow_holds_and_says_so_and_then_goes_slowly_back
 
 
 class Late(Bus):
-    """Wakes up to 20 us after the cycle, as every process does."""
-
     def exchange(self, desired_position: float) -> RobotSample:
         sample = super().exchange(desired_position)
         self.now_ns += 20_000 * (self.made % 2)
@@ -153,8 +151,6 @@ class Late(Bus):
 
 
 class Slow(Bus):
-    """Works for so long, or waits for so many cycles."""
-
     def __init__(self, works_ns: int = 0, cycles: float = 0.0) -> None:
         super().__init__()
         self.works_ns, self.cycle_ns = works_ns, cycles * MS
