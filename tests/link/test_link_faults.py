@@ -364,15 +364,12 @@ def test_copies_hide_no_loss() -> None:
     assert counter.copies == stage.duplicated == arrivals - counter.received
 
 
-def test_what_is_too_old_to_tell_is_a_copy() -> None:
+def test_what_is_too_old_to_tell_is_a_copy_and_the_largest_number_costs_no_more() -> None:
     counter = SequenceCounter()
     for sequence in (1, REMEMBERED + 5, 2, 5, 6):
         counter.is_newest(sequence)
     assert (counter.copies, counter.late, counter.received) == (2, 1, 3)
     assert counter.lost == REMEMBERED + 5 - 3
-
-
-def test_the_largest_number_that_a_message_can_carry_costs_no_more() -> None:
     counter = SequenceCounter()
     begin = time.perf_counter()
     assert [counter.is_newest(n) for n in (1, 2**63 - 1, 2, 2**63 - 2)] == [True, True, False, False]

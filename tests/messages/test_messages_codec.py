@@ -154,25 +154,19 @@ def test_truncated_messages_are_refused(message: Message, cut: int) -> None:
         decode(data[: max(0, len(data) - 1 - cut)], type(message))
 
 
-def test_a_message_of_another_channel_is_refused() -> None:
+def test_another_version_another_channel_and_too_long_a_message_are_told_apart_from_garbage() -> None:
     with pytest.raises(DecodeError, match="not a Telemetry"):
         decode(encode(Command(VERSION, 1, 2, 0.1, 0)), Telemetry)
-
-
-def test_another_version_is_told_apart_from_garbage() -> None:
     stop = Stop(VERSION + 1, 1, 2, "end")
     with pytest.raises(PeerVersionError, match=f"version {VERSION + 1}.* version {VERSION}: install the same"):
         decode(encode(stop), Stop)
     with pytest.raises(PeerVersionError):  # another version may have other fields
         decode(msgspec.msgpack.encode([VERSION + 1, "anything"]), Stop)
-
-
-def test_too_long_a_message_is_refused_unread() -> None:
     with pytest.raises(DecodeError, match="bytes, at most"):
         decode(bytes(100_000), Stop)
 
 
-def test_tables_hold_the_fields_of_their_messages() -> None:
+def test_tables_and_rows_hold_the_fields_of_their_messages() -> None:
     tables = {
         LeaderState: LEADER_DTYPE,
         Telemetry: FOLLOWER_DTYPE,
@@ -181,6 +175,10 @@ def test_tables_hold_the_fields_of_their_messages() -> None:
     }
     for kind, dtype in tables.items():
         assert dtype.names == kind.__struct_fields__[1:]
+    model = ModelUpdate(VERSION, 3, 4, 5, "law", (1.0,), (), 0.0, True, "", "fprls", b"map", 6, 7)
+    along_a_line = ((), (), math.inf, ())  # no fixture, no friction
+    untold = ((),)  # standard errors
+    assert as_row(model) == (3, 4, 5, "law", (1.0,), (), 0.0, True, "", "fprls", b"map", 6, 7, *along_a_line, *untold)
 
 
 def telemetry(tick: int, command: int) -> Telemetry:
@@ -195,13 +193,6 @@ def test_rows_pair_a_command_with_the_first_tick_that_applied_it() -> None:
     assert rows.follower["sequence"].tolist() == [2, 4, 6]
     assert rows.never_applied == 2
     assert np.isclose(rows.leader["position"], [0.1, 0.3, 0.4]).all()
-
-
-def test_a_row_is_the_message_without_its_version() -> None:
-    model = ModelUpdate(VERSION, 3, 4, 5, "law", (1.0,), (), 0.0, True, "", "fprls", b"map", 6, 7)
-    along_a_line = ((), (), math.inf, ())  # no fixture, no friction
-    untold = ((),)  # standard errors
-    assert as_row(model) == (3, 4, 5, "law", (1.0,), (), 0.0, True, "", "fprls", b"map", 6, 7, *along_a_line, *untold)
 
 
 # --- sessions whose sides ended and began again: what belongs together, and what was said of it all -------------------

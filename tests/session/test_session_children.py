@@ -87,7 +87,9 @@ def test_a_side_that_beats_goes_on_and_one_that_falls_silent_hangs(
     assert child.hangs() == ""  # one that has ended is judged by its exit code
 
 
-def test_one_that_was_stopped_by_a_signal_is_not_silent(begin: Callable[..., Child]) -> None:
+def test_one_that_was_stopped_by_a_signal_is_not_silent_nor_counts_a_supervisor_its_own_stop(
+    begin: Callable[..., Child],
+) -> None:
     child = begin(BEATS.replace("COUNT", "3"))
     listen(child, lambda: child.begun is not None)
     child.process.send_signal(signal.SIGSTOP)
@@ -98,9 +100,6 @@ def test_one_that_was_stopped_by_a_signal_is_not_silent(begin: Callable[..., Chi
         time.sleep(0.02)
     child.process.send_signal(signal.SIGCONT)
     listen(child, lambda: child.silence > 0.2)
-
-
-def test_a_supervisor_that_was_stopped_itself_does_not_count_that_time(begin: Callable[..., Child]) -> None:
     child = begin(BEATS.replace("COUNT", "1"))
     listen(child, lambda: child.begun is not None)
     child.listened -= 100.0

@@ -78,7 +78,7 @@ def session(settings: SessionSettings, *, mirrored: bool = False, duration: floa
     return simulate(settings, duration=duration, operator=machines[0], robot=machines[1]).log
 
 
-def test_mirrored_machines_give_the_same_session_to_the_last_bit() -> None:
+def test_mirrored_machines_give_the_same_session_to_the_last_bit_where_that_is_declared() -> None:
     settings = SessionSettings(material="hunt-crossley", grip="normal", seed=1)
     plain = session(settings)
     turned = session(dataclasses.replace(settings, leader_frame="0,-1", follower_frame="0,-1"), mirrored=True)
@@ -87,9 +87,6 @@ def test_mirrored_machines_give_the_same_session_to_the_last_bit() -> None:
         np.testing.assert_array_equal(plain.leader[name], turned.leader[name], err_msg=name)
     for name in ("position", "force", "exact_force", "desired_position"):
         np.testing.assert_array_equal(plain.follower[name], turned.follower[name], err_msg=name)
-
-
-def test_a_mirrored_machine_that_nobody_declared_is_another_session() -> None:
     settings = SessionSettings(material="hunt-crossley", grip="normal", seed=1)
     assert session(settings, mirrored=True, duration=2.0).leader["rendered_force"].max() < 0.01
 

@@ -264,7 +264,7 @@ def test_the_recorded_settings_are_those_of_the_session(felt: SessionLog) -> Non
     assert notes == ()
 
 
-def test_changes_take_the_place_of_what_was_recorded() -> None:
+def test_changes_take_the_place_of_what_was_recorded_and_wrong_ones_are_refused_and_not_mended() -> None:
     texts = SessionSettings(model="kelvin-voigt", estimator="rls", seed=3).as_text()
     assert recorded_settings(texts, {"force_delay": 1.0})[0] == SessionSettings(
         model="kelvin-voigt", estimator="rls", seed=3, force_delay=1.0, device_damping=2.0, device_delay=5e-4
@@ -273,6 +273,11 @@ def test_changes_take_the_place_of_what_was_recorded() -> None:
         seed=3, device_damping=2.0, device_delay=5e-4
     )
     assert recorded_settings(texts, {"model": "kelvin-voigt"})[0].estimator == "rls"
+    texts = SessionSettings(model="kelvin-voigt").as_text()
+    with pytest.raises(UnknownNameError, match="'bank'"):
+        recorded_settings(texts, {"estimator": "bank"})
+    with pytest.raises(SettingError, match="force_delay"):
+        recorded_settings(texts, {"force_delay": -1.0})
 
 
 def test_what_a_material_answered_is_played_where_its_package_is_not_installed(pressed: SessionLog) -> None:
@@ -306,14 +311,6 @@ def test_what_is_missing_or_not_known_has_its_default_and_is_said() -> None:
     assert any("jitter = 'much'" in note for note in notes)
     assert any("model = 'a-law-of-old'" in note and "contact-map is taken" in note for note in notes)
     assert not any("operator" in note or "note" in note.split(" = ")[0] for note in notes)
-
-
-def test_a_wrong_change_is_refused_and_not_mended() -> None:
-    texts = SessionSettings(model="kelvin-voigt").as_text()
-    with pytest.raises(UnknownNameError, match="'bank'"):
-        recorded_settings(texts, {"estimator": "bank"})
-    with pytest.raises(SettingError, match="force_delay"):
-        recorded_settings(texts, {"force_delay": -1.0})
 
 
 @given(st.lists(st.integers(1, 400), min_size=2, max_size=60), st.integers(0, 2**31))

@@ -25,22 +25,16 @@ def begun(jerk: float = JERK) -> MotionLimits:
 places = st.floats(-0.05, 0.1) | st.sampled_from((math.nan, math.inf, -math.inf, 1e300))
 
 
-def test_what_is_within_the_limits_passes_as_it_is_after_a_moment() -> None:
+def test_the_limits_let_pass_what_is_within_them_reach_a_step_without_overshoot_and_brake_what_is_too_fast() -> None:
     limits = begun()
     stream = [0.01 * (1.0 - math.cos(2.0 * math.pi * tick * TICK)) for tick in range(2000)]
     path = [limits.update(place) for place in stream]
     assert path[200:] == pytest.approx(stream[200:], abs=1e-9)
-
-
-def test_a_step_is_reached_without_overshoot() -> None:
     limits = begun()
     path = [limits.update(0.0)] + [limits.update(0.02) for _ in range(400)]
     kept(path)
     assert max(path) <= 0.02 + 2e-6
     assert path[200] == pytest.approx(0.02, abs=2e-6)
-
-
-def test_a_speed_for_one_way_brakes_what_is_faster() -> None:
     limits = begun()
     path = [limits.update(0.0)] + [limits.update(1.0) for _ in range(60)]
     path += [limits.update(1.0, 0.03) for _ in range(60)]
