@@ -1,7 +1,8 @@
-"""What every room may stand on, and what knows none of them: the compiler of kernels."""
+"""What every room may stand on, and what knows none of them: records of kernels' state, and the compiler of kernels."""
 
 from __future__ import annotations
 
 from foretouch.core.compiling import compiled
+from foretouch.core.records import Record
 
-__all__ = ["compiled"]
+__all__ = ["Record", "compiled"]

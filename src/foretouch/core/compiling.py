@@ -28,6 +28,8 @@ from numba import config
 from numba.core import caching
 from numba.core.registry import cpu_target
 
+from foretouch.core.records import Record
+
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 PACKAGE = Path(__file__).resolve().parents[1]
@@ -53,8 +55,9 @@ def compiled(what: Any = "", /, **options: Any) -> Any:
     Where there is no folder to keep it in, it is compiled in each process.
 
     Args:
-        what: A function of numbers, arrays and tuples; or its types, in Numba's terms; or nothing, to compile for the
-            types of each call.
+        what: A function of numbers, arrays, tuples and records; or its types, in Numba's terms, where a
+            `foretouch.core.Record` that the function's module knows is named as its class: ``f8(Peak[::1], f8)``; or
+            nothing, to compile for the types of each call.
         **options: Of `numba.njit`, such as ``error_model`` and ``forceinline``. Never ``fastmath``: tests for NaN go.
     """
     if callable(what):
@@ -62,12 +65,22 @@ def compiled(what: Any = "", /, **options: Any) -> Any:
 
     def compile_one(function: Function) -> Function:
         kept = compiled_folder(function.__code__.co_filename) is not None
-        types = (what,) if what else ()
+        types = (_signature(what, function),) if what else ()
         # A wrapper for callers in C is compiled with each function otherwise, and there are none.
         made: Function = numba.njit(*types, cache=kept, no_cfunc_wrapper=True, **options)(function)
         return made
 
     return compile_one
+
+
+def _signature(written: str, function: Callable[..., Any]) -> Any:
+    """The types of a function, with those of the records that its module knows."""
+    records = {
+        name: numba.from_dtype(kind.layout)
+        for name, kind in function.__globals__.items()
+        if isinstance(kind, type) and issubclass(kind, Record) and kind is not Record
+    }
+    return eval(written, vars(numba.types) | records)
 
 
 def inlined(function: Function) -> Function:

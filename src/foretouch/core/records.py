@@ -1,0 +1,86 @@
+"""State of a kernel as a record of named fields, which compiled and interpreted code read and write alike.
+
+A record is a C structure: numbers, arrays of fixed shape and other records, in one block. A kernel takes an array of
+records, of one element for a single state, and works on ``states[0]``: to call it with an array costs a third of a call
+with a bare record.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from operator import itemgetter
+from typing import Annotated, Any, ClassVar, get_args, get_origin, get_type_hints
+
+import numpy as np
+from numpy.typing import NDArray
+
+KINDS = {float: np.float64, int: np.int64, bool: np.bool_}
+"""Python's types of numbers, and what a record keeps for them."""
+
+
+class Record(np.void):  # type: ignore[misc]  # NumPy allows it: np.record is one
+    """Base of the records: a class lists its fields, and becomes a NumPy structured dtype.
+
+    A field is a ``float``, an ``int``, a ``bool``, another record, or an array of one of these, written
+    ``Annotated[NDArray[Any], kind, shape]``. What stands after its equals sign is its value in a new record; without
+    one, it is 0, or a new record.
+
+    Example:
+        >>> class Peak(Record):
+        ...     force: float = -np.inf
+        ...     recent: Annotated[NDArray[Any], float, 3]
+        >>> states = Peak.new(recent=1.0)
+        >>> states[0].force = 2.0
+        >>> print(states)
+        [(2., [1., 1., 1.])]
+
+    In the types of a compiled function (`foretouch.core.compiled`) ``Peak[::1]`` is an array of such records, and
+    ``Peak`` is one.
+
+    Attributes:
+        layout: The structured dtype.
+    """
+
+    layout: ClassVar[np.dtype[Any]]
+    _first: ClassVar[NDArray[Any]]
+
+    def __init_subclass__(cls) -> None:
+        """Make the dtype, and a property of each field."""
+        hints = get_type_hints(cls, include_extras=True)
+        fields = {name: _kind_and_shape(hints[name]) for name in cls.__annotations__}
+        values = {name: cls.__dict__[name] for name in fields if name in cls.__dict__}
+        cls.layout = np.dtype(
+            (cls, [(name, getattr(kind, "layout", kind), shape) for name, (kind, shape) in fields.items()])
+        )
+        records = {name: kind._first[0] for name, (kind, _) in fields.items() if issubclass(kind, Record)}
+        cls._first = np.zeros(1, cls.layout)
+        for name, value in (records | values).items():
+            cls._first[name] = value
+        for name in fields:
+            setattr(cls, name, property(itemgetter(name), _setter(name)))
+
+    @classmethod
+    def new(cls, count: int = 1, /, **values: Any) -> NDArray[Any]:
+        """Make records, shape (count,).
+
+        Args:
+            count: Number of records.
+            **values: Values of fields, in place of those that the class gives.
+        """
+        made = np.repeat(cls._first, count)
+        for name, value in values.items():
+            made[name] = value
+        return made
+
+
+def _kind_and_shape(hint: Any) -> tuple[Any, Any]:
+    """What a field is made of, and its shape."""
+    kind, shape = get_args(hint)[1:] if get_origin(hint) is Annotated else (hint, ())
+    return KINDS.get(kind, kind), shape
+
+
+def _setter(name: str) -> Callable[[Any, Any], None]:
+    def put(record: Any, value: Any) -> None:
+        record[name] = value
+
+    return put
