@@ -23,15 +23,15 @@ from foretouch.reproduction.questions.arguments import SETS, exponent_effects, s
 from foretouch.reproduction.questions.choices import (
     BEST,
     NEAREST,
+    OPEN,
     PRINTED,
-    VALUES,
     Choice,
     Search,
     answer,
     best_of,
     combinations,
     noise_shares,
-    runs_of,
+    run_of,
 )
 from foretouch.reproduction.questions.fast import AHEAD, NOISE, VARIANTS, floor, hold, measured_press, taps, walk
 from foretouch.reproduction.questions.tried import (
@@ -48,10 +48,6 @@ Array = NDArray[np.float64]
 @cache
 def section(name: str) -> Section:
     return make_section(name)
-
-
-def runs(choice: Choice, material: str) -> tuple[Press, Trace]:
-    return runs_of(choice, (material,))[material]
 
 
 def printed_equations(pressed: Press, *, before: bool = False, reset: bool = False, unit: float = 1.0) -> Array:
@@ -129,7 +125,7 @@ def test_true_parameters_of_the_pure_laws_are_their_own() -> None:
 
 @pytest.mark.parametrize("material", MATERIALS)
 def test_traces_as_printed_are_those_of_matrices(material: str) -> None:
-    pressed, trace = runs(PRINTED, material)
+    pressed, trace = run_of(PRINTED, material)
     expected = printed_equations(pressed)
     # ill-conditioned: the two orders of arithmetic part company in the later digits
     np.testing.assert_allclose(trace.s[:70], expected[:70, 1], rtol=1e-5, atol=1e-6)
@@ -143,14 +139,14 @@ def test_traces_as_printed_are_those_of_matrices(material: str) -> None:
 def test_sudden_changes_before_the_gain_are_those_of_matrices(form: str, reset: bool) -> None:
     choice = Choice(moment="before", form="reset" if reset else "add")
     assert choice.form == form
-    pressed, trace = runs(choice, "steps")
+    pressed, trace = run_of(choice, "steps")
     expected = printed_equations(pressed, before=True, reset=reset)
     np.testing.assert_allclose(trace.s, expected[:, 1], atol=1e-3)
     np.testing.assert_allclose(trace.b1, expected[:, 2], atol=2e-2)
 
 
 def test_trace_forces_are_exponentials_of_the_linear_law() -> None:
-    pressed, trace = runs(PRINTED, "kelvin-voigt")
+    pressed, trace = run_of(PRINTED, "kelvin-voigt")
     x, v = pressed.depth, pressed.velocity
     np.testing.assert_allclose(trace.force, trace.k * x**trace.s * np.exp(trace.b1 * v + trace.b2 * v / x), rtol=1e-10)
     assert math.isnan(trace.ahead[0])
@@ -170,7 +166,7 @@ def test_settled_at() -> None:
 
 
 def test_fig7a_numbers() -> None:
-    stiff, soft = runs(PRINTED, "kelvin-voigt")[1], runs(PRINTED, "hunt-crossley")[1]
+    stiff, soft = run_of(PRINTED, "kelvin-voigt")[1], run_of(PRINTED, "hunt-crossley")[1]
     assert 100 * (stiff.k[19] / 6000 - 1) == pytest.approx(-7.6, abs=0.1)
     assert 100 * (soft.k[19] / 3000 - 1) == pytest.approx(-5.2, abs=0.1)
     assert answer("kvm k, s", PRINTED).value == 23.0
@@ -182,7 +178,7 @@ def test_fig7a_numbers() -> None:
 
 
 def test_fig7b_no_parameters_of_the_truth_are_needed_to_fit_its_force() -> None:
-    pressed, trace = runs(PRINTED, "continuous")
+    pressed, trace = run_of(PRINTED, "continuous")
     assert trace.k[-1] < 0.1 * 6000
     # whole-file least squares on (18) by SciPy, all samples at once, cannot follow either, but fits the early part
     x, v, y = pressed.depth[:60], pressed.velocity[:60], np.log(pressed.force[:60])
@@ -194,7 +190,7 @@ def test_fig7b_no_parameters_of_the_truth_are_needed_to_fit_its_force() -> None:
 
 
 def test_fig7c_numbers() -> None:
-    pressed, best = runs(BEST["step 1"], "steps")
+    pressed, best = run_of(BEST["step 1"], "steps")
     errors = log_errors(pressed.force, best)
     x, v = pressed.depth, pressed.velocity
     for step, old in ((FIRST, (3000.0, 1500.0, 1.4, 1.4)), (SECOND, (4500.0, 1000.0, 0.7, 1.2))):
@@ -321,7 +317,7 @@ def test_choices_are_complete_and_distinct() -> None:
     assert len(every) == len(set(every)) == 1536
     assert PRINTED in every
     assert set(BEST.values()) | set(NEAREST.values()) <= set(every)
-    assert all(len({getattr(choice, name) for choice in every}) == len(values) for name, values in VALUES.items())
+    assert all(len({getattr(choice, name) for choice in every}) == len(one.values) for name, one in OPEN.items())
     assert not PRINTED.departures
     assert str(Choice(covariance=1e8, unit="mm")) == "depth in mm; P0 = 1e+08 I"
 

@@ -16,9 +16,6 @@ def require_data(path: str | PathLike[str]) -> None:
     """Refuse a pipe, a socket or a device: opening or reading one may wait for ever for a writer.
 
     A file and a folder pass, and what is not there: its reader says that, in its own terms.
-
-    Raises:
-        RecordingError: It is there, and is neither.
     """
     try:
         mode = Path(path).stat().st_mode
@@ -122,7 +119,6 @@ def budget_for(path: str | PathLike[str], factor: float | None = None) -> Budget
 
 
 def _size(path: Path) -> int:
-    """Size of a file, or of all files in a folder [bytes]."""
     try:
         if path.is_dir():
             return sum(_held(file.stat()) for file in path.iterdir() if file.is_file())

@@ -124,13 +124,11 @@ def _limit(budget: Any) -> None:
 
 
 def _lower(limit: int, soft: int, hard: int) -> None:
-    """Set a limit, unless it is lower already."""
     given = [most if most != resource.RLIM_INFINITY else hard for most in resource.getrlimit(limit)]
     resource.setrlimit(limit, (min(soft, *given), min(hard, given[1])))
 
 
 def _outcome(request: Any) -> tuple[str, object]:
-    """What kind of end it came to, and what was made or raised."""
     try:
         return "made", request.read(*request.given, **request.named)
     except _TimeUp:

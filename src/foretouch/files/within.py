@@ -29,35 +29,23 @@ PATIENCE: Final = 4.0
 STARTING: Final = 60.0
 """Time that its server has to start and to import what readers need [s]; the reading itself gets nothing of it."""
 
-BEGUN: Final = b"b"
-"""First answer of the server: it has what it needs, and a copy of it begins to read."""
-
-LONGEST_WORD: Final = 256
-"""Bytes of a message to the process that reads."""
+BEGUN: Final = b"b"  # first answer of the server: it has what it needs, and a copy of it begins to read
+LONGEST_WORD: Final = 256  # bytes of a message to the process that reads
 
 ENDED = struct.Struct("<id")
 """Answer of the server: the exit code of the copy that read, negative for a signal, and its processor time [s]."""
 
-inside = False
-"""Whether this is the process that reads: then a reader that calls another just calls it."""
+inside = False  # whether this is the process that reads: then a reader that calls another just calls it
 
 
 class Request(NamedTuple):
-    """What is asked of the process that reads.
+    """What is asked of the process that reads."""
 
-    Attributes:
-        read: A function of a module.
-        given: Its arguments.
-        named: Likewise.
-        budget: Budget of its file.
-        folder: Folder that relative paths start from.
-    """
-
-    read: Callable[..., Any]
-    given: tuple[Any, ...]
-    named: Mapping[str, Any]
-    budget: Budget
-    folder: str
+    read: Callable[..., Any]  # a function of a module
+    given: tuple[Any, ...]  # its arguments
+    named: Mapping[str, Any]  # likewise
+    budget: Budget  # budget of its file
+    folder: str  # folder that relative paths start from
 
 
 def within_budget(
@@ -144,8 +132,7 @@ def _kind(ended: _Ended, budget: Budget) -> str:
 # --- values on their way between two processes: arrays are mapped, not copied -----------------------------------------
 
 _length = struct.Struct("<Q")
-ALIGNED: Final = 64
-"""Arrays begin at multiples of this [bytes], as NumPy's own do."""
+ALIGNED: Final = 64  # arrays begin at multiples of this [bytes], as NumPy's own do
 
 
 def write_parcel(descriptor: int, value: object) -> None:

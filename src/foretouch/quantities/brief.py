@@ -10,14 +10,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-WIDTH, MOST_LINES = 100, 10
-"""Largest number of characters in a line of a representation, and of its lines."""
-
-LONGEST_PART = 160
-"""Characters of one value in it."""
-
-FEW = 4
-"""Number of parts of a tuple, a list or a mapping that are shown; of more, only their number is."""
+WIDTH, MOST_LINES = 100, 10  # largest number of characters in a line of a representation, and of its lines
+LONGEST_PART = 160  # characters of one value in it
+FEW = 4  # number of parts of a tuple, a list or a mapping that are shown; of more, only their number is
 
 
 class Brief:
@@ -120,7 +115,6 @@ def measured(value: float | None, error: float | None, unit: str = "") -> str:
 
 
 def _part(value: object) -> str:
-    """One value, short."""
     if isinstance(value, np.ndarray):
         if value.dtype.names:
             return f"<{value.size:,} rows of {len(value.dtype.names)} columns>"

@@ -218,7 +218,6 @@ def _unit(name: str) -> str:
 
 
 def _quantity(name: str) -> str:
-    """Name of a column without its unit."""
     suffix = _suffix(name)
     return name.removesuffix(f"_{suffix}") if suffix else name
 

@@ -50,19 +50,12 @@ def unit(a: Vector, otherwise: Vector) -> Vector:
 
 
 class RigidMotion(NamedTuple):
-    r"""Points of a body's frame to those of the frame it is seen from, :math:`p = R q + t`.
+    r"""Points of a body's frame to those of the frame it is seen from, :math:`p = R q + t`."""
 
-    Attributes:
-        first: First row of R.
-        second: Second row.
-        third: Third row.
-        translation: t [m].
-    """
-
-    first: Vector
-    second: Vector
-    third: Vector
-    translation: Vector
+    first: Vector  # first row of R
+    second: Vector  # second row
+    third: Vector  # third row
+    translation: Vector  # t [m]
 
     @classmethod
     def from_numbers(cls, numbers: Sequence[float]) -> RigidMotion:
@@ -103,8 +96,7 @@ class RigidMotion(NamedTuple):
 
 
 Array = NDArray[np.float64]
-ORTHONORMAL = 1e-6
-"""Largest deviation of R^T R from the unit matrix."""
+ORTHONORMAL = 1e-6  # largest deviation of R^T R from the unit matrix
 
 
 def cross_matrix(vector: ArrayLike) -> Array:

@@ -33,11 +33,8 @@ DATA_DIR: Final = "FORETOUCH_DATA_DIR"
 EXCERPTS: Final = Path(__file__).parent / "measured"
 """Folder of the excerpts: in it one for each origin, with its licence."""
 
-HOST = "https://raw.githubusercontent.com"
-"""Where the origins' files are served from."""
-
-TIMEOUT = (5.0, 20.0)
-"""How long to wait for a connection, and for the next bytes of an answer [s]."""
+HOST = "https://raw.githubusercontent.com"  # where the origins' files are served from
+TIMEOUT = (5.0, 20.0)  # how long to wait for a connection, and for the next bytes of an answer [s]
 
 
 @dataclass(frozen=True)
@@ -172,7 +169,6 @@ def _dashed(stem: str) -> str:
 
 
 def _kind(stem: str) -> str:
-    """The kind of material touched, by a TU/e file's name."""
     return stem.split("_")[1].rstrip("0123456789")
 
 

@@ -31,10 +31,8 @@ from foretouch.recordings.meaning.names import name_says
 from foretouch.recordings.reading import is_session, open_source, require_readable
 from foretouch.recordings.source import Bag, Column, Table, Topic
 
-FIRST_LOOK = 2**18
-"""Bytes of a topic's first messages, which tell which clock stamps them."""
-LONG_LOOK = 2**28
-"""Bytes of messages that are looked through of a topic that was asked for."""
+FIRST_LOOK = 2**18  # bytes of a topic's first messages, which tell which clock stamps them
+LONG_LOOK = 2**28  # bytes of messages that are looked through of a topic that was asked for
 
 
 @dataclass(frozen=True)
@@ -190,7 +188,6 @@ def _taken(table: Table, guess: Guess, time: str) -> tuple[dict[str, NDArray[np.
 
 
 def _missing(table: Table, columns: dict[str, NDArray[np.float64]]) -> list[str]:
-    """A sentence for each column in which numbers are missing, with their count."""
     notes = []
     for name, values in columns.items():
         bad = np.flatnonzero(~np.isfinite(values))
@@ -202,7 +199,6 @@ def _missing(table: Table, columns: dict[str, NDArray[np.float64]]) -> list[str]
 
 
 def _backwards(table: Table, name: str, time: NDArray[np.float64]) -> list[str]:
-    """A sentence where time does not go on from a row to the next."""
     late = np.flatnonzero(np.diff(time) <= 0.0) + 1
     if not late.size:
         return []
@@ -268,7 +264,6 @@ def _ranged(column: Column, values: NDArray[np.float64]) -> Column:
 
 
 def _clock_note(bag: Bag, topics: list[str]) -> list[str]:
-    """A sentence where the first stamps of the topics are on two clocks, as it seems."""
     if len(topics) < 2:
         return []
     try:

@@ -23,11 +23,7 @@ from foretouch.quantities import SensorCalibration
 
 
 def optional(module: str) -> Any:
-    """A module of the extra ``recordings``.
-
-    Raises:
-        MissingExtraError: Its package is not installed.
-    """
+    """A module of the extra ``recordings``."""
     try:
         return importlib.import_module(module)
     except ModuleNotFoundError:

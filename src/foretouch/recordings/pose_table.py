@@ -23,8 +23,7 @@ POSE: Final = "pose"
 POSE_COLUMNS: Final = (*FORCE, *TORQUE, *GRAVITY, *QUATERNION, POSE)
 """Columns that are read; others are ignored."""
 
-UNIT_TOLERANCE = 0.05
-"""Gravity directions and quaternions whose length differs from 1 by more than this are refused."""
+UNIT_TOLERANCE = 0.05  # gravity directions and quaternions whose length differs from 1 by more than this are refused
 
 Array = NDArray[np.float64]
 
@@ -96,7 +95,6 @@ def _vectors(table: CsvTable, names: tuple[str, ...]) -> Array:
 
 
 def _unit(table: CsvTable, vectors: Array, what: str, *, strict: bool) -> Array:
-    """The vectors with length 1."""
     lengths = np.linalg.norm(vectors, axis=1)
     bad = np.abs(lengths - 1.0) > UNIT_TOLERANCE if strict else lengths < 1e-3
     if bad.any():

@@ -45,11 +45,7 @@ SUFFIXES: Final = (".csv", ".parquet", ".mat", ".ddf", ".npz", ".mcap", ".h5", "
 
 
 def require_readable(path: str | PathLike[str]) -> str:
-    """The ending of a recording that is there, empty for a folder.
-
-    Raises:
-        RecordingError: No such file, or an ending that is not known.
-    """
+    """The ending of a recording that is there, empty for a folder."""
     file, suffix = Path(path), Path(path).suffix.lower()
     if file.is_dir() and (suffix not in SUFFIXES or (file / "metadata.yaml").is_file()):
         return ""
@@ -78,8 +74,7 @@ def open_source(path: str | PathLike[str]) -> Table | Bag:
         raise RecordingError(path, f"cannot be read: {error.strerror or error}") from None
 
 
-SHORTEST_STEP, LONGEST_STEP = 2e-5, 0.2
-"""Steps of a recording of presses lie between these [s]."""
+SHORTEST_STEP, LONGEST_STEP = 2e-5, 0.2  # steps of a recording of presses lie between these [s]
 
 
 class Read(NamedTuple):
@@ -159,13 +154,7 @@ def read_with_notes(
 
 
 def options_of(options: RecordingOptions | None, named: ReadingKeywords) -> RecordingOptions:
-    """The options, given as one object or by name.
-
-    Raises:
-        UnknownNameError: As of `RecordingOptions`.
-        ArgumentTypeError: As there.
-        TypeError: They are given in both ways, or a name is not known.
-    """
+    """The options, given as one object or by name."""
     if options is None:
         return RecordingOptions(**named)
     if named:
@@ -197,7 +186,6 @@ def _by_given_map(path: str | PathLike[str], mapping: Mapping) -> Read:
 
 
 def _by_itself(path: str | PathLike[str], suffix: str, options: RecordingOptions) -> Read:
-    """Formats that state what they hold, else a guess."""
     stated = suffix in (".ddf", ".npz") or (suffix == ".mcap" and is_session(path))
     tue = suffix == ".mat" and is_tue(path)
     if (stated or tue) and (options.position_unit or options.force_unit):
@@ -229,12 +217,10 @@ def _by_itself(path: str | PathLike[str], suffix: str, options: RecordingOptions
 
 
 def _stated(recording: Recording, options: RecordingOptions) -> Read:
-    """A recording in a format that states what it holds, its forces turned round if that is asked for."""
     return Read(replace(recording, force=-recording.force) if options.flip_force else recording, (), None)
 
 
 def _by_names(names: list[str], options: RecordingOptions) -> Mapping:
-    """The map of a table whose columns are named as the contract has them."""
     return Mapping(
         Signal(column="position_m", unit=options.position_unit or "m", sign=-1 if options.flip else 1),
         Signal(column="force_N", unit=options.force_unit or "N", sign=-1 if options.flip_force else 1),
@@ -259,11 +245,7 @@ def _by_map(source: Table | Bag, mapping: Mapping, *, guessed: bool = False) -> 
 
 
 def _require_likely_times(table: Table, mapping: Mapping, recording: Recording) -> None:
-    """Refuse times of unstated unit that as seconds have steps that no recording of presses has.
-
-    Raises:
-        RecordingError: They are milliseconds, as it seems, or something else.
-    """
+    """Refuse times of unstated unit that as seconds have steps that no recording of presses has."""
     stated = next((column.unit for column in table.columns if column.name == mapping.time.column), "")
     if not mapping.time.column or mapping.time.unit != "s" or name_says(mapping.time.column, stated).unit:
         return

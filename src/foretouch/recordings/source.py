@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from foretouch.errors import RecordingError
 from foretouch.quantities import ByValue
 
-MAP_NAME: Final = "foretouch_map"
-"""Under this name files of `convert_recording` carry the map that reads them."""
+MAP_NAME: Final = "foretouch_map"  # under this name files of `convert_recording` carry the map that reads them
 
 Array = NDArray[np.float64]
 
@@ -87,25 +86,15 @@ class Table(ABC):
 
 @dataclass(eq=False)
 class Bag(ABC):
-    """An opened bag.
+    """An opened bag."""
 
-    Attributes:
-        path: Path of the file or folder.
-        format: Name of the format, for people.
-        topics: All of them.
-        begin_ns: Log time of the first message [ns].
-        end_ns: Log time of the last message [ns].
-        whole: Whether it was ended by its recorder.
-        stated_map: Text of the map that the file carries, or empty.
-    """
-
-    path: str | PathLike[str]
-    format: str = ""
-    topics: tuple[Topic, ...] = ()
-    begin_ns: int = 0
-    end_ns: int = 0
-    whole: bool = True
-    stated_map: str = field(default="", repr=False)
+    path: str | PathLike[str]  # path of the file or folder
+    format: str = ""  # name of the format, for people
+    topics: tuple[Topic, ...] = ()  # all of them
+    begin_ns: int = 0  # log time of the first message [ns]
+    end_ns: int = 0  # log time of the last message [ns]
+    whole: bool = True  # whether it was ended by its recorder
+    stated_map: str = field(default="", repr=False)  # text of the map that the file carries, or empty
 
     @property
     def duration(self) -> float:
@@ -114,11 +103,7 @@ class Bag(ABC):
 
     @abstractmethod
     def fields(self, topic: str) -> tuple[Column, ...]:
-        """The numbers in the first message of a topic; empty where there is none, or its type is not known.
-
-        Raises:
-            RecordingError: No such topic.
-        """
+        """The numbers in the first message of a topic; empty where there is none, or its type is not known."""
 
     @abstractmethod
     def read(self, topic: str, fields: Sequence[str], within: int | None = None) -> Series:
@@ -128,25 +113,14 @@ class Bag(ABC):
             topic: Its name.
             fields: None for the times alone.
             within: About the number of bytes of messages, the first ones, that are read; all without it.
-
-        Raises:
-            RecordingError: No such topic or field, no messages, or messages that cannot be read.
         """
 
     @abstractmethod
     def first_rate(self, topic: str, most: int) -> float:
-        """How often the first `most` messages of a topic come [1/s]; 0 where there are not two, or at one time.
-
-        Raises:
-            RecordingError: No such topic, or the file is damaged.
-        """
+        """How often the first `most` messages of a topic come [1/s]; 0 where there are not two, or at one time."""
 
     def topic(self, name: str) -> Topic:
-        """A topic by its name.
-
-        Raises:
-            RecordingError: No such topic.
-        """
+        """A topic by its name."""
         found = [topic for topic in self.topics if topic.name == name]
         if not found:
             raise RecordingError(self.path, f"no topic {name}; {_nearest(name, self.topics)}")
@@ -168,11 +142,7 @@ def gathered(topics: Iterable[Topic]) -> tuple[Topic, ...]:
 def require_names(
     source: object, there: Sequence[str], names: Iterable[str], *, row: int | None = None, hint: str = ""
 ) -> None:
-    """Refuse a table in which a column is missing, or there twice.
-
-    Raises:
-        RecordingError: A column is missing, or there twice.
-    """
+    """Refuse a table in which a column is missing, or there twice."""
     missing = [name for name in names if name not in there]
     if missing:
         problem = f"column {', '.join(missing)} missing; the columns are {listed(there)}{hint}"
@@ -194,7 +164,6 @@ def one_line(error: Exception) -> str:
 
 
 def _nearest(name: str, topics: Sequence[Topic]) -> str:
-    """The topics that look most like a name, where there are many."""
     import difflib
 
     names = [topic.name for topic in topics]

@@ -27,8 +27,7 @@ from foretouch.session import SessionSettings, simulate
 Array = NDArray[np.float64]
 History = Mapping[str, Array]
 
-JUMP_TIME = 0.1
-"""Changes within this time are jumps [s]: a twelfth of a compression."""
+JUMP_TIME = 0.1  # changes within this time are jumps [s]: a twelfth of a compression
 
 
 def settled_at(history: History, period: float, band: float | None) -> int | None:
@@ -60,8 +59,8 @@ def swing(history: History, period: float) -> tuple[float, float]:
     values = np.interp(time, history["time"], history["ln_k"])
     values = values - np.polyval(np.polyfit(time, values, 2), time)
     total = float(values @ values)
-    if not total > 0.0:
-        return float("nan"), 0.0
+    if not total > 1e-20 * values.size:  # rounding alone is left
+        return math.nan, 0.0
     periods = np.arange(0.4, 1.6 * period, 0.02)
     shares = []
     for tried in periods:
@@ -140,8 +139,7 @@ def stiffness_at_force(ln_k: float, s: float, force: float) -> float:
 MATERIALS = ("sponge", "foam", "hand")
 """Materials in the order of the paper's Figs. 10 and 11."""
 
-FORCE_DELAY = 0.3
-"""Delay of models and telemetry in the paper's experiment [s]."""
+FORCE_DELAY = 0.3  # delay of models and telemetry in the paper's experiment [s]
 
 PRESS_PERIOD = 2.5
 """Period of one compression and one restitution of sponge and foam [s]; the paper gives none, its figures last 14 s."""
@@ -149,8 +147,7 @@ PRESS_PERIOD = 2.5
 APPROACH, FIRST_PRESS = 0.6, 1.5
 """Times at which the probe waits above the surface, and at which it begins to press [s]."""
 
-CLEARANCE = -0.003
-"""Depth at which the probe waits [m]: above the surface."""
+CLEARANCE = -0.003  # depth at which the probe waits [m]: above the surface
 
 Script = tuple[tuple[float, float], ...]
 """Turning points of the hand: time [s] and depth [m], negative above the surface."""
@@ -173,9 +170,6 @@ def make_script(material: str, presses: int | None = None, *, back: float = BACK
 
     Sponge and foam are penetrated, five times by default, and each time let go to the fraction `back` of the
     depth. The hand is pressed three times, the second time deepest, with less than 15 N, and left each time.
-
-    Raises:
-        UnknownNameError: No such material here.
     """
     if material not in MATERIALS:
         raise UnknownNameError("material of the experiment", material, MATERIALS)
@@ -197,9 +191,6 @@ class SlowPresses(Device):
     Args:
         surface: Position of the undeformed surface [m], at least 0.004.
         script: Times [s], increasing, from 1.5 s on, and depths [m].
-
-    Raises:
-        SettingError: A surface or a script out of range.
     """
 
     __slots__ = ("_places", "_times")
@@ -232,17 +223,12 @@ class SlowPresses(Device):
 
 @dataclass(frozen=True, eq=False)
 class Experiment(Brief):
-    """One session on one material.
+    """One session on one material."""
 
-    Attributes:
-        material: Material that is pressed.
-        script: Turning points after the approach, in the operator's time, which is that of `foretouch.report.pair`.
-        log: The session's log.
-    """
-
-    material: Material
+    material: Material  # material that is pressed
+    # turning points after the approach, in the operator's time, which is that of `foretouch.report.pair`
     script: Script
-    log: SessionLog
+    log: SessionLog  # the session's log
 
     @property
     def deepest(self) -> tuple[float, ...]:
@@ -264,10 +250,6 @@ def run_experiment(name: str, presses: int | None = None, *, back: float = BACK,
         presses: As of `make_script`.
         back: As in `make_script`.
         seed: Seed of the noise of sensor and encoder, not negative; the motion is the same.
-
-    Raises:
-        UnknownNameError: No such material here.
-        MissingExtraError: MuJoCo is not installed.
     """
     script = make_script(name, presses, back=back)
     material = make_material(name)

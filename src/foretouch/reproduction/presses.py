@@ -28,8 +28,7 @@ from foretouch.reproduction.theory.linearisation import fit_polynomial, linearis
 
 Array = NDArray[np.float64]
 
-START_DEPTH = 0.020
-"""Depth about which the trajectory of Fig. 6 swings, and at which it starts: x_0 [m]."""
+START_DEPTH = 0.020  # depth about which the trajectory of Fig. 6 swings, and at which it starts: x_0 [m].
 
 WAVES = ((0.0025, 2.0), (0.015, 4.0), (-0.005, 6.0), (0.005, 8.0))
 """The sine waves of Fig. 6: amplitude [m] and the time that t is divided by [s]."""
@@ -57,9 +56,6 @@ def linearisation_press(time: ArrayLike, *, noise: float = 0.5e-3, seed: int = 0
 
     rand() is even between 0 and 1, drawn anew for each sample; `noise` [m] is the greatest. The velocity is that of the
     sine alone: of the noise there is none.
-
-    Raises:
-        SettingError: A negative noise.
     """
     if not noise >= 0.0:
         raise SettingError("noise", noise, "must not be negative, in m")
@@ -68,20 +64,11 @@ def linearisation_press(time: ArrayLike, *, noise: float = 0.5e-3, seed: int = 0
     return 0.040 * np.sin(t / 4.0) + noise * random.random(t.shape), 0.010 * np.cos(t / 4.0)
 
 
-DURATION = 25.0
-"""Duration of the paper's simulations [s]."""
-
-PERIOD = 0.1
-"""Period of the paper's samples [s]: its changes at 7 s and 15 s are at the 70th and 150th iteration."""
-
-KELVIN_VOIGT = KelvinVoigt(6000.0, 500.0)
-"""The paper's <1>."""
-
-HUNT_CROSSLEY = HuntCrossley(3000.0, 1500.0, 1.4)
-"""The paper's <2>."""
-
-STEPS = (7.0, 15.0)
-"""Times of the two sudden changes [s]."""
+DURATION = 25.0  # duration of the paper's simulations [s]
+PERIOD = 0.1  # period of the paper's samples [s]: its changes at 7 s and 15 s are at the 70th and 150th iteration
+KELVIN_VOIGT = KelvinVoigt(6000.0, 500.0)  # the paper's <1>
+HUNT_CROSSLEY = HuntCrossley(3000.0, 1500.0, 1.4)  # the paper's <2>
+STEPS = (7.0, 15.0)  # times of the two sudden changes [s]
 
 _STEP_LAWS = (
     ContinuousSwitching(3000.0, 1500.0, 1.4, 0.0),
@@ -111,25 +98,15 @@ MATERIALS: dict[str, Callable[[float], MemorylessLaw]] = {
 
 @dataclass(frozen=True, eq=False)
 class Press(Brief):
-    """One simulation: what the estimator is given, and what is true.
+    """One simulation: what the estimator is given, and what is true."""
 
-    Attributes:
-        material: Name of the material.
-        time: [s], shape (m,); the first sample is one period after 0.
-        depth: As given to the estimator [m], shape (m,).
-        velocity: As given to the estimator [m/s], shape (m,).
-        force: Force as given to the estimator [N], shape (m,).
-        true_force: Force of the exact law on the exact motion [N], shape (m,).
-        laws: The exact law at each sample, m of them.
-    """
-
-    material: str
-    time: Array
-    depth: Array
-    velocity: Array
-    force: Array
-    true_force: Array
-    laws: tuple[MemorylessLaw, ...]
+    material: str  # name of the material
+    time: Array  # [s], shape (m,); the first sample is one period after 0
+    depth: Array  # as given to the estimator [m], shape (m,)
+    velocity: Array  # as given to the estimator [m/s], shape (m,)
+    force: Array  # force as given to the estimator [N], shape (m,)
+    true_force: Array  # force of the exact law on the exact motion [N], shape (m,)
+    laws: tuple[MemorylessLaw, ...]  # the exact law at each sample, m of them
 
     @property
     def samples(self) -> list[ContactSample]:
@@ -156,9 +133,6 @@ def press(
         seed: Seed of the noise.
         differenced: Whether the velocity is the difference of the last two depths instead of the derivative.
         waves: Waves of the trajectory.
-
-    Raises:
-        UnknownNameError: No such material.
     """
     if material not in MATERIALS:
         raise UnknownNameError("material", material, MATERIALS)
@@ -202,23 +176,19 @@ def true_parameters(pressed: Press) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Trace(Brief):
-    """What an estimator of the linearised law (18) found at each sample.
+    """What an estimator of the linearised law (18) found at each sample."""
 
-    Attributes:
-        k: Stiffness [N/m^s], shape (m,).
-        s: Exponent of depth, shape (m,).
-        b1: [s/m], shape (m,).
-        b2: [s], shape (m,).
-        force: Force of each sample by the parameters that were learnt from it too [N], shape (m,).
-        ahead: Force of each sample by the parameters before it [N], shape (m,); the first is NaN.
-    """
+    k: Array  # stiffness [N/m^s], shape (m,)
+    s: Array  # exponent of depth, shape (m,)
+    b1: Array  # [s/m], shape (m,)
+    b2: Array  # [s], shape (m,)
+    force: Array  # force of each sample by the parameters that were learnt from it too [N], shape (m,)
+    ahead: Array  # force of each sample by the parameters before it [N], shape (m,); the first is NaN
 
-    k: Array
-    s: Array
-    b1: Array
-    b2: Array
-    force: Array
-    ahead: Array
+    @property
+    def parameters(self) -> Array:
+        """k, s, b1 and b2, shape (4, m), as `true_parameters` has them."""
+        return np.array([self.k, self.s, self.b1, self.b2])
 
 
 def follow(estimator: LinearisedEstimator, pressed: Press) -> Trace:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,7 @@ from foretouch.models import ContactModel
 from foretouch.quantities import Brief
 from foretouch.report import session_figures
 from foretouch.reproduction.experiment import FORCE_DELAY
+from foretouch.reproduction.section import Outcome
 from foretouch.session import replay
 
 Array = NDArray[np.float64]
@@ -92,7 +93,7 @@ class Watched(Estimator):
             values = [found[name] for name in ("damping", "exponent", "switching")]
             known = [math.nan if value is None else value for value in values]
             self._recovered = (known[0], known[1], known[2])
-        first, second, third, fourth = _four(self._model)
+        first, second, third, fourth = self._model.parameters
         if self._model.parameter_names[0] != "ln_k":  # law (4) itself: k, lambda, n, alpha
             first, second, third, fourth = math.log(max(first, 1e-300)), third + fourth, math.nan, math.nan
         row = (sample.time, float(self.updates), sample.depth, sample.velocity, sample.force)
@@ -128,26 +129,14 @@ class Watched(Estimator):
         return dict(zip(FIELDS, table.T.copy(), strict=True))
 
 
-def _four(model: ContactModel) -> tuple[float, float, float, float]:
-    first, second, third, fourth = model.parameters
-    return first, second, third, fourth
-
-
 @dataclass(frozen=True)
 class Choice:
-    """An estimator with one answer to each question that the paper leaves open.
+    """An estimator with one answer to each question that the paper leaves open."""
 
-    Attributes:
-        name: Name for people.
-        every: Decimation of the samples at 1 kHz: 1 for all, 10 for a tenth of them.
-        make: A fresh estimator.
-        test: What the self-perturbing test sees, where that is a choice.
-    """
-
-    name: str
-    every: int
-    make: Callable[[], Estimator]
-    test: ErrorUnit | None = None
+    name: str  # for people
+    every: int  # decimation of the samples at 1 kHz: 1 for all, 10 for a tenth of them
+    make: Callable[[], Estimator]  # gives a fresh estimator
+    test: ErrorUnit | None = None  # what the self-perturbing test sees, where that is a choice
 
 
 def _fprls(every: int, rate: float, error: ErrorUnit, perturbation: float = 1e6) -> Choice:
@@ -172,12 +161,35 @@ of departures: how many of the 1,000 samples a second it is given, how fast it f
 
 AS_PRINTED = CHOICES[0]
 """Every sample of the 1 kHz, rho = 1000 / m, the test on the innovation of ln F as equation (20) has it."""
+ROBUST = Choice("robust-fprls", 1, RobustFPRLS)  # the paper's estimator with all that mends it on contact
+EXACT = Choice("exact", 1, lambda: make_estimator("continuous-switching", "exact"))  # our own, on the exact law (4)
 
-ROBUST = Choice("robust-fprls", 1, RobustFPRLS)
-"""The paper's estimator with all that mends it on contact."""
 
-EXACT = Choice("exact", 1, lambda: make_estimator("continuous-switching", "exact"))
-"""Our own, on the exact law (4)."""
+EVERY = (*CHOICES, ROBUST, EXACT)
+
+
+def drawn(choice: Choice) -> dict[str, Choice]:
+    """The choices that figures draw by a short label: one beside the printed one and the two others."""
+    return {"printed": AS_PRINTED, "choice": choice, "robust": ROBUST, "exact": EXACT}
+
+
+def legend_of(choice: Choice) -> str:
+    """Name in a legend."""
+    return "fprls, as printed" if choice is AS_PRINTED else choice.name
+
+
+Found = TypeVar("Found")
+
+
+def outcomes(
+    found: Mapping[str, Found], test: Callable[[Found], tuple[bool, str]], deciding: Sequence[Choice] = CHOICES
+) -> tuple[list[Outcome], list[Outcome]]:
+    """What a test finds by choice: for the choices that decide a claim and `ROBUST`; and for those reported beside."""
+
+    def of(choices: Iterable[Choice]) -> list[Outcome]:
+        return [Outcome(choice.name, *test(found[choice.name])) for choice in choices]
+
+    return of((*deciding, ROBUST)), of((ROBUST, EXACT))
 
 
 def without_perturbation() -> tuple[Choice, ...]:
@@ -198,26 +210,24 @@ def learn_again(log: SessionLog, choice: Choice) -> dict[str, Array]:
 
 @dataclass(frozen=True, eq=False)
 class Prediction(Brief):
-    """A session as it would have been with another estimator; the operator is open loop and moves the same.
+    """A session as it would have been with another estimator; the operator is open loop and moves the same."""
 
-    Attributes:
-        log: The session with the other predicted force.
-        report: Figures of the session (`foretouch.report.session_figures`).
-        history: What the estimator found.
-    """
+    log: SessionLog  # the session with the other predicted force
+    report: dict[str, Any]  # figures of the session (`foretouch.report.session_figures`)
+    history: dict[str, Array]  # what the estimator found
 
-    log: SessionLog
-    report: dict[str, Any]
-    history: dict[str, Array]
+    def error_from(self, time: float | None = None) -> float:
+        """Error of the predicted force, perhaps scored from a time [s] on [% of the RMS of the contact force].
+
+        It is inf where the error has no bound.
+        """
+        report = self.report if time is None else session_figures(self.log, score_from=time)
+        return _bounded(report["prediction_error_percent"])
 
     @property
     def error(self) -> float:
-        """Error of the predicted force [% of the RMS of the contact force]; inf where it has no bound."""
-        return _bounded(self.report["prediction_error_percent"])
-
-    def error_from(self, time: float) -> float:
-        """Error of the predicted force, scored from a time [s] on."""
-        return _bounded(session_figures(self.log, score_from=time)["prediction_error_percent"])
+        """Error of the predicted force over the whole session."""
+        return self.error_from()
 
     @property
     def delayed_error(self) -> float:

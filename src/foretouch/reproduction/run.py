@@ -187,7 +187,6 @@ def _equations(sections: Sequence[Section]) -> list[str]:
 
 
 def _drawn(formula: str) -> str:
-    """A formula as an SVG image."""
     from matplotlib.mathtext import math_to_image
 
     buffer = io.BytesIO()
@@ -196,7 +195,6 @@ def _drawn(formula: str) -> str:
 
 
 def _part(section: Section) -> list[str]:
-    """Heading, figure and claims of a section."""
     cards = [_card(section, claim, _links(section, claim)) for claim in section.claims]
     figure = ""
     if section.figure is not None:
@@ -219,7 +217,6 @@ def _card(section: Section, claim: Claim, links: str) -> str:
 
 
 def _links(section: Section, claim: Claim) -> str:
-    """Links to the claim's figure and its equations."""
     equations = (f'<a href="#equation-{number}">({number})</a>' for number in named_equations(section, claim))
     return " ".join((f'<a href="#{section.name}">{_short(section)}</a>', *equations))
 
@@ -287,8 +284,6 @@ def reproduce(names: Sequence[str], *, progress: Callable[[str, float], None] | 
 
 
 def _made(names: Sequence[str]) -> Iterator[Section]:
-    """The sections as they are done."""
-
     def lost(name: str, reason: str) -> Section:
         raise RuntimeError(f"section {name}: {reason}")
 

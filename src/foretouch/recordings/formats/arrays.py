@@ -18,8 +18,7 @@ from foretouch.errors import RecordingError
 from foretouch.recordings.output import optional
 from foretouch.recordings.source import MAP_NAME, Column, Table, one_line, require_names
 
-MOST_COLUMNS = 64
-"""An array that is wider is no set of signals, but an image or a matrix."""
+MOST_COLUMNS = 64  # an array that is wider is no set of signals, but an image or a matrix
 
 
 def column_shapes(name: str, shape: tuple[int, ...]) -> Iterator[tuple[str, int]]:
@@ -45,22 +44,14 @@ def column_of(array: NDArray[np.generic], place: int | None) -> NDArray[np.float
     return np.asarray(turned[:, place], dtype=np.float64)
 
 
-DEEPEST_GROUP: Final = 32
-"""Groups within groups: hostile ones, thousands deep, take minutes to go through."""
-
-MOST_DATASETS: Final = 10_000
-"""In one file; each is looked at."""
+DEEPEST_GROUP: Final = 32  # groups within groups: hostile ones, thousands deep, take minutes to go through
+MOST_DATASETS: Final = 10_000  # in one file; each is looked at
 
 UNIT_ATTRIBUTES: Final = ("unit", "units", "Unit", "Units")
 
 
 class Hdf5Table(Table):
-    """An opened HDF5 file; a column is a dataset, ``group/force``, one line of it, ``group/wrench[2]``, or a field.
-
-    Raises:
-        RecordingError: The file is no HDF5, or damaged.
-        MissingExtraError: The package ``h5py`` is not installed.
-    """
+    """An opened HDF5 file; a column is a dataset, ``group/force``, one line of it, ``group/wrench[2]``, or a field."""
 
     def __init__(self, path: str | PathLike[str], format: str = "HDF5") -> None:
         self.path, self.format = path, format
@@ -74,11 +65,7 @@ class Hdf5Table(Table):
         self.columns = tuple(columns)
 
     def read(self, names: Sequence[str]) -> dict[str, NDArray[np.float64]]:
-        """Columns by name.
-
-        Raises:
-            RecordingError: A column is missing, or the file is damaged.
-        """
+        """Columns by name."""
         require_names(self.path, list(self._places), names)
         with self._opened() as file:
             found = {}
@@ -128,23 +115,16 @@ class Hdf5Table(Table):
 
 
 def _text(value: Any) -> str:
-    """An attribute as text."""
     if isinstance(value, np.ndarray):
         value = value.reshape(-1)[0] if value.size else ""
     return value.decode(errors="replace") if isinstance(value, bytes) else str(value)
 
 
-DEEPEST_STRUCT: Final = 8
-"""Structures within structures beyond this are not looked into."""
+DEEPEST_STRUCT: Final = 8  # structures within structures beyond this are not looked into
 
 
 def open_mat(path: str | PathLike[str]) -> Table:
-    """A MATLAB file of any version.
-
-    Raises:
-        RecordingError: It is none, or damaged.
-        MissingExtraError: It is of version 7.3 and ``h5py`` is not installed.
-    """
+    """A MATLAB file of any version."""
     from scipy.io import loadmat
 
     try:
@@ -175,17 +155,12 @@ class MatTable(Table):
         self.columns = tuple(columns)
 
     def read(self, names: Sequence[str]) -> dict[str, NDArray[np.float64]]:
-        """Columns by name.
-
-        Raises:
-            RecordingError: A column is missing.
-        """
+        """Columns by name."""
         require_names(self.path, list(self._arrays), names)
         return {name: column_of(*self._arrays[name]) for name in names}
 
 
 def _arrays(value: Any, name: str, depth: int) -> Iterator[tuple[str, NDArray[np.generic]]]:
-    """Every array of numbers within a value, with its name."""
     if depth > DEEPEST_STRUCT:
         return
     if isinstance(value, np.ndarray) and value.dtype.kind in "fiu":

@@ -28,12 +28,7 @@ _SEPARATOR = "=" * 80 + "\n"
 
 @lru_cache(maxsize=64)
 def definitions_of(type_name: str, text: str, encoding: str) -> Definitions:
-    """Definitions of a type and of those within it.
-
-    Raises:
-        ValueError: The text cannot be parsed, or there is none and the type is not one of ROS 2.
-        MissingExtraError: The package ``rosbags`` is not installed.
-    """
+    """Definitions of a type and of those within it."""
     typesys = optional("rosbags.typesys")
     if text:
         try:
@@ -64,19 +59,11 @@ class RosBag(Bag):
 
     @abstractmethod
     def messages(self, topic: Topic, most: int | None = None) -> tuple[list[bytes], NDArray[np.int64]]:
-        """Bytes and log times [ns] of a topic's messages, perhaps the first few only.
-
-        Raises:
-            RecordingError: The file is damaged.
-        """
+        """Bytes and log times [ns] of a topic's messages, perhaps the first few only."""
 
     @abstractmethod
     def definition(self, topic: Topic) -> tuple[str, str]:
-        """Text of the definition of a topic's type, and its encoding; empty where the file has none.
-
-        Raises:
-            RecordingError: The topic's messages are no CDR.
-        """
+        """Text of the definition of a topic's type, and its encoding; empty where the file has none."""
 
     def fields(self, topic: str) -> tuple[Column, ...]:
         """As `Bag.fields`."""
@@ -131,7 +118,6 @@ class RosBag(Bag):
         return definitions_of(topic.type_name, *self.definition(topic))
 
     def _refuse(self, topic: Topic, raw: bytes, fields: Sequence[str]) -> None:
-        """Error that names the missing field, and those that there are."""
         places = Places(raw, self._definitions(topic), topic.type_name)
         missing = [field for field in fields if places.find(field) is None]
         there = listed(name for name, _, _ in places.fields(8))
@@ -148,10 +134,6 @@ class Rosbag2(RosBag):
     """An opened rosbag2.
 
     It stays open as long as it is referenced: opening parses the metadata of all topics, seconds for thousands.
-
-    Raises:
-        RecordingError: It is none, is damaged, or was not ended by its recorder.
-        MissingExtraError: The package ``rosbags`` is not installed.
     """
 
     def __init__(self, path: str | PathLike[str]) -> None:

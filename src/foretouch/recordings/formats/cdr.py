@@ -24,8 +24,7 @@ from numpy.typing import NDArray
 
 from foretouch.messages import Message
 
-HEADER = b"\x00\x01\x00\x00"
-"""Encapsulation header: CDR, little endian, no options."""
+HEADER = b"\x00\x01\x00\x00"  # encapsulation header: CDR, little endian, no options
 
 BYTES = "uint8[]"
 _NUMBERS = {"bool": "?", "int32": "i", "uint32": "I", "int64": "q", "uint64": "Q", "float64": "d"}
@@ -50,9 +49,6 @@ class Layout:
         missing: Fields that are not in the bytes, with the value that they then have.
         dtype: The CDR bytes of one message as a structured dtype, header included, where all messages of the class
             have one size; None where they hold text or sequences.
-
-    Raises:
-        TypeError: A field has a type that has no counterpart here.
     """
 
     def __init__(self, kind: type[Message]) -> None:
@@ -91,11 +87,7 @@ class Layout:
         return None if (other.dtype is None) != (self.dtype is None) else other
 
     def unpack(self, data: bytes) -> Message:
-        """Message from its CDR bytes.
-
-        Raises:
-            ValueError: The bytes are no such message.
-        """
+        """Message from its CDR bytes."""
         try:
             values = dict(zip(self._types, _unpack(self._types, data), strict=True))
         except (struct.error, IndexError, UnicodeDecodeError) as error:
@@ -147,11 +139,7 @@ def _fixed(types: dict[str, str]) -> tuple[np.dtype[np.void], struct.Struct]:
 
 
 def pack_fields(types: Mapping[str, str], values: Sequence[Any]) -> bytes:
-    """CDR bytes of a message, header included, by ROS 2 types in order; those of a message within it stand one by one.
-
-    Raises:
-        struct.error: A value does not fit its type.
-    """
+    """CDR bytes of a message, header included, by ROS 2 types in order; those of one within it one by one."""
     out = bytearray(HEADER)
 
     def number(code: str, value: Any) -> None:
@@ -212,8 +200,7 @@ Array = NDArray[np.float64]
 Definitions = Mapping[str, tuple[Any, Sequence[tuple[str, Any]]]]
 """Type name to constants and fields, as `rosbags` parses them."""
 
-BASE, NAME, ARRAY, SEQUENCE = 1, 2, 3, 4
-"""What a field is, as `rosbags` counts."""
+BASE, NAME, ARRAY, SEQUENCE = 1, 2, 3, 4  # what a field is, as `rosbags` counts
 
 STAMP: Final = ("header.stamp.sec", "header.stamp.nanosec")
 _LONGEST = 256  # messages within a sequence that are gone into
@@ -231,9 +218,6 @@ class Places:
         texts: Field name of a sequence of texts to the texts, each with its offset.
         lengths: Offsets of the uint32 with the lengths of texts and sequences.
         problem: Why the rest of the message was not gone into, or empty.
-
-    Raises:
-        ValueError: The bytes are in no CDR that is known here.
     """
 
     def __init__(self, data: bytes, definitions: Definitions, type_name: str) -> None:
@@ -354,9 +338,6 @@ def extract(
 
     Returns:
         Field name to numbers, shape (n,), 0 where a message has not all of the fields; and which have, shape (n,).
-
-    Raises:
-        ValueError: Bytes that are in no CDR that is known here.
     """
     values = {field: np.zeros(len(raws)) for field in fields}
     present = np.zeros(len(raws), dtype=np.bool_)

@@ -25,14 +25,12 @@ MAGIC: Final = b"\x89MCAP0\r\n"
 FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX = 0x02, 0x03, 0x04, 0x05, 0x06, 0x07
 CHUNK_INDEX, ATTACHMENT, ATTACHMENT_INDEX, STATISTICS = 0x08, 0x09, 0x0A, 0x0B
 METADATA, METADATA_INDEX, DATA_END = 0x0C, 0x0D, 0x0F
-RECORD: Final = struct.Struct("<BQ")
-"""In front of each record: what it is, length of what follows."""
+RECORD: Final = struct.Struct("<BQ")  # in front of each record: what it is, length of what follows
 MESSAGE_HEAD: Final = struct.Struct("<HIQQ")
 """Begins the content of a message: channel, sequence, log time, publish time; the rest is its bytes."""
 FOOTER_CONTENT: Final = struct.Struct("<QQI")
 """Where the index begins, where the table of its groups does, and the check sum of both; 0 where there is none."""
-TAIL: Final = RECORD.size + FOOTER_CONTENT.size + len(MAGIC)
-"""Bytes at the end of a file that its writer has ended."""
+TAIL: Final = RECORD.size + FOOTER_CONTENT.size + len(MAGIC)  # bytes at the end of a file that its writer has ended
 LONGEST_STRUCTURE: Final = 2**28
 """Largest record that is read into memory [byte]: no writer makes a longer one, so it is damage."""
 
@@ -80,11 +78,7 @@ def footer_of(tail: bytes) -> tuple[int, int, int] | None:
 
 
 def parsed(code: int, content: bytes) -> Any:
-    """A record of the library from its content.
-
-    Raises:
-        Exception: It is damaged; the library and `struct` raise different errors.
-    """
+    """A record of the library from its content."""
     stream = optional("mcap.stream_reader").ReadDataStream(BytesIO(content))
     return getattr(optional("mcap.records"), _NAMES[code]).read(stream)
 
@@ -98,11 +92,7 @@ def record_bytes(record: Any) -> bytes:
 
 
 def chunk_content(chunk: Any) -> bytes:
-    """The records within a chunk record; never more is unpacked than its stated size, nor than belongs in one.
-
-    Raises:
-        Exception: It is damaged; each compression library raises different errors.
-    """
+    """The records within a chunk record; never more is unpacked than its stated size, nor than belongs in one."""
     size, packed = chunk.uncompressed_size, chunk.data
     if size > LONGEST_STRUCTURE:
         raise ValueError(f"it says that it holds {size} bytes, more than the {LONGEST_STRUCTURE} that one may")
@@ -133,11 +123,6 @@ class McapFile(RosBag):
     """An opened MCAP file.
 
     A file that ends before its index, because its writer was killed or still writes, is read as far as it goes.
-
-    Raises:
-        RecordingError: It is no MCAP, or damaged.
-        MissingExtraError: The packages ``mcap`` or ``rosbags`` are not installed.
-        OSError: It cannot be read.
     """
 
     def __init__(self, path: str | PathLike[str], *, peek: bool = False) -> None:
@@ -189,7 +174,6 @@ class McapFile(RosBag):
         return raws, np.array(times, dtype=np.int64)
 
     def _blocks(self, data: mmap.mmap, wanted: set[int]) -> Iterator[bytes | mmap.mmap]:
-        """The parts of the file that hold messages of some channels."""
         loose = not self._chunks
         for begin, whose in self._chunks:
             if whose is None or whose & wanted:
@@ -231,7 +215,6 @@ class McapFile(RosBag):
             self.stated_map = record.metadata.get("toml", "")
 
     def _read_all(self, data: mmap.mmap, peek: bool) -> None:
-        """Go through the whole file where it has no index."""
         self.whole = data[-len(MAGIC) :] == MAGIC and len(data) > len(MAGIC)
         first: int | None = None
         for code, start, stop in records_in(data, len(MAGIC)):

@@ -52,9 +52,6 @@ class BlockFile:
 
     Args:
         path: The file; an existing one is replaced, unless another process writes it.
-
-    Raises:
-        OSError: Also by every method.
     """
 
     def __init__(self, path: str | PathLike[str]) -> None:
@@ -174,9 +171,6 @@ def append_index(file: BlockFile, schemas: list[Any], channels: list[Any]) -> No
     """End a file that holds data only: go through it once and write what stands where behind it.
 
     The memory that this takes does not grow with the file.
-
-    Raises:
-        OSError: The file cannot be written; it is as it was.
     """
     end = file.tell()
     try:
@@ -276,7 +270,6 @@ def _chunk_index(file: BlockFile, start: int, stop: int) -> Any:
 
 
 def _named(file: BlockFile, code: int, start: int, stop: int, found: _Found) -> None:
-    """Index record of metadata or of an attachment."""
     records, read = optional("mcap.records"), parsed(code, file.read_at(start, stop - start))
     place = {"offset": start - RECORD.size, "length": stop - start + RECORD.size}
     if code == METADATA:

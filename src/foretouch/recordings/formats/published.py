@@ -40,14 +40,9 @@ Array = NDArray[np.float64]
 
 SUFFIX: Final = ".npz"
 
-FORCES: Final = dict(zip(FORCE_CHANNELS, ("force", "logged_force"), strict=True))
-"""The column of each force channel."""
-
-LAST: Final = "_last"
-"""Suffix of a column's name for its units in the last place."""
-
-LEADER: Final = "leader_position"
-"""The column of the motion of the leader's lever, where a recording has one."""
+FORCES: Final = dict(zip(FORCE_CHANNELS, ("force", "logged_force"), strict=True))  # the column of each force channel
+LAST: Final = "_last"  # suffix of a column's name for its units in the last place
+LEADER: Final = "leader_position"  # the column of the motion of the leader's lever, where a recording has one
 
 
 class About(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -62,24 +57,16 @@ class About(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Excerpt(NamedTuple):
-    """An excerpt in memory.
+    """An excerpt in memory."""
 
-    Attributes:
-        about: What it is made from.
-        columns: ``time`` [s], ``position`` [m] and ``force`` [N], perhaps ``logged_force`` [N] and ``leader_position``
-            [m], each of shape (n,); signs are those of `Recording`.
-    """
-
-    about: About
+    about: About  # what it is made from
+    # ``time`` [s], ``position`` [m] and ``force`` [N], perhaps ``logged_force`` [N] and ``leader_position`` [m], each
+    # of shape (n,); signs are those of `Recording`
     columns: dict[str, Array]
 
 
 def read_excerpt(path: str | PathLike[str]) -> Excerpt:
-    """An excerpt from its file.
-
-    Raises:
-        RecordingError: The file is none.
-    """
+    """An excerpt from its file."""
     try:
         with open(path, "rb") as file, np.load(file, allow_pickle=False) as held:
             about = msgspec.json.decode(str(held["about"]), type=About)
@@ -98,12 +85,7 @@ def read_excerpt(path: str | PathLike[str]) -> Excerpt:
 
 
 def write_excerpt(path: str | PathLike[str], about: About, columns: Mapping[str, Array]) -> None:
-    """Write columns as counts, with the differences in the last place where nothing else is left.
-
-    Raises:
-        KeyError: A column without counts per unit.
-        RecordingError: The file cannot be written.
-    """
+    """Write columns as counts, with the differences in the last place where nothing else is left."""
     steps: dict[str, Any] = {}
     for name, column in columns.items():
         counts = np.rint(column * about.counts_per_unit[name]).astype(np.int64)
@@ -116,12 +98,7 @@ def write_excerpt(path: str | PathLike[str], about: About, columns: Mapping[str,
 
 
 def recording_of(path: str | PathLike[str], force_channel: str = "raw", *, flip: bool = False) -> Recording:
-    """The recording that an excerpt holds.
-
-    Raises:
-        RecordingError: The file is no excerpt, or has no such channel.
-        UnknownNameError: Another force channel.
-    """
+    """The recording that an excerpt holds."""
     if force_channel not in FORCES:
         raise UnknownNameError("force channel", force_channel, FORCES)
     about, columns = read_excerpt(path)
@@ -133,7 +110,6 @@ def recording_of(path: str | PathLike[str], force_channel: str = "raw", *, flip:
 
 
 def _quantity(steps: NDArray[Any], counts_per_unit: float, last: NDArray[Any] | None) -> Array:
-    """A column in SI units."""
     if steps.dtype.kind != "i" or steps.ndim != 1 or not (np.isfinite(counts_per_unit) and counts_per_unit > 0.0):
         raise ValueError("no column of counts")
     values: Array = np.cumsum(steps, dtype=np.int64) / counts_per_unit
@@ -146,21 +122,15 @@ def _quantity(steps: NDArray[Any], counts_per_unit: float, last: NDArray[Any] | 
 
 
 def _smallest(steps: NDArray[np.int64]) -> NDArray[np.signedinteger]:
-    """The same in the narrowest integers that hold them."""
     for kind in (np.int8, np.int16, np.int32):
         if np.array_equal(steps.astype(kind), steps):
             return steps.astype(kind)
     return steps
 
 
-LEVER = 0.075
-"""Length of the levers [m]."""
-
-TORQUE_PER_VOLT = 0.2361
-"""Torque on the follower lever for one volt of its force bridge [N m/V]."""
-
-TUE_CONTACT_FLOOR = 0.3
-"""Smallest force [N] that counts as contact: lever friction and inertia stay below it."""
+LEVER = 0.075  # length of the levers [m]
+TORQUE_PER_VOLT = 0.2361  # torque on the follower lever for one volt of its force bridge [N m/V]
+TUE_CONTACT_FLOOR = 0.3  # smallest force [N] that counts as contact: lever friction and inertia stay below it
 
 _VARIABLES = ["scope", "env_est3"]
 
@@ -169,10 +139,6 @@ def read_tue(path: str | PathLike[str], force_channel: str = "raw", *, flip: boo
     """The follower's press: position = 0.075 m times its angle, force = torque / 0.075 m.
 
     In these files the angle and both torques already grow while pressing.
-
-    Raises:
-        RecordingError: The file is no such recording.
-        UnknownNameError: Another force channel.
     """
     if force_channel not in FORCE_CHANNELS:
         raise UnknownNameError("force channel", force_channel, FORCE_CHANNELS)
@@ -242,8 +208,7 @@ def _signals(path: str | PathLike[str]) -> tuple[Array, Array, Array, Array]:
     return time, angles, torques, bridge
 
 
-AURORA_CONTACT_FLOOR = 0.005
-"""Smallest force [N] that counts as contact."""
+AURORA_CONTACT_FLOOR = 0.005  # smallest force [N] that counts as contact
 
 
 def read_aurora(path: str | PathLike[str], *, flip: bool = False) -> Recording:
@@ -251,9 +216,6 @@ def read_aurora(path: str | PathLike[str], *, flip: bool = False) -> Recording:
 
     The length grows as the tip goes into the skin, and the force is positive under compression. The press is at 0.5 to
     1.6 s; outside it the motor's force control chatters off contact, so score from 0.5 to 1.6.
-
-    Raises:
-        RecordingError: The file is no such recording, or a row of it holds no numbers.
     """
     lines = Path(path).read_text(encoding="latin-1").split("\n")
     header = next((index for index, line in enumerate(lines) if line.startswith("Sample\tAI0\tAI1\t")), None)
@@ -283,7 +245,6 @@ def _header_values(path: object, header: list[str], label: str, separator: str) 
 
 
 def _rows(path: object, lines: list[str], first: int) -> NDArray[np.float64]:
-    """Sample number, AI0 and AI1 of every line."""
     rows = []
     for number, line in enumerate(lines[first:], first + 1):
         if not line.strip():

@@ -33,12 +33,7 @@ from foretouch.recordings.source import MAP_NAME, Column, Table, one_line, requi
 
 
 class ParquetTable(Table):
-    """An opened Parquet file.
-
-    Raises:
-        RecordingError: The file is no Parquet.
-        MissingExtraError: The package ``pyarrow`` is not installed.
-    """
+    """An opened Parquet file."""
 
     def __init__(self, path: str | PathLike[str]) -> None:
         self.path, self.format = path, "Parquet"
@@ -50,11 +45,7 @@ class ParquetTable(Table):
         self.stated_map = ((schema.metadata or {}).get(MAP_NAME.encode()) or b"").decode(errors="replace")
 
     def read(self, names: Sequence[str]) -> dict[str, NDArray[np.float64]]:
-        """Columns by name.
-
-        Raises:
-            RecordingError: A column is missing, there twice, or holds no numbers; or the file is damaged.
-        """
+        """Columns by name."""
         require_names(self.path, self._names, names, row=1)
         with _refusing(self.path), self._parquet.ParquetFile(self.path) as file:
             table = file.read(columns=list(names))
@@ -79,7 +70,6 @@ def numbers_of(column: Any) -> NDArray[np.float64]:
 
 @contextlib.contextmanager
 def _refusing(path: object) -> Iterator[None]:
-    """What pyarrow raises on a damaged or foreign file, as one line: it has many kinds."""
     try:
         yield
     except Exception as error:
@@ -92,15 +82,10 @@ def _unit_of(field: Any) -> str:
 
 
 SEPARATORS: Final = (",", ";", "\t")
-LOOKED_AT: Final = 50
-"""Lines that tell whether numbers have a decimal comma, and within which the header stands."""
-FEWEST: Final = 3
-"""Columns of a header that other lines may stand above: time, position and force."""
-
-REMARKS: Final = ("#", "%")
-"""What lines that are no samples begin with."""
-LONGEST_LINE: Final = 65_536
-"""Characters of a line above the samples."""
+LOOKED_AT: Final = 50  # lines that tell whether numbers have a decimal comma, and within which the header stands
+FEWEST: Final = 3  # columns of a header that other lines may stand above: time, position and force
+REMARKS: Final = ("#", "%")  # what lines that are no samples begin with
+LONGEST_LINE: Final = 65_536  # characters of a line above the samples
 
 _DECIMAL_COMMA = re.compile(r"\s*[-+]?\d*,\d+([eE][-+]?\d+)?\s*\Z")
 
@@ -118,8 +103,6 @@ def _encoding(path: str | PathLike[str]) -> str:
 
 @dataclass(frozen=True)
 class _Top:
-    """Header above the samples."""
-
     separator: str
     names: list[str]
     units: list[str]
@@ -134,10 +117,6 @@ class CsvTable(Table):
     Args:
         path: Path of the file.
         skip_empty: Whether rows whose cells are all empty are passed over; without it such a row lacks its numbers.
-
-    Raises:
-        RecordingError: No UTF-8 text, or no header.
-        OSError: The file cannot be read.
     """
 
     def __init__(self, path: str | PathLike[str], *, skip_empty: bool = False) -> None:
@@ -189,12 +168,7 @@ class CsvTable(Table):
         return line
 
     def read(self, names: Sequence[str]) -> dict[str, NDArray[np.float64]]:
-        """Columns by name.
-
-        Raises:
-            RecordingError: A column is missing or there twice, or a value is no number; the message names the row as an
-                editor counts lines.
-        """
+        """Columns by name."""
         require_names(self.path, self.header, names, row=self._header_row)
         fast = self.read_fast(names)
         return self.read_carefully(names) if fast is None else fast
@@ -237,11 +211,7 @@ class CsvTable(Table):
         return {name: np.array(values, dtype=np.float64) for name, values in columns.items()}
 
     def texts(self, name: str) -> list[str]:
-        """The cells of a column as they stand.
-
-        Raises:
-            RecordingError: The column is missing or there twice.
-        """
+        """The cells of a column as they stand."""
         require_names(self.path, self.header, [name], row=self._header_row)
         place = self.header.index(name)
         return [cells[place].strip() for _, cells in self._rows()]
@@ -322,7 +292,6 @@ def _cells(line: str, separator: str) -> list[str]:
 
 
 def _kind(cells: list[str]) -> str:
-    """Type of a column by its first values: numbers, unless one of them is a word."""
     filled = [cell for cell in cells if cell.strip()]
     return "number" if filled and all(map(_is_number, filled)) else "text"
 

@@ -35,11 +35,8 @@ from foretouch.messages import (
 from foretouch.models import LAWS
 from foretouch.recordings.formats.cdr import HEADER, Layout, pack_fields
 
-COUNTS: Final = "foretouch_counts"
-"""Name of the metadata record that holds the counters of the session's end."""
-
-TRUNCATED: Final = {"truncated": 1}
-"""Counter of a recording that ends before its session did."""
+COUNTS: Final = "foretouch_counts"  # name of the metadata record that holds the counters of the session's end
+TRUNCATED: Final = {"truncated": 1}  # counter of a recording that ends before its session did
 
 
 @dataclass(frozen=True)

@@ -44,37 +44,25 @@ UNIT_OPTIONS = {"position": "--position-unit mm", "force": "--force-unit N"}
 
 _NUMBER = re.compile(r"[-+]?[\d.,]+(e[-+]?\d+)?\s*\Z", re.IGNORECASE)
 
-NAMED = 5
-"""Number of candidates that are named in a map that is to be completed."""
+NAMED = 5  # number of candidates that are named in a map that is to be completed
 
 
 @dataclass(frozen=True)
 class Guess:
-    """A map as far as it can be guessed.
+    """A map as far as it can be guessed."""
 
-    Attributes:
-        path: Path of the recording.
-        time: Times of its samples.
-        position: Position of the probe, None where no column fits, or several; its unit may be `UNKNOWN`.
-        force: Force of the sensor, likewise.
-        velocity: Velocity of the probe, where it is there.
-        problems: One sentence for each thing that is open.
-        notes: One sentence for each thing that should be known of what was guessed.
-        candidates: What `position` and `force` might be, where there are several; the likeliest first.
-        contact_floor: That of a map in the file.
-        stated: The map that the file carries, which then is taken.
-    """
-
-    path: object
-    time: TimeSource = field(default_factory=TimeSource)
+    path: object  # path of the recording
+    time: TimeSource = field(default_factory=TimeSource)  # times of its samples
+    # position of the probe, None where no column fits, or several; its unit may be `UNKNOWN`
     position: Signal | None = None
-    force: Signal | None = None
-    velocity: Velocity | None = None
-    problems: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
+    force: Signal | None = None  # force of the sensor, likewise
+    velocity: Velocity | None = None  # velocity of the probe, where it is there
+    problems: tuple[str, ...] = ()  # one sentence for each thing that is open
+    notes: tuple[str, ...] = ()  # one sentence for each thing that should be known of what was guessed
+    # what `position` and `force` might be, where there are several; the likeliest first
     candidates: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    contact_floor: float = 0.05
-    stated: Mapping | None = None
+    contact_floor: float = 0.05  # that of a map in the file
+    stated: Mapping | None = None  # the map that the file carries, which then is taken
 
     @property
     def open(self) -> tuple[str, ...]:
@@ -91,11 +79,7 @@ class Guess:
         return tuple(said)
 
     def mapping(self) -> Mapping:
-        """The map, if nothing is open.
-
-        Raises:
-            RecordingError: The first thing that is, and what to do.
-        """
+        """The map, if nothing is open."""
         if self.stated is not None:
             return self.stated
         if self.open or self.position is None or self.force is None:
@@ -105,7 +89,6 @@ class Guess:
         return mapping
 
     def _what_to_do(self) -> str:
-        """Open items, and how to state them: by options where only units are open."""
         signals = {"position": self.position, "force": self.force}
         unknown = [name for name, signal in signals.items() if signal is not None and signal.unit == UNKNOWN]
         if None in signals.values() or self.problems or len(unknown) < len(self.open):
@@ -114,11 +97,7 @@ class Guess:
         return f"{'; '.join(self.open)}: give {options}, say; or {HELP}"
 
     def in_units(self, options: RecordingOptions) -> Guess:
-        """The same with units where the file states none, and with positions or forces turned round.
-
-        Raises:
-            RecordingError: The file states another unit.
-        """
+        """The same with units where the file states none, and with positions or forces turned round."""
         position = self._with(self.position, "position", options.position_unit, options.flip)
         force = self._with(self.force, "force", options.force_unit, options.flip_force)
         stated = self.stated
@@ -165,9 +144,6 @@ def guess_mapping(source: Table | Bag) -> Guess:
     A map that the file carries, as those of `convert_recording` do, is taken as it is. Else columns go by the words and
     units in their names, in several languages; topics by the type of their messages and by how often these come
     (`choose_topic`). Several that fit equally well are not chosen from.
-
-    Raises:
-        RecordingError: The map that the file carries is none.
     """
     if source.stated_map:
         stated = parse_mapping(f"{source.path}: the map in it", source.stated_map)

@@ -17,11 +17,8 @@ CLOCKS_AGREE: Final = 0.05
 """Header stamps of two topics are taken for one clock while their distances from log time differ by less [s]; networks
 and recorders alone make some milliseconds."""
 
-LEAST_SAID: Final = 2e-3
-"""Smaller distances [s] are what networks make."""
-
-LARGEST_GAP: Final = 0.1
-"""Forces within a longer time without a position [s] are left out (or than ten of its periods)."""
+LEAST_SAID: Final = 2e-3  # smaller distances [s] are what networks make
+LARGEST_GAP: Final = 0.1  # forces within a longer time without a position [s] are left out (or than ten of its periods)
 
 
 class Joined(NamedTuple):
@@ -33,21 +30,13 @@ class Joined(NamedTuple):
 
 
 class Clocks(NamedTuple):
-    """How far the header stamps of topics lie from log time.
+    """How far the header stamps of topics lie from log time."""
 
-    Attributes:
-        topics: Names.
-        medians: Median of log time less stamp, for each [s].
-        spread: Largest range of the middle half of that, over the topics [s].
-        jitter: Largest range of the middle nine tenths [s].
-        period: Sample period of the less frequent topic [s].
-    """
-
-    topics: tuple[str, ...]
-    medians: tuple[float, ...]
-    spread: float
-    jitter: float
-    period: float
+    topics: tuple[str, ...]  # names
+    medians: tuple[float, ...]  # median of log time less stamp, for each [s]
+    spread: float  # largest range of the middle half of that, over the topics [s]
+    jitter: float  # largest range of the middle nine tenths [s]
+    period: float  # sample period of the less frequent topic [s]
 
     @property
     def apart(self) -> float:
@@ -89,9 +78,6 @@ def clock_of(source: object, series: list[Series], asked: str) -> tuple[list[Tim
     from message to message. So stamps are taken, as long as those of all topics are on one clock: that is so where they
     lie equally far from log time. Where they do not, either clocks differ or one topic takes longer to the recorder,
     and the file does not say which: within `CLOCKS_AGREE` stamps are taken as they are, and the distance is noted.
-
-    Raises:
-        RecordingError: Header stamps are asked for and a topic has none.
     """
     log = [one.log_ns for one in series]
     if asked == "log":
@@ -165,9 +151,6 @@ def at_force_times(
 
     which errs by the square of the period of positions, and looks less than one such period ahead. ``hold`` takes the
     last position before, which a causal system has too; it lags by half a period on average, which looks like damping.
-
-    Raises:
-        RecordingError: The two have less than two samples in common time.
     """
     if np.array_equal(position_ns, force_ns):
         return Joined(force_ns, position | force, [])

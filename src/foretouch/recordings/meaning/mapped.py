@@ -16,18 +16,12 @@ Array = NDArray[np.float64]
 
 DEEPER_WITH_LESS_FORCE = -0.5
 """Correlation of position and force below which positions look as if they shrank with depth."""
-LOOKED_AT = 100_000
-"""Number of samples that tell whether signs look wrong."""
-LEAST_CHANGE = 1e-9
-"""Change, over the largest value, below which signs are not commented on."""
+LOOKED_AT = 100_000  # number of samples that tell whether signs look wrong
+LEAST_CHANGE = 1e-9  # change, over the largest value, below which signs are not commented on
 
 
 def read_mapped(source: Table | Bag, mapping: Mapping) -> tuple[Recording, list[str]]:
-    """The recording, and sentences on how its samples came to one time.
-
-    Raises:
-        RecordingError: The map does not fit the file, or the values break a rule of `Recording`.
-    """
+    """The recording, and sentences on how its samples came to one time."""
     if isinstance(source, Table):
         recording = _of_table(source, mapping)
         return recording, _uncertainties(recording)

@@ -33,8 +33,7 @@ NEEDS_SCALE: Final = {
 }
 """Units that are no length or force by themselves, and the meaning of their ``scale``."""
 
-UNKNOWN: Final = "?"
-"""Unit of a guess where the file does not state it; a map must state it."""
+UNKNOWN: Final = "?"  # unit of a guess where the file does not state it; a map must state it
 
 FORM: Final = "[time], [position] and [force] with column, or topic and field, and unit"
 
@@ -133,22 +132,14 @@ def read_mapping(path: str | PathLike[str]) -> Mapping:
 
 
 def parse_mapping(source: object, text: bytes | str) -> Mapping:
-    """A map from its text; errors name `source`.
-
-    Raises:
-        RecordingError: As `read_mapping`.
-    """
+    """A map from its text; errors name `source`."""
     mapping = decode_toml(source, text, Mapping, "map", FORM)
     check_mapping(source, mapping)
     return mapping
 
 
 def check_mapping(source: object, mapping: Mapping) -> None:
-    """Refuse what the types of the fields cannot.
-
-    Raises:
-        RecordingError: A unit that is not known or lacks its scale, or a number out of range.
-    """
+    """Refuse what the types of the fields cannot."""
     _one_of(source, "time", mapping.time.unit, TIMES)
     for name, signal, units in (("position", mapping.position, LENGTHS), ("force", mapping.force, FORCES)):
         _one_of(source, name, signal.unit, units)

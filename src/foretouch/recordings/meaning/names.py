@@ -44,8 +44,7 @@ WORDS: Final = {
 COMPOUNDS: Final = ("zeit", "weg", "hub", "tiefe", "kraft", "last", "geschwindigkeit")
 """German words that others are put before, as in ``Prüfzeit``, ``Standardweg`` or ``Sollkraft``."""
 
-SHORTEST_PART: Final = 3
-"""Letters before such a word."""
+SHORTEST_PART: Final = 3  # letters before such a word
 
 ASKED_FOR: Final = "setpoint desired target commanded command cmd reference ref soll sollwert consigne"
 """Words of what was asked for and not measured."""
@@ -53,8 +52,7 @@ ASKED_FOR: Final = "setpoint desired target commanded command cmd reference ref 
 LETTERS: Final = {TIME: "t", POSITION: "x z s d", FORCE: "f fz fn"}
 """Symbols of each quantity, which count where nothing better is there."""
 
-BY_WORD: Final = 2.0
-"""Least rank of a name that has a word of its quantity, and not a symbol alone."""
+BY_WORD: Final = 2.0  # least rank of a name that has a word of its quantity, and not a symbol alone
 
 UNITS: Final = {
     TIME: {
@@ -164,22 +162,15 @@ def _plain(text: str) -> str:
 
 
 class RobotColumn(NamedTuple):
-    """Meaning of one number of a robot's interface.
+    """Meaning of one number of a robot's interface."""
 
-    Attributes:
-        quantity: Quantity of the number.
-        rank: How well it fits, on the scale of `foretouch.recordings.meaning.names.rank`: below a column that is named
-            as the quantity and nothing else, above one that has a word of it.
-        unit: Unit as a map writes it.
-        said: Its name and frame, for people.
-        axes: Numbers of the columns along x, y and z there.
-    """
-
-    quantity: str
+    quantity: str  # quantity of the number
+    # how well it fits, on the scale of `foretouch.recordings.meaning.names.rank`: below a column that is named as the
+    # quantity and nothing else, above one that has a word of it
     rank: float
-    unit: str
-    said: str
-    axes: tuple[int, int, int]
+    unit: str  # unit as a map writes it
+    said: str  # its name and frame, for people
+    axes: tuple[int, int, int]  # numbers of the columns along x, y and z there
 
 
 KNOWN: Final = {

@@ -41,32 +41,21 @@ LOOKED_INTO: Final = 8
 """Number of topics that are looked into, those of most messages first; of other joint states one joint is taken for
 a candidate, and of other topics the rate over the whole bag for their rate."""
 
-A_WORD: Final = 2.0
-"""Rank of a name with a word of the quantity in it; a letter, as in ``/stage/x``, is none."""
-
-NAMED: Final = 5
-"""Number of candidates that are named in a sentence."""
-
-LARGEST_LOOK: Final = 2**25
-"""Bytes of the first messages, which tell along which axis something moves."""
+A_WORD: Final = 2.0  # rank of a name with a word of the quantity in it; a letter, as in ``/stage/x``, is none
+NAMED: Final = 5  # number of candidates that are named in a sentence
+LARGEST_LOOK: Final = 2**25  # bytes of the first messages, which tell along which axis something moves
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """One field that could be the quantity.
+    """One field that could be the quantity."""
 
-    Attributes:
-        signal: Topic, field and unit.
-        standing: 3 for a type of message with that quantity, 2 for a joint alone, 1 for a joint among others or a bare
-            number whose topic is named like the quantity; words in a name are no more than that.
-        count: Number of messages.
-        rate: Messages per second [1/s].
-    """
-
-    signal: Signal
+    signal: Signal  # topic, field and unit
+    # 3 for a type of message with that quantity, 2 for a joint alone, 1 for a joint among others or a bare number whose
+    # topic is named like the quantity; words in a name are no more than that
     standing: int
-    count: int
-    rate: float
+    count: int  # number of messages
+    rate: float  # messages per second [1/s]
 
     @property
     def said(self) -> str:
@@ -179,7 +168,6 @@ def _rate(bag: Bag, topic: Topic, before: int) -> float:
 
 
 def _some(candidates: Sequence[Candidate]) -> str:
-    """The first few, and how many more."""
     named = ", ".join(one.said for one in candidates[:NAMED])
     more = len(candidates) - NAMED
     return f"{named} and {more} more" if more > 0 else named

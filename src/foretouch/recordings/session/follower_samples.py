@@ -21,8 +21,7 @@ from foretouch.recordings.session.reader import read_samples
 
 Array = NDArray[np.float64]
 
-LARGE = 50_000_000
-"""Size [bytes], some minutes, from which on the samples of a recording are kept in a file beside it."""
+LARGE = 50_000_000  # size [bytes], some minutes, from which on the samples of a recording are kept in a file beside it
 
 VERSION = 1
 """Version of the form of that file."""
@@ -114,9 +113,6 @@ def read_follower(path: str | PathLike[str], *, flip: bool = False) -> Recording
 
     Samples whose sensors were not to be trusted are left out, as the session itself learnt nothing from them. Of
     several processes of the follower it is that of the longest segment (`SessionLog.longest`).
-
-    Raises:
-        RecordingError: As `read_session`, or the follower sent no valid measurement.
     """
     samples = read_follower_samples(path)
     if samples.time.size < 2:

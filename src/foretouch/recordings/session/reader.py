@@ -105,12 +105,7 @@ def _read_all(path: str | PathLike[str]) -> SessionLog:
 
 
 def read_samples(path: str | PathLike[str]) -> SessionLog:
-    """The same log with those rows and columns only that `follower_samples` looks at: a tenth of the memory.
-
-    Raises:
-        RecordingError: As `read_session`.
-        MissingExtraError: As `read_session`.
-    """
+    """The same log with those rows and columns only that `follower_samples` looks at: a tenth of the memory."""
     return _read(path, _SAMPLES, ())
 
 
@@ -208,7 +203,6 @@ class _Scan:
         return ended
 
     def _structure(self, code: int, content: bytes, start: int) -> None:
-        """Read a record that is no message."""
         try:
             self._read(code, content)
         except RecordingError:
@@ -241,7 +235,6 @@ class _Scan:
         self._kinds[channel.id], self._layouts[kind] = kind, layout
 
     def _take(self, kind: type[Message], data: bytes | mmap.mmap, spans: list[tuple[int, int]]) -> None:
-        """Decode the messages of one kind in a buffer."""
         layout = self._layouts[kind]
         try:
             if kind in self._columns and layout.dtype is not None:

@@ -142,7 +142,6 @@ def _index_stands(data: _Data) -> bool:
 
 
 def _write(data: _Data, path: Path, target: Path, ended: bool) -> Repair:
-    """Copy the blocks that can be kept to a new file, complete that, and replace the old one by it."""
     scan = _Scan(data)
     with atomic_path(target) as part, closing(BlockFile(part)) as file:
         file.write(MAGIC)
@@ -217,7 +216,6 @@ class _Scan:
         )
 
     def _whole(self, chunk: _Chunk) -> bytes:
-        """A chunk with all of its message indexes."""
         index = chunk.index()
         self.indexed &= index == b"".join(chunk.indexes)
         return chunk.record + index
@@ -269,8 +267,6 @@ class _Scan:
 
 @dataclass
 class _Chunk:
-    """A chunk and the message indexes behind it."""
-
     record: bytes = b""
     indexes: list[bytes] = field(default_factory=list)
     entries: dict[int, list[tuple[int, int]]] = field(default_factory=lambda: defaultdict(list))

@@ -14,8 +14,7 @@ from foretouch.recordings.formats.mcap_index import BlockFile, append_index, cou
 from foretouch.recordings.formats.topics import BESIDE, PROBE, STANDARD, TOPICS, TRUNCATED, pose_on_a_line
 from foretouch.recordings.output import optional
 
-LONGEST_BLOCK = 2000
-"""Number of messages that make a block even without a flush."""
+LONGEST_BLOCK = 2000  # number of messages that make a block even without a flush
 
 POSE_EVERY = 10
 """Number of telemetry messages of a session along a line for one that is a pose too, for tools that draw."""

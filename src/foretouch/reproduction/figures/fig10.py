@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -29,16 +30,24 @@ from foretouch.reproduction.experiment import (
     stiffness_in_phases,
     swing,
 )
-from foretouch.reproduction.relearning import AS_PRINTED, CHOICES, EXACT, ROBUST, Choice, learn_again
-from foretouch.reproduction.section import Claim, Outcome, Section, judge
+from foretouch.reproduction.relearning import (
+    AS_PRINTED,
+    CHOICES,
+    EVERY,
+    EXACT,
+    ROBUST,
+    Choice,
+    drawn,
+    learn_again,
+    legend_of,
+    outcomes,
+)
+from foretouch.reproduction.section import Claim, Section, judge
 
-SETTLED_BAND = 0.25
-"""Band around its median over the last two presses within which s counts as settled."""
+SETTLED_BAND = 0.25  # band around its median over the last two presses within which s counts as settled
 
-PAPERS_ITERATION = 50
-
-FURTHER = "sponge let go further"
-"""Name of the courses on the sponge that is let go to a third of its depth."""
+PAPERS_ITERATION = 50  # at which the paper has the sponge's parameters stabilised
+FURTHER = "sponge let go further"  # name of the courses on the sponge that is let go to a third of its depth
 
 SAWTOOTH = (
     "strongest sine in ln k after the first press, a quadratic drift taken off; holds within 5 % of the press with "
@@ -48,18 +57,12 @@ SAWTOOTH = (
 STATED_SHARE = 0.75
 """Depth at which sponge's local stiffness is compared, as a ratio to the deepest: half-way of its presses."""
 
-MUTATION = 1.0
-"""Change of ln k within 0.1 s that counts as a mutation: k changes by a factor of e."""
+MUTATION = 1.0  # change of ln k within 0.1 s that counts as a mutation: k changes by a factor of e
+SYNCHRONOUS = 0.25  # a peak is at greatest depth when it is no further from it than this [s]
 
-SYNCHRONOUS = 0.25
-"""A peak is at greatest depth when it is no further from it than this [s]."""
-
-PAPERS_STIFFNESS = 150_000.0
+PAPERS_STIFFNESS = 150_000.0  # k of the hand at its second peak; the paper writes N/m, its law has N/m^s
 SAME_ORDER = 5.0  # a k within this factor of the paper's counts as that k
-"""k of the hand at its second peak; the paper writes N/m, its law has N/m^s."""
-
-HIGHEST_FORCE = 15.0
-"""Force at which the hand's stiffness is given [N]."""
+HIGHEST_FORCE = 15.0  # force at which the hand's stiffness is given [N]
 
 Courses = Mapping[str, History]
 Test = Callable[[Courses], tuple[bool, str]]
@@ -71,49 +74,47 @@ def parameter_claims(experiments: Mapping[str, Experiment], courses: Mapping[str
     sponge = f"simulated sponge, five presses of {PRESS_PERIOD:g} s between 7.5 and 15 mm"
 
     def claim(says: str, paper: str, test: Test, setting: str, *, given: bool = False) -> Claim:
-        outcomes = {name: Outcome(name, *test(found)) for name, found in courses.items()}
-        deciding = [outcomes[choice.name] for choice in (*CHOICES, ROBUST)]
-        beside = [outcomes[ROBUST.name], outcomes[EXACT.name]]
+        deciding, beside = outcomes(courses, test)
         return judge(says, paper, deciding, f"{setting}; {rate}", beside=beside, given=given)
 
     return [
         claim(
             "Sponge: the parameters are stabilised at the 50th iteration",
             "50th iteration",
-            _settled(SETTLED_BAND),
+            partial(_settled, SETTLED_BAND),
             f"{sponge}; settled: s stays within {SETTLED_BAND:g} of its median over the last two presses",
         ),
         claim(
             "Sponge: at the 50th iteration the parameters are already in the range of their later swings",
             "50th iteration",
-            _settled(None),
+            partial(_settled, None),
             f"{sponge}; the stricter reading: s stays within its range over the last two presses, half as wide again "
             "on either side",
         ),
         claim(
             "Sponge: after that the parameters have the shape of a sawtooth wave, one tooth a press",
             "sawtooth",
-            _sawtooth("sponge"),
+            partial(_sawtooth, "sponge"),
             f"{sponge}, which is a choice: it hangs on how far the sponge is let go, see the next; {SAWTOOTH}",
             given=True,
         ),
         claim(
             "Sponge, let go to a third of the depth: the same sawtooth",
             "sawtooth",
-            _sawtooth(FURTHER),
+            partial(_sawtooth, FURTHER),
             f"simulated sponge, five presses of {PRESS_PERIOD:g} s between 5 and 15 mm, where the force falls "
             f"below 0.1 N; {SAWTOOTH}",
         ),
         claim(
             "Sponge: local stiffness is bigger in compression than in restitution",
             "bigger in compression, smaller in restitution",
-            _stiffer(experiments["sponge"], slope=True),
+            partial(_stiffer, experiments["sponge"], True),
             f"{sponge}; dF/dx = k s x^(s-1) at 11.25 mm, medians over the phases after the first compression",
         ),
         claim(
             "Sponge: the identified k is bigger in compression than in restitution",
             "bigger in compression, smaller in restitution",
-            _stiffer(experiments["sponge"], slope=False),
+            partial(_stiffer, experiments["sponge"], False),
             f"{sponge}; medians of k over the phases after the first compression, whatever s is then",
         ),
         claim(
@@ -126,14 +127,14 @@ def parameter_claims(experiments: Mapping[str, Experiment], courses: Mapping[str
         claim(
             "Hand: the parameters have three convex peaks, each at the greatest depth of its press",
             "three peaks in each subfigure",
-            _peaks(experiments["hand"]),
+            partial(_peaks, experiments["hand"]),
             f"simulated hand, three presses of 7, 8.2 and 6.5 mm; largest k at more than half of the press's depth; "
             f"holds where all three are within {SYNCHRONOUS:g} s of the greatest depth and not at the end of that span",
         ),
         claim(
             "Hand: at the second peak k reaches 150,000 and the other two are smaller",
             "150,000 N/m at the second peak",
-            _second_peak(experiments["hand"]),
+            partial(_second_peak, experiments["hand"]),
             "simulated hand; largest k at more than half of each press's depth; k is in N/m^s, so what it means "
             "depends on s: s there, and dF/dx of that law pressed slowly to 15 N, are given; holds where the "
             f"second k is the largest and within a factor of {SAME_ORDER:g} of the paper's",
@@ -141,31 +142,22 @@ def parameter_claims(experiments: Mapping[str, Experiment], courses: Mapping[str
     ]
 
 
-def _settled(band: float | None) -> Test:
-    def test(found: Courses) -> tuple[bool, str]:
-        history = found["sponge"]
-        iteration = settled_at(history, PRESS_PERIOD, band)
-        if iteration is None:
-            return False, "not before the last two presses"
-        first = float(history["time"][np.searchsorted(history["iteration"], iteration)])
-        return iteration <= PAPERS_ITERATION, f"iteration {iteration}, {first - _touch(history):.1f} s after touching"
-
-    return test
-
-
-def _touch(history: History) -> float:
-    """Time at which learning began [s], from the first notes: nothing is noted before the 20th sample."""
+def _settled(band: float | None, found: Courses) -> tuple[bool, str]:
+    history = found["sponge"]
+    iteration = settled_at(history, PRESS_PERIOD, band)
+    if iteration is None:
+        return False, "not before the last two presses"
+    first = float(history["time"][np.searchsorted(history["iteration"], iteration)])
+    # Learning began before the first notes: nothing is noted before the 20th sample.
     spacing = float(np.median(np.diff(history["time"][:10])))
-    return float(history["time"][0]) - spacing * float(history["iteration"][0])
+    touch = float(history["time"][0]) - spacing * float(history["iteration"][0])
+    return iteration <= PAPERS_ITERATION, f"iteration {iteration}, {first - touch:.1f} s after touching"
 
 
-def _sawtooth(name: str) -> Test:
-    def test(found: Courses) -> tuple[bool, str]:
-        period, share = swing(found[name], PRESS_PERIOD)
-        holds = abs(period - PRESS_PERIOD) <= 0.05 * PRESS_PERIOD and share >= 0.5
-        return holds, f"period {period:.2f} s, {100.0 * share:.0f} % of the variance"
-
-    return test
+def _sawtooth(name: str, found: Courses) -> tuple[bool, str]:
+    period, share = swing(found[name], PRESS_PERIOD)
+    holds = abs(period - PRESS_PERIOD) <= 0.05 * PRESS_PERIOD and share >= 0.5
+    return holds, f"period {period:.2f} s, {100.0 * share:.0f} % of the variance"
 
 
 def turns(experiment: Experiment) -> list[float]:
@@ -173,15 +165,11 @@ def turns(experiment: Experiment) -> list[float]:
     return [time for time, _ in experiment.script][1:]
 
 
-def _stiffer(experiment: Experiment, *, slope: bool) -> Test:
+def _stiffer(experiment: Experiment, slope: bool, found: Courses) -> tuple[bool, str]:
     depth = STATED_SHARE * max(depth for _, depth in experiment.script)
-
-    def test(found: Courses) -> tuple[bool, str]:
-        k, local = stiffness_in_phases(found["sponge"], turns(experiment), depth)
-        into, out = local if slope else k
-        return into > out, f"{_three(into)} and {_three(out)} {'N/m' if slope else 'N/m^s'}"
-
-    return test
+    k, local = stiffness_in_phases(found["sponge"], turns(experiment), depth)
+    into, out = local if slope else k
+    return into > out, f"{_three(into)} and {_three(out)} {'N/m' if slope else 'N/m^s'}"
 
 
 def _mutates(found: Courses) -> tuple[bool, str]:
@@ -196,43 +184,33 @@ def _deep_halves(experiment: Experiment, history: History) -> list[NDArray[np.in
     return [in_deep_half(history, time, depth) for time, depth in zip(experiment.deepest, depths, strict=True)]
 
 
-def _peaks(experiment: Experiment) -> Test:
-    def test(found: Courses) -> tuple[bool, str]:
-        history = found["hand"]
-        late, good = [], 0
-        for time, inside in zip(experiment.deepest, _deep_halves(experiment, history), strict=True):
-            best = peak(history["ln_k"], inside)
-            if best is None:
-                late.append("none")
-                continue
-            apart = float(history["time"][best]) - time
-            ends = best in (inside[0], inside[-1])
-            good += abs(apart) <= SYNCHRONOUS and not ends
-            late.append(f"{apart:+.2f}{' (end)' if ends else ''}")
-        return good == len(late), f"largest k {', '.join(late)} s from the greatest depth"
-
-    return test
+def _peaks(experiment: Experiment, found: Courses) -> tuple[bool, str]:
+    history = found["hand"]
+    late, good = [], 0
+    for time, inside in zip(experiment.deepest, _deep_halves(experiment, history), strict=True):
+        best = peak(history["ln_k"], inside)
+        if best is None:
+            late.append("none")
+            continue
+        apart = float(history["time"][best]) - time
+        ends = best in (inside[0], inside[-1])
+        good += abs(apart) <= SYNCHRONOUS and not ends
+        late.append(f"{apart:+.2f}{' (end)' if ends else ''}")
+    return good == len(late), f"largest k {', '.join(late)} s from the greatest depth"
 
 
-def _second_peak(experiment: Experiment) -> Test:
-    def test(found: Courses) -> tuple[bool, str]:
-        history = found["hand"]
-        best = [peak(history["ln_k"], inside) for inside in _deep_halves(experiment, history)]
-        tops = [-math.inf if at is None else float(history["ln_k"][at]) for at in best]
-        k = " and ".join(_three(_exp(top)) for top in (tops[0], tops[2]))
-        if best[1] is None:
-            return False, "nothing was learnt there"
-        s = float(history["s"][best[1]])
-        local = stiffness_at_force(tops[1], s, HIGHEST_FORCE)
-        near = abs(tops[1] - math.log(PAPERS_STIFFNESS)) <= math.log(SAME_ORDER)
-        holds = near and tops[1] > max(tops[0], tops[2])
-        return holds, f"{_three(_exp(tops[1]))} N/m^{s:.2f} ({_three(local)} N/m at 15 N), others {k}"
-
-    return test
-
-
-def _exp(value: float) -> float:
-    return math.exp(min(value, 600.0)) if value > -math.inf else 0.0
+def _second_peak(experiment: Experiment, found: Courses) -> tuple[bool, str]:
+    history = found["hand"]
+    best = [peak(history["ln_k"], inside) for inside in _deep_halves(experiment, history)]
+    tops = [-math.inf if at is None else float(history["ln_k"][at]) for at in best]
+    first, second, third = (_three(math.exp(min(top, 600.0))) for top in tops)
+    if best[1] is None:
+        return False, "nothing was learnt there"
+    s = float(history["s"][best[1]])
+    local = stiffness_at_force(tops[1], s, HIGHEST_FORCE)
+    near = abs(tops[1] - math.log(PAPERS_STIFFNESS)) <= math.log(SAME_ORDER)
+    holds = near and tops[1] > max(tops[0], tops[2])
+    return holds, f"{second} N/m^{s:.2f} ({_three(local)} N/m at 15 N), others {first} and {third}"
 
 
 def _three(value: float) -> str:
@@ -246,47 +224,38 @@ def _three(value: float) -> str:
 ESTIMATOR_COLOURS = {"printed": COLOURS[4], "choice": COLOURS[3], "robust": COLOURS[0], "exact": COLOURS[2]}
 """Colours of the estimators, in Fig. 10 and Fig. 11 alike; black and vermillion are left for true and delayed force."""
 
-ROWS = (
-    ("k", "k [N/m$^s$]", (1e1, 1e8)),
-    ("s", "s [-]", (-1.0, 5.0)),
-    ("b1", "$b_1$ [s/m]", (-40.0, 40.0)),
-    ("b2", "$b_2$ [s]", (-0.5, 0.5)),
-    ("damping", "$\\lambda$ [N s/m$^{n+1}$]", (1e1, 1e7)),
-    ("exponent", "n [-]", (-0.5, 2.5)),
-    ("switching", "$\\alpha$ [-]", (-0.05, 1.05)),
-)
-"""Parameter, label, and the range that is drawn: the same for all materials, so that they can be compared."""
+ROWS = {
+    "k": ("k [N/m$^s$]", "log", (1e1, 1e8)),
+    "s": ("s [-]", "linear", (-1.0, 5.0)),
+    "b1": ("$b_1$ [s/m]", "linear", (-40.0, 40.0)),
+    "b2": ("$b_2$ [s]", "linear", (-0.5, 0.5)),
+    "damping": ("$\\lambda$ [N s/m$^{n+1}$]", "log", (1e1, 1e7)),
+    "exponent": ("n [-]", "linear", (-0.5, 2.5)),
+    "switching": ("$\\alpha$ [-]", "linear", (-0.05, 1.05)),
+}
+"""Label, scale, and the range that is drawn of each parameter: the same for all materials, to compare them."""
 
-LOGARITHMIC = ("k", "damping")
-LONGEST_LINE = 0.1
-"""Notes further apart than this are not joined [s]: nothing was learnt between."""
+LONGEST_LINE = 0.1  # notes further apart than this are not joined [s]: nothing was learnt between
 
 
 def parameters_figure(
-    courses: Mapping[str, Sequence[History]], labels: Sequence[str], deepest: Mapping[str, Sequence[float]]
+    courses: Mapping[str, Courses], shown: Mapping[str, Choice], deepest: Mapping[str, Sequence[float]]
 ) -> Any:
-    """Materials side by side, parameters one below the other, over time; grey lines where the probe is deepest [s].
-
-    Each material has one course for each estimator, in the order of the labels.
-    """
+    """Materials side by side, parameters one below the other, over time; grey lines where the probe is deepest [s]."""
     figure = new_figure(13.5)
-    grid = figure.subplots(len(ROWS), len(courses), sharex=True, sharey="row")
-    for column, (material, histories) in enumerate(courses.items()):
-        for row, (name, label, limits) in enumerate(ROWS):
-            axes = grid[row][column]
-            for time in deepest[material]:
+    grid = figure.subplots(len(ROWS), len(deepest), sharex=True, sharey="row")
+    for column, (material, times) in enumerate(deepest.items()):
+        for axes, (name, (label, scale, limits)) in zip(grid[:, column], ROWS.items(), strict=True):
+            for time in times:
                 axes.axvline(time, color="0.75", linewidth=0.8)
-            for history, colour, estimator in zip(histories, ESTIMATOR_COLOURS.values(), labels, strict=True):
-                axes.plot(*_line(history, name), label=estimator, color=colour, linewidth=1.2)
-            if name in LOGARITHMIC:
-                axes.set_yscale("log")
-            axes.set_ylim(*limits)
+            for short, choice in shown.items():
+                line = _line(courses[choice.name][material], name)
+                axes.plot(*line, label=legend_of(choice), color=ESTIMATOR_COLOURS[short], linewidth=1.2)
+            axes.set(yscale=scale, ylim=limits)
             if column == 0:
                 axes.set_ylabel(label)
-            if row == 0:
-                axes.set_title(f"({'abc'[column]}) {material.capitalize()}")
-            if row == len(ROWS) - 1:
-                axes.set_xlabel("time [s]")
+        grid[0][column].set_title(f"({'abc'[column]}) {material.capitalize()}")
+        grid[-1][column].set_xlabel("time [s]")
     figure.legend(*grid[0][0].get_legend_handles_labels(), loc="upper left", bbox_to_anchor=(0.07, 1.0), ncols=2)
     return finished(figure, len(ROWS), above=0.95, gap=0.25, between=0.08)
 
@@ -309,38 +278,26 @@ def make() -> Section:
     experiments = {name: run_experiment(name) for name in MATERIALS}
     experiments[FURTHER] = run_experiment("sponge", back=FURTHER_BACK)
     courses = {
-        choice.name: {name: learn_again(one.log, choice) for name, one in experiments.items()}
-        for choice in (*CHOICES, ROBUST, EXACT)
+        choice.name: {name: learn_again(one.log, choice) for name, one in experiments.items()} for choice in EVERY
     }
     claims = parameter_claims(experiments, courses)
-    shown = _shown(claims)
-    text = _text(experiments, courses, shown)
-    data = {
-        f"{name}-{label}": _table(courses[choice.name][name])
-        for name in MATERIALS
-        for label, choice in (("printed", AS_PRINTED), ("choice", shown), ("robust", ROBUST), ("exact", EXACT))
-    }
-    figure = parameters_figure(
-        {name: [courses[c.name][name] for c in (AS_PRINTED, shown, ROBUST, EXACT)] for name in MATERIALS},
-        ["fprls, as printed", shown.name, "robust-fprls", "exact"],
-        {name: experiments[name].deepest for name in MATERIALS},
-    )
-    title = "Fig. 10: parameters estimated on sponge, foam and hand"
-    return Section("fig10", title, text, figure, data, tuple(claims))
-
-
-def _shown(claims: list[Claim]) -> Choice:
-    """The choice beside the printed one in the figure: the one that most claims hold under, as their settings name."""
+    # Beside the printed one stands the choice that most claims hold under, as their settings name it.
     named = [claim.setting.partition(";")[0] for claim in claims if claim.verdict == "holds under stated choice"]
     count = [named.count(choice.name) for choice in CHOICES]
-    return CHOICES[int(np.argmax(count))] if any(count[1:]) else CHOICES[1]
+    beside = CHOICES[int(np.argmax(count))] if any(count[1:]) else CHOICES[1]
+    shown = drawn(beside)
+    data = {
+        f"{name}-{label}": _table(courses[choice.name][name]) for name in MATERIALS for label, choice in shown.items()
+    }
+    figure = parameters_figure(courses, shown, {name: experiments[name].deepest for name in MATERIALS})
+    title = "Fig. 10: parameters estimated on sponge, foam and hand"
+    return Section("fig10", title, _text(experiments, courses, beside), figure, data, tuple(claims))
 
 
 def _table(history: History) -> dict[str, Array]:
-    """Fifty rows a second at most."""
-    due = np.unique(np.floor(50.0 * history["time"]), return_index=True)[1]
+    due = np.unique(np.floor(50.0 * history["time"]), return_index=True)[1]  # fifty rows a second at most
     units = {"time": "_s", "depth": "_m", "velocity": "_m_s", "force": "_N", "b1": "_s_m", "b2": "_s"}
-    names = ("time", "iteration", "depth", "velocity", "force", "ln_k", *(name for name, _, _ in ROWS[1:]))
+    names = ("time", "iteration", "depth", "velocity", "force", "ln_k", *list(ROWS)[1:])
     return {name + units.get(name, ""): history[name][due] for name in names}
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -24,10 +24,14 @@ from foretouch.reproduction.figures.fig10 import ESTIMATOR_COLOURS
 from foretouch.reproduction.relearning import (
     AS_PRINTED,
     CHOICES,
+    EVERY,
     EXACT,
     ROBUST,
     Choice,
     Prediction,
+    drawn,
+    legend_of,
+    outcomes,
     predict_again,
     without_perturbation,
 )
@@ -39,17 +43,10 @@ Array = NDArray[np.float64]
 NEARLY = 10.0
 """Largest RMS difference at which a force almost lies on another [% of the RMS]: the just noticeable difference."""
 
-SEEDS = (0, 1, 2, 3)
-"""Seeds of the noise; everything but the comparison with the delayed force is made with the first."""
-
-AFTER_FIRST_PRESS = FIRST_PRESS + PRESS_PERIOD
-"""Time at which the second press begins [s]."""
-
-OWED = 1.1
-"""Adaptiveness is owed to the self-perturbing action if the error without it is larger by this factor."""
-
-LARGEST_HAND_FORCE = 15.0
-"""Largest force on the hand in the paper's experiment [N]."""
+SEEDS = (0, 1, 2, 3)  # seeds of the noise; everything but the comparison with the delayed force is made with the first
+AFTER_FIRST_PRESS = FIRST_PRESS + PRESS_PERIOD  # time at which the second press begins [s]
+OWED = 1.1  # adaptiveness is owed to the self-perturbing action if the error without it is larger by this factor
+LARGEST_HAND_FORCE = 15.0  # largest force on the hand in the paper's experiment [N]
 
 SETTING = "simulated, 80 ms out and 300 ms back, true force at the follower at equal command sequence, from 1.5 s on"
 
@@ -59,22 +56,12 @@ Predictions = Mapping[str, Prediction]
 def make() -> Section:
     """Sessions on three materials, predicted again under every choice."""
     experiments = {name: run_experiment(name) for name in MATERIALS}
-    made = {
-        choice.name: {name: predict_again(experiments[name].log, choice) for name in MATERIALS}
-        for choice in (*CHOICES, ROBUST, EXACT)
-    }
+    made = {choice.name: {name: predict_again(experiments[name].log, choice) for name in MATERIALS} for choice in EVERY}
     best = min(CHOICES[1:], key=lambda choice: _mean_error(made[choice.name]))
-    claims = (
-        *_closer(made),
-        *_accurate(made),
-        _owed(experiments["hand"], made),
-        _gentle(experiments["hand"]),
-    )
-    shown = {"printed": AS_PRINTED, "choice": best, "robust": ROBUST, "exact": EXACT}
+    claims = (*_closer(made), *_accurate(made), _owed(experiments["hand"], made), _gentle(experiments["hand"]))
+    shown = drawn(best)
     data = {name: _forces({label: made[choice.name][name] for label, choice in shown.items()}) for name in MATERIALS}
-    figure = _figure(
-        data, {label: "fprls, as printed" if choice is AS_PRINTED else choice.name for label, choice in shown.items()}
-    )
+    figure = _figure(data, {label: legend_of(choice) for label, choice in shown.items()})
     title = "Fig. 11: predicted force on sponge, foam and hand"
     return Section("fig11", title, _text(experiments, made, best), figure, {**data, "errors": _errors(made)}, claims)
 
@@ -89,27 +76,30 @@ def _percent(value: float) -> str:
     return f"{value:.1f} %" if value < 1000.0 else f"{value:.2g} %"
 
 
-def _versus(prediction: Prediction) -> str:
-    return f"{_percent(prediction.error)} (delayed {_percent(prediction.delayed_error)})"
+def _beats(prediction: Prediction) -> bool:
+    return prediction.error < prediction.delayed_error
 
 
-def _decided(made: Mapping[str, Predictions], outcome: Any) -> tuple[list[Outcome], list[Outcome]]:
-    """Outcomes that decide a claim, and those beside."""
-    outcomes = {name: Outcome(name, *outcome(found)) for name, found in made.items()}
-    return [outcomes[c.name] for c in (*CHOICES, ROBUST)], [outcomes[ROBUST.name], outcomes[EXACT.name]]
-
-
-def _closer(made: Mapping[str, Predictions]) -> list[Claim]:
+def _closer(made: Mapping[str, Predictions]) -> Iterator[Claim]:
     """One claim for each material, and one for all of them under one choice; over several seeds of the noise."""
-    repeated = {choice.name: _repeated(choice, made[choice.name]) for choice in (AS_PRINTED, ROBUST, EXACT)}
-    claims = []
+    repeated = {
+        choice.name: {
+            name: [first, *(predict_again(run_experiment(name, seed=seed).log, choice) for seed in SEEDS[1:])]
+            for name, first in made[choice.name].items()
+        }
+        for choice in (AS_PRINTED, ROBUST, EXACT)
+    }
     for names in (*((name,) for name in MATERIALS), MATERIALS):
-        outcomes = {}
-        for name, runs in repeated.items():
-            texts = [f"{material} {_span(runs[material])}" for material in names]
-            outcomes[name] = Outcome(
-                name, all(map(_beats, (run for one in names for run in runs[one]))), ", ".join(texts)
-            )
+
+        def closer(found: Mapping[str, list[Prediction]], names: tuple[str, ...] = names) -> tuple[bool, str]:
+            texts = [
+                f"{name} {', '.join(f'{run.error:.1f}' for run in found[name])} % "
+                f"(delayed {_percent(found[name][0].delayed_error)})"
+                for name in names
+            ]
+            return all(_beats(run) for name in names for run in found[name]), ", ".join(texts)
+
+        deciding, beside = outcomes(repeated, closer, (AS_PRINTED,))
         first = sum(all(_beats(found[one]) for one in names) for name, found in made.items() if name != EXACT.name)
         which = "All three materials, under one choice" if len(names) > 1 else names[0].capitalize()
         setting = (
@@ -118,63 +108,38 @@ def _closer(made: Mapping[str, Predictions]) -> list[Claim]:
             f"{first} of {len(made) - 1} choices"
         )
         says = f"{which}: the predicted force is closer to the true force than the delayed force is"
-        deciding = [outcomes[AS_PRINTED.name], outcomes[ROBUST.name]]
-        beside = [outcomes[ROBUST.name], outcomes[EXACT.name]]
-        claims.append(judge(says, "much more synchronous", deciding, setting, beside=beside))
-    return claims
+        yield judge(says, "much more synchronous", deciding, setting, beside=beside)
 
 
-def _repeated(choice: Choice, first: Predictions) -> dict[str, list[Prediction]]:
-    """The predictions on each material with each seed."""
-    return {
-        name: [first[name], *(predict_again(run_experiment(name, seed=seed).log, choice) for seed in SEEDS[1:])]
-        for name in MATERIALS
-    }
-
-
-def _beats(prediction: Prediction) -> bool:
-    return prediction.error < prediction.delayed_error
-
-
-def _span(runs: list[Prediction]) -> str:
-    errors = ", ".join(f"{run.error:.1f}" for run in runs)
-    return f"{errors} % (delayed {_percent(runs[0].delayed_error)})"
-
-
-def _accurate(made: Mapping[str, Predictions]) -> list[Claim]:
+def _accurate(made: Mapping[str, Predictions]) -> Iterator[Claim]:
     """Twice: with the first press, which the parameters are learnt from, and without it."""
-    claims = []
     for start, which in ((None, "from first touch on"), (AFTER_FIRST_PRESS, "after the first press")):
 
         def near(found: Predictions, start: float | None = start) -> tuple[bool, str]:
-            error = found["sponge"].error if start is None else found["sponge"].error_from(start)
+            error = found["sponge"].error_from(start)
             return error < NEARLY, _percent(error)
 
-        outcomes, beside = _decided(made, near)
+        deciding, beside = outcomes(made, near)
         scored = "" if start is None else f"; scored from {start:g} s on: the paper says nothing of the first press"
         setting = f"{SETTING}{scored}; holds below {NEARLY:g} %, the share that a hand just notices"
         says = f"Sponge: the predicted force almost lies on the true force, {which}"
-        given = start is not None
-        claims.append(judge(says, "almost lies on it", outcomes, setting, beside=beside, given=given))
-    return claims
+        yield judge(says, "almost lies on it", deciding, setting, beside=beside, given=start is not None)
 
 
 def _owed(hand: Experiment, made: Mapping[str, Predictions]) -> Claim:
-    """The claim that compares the runs without self-perturbing."""
-    outcomes = []
-    without: dict[str, Prediction] = {}
+    found = []
+    without: dict[str, Prediction] = {}  # what the test sees makes no difference there, so that names are alike
     for choice, other in zip(CHOICES, without_perturbation(), strict=True):
-        prediction = made[choice.name]["hand"]
         if other.name not in without:
             without[other.name] = predict_again(hand.log, other)
-        bare = without[other.name]
+        prediction, bare = made[choice.name]["hand"], without[other.name]
         trips = tripped(choice, prediction.history)
         measured = f"{_percent(prediction.error)} with {trips} perturbations, {_percent(bare.error)} with delta = 0"
-        outcomes.append(Outcome(choice.name, trips > 0 and bare.error > OWED * prediction.error, measured))
+        found.append(Outcome(choice.name, trips > 0 and bare.error > OWED * prediction.error, measured))
     return judge(
         "Hand: the adaptiveness to sudden changes is owed to the self-perturbing action",
         "owing to the self-perturbing",
-        outcomes,
+        found,
         f"{SETTING}; prediction error on the simulated hand with and without; holds where it is at least "
         f"{100.0 * (OWED - 1.0):.0f} % larger without; perturbations counted from the 20th sample on",
     )
@@ -221,12 +186,13 @@ def _forces(found: Mapping[str, Prediction]) -> dict[str, Array]:
 
 def _errors(made: Mapping[str, Predictions]) -> Table:
     rows = [(choice, material, one) for choice, found in made.items() for material, one in found.items()]
+    choices, materials, predictions = zip(*rows, strict=True)
     return {
-        "choice": np.array([choice for choice, _, _ in rows]),
-        "material": np.array([material for _, material, _ in rows]),
-        "prediction_error_percent": np.array([one.error for _, _, one in rows]),
-        "delayed_force_error_percent": np.array([one.delayed_error for _, _, one in rows]),
-        "within_jnd_percent": np.array([one.report["within_jnd_percent"] for _, _, one in rows], dtype=np.float64),
+        "choice": np.array(choices),
+        "material": np.array(materials),
+        "prediction_error_percent": np.array([one.error for one in predictions]),
+        "delayed_force_error_percent": np.array([one.delayed_error for one in predictions]),
+        "within_jnd_percent": np.array([one.report["within_jnd_percent"] for one in predictions], dtype=np.float64),
     }
 
 
@@ -236,21 +202,23 @@ def _text(experiments: Mapping[str, Experiment], made: Mapping[str, Predictions]
     wild = made[worst][material].log.leader["predicted_force"]
     seconds = SAMPLE_PERIOD * float((wild > 2.0 * LARGEST_HAND_FORCE).sum())
     floors = ", ".join(f"{name} {_percent(_floor(experiments[name]))}" for name in MATERIALS)
-    lines = [
+    further = []  # nearly no force is left there, and its logarithm is learnt from
+    for name in ("sponge", "foam"):
+        prediction = predict_again(run_experiment(name, back=FURTHER_BACK).log, AS_PRINTED)
+        further.append(f"{name} {_percent(prediction.error)} (delayed {_percent(prediction.delayed_error)})")
+    mean = {choice.name: _percent(_mean_error(made[choice.name])) for choice in EVERY}
+    return (
         "The sessions of Fig. 10. Each force is drawn at the tick in which the follower applied the leader's command: "
-        "what the operator felt when giving it, and what the material answered.",
-        f"As printed the mean error over the three materials is {_percent(_mean_error(made[AS_PRINTED.name]))}; of the "
-        f"17 other choices {best.name} has the smallest, {_percent(_mean_error(made[best.name]))}; "
-        f"with robust-fprls it is {_percent(_mean_error(made[ROBUST.name]))}, with exact "
-        f"{_percent(_mean_error(made[EXACT.name]))}, and worst {_percent(_mean_error(made[worst]))} with {worst}: on "
-        f"the {material} it predicts more than {2.0 * LARGEST_HAND_FORCE:g} N for {seconds:.2f} s, up to "
-        f"{wild.max():.1g} N.",
+        "what the operator felt when giving it, and what the material answered. "
+        f"As printed the mean error over the three materials is {mean[AS_PRINTED.name]}; of the 17 other choices "
+        f"{best.name} has the smallest, {mean[best.name]}; with robust-fprls it is {mean[ROBUST.name]}, with exact "
+        f"{mean[EXACT.name]}, and worst {mean[worst]} with {worst}: on the {material} it predicts more than "
+        f"{2.0 * LARGEST_HAND_FORCE:g} N for {seconds:.2f} s, up to {wild.max():.1g} N. "
         f"One law (4) fitted to a whole session afterwards leaves {floors} at the follower's own motion; the "
-        "errors above also hold the start, the delay and the lag of the robot.",
-        f"Let go to a third of the depth instead of a half, as printed: {_further()}.",
-        "The axes are cut where predictions leave them.",
-    ]
-    return " ".join(lines)
+        "errors above also hold the start, the delay and the lag of the robot. "
+        f"Let go to a third of the depth instead of a half, as printed: {', '.join(further)}. "
+        "The axes are cut where predictions leave them."
+    )
 
 
 def _floor(experiment: Experiment) -> float:
@@ -262,38 +230,25 @@ def _floor(experiment: Experiment) -> float:
     return 100.0 * fit.residual_rms / float(np.sqrt(np.mean(force**2)))
 
 
-def _further() -> str:
-    """Sponge and foam let go further: nearly no force is left, and its logarithm is learnt from."""
-    found = {
-        name: predict_again(run_experiment(name, back=FURTHER_BACK).log, AS_PRINTED) for name in ("sponge", "foam")
-    }
-    return ", ".join(f"{name} {_versus(prediction)}" for name, prediction in found.items())
-
-
 def _figure(data: Mapping[str, Mapping[str, Array]], labels: Mapping[str, str]) -> Any:
     figure = new_figure(11.0)
     grid = figure.subplots(len(MATERIALS), 2, sharex=True)
-    for row, name in enumerate(MATERIALS):
+    for letter, name, (force, error) in zip("abc", MATERIALS, grid, strict=True):
         columns = data[name]
         time, true = columns["time_s"], columns["true_force_N"]
-        force, error = grid[row]
-        top = 1.35 * float(true.max())
-        force.plot(time, columns["delayed_force_N"], color=DELAYED, linewidth=1.0, label="delayed")
-        error.plot(time, columns["delayed_force_N"] - true, color=DELAYED, linewidth=1.0)
-        cut = 0
+        top, cut = 1.35 * float(true.max()), 0
+        curves = [("delayed", columns["delayed_force_N"], DELAYED)]
         for label, colour in ESTIMATOR_COLOURS.items():
-            predicted = columns[f"predicted_{label}_N"]
-            cut += int((predicted > top).any())
-            force.plot(time, predicted, color=colour, linewidth=1.0, label=labels[label])
-            error.plot(time, predicted - true, color=colour, linewidth=1.0)
+            curves.append((labels[label], columns[f"predicted_{label}_N"], colour))
+            cut += int((columns[f"predicted_{label}_N"] > top).any())
+        for label, values, colour in curves:
+            force.plot(time, values, color=colour, linewidth=1.0, label=label)
+            error.plot(time, values - true, color=colour, linewidth=1.0)
         force.plot(time, true, color=TRUE, linewidth=1.4, label="true force at the follower")
-        force.set_ylim(-0.03 * top, top)
-        error.set_ylim(-0.5 * top, 0.5 * top)
         beyond = f" ({cut} of 4 predictions leave the axis)" if cut else ""
-        force.set_title(f"({'abc'[row]}) {name.capitalize()}: force{beyond}")
-        error.set_title(f"{name.capitalize()}: error")
-        force.set_ylabel("force [N]")
-        error.set_ylabel("error [N]")
+        title = f"({letter}) {name.capitalize()}: force{beyond}"
+        force.set(ylim=(-0.03 * top, top), title=title, ylabel="force [N]")
+        error.set(ylim=(-0.5 * top, 0.5 * top), title=f"{name.capitalize()}: error", ylabel="error [N]")
     for axes in grid[-1]:
         axes.set_xlabel("time [s]")
     figure.legend(*grid[0][0].get_legend_handles_labels(), loc="upper left", bbox_to_anchor=(0.07, 1.0), ncols=3)

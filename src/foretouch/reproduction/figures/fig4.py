@@ -18,15 +18,16 @@ from foretouch.reproduction.theory.energy_loss import (
     h_of_gamma_functions,
     loss_exponent,
 )
-from foretouch.reproduction.theory.impact import LowDampingError, integrate_impact, low_damping_error, low_damping_limit
+from foretouch.reproduction.theory.impact import (
+    LowDampingError,
+    integrate_impact,
+    low_damping_error,
+    low_damping_limit,
+    speed_exponent,
+    unit_impact,
+)
 
-LAWS = {
-    r"$\alpha$ = 0": (1.4, 0.0),
-    r"$\alpha$ = 0.25": (1.05, 0.25),
-    r"$\alpha$ = 0.5": (0.7, 0.5),
-    r"$\alpha$ = 0.75": (0.35, 0.75),
-    r"$\alpha$ = 1": (0.0, 1.0),
-}
+LAWS = {rf"$\alpha$ = {alpha:g}": (round(1.4 * (1.0 - alpha), 12), alpha) for alpha in (0.0, 0.25, 0.5, 0.75, 1.0)}
 """n and alpha of the laws whose impacts are integrated: the paper's way from <2> to <1>."""
 
 DAMPED = np.geomspace(1e-3, 1.0, 10)
@@ -51,10 +52,7 @@ def area(points: int) -> tuple[Array, Array]:
 
 def measured_exponent(exponent: float, switching: float, damping_ratio: float) -> float:
     """Exponent of speed in the energy that integrated impacts cost, at one damping ratio [-]."""
-    law = ContinuousSwitching(1.0, damping_ratio, exponent, switching)
-    mass = 2.0 / (exponent + switching + 1.0)  # makes the greatest depth 1 at speed 1, so the damping is the ratio
-    low, high = (integrate_impact(law, mass, speed, samples=2).damping_work for speed in (0.99, 1.01))
-    return math.log(high / low) / math.log(1.01 / 0.99)
+    return speed_exponent(*unit_impact(exponent, switching, damping_ratio))
 
 
 def make() -> Section:

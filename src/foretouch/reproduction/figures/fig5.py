@@ -19,11 +19,8 @@ from foretouch.reproduction.theory.linearisation import (
     taylor_error_depth,
 )
 
-NOTICED = 0.1
-"""Relative error of force that a hand begins to notice [-]."""
-
-CONDITION = 0.1
-"""The paper's bound of phi."""
+NOTICED = 0.1  # relative error of force that a hand begins to notice [-]
+CONDITION = 0.1  # the paper's bound of phi
 
 Array = NDArray[np.float64]
 
@@ -174,8 +171,7 @@ CASES = {
 }
 """The six materials of Table 1."""
 
-SMALL = 0.01
-"""Error that the paper calls too small to be sensed [N]."""
+SMALL = 0.01  # error that the paper calls too small to be sensed [N]
 
 DURATION, RATE = 12.5, 10.0
 """Duration of the press, as long as the sine stays inside [s], and rate of the paper's simulations [Hz]."""

@@ -14,7 +14,7 @@ from foretouch.identification import HuntCrossleyLogOptions, KelvinVoigtOptions,
 from foretouch.identification.linear.recursion import PerturbationForm
 from foretouch.report import COLOURS, finished, legend, new_figure
 from foretouch.reproduction.presses import Press, press
-from foretouch.reproduction.questions.choices import NEAREST, PRINTED, PRINTED_WORDS, claims_of, runs_of
+from foretouch.reproduction.questions.choices import NEAREST, PRINTED, PRINTED_WORDS, claims_of, run_of
 from foretouch.reproduction.questions.tried import THRESHOLD, errors_of_fprls_threshold, errors_of_threshold, ordinal
 from foretouch.reproduction.section import Claim, Section, verdict_of
 
@@ -29,30 +29,19 @@ RATES = (0.0, 100.0, *(100.0 * step for step in range(5, 41)), 5000.0, 1e4)
 FPRLS_RATE = 2300.0
 """The rate of the figure [1/m], in the middle of those at which there is one switch with a shock of some 4.5 N."""
 
-DRAWN = (1.0, 0.95, 0.85)
-"""Forgetting factors that the figure draws."""
-
-PAPER_SWITCH, PAPER_SHOCK = 198, 4.5
-"""Iteration of the paper's switch, and error [N] just before it."""
+DRAWN = (1.0, 0.95, 0.85)  # forgetting factors that the figure draws
+PAPER_SWITCH, PAPER_SHOCK = 198, 4.5  # iteration of the paper's switch, and error [N] just before it
 
 
 @dataclass(frozen=True)
 class Switch:
-    """Threshold switching under one choice.
+    """Threshold switching under one choice."""
 
-    Attributes:
-        choice: Choice by which both laws were learnt, in words.
-        data: Data that it was given.
-        iterations: Iterations at which the law went from Hunt-Crossley to Kelvin-Voigt.
-        back: Iterations at which it went back.
-        shocks: Error before and after each of `iterations` [N].
-    """
-
-    choice: str
-    data: str
-    iterations: tuple[int, ...]
-    back: tuple[int, ...]
-    shocks: tuple[tuple[float, float], ...]
+    choice: str  # choice by which both laws were learnt, in words
+    data: str  # data that it was given
+    iterations: tuple[int, ...]  # iterations at which the law went from Hunt-Crossley to Kelvin-Voigt
+    back: tuple[int, ...]  # iterations at which it went back
+    shocks: tuple[tuple[float, float], ...]  # error before and after each of `iterations` [N]
 
     @property
     def text(self) -> str:
@@ -138,8 +127,8 @@ def _switch(choice: str, data: str, error: Array, stiff: NDArray[np.bool_]) -> S
 def make() -> Section:
     """Errors of both, over the iterations."""
     choice = NEAREST["better"]
-    pressed, printed = runs_of(PRINTED, ("continuous",))["continuous"]
-    _, nearest = runs_of(choice, ("continuous",))["continuous"]
+    pressed, printed = run_of(PRINTED, "continuous")
+    _, nearest = run_of(choice, "continuous")
     errors = {
         "continuous switching, as printed": np.abs(printed.force - pressed.true_force),
         "continuous switching, best choice": np.abs(nearest.force - pressed.true_force),
@@ -186,7 +175,6 @@ def _share(error: Array, other: Array) -> float:
 
 
 def _switching_claims(least_squares: list[Switch], fprls: list[Switch]) -> Iterator[Claim]:
-    """The switch at the 198th iteration with its shock."""
     usual, printed = least_squares[0], fprls[: len(RATES)]
     likely = printed[RATES.index(FPRLS_RATE)]
     every = [*least_squares, *fprls]
@@ -234,7 +222,6 @@ def _rates_words(printed: list[Switch]) -> str:
 
 
 def _jump_claim(errors: dict[str, Array]) -> Claim:
-    """No jump in the force of continuous switching."""
     # A change less the change before it: a steep but smooth error is no jump.
     jumps = {name: float(np.nanmax(np.abs(np.diff(error[FIRST:], 2)))) for name, error in errors.items()}
     smooth, best = jumps["continuous switching, as printed"], jumps["continuous switching, best choice"]
@@ -252,8 +239,7 @@ def _jump_claim(errors: dict[str, Array]) -> Claim:
     )
 
 
-FIRST = 19
-"""Index of the first sample with laws from both."""
+FIRST = 19  # index of the first sample with laws from both
 
 
 def _figure(errors: dict[str, Array], stiff: dict[float | None, NDArray[np.bool_]]) -> Any:

@@ -1,97 +1,59 @@
-"""Figs. 2 and 3: a mass meets a Kelvin-Voigt and a Hunt-Crossley material.
-
-Each has one impact with its hysteresis loop, its power, and the three energies.
-"""
+"""Figs. 2 and 3: a mass meets a Kelvin-Voigt and a Hunt-Crossley material; hysteresis loop, power and energies."""
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from foretouch.models import HuntCrossley, KelvinVoigt, MemorylessLaw
+from foretouch.models import HuntCrossley, KelvinVoigt
 from foretouch.report import COLOURS, finished, legend, new_figure
 from foretouch.reproduction.section import Claim, Section, verdict_of
 from foretouch.reproduction.theory.energy_loss import damping_ratio
-from foretouch.reproduction.theory.impact import MASS, SPEED, Impact, impact_of, impact_table, integrate_impact
+from foretouch.reproduction.theory.impact import MASS, SPEED, Impact, impact_of, impact_table, speed_exponent
 
-GIVEN, BACK, PULLED = COLOURS[0], COLOURS[2], COLOURS[1]
-"""Colours of H1, H2 and H3."""
+GIVEN, BACK, PULLED = COLOURS[0], COLOURS[2], COLOURS[1]  # colours of H1, H2 and H3
 
-Areas = tuple[float, float, float]
-
-
-def slope(law: MemorylessLaw, speed: float) -> float:
-    """Local exponent of speed in the energy that an impact costs [-], from integrated impacts 1 % to either side."""
-    low, high = (
-        integrate_impact(law, MASS, speed * factor, allow_tension=True, samples=2).damping_work
-        for factor in (0.99, 1.01)
-    )
-    return math.log(high / low) / math.log(1.01 / 0.99)
+HALVES = {"force": (np.maximum, np.minimum), "power": (np.minimum, np.maximum)}
+"""On the way out: the part of force and power that gives energy back to the mass, and the part that takes it again."""
 
 
-def areas_of_loop(impact: Impact) -> Areas:
-    """H1, H2 and H3 [J] as areas between force and depth: loading, unloading above zero, unloading below zero."""
+def loop_and_power_apart(impact: Impact) -> float:
+    """Greatest difference of H1, H2 and H3 [J] as areas of force over depth, and of power over time."""
     deepest = int(np.argmax(impact.depth))
-    back, force = impact.depth[deepest:], impact.force[deepest:]
-    given = np.trapezoid(impact.force[: deepest + 1], impact.depth[: deepest + 1])
-    returned = np.trapezoid(np.maximum(force, 0.0), back)
-    pulled = np.trapezoid(np.minimum(force, 0.0), back)
-    return float(given), float(returned), float(pulled)
-
-
-def areas_of_power(impact: Impact) -> Areas:
-    """H1, H2 and H3 [J] as areas between power and time: before the turn, below zero, and above zero after the turn."""
-    deepest = int(np.argmax(impact.depth))
-    time, power = impact.time[deepest:], impact.power[deepest:]
-    given = np.trapezoid(impact.power[: deepest + 1], impact.time[: deepest + 1])
-    return (
-        float(given),
-        float(np.trapezoid(np.minimum(power, 0.0), time)),
-        float(np.trapezoid(np.maximum(power, 0.0), time)),
-    )
+    areas: list[list[float]] = []
+    for along, height in (("depth", "force"), ("time", "power")):
+        x, y = getattr(impact, along), getattr(impact, height)
+        parts = [(y[: deepest + 1], x[: deepest + 1])]
+        parts += [(half(y[deepest:], 0.0), x[deepest:]) for half in HALVES[height]]
+        areas.append([float(np.trapezoid(*part)) for part in parts])
+    return float(np.abs(np.diff(areas, axis=0)).max())
 
 
 def impact_figure(impact: Impact, name: str) -> Any:
     """Hysteresis loop and power exchange side by side, the layout of the paper's Figs. 2 and 3."""
     figure = new_figure(4.3)
     loop, flow = figure.subplots(1, 2)
-    energies = impact.areas
-    named = [f"$H_{number}$ = {1e3 * energy:.1f} mJ" for number, energy in enumerate(energies, 1)]
+    given, *halves = (f"$H_{number}$ = {1e3 * energy:.1f} mJ" for number, energy in enumerate(impact.areas, 1))
     deepest = int(np.argmax(impact.depth))
     into, out = slice(0, deepest + 1), slice(deepest, None)
-    depth = 1e3 * impact.depth
-    back_force, back_power = impact.force[out], impact.power[out]
-    loop.fill_between(depth[into], impact.force[into], color=GIVEN, alpha=0.2, linewidth=0.0, label=named[0])
-    loop.fill_between(depth[out], np.maximum(back_force, 0.0), color=BACK, alpha=0.45, linewidth=0.0, label=named[1])
-    loop.fill_between(depth[out], np.minimum(back_force, 0.0), color=PULLED, alpha=0.6, linewidth=0.0, label=named[2])
-    loop.plot(depth, impact.force, color="black", linewidth=1.4)
+    x = {"force": 1e3 * impact.depth, "power": 1e3 * impact.time}
+    for axes, height in ((loop, "force"), (flow, "power")):
+        along, y = x[height], getattr(impact, height)
+        axes.fill_between(along[into], y[into], color=GIVEN, alpha=0.2, linewidth=0.0, label=given)
+        for half, colour, alpha, label in zip(HALVES[height], (BACK, PULLED), (0.45, 0.6), halves, strict=True):
+            axes.fill_between(along[out], half(y[out], 0.0), color=colour, alpha=alpha, linewidth=0.0, label=label)
+        axes.plot(along, y, color="black", linewidth=1.4)
+        axes.axhline(0.0, color="0.3", linewidth=0.8)
+    step, arrow = max(1, impact.time.size // 100), {"arrowstyle": "-|>", "color": "black", "mutation_scale": 16.0}
     for at in (0.45 * deepest, deepest + 0.45 * (impact.time.size - deepest)):
-        _arrow(loop, depth, impact.force, int(at))
+        tail, head = ((x["force"][i], impact.force[i]) for i in (int(at), int(at) + step))
+        loop.annotate("", xy=head, xytext=tail, arrowprops=arrow)
     loop.set(title=f"(a) Hysteresis loop, {name}", xlabel="depth [mm]", ylabel="force on the mass [N]")
-    time = 1e3 * impact.time
-    flow.fill_between(time[into], impact.power[into], color=GIVEN, alpha=0.2, linewidth=0.0, label=named[0])
-    flow.fill_between(time[out], np.minimum(back_power, 0.0), color=BACK, alpha=0.45, linewidth=0.0, label=named[1])
-    flow.fill_between(time[out], np.maximum(back_power, 0.0), color=PULLED, alpha=0.6, linewidth=0.0, label=named[2])
-    flow.plot(time, impact.power, color="black", linewidth=1.4)
     flow.set(title="(b) Power into the material", xlabel="time [ms]", ylabel="power [W]")
     for axes in (loop, flow):
-        axes.axhline(0.0, color="0.3", linewidth=0.8)
         legend(axes, columns=3)
     return finished(figure, 1)
-
-
-def _arrow(axes: Any, x: NDArray[np.float64], y: NDArray[np.float64], at: int) -> None:
-    """An arrowhead on a curve, along it."""
-    step = max(1, x.size // 100)
-    axes.annotate(
-        "",
-        xy=(x[at + step], y[at + step]),
-        xytext=(x[at], y[at]),
-        arrowprops={"arrowstyle": "-|>", "color": "black", "mutation_scale": 16.0},
-    )
 
 
 VOIGT = KelvinVoigt(stiffness=6000.0, damping=40.0)
@@ -102,11 +64,10 @@ def make_fig2() -> Section:
     """The impact as the equation has it, pulling at release, and as it is rendered, held at zero."""
     printed, rendered = impact_of(VOIGT), impact_of(VOIGT, allow_tension=False)
     given, back, pulled = printed.areas
-    loop, power = areas_of_loop(printed), areas_of_power(printed)
-    apart = max(abs(a - b) for a, b in zip(loop, power, strict=True))
+    apart = loop_and_power_apart(printed)
     pulling = printed.depth[(printed.force < 0.0) & (printed.velocity < 0.0)]
     first = float(VOIGT.force(1e-9, SPEED))
-    exponents = [slope(VOIGT, speed) for speed in (0.01, 0.1, 1.0, 10.0)]
+    exponents = [speed_exponent(VOIGT, MASS, speed, allow_tension=True) for speed in (0.01, 0.1, 1.0, 10.0)]
     paper_law = impact_of(KelvinVoigt(6000.0, 500.0))
     setting = (
         f"(1) with K = {VOIGT.stiffness:g} N/m, B = {VOIGT.damping:g} N s/m (B is ours), {MASS:g} kg at {SPEED:g} m/s, "
@@ -157,21 +118,17 @@ def make_fig2() -> Section:
     return Section("fig2", "Fig. 2: impact on a Kelvin-Voigt material", text, figure, data, claims)
 
 
-HUNT = HuntCrossley(stiffness=3000.0, damping=1500.0, exponent=1.4)
-"""The paper's <2>."""
-
-SPEEDS = (0.001, 0.01, 0.1, 0.5, 2.0, 10.0)
-"""Speeds at which the exponent of the energy loss is measured [m/s]."""
+HUNT = HuntCrossley(stiffness=3000.0, damping=1500.0, exponent=1.4)  # the paper's <2>
+SPEEDS = (0.001, 0.01, 0.1, 0.5, 2.0, 10.0)  # speeds at which the exponent of the energy loss is measured [m/s]
 
 
 def make_fig3() -> Section:
     """The impact as the equation has it; it pulls nowhere, so it is also the rendered one."""
     impact = impact_of(HUNT)
     given, back, pulled = impact.areas
-    loop, power = areas_of_loop(impact), areas_of_power(impact)
-    apart = max(abs(a - b) for a, b in zip(loop, power, strict=True))
+    apart = loop_and_power_apart(impact)
     ends = float(max(abs(impact.force[0]), abs(impact.force[-1])))
-    exponents = {speed: slope(HUNT, speed) for speed in SPEEDS}
+    exponents = {speed: speed_exponent(HUNT, MASS, speed, allow_tension=True) for speed in SPEEDS}
     slow, own = exponents[SPEEDS[0]], exponents[SPEED]
     fast = impact_of(HUNT, speed=SPEEDS[-1])
     limit = HUNT.stiffness / HUNT.damping

@@ -7,22 +7,20 @@ continuously from Hunt-Crossley to Kelvin-Voigt; in 7c it changes suddenly, twic
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.identification import FPRLS
-from foretouch.quantities import Brief
 from foretouch.report import COLOURS, finished, legend, new_figure
-from foretouch.reproduction.presses import DURATION, PERIOD, STEPS, Trace, press, true_parameters, two_presses
-from foretouch.reproduction.questions.choices import BEST, NEAREST, PRINTED, PRINTED_WORDS, Choice, claims_of, runs_of
+from foretouch.reproduction.presses import DURATION, PERIOD, STEPS, Press, Trace, press, true_parameters, two_presses
+from foretouch.reproduction.questions.choices import BEST, NEAREST, PRINTED, PRINTED_WORDS, Choice, claims_of, run_of
 from foretouch.reproduction.section import Claim, Section, Table, verdict_of
 
-LONGER = 60.0
-"""Time for which the formula is followed beyond [s]."""
+LONGER = 60.0  # time for which the formula is followed beyond [s]
 
 Array = NDArray[np.float64]
 
@@ -107,81 +105,68 @@ def _trajectory_figure(time: Array, depth: Array, velocity: Array, ends: list[fl
     return finished(figure, 2, gap=0.5)
 
 
-PANELS = (("k", "k [N/m$^s$]"), ("s", "s"), ("b1", "b$_1$ [s/m]"), ("b2", "b$_2$ [s]"))
-"""Attribute and axis of each panel, in the paper's order."""
+PANELS = {
+    "Stiffness": "k [N/m$^s$]",
+    "Exponent s = n + alpha": "s",
+    "b$_1$": "b$_1$ [s/m]",
+    "b$_2$": "b$_2$ [s]",
+}
+"""Title and axis of each panel, in the paper's order."""
 
 
-@dataclass(frozen=True, eq=False)
-class Curve(Brief):
-    """One line in all four panels.
-
-    Attributes:
-        label: Label in the legend.
-        values: k, s, b1 and b2 at each iteration, shape (4, m).
-        colour: Colour of the line.
-        style: Style of the line, as Matplotlib names it.
-        width: Width of the line [points].
-    """
+class Curve(NamedTuple):
+    """One line in all four panels: k, s, b1 and b2 at each iteration, shape (4, m)."""
 
     label: str
     values: Array
     colour: str
     style: str = "-"
-    width: float = 1.4
-
-    @classmethod
-    def of(cls, label: str, trace: Trace, colour: str, style: str = "-") -> Curve:
-        """The curve of what an estimator found."""
-        return cls(label, np.array([trace.k, trace.s, trace.b1, trace.b2]), colour, style)
+    width: float = 1.4  # [points]
 
 
 def parameter_figure(curves: Sequence[Curve], limits: Sequence[tuple[float, float]]) -> Any:
-    """k, s, b1 and b2 in two rows, as in the paper's Fig. 7; what leaves the limits is cut.
-
-    All curves have one length; the limits are those of the four vertical axes.
-    """
+    """k, s, b1 and b2 in two rows, as in the paper's Fig. 7; what leaves the limits of the vertical axes is cut."""
     figure = new_figure(6.4)
     grid = figure.subplots(2, 2, sharex=True)
     across = np.arange(1, curves[0].values.shape[1] + 1)
-    for index, (axes, (name, label)) in enumerate(zip(grid.flat, PANELS, strict=True)):
-        for curve in curves:
-            axes.plot(
-                across,
-                curve.values[index],
-                color=curve.colour,
-                linestyle=curve.style,
-                linewidth=curve.width,
-                label=curve.label,
-            )
-        axes.set_ylim(*limits[index])
-        axes.set(
-            xlim=(float(across[0]), float(across[-1])),
-            ylabel=label,
-            title={"k": "Stiffness", "s": "Exponent s = n + alpha", "b1": "b$_1$", "b2": "b$_2$"}[name],
-        )
-        if index > 1:
-            axes.set_xlabel("iteration")
-    handles, labels = grid.flat[0].get_legend_handles_labels()
+    for index, (axes, (title, label)) in enumerate(zip(grid.flat, PANELS.items(), strict=True)):
+        for name, values, colour, style, width in curves:
+            axes.plot(across, values[index], color=colour, linestyle=style, linewidth=width, label=name)
+        axes.set(ylim=limits[index], xlim=(float(across[0]), float(across[-1])), ylabel=label, title=title)
+    for axes in grid[1]:
+        axes.set_xlabel("iteration")
     columns = 3 if len(curves) > 4 else len(curves)
-    figure.legend(handles, labels, loc="upper center", ncols=columns, frameon=False, fontsize="small")
+    handles = grid.flat[0].get_legend_handles_labels()
+    figure.legend(*handles, loc="upper center", ncols=columns, frameon=False, fontsize="small")
     return finished(figure, 2, above=0.55 + 0.2 * -(-len(curves) // columns), gap=0.5)
 
 
 def parameter_table(trace: Trace, truth: Array) -> Table:
     """An estimate beside the truth."""
+    names = ("k", "s", "b1_s_m", "b2_s")
     return {
         "iteration": np.arange(1, trace.k.size + 1),
-        "k": trace.k,
-        "s": trace.s,
-        "b1_s_m": trace.b1,
-        "b2_s": trace.b2,
-        "true_k": truth[0],
-        "true_s": truth[1],
-        "true_b1_s_m": truth[2],
-        "true_b2_s": truth[3],
+        **dict(zip(names, trace.parameters, strict=True)),
+        **{f"true_{name}": values for name, values in zip(names, truth, strict=True)},
         "force_N": trace.force,
         "force_ahead_N": trace.ahead,
     }
+
+
+def compared(
+    material: str, choice: Choice, name: str, style: str = "-"
+) -> tuple[Press, Trace, Trace, list[Curve], dict[str, Table]]:
+    """A press as printed and under a choice: press, both traces, and with the truth beside them curves and tables."""
+    pressed, printed = run_of(PRINTED, material)
+    _, other = run_of(choice, material)
+    truth = true_parameters(pressed)
+    curves = [
+        Curve("true, linearised", truth, "black", "--", 1.2),
+        Curve("as printed", printed.parameters, COLOURS[0]),
+        Curve("nearest choice" if name == "nearest" else f"{choice}", other.parameters, COLOURS[1], style),
+    ]
+    data = {"printed": parameter_table(printed, truth), name: parameter_table(other, truth)}
+    return pressed, printed, other, curves, data
 
 
 NAMES_OF_FIG7A = ("kvm k, s", "hcm k, s", "kvm b1", "kvm b2", "hcm b2")
@@ -191,33 +176,29 @@ def make_fig7a() -> Section:
     """Both pure laws, as printed and under the choice that finds k and s soonest."""
     materials = {"kelvin-voigt": ("Kelvin-Voigt <1>", COLOURS[0]), "hunt-crossley": ("Hunt-Crossley <2>", COLOURS[4])}
     choice = BEST["kvm k, s"]
-    printed, best = runs_of(PRINTED, materials), runs_of(choice, materials)
-    curves, data = [], {}
+    curves, off = [], {}
+    data: dict[str, Table] = {}
     for material, (label, colour) in materials.items():
-        pressed, trace = printed[material]
-        truth = true_parameters(pressed)
+        pressed, printed, _, (true, first, best), tables = compared(material, choice, "best", "-.")
+        style = "--" if material == "kelvin-voigt" else ":"
         curves += [
-            Curve(f"{label}: true", truth, "black", "--" if material == "kelvin-voigt" else ":", 1.0),
-            Curve.of(f"{label}: as printed", trace, colour),
-            Curve.of(f"{label}: {choice}", best[material][1], colour, "-."),
+            Curve(f"{label}: true", true.values, "black", style, 1.0),
+            first._replace(label=f"{label}: as printed", colour=colour),
+            best._replace(label=f"{label}: {choice}", colour=colour),
         ]
-        data[f"{material}-printed"] = parameter_table(trace, truth)
-        data[f"{material}-best"] = parameter_table(best[material][1], truth)
-    found = {
-        name: 100.0 * (printed[name][1].k[19] / printed[name][0].laws[0].general_form[0] - 1.0) for name in printed
-    }
+        data |= {f"{material}-{name}": table for name, table in tables.items()}
+        off[material] = 100.0 * (printed.k[19] / pressed.laws[0].general_form[0] - 1.0)
     text = (
         "Each pure law along the trajectory of Fig. 6, identified with all four parameters of (18). Ten samples in a "
         "second of slow pressing leave the regressors nearly parallel, so P0 and theta_0, which the paper does not "
-        f"give, decide the start: as printed k at the 20th iteration is off by {found['kelvin-voigt']:+.1f} % and "
-        f"{found['hunt-crossley']:+.1f} %, with P0 = 10^8 I it is found by then. Afterwards both laws are found to a "
+        f"give, decide the start: as printed k at the 20th iteration is off by {off['kelvin-voigt']:+.1f} % and "
+        f"{off['hunt-crossley']:+.1f} %, with P0 = 10^8 I it is found by then. Afterwards both laws are found to a "
         "few parts in a thousand. b1 of Kelvin-Voigt keeps its start until the press turns; what is left of it then is "
         "the second-order term of (16): the data are free of noise here, so it is the modelling error alone."
     )
     figure = parameter_figure(curves, ((0.0, 8000.0), (0.6, 1.6), (-1.2, 1.2), (-0.4, 0.4)))
-    return Section(
-        "fig7a", "Fig. 7a: estimation for Kelvin-Voigt and Hunt-Crossley", text, figure, data, claims_of(NAMES_OF_FIG7A)
-    )
+    title = "Fig. 7a: estimation for Kelvin-Voigt and Hunt-Crossley"
+    return Section("fig7a", title, text, figure, data, claims_of(NAMES_OF_FIG7A))
 
 
 NAMES_OF_FIG7B = ("follows", "arrives")
@@ -226,25 +207,17 @@ NAMES_OF_FIG7B = ("follows", "arrives")
 def make_fig7b() -> Section:
     """Fig. 7b as printed and under the choice that comes nearest, beside the truth."""
     choice = NEAREST["follows"]
-    pressed, printed = runs_of(PRINTED, ("continuous",))["continuous"]
-    _, nearest = runs_of(choice, ("continuous",))["continuous"]
-    truth = true_parameters(pressed)
-    errors = {name: np.abs(trace.force - pressed.true_force)[20:] for name, trace in (("p", printed), ("n", nearest))}
+    pressed, printed, nearest, curves, data = compared("continuous", choice, "nearest", "-.")
+    worst, best = (np.abs(trace.force - pressed.true_force)[20:].max() for trace in (printed, nearest))
     text = (
         "k, lambda, n and alpha change with time as the paper prints them. The force is followed (error at most "
-        f"{errors['p'].max():.3g} N as printed, {errors['n'].max():.2g} N under the nearest choice, of "
+        f"{worst:.3g} N as printed, {best:.2g} N under the nearest choice, of "
         f"{pressed.true_force.max():.0f} N), but by other parameters than those that made it: over the one or two slow "
         "strokes of Fig. 6 a change of k and s with time looks the same as a change with depth and velocity, and the "
         "four numbers of (18) share it out among themselves. That is not for want of tuning: no combination of the "
         f"open choices follows, nor does a higher rate (section fast). The nearest choice drawn here: {choice}."
     )
-    curves = [
-        Curve("true, linearised", truth, "black", "--", 1.2),
-        Curve.of("as printed", printed, COLOURS[0]),
-        Curve.of("nearest choice", nearest, COLOURS[1], "-."),
-    ]
     figure = parameter_figure(curves, ((0.0, 8000.0), (0.0, 1.8), (-150.0, 150.0), (-8.0, 8.0)))
-    data = {"printed": parameter_table(printed, truth), "nearest": parameter_table(nearest, truth)}
     return Section("fig7b", "Fig. 7b: continuous change of the material", text, figure, data, claims_of(NAMES_OF_FIG7B))
 
 
@@ -253,10 +226,7 @@ NAMES_OF_FIG7C = ("step 1", "step 2", "step b1", "step b2", "step force")
 
 def make_fig7c() -> Section:
     """Fig. 7c as printed and with P enlarged before the gain, beside the truth."""
-    choice = BEST["step 1"]
-    pressed, printed = runs_of(PRINTED, ("steps",))["steps"]
-    _, best = runs_of(choice, ("steps",))["steps"]
-    truth = true_parameters(pressed)
+    pressed, _, best, curves, data = compared("steps", BEST["step 1"], "best")
     errors = log_errors(pressed.force, best)
     jumps = [pressed.force[step - 1] - best.ahead[step - 1] for step in (FIRST, SECOND)]
     text = (
@@ -267,21 +237,14 @@ def make_fig7c() -> Section:
         "small P: the parameters go far along the directions that the old material had left undetermined, b1 and "
         "b2, and one slow stroke does not bring them back. Enlarged before the gain, the same algorithm recovers at "
         f"once. b1 is then near 0.5 because nothing moves it: it was {best.b1[FIRST - 2]:.2f} before the change, and "
-        f"the material's own is {truth[2][FIRST]:.2f}."
+        f"the material's own is {data['best']['true_b1_s_m'][FIRST]:.2f}."
     )
-    curves = [
-        Curve("true, linearised", truth, "black", "--", 1.2),
-        Curve.of("as printed", printed, COLOURS[0]),
-        Curve.of(f"{choice}", best, COLOURS[1]),
-    ]
     figure = parameter_figure(curves, ((0.0, 9000.0), (0.6, 2.2), (-3.0, 3.0), (-0.3, 0.3)))
-    data = {"printed": parameter_table(printed, truth), "best": parameter_table(best, truth)}
     claims = (*claims_of(NAMES_OF_FIG7C), _covariance_claim())
     return Section("fig7c", "Fig. 7c: sudden changes of the material", text, figure, data, claims)
 
 
-FIRST, SECOND = (round(step / PERIOD) for step in STEPS)
-"""Iterations of the changes."""
+FIRST, SECOND = (round(step / PERIOD) for step in STEPS)  # iterations of the changes
 
 
 def log_errors(force: Array, trace: Trace) -> Array:
@@ -301,7 +264,6 @@ def covariance_at_steps(choice: Choice) -> list[float]:
 
 
 def _covariance_claim() -> Claim:
-    """P back to 10^6 I."""
     printed, reset = covariance_at_steps(PRINTED), covariance_at_steps(replace(PRINTED, form="reset"))
     before = covariance_at_steps(replace(PRINTED, form="reset", moment="before"))
 

@@ -16,8 +16,7 @@ from foretouch.reproduction.presses import linearisation_press
 from foretouch.reproduction.section import Claim, Section, verdict_of
 from foretouch.reproduction.theory.linearisation import TABLE_1, fit_polynomial
 
-DEPTHS = np.geomspace(0.5e-3, 40e-3, 400)
-"""Depths over which the lines are drawn [m]."""
+DEPTHS = np.geomspace(0.5e-3, 40e-3, 400)  # depths over which the lines are drawn [m]
 
 CLOSE = 0.01
 """Relative difference up to which a fit counts as the printed one [-]: one unit of the last digit of a2 is more."""
@@ -104,7 +103,6 @@ def fitted(choice: Choice) -> dict[float, Line]:
 
 
 def _rounds(line: Line, switching: float) -> bool:
-    """Whether a fit is Table 1 to the digits that are printed."""
     return (round(line[0], 2), round(line[1], 3)) == TABLE_1[switching]
 
 

@@ -33,14 +33,9 @@ SETS: dict[str, tuple[tuple[float, float], ...]] = {
 }
 """Sine waves of the trajectory: the first ones in the order of (Fig. 6), and the large one alone."""
 
-WAVE_NOISE, SEEDS = 0.02, 8
-"""Force noise [N] of the runs with fewer waves, and how many of them."""
-
-START_ERRORS = (0.0, 0.001, 0.01, 0.1)
-"""Errors of n at the beginning."""
-
-SLIP = 0.01
-"""Error of an exponent."""
+WAVE_NOISE, SEEDS = 0.02, 8  # force noise [N] of the runs with fewer waves, and how many of them
+START_ERRORS = (0.0, 0.001, 0.01, 0.1)  # errors of n at the beginning
+SLIP = 0.01  # error of an exponent
 
 
 def wave_errors(waves: tuple[tuple[float, float], ...]) -> tuple[float, float, float]:
@@ -108,7 +103,6 @@ def exponent_effects() -> dict[str, Array]:
 
 
 def _damper(law: HuntCrossley, depth: Array, velocity: Array) -> Array:
-    """Damping part of the force [N]."""
     return np.asarray(law.force(depth, velocity, allow_tension=True) - law.force(depth, 0.0))
 
 

@@ -6,9 +6,9 @@ import itertools
 import math
 import textwrap
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,39 +17,26 @@ from foretouch.identification import FPRLS, FPRLSOptions
 from foretouch.identification.linear.options import DepthUnit
 from foretouch.identification.linear.recursion import ErrorUnit, PerturbationForm, PerturbationMoment
 from foretouch.report import finished, new_figure
-from foretouch.reproduction.presses import MATERIALS, Press, follow, press
-from foretouch.reproduction.questions.tried import QUESTIONS, Answer, Runs
+from foretouch.reproduction.presses import MATERIALS, Press, Trace, follow, press
+from foretouch.reproduction.questions.tried import QUESTIONS, Answer
 from foretouch.reproduction.section import Claim, Section, Table, verdict_of
 
-SMALL_STIFFNESS = 100.0
-"""theta_0 of a small k [N/m^s], with s = 1."""
+SMALL_STIFFNESS = 100.0  # theta_0 of a small k [N/m^s], with s = 1
 
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """One combination; the defaults are (20) as printed in SI units, on ideal data.
+    """One combination; the defaults are (20) as printed in SI units, on ideal data."""
 
-    Attributes:
-        unit: Unit of depth in the regressors.
-        error: What the self-perturbing test sees.
-        moment: Whether P is enlarged before or after the gain of the sample that trips the test.
-        form: Whether delta I is added to P or takes its place.
-        rho: Parameter rho of the forgetting factor [1/m].
-        initial: k of theta_0 [N/m^s]: 1 is theta_0 = 0, more comes with s = 1.
-        covariance: Factor of I in P_0.
-        noise: Standard deviation of the force noise [N].
-        velocity: Whether it is exact or the difference of two depths.
-    """
-
-    unit: DepthUnit = "m"
-    error: ErrorUnit = "log"
-    moment: PerturbationMoment = "after"
-    form: PerturbationForm = "add"
-    rho: float = 1000.0
-    initial: float = 1.0
-    covariance: float = 1e6
-    noise: float = 0.0
-    velocity: str = "exact"
+    unit: DepthUnit = "m"  # of depth in the regressors
+    error: ErrorUnit = "log"  # what the self-perturbing test sees
+    moment: PerturbationMoment = "after"  # whether P is enlarged before or after the gain of the sample that trips it
+    form: PerturbationForm = "add"  # whether delta I is added to P or takes its place
+    rho: float = 1000.0  # parameter rho of the forgetting factor [1/m]
+    initial: float = 1.0  # k of theta_0 [N/m^s]: 1 is theta_0 = 0, more comes with s = 1
+    covariance: float = 1e6  # factor of I in P_0
+    noise: float = 0.0  # standard deviation of the force noise [N]
+    velocity: str = "exact"  # or the difference of two depths
 
     @property
     def options(self) -> FPRLSOptions:
@@ -67,45 +54,38 @@ class Choice:
     @property
     def departures(self) -> dict[str, Any]:
         """What differs from the printed one."""
-        values = {field.name: getattr(self, field.name) for field in fields(self)}
-        return {name: value for name, value in values.items() if value != getattr(PRINTED, name)}
+        return {name: getattr(self, name) for name in OPEN if getattr(self, name) != getattr(PRINTED, name)}
 
     def __str__(self) -> str:
-        return "; ".join(WORDS[name].format(value) for name, value in self.departures.items()) or "as printed"
+        return "; ".join(OPEN[name].words.format(value) for name, value in self.departures.items()) or "as printed"
 
 
-PRINTED = Choice()
-"""All choices as printed."""
+class Open(NamedTuple):
+    """What is left open: how a choice reads, its heading in the figure, and the values that are tried."""
 
+    words: str
+    head: str
+    values: tuple[Any, ...]
+
+
+PRINTED = Choice()  # all choices as printed
 PRINTED_WORDS = (
     "FPRLS (20) as printed at 10 Hz: metres, test on the error of ln F, delta I added to P after the gain, "
     "P0 = delta = 10^6, rho = 1000 / m, theta_0 = 0, no noise, exact velocity"
 )
 
-WORDS = {
-    "unit": "depth in {}",
-    "error": "test on the error in {}s",
-    "moment": "P enlarged {} the gain",
-    "form": "P {} to delta I",
-    "rho": "rho = {:g} / m",
-    "initial": "theta_0 with k = {:g}, s = 1",
-    "covariance": "P0 = {:g} I",
-    "noise": "force noise {:g} N",
-    "velocity": "{} velocity",
+OPEN: dict[str, Open] = {
+    "unit": Open("depth in {}", "depth\nin", ("m", "mm")),
+    "error": Open("test on the error in {}s", "test\non", ("log", "newton")),
+    "moment": Open("P enlarged {} the gain", "enlarge P,\nthe gain", ("after", "before")),
+    "form": Open("P {} to delta I", "P by\ndelta", ("add", "reset")),
+    "rho": Open("rho = {:g} / m", "rho [1/m]", (0.0, 100.0, 1000.0, 10000.0)),
+    "initial": Open("theta_0 with k = {:g}, s = 1", "k of\ntheta_0", (1.0, SMALL_STIFFNESS)),
+    "covariance": Open("P0 = {:g} I", "P0", (1e2, 1e4, 1e6, 1e8)),
+    "noise": Open("force noise {:g} N", "noise\n[N]", (0.0, 0.02)),
+    "velocity": Open("{} velocity", "velocity", ("exact", "differenced")),
 }
-
-VALUES: dict[str, tuple[Any, ...]] = {
-    "unit": ("m", "mm"),
-    "error": ("log", "newton"),
-    "moment": ("after", "before"),
-    "form": ("add", "reset"),
-    "rho": (0.0, 100.0, 1000.0, 10000.0),
-    "initial": (1.0, SMALL_STIFFNESS),
-    "covariance": (1e2, 1e4, 1e6, 1e8),
-    "noise": (0.0, 0.02),
-    "velocity": ("exact", "differenced"),
-}
-"""Values tried for each choice; noise and differenced velocity not together."""
+"""The attributes of a `Choice`; noise and differenced velocity are not tried together."""
 
 BEST: dict[str, Choice] = {
     "kvm k, s": Choice(covariance=1e8),
@@ -130,8 +110,7 @@ NEAREST: dict[str, Choice] = {
 
 def combinations() -> Iterator[Choice]:
     """All of them."""
-    for values in itertools.product(*VALUES.values()):
-        choice = Choice(*values)
+    for choice in itertools.starmap(Choice, itertools.product(*(one.values for one in OPEN.values()))):
         if choice.noise == 0.0 or choice.velocity == "exact":
             yield choice
 
@@ -141,21 +120,16 @@ def _press(material: str, noise: float, velocity: str) -> Press:
     return press(material, noise=noise, differenced=velocity == "differenced")
 
 
-def runs_of(choice: Choice, materials: Iterable[str]) -> Runs:
-    """Press materials and estimate each from scratch."""
-    estimator = FPRLS(choice.options)
-    runs = {}
-    for material in materials:
-        pressed = _press(material, choice.noise, choice.velocity)
-        estimator.reset()
-        runs[material] = (pressed, follow(estimator, pressed))
-    return runs
+def run_of(choice: Choice, material: str) -> tuple[Press, Trace]:
+    """Press a material and estimate it from scratch."""
+    pressed = _press(material, choice.noise, choice.velocity)
+    return pressed, follow(FPRLS(choice.options), pressed)
 
 
 def answer(name: str, choice: Choice) -> Answer:
     """One question under one choice."""
     question = QUESTIONS[name]
-    return question.measure(runs_of(choice, question.materials))
+    return question.measure(*run_of(choice, question.material))
 
 
 def claims_of(names: Iterable[str]) -> tuple[Claim, ...]:
@@ -165,59 +139,39 @@ def claims_of(names: Iterable[str]) -> tuple[Claim, ...]:
 
 def _claim(name: str) -> Claim:
     question, printed = QUESTIONS[name], answer(name, PRINTED)
-    setting = f"{PRINTED_WORDS}. Holds if {question.rule}"
-    if question.holds(printed):
-        return Claim(question.claim, question.paper, printed.text, "holds", setting)
-    choice = BEST.get(name, NEAREST.get(name, PRINTED))
-    best = answer(name, choice)
-    verdict = verdict_of(choice=question.holds(best))
-    if verdict == "does not hold":
-        setting += f"; none of {sum(1 for _ in combinations())} combinations of the open choices gives it"
-        return Claim(
-            question.claim, question.paper, f"{printed.text}; nearest, with {choice}: {best.text}", verdict, setting
-        )
-    return Claim(
-        question.claim, question.paper, f"{best.text}; as printed: {printed.text}", verdict, f"{choice}. {setting}"
-    )
+    setting, measured = f"{PRINTED_WORDS}. Holds if {question.rule}", printed.text
+    verdict = verdict_of(question.holds(printed))
+    if verdict != "holds":
+        choice = BEST.get(name, NEAREST.get(name, PRINTED))
+        best = answer(name, choice)
+        verdict = verdict_of(choice=question.holds(best))
+        if verdict == "does not hold":
+            setting += f"; none of {sum(1 for _ in combinations())} combinations of the open choices gives it"
+            measured += f"; nearest, with {choice}: {best.text}"
+        else:
+            setting, measured = f"{choice}. {setting}", f"{best.text}; as printed: {measured}"
+    return Claim(question.claim, question.paper, measured, verdict, setting)
 
 
-PURE = ("kelvin-voigt", "hunt-crossley")
-"""Materials of Fig. 7a."""
-
-LEVELS, SEEDS = (0.002, 0.005, 0.02, 0.1), 10
-"""Levels of the force noise [N], and number of runs with each."""
+PURE = ("kelvin-voigt", "hunt-crossley")  # materials of Fig. 7a.
+LEVELS, SEEDS = (0.002, 0.005, 0.02, 0.1), 10  # levels of the force noise [N], and number of runs with each
 
 
 class Search:
-    """All answers to all questions.
-
-    Attributes:
-        choices: All combinations.
-        answers: Answers by question, one for each combination.
-        holds: Whether the claim holds under each combination, by question.
-    """
+    """All answers to all questions under some choices, by question, and whether each claim holds; some 20 s for all."""
 
     def __init__(self, choices: list[Choice]) -> None:
         self.choices = choices
         self.answers: dict[str, list[Answer]] = {name: [] for name in QUESTIONS}
         for choice in choices:
-            runs = runs_of(choice, MATERIALS)
+            runs = {material: run_of(choice, material) for material in MATERIALS}
             for name, question in QUESTIONS.items():
-                self.answers[name].append(question.measure(runs))
+                self.answers[name].append(question.measure(*runs[question.material]))
         self.holds: dict[str, NDArray[np.bool_]] = {
             name: np.array([question.holds(answer) for answer in self.answers[name]])
             for name, question in QUESTIONS.items()
         }
-
-    @property
-    def held(self) -> NDArray[np.int64]:
-        """Number of claims that hold under each combination."""
-        return np.asarray(sum(holds.astype(np.int64) for holds in self.holds.values()))
-
-
-def search() -> Search:
-    """Try all combinations; some 20 s."""
-    return Search(list(combinations()))
+        self.held = np.asarray(sum(holds.astype(np.int64) for holds in self.holds.values()))  # claims, by choice
 
 
 def best_of(found: Search, name: str) -> int:
@@ -236,27 +190,21 @@ def noise_shares() -> dict[float, dict[str, float]]:
 
     Each claim under its own best choice, exact velocity.
     """
-    names = [name for name, question in QUESTIONS.items() if question.materials[0] in PURE]
     shares: dict[float, dict[str, float]] = {}
     for level in LEVELS:
-        presses = [{material: press(material, noise=level, seed=seed) for material in PURE} for seed in range(SEEDS)]
+        presses = {one: [press(one, noise=level, seed=seed) for seed in range(SEEDS)] for one in PURE}
         shares[level] = {}
-        for name in names:
-            question, estimator = QUESTIONS[name], FPRLS(BEST.get(name, PRINTED).options)
-            held = 0
-            for pressed in presses:
-                runs = {}
-                for material in question.materials:
-                    estimator.reset()
-                    runs[material] = (pressed[material], follow(estimator, pressed[material]))
-                held += question.holds(question.measure(runs))
-            shares[level][name] = held / SEEDS
+        for name, question in QUESTIONS.items():
+            if question.material in PURE:
+                options = BEST.get(name, PRINTED).options
+                answers = (question.measure(one, follow(FPRLS(options), one)) for one in presses[question.material])
+                shares[level][name] = sum(map(question.holds, answers)) / SEEDS
     return shares
 
 
 def make() -> Section:
     """Fractions of the combinations under which each claim holds, and the best of each."""
-    found = search()
+    found = Search(list(combinations()))
     held, printed = found.held, found.choices.index(PRINTED)
     most = min(range(len(held)), key=lambda index: (-held[index], len(found.choices[index].departures)))
     missing = [name for name in QUESTIONS if not found.holds[name][most]]
@@ -286,38 +234,26 @@ def make() -> Section:
             f"{found.choices[most]}, of {len(held)} combinations",
         ),
     )
-    data = {"combinations": _table(found), "claims": _claim_table(found), "noise": _noise_table(noise)}
+    best = {name: best_of(found, name) for name in QUESTIONS}
+    data: dict[str, Table] = {
+        "combinations": {
+            **{name: np.array([getattr(choice, name) for choice in found.choices]) for name in OPEN},
+            **{_column(name): np.array([one.value for one in answers]) for name, answers in found.answers.items()},
+            **{f"{_column(name)}_holds": holds for name, holds in found.holds.items()},
+        },
+        "claims": {
+            "claim": np.array([question.claim for question in QUESTIONS.values()]),
+            "share": np.array([float(found.holds[name].mean()) for name in QUESTIONS]),
+            "best_choice": np.array([str(found.choices[index]) for index in best.values()]),
+            "best_measured": np.array([found.answers[name][index].text for name, index in best.items()]),
+        },
+        "noise": {
+            "noise_N": np.array(list(noise)),
+            **{_column(name): np.array([one[name] for one in noise.values()]) for name in noise[LEVELS[0]]},
+        },
+    }
     title = "Open choices: which claims hold under which"
     return Section("choices", title, text, _figure(found), data, claims)
-
-
-def _table(found: Search) -> Table:
-    """Every combination with every value."""
-    return {
-        **{field.name: np.array([getattr(choice, field.name) for choice in found.choices]) for field in fields(Choice)},
-        **{_column(name): np.array([a.value for a in answers]) for name, answers in found.answers.items()},
-        **{f"{_column(name)}_holds": holds for name, holds in found.holds.items()},
-    }
-
-
-def _claim_table(found: Search) -> Table:
-    """Every claim with its fraction and its best combination."""
-    best = {name: best_of(found, name) for name in QUESTIONS}
-    return {
-        "claim": np.array([question.claim for question in QUESTIONS.values()]),
-        "share": np.array([float(found.holds[name].mean()) for name in QUESTIONS]),
-        "best_choice": np.array([str(found.choices[index]) for index in best.values()]),
-        "best_measured": np.array([found.answers[name][index].text for name, index in best.items()]),
-    }
-
-
-def _noise_table(noise: dict[float, dict[str, float]]) -> Table:
-    """Levels down, claims across."""
-    names = next(iter(noise.values()))
-    return {
-        "noise_N": np.array(list(noise)),
-        **{_column(name): np.array([shares[name] for shares in noise.values()]) for name in names},
-    }
 
 
 def _column(name: str) -> str:
@@ -326,8 +262,8 @@ def _column(name: str) -> str:
 
 def _figure(found: Search) -> Any:
     """Claims down, values across, fractions in the cells."""
-    columns = [(name, value) for name, values in VALUES.items() for value in values]
-    values = {name: np.array([getattr(choice, name) for choice in found.choices]) for name in VALUES}
+    columns = [(name, value) for name, one in OPEN.items() for value in one.values]
+    values = {name: np.array([getattr(choice, name) for choice in found.choices]) for name in OPEN}
     shares = np.array(
         [[found.holds[q].mean()] + [found.holds[q][values[name] == v].mean() for name, v in columns] for q in QUESTIONS]
     )
@@ -346,26 +282,13 @@ def _figure(found: Search) -> Any:
         ["\n".join(textwrap.wrap(question.claim, 46)) for question in QUESTIONS.values()],
         fontsize="small",
     )
-    edge = 0.5
+    edge, middles = 0.5, [0.0]
     top = axes.secondary_xaxis("top")
-    middles = [0.0]
-    for group in VALUES.values():
+    for one in OPEN.values():
         axes.axvline(edge, color="0.3", linewidth=0.9)
-        middles.append(edge + 0.5 * len(group))
-        edge += len(group)
-    heads = [
-        "",
-        "depth\nin",
-        "test\non",
-        "enlarge P,\nthe gain",
-        "P by\ndelta",
-        "rho [1/m]",
-        "k of\ntheta_0",
-        "P0",
-        "noise\n[N]",
-        "velocity",
-    ]
-    top.set_xticks(middles, heads, fontsize="small")
+        middles.append(edge + 0.5 * len(one.values))
+        edge += len(one.values)
+    top.set_xticks(middles, ["", *(one.head for one in OPEN.values())], fontsize="small")
     top.tick_params(length=0)
     axes.set_title("Share of combinations under which a claim holds [%]; empty: none", pad=40.0)
     figure = finished(figure, 1, above=1.0)

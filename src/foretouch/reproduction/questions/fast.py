@@ -19,29 +19,17 @@ from foretouch.reproduction.section import Claim, Section, verdict_of
 
 Array = NDArray[np.float64]
 
-PERIOD = 1e-3
-"""Time between samples [s]."""
-
-NOISE, ENCODER = 0.02, 5e-6
-"""Standard deviation of the force noise [N]; step of the encoder [m]."""
-
-AHEAD = 300
-"""Samples between what a model was learnt from and what it predicts: the paper's delay of 300 ms."""
-
-STRIDE = 10
-"""Number of samples from one kept model to the next."""
+PERIOD = 1e-3  # time between samples [s]
+NOISE, ENCODER = 0.02, 5e-6  # standard deviation of the force noise [N]; step of the encoder [m]
+AHEAD = 300  # samples between what a model was learnt from and what it predicts: the paper's delay of 300 ms
+STRIDE = 10  # number of samples from one kept model to the next
 
 TAP_DEPTH, TAP_PERIOD, TAP_TIME = 0.010, 2.0, 10.0
 """Largest depth of the taps [m], time from touch to touch [s], and duration of all [s]."""
 
-TREMOR, TREMOR_RATE = 1e-5, 8.0
-"""Amplitude [m] and rate [Hz] of the hand's tremor in taps and holding."""
-
-HOLD_TIME = 10.0
-"""Time for which a press is held [s]."""
-
-TAP_LAW = ContinuousSwitching(4500.0, 1000.0, 0.7, 0.5)
-"""The paper's material after the first change."""
+TREMOR, TREMOR_RATE = 1e-5, 8.0  # amplitude [m] and rate [Hz] of the hand's tremor in taps and holding
+HOLD_TIME = 10.0  # time for which a press is held [s]
+TAP_LAW = ContinuousSwitching(4500.0, 1000.0, 0.7, 0.5)  # the paper's material after the first change
 
 
 def measured_press(pressed: Press) -> Press:
@@ -78,25 +66,15 @@ def hold() -> Press:
 
 @dataclass(frozen=True, eq=False)
 class Walk(Brief):
-    """What an estimator made of a press, at every `STRIDE`-th sample.
+    """What an estimator made of a press, at every `STRIDE`-th sample."""
 
-    Attributes:
-        index: Indices of those samples, shape (m,).
-        k: Stiffness [N/m^s], NaN before there is a law, shape (m,).
-        s: Exponent, shape (m,).
-        next_error: Error of the force at the next sample [N], shape (m,).
-        ahead_error: Error of the force `AHEAD` samples later on the motion of then [N]; NaN at the end, shape (m,).
-        restarts: Number of restarts of the estimator.
-        force_rms: RMS of the true force [N].
-    """
-
-    index: NDArray[np.int64]
-    k: Array
-    s: Array
-    next_error: Array
-    ahead_error: Array
-    restarts: int
-    force_rms: float
+    index: NDArray[np.int64]  # indices of those samples, shape (m,)
+    k: Array  # stiffness [N/m^s], NaN before there is a law, shape (m,)
+    s: Array  # exponent, shape (m,)
+    next_error: Array  # error of the force at the next sample [N], shape (m,)
+    ahead_error: Array  # error of the force `AHEAD` samples later on the motion of then [N]; NaN at the end, shape (m,)
+    restarts: int  # number of restarts of the estimator
+    force_rms: float  # RMS of the true force [N]
 
     @property
     def next_share(self) -> float:
@@ -136,7 +114,6 @@ def walk(estimator: Estimator, pressed: Press) -> Walk:
 
 
 def _stiffness(model: ContactModel | None) -> tuple[float, float]:
-    """K and s of a law."""
     if isinstance(model, LinearisedContinuousSwitching):
         return float(np.exp(min(model.ln_k, 700.0))), model.s
     if isinstance(model, ContinuousSwitching):

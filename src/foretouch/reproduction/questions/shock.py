@@ -21,28 +21,20 @@ STEPS = {
 }
 """The three materials of the paper's sudden changes (Fig. 7c)."""
 
-SWITCHINGS = (0.0, 0.25, 0.5, 0.75, 1.0)
-"""Values of alpha whose loops are drawn."""
+SWITCHINGS = (0.0, 0.25, 0.5, 0.75, 1.0)  # values of alpha whose loops are drawn
 
 STIFFNESS_FORCE, AT_DEPTH, DAMPING_RATIO = 30.0, 0.010, 0.25
 """What makes laws of different exponents comparable: spring force [N] at a depth [m], and damper over spring [-]."""
 
-RELEASE = 0.05
-"""Speed at which a hand lets go [m/s]."""
-
-TICK = 1e-3
-"""One cycle of haptic rendering [s]; with it goes the depth after the first one, at the speed of touch."""
-
-TOUCH = 0.1
-"""Speed of first touch [m/s]."""
+RELEASE = 0.05  # speed at which a hand lets go [m/s]
+TICK = 1e-3  # one cycle of haptic rendering [s]; with it goes the depth after the first one, at the speed of touch
+TOUCH = 0.1  # speed of first touch [m/s]
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class _Release:
-    """What an impact pays at release, over alpha."""
-
     switching: Array
     share: Array
 

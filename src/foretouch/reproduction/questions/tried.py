@@ -6,9 +6,9 @@ Threshold switching is tried on the same presses.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from functools import lru_cache
+from collections.abc import Callable
+from functools import lru_cache, partial
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,11 +21,8 @@ from foretouch.reproduction.presses import KELVIN_VOIGT, PERIOD, STEPS, Press, T
 
 Array = NDArray[np.float64]
 
-THRESHOLD = 4000.0
-"""Threshold of the paper [N/m]."""
-
-FEWEST = 20
-"""Smallest number of samples with a law, as in the estimators."""
+THRESHOLD = 4000.0  # threshold of the paper [N/m]
+FEWEST = 20  # smallest number of samples with a law, as in the estimators
 
 
 def errors_of_threshold(pressed: Press, options: SwitchingOptions | None = None) -> tuple[Array, NDArray[np.bool_]]:
@@ -77,49 +74,28 @@ def errors_of_fprls_threshold(
     return np.abs(force - pressed.true_force), chosen
 
 
-Runs = Mapping[str, tuple[Press, Trace]]
-"""Press and trace by material."""
-
-SETTLED = 0.05
-"""Largest relative error of k, and distance of s from its own true value, at which both count as found."""
-
-FOUND = 20
-"""Iteration at which the paper has k and s."""
-
-SMALL_B2 = 0.02
-"""b2 within this of 0 [s] counts as zero: a quarter of the B / K of <1>."""
-
-RATIO = KELVIN_VOIGT.damping / KELVIN_VOIGT.stiffness
-"""B / K of <1> [s]."""
+SETTLED = 0.05  # largest relative error of k, and distance of s from its own true value, at which both count as found
+FOUND = 20  # iteration at which the paper has k and s
+SMALL_B2 = 0.02  # b2 within this of 0 [s] counts as zero: a quarter of the B / K of <1>
+RATIO = KELVIN_VOIGT.damping / KELVIN_VOIGT.stiffness  # B / K of <1> [s]
 
 
-@dataclass(frozen=True)
-class Answer:
+class Answer(NamedTuple):
     """One question, measured in words with units, and as a value: smaller is nearer to the paper, inf is never."""
 
     value: float
     text: str
 
 
-@dataclass(frozen=True)
-class Question:
-    """A claim of the paper with the number that decides it.
+class Question(NamedTuple):
+    """A claim of the paper with the number that decides it."""
 
-    Attributes:
-        claim: The claim in short.
-        paper: The paper's number or words.
-        rule: What counts as holding.
-        limit: Greatest value at which it holds.
-        materials: Materials that it needs.
-        measure: Function from runs to the value.
-    """
-
-    claim: str
-    paper: str
-    rule: str
-    limit: float
-    materials: tuple[str, ...]
-    measure: Callable[[Runs], Answer]
+    claim: str  # the claim in short
+    paper: str  # the paper's number or words
+    rule: str  # what counts as holding
+    limit: float  # greatest value at which it holds
+    material: str  # material that it needs
+    measure: Callable[[Press, Trace], Answer]  # from its press and what the estimator found
 
     def holds(self, answer: Answer) -> bool:
         """Whether the answer is the paper's."""
@@ -134,9 +110,8 @@ def settled_at(right: NDArray[np.bool_]) -> float:
     return float(wrong[-1] + 2) if wrong.size else 1.0
 
 
-def _found(run: tuple[Press, Trace]) -> tuple[NDArray[np.bool_], Array, Array]:
+def _found(pressed: Press, trace: Trace) -> tuple[NDArray[np.bool_], Array, Array]:
     """Where k and s are found; relative error of k; error of s."""
-    pressed, trace = run
     k = np.array([law.general_form[0] for law in pressed.laws])
     s = np.array([sum(law.general_form[2:]) for law in pressed.laws])
     with np.errstate(over="ignore"):
@@ -144,50 +119,41 @@ def _found(run: tuple[Press, Trace]) -> tuple[NDArray[np.bool_], Array, Array]:
     return (np.abs(k_error) <= SETTLED) & (np.abs(s_error) <= SETTLED), k_error, s_error
 
 
-def _pure(material: str) -> Callable[[Runs], Answer]:
-    def measure(runs: Runs) -> Answer:
-        right, k_error, s_error = _found(runs[material])
-        value, at = settled_at(right), FOUND - 1
-        return Answer(value, f"{_iteration(value)}; at the 20th k {100.0 * k_error[at]:+.2g} %, s {s_error[at]:+.2g}")
-
-    return measure
+def _pure(pressed: Press, trace: Trace) -> Answer:
+    right, k_error, s_error = _found(pressed, trace)
+    value, at = settled_at(right), FOUND - 1
+    return Answer(value, f"{_iteration(value)}; at the 20th k {100.0 * k_error[at]:+.2g} %, s {s_error[at]:+.2g}")
 
 
-def _b1_of_kelvin_voigt(runs: Runs) -> Answer:
-    b1 = runs["kelvin-voigt"][1].b1[FOUND - 1 :]
+def _b1_of_kelvin_voigt(pressed: Press, trace: Trace) -> Answer:
+    b1 = trace.b1[FOUND - 1 :]
     return Answer(float(np.abs(b1).max()), f"{b1.min():.3g} to {b1.max():.3g} s/m")
 
 
-def _b2_of_kelvin_voigt(runs: Runs) -> Answer:
-    b2 = runs["kelvin-voigt"][1].b2[-50:]
+def _b2_of_kelvin_voigt(pressed: Press, trace: Trace) -> Answer:
+    b2 = trace.b2[-50:]
     error = float(np.abs(b2 / RATIO - 1.0).max())
     return Answer(error, f"{b2.min():.4f} to {b2.max():.4f} s (within {100.0 * error:.2g} %)")
 
 
-def _b2_of_hunt_crossley(runs: Runs) -> Answer:
-    b2 = runs["hunt-crossley"][1].b2
-    value = settled_at(np.abs(b2) <= SMALL_B2)
-    return Answer(
-        value, f"{_iteration(value).replace('found', 'zero')}; at the 10th {b2[9]:.2g} s, at the 250th {b2[-1]:.1g} s"
-    )
+def _b2_of_hunt_crossley(pressed: Press, trace: Trace) -> Answer:
+    value, b2 = settled_at(np.abs(trace.b2) <= SMALL_B2), trace.b2
+    when = _iteration(value).replace("found", "zero")
+    return Answer(value, f"{when}; at the 10th {b2[9]:.2g} s, at the 250th {b2[-1]:.1g} s")
 
 
-def _following(runs: Runs) -> Answer:
-    _, k_error, s_error = _found(runs["continuous"])
+def _following(pressed: Press, trace: Trace) -> Answer:
+    _, k_error, s_error = _found(pressed, trace)
     worst, s_worst = float(np.abs(k_error[FOUND:]).max()), float(np.abs(s_error[FOUND:]).max())
     middle = float(np.median(np.abs(k_error[FOUND:])))
-    return Answer(
-        worst, f"k wrong by {100 * worst:.3g} % at worst, {100 * middle:.3g} % in the median; s by {s_worst:.2g}"
-    )
+    text = f"k wrong by {100 * worst:.3g} % at worst, {100 * middle:.3g} % in the median; s by {s_worst:.2g}"
+    return Answer(worst, text)
 
 
-def _arriving(runs: Runs) -> Answer:
-    pressed, trace = runs["continuous"]
-    _, k_error, _ = _found((pressed, trace))
-    return Answer(
-        float(abs(k_error[-1])),
-        f"k = {trace.k[-1]:.4g}, s = {trace.s[-1]:.3f}, b1 = {trace.b1[-1]:.3g}, b2 = {trace.b2[-1]:.3g} at the end",
-    )
+def _arriving(pressed: Press, trace: Trace) -> Answer:
+    _, k_error, _ = _found(pressed, trace)
+    end = f"k = {trace.k[-1]:.4g}, s = {trace.s[-1]:.3f}, b1 = {trace.b1[-1]:.3g}, b2 = {trace.b2[-1]:.3g} at the end"
+    return Answer(float(abs(k_error[-1])), end)
 
 
 def _segment(number: int) -> slice:
@@ -196,45 +162,35 @@ def _segment(number: int) -> slice:
     return slice(ends[number], ends[number + 1])
 
 
-def _recovery(number: int) -> Callable[[Runs], Answer]:
-    def measure(runs: Runs) -> Answer:
-        right, k_error, s_error = _found(runs["steps"])
-        part = _segment(number)
-        value, k_error, s_error = settled_at(right[part]), k_error[part], s_error[part]
-        return Answer(
-            value,
-            f"{_iteration(value)}, counted from the change; 20th: k {100 * k_error[19]:+.2g} %, s {s_error[19]:+.2g}; "
-            f"last: k {100 * k_error[-1]:+.2g} %, s {s_error[-1]:+.2g}",
-        )
-
-    return measure
+def _recovery(number: int, pressed: Press, trace: Trace) -> Answer:
+    found, part = _found(pressed, trace), _segment(number)
+    right, k_error, s_error = found[0][part], found[1][part], found[2][part]
+    value = settled_at(right)
+    return Answer(
+        value,
+        f"{_iteration(value)}, counted from the change; 20th: k {100 * k_error[19]:+.2g} %, s {s_error[19]:+.2g}; "
+        f"last: k {100 * k_error[-1]:+.2g} %, s {s_error[-1]:+.2g}",
+    )
 
 
-def _coefficient(name: str, target: float) -> Callable[[Runs], Answer]:
-    def measure(runs: Runs) -> Answer:
-        pressed, trace = runs["steps"]
-        part = _segment(0)
-        values = getattr(trace, name)[part][-20:]
-        true = true_parameters(pressed)[2 if name == "b1" else 3][part][-1]
-        return Answer(
-            float(np.abs(values - target).max()),
-            f"{values.min():.3g} to {values.max():.3g} over the last 20 before the second change (true law, (17) "
-            f"fitted: {true:.3g})",
-        )
-
-    return measure
+def _coefficient(name: Literal["b1", "b2"], target: float, pressed: Press, trace: Trace) -> Answer:
+    values = getattr(trace, name)[_segment(0)][-20:]
+    true = true_parameters(pressed)[2 if name == "b1" else 3][_segment(0)][-1]
+    return Answer(
+        float(np.abs(values - target).max()),
+        f"{values.min():.3g} to {values.max():.3g} over the last 20 before the second change (true law, (17) fitted: "
+        f"{true:.3g})",
+    )
 
 
-def _force_after_steps(runs: Runs) -> Answer:
-    pressed, trace = runs["steps"]
+def _force_after_steps(pressed: Press, trace: Trace) -> Answer:
     error = np.abs(trace.force - pressed.true_force)
     calm = np.ones(error.size, dtype=np.bool_)
     for start in (0, _segment(0).start, _segment(1).start):
         calm[start : start + FOUND] = False
     value = float(error[calm].max())
-    return Answer(
-        value, f"at most {value:.2g} N from the 20th sample of each material on, {error[FOUND:].max():.3g} N at a step"
-    )
+    text = f"at most {value:.2g} N from the 20th sample of each material on, {error[FOUND:].max():.3g} N at a step"
+    return Answer(value, text)
 
 
 @lru_cache(maxsize=8)
@@ -242,19 +198,12 @@ def _usual_threshold(pressed: Press) -> Array:
     return errors_of_threshold(pressed)[0]
 
 
-def _better(runs: Runs) -> Answer:
-    pressed, trace = runs["continuous"]
+def _better(pressed: Press, trace: Trace) -> Answer:
     error, other = np.abs(trace.force - pressed.true_force), _usual_threshold(pressed)
     there = np.isfinite(other)
     share = float(np.mean(error[there] < other[there]))
-    return Answer(
-        1.0 - share,
-        f"at {100.0 * share:.1f} % of the samples; RMS {_rms(error[there]):.3g} against {_rms(other[there]):.3g} N",
-    )
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(np.square(values))))
+    own, others = (float(np.sqrt(np.mean(np.square(values[there])))) for values in (error, other))
+    return Answer(1.0 - share, f"at {100.0 * share:.1f} % of the samples; RMS {own:.3g} against {others:.3g} N")
 
 
 def _iteration(value: float) -> str:
@@ -274,105 +223,79 @@ QUESTIONS: dict[str, Question] = {
         "k and s of Kelvin-Voigt <1> are found at the 20th iteration",
         "at the 20th",
         f"from the 20th on {_FOUND_RULE}",
-        FOUND,
-        ("kelvin-voigt",),
-        _pure("kelvin-voigt"),
+        *(FOUND, "kelvin-voigt", _pure),
     ),
     "hcm k, s": Question(
         "k and s of Hunt-Crossley <2> are found rapidly, at the 20th iteration",
         "rapidly",
         f"from the 20th on {_FOUND_RULE}",
-        FOUND,
-        ("hunt-crossley",),
-        _pure("hunt-crossley"),
+        *(FOUND, "hunt-crossley", _pure),
     ),
     "kvm b1": Question(
         "b1 of Kelvin-Voigt is not zero but within (-1, 1)",
         "within (-1, 1)",
         "|b1| below 1 s/m from the 20th on",
-        1.0,
-        ("kelvin-voigt",),
-        _b1_of_kelvin_voigt,
+        *(1.0, "kelvin-voigt", _b1_of_kelvin_voigt),
     ),
     "kvm b2": Question(
         "b2 of Kelvin-Voigt goes to B / K",
         "0.083",
         "the last 50 within 5 % of B / K = 0.0833 s",
-        0.05,
-        ("kelvin-voigt",),
-        _b2_of_kelvin_voigt,
+        *(0.05, "kelvin-voigt", _b2_of_kelvin_voigt),
     ),
     "hcm b2": Question(
         "b2 of Hunt-Crossley is zero at the 10th iteration",
         "0 at the 10th",
         "from the 10th on |b2| below 0.02 s, a quarter of the B / K of <1>",
-        10.0,
-        ("hunt-crossley",),
-        _b2_of_hunt_crossley,
+        *(10.0, "hunt-crossley", _b2_of_hunt_crossley),
     ),
     "follows": Question(
         "Parameters follow the continuous change from Hunt-Crossley to Kelvin-Voigt",
         "estimated parameters follow",
         "k within 10 % from the 21st on",
-        0.1,
-        ("continuous",),
-        _following,
+        *(0.1, "continuous", _following),
     ),
     "arrives": Question(
         "Parameters alter between the two limit values: the continuous change ends at Kelvin-Voigt",
         "k = 6000, s = 1, b1 = 0, b2 = 0.083",
         "the last k within 10 %",
-        0.1,
-        ("continuous",),
-        _arriving,
+        *(0.1, "continuous", _arriving),
     ),
     "better": Question(
         "Continuous switching has a smaller force error than threshold switching at every time",
         "at every time",
         "at all samples from the 20th on, threshold switching by least squares without forgetting",
-        0.0,
-        ("continuous",),
-        _better,
+        *(0.0, "continuous", _better),
     ),
     "step 1": Question(
         "k and s recover rapidly after the first sudden change",
         "rapidly",
         f"from the 20th after it on {_FOUND_RULE}",
-        FOUND,
-        ("steps",),
-        _recovery(0),
+        *(FOUND, "steps", partial(_recovery, 0)),
     ),
     "step 2": Question(
         "k and s recover rapidly after the second sudden change",
         "rapidly",
         f"from the 20th after it on {_FOUND_RULE}",
-        FOUND,
-        ("steps",),
-        _recovery(1),
+        *(FOUND, "steps", partial(_recovery, 1)),
     ),
     "step b1": Question(
         "b1 is near 0.5 after the first sudden change",
         "0.5 (its own Table 1 gives a1 lambda / k = 3.44 * 1000 / 4500 = 0.76)",
         "within 0.25 of 0.5 s/m over the last 20 before the second change",
-        0.25,
-        ("steps",),
-        _coefficient("b1", 0.5),
+        *(0.25, "steps", partial(_coefficient, "b1", 0.5)),
     ),
     "step b2": Question(
         "b2 is near 0 after the first sudden change",
         "0 (its own Table 1 gives a2 lambda / k = 0.067 * 1000 / 4500 = 0.015)",
         "|b2| below 0.02 s over the last 20 before the second change",
-        SMALL_B2,
-        ("steps",),
-        _coefficient("b2", 0.0),
+        *(SMALL_B2, "steps", partial(_coefficient, "b2", 0.0)),
     ),
     "step force": Question(
         "The force error with sudden changes is small enough to be ignored",
         "small enough to be ignored",
         "below 0.1 N from the 20th sample of each material on",
-        0.1,
-        ("steps",),
-        _force_after_steps,
+        *(0.1, "steps", _force_after_steps),
     ),
 }
 """The questions by a short name."""

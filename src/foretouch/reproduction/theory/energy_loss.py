@@ -98,9 +98,6 @@ def maximum_depth(law: MemorylessLaw, mass: float, speed: ArrayLike) -> Array:
         law: The contact law.
         mass: m [kg], positive.
         speed: v_i [m/s], positive, a float or an array.
-
-    Raises:
-        SettingError: A mass or a speed that is not positive.
     """
     k, _, n, alpha = law.general_form
     require("mass", mass, above=0.0)

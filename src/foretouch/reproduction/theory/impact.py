@@ -37,44 +37,27 @@ _LONGEST = 1e4
 _MOST_EVALUATIONS = 200_000
 """Evaluations of the law before an impact is given up: seconds. Ordinary ones take some thousands."""
 
-_LEFT = 1e-9
-"""Fraction of the energy with which a mass that is pulled back counts as stuck: it creeps out forever."""
-
-_PERIOD = 1e-3
-"""Sample period that the laws are given [s]; those without memory do not look at it."""
+_LEFT = 1e-9  # fraction of the energy with which a mass that is pulled back counts as stuck: it creeps out forever
+_PERIOD = 1e-3  # sample period that the laws are given [s]; those without memory do not look at it
 
 
 @dataclass(frozen=True, eq=False)
 class Impact(Brief):
-    """One impact, from first touch to separation: the arrays of the paper's Figs. 2 and 3, and the sums.
+    """One impact, from first touch to separation: the arrays of the paper's Figs. 2 and 3, and the sums."""
 
-    Attributes:
-        mass: m [kg].
-        speed: Speed at first touch, v_i [m/s].
-        rebound_speed: Speed at separation [m/s], positive; 0 for a mass that sticks.
-        separated: False for a mass that sticks (only with tension).
-        duration: Time from touch to separation [s].
-        maximum_depth: Greatest depth x_M [m].
-        fastest_return: Greatest speed in unloading [m/s]; the rebound speed, unless the material pulls at release.
-        damping_work: Energy that the damper took [J], integrated along the way from its power.
-        time: Sample times [s], evenly spaced, shape (samples,).
-        depth: x [m], shape (samples,).
-        velocity: [m/s], shape (samples,).
-        force: On the mass [N], shape (samples,); 0 in the first sample, at the surface itself, where the
-            Kelvin-Voigt force jumps to B v_i.
-    """
-
-    mass: float
-    speed: float
-    rebound_speed: float
-    separated: bool
-    duration: float
-    maximum_depth: float
-    fastest_return: float
-    damping_work: float
-    time: Array
-    depth: Array
-    velocity: Array
+    mass: float  # m [kg]
+    speed: float  # speed at first touch, v_i [m/s]
+    rebound_speed: float  # speed at separation [m/s], positive; 0 for a mass that sticks
+    separated: bool  # False for a mass that sticks (only with tension)
+    duration: float  # time from touch to separation [s]
+    maximum_depth: float  # greatest depth x_M [m]
+    fastest_return: float  # greatest speed in unloading [m/s]; the rebound speed, unless the material pulls at release
+    damping_work: float  # energy that the damper took [J], integrated along the way from its power
+    time: Array  # sample times [s], evenly spaced, shape (samples,)
+    depth: Array  # x [m], shape (samples,)
+    velocity: Array  # [m/s], shape (samples,)
+    # on the mass [N], shape (samples,); 0 in the first sample, at the surface itself, where the Kelvin-Voigt force
+    # jumps to B v_i
     force: Array
 
     @property
@@ -127,10 +110,6 @@ def integrate_impact(
         allow_tension: True lets the law pull at release, as the equations are written. Needs a `MemorylessLaw`.
         samples: Number of evenly spaced times returned, at least 2.
         relative_tolerance: Relative tolerance of the solver.
-
-    Raises:
-        SettingError: A law with a memory, tension asked of a law that knows none, a number out of range, or an impact
-            that the solver cannot follow: a mass held by a Kelvin-Voigt law that pulls, its damping ratio above 100.
     """
     from scipy.integrate import solve_ivp
 
@@ -237,40 +216,39 @@ def _first_guess(force: Callable[[float, float], float], mass: float, speed: flo
 
 @dataclass(frozen=True, slots=True)
 class LowDampingError:
-    """The closed form beside the integrated impact, as ratios to the incoming energy.
+    """The closed form beside the integrated impact, as ratios to the incoming energy."""
 
-    Attributes:
-        damping_ratio: epsilon [-].
-        approximate_loss: Fraction of the energy lost by (12) [-]; above 1 it is absurd.
-        loss: Fraction lost by integration [-].
-        restitution: Speed out over speed in, by integration [-].
-        relative_error: approximate_loss / loss - 1 [-].
-    """
+    damping_ratio: float  # epsilon [-]
+    approximate_loss: float  # fraction of the energy lost by (12) [-]; above 1 it is absurd
+    loss: float  # fraction lost by integration [-]
+    restitution: float  # speed out over speed in, by integration [-]
+    relative_error: float  # approximate_loss / loss - 1 [-]
 
-    damping_ratio: float
-    approximate_loss: float
-    loss: float
-    restitution: float
-    relative_error: float
+
+def unit_impact(exponent: float, switching: float, damping_ratio: float) -> tuple[ContinuousSwitching, float]:
+    """Law and mass of an impact at 1 m/s whose greatest depth by (7) is 1 m: its damping is the damping ratio."""
+    return ContinuousSwitching(1.0, damping_ratio, exponent, switching), 2.0 / (exponent + switching + 1.0)
+
+
+def speed_exponent(law: MemorylessLaw, mass: float, speed: float = 1.0, *, allow_tension: bool = False) -> float:
+    """Local exponent of speed in the energy that an impact costs [-], from integrated impacts 1 % to either side."""
+    low, high = (
+        integrate_impact(law, mass, speed * factor, allow_tension=allow_tension, samples=2).damping_work
+        for factor in (0.99, 1.01)
+    )
+    return math.log(high / low) / math.log(1.01 / 0.99)
 
 
 def low_damping_error(
     exponent: float, switching: float, damping_ratio: float, *, allow_tension: bool = False
 ) -> LowDampingError:
-    """The error of (12) at one damping ratio.
+    """The error of (12) at one damping ratio epsilon [-] above 0.
 
-    Args:
-        exponent: n [-], not negative.
-        switching: alpha [-], not negative, not zero together with n.
-        damping_ratio: epsilon [-], positive.
-        allow_tension: True integrates the equation as printed, pulling at release, which is what (9) integrates.
-
-    Raises:
-        SettingError: A number out of range.
+    Exponent n and switching alpha are not negative, and not both zero. With tension the equation is integrated as
+    printed, pulling at release, which is what (9) integrates.
     """
     require("damping_ratio", damping_ratio, above=0.0)
-    law = ContinuousSwitching(1.0, damping_ratio, exponent, switching)
-    mass = 2.0 / (exponent + switching + 1.0)  # makes x_M = 1 at k = 1 and v_i = 1
+    law, mass = unit_impact(exponent, switching, damping_ratio)
     impact = integrate_impact(law, mass, 1.0, allow_tension=allow_tension, samples=2)
     energy = 0.5 * mass
     theory = float(energy_loss(law, mass, 1.0))
@@ -280,16 +258,7 @@ def low_damping_error(
 
 
 def low_damping_limit(exponent: float, switching: float, tolerance: float) -> LowDampingError:
-    """The damping ratio at which (12) has a given relative error, and an impact there.
-
-    Args:
-        exponent: n [-], not negative.
-        switching: alpha [-], not negative, not zero together with n.
-        tolerance: Relative error of (12) [-], from 1e-4 to 1.
-
-    Raises:
-        SettingError: A number out of range.
-    """
+    """The damping ratio at which (12) has a given relative error [-], from 1e-4 to 1, and an impact there."""
     from scipy.optimize import brentq
 
     require("tolerance", tolerance, at_least=1e-4, at_most=1.0)
@@ -300,8 +269,7 @@ def low_damping_limit(exponent: float, switching: float, tolerance: float) -> Lo
     return low_damping_error(exponent, switching, math.exp(brentq(beyond, math.log(1e-6), math.log(100.0), rtol=1e-8)))
 
 
-MASS, SPEED = 1.0, 0.5
-"""Mass [kg] and speed [m/s] of the impacts of Figs. 2 and 3; the paper gives none."""
+MASS, SPEED = 1.0, 0.5  # mass [kg] and speed [m/s] of the impacts of Figs. 2 and 3; the paper gives none.
 
 
 def impact_of(law: MemorylessLaw, *, speed: float = SPEED, allow_tension: bool = True) -> Impact:

@@ -44,46 +44,27 @@ within 5.5 % of all four numbers at best, with 2.285, 0.0169 and 3.623, 0.0634: 
 
 @dataclass(frozen=True, slots=True)
 class PolynomialFit:
-    """The replacement (17) over a range of depths.
+    """The replacement (17) over a range of depths."""
 
-    Attributes:
-        switching: alpha [-].
-        a1: [m^-alpha].
-        a2: [m^(1 - alpha)].
-        shallowest: Smallest depth fitted [m].
-        deepest: Greatest depth fitted [m].
-        largest_relative_error: Error of a1 + a2 / x against x^-alpha, at the depths fitted [-].
-    """
-
-    switching: float
-    a1: float
-    a2: float
-    shallowest: float
-    deepest: float
-    largest_relative_error: float
+    switching: float  # alpha [-]
+    a1: float  # [m^-alpha]
+    a2: float  # [m^(1 - alpha)]
+    shallowest: float  # smallest depth fitted [m]
+    deepest: float  # greatest depth fitted [m]
+    largest_relative_error: float  # error of a1 + a2 / x against x^-alpha, at the depths fitted [-]
 
 
 @dataclass(frozen=True, eq=False)
 class LinearisationError(Brief):
-    """Force of (18) less force of (15), and which step of the linearisation it comes from; NaN where (15) has no value.
+    """Force of (18) less force of (15), and which step of the linearisation that is from; NaN where (15) has none."""
 
-    Attributes:
-        force: Exact force (15) [N].
-        total: Force of (18) less exact force [N]; `taylor` and `polynomial` add up to it.
-        taylor: Force of (16) less exact force [N], never negative: (16) is always too large.
-        polynomial: Force of (18) less force of (16) [N].
-        relative: total / force [-].
-        phi: lambda v / k [m^alpha], which the paper wants below 0.1.
-        psi: phi / x^alpha [-], which decides.
-    """
-
-    force: Array
-    total: Array
-    taylor: Array
-    polynomial: Array
-    relative: Array
-    phi: Array
-    psi: Array
+    force: Array  # exact force (15) [N]
+    total: Array  # force of (18) less exact force [N]; `taylor` and `polynomial` add up to it
+    taylor: Array  # force of (16) less exact force [N], never negative: (16) is always too large
+    polynomial: Array  # force of (18) less force of (16) [N]
+    relative: Array  # total / force [-]
+    phi: Array  # lambda v / k [m^alpha], which the paper wants below 0.1
+    psi: Array  # phi / x^alpha [-], which decides
 
 
 def log_force(law: MemorylessLaw, depth: ArrayLike, velocity: ArrayLike) -> Array:
@@ -131,9 +112,6 @@ def fit_polynomial(switching: float, depth: ArrayLike, *, depth_power: float = 1
         switching: alpha [-], from 0 to 1.
         depth: Depths x [m], shape (samples,), at least two different ones, all positive.
         depth_power: p [-].
-
-    Raises:
-        SettingError: alpha out of range, or depths that determine no fit.
     """
     require("switching", switching, at_least=0.0, at_most=1.0)
     require("depth_power", depth_power)
@@ -193,9 +171,6 @@ def taylor_error_depth(law: MemorylessLaw, velocity: float, tolerance: float) ->
 
     Returns:
         The depth; for alpha = 0, where psi = phi at every depth, 0 if it is small enough and infinite if not.
-
-    Raises:
-        SettingError: A number out of range.
     """
     from scipy.optimize import brentq
 
