@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from dataclasses import dataclass, field, replace
+from dataclasses import astuple, dataclass, field, replace
 from os import PathLike
 from typing import Any
 
@@ -13,16 +13,16 @@ from numpy.typing import NDArray
 from foretouch.errors import RecordingError, plural
 from foretouch.files import within_budget
 from foretouch.quantities import Brief, Recording
-from foretouch.recordings.formats.published import AURORA_CONTACT_FLOOR as AURORA_FLOOR
 from foretouch.recordings.formats.published import (
+    AURORA_CONTACT_FLOOR,
     LEVER,
     TORQUE_PER_VOLT,
+    TUE_CONTACT_FLOOR,
     is_tue,
     read_aurora,
     read_excerpt,
     recording_of,
 )
-from foretouch.recordings.formats.published import TUE_CONTACT_FLOOR as TUE_FLOOR
 from foretouch.recordings.formats.topics import TOPICS
 from foretouch.recordings.meaning.guess import Guess, guess_mapping
 from foretouch.recordings.meaning.joining import clocks_of
@@ -33,6 +33,7 @@ from foretouch.recordings.source import Bag, Column, Table, Topic
 
 FIRST_LOOK = 2**18  # bytes of a topic's first messages, which tell which clock stamps them
 LONG_LOOK = 2**28  # bytes of messages that are looked through of a topic that was asked for
+COLUMN_KEYS = ("column", "type", "count", "unit", "example", "smallest", "largest")  # of a `Column` in JSON
 
 
 @dataclass(frozen=True)
@@ -80,18 +81,7 @@ class Contents(Brief):
                 {"topic": topic.name, "type": topic.type_name, "count": topic.count, "rate_per_s": self.rate_of(topic)}
                 for topic in self.topics
             ],
-            "columns": [
-                {
-                    "column": one.name,
-                    "type": one.kind,
-                    "count": one.count,
-                    "unit": one.unit,
-                    "example": one.example,
-                    "smallest": one.smallest,
-                    "largest": one.largest,
-                }
-                for one in self.columns
-            ],
+            "columns": [dict(zip(COLUMN_KEYS, astuple(one), strict=True)) for one in self.columns],
             "stated": self.stated,
             "map": None if guess is None else guess.text(),
             "open": None if guess is None else list(guess.open),
@@ -126,7 +116,7 @@ def _inspect(path: str | PathLike[str], suffix: str, topic: str | None) -> Conte
 def _of_aurora(path: str | PathLike[str]) -> Contents:
     recording = read_aurora(path)
     columns = (Column("AI0", "length", len(recording), "mm"), Column("AI1", "force", len(recording), "mN"))
-    stated = f"an Aurora file states columns and units itself; contact floor {AURORA_FLOOR:g} N"
+    stated = f"an Aurora file states columns and units itself; contact floor {AURORA_CONTACT_FLOOR:g} N"
     duration, rate = _span(recording)
     return Contents(str(path), "Aurora .ddf", columns, duration_s=duration, rate=rate, stated=stated)
 
@@ -214,7 +204,7 @@ def _tue_guess(table: Table) -> Guess:
         Signal(column="scope.signals[0].values[1]", unit="rad", scale=LEVER),
         Signal(column="env_est3.signals[2].values", unit="raw", scale=TORQUE_PER_VOLT / LEVER),
         TimeSource(column="scope.time"),
-        contact_floor=TUE_FLOOR,
+        contact_floor=TUE_CONTACT_FLOOR,
     )
     return Guess(table.path, mapping.time, mapping.position, mapping.force, stated=mapping)
 
@@ -253,14 +243,14 @@ def _looked_through(bag: Bag, topic: str, columns: tuple[Column, ...]) -> tuple[
         series = bag.read(topic, [column.name for column in columns], within=LONG_LOOK)
     except RecordingError:
         return columns, 0  # their reader reports why
-    return tuple(
-        _ranged(column, series.values[column.name]) for column in columns
-    ), series.log_ns.size + series.left_out
-
-
-def _ranged(column: Column, values: NDArray[np.float64]) -> Column:
-    finite = values[np.isfinite(values)]
-    return replace(column, smallest=float(finite.min()), largest=float(finite.max())) if finite.size else column
+    ranged = []
+    for column in columns:
+        values = series.values[column.name]
+        finite = values[np.isfinite(values)]
+        ranged.append(
+            replace(column, smallest=float(finite.min()), largest=float(finite.max())) if finite.size else column
+        )
+    return tuple(ranged), series.log_ns.size + series.left_out
 
 
 def _clock_note(bag: Bag, topics: list[str]) -> list[str]:

@@ -41,14 +41,10 @@ _SCALARS: dict[type[msgspec.inspect.Type], str] = {
 
 
 class Layout:
-    """How one class of messages looks as a ROS 2 message.
+    """How one class of messages looks as a ROS 2 message; a TypeError for a field of a type without a counterpart.
 
-    Attributes:
-        kind: The message class.
-        schema: Definition of the message in the ``.msg`` language, one line a field.
-        missing: Fields that are not in the bytes, with the value that they then have.
-        dtype: The CDR bytes of one message as a structured dtype, header included, where all messages of the class
-            have one size; None where they hold text or sequences.
+    ``missing`` has the values of those of its fields that are not in the bytes. Where all messages of the class have
+    one size, ``dtype`` is the structured dtype of their bytes, header included, else None.
     """
 
     def __init__(self, kind: type[Message]) -> None:
@@ -211,24 +207,17 @@ _index = re.compile(r"(.*)\[([^\[\]]+)\]\Z")
 
 
 class Places:
-    """Offset of each number of one message.
-
-    Attributes:
-        numbers: Field name to dtype, offset, and count where it is an array.
-        texts: Field name of a sequence of texts to the texts, each with its offset.
-        lengths: Offsets of the uint32 with the lengths of texts and sequences.
-        problem: Why the rest of the message was not gone into, or empty.
-    """
+    """Offset of each number of one message; a ValueError where its bytes are in no CDR that is known here."""
 
     def __init__(self, data: bytes, definitions: Definitions, type_name: str) -> None:
         if len(data) < len(HEADER) or data[0] != 0 or data[1] not in (0, 1):
             raise ValueError(f"encapsulation {data[:2].hex()} is not CDR of ROS 2 (0000 or 0001)")
         self._data, self._definitions, self._order = data, definitions, "<" if data[1] else ">"
         self._position, self._visited = len(HEADER), 0
-        self.numbers: dict[str, tuple[str, int, int | None]] = {}
-        self.texts: dict[str, list[tuple[int, str]]] = {}
-        self.lengths: list[int] = []
-        self.problem = ""
+        self.numbers: dict[str, tuple[str, int, int | None]] = {}  # dtype, offset, and count where it is an array
+        self.texts: dict[str, list[tuple[int, str]]] = {}  # of a sequence of texts, each with its offset
+        self.lengths: list[int] = []  # offsets of the uint32 with the lengths of texts and sequences
+        self.problem = ""  # why the rest of the message was not gone into
         try:
             self._message(type_name, "")
         except (ValueError, struct.error, KeyError) as error:
@@ -285,19 +274,15 @@ class Places:
         if self._visited > _MOST_FIELDS:
             raise ValueError(f"{name} comes after {_MOST_FIELDS} others: only what stands before it is read")
         kind, detail = int(description[0]), description[1]
-        if kind == BASE:
-            self._base(detail[0], name)
+        if kind == BASE and detail[0] == "string":
+            self._text()
+        elif kind == BASE:
+            self.numbers[name] = *self._skip(detail[0], 1), None
         elif kind == NAME:
             self._message(detail, name + ".")
         else:
             element, count = detail
             self._many(element, self._length() if kind == SEQUENCE else int(count), name)
-
-    def _base(self, base: str, name: str) -> None:
-        if base == "string":
-            self._text()
-        else:
-            self.numbers[name] = *self._skip(base, 1), None
 
     def _many(self, element: Any, count: int, name: str) -> None:
         if int(element[0]) == NAME:

@@ -9,6 +9,7 @@ import zlib
 from collections.abc import Callable, Iterator
 from functools import partial
 from io import BytesIO
+from itertools import islice
 from os import PathLike
 from pathlib import Path
 from typing import Any, Final
@@ -33,17 +34,6 @@ FOOTER_CONTENT: Final = struct.Struct("<QQI")
 TAIL: Final = RECORD.size + FOOTER_CONTENT.size + len(MAGIC)  # bytes at the end of a file that its writer has ended
 LONGEST_STRUCTURE: Final = 2**28
 """Largest record that is read into memory [byte]: no writer makes a longer one, so it is damage."""
-
-_NAMES: Final = {
-    SCHEMA: "Schema",
-    CHANNEL: "Channel",
-    CHUNK: "Chunk",
-    CHUNK_INDEX: "ChunkIndex",
-    STATISTICS: "Statistics",
-    ATTACHMENT: "Attachment",
-    METADATA: "Metadata",
-    METADATA_INDEX: "MetadataIndex",
-}
 
 
 def records(
@@ -78,9 +68,10 @@ def footer_of(tail: bytes) -> tuple[int, int, int] | None:
 
 
 def parsed(code: int, content: bytes) -> Any:
-    """A record of the library from its content."""
+    """A record of the library from its content; the library and `struct` raise different errors on a damaged one."""
+    name = optional("mcap.opcode").Opcode(code).name.title().replace("_", "")
     stream = optional("mcap.stream_reader").ReadDataStream(BytesIO(content))
-    return getattr(optional("mcap.records"), _NAMES[code]).read(stream)
+    return getattr(optional("mcap.records"), name).read(stream)
 
 
 def record_bytes(record: Any) -> bytes:
@@ -131,9 +122,7 @@ class McapFile(RosBag):
         self._schemas: dict[int, Any] = {}
         self._channels: dict[int, Any] = {}
         self._counts: dict[int, int] = {}
-        self._chunks: list[
-            tuple[int, frozenset[int] | None]
-        ] = []  # where each begins, and the channels of its messages
+        self._chunks: list[tuple[int, frozenset[int] | None]] = []  # where each begins, channels of its messages
         with Path(path).open("rb") as file:
             if file.read(len(MAGIC)) != MAGIC:
                 raise RecordingError(path, "is not an MCAP file: it does not begin as one does")
@@ -158,28 +147,25 @@ class McapFile(RosBag):
     def messages(self, topic: Topic, most: int | None = None) -> tuple[list[bytes], NDArray[np.int64]]:
         """As `RosBag.messages`."""
         wanted = {number for number, channel in self._channels.items() if channel.topic == topic.name}
-        raws: list[bytes] = []
-        times: list[int] = []
         with Path(self.path).open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-            for block in self._blocks(data, wanted):
-                for code, start, stop in records_in(block, len(MAGIC) if block is data else 0):
-                    if code != MESSAGE:
-                        continue
+            found = list(islice(self._messages_of(data, wanted), most))
+        return [raw for _, raw in found], np.array([time for time, _ in found], dtype=np.int64)
+
+    def _messages_of(self, data: mmap.mmap, wanted: set[int]) -> Iterator[tuple[int, bytes]]:
+        """Log time and bytes of each message of some channels."""
+        for block in self._blocks(data, wanted):
+            for code, start, stop in records_in(block, len(MAGIC) if block is data else 0):
+                if code == MESSAGE:
                     channel, _, log_time, _ = MESSAGE_HEAD.unpack_from(block, start)
                     if channel in wanted:
-                        raws.append(block[start + MESSAGE_HEAD.size : stop])
-                        times.append(log_time)
-                        if len(raws) == most:
-                            return raws, np.array(times, dtype=np.int64)
-        return raws, np.array(times, dtype=np.int64)
+                        yield log_time, block[start + MESSAGE_HEAD.size : stop]
 
     def _blocks(self, data: mmap.mmap, wanted: set[int]) -> Iterator[bytes | mmap.mmap]:
-        loose = not self._chunks
         for begin, whose in self._chunks:
             if whose is None or whose & wanted:
                 _, length = RECORD.unpack_from(data, begin)
                 yield self._chunk(data[begin + RECORD.size : begin + RECORD.size + length], begin)
-        if loose:
+        if not self._chunks:
             yield data
 
     # --- the file's statements about itself ---------------------------------------------------------------------------
@@ -200,7 +186,10 @@ class McapFile(RosBag):
             elif code == STATISTICS:
                 statistics = self._record(code, data[start:stop], start)
             elif code == METADATA_INDEX:
-                self._stated(data, self._record(code, data[start:stop], start))
+                index = self._record(code, data[start:stop], start)
+                if index.name == MAP_NAME:
+                    content = data[index.offset + RECORD.size : index.offset + index.length]
+                    self._structure(METADATA, content, index.offset)
         if statistics is None or (statistics.message_count and not self._channels):
             self._chunks.clear()
             return False
@@ -208,29 +197,19 @@ class McapFile(RosBag):
         self.begin_ns, self.end_ns = statistics.message_start_time, statistics.message_end_time
         return True
 
-    def _stated(self, data: mmap.mmap, index: Any) -> None:
-        if index.name == MAP_NAME:
-            begin = index.offset + RECORD.size
-            record = self._record(METADATA, data[begin : index.offset + index.length], index.offset)
-            self.stated_map = record.metadata.get("toml", "")
-
     def _read_all(self, data: mmap.mmap, peek: bool) -> None:
         self.whole = data[-len(MAGIC) :] == MAGIC and len(data) > len(MAGIC)
         first: int | None = None
         for code, start, stop in records_in(data, len(MAGIC)):
-            if code == CHUNK:
-                self._chunks.append((start - RECORD.size, None))
             block: bytes | mmap.mmap = data
             inside = iter([(code, start, stop)])
             if code == CHUNK:
+                self._chunks.append((start - RECORD.size, None))
                 block = self._chunk(data[start:stop], start)
                 inside = records_in(block)
             for inner, begin, end in inside:
-                if inner in (SCHEMA, CHANNEL):
+                if inner in (SCHEMA, CHANNEL, METADATA):
                     self._structure(inner, block[begin:end], begin)
-                elif inner == METADATA:
-                    record = self._record(inner, block[begin:end], begin)
-                    self.stated_map = record.metadata.get("toml", "") if record.name == MAP_NAME else self.stated_map
                 elif inner == MESSAGE:
                     channel, _, log_time, _ = MESSAGE_HEAD.unpack_from(block, begin)
                     self._counts[channel] = self._counts.get(channel, 0) + 1
@@ -242,10 +221,10 @@ class McapFile(RosBag):
 
     def _structure(self, code: int, content: bytes, start: int) -> None:
         record = self._record(code, content, start)
-        if code == SCHEMA:
-            self._schemas[record.id] = record
+        if code == METADATA:
+            self.stated_map = record.metadata.get("toml", "") if record.name == MAP_NAME else self.stated_map
         else:
-            self._channels[record.id] = record
+            (self._schemas if code == SCHEMA else self._channels)[record.id] = record
 
     def _record(self, code: int, content: bytes, start: int) -> Any:
         try:

@@ -19,27 +19,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from foretouch.recordings.formats.mcap import (
-    ATTACHMENT,
-    ATTACHMENT_INDEX,
-    CHANNEL,
-    CHUNK,
-    CHUNK_INDEX,
-    FOOTER,
-    FOOTER_CONTENT,
-    MAGIC,
-    MESSAGE,
-    MESSAGE_HEAD,
-    MESSAGE_INDEX,
-    METADATA,
-    METADATA_INDEX,
-    RECORD,
-    SCHEMA,
-    STATISTICS,
-    parsed,
-    record_bytes,
-    records_read,
-)
+from foretouch.recordings.formats import mcap
 from foretouch.recordings.formats.topics import COUNTS
 from foretouch.recordings.output import optional
 
@@ -164,42 +144,46 @@ _ENTRY = 16  # bytes of an entry of a message index
 def counts_record(counts: Mapping[str, int]) -> bytes:
     """Bytes of the metadata record that holds a session's counters."""
     said = {name: str(int(count)) for name, count in counts.items()}
-    return record_bytes(optional("mcap.records").Metadata(COUNTS, said))
+    return mcap.record_bytes(optional("mcap.records").Metadata(COUNTS, said))
 
 
 def append_index(file: BlockFile, schemas: list[Any], channels: list[Any]) -> None:
     """End a file that holds data only: go through it once and write what stands where behind it.
 
-    The memory that this takes does not grow with the file.
+    The memory that this takes does not grow with the file. Where it cannot be written (an OSError) the file is as it
+    was.
     """
-    end = file.tell()
+    end, records, found = file.tell(), optional("mcap.records"), _Found()
     try:
-        _append_index(file, end, schemas, channels)
+        file.write(mcap.record_bytes(records.DataEnd(0)))
+        summary = _Summary(file)
+        summary.group(mcap.SCHEMA, map(mcap.record_bytes, schemas))
+        summary.group(mcap.CHANNEL, map(mcap.record_bytes, channels))
+        summary.group(mcap.CHUNK_INDEX, _chunk_indexes(file, end, found))
+        summary.group(mcap.METADATA_INDEX, map(mcap.record_bytes, found.metadata))
+        summary.group(mcap.ATTACHMENT_INDEX, map(mcap.record_bytes, found.attachments))
+        statistics = records.Statistics(
+            attachment_count=len(found.attachments),
+            channel_count=len(channels),
+            channel_message_counts=dict(sorted(found.messages.items())),
+            chunk_count=found.chunks,
+            message_count=found.messages.total(),
+            message_end_time=found.last,
+            message_start_time=found.first or 0,
+            metadata_count=len(found.metadata),
+            schema_count=len(schemas),
+        )
+        summary.group(mcap.STATISTICS, [mcap.record_bytes(statistics)])
+        summary.end()
     except OSError:
         file.truncate(end)
         raise
-
-
-def _append_index(file: BlockFile, end: int, schemas: list[Any], channels: list[Any]) -> None:
-    records = optional("mcap.records")
-    file.write(record_bytes(records.DataEnd(0)))
-    summary = _Summary(file)
-    summary.group(SCHEMA, map(record_bytes, schemas))
-    summary.group(CHANNEL, map(record_bytes, channels))
-    found = _Found(schema_count=len(schemas), channel_count=len(channels))
-    summary.group(CHUNK_INDEX, _chunk_indexes(file, end, found))
-    summary.group(METADATA_INDEX, map(record_bytes, found.metadata))
-    summary.group(ATTACHMENT_INDEX, map(record_bytes, found.attachments))
-    summary.group(STATISTICS, [record_bytes(found.statistics())])
-    summary.end()
 
 
 @dataclass
 class _Found:
     """What the data of a file add up to."""
 
-    schema_count: int
-    channel_count: int
     chunks: int = 0
     messages: Counter[int] = field(default_factory=Counter)  # by channel
     first: int | None = None
@@ -212,53 +196,40 @@ class _Found:
         self.first = first if self.first is None else min(self.first, first)
         self.last = max(self.last, last)
 
-    def statistics(self) -> Any:
-        return optional("mcap.records").Statistics(
-            attachment_count=len(self.attachments),
-            channel_count=self.channel_count,
-            channel_message_counts=dict(sorted(self.messages.items())),
-            chunk_count=self.chunks,
-            message_count=self.messages.total(),
-            message_end_time=self.last,
-            message_start_time=self.first or 0,
-            metadata_count=len(self.metadata),
-            schema_count=self.schema_count,
-        )
-
 
 def _chunk_indexes(file: BlockFile, end: int, found: _Found) -> Iterator[bytes]:
     """Index record of each block; the rest of the file is added up on the way."""
     chunk: Any = None
-    for code, start, stop in records_read(file.read_at, len(MAGIC), end):
-        if code == MESSAGE_INDEX:
+    for code, start, stop in mcap.records_read(file.read_at, len(mcap.MAGIC), end):
+        if code == mcap.MESSAGE_INDEX:
             channel, length = _index_head.unpack(file.read_at(start, _index_head.size))
             found.messages[channel] += length // _ENTRY
-            chunk.message_index_offsets[channel] = start - RECORD.size
-            chunk.message_index_length += stop - start + RECORD.size
+            chunk.message_index_offsets[channel] = start - mcap.RECORD.size
+            chunk.message_index_length += stop - start + mcap.RECORD.size
             continue
         if chunk is not None:
-            yield record_bytes(chunk)
+            yield mcap.record_bytes(chunk)
             chunk = None
-        if code == CHUNK:
+        if code == mcap.CHUNK:
             chunk = _chunk_index(file, start, stop)
             found.chunks += 1
             found.span(chunk.message_start_time, chunk.message_end_time)
-        elif code == MESSAGE:
-            channel, _, log_time, _ = MESSAGE_HEAD.unpack(file.read_at(start, MESSAGE_HEAD.size))
+        elif code == mcap.MESSAGE:
+            channel, _, log_time, _ = mcap.MESSAGE_HEAD.unpack(file.read_at(start, mcap.MESSAGE_HEAD.size))
             found.messages[channel] += 1
             found.span(log_time, log_time)
-        elif code in (METADATA, ATTACHMENT):
+        elif code in (mcap.METADATA, mcap.ATTACHMENT):
             _named(file, code, start, stop, found)
     if chunk is not None:
-        yield record_bytes(chunk)
+        yield mcap.record_bytes(chunk)
 
 
 def _chunk_index(file: BlockFile, start: int, stop: int) -> Any:
     first, last, size, _, name_length = _chunk_head.unpack(file.read_at(start, _chunk_head.size))
     name = file.read_at(start + _chunk_head.size, name_length)
     return optional("mcap.records").ChunkIndex(
-        chunk_length=stop - start + RECORD.size,
-        chunk_start_offset=start - RECORD.size,
+        chunk_length=stop - start + mcap.RECORD.size,
+        chunk_start_offset=start - mcap.RECORD.size,
         compression=name.decode(),
         compressed_size=stop - start - _chunk_head.size - name_length - 8,
         message_end_time=last,
@@ -270,21 +241,13 @@ def _chunk_index(file: BlockFile, start: int, stop: int) -> Any:
 
 
 def _named(file: BlockFile, code: int, start: int, stop: int, found: _Found) -> None:
-    records, read = optional("mcap.records"), parsed(code, file.read_at(start, stop - start))
-    place = {"offset": start - RECORD.size, "length": stop - start + RECORD.size}
-    if code == METADATA:
+    records, read = optional("mcap.records"), mcap.parsed(code, file.read_at(start, stop - start))
+    place = {"offset": start - mcap.RECORD.size, "length": stop - start + mcap.RECORD.size}
+    if code == mcap.METADATA:
         found.metadata.append(records.MetadataIndex(name=read.name, **place))
         return
-    found.attachments.append(
-        records.AttachmentIndex(
-            create_time=read.create_time,
-            log_time=read.log_time,
-            name=read.name,
-            media_type=read.media_type,
-            data_size=len(read.data),
-            **place,
-        )
-    )
+    copied = {name: getattr(read, name) for name in ("create_time", "log_time", "name", "media_type")}
+    found.attachments.append(records.AttachmentIndex(data_size=len(read.data), **copied, **place))
 
 
 class _Summary:
@@ -311,10 +274,11 @@ class _Summary:
         """Where the groups are, and the end of the file."""
         offsets_start = self._file.tell()
         for offset in self._offsets:
-            self._put(record_bytes(offset))
-        footer = RECORD.pack(FOOTER, FOOTER_CONTENT.size) + FOOTER_CONTENT.pack(self._start, offsets_start, 0)
+            self._put(mcap.record_bytes(offset))
+        content = mcap.FOOTER_CONTENT.pack(self._start, offsets_start, 0)
+        footer = mcap.RECORD.pack(mcap.FOOTER, len(content)) + content
         self._put(footer[:-4])  # the check sum is of all that stands before it
-        self._file.write(struct.pack("<I", self._crc) + MAGIC)
+        self._file.write(struct.pack("<I", self._crc) + mcap.MAGIC)
         self._file.flush()
 
     def _put(self, data: bytes) -> None:

@@ -149,70 +149,42 @@ class StandardTopic:
     schema: str
 
 
-_SEPARATOR = "=" * 80
-_HEADER_SCHEMA = f"""{_SEPARATOR}
-MSG: std_msgs/Header
-builtin_interfaces/Time stamp
-string frame_id
-{_SEPARATOR}
-MSG: builtin_interfaces/Time
-int32 sec
-uint32 nanosec
-"""
-JOINT_STATE_SCHEMA = f"""std_msgs/Header header
-string[] name
-float64[] position
-float64[] velocity
-float64[] effort
-{_HEADER_SCHEMA}"""
-WRENCH_SCHEMA = f"""std_msgs/Header header
-geometry_msgs/Wrench wrench
-{_HEADER_SCHEMA}{_SEPARATOR}
-MSG: geometry_msgs/Wrench
-geometry_msgs/Vector3 force
-geometry_msgs/Vector3 torque
-{_SEPARATOR}
-MSG: geometry_msgs/Vector3
-float64 x
-float64 y
-float64 z
-"""
-POSE_SCHEMA = f"""std_msgs/Header header
-geometry_msgs/Pose pose
-{_HEADER_SCHEMA}{_SEPARATOR}
-MSG: geometry_msgs/Pose
-geometry_msgs/Point position
-geometry_msgs/Quaternion orientation
-{_SEPARATOR}
-MSG: geometry_msgs/Point
-float64 x
-float64 y
-float64 z
-{_SEPARATOR}
-MSG: geometry_msgs/Quaternion
-float64 x
-float64 y
-float64 z
-float64 w
-"""
-_IMAGE_SCHEMA = f"""std_msgs/Header header
-string format
-uint8[] data
-{_HEADER_SCHEMA}"""
-_MODEL_SCHEMA = f"{CONTACT_MODEL_MSG}{_HEADER_SCHEMA}"
-_ARRAY_SCHEMA = f"""std_msgs/MultiArrayLayout layout
-float64[] data
-{_SEPARATOR}
-MSG: std_msgs/MultiArrayLayout
-std_msgs/MultiArrayDimension[] dim
-uint32 data_offset
-{_SEPARATOR}
-MSG: std_msgs/MultiArrayDimension
-string label
-uint32 size
-uint32 stride
-"""
+_PARTS: Final = {
+    "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id\n",
+    "builtin_interfaces/Time": "int32 sec\nuint32 nanosec\n",
+    "geometry_msgs/Wrench": "geometry_msgs/Vector3 force\ngeometry_msgs/Vector3 torque\n",
+    "geometry_msgs/Vector3": "float64 x\nfloat64 y\nfloat64 z\n",
+    "geometry_msgs/Pose": "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation\n",
+    "geometry_msgs/Point": "float64 x\nfloat64 y\nfloat64 z\n",
+    "geometry_msgs/Quaternion": "float64 x\nfloat64 y\nfloat64 z\nfloat64 w\n",
+    "std_msgs/MultiArrayLayout": "std_msgs/MultiArrayDimension[] dim\nuint32 data_offset\n",
+    "std_msgs/MultiArrayDimension": "string label\nuint32 size\nuint32 stride\n",
+}
+"""Definitions of the standard types within others."""
+_STAMPED: Final = ("std_msgs/Header", "builtin_interfaces/Time")
 
+
+def _schema(fields: str, *parts: str) -> str:
+    """Definition of a type with those of the types within it."""
+    return fields + "".join(f"{'=' * 80}\nMSG: {part}\n{_PARTS[part]}" for part in parts)
+
+
+_HEAD = "std_msgs/Header header\n"
+JOINT_STATE_SCHEMA = _schema(
+    f"{_HEAD}string[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n", *_STAMPED
+)
+WRENCH_SCHEMA = _schema(
+    f"{_HEAD}geometry_msgs/Wrench wrench\n", *_STAMPED, "geometry_msgs/Wrench", "geometry_msgs/Vector3"
+)
+POSE_SCHEMA = _schema(
+    f"{_HEAD}geometry_msgs/Pose pose\n",
+    *(*_STAMPED, "geometry_msgs/Pose", "geometry_msgs/Point", "geometry_msgs/Quaternion"),
+)
+_IMAGE_SCHEMA = _schema(f"{_HEAD}string format\nuint8[] data\n", *_STAMPED)
+_MODEL_SCHEMA = _schema(CONTACT_MODEL_MSG, *_STAMPED)
+_ARRAY_SCHEMA = _schema(
+    "std_msgs/MultiArrayLayout layout\nfloat64[] data\n", "std_msgs/MultiArrayLayout", "std_msgs/MultiArrayDimension"
+)
 WRENCH: Final = StandardTopic("/follower/wrench", "geometry_msgs/msg/WrenchStamped", WRENCH_SCHEMA)
 FOLLOWER_JOINTS: Final = StandardTopic("/follower/joint_states", "sensor_msgs/msg/JointState", JOINT_STATE_SCHEMA)
 LEADER_JOINTS: Final = StandardTopic("/leader/joint_states", "sensor_msgs/msg/JointState", JOINT_STATE_SCHEMA)

@@ -36,20 +36,8 @@ from foretouch.messages import (
 )
 from foretouch.messages.session_log import in_order
 from foretouch.quantities import Rows
+from foretouch.recordings.formats import mcap
 from foretouch.recordings.formats.cdr import Layout
-from foretouch.recordings.formats.mcap import (
-    CHANNEL,
-    CHUNK,
-    FOOTER,
-    MAGIC,
-    MESSAGE,
-    MESSAGE_HEAD,
-    METADATA,
-    SCHEMA,
-    chunk_content,
-    parsed,
-    records_in,
-)
 from foretouch.recordings.formats.topics import COUNTS, TOPICS, TRUNCATED
 from foretouch.recordings.output import optional
 from foretouch.recordings.source import one_line
@@ -64,13 +52,22 @@ _COLUMNS: Final[dict[type[Message], np.dtype[np.void]]] = {
     LeaderSpace: LEADER_SPACE_DTYPE,
     FollowerSpace: FOLLOWER_SPACE_DTYPE,
 }
-_KEPT: Final[tuple[type[Message], ...]] = (ModelUpdate, EmergencyStop, FieldUpdate, FixtureBelief, CameraImage)
+_KEPT: Final[tuple[type[Message], ...]] = (
+    ModelUpdate,
+    EmergencyStop,
+    FieldUpdate,
+    FixtureBelief,
+    CameraImage,
+)
+
+
+def _narrowed(whole: np.dtype[np.void], *names: str) -> np.dtype[np.void]:
+    return np.dtype([(name, whole[name]) for name in names])
+
 
 _SAMPLES: Final[dict[type[Message], np.dtype[np.void]]] = {
-    LeaderState: np.dtype([(name, LEADER_DTYPE[name]) for name in ("epoch", "run", "time_ns")]),
-    Telemetry: np.dtype(
-        [(name, FOLLOWER_DTYPE[name]) for name in ("epoch", "run", "time_ns", "validity", "position", "sensor_force")]
-    ),
+    LeaderState: _narrowed(LEADER_DTYPE, "epoch", "run", "time_ns"),
+    Telemetry: _narrowed(FOLLOWER_DTYPE, "epoch", "run", "time_ns", "validity", "position", "sensor_force"),
 }
 """Columns that the follower's samples are found by; of leader's rows, the first and the last of each process in a block
 are enough."""
@@ -115,13 +112,14 @@ def _read(
     optional("mcap.records")
     try:
         with Path(path).open("rb") as handle:
-            begins = handle.read(len(MAGIC))
-            if begins != MAGIC:
-                short = MAGIC.startswith(begins)
+            begins = handle.read(len(mcap.MAGIC))
+            if begins != mcap.MAGIC:
+                short = mcap.MAGIC.startswith(begins)
                 raise RecordingError(path, NOTHING if short else "is not an MCAP file: it does not begin as one does")
             with mmap.mmap(handle.fileno(), 0, access=mmap.ACCESS_READ) as data:
                 scan = _Scan(path, columns, kept)
-                scan.file(data)
+                if not scan.records_of(data, len(mcap.MAGIC)):
+                    scan.counts |= TRUNCATED
     except OSError as error:
         raise RecordingError(path, f"cannot be read: {error.strerror}") from None
     return scan.log()
@@ -149,17 +147,12 @@ class _Scan:
         self._parts: dict[type[Message], list[Rows]] = {kind: [] for kind in columns}
         self._kept: dict[type[Message], list[Any]] = {kind: [] for kind in _KEPT}
         self._hellos = Hellos()
-        self._counts: dict[str, int] = {}  # those of the end
-
-    def file(self, data: mmap.mmap) -> None:
-        """Read the whole file, or what there is of it."""
-        if not self._records_of(data, len(MAGIC)):
-            self._counts |= TRUNCATED
+        self.counts: dict[str, int] = {}  # those of the end
 
     def log(self) -> SessionLog:
         """What was read."""
         if not self._kinds:
-            if self._counts.get("truncated"):
+            if self.counts.get("truncated"):
                 raise RecordingError(self._path, NOTHING)
             there = ", ".join(sorted(self._topics)) or "none"
             raise RecordingError(self._path, f"holds no foretouch session; its topics: {there}")
@@ -171,7 +164,7 @@ class _Scan:
             columns[Telemetry],
             in_order(self._kept[ModelUpdate]),
             self._hellos.settings,
-            self._hellos.counts | self._counts,
+            self._hellos.counts | self.counts,
             tuple(self._kept[EmergencyStop]),
             self._hellos.news,
             leader_space=columns[LeaderSpace],
@@ -182,24 +175,24 @@ class _Scan:
             said=self._hellos.said,
         )
 
-    def _records_of(self, data: bytes | mmap.mmap, position: int) -> bool:
+    def records_of(self, data: bytes | mmap.mmap, position: int) -> bool:
         """Read records from a buffer; whether it ends with the file's footer."""
-        messages: dict[type[Message], list[tuple[int, int]]] = {}
+        spans: dict[type[Message], list[tuple[int, int]]] = {}
         ended = False
-        for code, start, end in records_in(data, position):
-            if code == MESSAGE:
+        for code, start, end in mcap.records_in(data, position):
+            if code == mcap.MESSAGE:
                 kind = self._kinds.get(_channel_id.unpack_from(data, start)[0])
                 if kind is not None:
-                    messages.setdefault(kind, []).append((start + MESSAGE_HEAD.size, end))
-            elif code in (SCHEMA, CHANNEL, CHUNK, METADATA):
+                    spans.setdefault(kind, []).append((start + mcap.MESSAGE_HEAD.size, end))
+            elif code in (mcap.SCHEMA, mcap.CHANNEL, mcap.CHUNK, mcap.METADATA):
                 self._structure(code, data[start:end], start)
                 if isinstance(data, mmap.mmap) and end > _PAGE:  # what has been read takes no memory any more
                     data.madvise(mmap.MADV_DONTNEED, 0, end // _PAGE * _PAGE)
-            elif code == FOOTER:
-                ended = data[end : end + len(MAGIC)] == MAGIC
+            elif code == mcap.FOOTER:
+                ended = data[end : end + len(mcap.MAGIC)] == mcap.MAGIC
                 break
-        for kind, spans in messages.items():
-            self._take(kind, data, spans)
+        for kind, places in spans.items():
+            self._take(kind, data, places)
         return ended
 
     def _structure(self, code: int, content: bytes, start: int) -> None:
@@ -212,15 +205,15 @@ class _Scan:
             raise RecordingError(self._path, f"{problem}; `foretouch recordings repair` keeps the others") from None
 
     def _read(self, code: int, content: bytes) -> None:
-        record = parsed(code, content)
-        if code == SCHEMA:
+        record = mcap.parsed(code, content)
+        if code == mcap.SCHEMA:
             self._schemas[record.id] = record
-        elif code == CHANNEL:
+        elif code == mcap.CHANNEL:
             self._channel(record)
-        elif code == CHUNK:
-            self._records_of(chunk_content(record), 0)
+        elif code == mcap.CHUNK:
+            self.records_of(mcap.chunk_content(record), 0)
         elif record.name == COUNTS:
-            self._counts |= {name: int(count) for name, count in record.metadata.items()}
+            self.counts |= {name: int(count) for name, count in record.metadata.items()}
 
     def _channel(self, channel: Any) -> None:
         self._topics.add(channel.topic)

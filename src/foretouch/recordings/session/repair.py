@@ -14,27 +14,7 @@ from typing import Any
 
 from foretouch.errors import RecordingError
 from foretouch.files import within_budget
-from foretouch.recordings.formats.mcap import (
-    ATTACHMENT,
-    CHANNEL,
-    CHUNK,
-    DATA_END,
-    FOOTER_CONTENT,
-    MAGIC,
-    MESSAGE,
-    MESSAGE_HEAD,
-    MESSAGE_INDEX,
-    METADATA,
-    RECORD,
-    SCHEMA,
-    TAIL,
-    chunk_content,
-    footer_of,
-    parsed,
-    record_bytes,
-    records_in,
-    records_read,
-)
+from foretouch.recordings.formats import mcap
 from foretouch.recordings.formats.mcap_index import BlockFile, append_index, being_written, counts_record
 from foretouch.recordings.formats.topics import TRUNCATED
 from foretouch.recordings.output import atomic_path, optional
@@ -71,8 +51,8 @@ def is_whole(path: str | PathLike[str]) -> bool:
     """
     try:
         with Path(path).open("rb") as file:
-            file.seek(max(file.seek(0, 2) - TAIL, 0))
-            return footer_of(file.read(TAIL)) is not None
+            file.seek(max(file.seek(0, 2) - mcap.TAIL, 0))
+            return mcap.footer_of(file.read(mcap.TAIL)) is not None
     except OSError as error:
         raise RecordingError(path, f"cannot be read: {error.strerror}") from None
 
@@ -104,7 +84,7 @@ def _repair(path: str | PathLike[str], output: str | PathLike[str] | None) -> Re
         if being_written(path):
             raise RecordingError(path, "is still being written: end its recorder first")
         with Path(path).open("rb") as file:
-            if file.read(len(MAGIC)) != MAGIC:
+            if file.read(len(mcap.MAGIC)) != mcap.MAGIC:
                 raise RecordingError(
                     path, "is not an MCAP file, or was cut before anything was flushed: nothing to keep"
                 )
@@ -133,8 +113,8 @@ class _Data:
 
 def _index_stands(data: _Data) -> bool:
     """Whether the index of a file that has one is as it was written."""
-    end = data.size - len(MAGIC)
-    start, _, crc = FOOTER_CONTENT.unpack(data.read_at(end - FOOTER_CONTENT.size, FOOTER_CONTENT.size))
+    end = data.size - len(mcap.MAGIC)
+    start, _, crc = mcap.FOOTER_CONTENT.unpack(data.read_at(end - mcap.FOOTER_CONTENT.size, mcap.FOOTER_CONTENT.size))
     found, end = 0, end - 4  # the checksum does not cover itself
     for position in range(start, end, 2**20):
         found = zlib.crc32(data.read_at(position, min(2**20, end - position)), found)
@@ -144,7 +124,7 @@ def _index_stands(data: _Data) -> bool:
 def _write(data: _Data, path: Path, target: Path, ended: bool) -> Repair:
     scan = _Scan(data)
     with atomic_path(target) as part, closing(BlockFile(part)) as file:
-        file.write(MAGIC)
+        file.write(mcap.MAGIC)
         for block in scan.blocks():
             file.write(block)
             file.flush()
@@ -171,15 +151,15 @@ class _Scan:
         self.ended = False
         self.indexed = True
         self._kept = 0
-        self._end = len(MAGIC)
+        self._end = len(mcap.MAGIC)
         self._times: list[int] = []  # first and last
 
     def blocks(self) -> Iterator[bytes]:
         """Records of the data section, each chunk with its message indexes."""
         chunk: _Chunk | None = None
-        for code, start, end in records_read(self._data.read_at, len(MAGIC), self._data.size):
-            record = self._data.read_at(start - RECORD.size, end - start + RECORD.size)
-            if code == MESSAGE_INDEX:
+        for code, start, end in mcap.records_read(self._data.read_at, len(mcap.MAGIC), self._data.size):
+            record = self._data.read_at(start - mcap.RECORD.size, end - start + mcap.RECORD.size)
+            if code == mcap.MESSAGE_INDEX:
                 if chunk is not None:
                     chunk.indexes.append(record)
                     self._kept += len(record)
@@ -187,14 +167,14 @@ class _Scan:
                 if chunk is not None:
                     yield self._whole(chunk)
                 chunk = None
-                if code == DATA_END:
+                if code == mcap.DATA_END:
                     self.ended = True
                     return
                 try:
-                    if code == CHUNK:
+                    if code == mcap.CHUNK:
                         chunk = self._chunk(record)
                     else:
-                        self._look(code, record[RECORD.size :])
+                        self._look(code, record[mcap.RECORD.size :])
                         yield record
                     self._kept += len(record)
                 except Exception:  # mcap, struct and each compression library raise different errors
@@ -222,15 +202,15 @@ class _Scan:
 
     def _chunk(self, record: bytes) -> _Chunk:
         """A chunk whose messages can all be read; its own header is kept."""
-        head = parsed(CHUNK, record[RECORD.size :])
-        content = chunk_content(head)
+        head = mcap.parsed(mcap.CHUNK, record[mcap.RECORD.size :])
+        content = mcap.chunk_content(head)
         chunk, reached = _Chunk(), 0
         found: list[tuple[int, bytes]] = []
-        for code, start, end in records_in(content):
+        for code, start, end in mcap.records_in(content):
             reached = end
-            if code == MESSAGE:
-                channel, _, time_ns, _ = MESSAGE_HEAD.unpack_from(content, start)
-                chunk.entries[channel].append((time_ns, start - RECORD.size))
+            if code == mcap.MESSAGE:
+                channel, _, time_ns, _ = mcap.MESSAGE_HEAD.unpack_from(content, start)
+                chunk.entries[channel].append((time_ns, start - mcap.RECORD.size))
             else:
                 found.append((code, content[start:end]))
         if reached != len(content):
@@ -245,20 +225,20 @@ class _Scan:
             times = [time_ns for entries in chunk.entries.values() for time_ns, _ in entries]
             head.message_start_time, head.message_end_time = min(times), max(times)
             self._span(head.message_start_time, head.message_end_time)
-        chunk.record = record_bytes(head)  # its header is correct from here on
+        chunk.record = mcap.record_bytes(head)  # its header is correct from here on
         self.indexed &= chunk.record == record
         return chunk
 
     def _look(self, code: int, content: bytes) -> None:
         """Read a record that is no chunk, to see that it can be read, and to know schemas and channels."""
-        if code == MESSAGE:
-            number, _, time_ns, _ = MESSAGE_HEAD.unpack_from(content)
+        if code == mcap.MESSAGE:
+            number, _, time_ns, _ = mcap.MESSAGE_HEAD.unpack_from(content)
             self.messages[self.channels[number].id] += 1
             self._span(time_ns, time_ns)
-        elif code in (SCHEMA, CHANNEL, METADATA, ATTACHMENT):
-            record = parsed(code, content)
-            if code in (SCHEMA, CHANNEL):
-                (self.schemas if code == SCHEMA else self.channels)[record.id] = record
+        elif code in (mcap.SCHEMA, mcap.CHANNEL, mcap.METADATA, mcap.ATTACHMENT):
+            record = mcap.parsed(code, content)
+            if code in (mcap.SCHEMA, mcap.CHANNEL):
+                (self.schemas if code == mcap.SCHEMA else self.channels)[record.id] = record
 
     def _span(self, first: int, last: int) -> None:
         times = [*self._times, first, last]
@@ -274,6 +254,6 @@ class _Chunk:
     def index(self) -> bytes:
         """Message indexes, made from the messages."""
         return b"".join(
-            record_bytes(optional("mcap.records").MessageIndex(channel, entries))
+            mcap.record_bytes(optional("mcap.records").MessageIndex(channel, entries))
             for channel, entries in self.entries.items()
         )
