@@ -26,8 +26,8 @@ from foretouch.reproduction.figures.fig5 import CASES, breaking_depth, phi_range
 from foretouch.reproduction.figures.impacts import MASS, SPEED
 from foretouch.reproduction.figures.simulations import turns
 from foretouch.reproduction.figures.table1 import Choice, choices, distance, recursive_fit
-from foretouch.reproduction.presses import WAVES, linearisation_press, two_presses
-from foretouch.reproduction.questions.shock import STEPS, comparable_law, greatest_pull
+from foretouch.reproduction.presses import STEP_LAWS, WAVES, linearisation_press, two_presses
+from foretouch.reproduction.questions.shock import comparable_law, greatest_pull
 from foretouch.reproduction.run import SHOWN
 from foretouch.reproduction.theory.linearisation import TABLE_1
 
@@ -209,9 +209,9 @@ def test_the_share_that_kelvin_voigt_loses_knows_no_speed() -> None:
     assert said.startswith(", ".join(3 * [f"{share:.3g} %"]))
 
 
-@pytest.mark.parametrize("name", list(STEPS))
+@pytest.mark.parametrize("name", list(STEP_LAWS))
 def test_where_the_equation_pulls(name: str) -> None:
-    law = STEPS[name]
+    law = STEP_LAWS[name]
     k, damping, n, alpha = law.stiffness, law.damping, law.exponent, law.switching
     depth, pull = greatest_pull(law, 0.05)
     if alpha == 0.0:

@@ -100,17 +100,12 @@ def stiffness_in_phases(
         k = np.exp(history["ln_k"])
     slope = local_stiffness(history["ln_k"], history["s"], depth)
     into, out = compressing & inside, ~compressing & inside
-    return (
-        (float(np.median(k[into])), float(np.median(k[out]))),
-        (float(np.median(slope[into])), float(np.median(slope[out]))),
-    )
+    first, second = ((float(np.median(values[into])), float(np.median(values[out]))) for values in (k, slope))
+    return first, second
 
 
 def material_stiffness(position: Array, force: Array, turns: Sequence[float], time: Array, at: float) -> list[float]:
-    """Slope of the felt force [N/m] around a position [m], once for each phase between two turning points.
-
-    A straight line through the samples within 0.5 mm.
-    """
+    """Slope of the felt force [N/m] within 0.5 mm of a position [m], in each phase between two turning points."""
     slopes = []
     for begin, end in pairwise(turns):
         near = (time >= begin) & (time < end) & (np.abs(position - at) < 5e-4)
@@ -119,10 +114,7 @@ def material_stiffness(position: Array, force: Array, turns: Sequence[float], ti
 
 
 def in_deep_half(history: History, deepest: float, depth: float) -> NDArray[np.intp]:
-    """Indices of the samples of one press at more than half of its depth.
-
-    The press is deepest at the time `deepest` [s], with that depth [m]; its samples are within 1.5 s.
-    """
+    """Indices of the samples at more than half of its depth [m], within 1.5 s of when a press is deepest [s]."""
     return np.flatnonzero((np.abs(history["time"] - deepest) < 1.5) & (history["depth"] > 0.5 * depth))
 
 
@@ -161,15 +153,14 @@ _HAND: Script = (
     *((7.4, 0.0082), (9.4, -0.002), (9.9, -0.002)),
     *((11.5, 0.0065), (13.1, -0.002), (14.0, -0.002)),
 )
-
 _DEEPEST = {"sponge": 0.015, "foam": 0.019}
 
 
 def make_script(material: str, presses: int | None = None, *, back: float = BACK) -> Script:
-    """Turning points of the operator after the approach, on one of `MATERIALS`, for all presses or for the first ones.
+    """Turning points of the operator after the approach, on one of `MATERIALS`, for all presses or the first ones.
 
-    Sponge and foam are penetrated, five times by default, and each time let go to the fraction `back` of the
-    depth. The hand is pressed three times, the second time deepest, with less than 15 N, and left each time.
+    Sponge and foam are penetrated five times, and each time let go to the fraction `back` of the depth. The hand is
+    pressed three times, the second time deepest, with less than 15 N, and left each time.
     """
     if material not in MATERIALS:
         raise UnknownNameError("material of the experiment", material, MATERIALS)
@@ -185,12 +176,8 @@ def make_script(material: str, presses: int | None = None, *, back: float = BACK
 class SlowPresses(Device):
     """Smooth slow presses by a script of turning points, open loop; the same on every run.
 
-    From 0 the hand comes to 3 mm above the surface, waits, and then goes from turning point to turning point in
-    minimum-jerk moves.
-
-    Args:
-        surface: Position of the undeformed surface [m], at least 0.004.
-        script: Times [s], increasing, from 1.5 s on, and depths [m].
+    From 0 the hand comes to 3 mm above the surface, which is at 4 mm or beyond, waits, and goes from turning point to
+    turning point in minimum-jerk moves; their times [s] increase from 1.5 s on.
     """
 
     __slots__ = ("_places", "_times")
@@ -245,11 +232,7 @@ class Experiment(Brief):
 def run_experiment(name: str, presses: int | None = None, *, back: float = BACK, seed: int = 0) -> Experiment:
     """The session on one material, with the real steps of both sides, 80 ms out and 300 ms back, as in the paper.
 
-    Args:
-        name: One of `MATERIALS`.
-        presses: As of `make_script`.
-        back: As in `make_script`.
-        seed: Seed of the noise of sensor and encoder, not negative; the motion is the same.
+    The seed is that of the noise of sensor and encoder; the rest is as in `make_script`.
     """
     script = make_script(name, presses, back=back)
     material = make_material(name)

@@ -70,11 +70,12 @@ KELVIN_VOIGT = KelvinVoigt(6000.0, 500.0)  # the paper's <1>
 HUNT_CROSSLEY = HuntCrossley(3000.0, 1500.0, 1.4)  # the paper's <2>
 STEPS = (7.0, 15.0)  # times of the two sudden changes [s]
 
-_STEP_LAWS = (
-    ContinuousSwitching(3000.0, 1500.0, 1.4, 0.0),
-    ContinuousSwitching(4500.0, 1000.0, 0.7, 0.5),
-    ContinuousSwitching(6000.0, 500.0, 0.0, 1.0),
-)
+STEP_LAWS = {
+    "<2> Hunt-Crossley": ContinuousSwitching(3000.0, 1500.0, 1.4, 0.0),
+    "middle": ContinuousSwitching(4500.0, 1000.0, 0.7, 0.5),
+    "<1> Kelvin-Voigt": ContinuousSwitching(6000.0, 500.0, 0.0, 1.0),
+}
+"""The three materials of the paper's sudden changes (Fig. 7c)."""
 
 
 def _gradual(time: float) -> MemorylessLaw:
@@ -84,7 +85,7 @@ def _gradual(time: float) -> MemorylessLaw:
 
 
 def _sudden(time: float) -> MemorylessLaw:
-    return _STEP_LAWS[sum(time >= step for step in STEPS)]
+    return list(STEP_LAWS.values())[sum(time >= step for step in STEPS)]
 
 
 MATERIALS: dict[str, Callable[[float], MemorylessLaw]] = {
@@ -124,15 +125,9 @@ def press(
     differenced: bool = False,
     waves: tuple[tuple[float, float], ...] = WAVES,
 ) -> Press:
-    """Press one material along the trajectory of Fig. 6; every sample is in contact.
+    """Press one of `MATERIALS` along the trajectory of Fig. 6, a sample each period [s]; every sample is in contact.
 
-    Args:
-        material: One of `MATERIALS`.
-        period: Time between samples [s].
-        noise: Standard deviation of the force noise [N].
-        seed: Seed of the noise.
-        differenced: Whether the velocity is the difference of the last two depths instead of the derivative.
-        waves: Waves of the trajectory.
+    The force has noise with a standard deviation [N]; the velocity may be the difference of the last two depths.
     """
     if material not in MATERIALS:
         raise UnknownNameError("material", material, MATERIALS)

@@ -12,14 +12,15 @@ from numpy.typing import NDArray
 
 from foretouch.errors import RecordingError
 from foretouch.files import decode_toml, read_toml
+from foretouch.recordings.meaning.names import FORCE_UNITS, POSITION_UNITS
 from foretouch.recordings.output import atomic_path
 
 Array = NDArray[np.float64]
 
-LENGTHS: Final = {"m": 1.0, "cm": 1e2, "mm": 1e3, "um": 1e6, "rad": 1.0, "deg": 180.0 / np.pi, "raw": 1.0}
+LENGTHS: Final = POSITION_UNITS | {"rad": 1.0, "deg": 180.0 / np.pi, "raw": 1.0}
 """How many of a unit make a metre; of an angle, a radian."""
 
-FORCES: Final = {"N": 1.0, "mN": 1e3, "cN": 1e2, "kN": 1e-3, "Nm": 1.0, "raw": 1.0}
+FORCES: Final = FORCE_UNITS | {"Nm": 1.0, "raw": 1.0}
 """How many of a unit make a newton; of a torque, a newton metre."""
 
 TIMES: Final = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9, "min": 1.0 / 60.0, "h": 1.0 / 3600.0}

@@ -173,28 +173,16 @@ class RobotColumn(NamedTuple):
     axes: tuple[int, int, int]  # numbers of the columns along x, y and z there
 
 
+_BASE, _FRANKA = "the robot's base frame", "Franka's estimated force on the stiffness frame, along"
+_ITSELF = "that frame itself, which turns with the hand"
 KNOWN: Final = {
     "O_T_EE": RobotColumn(
-        POSITION,
-        3.8,
-        "m",
-        "Franka's end effector in the robot's base frame, of a 4 x 4 pose by columns",
-        (12, 13, 14),
+        POSITION, 3.8, "m", f"Franka's end effector in {_BASE}, of a 4 x 4 pose by columns", (12, 13, 14)
     ),
-    "O_F_ext_hat_K": RobotColumn(
-        FORCE, 3.8, "N", "Franka's estimated force on the stiffness frame, along the robot's base frame", (0, 1, 2)
-    ),
-    "K_F_ext_hat_K": RobotColumn(
-        FORCE,
-        3.7,
-        "N",
-        "Franka's estimated force on the stiffness frame, along that frame itself, which turns with the hand",
-        (0, 1, 2),
-    ),
-    "actual_TCP_pose": RobotColumn(POSITION, 3.8, "m", "UR's tool centre point in the robot's base frame", (0, 1, 2)),
-    "actual_TCP_force": RobotColumn(
-        FORCE, 3.8, "N", "UR's force at the tool centre point, along the robot's base frame", (0, 1, 2)
-    ),
+    "O_F_ext_hat_K": RobotColumn(FORCE, 3.8, "N", f"{_FRANKA} {_BASE}", (0, 1, 2)),
+    "K_F_ext_hat_K": RobotColumn(FORCE, 3.7, "N", f"{_FRANKA} {_ITSELF}", (0, 1, 2)),
+    "actual_TCP_pose": RobotColumn(POSITION, 3.8, "m", f"UR's tool centre point in {_BASE}", (0, 1, 2)),
+    "actual_TCP_force": RobotColumn(FORCE, 3.8, "N", f"UR's force at the tool centre point, along {_BASE}", (0, 1, 2)),
 }
 """The numbers of libfranka's `RobotState` and of UR's RTDE, by name without their index.
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from foretouch.errors import RecordingError
 from foretouch.recordings.meaning.mapping import Signal
-from foretouch.recordings.meaning.names import FORCE, POSITION, name_says, rank
+from foretouch.recordings.meaning.names import BY_WORD, FORCE, POSITION, name_says, rank
 from foretouch.recordings.source import Bag, Topic, listed
 
 LEAST_RATE: Final = 20.0
@@ -41,7 +41,6 @@ LOOKED_INTO: Final = 8
 """Number of topics that are looked into, those of most messages first; of other joint states one joint is taken for
 a candidate, and of other topics the rate over the whole bag for their rate."""
 
-A_WORD: Final = 2.0  # rank of a name with a word of the quantity in it; a letter, as in ``/stage/x``, is none
 NAMED: Final = 5  # number of candidates that are named in a sentence
 LARGEST_LOOK: Final = 2**25  # bytes of the first messages, which tell along which axis something moves
 
@@ -144,7 +143,7 @@ def _candidates(bag: Bag, quantity: str) -> list[Candidate]:
             rate = _rate(bag, topic, len(found))
             standing = 2 if len(places) == 1 else 1
             found += [Candidate(Signal(topic=topic.name, field=place), standing, topic.count, rate) for place in places]
-        elif topic.type_name in PLAIN and rank(quantity, name_says(topic.name))[0] >= A_WORD:
+        elif topic.type_name in PLAIN and rank(quantity, name_says(topic.name))[0] >= BY_WORD:
             signal = Signal(topic=topic.name, field=PLAIN[topic.type_name])
             found.append(Candidate(signal, 1, topic.count, _rate(bag, topic, len(found))))
     return found

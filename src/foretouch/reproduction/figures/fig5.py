@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from itertools import product
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from foretouch.models import ContinuousSwitching
 from foretouch.report import COLOURS, finished, legend, new_figure
@@ -37,11 +38,8 @@ def phi_range(switching: float, depth: float, tolerance: float) -> tuple[float, 
     """
     from scipy.optimize import brentq
 
-    law = _law(switching)
-
     def beyond(phi: float) -> float:
-        error = linearisation_error(law, 1.0, 0.0, depth, phi)
-        return float(error.taylor / error.force) - tolerance
+        return float(_taylor_curve(switching, phi, depth)) - tolerance
 
     pulls = depth**switching
     release = brentq(beyond, -pulls * (1.0 - 1e-9), -1e-9 * pulls)
@@ -65,7 +63,7 @@ def scaled_error(switching: float, deepest: float) -> tuple[float, float]:
 def claims_of_phi(largest: float) -> tuple[Claim, ...]:
     """Whether the paper's bound of phi is conservative, beside the greatest phi of the paper's own runs."""
     ends = {alpha: phi_range(alpha, 0.020, NOTICED) for alpha in (0.0, *TABLE_1)}
-    at_bound = {alpha: [100.0 * _taylor_error(alpha, 0.020, phi) for phi in (-CONDITION, CONDITION)] for alpha in ends}
+    at_bound = {alpha: 100.0 * _taylor_curve(alpha, np.array([-CONDITION, CONDITION])) for alpha in ends}
     said = {
         alpha: f"{release:+.1f} % and {into:+.1f} % at phi = -0.1 and 0.1; {100.0 * NOTICED:.0f} % at phi = "
         f"{ends[alpha][0]:.3f} and {ends[alpha][1]:.3f}"
@@ -93,12 +91,6 @@ def claims_of_phi(largest: float) -> tuple[Claim, ...]:
             f"error of force by (16) at 20 mm; the paper's own runs stay below phi = {largest:.4f} and do not test it",
         ),
     )
-
-
-def _taylor_error(switching: float, depth: float, phi: float) -> float:
-    """Relative error of force by (16) [-]."""
-    error = linearisation_error(_law(switching), 1.0, 0.0, depth, phi)
-    return float(error.taylor / error.force)
 
 
 def claims_of_polynomial() -> tuple[Claim, ...]:
@@ -142,32 +134,16 @@ def claims_of_polynomial() -> tuple[Claim, ...]:
     )
 
 
-def taylor_table() -> Table:
-    """Relative error of force by (16) at 20 mm over phi [-], for Hunt-Crossley and the alphas of Table 1."""
-    phi = np.concatenate([-np.geomspace(0.5, 1e-3, 200), np.geomspace(1e-3, 0.5, 200)])
-    columns = {f"relative_error_alpha_{alpha:g}": _taylor_curve(alpha, phi) for alpha in (0.0, *TABLE_1)}
-    return {"phi": phi, **columns}
-
-
-def _taylor_curve(switching: float, phi: Array) -> Array:
-    """Relative error of force by (16) at 20 mm over phi; NaN where (15) has no value."""
-    error = linearisation_error(_law(switching), 1.0, 0.0, 0.020, phi)
+def _taylor_curve(switching: float, phi: ArrayLike, depth: float = 0.020) -> Array:
+    """Relative error of force by (16) at a depth [m] over phi; NaN where (15) has no value."""
+    error = linearisation_error(_law(switching), 1.0, 0.0, depth, phi)
     return error.taylor / error.force
 
 
+_MATERIALS = product(((1000.0, 1.4, 800.0), (5000.0, 1.6, 3000.0), (20000.0, 1.8, 5000.0)), TABLE_1)
 CASES = {
     number: ContinuousSwitching(stiffness, damping, s - alpha, alpha)
-    for number, (stiffness, s, damping, alpha) in enumerate(
-        (
-            (1000.0, 1.4, 800.0, 0.3),
-            (1000.0, 1.4, 800.0, 0.5),
-            (5000.0, 1.6, 3000.0, 0.3),
-            (5000.0, 1.6, 3000.0, 0.5),
-            (20000.0, 1.8, 5000.0, 0.3),
-            (20000.0, 1.8, 5000.0, 0.5),
-        ),
-        1,
-    )
+    for number, ((stiffness, s, damping), alpha) in enumerate(_MATERIALS, 1)
 }
 """The six materials of Table 1."""
 
@@ -230,8 +206,10 @@ def make() -> Section:
     )
     claims = (*_claims_of_press(runs, shares), *claims_of_phi(largest), *claims_of_polynomial())
     data: dict[str, Table] = {f"case-{number}": _table(time, error) for number, (time, error) in runs.items()}
-    data["taylor"] = taylor_table()
-    figure = _figure(runs)
+    phi = np.concatenate([-np.geomspace(0.5, 1e-3, 200), np.geomspace(1e-3, 0.5, 200)])
+    curves = {f"relative_error_alpha_{alpha:g}": _taylor_curve(alpha, phi) for alpha in (0.0, *TABLE_1)}
+    data["taylor"] = {"phi": phi, **curves}
+    figure = _figure(runs, data["taylor"])
     return Section("fig5", "Fig. 5: error of the linearised equation", text, figure, data, claims)
 
 
@@ -295,7 +273,7 @@ def _claims_of_press(runs: dict[int, tuple[Array, LinearisationError]], shares: 
     )
 
 
-def _figure(runs: dict[int, tuple[Array, LinearisationError]]) -> Any:
+def _figure(runs: dict[int, tuple[Array, LinearisationError]], table: Table) -> Any:
     figure = new_figure(8.2)
     (force, error), (surface, taylor) = figure.subplots(2, 2)
     for (number, (time, found)), colour in zip(runs.items(), COLOURS, strict=False):
@@ -307,15 +285,9 @@ def _figure(runs: dict[int, tuple[Array, LinearisationError]]) -> Any:
     force.set_title("(a) Force by (15), lines, and by (18), every 24th as a dot")
     for number in (1, 3, 5):  # they differ in alpha alone, which the force hardly shows
         at = runs[number][0].size // 2
-        said = f"cases {number} and {number + 1}"
-        force.annotate(
-            said,
-            (runs[number][0][at], runs[number][1].force[at]),
-            (0, -24),
-            textcoords="offset points",
-            ha="center",
-            fontsize="small",
-        )
+        place = (runs[number][0][at], runs[number][1].force[at])
+        words = f"cases {number} and {number + 1}"
+        force.annotate(words, place, (0, -24), textcoords="offset points", ha="center", fontsize="small")
     force.set_ylabel("force [N]")
     legend(force, columns=3)
     error.axhspan(-SMALL, SMALL, color="0.5", alpha=0.25, linewidth=0.0, label=r"$\pm$0.01 N")
@@ -335,7 +307,6 @@ def _figure(runs: dict[int, tuple[Array, LinearisationError]]) -> Any:
         ylabel="size of relative error [%]",
     )
     surface.set_title(surface.get_title(), pad=22.0)
-    table = taylor_table()
     for (name, curve), colour in zip(list(table.items())[1:], (COLOURS[6], COLOURS[0], COLOURS[1]), strict=True):
         label = rf"$\alpha$ = {name.rsplit('_', 1)[1]}"
         taylor.plot(table["phi"], 100.0 * np.asarray(curve, dtype=np.float64), color=colour, linewidth=1.4, label=label)

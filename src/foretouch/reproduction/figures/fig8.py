@@ -248,47 +248,28 @@ def _figure(errors: dict[str, Array], stiff: dict[float | None, NDArray[np.bool_
     across = np.arange(1, 251)
     colours = (COLOURS[0], COLOURS[5], COLOURS[1], COLOURS[3], COLOURS[4], COLOURS[2])
     for (name, error), colour in zip(errors.items(), colours, strict=True):
-        threshold = name.startswith("threshold")
-        top.plot(
-            across[FIRST:],
-            np.maximum(error[FIRST:], 1e-4),
-            color=colour,
-            linestyle="none" if threshold else "-",
-            marker="." if threshold else None,
-            markersize=4.0,
-            linewidth=1.6,
-            label=name,
-        )
+        style = {"linestyle": "none", "marker": "."} if name.startswith("threshold") else {"linestyle": "-"}
+        size = np.maximum(error[FIRST:], 1e-4)
+        top.plot(across[FIRST:], size, color=colour, markersize=4.0, linewidth=1.6, label=name, **style)
     top.set(yscale="log", ylim=(1e-4, 300.0))
     top.axvline(PAPER_SWITCH, color="0.3", linewidth=0.8, linestyle="--")
     top.annotate("the paper's switch", (PAPER_SWITCH, 2e-4), (5, 0), textcoords="offset points", fontsize="small")
     top.set(ylabel="|F - F_hat| [N]", title="Error of the force (gaps: threshold switching has no law there)")
     legend(top, columns=3)
-    top.set_title(top.get_title(), pad=36.0)
     for row, chosen in enumerate(stiff.values()):
         for law, colour in ((False, COLOURS[4]), (True, COLOURS[0])):
             there = across[FIRST:][chosen[FIRST:] == law]
             label = ("Kelvin-Voigt" if law else "Hunt-Crossley") if row == 0 or law else None
             bottom.plot(there, np.full(there.size, -row), "s", color=colour, markersize=4.0, label=label)
-    bottom.set_yticks(
-        [-row for row in range(len(stiff))],
-        ["FPRLS" if factor is None else f"forgetting {factor:g}" for factor in stiff],
-        fontsize="small",
-    )
+    names = ["FPRLS" if factor is None else f"forgetting {factor:g}" for factor in stiff]
+    bottom.set_yticks([-row for row in range(len(stiff))], names, fontsize="small")
     bottom.set_ylim(-len(stiff) + 0.4, 0.6)
     bottom.axvline(PAPER_SWITCH, color="0.3", linewidth=0.8, linestyle="--")
     bottom.set(xlabel="iteration", title="Law in use by threshold switching", xlim=(1, 250))
     handles, labels = bottom.get_legend_handles_labels()
     known = dict(zip(labels, handles, strict=True))
-    bottom.legend(
-        known.values(),
-        known.keys(),
-        loc="lower right",
-        bbox_to_anchor=(1.0, 1.0),
-        ncols=2,
-        frameon=False,
-        fontsize="small",
-    )
+    where = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "ncols": 2}
+    bottom.legend(known.values(), known.keys(), frameon=False, fontsize="small", **where)
     figure = finished(figure, 2, above=0.85, gap=0.5)
     figure.subplots_adjust(left=0.13)
     return figure

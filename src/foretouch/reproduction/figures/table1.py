@@ -206,6 +206,4 @@ def _figure() -> Any:
         axes.minorticks_off()
     legend(values, columns=4)
     legend(error, columns=2)
-    error.set_title(error.get_title(), pad=36.0)
-    values.set_title(values.get_title(), pad=36.0)
     return finished(figure, 1, above=0.75)

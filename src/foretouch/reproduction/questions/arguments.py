@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,9 +64,8 @@ def _hunt_crossley(estimator: Estimator, pressed: Press) -> Array:
         model = estimator.model
         rows.append((math.nan,) * 3 if model is None else model.parameters)
     k, damping, n = np.array(rows).T
-    return np.array(
-        [k / HUNT_CROSSLEY.stiffness - 1.0, damping / HUNT_CROSSLEY.damping - 1.0, n - HUNT_CROSSLEY.exponent]
-    )
+    true = HUNT_CROSSLEY
+    return np.array([k / true.stiffness - 1.0, damping / true.damping - 1.0, n - true.exponent])
 
 
 def two_stage_errors(start_error: float) -> tuple[Array, Array]:
@@ -91,8 +90,8 @@ def exponent_effects() -> dict[str, Array]:
     wrong = HuntCrossley(right.stiffness, right.damping, right.exponent + SLIP)
     half = ContinuousSwitching(4500.0, 1000.0, 0.7, 0.5)
     half_wrong = ContinuousSwitching(4500.0, 1000.0, 0.7 + SLIP, 0.5 - SLIP)
-    spring, damper = (law.force(x, 0.0) for law in (right, wrong)), (_damper(law, x, v) for law in (right, wrong))
-    (a, b), (c, d) = spring, damper
+    a, b = (law.force(x, 0.0) for law in (right, wrong))
+    c, d = (law.force(x, v, allow_tension=True) - law.force(x, 0.0) for law in (right, wrong))
     return {
         "depth_m": x,
         "spring": b / a - 1.0,
@@ -102,30 +101,28 @@ def exponent_effects() -> dict[str, Array]:
     }
 
 
-def _damper(law: HuntCrossley, depth: Array, velocity: Array) -> Array:
-    return np.asarray(law.force(depth, velocity, allow_tension=True) - law.force(depth, 0.0))
+class Fits(NamedTuple):
+    """Hunt-Crossley and Kelvin-Voigt fitted offline to <1> over a motion."""
+
+    velocity: Array  # [m/s]
+    time: Array  # [s]
+    soft: OfflineFit
+    stiff: OfflineFit
 
 
-def stiff_fits() -> dict[str, tuple[Press | None, Array, OfflineFit, OfflineFit]]:
-    """Hunt-Crossley and Kelvin-Voigt fitted offline to <1>: on Fig. 6, and on quick taps from the surface.
-
-    Returns:
-        By motion: None or the press, time [s], fit of Hunt-Crossley, fit of Kelvin-Voigt.
-    """
-    pressed = press("kelvin-voigt")
-    time = np.arange(1, 1000) / 1000.0
+def stiff_fits() -> dict[str, Fits]:
+    """The fits to Fig. 6, slow, and to quick taps from the surface."""
+    pressed, time = press("kelvin-voigt"), np.arange(1, 1000) / 1000.0
     depth = 0.0025 * (1.0 - np.cos(4.0 * np.pi * time))
     velocity = 0.01 * np.pi * np.sin(4.0 * np.pi * time)
-    taps = KELVIN_VOIGT.force(depth, velocity)
-    slow = (pressed.depth, pressed.velocity, pressed.true_force)
+
+    def fits(time: Array, depth: Array, velocity: Array, force: Array) -> Fits:
+        soft, stiff = (fit_offline(depth, velocity, force, law) for law in ("hunt-crossley", "kelvin-voigt"))
+        return Fits(velocity, time, soft, stiff)
+
     return {
-        "slow": (pressed, pressed.time, fit_offline(*slow, "hunt-crossley"), fit_offline(*slow, "kelvin-voigt")),
-        "taps": (
-            None,
-            time,
-            fit_offline(depth, velocity, taps, "hunt-crossley"),
-            fit_offline(depth, velocity, taps, "kelvin-voigt"),
-        ),
+        "slow": fits(pressed.time, pressed.depth, pressed.velocity, pressed.true_force),
+        "taps": fits(time, depth, velocity, KELVIN_VOIGT.force(depth, velocity)),
     }
 
 
@@ -164,9 +161,9 @@ def make() -> Section:
         },
         "exponent": effects,
         "taps": {
-            "time_s": fits["taps"][1],
-            "hunt_crossley_residual_N": fits["taps"][2].residual,
-            "kelvin_voigt_residual_N": fits["taps"][3].residual,
+            "time_s": fits["taps"].time,
+            "hunt_crossley_residual_N": fits["taps"].soft.residual,
+            "kelvin_voigt_residual_N": fits["taps"].stiff.residual,
         },
     }
     return Section("arguments", "Arguments about estimators", text, _figure(waves, stages, effects, fits), data, claims)
@@ -225,23 +222,18 @@ def _exponent_claim(effects: dict[str, Array]) -> Claim:
     )
 
 
-def _stiff_claim(fits: dict[str, tuple[Press | None, Array, OfflineFit, OfflineFit]]) -> Claim:
-    shares = {
-        name: (fit[2].residual_rms / fit[2].force_rms, fit[3].residual_rms / fit[3].force_rms)
-        for name, fit in fits.items()
-    }
-    pressed = fits["slow"][0]
-    assert pressed is not None
-    damping = float(np.sqrt(np.mean(np.square(KELVIN_VOIGT.damping * pressed.velocity))))
+def _stiff_claim(fits: dict[str, Fits]) -> Claim:
+    slow, taps = (fits[name].soft.residual_rms / fits[name].soft.force_rms for name in ("slow", "taps"))
+    stiff = [100 * fits[name].stiff.residual_rms / fits[name].stiff.force_rms for name in ("slow", "taps")]
+    damping = float(np.sqrt(np.mean(np.square(KELVIN_VOIGT.damping * fits["slow"].velocity))))
     poor = 0.05
-    slow, taps = shares["slow"][0], shares["taps"][0]
     return Claim(
         "Hunt-Crossley is not suitable for stiff material",
         "not suitable",
-        f"residual of the best Hunt-Crossley law: slow press {fits['slow'][2].residual_rms:.2g} N, {100 * slow:.2g} % "
-        f"of the force RMS ({100 * fits['slow'][2].residual_rms / damping:.0f} % of the damping force); taps "
-        f"{fits['taps'][2].residual_rms:.2g} N, {100 * taps:.2g} %. Kelvin-Voigt: {100 * shares['slow'][1]:.1g} % and "
-        f"{100 * shares['taps'][1]:.1g} %",
+        f"residual of the best Hunt-Crossley law: slow press {fits['slow'].soft.residual_rms:.2g} N, "
+        f"{100 * slow:.2g} % of the force RMS ({100 * fits['slow'].soft.residual_rms / damping:.0f} % of the damping force); "
+        f"taps {fits['taps'].soft.residual_rms:.2g} N, {100 * taps:.2g} %. Kelvin-Voigt: {stiff[0]:.1g} % and "
+        f"{stiff[1]:.1g} %",
         verdict_of(slow > poor, choice=taps > poor),
         "Kelvin-Voigt <1> fitted offline within (5); taps of 5 mm at 2 Hz from the surface at 1 kHz instead of Fig. 6. "
         f"Holds if the residual is above {100 * poor:g} % of the force RMS",
@@ -252,7 +244,7 @@ def _figure(
     waves: dict[str, tuple[float, float, float]],
     stages: dict[float, tuple[Array, Array]],
     effects: dict[str, Array],
-    fits: dict[str, tuple[Press | None, Array, OfflineFit, OfflineFit]],
+    fits: dict[str, Fits],
 ) -> Any:
     figure = new_figure(7.6)
     (one, two), (three, four) = figure.subplots(2, 2)
@@ -266,13 +258,8 @@ def _figure(
     for (error, (double, single)), colour in zip(stages.items(), COLOURS, strict=False):
         two.plot(across, np.abs(100.0 * double[1]), color=colour, label=f"{error:g}")
         two.plot(across, np.abs(100.0 * single[1]), color=colour, linestyle=":")
-    two.set(
-        yscale="log",
-        ylim=(1e-3, 1e5),
-        xlabel="iteration",
-        ylabel="error of lambda [%]",
-        title="Two stages begun with n off by (dotted: one stage)",
-    )
+    two.set(yscale="log", ylim=(1e-3, 1e5), xlabel="iteration", ylabel="error of lambda [%]")
+    two.set_title("Two stages begun with n off by (dotted: one stage)")
     order = np.argsort(effects["depth_m"])
     depth = 1e3 * effects["depth_m"][order]
     for name, label, style, colour in (
@@ -282,9 +269,8 @@ def _figure(
     ):
         three.plot(depth, 100.0 * effects[name][order], style, color=colour, label=label)
     three.set(xlabel="depth [mm]", ylabel="change [%]", title=f"n of Hunt-Crossley wrong by {SLIP:g}")
-    _, time, soft, stiff = fits["taps"]
-    four.plot(time, soft.residual, color=COLOURS[1], label="Hunt-Crossley")
-    four.plot(time, stiff.residual, color=COLOURS[0], label="Kelvin-Voigt")
+    four.plot(fits["taps"].time, fits["taps"].soft.residual, color=COLOURS[1], label="Hunt-Crossley")
+    four.plot(fits["taps"].time, fits["taps"].stiff.residual, color=COLOURS[0], label="Kelvin-Voigt")
     four.set(xlabel="time [s]", ylabel="residual [N]", title="Best fits to quick taps on Kelvin-Voigt <1>")
     for axes, columns in ((one, 2), (two, 4), (three, 3), (four, 2)):
         legend(axes, columns=columns)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,16 +9,10 @@ from numpy.typing import NDArray
 
 from foretouch.models import ContinuousSwitching, MemorylessLaw
 from foretouch.report import COLOURS, finished, legend, new_figure
+from foretouch.reproduction.presses import STEP_LAWS
 from foretouch.reproduction.section import Claim, Section, verdict_of
 from foretouch.reproduction.theory.energy_loss import maximum_depth
 from foretouch.reproduction.theory.impact import MASS, SPEED, impact_of, impact_table, integrate_impact
-
-STEPS = {
-    "<2> Hunt-Crossley": ContinuousSwitching(3000.0, 1500.0, 1.4, 0.0),
-    "middle": ContinuousSwitching(4500.0, 1000.0, 0.7, 0.5),
-    "<1> Kelvin-Voigt": ContinuousSwitching(6000.0, 500.0, 0.0, 1.0),
-}
-"""The three materials of the paper's sudden changes (Fig. 7c)."""
 
 SWITCHINGS = (0.0, 0.25, 0.5, 0.75, 1.0)  # values of alpha whose loops are drawn
 
@@ -31,12 +24,6 @@ TICK = 1e-3  # one cycle of haptic rendering [s]; with it goes the depth after t
 TOUCH = 0.1  # speed of first touch [m/s]
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class _Release:
-    switching: Array
-    share: Array
 
 
 def comparable_law(switching: float) -> ContinuousSwitching:
@@ -64,12 +51,11 @@ def make() -> Section:
     """First touch and release by the paper's own laws, and impacts on comparable ones."""
     impacts = {alpha: impact_of(comparable_law(alpha)) for alpha in SWITCHINGS}
     grid = np.linspace(0.2, 1.0, 17)  # below, the fraction is under the 1e-9 that the integration resolves
-    release = _Release(grid, np.array([_pulled_share(comparable_law(float(alpha))) for alpha in grid]))
-    first = {name: float(law.force(1e-9, TOUCH)) for name, law in STEPS.items()}
-    tick = {name: float(law.force(TICK * TOUCH, TOUCH)) for name, law in STEPS.items()}
+    pulled = np.array([_pulled_share(comparable_law(float(alpha))) for alpha in grid])
+    first = {name: float(law.force(1e-9, TOUCH)) for name, law in STEP_LAWS.items()}
+    tick = {name: float(law.force(TICK * TOUCH, TOUCH)) for name, law in STEP_LAWS.items()}
     late = ContinuousSwitching(3000.0 + 120.0 * 22.5, 1500.0 - 40.0 * 22.5, 1.4 - 0.056 * 22.5, 0.9)
-    ends = {name: (float(law.tension_depth(-RELEASE)), greatest_pull(law, RELEASE)) for name, law in STEPS.items()}
-    middle = ends["middle"]
+    middle = STEP_LAWS["middle"]
     text = (
         "The damper of (4) has the factor x^n, so at first touch there is no force as long as n is above 0. The range "
         "(5) lets n be 0 at alpha = 1, and near there the force is continuous in name only: with the paper's gradual "
@@ -105,21 +91,22 @@ def make() -> Section:
             "power loss consistent with physical rules as in Fig. 3",
             "H3 over the energy that came in: "
             + ", ".join(f"{100.0 * value:.2g} % at alpha = {alpha}" for alpha, value in share.items())
-            + f"; middle material at {1e3 * RELEASE:g} mm/s: pulls below {1e3 * middle[0]:.3f} mm, by up to "
-            f"{-middle[1][1]:.2f} N",
+            + f"; middle material at {1e3 * RELEASE:g} mm/s: pulls below "
+            f"{1e3 * float(middle.tension_depth(-RELEASE)):.3f} mm, by up to "
+            f"{-greatest_pull(middle, RELEASE)[1]:.2f} N",
             verdict_of(min(value for alpha, value in share.items() if alpha != "0") <= 0.0),
             f"equation as printed, impacts of {MASS:g} kg at {SPEED:g} m/s on laws of equal spring force and damping; "
             "holds for alpha = 0 alone, or with the force held at zero",
         ),
     )
     speeds = np.geomspace(1e-4, 1.0, 121)
-    depths = {name: law.tension_depth(-speeds) for name, law in STEPS.items()}
+    depths = {name: law.tension_depth(-speeds) for name, law in STEP_LAWS.items()}
     data = {
         **{f"impact-alpha-{alpha:g}": impact_table(impact) for alpha, impact in impacts.items()},
-        "release": {"switching": release.switching, "pulled_energy_share": release.share},
+        "release": {"switching": grid, "pulled_energy_share": pulled},
         "tension": {"speed_m_s": speeds, **{f"depth_m_{i}": depth for i, depth in enumerate(depths.values(), 1)}},
     }
-    figure = _figure(impacts, speeds, depths, release)
+    figure = _figure(impacts, speeds, depths, (grid, pulled))
     return Section("shock", "Equation (4): is the shock force avoided?", text, figure, data, claims)
 
 
@@ -129,7 +116,7 @@ def _pulled_share(law: MemorylessLaw) -> float:
     return impact.areas[2] / impact.areas[0]
 
 
-def _figure(impacts: dict[float, Any], speeds: Array, depths: dict[str, Array], release: _Release) -> Any:
+def _figure(impacts: dict[float, Any], speeds: Array, depths: dict[str, Array], release: tuple[Array, Array]) -> Any:
     figure = new_figure(7.6)
     (loops, touch), (where, cost) = figure.subplots(2, 2)
     for (alpha, impact), colour in zip(impacts.items(), COLOURS, strict=False):
@@ -152,14 +139,8 @@ def _figure(impacts: dict[float, Any], speeds: Array, depths: dict[str, Array], 
         ylim=(1e-6, 1e3),
     )
     legend(where, columns=3)
-    cost.semilogy(
-        release.switching,
-        100.0 * release.share,
-        "o-",
-        color="black",
-        markersize=3.5,
-        label="$H_3$ (none at $\\alpha$ = 0)",
-    )
+    label = r"$H_3$ (none at $\alpha$ = 0)"
+    cost.semilogy(release[0], 100.0 * release[1], "o-", color="black", markersize=3.5, label=label)
     cost.set(
         xlim=(0.0, 1.02),
         title="(d) Energy taken at release, by impacts as in (a)",

@@ -40,10 +40,7 @@ Array = NDArray[np.float64]
 
 
 def beta_of(exponent: ArrayLike, switching: ArrayLike) -> Array:
-    r""":math:`\beta = \alpha / (n + \alpha + 1)` of (10) [-]: 0 for Hunt-Crossley, 0.5 for Kelvin-Voigt.
-
-    Exponent n and switching alpha are floats or arrays that broadcast.
-    """
+    r""":math:`\beta = \alpha / (n + \alpha + 1)` of (10) [-]: 0 for Hunt-Crossley, 0.5 for Kelvin-Voigt."""
     n, alpha = np.asarray(exponent, dtype=np.float64), np.asarray(switching, dtype=np.float64)
     result: Array = alpha / (n + alpha + 1.0)
     return result
@@ -62,10 +59,7 @@ def h_of(beta: ArrayLike) -> Array:
     r"""Hypergeometric factor :math:`h(\beta) = {}_2F_1(\beta, 3/2; 5/2; 1)` of (12) [-].
 
     Grows from h(0) = 1 to h(1/2) = 3 pi / 4 = 2.3562, which it reaches: the paper's bound [1, 2.5) holds and is not
-    tight.
-
-    Args:
-        beta: Below 1 (the series diverges there), floats or an array; the paper's range is [0, 0.5].
+    tight. beta is below 1, where the series diverges; the paper's range is [0, 0.5].
     """
     from scipy.special import hyp2f1
 
@@ -74,15 +68,9 @@ def h_of(beta: ArrayLike) -> Array:
 
 
 def h_of_gamma_functions(beta: ArrayLike) -> Array:
-    r"""The same factor by Gauss's theorem, for a cross-check.
+    r"""The same factor by Gauss's theorem (Abramowitz and Stegun (1964), 15.1.20), for a cross-check.
 
     .. math:: h(\beta) = \frac{\Gamma(5/2)\, \Gamma(1 - \beta)}{\Gamma(5/2 - \beta)\, \Gamma(1)}
-
-    Args:
-        beta: Below 1, floats or an array.
-
-    References:
-        Abramowitz and Stegun (1964), Handbook of Mathematical Functions, 15.1.20.
     """
     from scipy.special import gammaln
 
@@ -94,10 +82,7 @@ def h_of_gamma_functions(beta: ArrayLike) -> Array:
 def maximum_depth(law: MemorylessLaw, mass: float, speed: ArrayLike) -> Array:
     """Greatest depth x_M [m] of an impact by (7), which leaves out the damper: an upper bound.
 
-    Args:
-        law: The contact law.
-        mass: m [kg], positive.
-        speed: v_i [m/s], positive, a float or an array.
+    Mass m [kg] and speed v_i [m/s], a float or an array, must be positive: a SettingError, here and below.
     """
     k, _, n, alpha = law.general_form
     require("mass", mass, above=0.0)
@@ -107,10 +92,7 @@ def maximum_depth(law: MemorylessLaw, mass: float, speed: ArrayLike) -> Array:
 
 
 def speed_at_depth(law: MemorylessLaw, mass: float, speed: float, depth: ArrayLike) -> Array:
-    """Speed [m/s] at a depth in loading, equation (8); by the same approximation also in unloading.
-
-    Depths x [m] go from 0 to `maximum_depth`, whose arguments and errors these are; NaN where they are not reached.
-    """
+    """Speed [m/s] at a depth [m] in loading, equation (8), and in unloading; NaN where the depth is not reached."""
     _, _, n, alpha = law.general_form
     power = n + alpha + 1.0
     reached = np.asarray(depth, dtype=np.float64) / maximum_depth(law, mass, speed)
@@ -120,20 +102,14 @@ def speed_at_depth(law: MemorylessLaw, mass: float, speed: float, depth: ArrayLi
 
 
 def damping_ratio(law: MemorylessLaw, mass: float, speed: ArrayLike) -> Array:
-    r"""Damper over spring :math:`\epsilon = \lambda v_i / (k x_M^\alpha)` [-]; equation (12) is its limit to zero.
-
-    Arguments and errors are those of `maximum_depth`.
-    """
+    r"""Damper over spring :math:`\epsilon = \lambda v_i / (k x_M^\alpha)` [-]; equation (12) is its limit to zero."""
     k, damping, _, alpha = law.general_form
     result: Array = damping * _speeds(speed) / (k * maximum_depth(law, mass, speed) ** alpha)
     return result
 
 
 def loss_scale(law: MemorylessLaw, mass: float) -> float:
-    r"""Scale :math:`K_0 = \frac{4 \lambda h(\beta)}{3 (s + 1)} c^{1 - \gamma}` of (13) [J / (m/s)^gamma].
-
-    Arguments and errors are those of `maximum_depth`.
-    """
+    r"""Scale :math:`K_0 = \frac{4 \lambda h(\beta)}{3 (s + 1)} c^{1 - \gamma}` of (13) [J / (m/s)^gamma]."""
     k, damping, n, alpha = law.general_form
     require("mass", mass, above=0.0)
     s = n + alpha
@@ -144,20 +120,14 @@ def loss_scale(law: MemorylessLaw, mass: float) -> float:
 
 
 def energy_loss(law: MemorylessLaw, mass: float, speed: ArrayLike) -> Array:
-    """Energy that an impact costs [J] by (12) in the form (13), the limit of low damping.
-
-    Arguments and errors are those of `maximum_depth`.
-    """
+    """Energy that an impact costs [J] by (12) in the form (13), the limit of low damping."""
     _, _, n, alpha = law.general_form
     result: Array = loss_scale(law, mass) * _speeds(speed) ** loss_exponent(n, alpha)
     return result
 
 
 def energy_loss_by_quadrature(law: MemorylessLaw, mass: float, speed: float) -> float:
-    """The same energy [J] by numerical quadrature of (9): it checks (10) to (12).
-
-    Arguments and errors are those of `maximum_depth`; the speed is one number.
-    """
+    """The same energy [J] by numerical quadrature of (9): it checks (10) to (12)."""
     from scipy.integrate import quad
 
     k, damping, n, alpha = law.general_form

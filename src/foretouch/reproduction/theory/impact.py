@@ -110,6 +110,10 @@ def integrate_impact(
         allow_tension: True lets the law pull at release, as the equations are written. Needs a `MemorylessLaw`.
         samples: Number of evenly spaced times returned, at least 2.
         relative_tolerance: Relative tolerance of the solver.
+
+    Raises:
+        SettingError: A law with a memory or without tension, a number out of range, or an impact that the solver cannot
+            follow: a mass held by a Kelvin-Voigt law that pulls, its damping ratio above 100.
     """
     from scipy.integrate import solve_ivp
 
@@ -131,20 +135,17 @@ def integrate_impact(
         damper = total - force(depth, 0.0)
         return [float(state[1]), -total * length / energy, damper * float(state[1]) * length / energy]
 
-    def surface(_time: float, state: Array) -> float:
-        return float(state[0])
+    def event(value: Callable[[Array], float], *, terminal: bool = False) -> Callable[[float, Array], float]:
+        def at(_time: float, state: Array) -> float:
+            return value(state)
 
-    def turning(_time: float, state: Array) -> float:
-        return float(state[1])
+        vars(at).update(terminal=terminal, direction=-1.0)  # attributes of a function: SciPy's interface for events
+        return at
 
-    def pulling(_time: float, state: Array) -> float:
-        return force(float(state[0]) * length, float(state[1]) * speed)
-
-    def stuck(_time: float, state: Array) -> float:
-        return 0.5 * (1.0 - _LEFT) - float(state[2]) if allow_tension else 1.0
-
-    for event, ends in ((surface, True), (turning, False), (pulling, False), (stuck, True)):
-        vars(event).update(terminal=ends, direction=-1.0)  # attributes of a function: SciPy's interface for events
+    surface = event(lambda state: float(state[0]), terminal=True)
+    turning = event(lambda state: float(state[1]))
+    pulling = event(lambda state: force(float(state[0]) * length, float(state[1]) * speed))
+    stuck = event(lambda state: 0.5 * (1.0 - _LEFT) - float(state[2]) if allow_tension else 1.0, terminal=True)
     solution: Any = solve_ivp(
         rates,
         (0.0, _LONGEST),

@@ -68,10 +68,7 @@ class LinearisationError(Brief):
 
 
 def log_force(law: MemorylessLaw, depth: ArrayLike, velocity: ArrayLike) -> Array:
-    """Logarithm of the exact force [ln N], equation (15), for depth x [m] and velocity [m/s] that broadcast.
-
-    NaN outside and where the law pulls: there is no logarithm.
-    """
+    """Logarithm of the exact force (15) [ln N] at depth [m] and velocity [m/s]; NaN outside and where the law pulls."""
     k, _, n, alpha = law.general_form
     x = _inside(depth)
     ratio = 1.0 + _psi(law, x, velocity)
@@ -88,10 +85,7 @@ def taylor_log_force(law: MemorylessLaw, depth: ArrayLike, velocity: ArrayLike) 
 
 
 def linearised_log_force(law: MemorylessLaw, a1: float, a2: float, depth: ArrayLike, velocity: ArrayLike) -> Array:
-    """Logarithm of the force by the linearised law (18), as `log_force`, with a1 and a2 of (17) [ln N]; NaN outside.
-
-    It is the equation itself, with no guard at small depths (`LinearisedContinuousSwitching` has one).
-    """
+    """Logarithm of the force by (18), as `log_force` [ln N]; unlike `LinearisedContinuousSwitching` without a guard."""
     model = linearise(law, a1, a2)
     x, v = _inside(depth), np.asarray(velocity, dtype=np.float64)
     result: Array = model.ln_k + model.s * np.log(x) + model.b1 * v + model.b2 * v / x
@@ -108,10 +102,7 @@ def fit_polynomial(switching: float, depth: ArrayLike, *, depth_power: float = 1
     combination of quadratic and primary item, which all but ignores small depths. At alpha = 0 all give (1, 0), which
     is Hunt-Crossley, and at alpha = 1 (0, 1), Kelvin-Voigt.
 
-    Args:
-        switching: alpha [-], from 0 to 1.
-        depth: Depths x [m], shape (samples,), at least two different ones, all positive.
-        depth_power: p [-].
+    The switching alpha is from 0 to 1; depths x [m], shape (samples,), are positive and at least two different ones.
     """
     require("switching", switching, at_least=0.0, at_most=1.0)
     require("depth_power", depth_power)
@@ -129,10 +120,7 @@ def fit_polynomial(switching: float, depth: ArrayLike, *, depth_power: float = 1
 
 
 def linearise(law: MemorylessLaw, a1: float, a2: float) -> LinearisedContinuousSwitching:
-    """The linearised law (18) of an exact law: ln k, s = n + alpha, b1 = a1 lambda / k, b2 = a2 lambda / k.
-
-    a1 [m^-alpha] and a2 [m^(1 - alpha)] are those of (17); a SettingError where a number is not finite.
-    """
+    """The linearised law (18) of an exact law, with a1 [m^-alpha] and a2 [m^(1 - alpha)] of (17)."""
     k, damping, n, alpha = law.general_form
     return LinearisedContinuousSwitching(math.log(k), n + alpha, a1 * damping / k, a2 * damping / k)
 
@@ -140,11 +128,7 @@ def linearise(law: MemorylessLaw, a1: float, a2: float) -> LinearisedContinuousS
 def linearisation_error(
     law: MemorylessLaw, a1: float, a2: float, depth: ArrayLike, velocity: ArrayLike
 ) -> LinearisationError:
-    """Error of (18) against (15) in newtons and relative, split into its steps; arguments as `linearised_log_force`.
-
-    Its arrays have the shape that depth and velocity broadcast to; they are infinite where (18) overflows near the
-    surface.
-    """
+    """Error of (18) against (15), split into its steps; infinite where (18) overflows near the surface."""
     k, damping, _, _ = law.general_form
     x, v = np.broadcast_arrays(_inside(depth), np.asarray(velocity, dtype=np.float64))
     exact = log_force(law, x, v)
@@ -162,15 +146,8 @@ def taylor_error_depth(law: MemorylessLaw, velocity: float, tolerance: float) ->
     r"""Depth [m] below which the step to (16) alone has more than a given relative error of the force.
 
     The force of (16) is :math:`e^{\psi} / (1 + \psi)` times the exact one; the psi at which that exceeds 1 +
-    tolerance gives :math:`x = (|\varphi| / |\psi|)^{1 / \alpha}`.
-
-    Args:
-        law: The contact law.
-        velocity: [m/s]; its sign matters: release is worse.
-        tolerance: Relative error of the force [-], positive.
-
-    Returns:
-        The depth; for alpha = 0, where psi = phi at every depth, 0 if it is small enough and infinite if not.
+    tolerance gives :math:`x = (|\varphi| / |\psi|)^{1 / \alpha}`. The sign of the velocity [m/s] matters: release is
+    worse. For alpha = 0, where psi = phi at every depth, it is 0 if psi is small enough and infinite if not.
     """
     from scipy.optimize import brentq
 
