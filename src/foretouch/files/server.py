@@ -100,14 +100,16 @@ def _read(parcel: int) -> None:
     _limit(request.budget)
     outcome = _outcome(request)
     signal.signal(signal.SIGXCPU, signal.SIG_IGN)
+    try:
+        _answer(parcel, outcome)
+    except MemoryError:
+        _answer(parcel, ("memory", ""))
+
+
+def _answer(parcel: int, outcome: tuple[str, object]) -> None:
     os.ftruncate(parcel, 0)
     os.lseek(parcel, 0, os.SEEK_SET)
-    try:
-        within.write_parcel(parcel, outcome)
-    except MemoryError:
-        os.ftruncate(parcel, 0)
-        os.lseek(parcel, 0, os.SEEK_SET)
-        within.write_parcel(parcel, ("memory", ""))
+    within.write_parcel(parcel, outcome)
 
 
 def _limit(budget: Any) -> None:
@@ -116,16 +118,15 @@ def _limit(budget: Any) -> None:
         raise _TimeUp
 
     signal.signal(signal.SIGXCPU, time_up)
-    _lower(resource.RLIMIT_CORE, 0, 0)
-    # What is written counts, too: the answer, and files that are made out of the one that is read.
-    _lower(resource.RLIMIT_FSIZE, budget.memory, budget.memory)
-    _lower(resource.RLIMIT_DATA, budget.memory, budget.memory)
-    _lower(resource.RLIMIT_CPU, budget.seconds, budget.seconds + 2)
-
-
-def _lower(limit: int, soft: int, hard: int) -> None:
-    given = [most if most != resource.RLIM_INFINITY else hard for most in resource.getrlimit(limit)]
-    resource.setrlimit(limit, (min(soft, *given), min(hard, given[1])))
+    for limit, soft, hard in (
+        (resource.RLIMIT_CORE, 0, 0),
+        # What is written counts, too: the answer, and files that are made out of the one that is read.
+        (resource.RLIMIT_FSIZE, budget.memory, budget.memory),
+        (resource.RLIMIT_DATA, budget.memory, budget.memory),
+        (resource.RLIMIT_CPU, budget.seconds, budget.seconds + 2),
+    ):  # none is raised where it is lower already
+        given = [most if most != resource.RLIM_INFINITY else hard for most in resource.getrlimit(limit)]
+        resource.setrlimit(limit, (min(soft, *given), min(hard, given[1])))
 
 
 def _outcome(request: Any) -> tuple[str, object]:
@@ -139,10 +140,8 @@ def _outcome(request: Any) -> tuple[str, object]:
         while link is not None:  # a reader may have made a line of its own of it
             kinds |= {type(link)} | set(type(link).__mro__)
             link = link.__cause__ or link.__context__
-        if MemoryError in kinds:
-            return "memory", ""
-        if RecursionError in kinds:
-            return "deep", ""
+        if kinds & {MemoryError, RecursionError}:
+            return ("memory" if MemoryError in kinds else "deep"), ""
         if isinstance(error, ForetouchError):
             return "raised", error
         said = one_line(getattr(error, "strerror", "") or error, 200)

@@ -102,11 +102,9 @@ def within_budget(
 
 
 def _problem(kind: str, found: Any, budget: Budget) -> str:
-    most = f"the most for a file of {budget.shown_size}"
-    if kind == "memory":
-        return f"reading it takes more than {budget.shown_memory} of memory, {most}: {budget.raised}"
-    if kind == "time":
-        return f"reading it takes more than {budget.seconds} s, {most}: {budget.raised}"
+    if kind in ("memory", "time"):
+        most = f"{budget.shown_memory} of memory" if kind == "memory" else f"{budget.seconds} s"
+        return f"reading it takes more than {most}, the most for a file of {budget.shown_size}: {budget.raised}"
     if kind == "deep":
         return "is nested too deep to be read: no recording is"
     if kind == "odd":
@@ -116,10 +114,8 @@ def _problem(kind: str, found: Any, budget: Budget) -> str:
 
 
 class _Ended(NamedTuple):
-    """Exit code, negative for a signal, and processor time [s]."""
-
-    code: int
-    seconds: float
+    code: int  # negative for a signal
+    seconds: float  # processor time
 
 
 def _kind(ended: _Ended, budget: Budget) -> str:
@@ -155,10 +151,8 @@ def open_parcel(descriptor: int) -> Any:
     content = memoryview(mmap.mmap(descriptor, 0, access=mmap.ACCESS_COPY))
     (length,) = _length.unpack(content[-_length.size :])
     spans, body = pickle.loads(content[-_length.size - length : -_length.size])
-    parts = []
-    for start, size, fixed in spans:
-        part = content[start : start + size]
-        parts.append(part.toreadonly() if fixed else part)
+    views = ((content[start : start + size], fixed) for start, size, fixed in spans)
+    parts = [view.toreadonly() if fixed else view for view, fixed in views]
     return pickle.loads(body, buffers=parts)
 
 

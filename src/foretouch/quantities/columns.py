@@ -8,8 +8,7 @@ from __future__ import annotations
 import importlib
 from abc import abstractmethod
 from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-@dataclass(frozen=True, slots=True)
-class Quantity:
+class Quantity(NamedTuple):
     """One quantity of the project.
 
     Attributes:
@@ -107,14 +105,8 @@ COLOURS = tuple(css(colour) for colour in (BLUE, VERMILLION, GREEN, ORANGE, PURP
 LINES = ("-", "--", ":", "-.")
 
 UNITS = {
-    "s": "s",
-    "m": "m",
-    "m_s": "m/s",
-    "m_s2": "m/s²",
-    "N": "N",
-    "N_per_s": "N/s",
-    "percent": "%",
-    "us": "us",
+    **{unit: unit for unit in ("s", "m", "N", "us")},
+    **{"m_s": "m/s", "m_s2": "m/s²", "N_per_s": "N/s", "percent": "%"},
 }
 """Units by the end of a column's name, by its longest ending that stands here."""
 
@@ -181,13 +173,13 @@ class Columns(ByValue):
         for panel, names_in_it in zip(axes, panels.values(), strict=False):
             _draw(panel, time, {name: columns[name] for name in names_in_it})
         for panel in axes:
-            for name in flags:
+            for name in flags:  # the times at which a flag is set, over the whole height
                 label = _quantity(name).replace("_", " ") if panel is axes[0] else None
-                _shade(panel, time, columns[name], label)
+                shade = {"step": "post", "transform": panel.get_xaxis_transform(), "color": "0.88", "zorder": 0}
+                panel.fill_between(time, 0.0, 1.0, where=columns[name], label=label, **shade)
             if panel.get_legend_handles_labels()[1]:
                 panel.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False, fontsize="small")
-        axes = axes[-1]
-        axes.set_xlabel(f"{_quantity(first)} [{_unit(first)}]")
+        axes[-1].set_xlabel(f"{_quantity(first)} [{_unit(first)}]")
         figure.subplots_adjust(left=0.09, right=0.8, top=0.96, bottom=0.6 / figure.get_figheight(), hspace=0.2)
         return figure
 
@@ -203,12 +195,6 @@ def _draw(axes: Any, time: NDArray[Any], curves: dict[str, NDArray[Any]]) -> Non
     axes.set_ylabel(unit if len(curves) > 1 else f"{_quantity(name).replace('_', ' ')} {unit}".strip())
     axes.grid(alpha=0.3, linewidth=0.6)
     axes.spines[["top", "right"]].set_visible(False)
-
-
-def _shade(axes: Any, time: NDArray[Any], flag: NDArray[np.bool_], label: str | None) -> None:
-    """The times at which a flag is set, over the whole height."""
-    whole = axes.get_xaxis_transform()
-    axes.fill_between(time, 0.0, 1.0, where=flag, step="post", transform=whole, color="0.88", label=label, zorder=0)
 
 
 def _unit(name: str) -> str:

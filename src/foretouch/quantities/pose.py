@@ -160,12 +160,9 @@ class Pose:
 
     @classmethod
     def exp(cls, twist: ArrayLike) -> Pose:
-        r"""The exponential of a twist, with R the rotation by phi and t = V rho.
+        r"""The exponential of a twist (rho, phi), m and rad, (6,), with R the rotation by phi and t = V rho.
 
         .. math:: V = I + \frac{1-\cos\theta}{\theta^2}[\phi] + \frac{\theta-\sin\theta}{\theta^3}[\phi]^2
-
-        Args:
-            twist: (rho, phi), m and rad, (6,).
         """
         twist = np.asarray(twist, float)
         phi = twist[3:]
@@ -218,24 +215,15 @@ class Pose:
         return matrix
 
     def composed_covariance(self, covariance: Array, other: Pose, other_covariance: Array) -> Array:
-        r"""Covariance of ``self @ other``, to first order, for errors that are independent.
+        r"""Covariance of ``self @ other``, (6, 6), to first order, for errors that are independent.
 
         .. math:: \Sigma = A\,\Sigma_1 A^T + \Sigma_2, \quad A = \mathrm{Ad}(T_2^{-1})
-
-        Args:
-            covariance: Covariance of this pose, (6, 6).
-            other: T_2.
-            other_covariance: Covariance of the other pose, (6, 6).
         """
         through = other.inverse().adjoint()
         return through @ covariance @ through.T + other_covariance
 
     def inverse_covariance(self, covariance: Array) -> Array:
-        """Covariance of the inverse pose, (6, 6), to first order: Ad Sigma Ad^T.
-
-        Args:
-            covariance: Covariance of this pose, (6, 6).
-        """
+        """Covariance of the inverse pose, (6, 6), to first order: Ad Sigma Ad^T."""
         through = self.adjoint()
         return through @ covariance @ through.T
 

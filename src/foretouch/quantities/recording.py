@@ -7,7 +7,6 @@ own line of positions.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -67,17 +66,9 @@ class Recording(Columns):
     first_row: int | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
-        columns: dict[str, Any] = {
-            "time": self.time,
-            "position": self.position,
-            "force": self.force,
-            "velocity": self.velocity,
-        }
         length = np.size(self.time)
-        for label, column in columns.items():
-            if column is None and label == "velocity":
-                continue
-            array = np.array(numbers_of(label, column))  # a copy: the caller's array stays the caller's
+        for label in ("time", "position", "force", *(["velocity"] if self.velocity is not None else [])):
+            array = np.array(numbers_of(label, getattr(self, label)))  # a copy: the caller's array stays the caller's
             if array.ndim != 1 or array.size != length:
                 raise RecordingError(self.name, f"{label} has shape {array.shape}, time has {length} samples")
             if length < 2:
@@ -85,8 +76,7 @@ class Recording(Columns):
             self._refuse(~np.isfinite(array), array, f"{label} is {{}}: every value must be finite")
             object.__setattr__(self, label, array)
             array.flags.writeable = False
-        step = np.diff(self.time)
-        late = np.concatenate(([False], step <= 0.0))
+        late = np.diff(self.time, prepend=-np.inf) <= 0.0
         self._refuse(late, self.time, "time {} s does not come after the row before: time must increase")
         self._refuse(
             np.abs(self.position) > LARGEST_POSITION,

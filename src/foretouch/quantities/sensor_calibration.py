@@ -66,10 +66,10 @@ class SensorCalibration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
                 raise SettingError(name, value, "must be finite")
         if abs(math.hypot(*self.approach_axis) - 1.0) > 1e-6:
             raise SettingError("approach_axis", self.approach_axis, "must have length 1")
-        for name, at_least in (("tool_mass", 0.0), ("sensor_lag", 0.0), ("force_noise", 0.0)):
+        for name in ("tool_mass", "sensor_lag", "force_noise"):
             value = getattr(self, name)
-            if value is not None and value < at_least:
-                raise SettingError(name, value, f"must be at least {at_least:g}")
+            if value is not None and value < 0.0:
+                raise SettingError(name, value, "must be at least 0")
         if self.series_stiffness is not None and self.series_stiffness <= 0.0:
             raise SettingError("series_stiffness", self.series_stiffness, "must be above 0")
         if self.force_bias is not None and self.tool_mass is None:

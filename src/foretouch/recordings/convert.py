@@ -64,8 +64,8 @@ def write_recording(path: str | PathLike[str], recording: Recording) -> list[str
     if suffix == ".csv":
         write_columns(path, columns)
         floor = recording.contact_floor
-        kept = floor == 0.05
-        return [] if kept else [f"a CSV keeps no contact floor: put contact_floor = {floor:g} into a --map for it"]
+        lost = f"a CSV keeps no contact floor: put contact_floor = {floor:g} into a --map for it"
+        return [] if floor == 0.05 else [lost]
     table = Mapping(
         Signal(column="position_m", unit="m"),
         Signal(column="force_N", unit="N"),

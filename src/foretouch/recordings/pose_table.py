@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from foretouch.errors import RecordingError
 from foretouch.files import within_budget
 from foretouch.recordings.formats.tables import CsvTable
-from foretouch.recordings.source import require_names
+from foretouch.recordings.source import reading, require_names
 
 FORCE: Final = ("fx_N", "fy_N", "fz_N")
 TORQUE: Final = ("tx_Nm", "ty_Nm", "tz_Nm")
@@ -61,10 +61,8 @@ def read_poses(path: str | PathLike[str]) -> StaticPoses:
 
 
 def _poses_in(path: str | PathLike[str]) -> StaticPoses:
-    try:
+    with reading(path):
         table = CsvTable(path, skip_empty=True)
-    except OSError as error:
-        raise RecordingError(path, f"cannot be read: {error.strerror or error}") from None
     force = _vectors(table, FORCE)
     torque = _vectors(table, TORQUE) if any(name in table.header for name in TORQUE) else None
     if QUATERNION[0] in table.header:

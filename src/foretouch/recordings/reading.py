@@ -27,7 +27,7 @@ from foretouch.recordings.meaning.mapped import read_mapped
 from foretouch.recordings.meaning.mapping import Mapping, Signal, TimeSource, Velocity, mapping_text, read_mapping
 from foretouch.recordings.meaning.names import REQUIRED, VELOCITY_KEY, ReadingKeywords, RecordingOptions, name_says
 from foretouch.recordings.session.follower_samples import read_follower
-from foretouch.recordings.source import Bag, Table, require_names
+from foretouch.recordings.source import Bag, Table, reading, require_names
 
 OPENERS: Final[dict[str, Callable[[str | PathLike[str]], Table | Bag]]] = {
     ".csv": CsvTable,
@@ -68,10 +68,8 @@ def open_source(path: str | PathLike[str]) -> Table | Bag:
     if suffix in (".ddf", ".npz"):
         what = "an Aurora .ddf file" if suffix == ".ddf" else "an excerpt of a measured recording"
         raise RecordingError(path, f"{what} has no columns to map: leave --map out")
-    try:
+    with reading(path):
         return OPENERS[suffix](path) if suffix else Rosbag2(path)
-    except OSError as error:
-        raise RecordingError(path, f"cannot be read: {error.strerror or error}") from None
 
 
 SHORTEST_STEP, LONGEST_STEP = 2e-5, 0.2  # steps of a recording of presses lie between these [s]
@@ -154,7 +152,7 @@ def read_with_notes(
 
 
 def options_of(options: RecordingOptions | None, named: ReadingKeywords) -> RecordingOptions:
-    """The options, given as one object or by name."""
+    """The options, given as one object or by name; a TypeError where it is both."""
     if options is None:
         return RecordingOptions(**named)
     if named:
@@ -201,16 +199,14 @@ def _by_itself(path: str | PathLike[str], suffix: str, options: RecordingOptions
     source = open_source(path)
     if options.force_channel != "raw":
         raise RecordingError(path, "only a TU/e recording has another --force-channel: leave it out")
-    if isinstance(source, Table) and suffix in (".csv", ".parquet") and not source.stated_map:
-        names = [column.name for column in source.columns]
-        if set(REQUIRED) <= set(names) and not any(column.unit for column in source.columns):
-            return _by_map(source, _by_names(names, options), guessed=False)
+    columns = source.columns if isinstance(source, Table) and suffix in (".csv", ".parquet") else ()
+    names = [column.name for column in columns]
+    if set(REQUIRED) <= set(names) and not source.stated_map and not any(column.unit for column in columns):
+        return _by_map(source, _by_names(names, options), guessed=False)
     guess = guess_mapping(source)
     missing = guess.problems and not any(guess.candidates.values())
-    if missing and isinstance(source, Table) and suffix in (".csv", ".parquet"):
-        names = [column.name for column in source.columns]
-        if set(REQUIRED) & set(names):  # where one column has such a name, the others were meant too
-            require_names(path, names, REQUIRED, row=1)
+    if missing and set(REQUIRED) & set(names):  # where one column has such a name, the others were meant too
+        require_names(path, names, REQUIRED, row=1)
     mapping = guess.in_units(options).mapping()
     read = _by_map(source, mapping, guessed=not source.stated_map)
     return read._replace(notes=(*read.notes, *guess.notes))

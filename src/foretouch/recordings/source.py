@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from os import PathLike
 from typing import Final
@@ -161,6 +162,26 @@ def listed(names: Iterable[str], longest: int = 200) -> str:
 def one_line(error: Exception) -> str:
     """The text of an error of another library."""
     return " ".join(str(error).split()) or type(error).__name__
+
+
+@contextmanager
+def reading(path: object) -> Iterator[None]:
+    """What the operating system refuses, as a `RecordingError`."""
+    try:
+        yield
+    except OSError as error:
+        raise RecordingError(path, f"cannot be read: {error.strerror or error}") from None
+
+
+@contextmanager
+def foreign(path: object, what: str) -> Iterator[None]:
+    """What a library raises on a damaged or foreign file, of many kinds, as a `RecordingError` of one line."""
+    try:
+        yield
+    except RecordingError:
+        raise
+    except Exception as error:
+        raise RecordingError(path, f"is no {what} that can be read: {one_line(error)}") from None
 
 
 def _nearest(name: str, topics: Sequence[Topic]) -> str:

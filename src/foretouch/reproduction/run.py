@@ -11,7 +11,7 @@ import io
 import re
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -104,10 +104,7 @@ body { max-width: 76rem; } a { color: inherit; } h2 { margin: 1.2rem 0 .4rem; }
 
 
 def write_paper_page(directory: Path, sections: Sequence[Section], made: Mapping[str, Any] | None = None) -> Path:
-    """Write ``index.html``: at first a summary, and everything else folded to one line each.
-
-    Arguments, result and errors are those of `write_report`.
-    """
+    """Write ``index.html``, as `write_report`: at first a summary, and everything else folded to one line each."""
     body = [
         STYLE,
         "<h1>The paper, reproduced</h1>",
@@ -276,19 +273,16 @@ def reproduce(names: Sequence[str], *, progress: Callable[[str, float], None] | 
     """
     started = time.perf_counter()
     made: dict[str, Section] = {}
-    for section in _made(names):
-        made[section.name] = section
-        if progress is not None:
-            progress(section.name, time.perf_counter() - started)
-    return [made[name] for name in SECTIONS if name in made]
 
-
-def _made(names: Sequence[str]) -> Iterator[Section]:
     def lost(name: str, reason: str) -> Section:
         raise RuntimeError(f"section {name}: {reason}")
 
     ordered = sorted(names, key=lambda name: name != SLOWEST)
-    yield from (section for _, section in run_all(make_section, ordered, lost=lost))
+    for _, section in run_all(make_section, ordered, lost=lost):
+        made[section.name] = section
+        if progress is not None:
+            progress(section.name, time.perf_counter() - started)
+    return [made[name] for name in SECTIONS if name in made]
 
 
 def write_report(
@@ -327,9 +321,8 @@ def write_report(
 def _write_files(directory: Path, section: Section) -> None:
     if section.figure is not None:
         for suffix in ("svg", "png"):
+            metadata = {"Date": None} if suffix == "svg" else None
             with atomic_path(directory / f"{section.name}.{suffix}") as part:
-                section.figure.savefig(
-                    part, format=suffix, dpi=150, metadata={"Date": None} if suffix == "svg" else None
-                )
+                section.figure.savefig(part, format=suffix, dpi=150, metadata=metadata)
     for name, columns in section.data.items():
         write_columns(directory / f"{section.name}-{name}.parquet", dict(columns))

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from foretouch.errors import RecordingError
 from foretouch.recordings.output import optional
-from foretouch.recordings.source import MAP_NAME, Column, Table, one_line, require_names
+from foretouch.recordings.source import MAP_NAME, Column, Table, foreign, reading, require_names
 
 MOST_COLUMNS = 64  # an array that is wider is no set of signals, but an image or a matrix
 
@@ -77,13 +77,8 @@ class Hdf5Table(Table):
 
     @contextlib.contextmanager
     def _opened(self) -> Iterator[Any]:
-        try:
-            with self._h5py.File(self.path, "r") as file:
-                yield file
-        except RecordingError:
-            raise
-        except Exception as error:  # h5py raises many kinds on a damaged or foreign file
-            raise RecordingError(self.path, f"is no {self.format} file that can be read: {one_line(error)}") from None
+        with foreign(self.path, f"{self.format} file"), self._h5py.File(self.path, "r") as file:
+            yield file
 
     def _datasets(self, file: Any) -> list[tuple[str, Any]]:
         found: list[tuple[str, Any]] = []
@@ -127,17 +122,11 @@ def open_mat(path: str | PathLike[str]) -> Table:
     """A MATLAB file of any version."""
     from scipy.io import loadmat
 
-    try:
-        with warnings.catch_warnings(action="ignore"):  # on variables without a name, which cannot be asked for
-            return MatTable(path, loadmat(str(path), squeeze_me=True, struct_as_record=False))
-    except NotImplementedError:  # SciPy's word for version 7.3
-        return Hdf5Table(path, "MATLAB 7.3 (HDF5)")
-    except OSError as error:
-        raise RecordingError(path, f"cannot be read: {error.strerror or error}") from None
-    except RecordingError:
-        raise
-    except Exception as error:  # SciPy raises many kinds on a damaged or foreign file
-        raise RecordingError(path, f"is no MATLAB file that can be read: {one_line(error)}") from None
+    quiet = warnings.catch_warnings(action="ignore")  # on variables without a name, which cannot be asked for
+    with foreign(path, "MATLAB file"), reading(path), contextlib.suppress(NotImplementedError), quiet:
+        return MatTable(path, loadmat(str(path), squeeze_me=True, struct_as_record=False))
+    # what SciPy does not implement is version 7.3
+    return Hdf5Table(path, "MATLAB 7.3 (HDF5)")
 
 
 class MatTable(Table):

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from foretouch.errors import RecordingError
 from foretouch.recordings.formats.cdr import STAMP, Definitions, Places, extract
 from foretouch.recordings.output import optional
-from foretouch.recordings.source import Bag, Column, Series, Topic, gathered, listed, one_line
+from foretouch.recordings.source import Bag, Column, Series, Topic, foreign, gathered, listed, one_line
 
 _SEPARATOR = "=" * 80 + "\n"
 
@@ -142,7 +142,7 @@ class Rosbag2(RosBag):
         if Path(path).is_dir() and not (Path(path) / "metadata.yaml").is_file():
             problem = "is a folder without metadata.yaml, so no whole rosbag2: `ros2 bag reindex` makes one"
             raise RecordingError(path, problem)
-        with self._plain_errors():
+        with foreign(self.path, "rosbag2"):
             self._reader = reader = self._opened()
             self._definitions_by_type = {
                 found.msgtype: (found.msgdef.data, "ros2idl" if found.msgdef.format.name == "IDL" else "ros2msg")
@@ -161,7 +161,7 @@ class Rosbag2(RosBag):
 
     def messages(self, topic: Topic, most: int | None = None) -> tuple[list[bytes], NDArray[np.int64]]:
         """As `RosBag.messages`."""
-        with self._plain_errors():
+        with foreign(self.path, "rosbag2"):
             wanted = [found for found in self._reader.connections if found.topic == topic.name]
             found = contextlib.closing(self._reader.messages(wanted)) if wanted else contextlib.nullcontext(())
             with found as messages:
@@ -175,15 +175,6 @@ class Rosbag2(RosBag):
             reader.open()
         weakref.finalize(self, reader.close)
         return reader
-
-    @contextlib.contextmanager
-    def _plain_errors(self) -> Iterator[None]:
-        try:
-            yield
-        except RecordingError:
-            raise
-        except Exception as error:  # YAML, sqlite, zstd and rosbags raise different errors
-            raise RecordingError(self.path, f"is no rosbag2 that can be read: {one_line(error)}") from None
 
 
 @contextlib.contextmanager

@@ -20,6 +20,7 @@ It is an ``.npz`` of NumPy, which every installation reads; of Parquet the reade
 
 from __future__ import annotations
 
+import contextlib
 import warnings
 from collections.abc import Mapping
 from os import PathLike
@@ -35,6 +36,7 @@ from foretouch.files import within_budget
 from foretouch.quantities import Recording
 from foretouch.recordings.meaning.names import FORCE_CHANNELS
 from foretouch.recordings.output import atomic_path
+from foretouch.recordings.source import foreign, reading
 
 Array = NDArray[np.float64]
 
@@ -68,7 +70,7 @@ class Excerpt(NamedTuple):
 def read_excerpt(path: str | PathLike[str]) -> Excerpt:
     """An excerpt from its file."""
     try:
-        with open(path, "rb") as file, np.load(file, allow_pickle=False) as held:
+        with reading(path), open(path, "rb") as file, np.load(file, allow_pickle=False) as held:
             about = msgspec.json.decode(str(held["about"]), type=About)
             columns = {
                 name: _quantity(held[name], counts, held.get(f"{name}{LAST}"))
@@ -76,8 +78,8 @@ def read_excerpt(path: str | PathLike[str]) -> Excerpt:
             }
         if not {"time", "position", "force"} <= columns.keys():
             raise KeyError("no time, position or force")
-    except OSError as error:
-        raise RecordingError(path, f"cannot be read: {error.strerror or error}") from None
+    except RecordingError:
+        raise
     except Exception:  # NumPy, zipfile and zlib raise many kinds on a damaged or foreign file
         rule = "is no excerpt of a measured recording, the only .npz that is read: save columns as CSV or Parquet"
         raise RecordingError(path, rule) from None
@@ -187,12 +189,8 @@ def _signals(path: str | PathLike[str]) -> tuple[Array, Array, Array, Array]:
     """Time (n,), leader and follower angle (n, 2), minus operator and environment torque (n, 2), bridge (n,)."""
     from scipy.io import loadmat
 
-    try:
+    with foreign(path, "MATLAB file"), reading(path):
         content: dict[str, Any] = loadmat(str(path), squeeze_me=True, struct_as_record=False, variable_names=_VARIABLES)
-    except OSError as error:
-        raise RecordingError(path, f"cannot be read: {error.strerror or error}") from None
-    except Exception as error:  # SciPy raises many kinds on a damaged or foreign file
-        raise RecordingError(path, f"is no MATLAB file that can be read: {' '.join(str(error).split())}") from None
     try:
         scope = content["scope"]
         time = np.asarray(scope.time, dtype=np.float64)
@@ -237,23 +235,21 @@ def read_aurora(path: str | PathLike[str], *, flip: bool = False) -> Recording:
 def _header_values(path: object, header: list[str], label: str, separator: str) -> list[float]:
     for line in header:
         if line.startswith(label):
-            try:
+            with contextlib.suppress(ValueError):
                 return [float(value) for value in line[len(label) :].strip().split(separator)]
-            except ValueError:
-                break
+            break
     raise RecordingError(path, f"has no numbers for {label!r} in its header")
 
 
 def _rows(path: object, lines: list[str], first: int) -> NDArray[np.float64]:
-    rows = []
+    """Sample number, AI0 and AI1 of every line."""
+    rows: list[list[float]] = []
     for number, line in enumerate(lines[first:], first + 1):
         if not line.strip():
             continue
-        cells = line.split("\t", 3)[:3]
         try:
-            rows.append([float(cell) for cell in cells])
+            sample, length, force = map(float, line.split("\t", 3)[:3])
         except ValueError:
-            rows.append([])
-        if len(rows[-1]) != 3:
-            raise RecordingError(path, "does not hold sample number, AI0 and AI1 as numbers", row=number)
+            raise RecordingError(path, "does not hold sample number, AI0 and AI1 as numbers", row=number) from None
+        rows.append([sample, length, force])
     return np.array(rows).reshape(-1, 3)

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from foretouch.errors import RecordingError
 from foretouch.recordings.meaning.names import is_unit
 from foretouch.recordings.output import optional
-from foretouch.recordings.source import MAP_NAME, Column, Table, one_line, require_names
+from foretouch.recordings.source import MAP_NAME, Column, Table, foreign, require_names
 
 
 class ParquetTable(Table):
@@ -38,7 +38,7 @@ class ParquetTable(Table):
     def __init__(self, path: str | PathLike[str]) -> None:
         self.path, self.format = path, "Parquet"
         self._pyarrow, self._parquet = optional("pyarrow"), optional("pyarrow.parquet")
-        with _refusing(path), self._parquet.ParquetFile(path) as file:
+        with foreign(path, "Parquet file"), self._parquet.ParquetFile(path) as file:
             schema, count = file.schema_arrow, file.metadata.num_rows
         self.columns = tuple(Column(field.name, str(field.type), count, _unit_of(field)) for field in schema)
         self._names = list(schema.names)
@@ -47,7 +47,7 @@ class ParquetTable(Table):
     def read(self, names: Sequence[str]) -> dict[str, NDArray[np.float64]]:
         """Columns by name."""
         require_names(self.path, self._names, names, row=1)
-        with _refusing(self.path), self._parquet.ParquetFile(self.path) as file:
+        with foreign(self.path, "Parquet file"), self._parquet.ParquetFile(self.path) as file:
             table = file.read(columns=list(names))
         return {name: self._numbers(name, table[name]) for name in names}
 
@@ -66,14 +66,6 @@ def numbers_of(column: Any) -> NDArray[np.float64]:
     parts = [np.from_dlpack(chunk) for chunk in column.chunks if len(chunk)]
     whole = parts[0] if len(parts) == 1 else np.concatenate([np.empty(0), *parts])
     return np.asarray(whole, dtype=np.float64)
-
-
-@contextlib.contextmanager
-def _refusing(path: object) -> Iterator[None]:
-    try:
-        yield
-    except Exception as error:
-        raise RecordingError(path, f"is no Parquet file that can be read: {one_line(error)}") from None
 
 
 def _unit_of(field: Any) -> str:

@@ -22,10 +22,7 @@ LEAST_CHANGE = 1e-9  # change, over the largest value, below which signs are not
 
 def read_mapped(source: Table | Bag, mapping: Mapping) -> tuple[Recording, list[str]]:
     """The recording, and sentences on how its samples came to one time."""
-    if isinstance(source, Table):
-        recording = _of_table(source, mapping)
-        return recording, _uncertainties(recording)
-    recording, notes = _of_bag(source, mapping)
+    recording, notes = (_of_table(source, mapping), []) if isinstance(source, Table) else _of_bag(source, mapping)
     return recording, [*notes, *_uncertainties(recording)]
 
 
@@ -43,7 +40,7 @@ def _of_table(table: Table, mapping: Mapping) -> Recording:
         said = ", ".join(f"{name} {length}" for name, length in lengths.items())
         raise RecordingError(table.path, f"columns of unequal length: {said}; take those of one measurement")
     position, force = columns[mapping.position.column], columns[mapping.force.column]
-    seconds = np.arange(position.size) / time.rate if time.rate else _seconds(columns[time.column], time.unit)
+    seconds = np.arange(position.size) / time.rate if time.rate else columns[time.column] / TIMES[time.unit]
     speed = None if velocity is None else to_si(columns[velocity.column], mapping.position, LENGTHS)
     try:
         return Recording(
@@ -61,10 +58,6 @@ def _of_table(table: Table, mapping: Mapping) -> Recording:
         row = table.row_of(error.row - table.first_row)
         problem = str(error).removeprefix(f"{table.path}, row {error.row}: ")
         raise RecordingError(table.path, problem, row=row) from None
-
-
-def _seconds(column: Array, unit: str) -> Array:
-    return column if unit == "s" else column / TIMES[unit]
 
 
 def _of_bag(bag: Bag, mapping: Mapping) -> tuple[Recording, list[str]]:
@@ -90,7 +83,7 @@ def _of_bag(bag: Bag, mapping: Mapping) -> tuple[Recording, list[str]]:
     notes += said
     ordered = []
     for one, at in zip(series, times, strict=True):
-        own = {_key(one.topic, name): column for name, column in one.values.items()}
+        own = {f"{one.topic} {name}": column for name, column in one.values.items()}
         ordered_times, ordered_columns, said = in_time(one.topic, at, own)
         ordered.append((ordered_times, ordered_columns))
         notes += said
@@ -101,11 +94,11 @@ def _of_bag(bag: Bag, mapping: Mapping) -> tuple[Recording, list[str]]:
         at_force, columns = joined.time_ns, joined.columns
         notes += joined.notes
     since = at_force - (at_force[:1] if time.start == "first" else 0)
-    speed = None if not extra else to_si(columns[_key(position.topic, extra[0])], position, LENGTHS)
+    speed = None if not extra else to_si(columns[f"{position.topic} {extra[0]}"], position, LENGTHS)
     recording = Recording(
         since / 1e9,
-        to_si(columns[_key(position.topic, position.field)], position, LENGTHS),
-        to_si(columns[_key(force.topic, force.field)], force, FORCES),
+        to_si(columns[f"{position.topic} {position.field}"], position, LENGTHS),
+        to_si(columns[f"{force.topic} {force.field}"], force, FORCES),
         speed,
         name=str(bag.path),
         contact_floor=mapping.contact_floor,
@@ -119,10 +112,6 @@ def _too_rare(topic: str, times: NDArray[np.int64]) -> list[str]:
     if rate >= LEAST_RATE:
         return []
     return [f"positions of {topic} come {rate:.3g} times a second: a press that is felt needs {LEAST_RATE:g} or more"]
-
-
-def _key(topic: str, field: str) -> str:
-    return f"{topic} {field}"
 
 
 def _require_finite(bag: Bag, series: Series) -> None:

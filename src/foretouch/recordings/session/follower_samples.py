@@ -7,6 +7,7 @@ import json
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,7 @@ VERSION = 1
 """Version of the form of that file."""
 
 _COLUMNS = ("time", "position", "force", "faults", "fault_counts")
+_COUNTS = ("segments", "leader_starts", "follower_starts")
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,16 +139,13 @@ def _load(kept: Path, label: str) -> FollowerSamples:
     with kept.open("rb") as handle, np.load(handle, allow_pickle=False) as file:
         if str(file["label"]) != label:
             raise ValueError("of another recording")
-        segments, leader_starts, follower_starts = file["starts"].tolist()
-        time, position, force, faults, fault_counts = (file[name] for name in _COLUMNS)
-        seconds = float(file["seconds"])
-    return FollowerSamples(
-        time, position, force, faults, fault_counts, segments, leader_starts, follower_starts, seconds
-    )
+        columns: dict[str, Any] = {name: file[name] for name in _COLUMNS}
+        columns |= dict(zip(_COUNTS, file["starts"].tolist(), strict=True))
+        return FollowerSamples(**columns, seconds=float(file["seconds"]))
 
 
 def _save(kept: Path, label: str, samples: FollowerSamples) -> None:
     columns = {name: getattr(samples, name) for name in _COLUMNS}
-    starts = np.array([samples.segments, samples.leader_starts, samples.follower_starts])
+    starts = np.array([getattr(samples, name) for name in _COUNTS])
     with atomic_path(kept) as beside, beside.open("wb") as file:
         np.savez(file, label=np.array(label), starts=starts, seconds=np.array(samples.seconds), **columns)

@@ -40,7 +40,7 @@ from foretouch.recordings.formats import mcap
 from foretouch.recordings.formats.cdr import Layout
 from foretouch.recordings.formats.topics import COUNTS, TOPICS, TRUNCATED
 from foretouch.recordings.output import optional
-from foretouch.recordings.source import one_line
+from foretouch.recordings.source import one_line, reading
 
 _channel_id = struct.Struct("<H")  # begins a message
 
@@ -110,18 +110,15 @@ def _read(
     path: str | PathLike[str], columns: Mapping[type[Message], np.dtype[np.void]], kept: tuple[type[Message], ...]
 ) -> SessionLog:
     optional("mcap.records")
-    try:
-        with Path(path).open("rb") as handle:
-            begins = handle.read(len(mcap.MAGIC))
-            if begins != mcap.MAGIC:
-                short = mcap.MAGIC.startswith(begins)
-                raise RecordingError(path, NOTHING if short else "is not an MCAP file: it does not begin as one does")
-            with mmap.mmap(handle.fileno(), 0, access=mmap.ACCESS_READ) as data:
-                scan = _Scan(path, columns, kept)
-                if not scan.records_of(data, len(mcap.MAGIC)):
-                    scan.counts |= TRUNCATED
-    except OSError as error:
-        raise RecordingError(path, f"cannot be read: {error.strerror}") from None
+    with reading(path), Path(path).open("rb") as handle:
+        begins = handle.read(len(mcap.MAGIC))
+        if begins != mcap.MAGIC:
+            short = mcap.MAGIC.startswith(begins)
+            raise RecordingError(path, NOTHING if short else "is not an MCAP file: it does not begin as one does")
+        with mmap.mmap(handle.fileno(), 0, access=mmap.ACCESS_READ) as data:
+            scan = _Scan(path, columns, kept)
+            if not scan.records_of(data, len(mcap.MAGIC)):
+                scan.counts |= TRUNCATED
     return scan.log()
 
 

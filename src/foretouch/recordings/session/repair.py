@@ -18,6 +18,7 @@ from foretouch.recordings.formats import mcap
 from foretouch.recordings.formats.mcap_index import BlockFile, append_index, being_written, counts_record
 from foretouch.recordings.formats.topics import TRUNCATED
 from foretouch.recordings.output import atomic_path, optional
+from foretouch.recordings.source import reading
 
 
 @dataclass(frozen=True)
@@ -49,12 +50,9 @@ def is_whole(path: str | PathLike[str]) -> bool:
     Raises:
         RecordingError: No such file.
     """
-    try:
-        with Path(path).open("rb") as file:
-            file.seek(max(file.seek(0, 2) - mcap.TAIL, 0))
-            return mcap.footer_of(file.read(mcap.TAIL)) is not None
-    except OSError as error:
-        raise RecordingError(path, f"cannot be read: {error.strerror}") from None
+    with reading(path), Path(path).open("rb") as file:
+        file.seek(max(file.seek(0, 2) - mcap.TAIL, 0))
+        return mcap.footer_of(file.read(mcap.TAIL)) is not None
 
 
 def repair_session(
@@ -80,14 +78,13 @@ def repair_session(
 
 
 def _repair(path: str | PathLike[str], output: str | PathLike[str] | None) -> Repair:
-    try:
+    with reading(path):
         if being_written(path):
             raise RecordingError(path, "is still being written: end its recorder first")
         with Path(path).open("rb") as file:
             if file.read(len(mcap.MAGIC)) != mcap.MAGIC:
-                raise RecordingError(
-                    path, "is not an MCAP file, or was cut before anything was flushed: nothing to keep"
-                )
+                problem = "is not an MCAP file, or was cut before anything was flushed: nothing to keep"
+                raise RecordingError(path, problem)
             data = _Data(file.fileno())
             ended = is_whole(path) and _index_stands(data)
             if ended and output is None:
@@ -96,8 +93,6 @@ def _repair(path: str | PathLike[str], output: str | PathLike[str] | None) -> Re
                 if scan.ended and scan.indexed and not scan.damaged:
                     return scan.result(Path(path), was_whole=True)
             return _write(data, Path(path), Path(path if output is None else output), ended)
-    except OSError as error:
-        raise RecordingError(path, f"cannot be read: {error.strerror}") from None
 
 
 class _Data:

@@ -226,12 +226,12 @@ def _stiff_claim(fits: dict[str, Fits]) -> Claim:
     slow, taps = (fits[name].soft.residual_rms / fits[name].soft.force_rms for name in ("slow", "taps"))
     stiff = [100 * fits[name].stiff.residual_rms / fits[name].stiff.force_rms for name in ("slow", "taps")]
     damping = float(np.sqrt(np.mean(np.square(KELVIN_VOIGT.damping * fits["slow"].velocity))))
-    poor = 0.05
+    poor, rest = 0.05, fits["slow"].soft.residual_rms
     return Claim(
         "Hunt-Crossley is not suitable for stiff material",
         "not suitable",
-        f"residual of the best Hunt-Crossley law: slow press {fits['slow'].soft.residual_rms:.2g} N, "
-        f"{100 * slow:.2g} % of the force RMS ({100 * fits['slow'].soft.residual_rms / damping:.0f} % of the damping force); "
+        f"residual of the best Hunt-Crossley law: slow press {rest:.2g} N, "
+        f"{100 * slow:.2g} % of the force RMS ({100 * rest / damping:.0f} % of the damping force); "
         f"taps {fits['taps'].soft.residual_rms:.2g} N, {100 * taps:.2g} %. Kelvin-Voigt: {stiff[0]:.1g} % and "
         f"{stiff[1]:.1g} %",
         verdict_of(slow > poor, choice=taps > poor),
