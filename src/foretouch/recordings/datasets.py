@@ -153,23 +153,16 @@ _SEEN: Final = frozenset(
 
 
 def _datasets() -> Iterator[Dataset]:
-    def dataset(name: str, origin: Origin, file: str, kind: str, sha256: str) -> Dataset:
-        return Dataset(name, origin, file, kind, sha256, name in _SEEN)
-
-    for stem, sha256 in _TUE_FILES.items():
-        yield dataset(f"tue/{_dashed(stem)}", _TUE, f"m2_question1{stem}.mat", _kind(stem), sha256)
-    for stem, sha256 in _TUE_FIRST_FILES.items():
-        yield dataset(f"tue/m1-{_dashed(stem)}", _TUE_FIRST, f"question1{stem}.mat", _kind(stem), sha256)
-    for force, sha256 in _AURORA_FILES.items():
-        yield dataset(f"aurora/{force}-mN", _AURORA, f"{force} mN data file.ddf", "skin", sha256)
-
-
-def _dashed(stem: str) -> str:
-    return stem.replace("_", "-")
-
-
-def _kind(stem: str) -> str:
-    return stem.split("_")[1].rstrip("0123456789")
+    for prefix, origin, file, files in (
+        ("tue/", _TUE, "m2_question1{}.mat", _TUE_FILES),
+        ("tue/m1-", _TUE_FIRST, "question1{}.mat", _TUE_FIRST_FILES),
+        ("aurora/", _AURORA, "{} mN data file.ddf", _AURORA_FILES),
+    ):
+        for stem, sha256 in files.items():
+            touched = prefix != "aurora/"  # then the file's name says what: the skin is in no name
+            name = prefix + (stem.replace("_", "-") if touched else f"{stem}-mN")
+            kind = stem.split("_")[1].rstrip("0123456789") if touched else "skin"
+            yield Dataset(name, origin, file.format(stem), kind, sha256, name in _SEEN)
 
 
 DATASETS: Final[dict[str, Dataset]] = {dataset.name: dataset for dataset in _datasets()}

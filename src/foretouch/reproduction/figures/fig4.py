@@ -61,12 +61,13 @@ def make() -> Section:
     h = h_of(beta)
     damped = {name: _damped(*numbers) for name, numbers in LAWS.items()}
     limits = {name: low_damping_limit(*numbers, TOLERANCE) for name, numbers in LAWS.items()}
-    data = {
+    n, alpha = area(101)
+    data: dict[str, Table] = {
         "h": {"beta": beta, "h": h},
-        "gamma": _map(101),
+        "gamma": {"exponent": n.ravel(), "switching": alpha.ravel(), "gamma": loss_exponent(n, alpha).ravel()},
         **{f"impacts-alpha-{alpha:g}": damped[name] for name, (_, alpha) in LAWS.items()},
     }
-    first, last = (next(iter(limits.values())), list(limits.values())[-1])
+    first, *_, last = limits.values()
     text = (
         "Panels (a) and (b) are the paper's: h(beta) and the map of gamma over the area of (5). The contours of (b) "
         "are straight lines through (0, -1), as (14) says; gamma = 3 along the whole edge alpha = 0, gamma = 2 only in "
@@ -82,11 +83,6 @@ def make() -> Section:
     claims = (*_claims_of_theory(h), *_claims_of_impacts(damped, limits))
     figure = _figure(beta, h, damped)
     return Section("fig4", "Fig. 4: energy loss of an impact", text, figure, data, claims)
-
-
-def _map(points: int) -> Table:
-    n, alpha = area(points)
-    return {"exponent": n.ravel(), "switching": alpha.ravel(), "gamma": loss_exponent(n, alpha).ravel()}
 
 
 def _damped(exponent: float, switching: float) -> dict[str, Array]:
@@ -109,7 +105,10 @@ def _claims_of_theory(h: Array) -> tuple[Claim, ...]:
     slope = (n[inside] + 1.0) / alpha[inside]  # k_line of (14)
     by_slope = float(np.abs(gamma[inside] - (3.0 - 2.0 / (slope + 1.0))).max())
     cross = float(np.abs(h / h_of_gamma_functions(np.linspace(0.0, 0.5, h.size)) - 1.0).max())
-    wrong = _quadrature_error(11)
+    wrong = 0.0
+    for point in zip(*(values.ravel().tolist() for values in area(11)), strict=True):
+        law = ContinuousSwitching(4500.0, 100.0, max(point[0], 0.0), point[1])
+        wrong = max(wrong, abs(float(energy_loss(law, 1.0, 0.3)) / energy_loss_by_quadrature(law, 1.0, 0.3) - 1.0))
     return (
         Claim(
             "gamma lies in [2, 3] over the area of (5), with Kelvin-Voigt and Hunt-Crossley as its ends",
@@ -141,15 +140,6 @@ def _claims_of_theory(h: Array) -> tuple[Claim, ...]:
             "closed form against adaptive quadrature on 121 points of (5), upper limit M of (9) read as x_M",
         ),
     )
-
-
-def _quadrature_error(points: int) -> float:
-    """Greatest relative difference of (12) and (9) over the area of (5)."""
-    wrong = 0.0
-    for n, alpha in zip(*(values.ravel().tolist() for values in area(points)), strict=True):
-        law = ContinuousSwitching(4500.0, 100.0, max(n, 0.0), alpha)
-        wrong = max(wrong, abs(float(energy_loss(law, 1.0, 0.3)) / energy_loss_by_quadrature(law, 1.0, 0.3) - 1.0))
-    return wrong
 
 
 def _claims_of_impacts(damped: dict[str, dict[str, Array]], ends: dict[str, LowDampingError]) -> tuple[Claim, ...]:
@@ -240,10 +230,9 @@ def _draw_map(figure: Any, axes: Any) -> None:
     middle = np.minimum(1.5, 0.96 / beta - 1.0)  # of each line inside the area: s, from which alpha and n follow
     places = np.column_stack([beta * (middle + 1.0), middle - beta * (middle + 1.0)])
     axes.clabel(lines, fmt="%.1f", fontsize=7, manual=[tuple(place) for place in places])
-    axes.plot([1.0], [0.0], "o", color=COLOURS[1], clip_on=False, label=r"Kelvin-Voigt, $\gamma$ = 2")
-    axes.plot(
-        [0.0, 0.0], [1.0, 2.0], color=COLOURS[1], linewidth=3.0, clip_on=False, label=r"Hunt-Crossley, $\gamma$ = 3"
-    )
+    end = {"color": COLOURS[1], "clip_on": False}
+    axes.plot([1.0], [0.0], "o", label=r"Kelvin-Voigt, $\gamma$ = 2", **end)
+    axes.plot([0.0, 0.0], [1.0, 2.0], linewidth=3.0, label=r"Hunt-Crossley, $\gamma$ = 3", **end)
     axes.set(title=r"(b) $\gamma$ over the area of (5)", xlabel=r"switching $\alpha$ [-]", ylabel="exponent n [-]")
     legend(axes, columns=2)
     figure.colorbar(colours, ax=axes, ticks=np.arange(2.0, 3.05, 0.2), label=r"$\gamma$ [-]")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cache
 from typing import Any
 
@@ -102,27 +102,31 @@ def fitted(choice: Choice) -> dict[float, Line]:
     return {switching: recursive_fit(choice, switching) for switching in TABLE_1}
 
 
-def _rounds(line: Line, switching: float) -> bool:
-    return (round(line[0], 2), round(line[1], 3)) == TABLE_1[switching]
-
-
 def make() -> Section:
     """All choices, the nearest to both columns at once, and to each alone."""
     tried = [(choice, fitted(choice)) for choice in choices()]
     apart = np.array([[distance(lines[alpha], alpha) for alpha in TABLE_1] for _, lines in tried])
     both = int(np.argmin(apart.max(axis=1)))
     alone = {alpha: int(np.argmin(apart[:, i])) for i, alpha in enumerate(TABLE_1)}
-    exact = {alpha: [i for i, (_, lines) in enumerate(tried) if _rounds(lines[alpha], alpha)] for alpha in TABLE_1}
+    exact = {
+        alpha: [
+            i
+            for i, (_, lines) in enumerate(tried)
+            if (round(lines[alpha][0], 2), round(lines[alpha][1], 3)) == TABLE_1[alpha]
+        ]
+        for alpha in TABLE_1
+    }
     errors = {alpha: np.abs(_relative(TABLE_1[alpha], alpha)) for alpha in TABLE_1}
     deep = max(error[DEPTHS >= 5e-3].max() for error in errors.values())
     near = min(error[DEPTHS < 2e-3].min() for error in errors.values())
+    in_mm = [line[0] * 1e3**-alpha for alpha, line in TABLE_1.items()]
     text = (
         "The paper fits (17) by recursive least squares over its trajectory of Fig. 5, and leaves open the form of "
         "(17), how long, how often, with how much forgetting and from which P. In metres the numbers are what such "
         f"fits give. {len(tried):,} settings were tried: the nearest to both columns at once "
         f"({tried[both][0]}) gives {_say(tried[both][1][0.3])} and {_say(tried[both][1][0.5])}. Each column alone is "
         "met much better by a setting of its own; but duration and forgetting are two free numbers to meet two with. "
-        f"The table is in metres (in millimetres a1 would be {_in_mm(0.3):.2f} and {_in_mm(0.5):.2f}). Panel (b) is "
+        f"The table is in metres (in millimetres a1 would be {in_mm[0]:.2f} and {in_mm[1]:.2f}). Panel (b) is "
         "what a constant pair costs, the printed one and a fit of x^(1-alpha) over even depths: the printed "
         f"ones are within {100.0 * deep:.0f} % of x^-alpha beyond 5 mm, and more than {100.0 * near:.0f} % wrong at "
         "every depth under 2 mm."
@@ -140,10 +144,7 @@ def make() -> Section:
     )
     data = {
         "search": {
-            **{
-                name: np.array([getattr(choice, name) for choice, _ in tried])
-                for name in ("duration", "rate", "noise", "power", "forgetting_factor", "covariance")
-            },
+            **{one.name: np.array([getattr(choice, one.name) for choice, _ in tried]) for one in fields(Choice)},
             **{
                 f"a{i + 1}_alpha_{alpha:g}": np.array([lines[alpha][i] for _, lines in tried])
                 for alpha in TABLE_1
@@ -170,11 +171,6 @@ def _claim_alone(
         verdict_of(choice=off < CLOSE),
         f"choice: {choice}, metres; within {100.0 * CLOSE:g} % counts as met",
     )
-
-
-def _in_mm(alpha: float) -> float:
-    """Printed a1 [mm^-alpha]."""
-    return float(TABLE_1[alpha][0] * 1e3**-alpha)
 
 
 def _say(line: Line) -> str:

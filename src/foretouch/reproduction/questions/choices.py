@@ -209,20 +209,19 @@ def make() -> Section:
     most = min(range(len(held)), key=lambda index: (-held[index], len(found.choices[index].departures)))
     missing = [name for name in QUESTIONS if not found.holds[name][most]]
     never = [name for name, holds in found.holds.items() if not holds.any()]
+    noise = noise_shares()
+    counts = "; ".join(
+        f"{level:g} N: " + ", ".join(str(round(SEEDS * share)) for share in shares.values())
+        for level, shares in noise.items()
+    )
     text = (
         f"{len(held)} combinations of what the paper leaves open, each on all four simulations; the figure shows for "
         "every value of every choice the share of its combinations under which a claim holds. Recovery after sudden "
         "changes takes depths in metres and P enlarged before the gain, whatever the rest; P0 and theta_0 decide "
         f"how soon k and s are found. No combination gives {len(never)} of the {len(QUESTIONS)} claims "
-        f"({'; '.join(QUESTIONS[name].claim for name in never)})."
+        f"({'; '.join(QUESTIONS[name].claim for name in never)}). With force noise the claims of Fig. 7a hold, each "
+        f"under its best choice and in the order of the rows, in so many of {SEEDS} runs: {counts}."
     )
-    noise = noise_shares()
-    text += " With force noise the claims of Fig. 7a hold, each under its best choice and in the order of the rows, in "
-    text += f"so many of {SEEDS} runs: " + "; ".join(
-        f"{level:g} N: " + ", ".join(str(round(SEEDS * share)) for share in shares.values())
-        for level, shares in noise.items()
-    )
-    text += "."
     claims = (
         Claim(
             "One setting of the estimator gives all of Figs. 7 and 8",
