@@ -109,12 +109,8 @@ def make() -> Section:
     both = int(np.argmin(apart.max(axis=1)))
     alone = {alpha: int(np.argmin(apart[:, i])) for i, alpha in enumerate(TABLE_1)}
     exact = {
-        alpha: [
-            i
-            for i, (_, lines) in enumerate(tried)
-            if (round(lines[alpha][0], 2), round(lines[alpha][1], 3)) == TABLE_1[alpha]
-        ]
-        for alpha in TABLE_1
+        alpha: sum((round(lines[alpha][0], 2), round(lines[alpha][1], 3)) == printed for _, lines in tried)
+        for alpha, printed in TABLE_1.items()
     }
     errors = {alpha: np.abs(_relative(TABLE_1[alpha], alpha)) for alpha in TABLE_1}
     deep = max(error[DEPTHS >= 5e-3].max() for error in errors.values())
@@ -160,14 +156,14 @@ def make() -> Section:
 
 
 def _claim_alone(
-    alpha: float, tried: list[tuple[Choice, dict[float, Line]]], apart: Array, exact: list[int], nearest: int
+    alpha: float, tried: list[tuple[Choice, dict[float, Line]]], apart: Array, exact: int, nearest: int
 ) -> Claim:
     choice, lines = tried[nearest]
     off = float(apart[nearest, list(TABLE_1).index(alpha)])
     return Claim(
         f"Table 1: a1 and a2 for alpha = {alpha:g} alone",
         f"{TABLE_1[alpha][0]:g}, {TABLE_1[alpha][1]:g}",
-        f"{_say(lines[alpha])} ({100.0 * off:.1f} % off); {len(exact)} of the settings round to the printed digits",
+        f"{_say(lines[alpha])} ({100.0 * off:.1f} % off); {exact} of the settings round to the printed digits",
         verdict_of(choice=off < CLOSE),
         f"choice: {choice}, metres; within {100.0 * CLOSE:g} % counts as met",
     )
