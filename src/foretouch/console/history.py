@@ -79,19 +79,18 @@ def window_of(sequence: NDArray[np.int64], columns: Array, now: float, seconds: 
     sequence, columns, time = sequence[inside], columns[inside], time[inside]
     if len(sequence) == 0:
         return empty_window()
-    true = columns[:, 9]
-    away = (columns[:, 10] > 0.0) | _never_applied(sequence, true)
+    bridged, never_applied = _bridged(sequence, columns[:, 9])
+    true, away = columns[:, 9], (columns[:, 10] > 0.0) | never_applied
     contact = (true > CONTACT_FLOOR) & np.isfinite(columns[:, 1]) & ~away
     prediction_error, delayed_error, rendered_error = (
         _error(columns[contact, column], true[contact]) for column in (1, 2, 4)
     )
     stride = 1 << max(0, math.ceil(math.log2(len(sequence) / points)))  # a power of two: it seldom changes
     shown = sequence % stride == 0
-    true = _bridged(sequence, true)[shown]
     drawn = columns[shown].T
     return Window(
-        time[shown], drawn[1], drawn[2], true, prediction_error, delayed_error, drawn[3], drawn[4], drawn[5], drawn[6],
-        drawn[7], drawn[8], away[shown], rendered_error,
+        time[shown], drawn[1], drawn[2], bridged[shown], prediction_error, delayed_error, drawn[3], drawn[4],
+        drawn[5], drawn[6], drawn[7], drawn[8], away[shown], rendered_error,
     )  # fmt: skip
 
 
@@ -102,33 +101,21 @@ def _error(force: Array, true: Array) -> float:
     return float(100.0 * np.sqrt(np.mean((force - true) ** 2) / np.mean(true**2)))
 
 
-def _never_applied(sequence: NDArray[np.int64], true: Array) -> NDArray[np.bool_]:
-    """Which commands lie in a gap that no line bridges: the robot went on, and never took them."""
-    here, before = _neighbours(true)
-    wide: NDArray[np.bool_] = np.isnan(true) & (here > before) & (sequence[here] - sequence[before] > LARGEST_GAP)
-    return wide
+def _bridged(sequence: NDArray[np.int64], true: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """The true force with straight lines over commands that were never applied, where only a few are missing.
 
-
-def _neighbours(true: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Of each sample the next that is known, and the last before that; the same twice at the ends and with none."""
-    known = np.flatnonzero(np.isfinite(true))
+    And which commands lie in a gap that no line bridges: the robot went on, and never took them.
+    """
+    finite = np.isfinite(true)
+    known = np.flatnonzero(finite)
     if len(known) == 0:
-        return np.zeros(len(true), np.int64), np.zeros(len(true), np.int64)
+        return true, np.zeros(len(true), np.bool_)
     after = np.searchsorted(known, np.arange(len(true)))
-    inside = (after > 0) & (after < len(known))
-    here = known[np.minimum(after, len(known) - 1)]
-    return here, np.where(inside, known[np.maximum(after - 1, 0)], here)
-
-
-def _bridged(sequence: NDArray[np.int64], true: Array) -> Array:
-    """The true force with straight lines over commands that were never applied, where only a few are missing."""
-    known = np.isfinite(true)
-    if not known.any():
-        return true
-    here, before = _neighbours(true)
-    between = (here > before) & (sequence[here] - sequence[before] <= LARGEST_GAP)
-    bridged: Array = np.interp(sequence, sequence[known], true[known])
-    return np.where(np.isfinite(true), true, np.where(between, bridged, NAN))
+    between = ~finite & (after > 0) & (after < len(known))
+    here, before = known[np.minimum(after, len(known) - 1)], known[np.maximum(after - 1, 0)]
+    near = sequence[here] - sequence[before] <= LARGEST_GAP
+    lines: Array = np.interp(sequence, sequence[known], true[known])
+    return np.where(between & near, lines, np.where(finite, true, NAN)), between & ~near
 
 
 OVER = 2.5
@@ -139,8 +126,6 @@ MOST = 1024
 """Number of counters kept per side, the newest; each side sends them twice a second."""
 COUNTERS = {"follower": ("commands_lost", CHANNELS["command"].rate), "leader": ("telemetry_lost", 1000.0)}
 """By the side that counts: the counter, and the messages a second of which it counts the lost ones."""
-
-
 LATE_NS = 1_500_000
 """A tick is late if it begins more than this after the one before [ns]."""
 LOOKS = 6
@@ -240,10 +225,6 @@ def _shares(before: Mapping[str, tuple[int, int]], now: Mapping[str, tuple[int, 
     return {side: 100.0 * late / ticks for side, (ticks, late) in made.items() if ticks}
 
 
-COLUMNS = 9
-"""Leader time [s], predicted, delayed force, deviation, rendered force [N], energy, bound, late [J], telemetry."""
-
-
 class History:
     """Ring buffers, addressed by sequence number, so that storing a message costs the same however many came before.
 
@@ -253,21 +234,18 @@ class History:
 
     def __init__(self, length: int = 8192) -> None:
         self._length = length
-        self._newest = 0
-        self._sequence = np.zeros(length, np.int64)
-        self._rows = np.full((length, COLUMNS), np.nan)
-        self._true_sequence = np.zeros(length, np.int64)
-        self._true = np.full(length, np.nan)
-        self._away = np.zeros(length)  # whether the robot then did something else than follow
-        self._position_sequence = np.zeros(length, np.int64)
-        self._position = np.full(length, np.nan)
+        self._newest = self._applied = 0
+        # Of each row the sequence of what it holds: a leader's tick, what a command felt, a telemetry.
+        self._sequence, self._true_sequence, self._position_sequence = np.zeros((3, length), np.int64)
+        self._rows = np.full((length, 9), NAN)  # the first columns of `window_of`, and the telemetry heard last
+        self._true = np.full((length, 2), NAN)  # force, and whether the robot then did something else than follow
+        self._position = np.full(length, NAN)
         self._applied_in = np.zeros(length, np.int64)  # the command that one telemetry answers, 0 for none of ours
-        self._applied = 0
 
     def add_leader(self, state: LeaderState) -> None:
         """Store one leader tick."""
         row = state.sequence % self._length
-        predicted = state.predicted_force if math.isfinite(state.position) else math.nan  # of no motion there is none
+        predicted = state.predicted_force if math.isfinite(state.position) else NAN  # of no motion there is none
         self._rows[row] = (
             state.time_ns * 1e-9,
             predicted,
@@ -279,28 +257,25 @@ class History:
             state.late_energy,
             state.telemetry_sequence,
         )
-        self._sequence[row] = state.sequence
-        self._newest = state.sequence
+        self._sequence[row] = self._newest = state.sequence
 
     def add_telemetry(self, telemetry: Telemetry, *, applies: bool = True) -> None:
         """Store a follower tick, unless another leader's command applies; of several for one command, the first."""
+        applied = telemetry.command_sequence if applies else 0
         row = telemetry.sequence % self._length
-        self._position[row] = telemetry.position
-        self._applied_in[row] = telemetry.command_sequence if applies else 0
+        self._position[row], self._applied_in[row] = telemetry.position, applied
         self._position_sequence[row] = telemetry.sequence
-        applied = telemetry.command_sequence
-        if applies and applied != self._applied and applied > 0:
+        if applied not in (0, self._applied):
             self._applied = applied
             row = applied % self._length
-            self._true[row] = telemetry.force
-            self._away[row] = telemetry.status not in WITH_THE_COMMANDS
+            self._true[row] = telemetry.force, telemetry.status not in WITH_THE_COMMANDS
             self._true_sequence[row] = applied
 
     def follower_position(self, telemetry_sequence: int) -> float:
         """Position [m] in one telemetry, NaN where it is not here."""
         row = telemetry_sequence % self._length
         known = telemetry_sequence > 0 and self._position_sequence[row] == telemetry_sequence
-        return float(self._position[row]) if known else float("nan")
+        return float(self._position[row]) if known else NAN
 
     def window(self, seconds: float = 6.0, points: int = 400, newest: int = 0) -> Window:
         """The newest `seconds` in at most `points` points, always the same ticks while they stay in the window.
@@ -315,11 +290,10 @@ class History:
         sequence = sequence[self._sequence[sequence % self._length] == sequence]
         if len(sequence) == 0:
             return empty_window()
-        rows = self._rows[sequence % self._length]
-        known = self._true_sequence[sequence % self._length] == sequence
-        true = np.where(known, self._true[sequence % self._length], NAN)
-        away = np.where(known, self._away[sequence % self._length], 0.0)
-        columns = np.column_stack([rows[:, :-1], self._round_trips(rows), true, away])
+        place = sequence % self._length
+        rows, known = self._rows[place], self._true_sequence[place] == sequence
+        true = np.where(known[:, None], self._true[place], (NAN, 0.0))
+        columns = np.column_stack([rows[:, :-1], self._round_trips(rows), true])
         return window_of(sequence, columns, float(rows[-1, 0]), seconds, points)
 
     def _round_trips(self, rows: Array) -> Array:

@@ -97,24 +97,19 @@ def trace_of(
         seconds: How far back.
     """
     times: list[float] = []
-    found: list[ModelFigures] = []
+    shown: list[ModelFigures] = []
     for time, sequence in adopted:
         if not now - seconds <= time <= now or (times and time - times[-1] < SPACING):
             continue
-        one = figures(sequence)
-        if one is not None:
+        if (one := figures(sequence)) is not None:
             times.append(time)
-            found.append(one)
-    names = found[-1].names if found else ()
-    unknown, shape = (NAN,) * len(names), (len(found), len(names))
-    return ModelTrace(
-        np.array(times) - now,
-        np.array([one.stiffness for one in found]),
-        np.array([one.deviation for one in found]),
-        names,
-        np.array([one.parameters if one.names == names else unknown for one in found]).reshape(shape),
-        np.array([one.errors if one.names == names else unknown for one in found]).reshape(shape),
-    )
+            shown.append(one)
+    names = shown[-1].names if shown else ()
+    unknown = ((NAN,) * len(names),) * 2
+    laws = [(one.parameters, one.errors) if one.names == names else unknown for one in shown]
+    parameters, errors = np.array(laws).reshape(len(shown), 2, len(names)).transpose(1, 0, 2)
+    stiffness, deviation = np.array([(one.stiffness, one.deviation) for one in shown]).reshape(-1, 2).T
+    return ModelTrace(np.array(times) - now, stiffness, deviation, names, parameters, errors)
 
 
 class ModelsSeen:
@@ -134,10 +129,9 @@ class ModelsSeen:
         if update.run != self._run:  # a process that began anew counts from 1 again
             self._run = update.run
             self._updates, self._figures = {}, {}
-        updates = self._updates
-        updates[update.sequence] = update
-        if len(updates) > MOST:
-            updates.pop(next(iter(updates)))
+        self._updates[update.sequence] = update
+        if len(self._updates) > MOST:
+            self._updates.pop(next(iter(self._updates)))
 
     def adopt(self, time: float, sequence: int) -> None:
         """Store which model is the leader's newest at a time [s]."""
@@ -147,7 +141,6 @@ class ModelsSeen:
 
     def trace(self, depth: float, seconds: float, now: float) -> ModelTrace:
         """The last seconds before a moment [s] at a depth [m]; those that the leader rendered from."""
-        adopted = tuple(self._adopted)
 
         def figures(sequence: int) -> ModelFigures | None:
             key = (sequence, depth)
@@ -160,4 +153,4 @@ class ModelsSeen:
                 self._figures[key] = figures_of(update, depth)
             return self._figures[key]
 
-        return trace_of(adopted, figures, now, seconds)
+        return trace_of(tuple(self._adopted), figures, now, seconds)

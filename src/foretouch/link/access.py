@@ -80,6 +80,24 @@ def check_endpoint(endpoint: str, *, insecure: bool = False) -> None:
         )
 
 
+def bind_error(host: str, port: int, family: int = socket.AF_UNSPEC) -> OSError | None:
+    """Why a server could not listen there now; None where it could.
+
+    Args:
+        host: Name or address.
+        port: TCP port.
+        family: Family of addresses, ``socket.AF_INET`` or another; any where none is given.
+    """
+    try:
+        kind, _, _, _, address = socket.getaddrinfo(host, port, family, socket.SOCK_STREAM)[0]
+        with socket.socket(kind, socket.SOCK_STREAM) as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind(address)
+    except OSError as error:
+        return error
+    return None
+
+
 def check_port_free(endpoint: str) -> None:
     """Refuse to listen on an endpoint that is already in use.
 
@@ -87,15 +105,22 @@ def check_port_free(endpoint: str) -> None:
         LinkError: The port is in use, or the address is not this machine's.
     """
     _, host, port = _parse(endpoint)
-    try:
-        family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
-        with socket.socket(family, socket.SOCK_STREAM) as probe:
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            probe.bind(address)
-    except OSError as error:
-        if error.errno == errno.EADDRINUSE:
-            raise LinkError(f"port {port} on {host} is in use: choose another one, or end what uses it") from None
-        raise LinkError(f"cannot listen on {endpoint}: {error.strerror or error}") from None
+    error = bind_error(host, port)
+    if error is not None and error.errno == errno.EADDRINUSE:
+        raise LinkError(f"port {port} on {host} is in use: choose another one, or end what uses it")
+    if error is not None:
+        raise LinkError(f"cannot listen on {endpoint}: {error.strerror or error}")
+
+
+def free_port(host: str = "127.0.0.1") -> int:
+    """A TCP port of this machine that is free at this moment.
+
+    Args:
+        host: Address.
+    """
+    with socket.socket() as probe:
+        probe.bind((host, 0))
+        return int(probe.getsockname()[1])
 
 
 def free_endpoint(kind: str = "tcp") -> str:
@@ -104,9 +129,7 @@ def free_endpoint(kind: str = "tcp") -> str:
     Args:
         kind: ``"tcp"`` or ``"tls"``.
     """
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"{kind}/127.0.0.1:{probe.getsockname()[1]}"
+    return f"{kind}/127.0.0.1:{free_port()}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ import numpy as np
 
 from foretouch.console.history import NAN, Window
 from foretouch.console.models_seen import ModelTrace
-from foretouch.console.plots import SECONDS, Curve, Row, TimePlot, number, put, table
+from foretouch.console.plots import SECONDS, Curve, Row, TimePlot, inset, number, put, table
 from foretouch.console.watched import Watched
 from foretouch.errors import InputError
 from foretouch.messages import ModelUpdate
@@ -43,7 +43,7 @@ class EnergyPanel:
             Row("Beside it, by late ticks and missing positions", number(float(window.late_energy[-1] * 1e3), "mJ")),
             Row(f"Smallest margin, last {SECONDS:.0f} s", number(float((energy - least).min()), "mJ", 3)),
         )
-        self._text.content = f'<div style="padding:0 12px">{table(rows)}</div>'
+        self._text.content = inset(table(rows))
 
 
 LARGEST_DRAWN = 15.0
@@ -87,10 +87,8 @@ class ForcePanel:
 
     def __init__(self, gui: Any) -> None:
         curves = (TRUE, PREDICTED, DELAYED, RENDERED, AWAY, PREDICTED_AGAIN, DELAYED_AGAIN)
-        title = f"Contact force [N], drawn up to {LARGEST_DRAWN:.0f} N"
-        self._plot = TimePlot(
-            gui, title, curves, height=138, least=LEAST_AXIS, time="time of your motion before now [s]"
-        )
+        title, time = f"Contact force [N], drawn up to {LARGEST_DRAWN:.0f} N", "time of your motion before now [s]"
+        self._plot = TimePlot(gui, title, curves, height=138, least=LEAST_AXIS, time=time)
         self._text = gui.add_html("")
 
     def plot(self, window: Window, other: Window | None = None) -> None:
@@ -133,11 +131,11 @@ def numbers_html(n: Numbers) -> str:
         f"<b>{html.escape(warning)}</b></div>"
         for warning in n.warnings
     )
-    return (
-        f'<div style="padding:0 12px">{warnings}{table(rows, heads)}'
+    return inset(
+        f"{warnings}{table(rows, heads)}"
         '<div style="color:#555;padding-top:2px;line-height:1.3;font-size:0.93em;overflow-wrap:anywhere">'
         f'<div style="min-height:3.9em">{html.escape(n.status)}</div>'
-        f'<span style="font-size:0.9em">{html.escape(n.names)}</span></div></div>'
+        f'<span style="font-size:0.9em">{html.escape(n.names)}</span></div>'
     )
 
 
@@ -243,11 +241,8 @@ class ModelPanel:
                 label = f"{SYMBOLS.get(name, '')} {name}{f' [{unit}]' if unit else ''}".strip()
                 rows.append(Row(label, measured(parameter, error), curve))
         text = "<br>".join(map(html.escape, lines))
-        content = (
-            f'<div style="padding:0 12px">{table(rows)}<div style="font-size:0.85em;line-height:1.4;color:#555">{text}'
-            "</div></div>"
-        )
-        put(self._text, content=content)
+        remarks = f'<div style="font-size:0.85em;line-height:1.4;color:#555">{text}</div>'
+        put(self._text, content=inset(table(rows) + remarks))
 
     def _ratios(self, trace: ModelTrace, columns: np.ndarray) -> list[np.ndarray]:
         """What belongs to each parameter over its newest value; NaN where the law has none, or that value is 0."""
