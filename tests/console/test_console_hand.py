@@ -11,7 +11,7 @@ import pytest
 from console_driver import PRESS_DEPTH, SURFACE
 
 from foretouch.console import Console
-from foretouch.console.panels.figures import RENDERED, numbers_html, numbers_of
+from foretouch.console.panels.figures import RENDERED, numbers_html
 from foretouch.console.panels.panel import felt
 from foretouch.console.views.hold import STROKE
 from foretouch.console.views.probes import UNITS
@@ -57,12 +57,12 @@ def test_a_drag_moves_the_hand_from_where_it_wanted_to_be(shown):
     console.watch(leader(position=0.010, hand=0.036, intended=0.040))
     console._draw_scene(console._watched.at_once(), True)
     taken = 0.010 + 0.5 * 0.004  # where the handle is drawn
-    console._line._dragged(height(taken), True)
+    console._line.drag_to(height(taken), True)
     assert published[-1].held
     assert published[-1].position == pytest.approx(0.040)
-    console._line._dragged(height(taken + 0.003), True)
+    console._line.drag_to(height(taken + 0.003), True)
     assert published[-1].position == pytest.approx(0.046)
-    console._line._dragged(height(taken - 0.002), False)
+    console._line.drag_to(height(taken - 0.002), False)
     assert published[-1].position == pytest.approx(0.036)
     assert not published[-1].held
 
@@ -72,7 +72,7 @@ def test_the_handle_ends_where_a_hand_that_is_pushed_out_still_reaches(shown):
     console.watch(hello(grip="soft"))
     console.watch(leader(position=0.01, hand=0.01, intended=0.01))
     console._draw_scene(console._watched.at_once(), True)
-    console._line._dragged(height(1.0), True)
+    console._line.drag_to(height(1.0), True)
     deepest = SURFACE + 1.2 * (PRESS_DEPTH + INTENDED_FORCE / GRIPS["soft"].stiffness)
     assert published[-1].position == pytest.approx(deepest)
 
@@ -138,10 +138,10 @@ def test_a_hand_that_is_apart_from_the_probe_is_a_ring_in_the_picture_and_no_num
     console.watch(leader(position=0.010, hand=0.0077, intended=0.0077))
     moment = console._watched.at_once()
     console._draw_scene(moment, True)
-    ring, probe = console._line._scene._hand, console._line._scene._probes.probe
+    ring, probe = console._line._hand, console._line._probes.probe
     assert ring.visible
     assert (ring.position[2] - probe.position[2]) / UNITS == pytest.approx(0.0023)  # so much further out
-    said = numbers_html(numbers_of(moment, moment.window(6.0), None, status="", warnings=()))
+    said = numbers_html(moment, moment.window(6.0), None, status="", warnings=())
     assert "hand " not in re.sub(RENDERED.name, "", said)
 
 

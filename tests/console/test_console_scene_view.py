@@ -16,12 +16,12 @@ import numpy as np
 import pytest
 
 from foretouch.console import Console
-from foretouch.console.panels.figures import numbers_html, numbers_of
+from foretouch.console.panels.figures import numbers_html
 from foretouch.console.panels.space import NO_IMAGE, can_draw, missing_image
 from foretouch.console.plots import number
 from foretouch.console.views import shapes as shape
-from foretouch.console.views.fixture import StiffnessScale
 from foretouch.console.views.probes import ANCHORS
+from foretouch.console.views.shapes import scale_edges
 from foretouch.errors import install_command
 from foretouch.messages import VERSION, CameraImage, FollowerSpace, Hello, LeaderSpace, LeaderState
 from foretouch.session.spatial import make_scene
@@ -77,7 +77,7 @@ def test_a_shape_that_is_not_here_is_said_and_no_other_is_drawn(console: Console
     assert console._space._scene is None
     said = shown(console)
     assert "The scene cannot be drawn here: only-there.stl: no such file" in said
-    assert not console._line._scene._root.visible  # nor that of a session along a line
+    assert not console._line._root.visible  # nor that of a session along a line
     say(console, "plane")
     draw(console)
     assert console._space._scene is not None
@@ -151,18 +151,17 @@ def test_nothing_is_not_negative(console: Console) -> None:
     assert number(-2e6, "N") == "over -1000000 N"
     say(console, "plane")
     watched = console._watched
-    numbers = numbers_of(watched, watched.window(6.0), None, status="", warnings=())
-    assert "-0.00" not in numbers_html(numbers._replace(true=0.0, true_age=-0.0, delayed=-1e-4))
+    console.watch(msgspec.structs.replace(state(console), delayed_force=-1e-4))
+    assert "-0.00" not in numbers_html(watched, watched.window(6.0), None, status="", warnings=())
 
 
 @pytest.mark.parametrize(("low", "high"), [(344.0, 400.0), (1.0, 1.0), (4990.0, 5010.0), (300.0, 1750.0)])
 def test_one_material_has_few_colours_and_the_scale_rests(low: float, high: float) -> None:
-    scale = StiffnessScale()
     stiffness = np.linspace(low, high, 60)
-    assert scale.include(stiffness)
-    assert scale.edges[1] - scale.edges[0] >= 0.05 * scale.edges[-1] * (1.0 - 1e-9)
-    assert not scale.include(stiffness)
-    assert not scale.include(stiffness[::-1])
+    edges = scale_edges(np.empty(0), stiffness)
+    assert edges[1] - edges[0] >= 0.05 * edges[-1] * (1.0 - 1e-9)
+    for again in (stiffness, stiffness[::-1]):
+        np.testing.assert_array_equal(scale_edges(edges, again), edges)
 
 
 def waves(x: np.ndarray, y: np.ndarray) -> np.ndarray:

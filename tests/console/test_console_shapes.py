@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from foretouch.console.views import shapes
-from foretouch.console.views.line import height_on_axis
+from foretouch.console.views.line import EDGE, STEPS, Material, height_on_axis
+
+SCENE = SimpleNamespace(add_mesh_simple=lambda name, *mesh, **looks: SimpleNamespace())
 
 
 @pytest.mark.parametrize(
@@ -45,11 +48,11 @@ def test_probe_stands_on_its_tip():
 @settings(derandomize=True, deadline=None, max_examples=30)
 @given(st.floats(-2.0, 2.9))
 def test_material_sinks_under_the_tip_and_nowhere_at_its_edge(depth):
-    material = shapes.Material()
+    material = Material(SCENE)
     top, cut = material.top(depth), material.cut(depth)
     assert top[:, 2].min() == pytest.approx(-max(depth, 0.0), abs=1e-5)
     assert (top[:, 2] <= 1e-6).all()
-    edge = np.hypot(top[:, 0], top[:, 1]) >= shapes.EDGE
+    edge = np.hypot(top[:, 0], top[:, 1]) >= EDGE
     assert edge.any()
     assert top[edge, 2] == pytest.approx(0.0, abs=1e-6)
     # The cut's upper line is the top's edge, and its layers never cross.
@@ -64,11 +67,11 @@ def test_material_sinks_under_the_tip_and_nowhere_at_its_edge(depth):
 
 @pytest.mark.parametrize("depth", [0.0, 0.3, 1.4, 2.9])
 def test_each_part_of_the_surface_has_the_colour_of_how_far_it_has_sunk(depth):
-    material, steps = shapes.Material(), (0.1, 0.4, 0.9, 1.5)
-    parts = material.levels(depth, steps)
+    material = Material(SCENE)
+    parts = material.levels(depth)
     assert sum(map(len, parts)) == len(material.top_faces)
     sunk = -material.top(depth)[:, 2]
-    for faces, low, high in zip(parts, (-1.0, *steps), (*steps, 9.0), strict=True):
+    for faces, low, high in zip(parts, (-1.0, *STEPS), (*STEPS, 9.0), strict=True):
         mean = sunk[faces].reshape(-1, 6).mean(axis=1)  # of both triangles of a quad
         assert ((mean >= low) & (mean <= high)).all()
     assert len(parts[-1]) > 0 or depth < 1.6

@@ -16,15 +16,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from foretouch.console.panels.session import Speech
+from foretouch.console.panels.session import Publisher
 from foretouch.console.panels.space import MARKERS, draw_over, pose_sentence
-from foretouch.console.playback import RecordedWatch
-from foretouch.console.space_heard import SpaceHeard, newest_image
-from foretouch.console.views import fixture
+from foretouch.console.playback import Playback
+from foretouch.console.space_state import SpaceState, newest_image
 from foretouch.console.views import shapes as shape
-from foretouch.console.views.fixture import COLOURS, StiffnessScale, known_share, legend_html, levels_of
 from foretouch.console.views.hold import HOME, REACH, SpaceHold
-from foretouch.console.views.shapes import along, wxyz_of
+from foretouch.console.views.shapes import COLOURS, along, known_share, legend_html, levels_of, scale_edges, wxyz_of
+from foretouch.console.views.space import REACH as DENT_ENDS
+from foretouch.console.views.space import sunk
 from foretouch.console.watched import Watched
 from foretouch.messages import (
     VERSION,
@@ -108,7 +108,7 @@ def test_a_session_along_a_line_has_nothing_in_space() -> None:
 @pytest.mark.parametrize("moment", [0.5, 2.0, 4.321, 5.9])
 def test_a_recording_shows_the_places_of_its_moment(moment: float) -> None:
     log = recorded(LONG)
-    shown = RecordedWatch(log)
+    shown = Playback(log)
     shown.go_to(moment)
     row = log.leader_space[round(moment * 1000)]
     leader = shown.space.leader
@@ -116,9 +116,9 @@ def test_a_recording_shows_the_places_of_its_moment(moment: float) -> None:
     assert leader.sequence == row["sequence"]
     assert (leader.place_x, leader.point_z, leader.fixture_ry) == (row["place_x"], row["point_z"], row["fixture_ry"])
     assert shown.depth == row["depth"]
-    robot = shown.space.heard(shown.heard_sequence)
+    robot = shown.space.follower_at(shown.telemetry_sequence)
     assert robot is not None
-    told = log.follower_space[log.follower_space["sequence"] == shown.heard_sequence][0]
+    told = log.follower_space[log.follower_space["sequence"] == shown.telemetry_sequence][0]
     assert (robot.place_x, robot.force_z) == (told["place_x"], told["force_z"])
     # what is shown of the robot is as old as the network
     assert moment - robot.time_ns * 1e-9 == pytest.approx(FORCE_DELAY, abs=2e-3)
@@ -130,13 +130,13 @@ def test_a_recording_shows_the_places_of_its_moment(moment: float) -> None:
 @pytest.mark.long
 def test_a_recording_shows_what_the_live_console_showed() -> None:
     log, moment = recorded(LONG), 7.2
-    live, shown = heard_until(log, moment), RecordedWatch(log)
+    live, shown = heard_until(log, moment), Playback(log)
     shown.go_to(moment)
     assert live.in_space
-    assert live.heard_sequence == shown.heard_sequence
+    assert live.telemetry_sequence == shown.telemetry_sequence
     assert_same(live.space.leader, shown.space.leader)
-    sequence = live.heard_sequence
-    assert_same(live.space.heard(sequence), shown.space.heard(sequence))
+    sequence = live.telemetry_sequence
+    assert_same(live.space.follower_at(sequence), shown.space.follower_at(sequence))
     field = live.space.field(sequence)
     assert field is not None
     assert field == shown.space.field(sequence)
@@ -160,15 +160,15 @@ def test_an_image_is_shown_late_and_the_one_of_another_process_never() -> None:
 
 
 def test_a_robot_that_begins_anew_is_not_mixed_with_the_one_before() -> None:
-    space = SpaceHeard()
+    space = SpaceState()
     numbers = (0.0,) * 19
     for sequence in (5, 6):
         space.take(FollowerSpace(VERSION, sequence, sequence, *numbers, run=1), 0.0, 0)
     space.take(FieldUpdate(VERSION, 1, 5, b"first", run=1), 0.0, 0)
     assert space.field(6) is not None
     space.take(FollowerSpace(VERSION, 1, 1, *numbers, run=2), 1.0, 0)
-    assert space.heard(6) is None
-    assert space.heard(1) is not None
+    assert space.follower_at(6) is None
+    assert space.follower_at(1) is not None
     assert space.field(1) is None
 
 
@@ -179,7 +179,7 @@ def test_what_ages_the_pose_is_said() -> None:
     belief, leader = watched.space.belief, watched.space.leader
     assert belief is not None
     assert leader is not None
-    heard = watched.space.belief_heard
+    heard = watched.space._belief_received
     assert pose_sentence(watched, heard).lower().rstrip(".") == belief.reason.lower().rstrip(".")
     assert "silent for 2.5 s" in pose_sentence(watched, heard + 2.5)
     watched.settings = {**log.settings, "fusion": "none"}
@@ -193,18 +193,18 @@ def test_what_ages_the_pose_is_said() -> None:
 
 @given(st.lists(st.floats(1.0, 1e5), min_size=1, max_size=40))
 def test_a_scale_holds_what_was_learnt_in_round_steps_and_never_shrinks(values: list[float]) -> None:
-    scale = StiffnessScale()
+    edges = np.empty(0)
     before = (math.inf, -math.inf)
     for count in range(1, len(values) + 1):
-        scale.include(np.array(values[:count]))
+        edges = scale_edges(edges, np.array(values[:count]))
         low, high = np.percentile(values[:count], (2.0, 98.0))
-        assert scale.edges[0] <= low * (1.0 + 1e-9)
-        assert scale.edges[-1] >= high * (1.0 - 1e-9)
-        assert scale.edges[0] <= before[0]
-        assert scale.edges[-1] >= before[1]
-        np.testing.assert_allclose(np.diff(scale.edges), scale.edges[1] - scale.edges[0], rtol=1e-9)
-        before = (scale.edges[0], scale.edges[-1])
-    assert len(scale.edges) == len(COLOURS) + 1
+        assert edges[0] <= low * (1.0 + 1e-9)
+        assert edges[-1] >= high * (1.0 - 1e-9)
+        assert edges[0] <= before[0]
+        assert edges[-1] >= before[1]
+        np.testing.assert_allclose(np.diff(edges), edges[1] - edges[0], rtol=1e-9)
+        before = (edges[0], edges[-1])
+    assert len(edges) == len(COLOURS) + 1
 
 
 def test_the_colours_get_darker_with_stiffness() -> None:
@@ -255,11 +255,11 @@ def test_the_surface_is_fine_enough_and_still_the_same(name: str) -> None:
 def test_the_dent_is_as_deep_as_the_probe_and_ends() -> None:
     vertices, _ = shape.refined(*make_scene("plane").surface.outline())
     middle = vertices[np.argmin(((vertices - vertices.mean(axis=0)) ** 2).sum(axis=1))]
-    bent, sinking = fixture.sunk(vertices, middle, (0.0, 0.0, 1.0), 0.004)
+    bent, sinking = sunk(vertices, middle, (0.0, 0.0, 1.0), 0.004)
     assert sinking.max() == pytest.approx(0.004)
-    far = np.linalg.norm(vertices - middle, axis=1) >= fixture.REACH
+    far = np.linalg.norm(vertices - middle, axis=1) >= DENT_ENDS
     np.testing.assert_array_equal(bent[far], vertices[far])
-    assert not fixture.sunk(vertices, middle, (0.0, 0.0, 1.0), -0.01)[1].any()
+    assert not sunk(vertices, middle, (0.0, 0.0, 1.0), -0.01)[1].any()
 
 
 @given(st.tuples(*[st.floats(-3.0, 3.0)] * 3))
@@ -303,7 +303,7 @@ def held() -> tuple[SpaceHold, list[Handle], LeaderSpace]:
     watched = heard_until(recorded(SHORT), 1.0)
     said: list[Any] = []
     assert watched.space.leader is not None
-    return SpaceHold(watched, Speech(said.append)), said, watched.space.leader
+    return SpaceHold(watched, Publisher(said.append)), said, watched.space.leader
 
 
 def test_a_drag_moves_the_hand_by_as_much_from_where_it_was() -> None:
@@ -346,7 +346,7 @@ def test_strokes_move_the_hand_and_let_go() -> None:
 
 def test_beliefs_are_told_by_the_clock_of_the_robot() -> None:
     log = recorded(SHORT)
-    shown = RecordedWatch(log)
+    shown = Playback(log)
     shown.go_to(1.0)
     belief, robot = shown.space.belief, shown.space.follower
     assert isinstance(belief, FixtureBelief)
@@ -362,8 +362,8 @@ def test_recordings_on_disk_hold_it_all(tmp_path: Path) -> None:
         for message in messages_of(log):
             writer.write(message, message.time_ns)
         writer.close(log.counts)
-    ours, theirs = RecordedWatch(read_session(path)), RecordedWatch(log)
+    ours, theirs = Playback(read_session(path)), Playback(log)
     for one in (ours, theirs):
         one.go_to(1.0)
     assert_same(ours.space.leader, theirs.space.leader)
-    assert ours.space.field(ours.heard_sequence) == theirs.space.field(theirs.heard_sequence) == field
+    assert ours.space.field(ours.telemetry_sequence) == theirs.space.field(theirs.telemetry_sequence) == field

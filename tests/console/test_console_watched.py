@@ -231,7 +231,7 @@ def test_nobody_takes_back_a_warning() -> None:
     heard.take(hello("supervisor", supervised="yes", recording="a.mcap", insecure="", recorder_failed=""), NOW)
     heard.take(hello("leader", leader="bob", recorder_failed="", recording="", insecure="no"), NOW)
     assert warnings(heard, NOW) == (INSECURE, "The recording is not all there: the disk is full")
-    assert heard.said("supervisor", "recording") == "a.mcap"
+    assert heard.reported("supervisor", "recording") == "a.mcap"
 
 
 def test_a_recording_that_is_not_all_there_is_said_and_so_is_a_recorder_that_is_gone() -> None:

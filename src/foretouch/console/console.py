@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from foretouch.console.gate import Entrance, make_gated_server
-from foretouch.console.gate.entrance import free_port, require_free_port
-from foretouch.console.panels.figures import describe, numbers_of
-from foretouch.console.panels.panel import CHOOSE_RECORDING, INSTRUCTION, WATCH_RECORDING, Actions, Panel, felt
-from foretouch.console.panels.session import NetworkFaults, Speech
+from foretouch.console.gate.entrance import require_free_port
+from foretouch.console.panels.figures import describe, numbers_html
+from foretouch.console.panels.panel import CHOOSE_RECORDING, INSTRUCTION, WATCH_RECORDING, Panel, felt
+from foretouch.console.panels.session import CHOICES, Actions, NetworkFaults, Publisher
 from foretouch.console.panels.stop import ASKING, LATCHED, READY, UNABLE, EmergencyCall
 from foretouch.console.playback import Library
 from foretouch.console.plots import SECONDS
@@ -32,10 +32,11 @@ from foretouch.console.sentences import (
 from foretouch.console.views.hold import Hold, SpaceHold
 from foretouch.console.views.line import LineView
 from foretouch.console.views.space import SPACE_INSTRUCTION, SpaceView
-from foretouch.console.watched import SUPERVISOR, Watched
+from foretouch.console.watched import Watched
 from foretouch.errors import MissingExtraError, one_line
 from foretouch.link import new_press
-from foretouch.messages import Message, Status, Telemetry
+from foretouch.link.access import free_port
+from foretouch.messages import Choice, EmergencyStop, Message, Settings, Status, Stop, Telemetry
 
 ROUND_PERIOD, PLOT_PERIOD, TEXT_PERIOD, LIST_PERIOD = 1 / 30, 1 / 12, 1 / 6, 2.0
 """How often it is looked whether a picture is due, and forces, numbers with the other plots, and the list of recordings
@@ -50,7 +51,6 @@ ANSWERS = (Status.STOPPED, Status.SHADOW)
 """Statuses that answer a request for an emergency stop: the robot has stopped, or cannot be stopped from here."""
 INTRODUCTION = {"position_delay", "force_delay", "operator"}
 """Settings that both sides must have sent before the panel describes the session."""
-CHOICES = ("material", "operator", "grip")
 
 
 class Console:
@@ -103,23 +103,22 @@ class Console:
             self._server: Any = make_gated_server(host, port, self._entrance)
         except ImportError:
             raise MissingExtraError("viser", "console") from None
+        self.base, self._live = self._entrance.base, live
         self.trouble = self._standing = ""
         self._ending = ""  # that the session ends, or has ended, in a sentence
         self._watched = Watched()
-        self._speech = Speech(publish)
+        self._publisher = Publisher(publish)
         folders = (recordings,) if isinstance(recordings, Path | str) else recordings
         self._library = Library([Path(folder) for folder in folders])
-        self._said: dict[str, str] = {}  # what the panel was introduced with
-        self.base = self._entrance.base
+        self._introduced: dict[str, str] = {}  # what the panel was introduced with
         self._press = 0  # the number of the press that is asked for
-        self._emergency = EmergencyCall(lambda: self._speech.emergency(self._press))
-        self._line = LineView(self._server, self._watched, Hold(self._watched, self._speech))
-        self._live = live
+        self._emergency = EmergencyCall(self._ask_to_stop)
+        self._line = LineView(self._server, self._watched, Hold(self._watched, self._publisher))
         self._panel = Panel(self._server, self._actions(), live=live)
-        space_hold = SpaceHold(self._watched, self._speech)
+        space_hold = SpaceHold(self._watched, self._publisher)
         self._space = SpaceView(self._server, self._panel.image, self._panel.tabs, space_hold)
         self._server.on_client_disconnect(self._browser_gone)
-        self._next_scene = self._next_plot = self._next_text = self._next_list = self._next_look = 0.0
+        self._next: dict[str, float] = {}  # when each is due again
 
     @property
     def url(self) -> str:
@@ -129,7 +128,7 @@ class Console:
     def watch(self, message: Message) -> None:
         """Take note of one message; costs some microseconds, never waits. Call it from one thread."""
         self._watched.take(message, time.monotonic())
-        if self._emergency.asking and isinstance(message, Telemetry) and message.status in ANSWERS:
+        if isinstance(message, Telemetry) and message.status in ANSWERS and self._emergency.asking:
             self._emergency.answered()
 
     def run(self, should_stop: Callable[[], bool]) -> None:
@@ -156,11 +155,9 @@ class Console:
         try:
             self._holding.keep_alive(now)
             self._play_on(now)
-            if now >= self._next_look:
-                self._next_look = now + LOOK_PERIOD
+            if self._due("look", now, LOOK_PERIOD):
                 self._watched.lateness.look()
-            if due and now >= self._next_scene:
-                self._next_scene = now + 1.0 / self._watched.lateness.pictures - 0.5 * ROUND_PERIOD
+            if due and self._due("scene", now, 1.0 / self._watched.lateness.pictures - 0.5 * ROUND_PERIOD):
                 self._draw(now)
         except Exception as error:
             self.trouble = f"{type(error).__name__}: {one_line(error)}"
@@ -168,6 +165,13 @@ class Console:
             self._show_alarm(now)
         if due:
             self._panel.alarm.beat(now, self._watched.lateness.pictures)
+
+    def _due(self, what: str, now: float, period: float) -> bool:
+        """Whether something is to be done now, and then after a period [s] again."""
+        due = now >= self._next.get(what, 0.0)
+        if due:
+            self._next[what] = now + period
+        return due
 
     def _play_on(self, now: float) -> None:
         """Let the recording that is looked at go on; one that cannot be shown is looked at no more."""
@@ -182,22 +186,16 @@ class Console:
             raise
 
     def _draw(self, now: float) -> None:
-        """The scene, and of the rest what is due: all of one moment."""
         live = self._library.playback is None
         shown = self._shown.at_once()
-        names = None
-        if now >= self._next_list:
-            self._next_list = now + LIST_PERIOD
-            names = self._library.names()
+        names = self._library.names() if self._due("list", now, LIST_PERIOD) else None
         with self._server.atomic():
             self._draw_scene(shown, live, useful=not self._hindrance(now))
             if names is not None:
                 self._panel.recordings.list(names, self._library.where)
-            if now >= self._next_plot:
-                self._next_plot = now + PLOT_PERIOD
+            if self._due("plot", now, PLOT_PERIOD):
                 self._plot(shown)
-            if now >= self._next_text:
-                self._next_text = now + TEXT_PERIOD
+            if self._due("text", now, TEXT_PERIOD):
                 self._write(shown, now)
 
     def close(self, *, ended: bool = False) -> None:
@@ -220,11 +218,11 @@ class Console:
 
     def _actions(self) -> Actions:
         return Actions(
-            faults=self._speech.settings,
+            faults=lambda faults: self._publisher.send(Settings, **faults._asdict()),
             clutch=self._toggle_clutch,
             end=self._stop,
             emergency=self._press_emergency,
-            choose=lambda name, value: self._speech.choice(**{name: value}),
+            choose=lambda name, value: self._publisher.send(Choice, **{name: value}),
             record=self._toggle_recording,
             open=self._library.open,
             play=self._toggle_playing,
@@ -236,12 +234,8 @@ class Console:
 
     def _step(self, way: float) -> None:
         """A stroke of a key moves the hand in by a way [m]; there is none in a recording."""
-        if self._library.playback is not None or not self._by_mouse:
-            return
-        if self._watched.in_space:
-            self._space.hold.stroke((0.0, 0.0, -way))
-        else:
-            self._line.hold.step(way)
+        if self._library.playback is None and self._by_mouse:
+            self._holding.stroke((0.0, 0.0, -way) if self._watched.in_space else way)
 
     def _toggle_clutch(self, browser: int | None = None) -> None:
         pressed = self._holding.clutched  # one that is pressed is let go of while a recording is looked at, too
@@ -255,7 +249,8 @@ class Console:
 
     def _toggle_recording(self) -> None:
         if self._watched.supervised(time.monotonic()):
-            self._speech.choice(record="stop" if self._watched.said(SUPERVISOR, "recording") else "start")
+            recording = self._watched.reported("supervisor", "recording")
+            self._publisher.send(Choice, record="stop" if recording else "start")
 
     def _toggle_playing(self) -> None:
         if (playback := self._library.playback) is not None:
@@ -268,7 +263,7 @@ class Console:
 
     def _stop(self) -> None:
         self._ending = ENDING_INSTRUCTION
-        self._speech.stop()
+        self._publisher.send(Stop, reason="ended in the console")
         self._panel.session.ending()
 
     def _press_emergency(self) -> None:
@@ -279,17 +274,17 @@ class Console:
         self._emergency.press()
         self._show_alarm(time.monotonic())
 
+    def _ask_to_stop(self) -> None:
+        self._publisher.send(EmergencyStop, reason="pressed in the console", press=self._press)
+
     # Display of the session, or of a recording.
 
     @property
     def _shown(self) -> Watched:
-        """What is drawn: the session, or the recording that is looked at."""
-        playback = self._library.playback
-        return self._watched if playback is None else playback.shown
+        return self._library.playback or self._watched
 
     @property
     def _holding(self) -> Hold:
-        """The handle along a line, or that in space."""
         return self._space.hold if self._watched.in_space else self._line.hold
 
     @property
@@ -297,7 +292,6 @@ class Console:
         return self._live and self._watched.operator == "browser"
 
     def _hindrance(self, now: float) -> str:
-        """Why pressing cannot help now, "" where it can."""
         return self._ending or (hindrance(self._watched, now) if self._live else CHOOSE_RECORDING)
 
     def _draw_scene(self, shown: Watched, live: bool, *, useful: bool = True) -> None:
@@ -321,7 +315,7 @@ class Console:
         status = self._status(now) if playback is None else "A recording is shown; see the tab Recordings."
         unseen = (self._space.problem,) if shown.in_space and self._space.problem else ()
         notes = (*unseen, *warnings(self._watched, now))
-        panel.forces.write(numbers_of(shown, window, other, status=status, warnings=notes))
+        panel.forces.write(numbers_html(shown, window, other, status=status, warnings=notes))
         panel.network.draw(window, shown.loss_trace(SECONDS, now))
         panel.energy.draw(window)
         lines = () if shown.model is None else describe(shown.model)
@@ -338,21 +332,20 @@ class Console:
         watched, settings = self._watched, self._watched.settings
         live = self._library.playback is None
         supervised = watched.supervised(now)
-        self._library.being_written = watched.said(SUPERVISOR, "recording") if supervised else ""
+        self._library.being_written = watched.reported("supervisor", "recording") if supervised else ""
         self._panel.session.show(
             {name: settings[name] for name in CHOICES if name in settings},
             offered=supervised and live and not self._ending,
             recording=self._library.being_written,
-            refused=watched.said(SUPERVISOR, "refused"),
+            refused=watched.reported("supervisor", "refused"),
         )
         self._panel.network.offer(live)
         self._instruct(live, now)
-        said = {name: settings.get(name, "") for name in NetworkFaults._fields}
-        if said == self._said or not settings.keys() >= INTRODUCTION:
-            return
-        new = [name for name in said if said[name] != self._said.get(name)]
-        self._said = said
-        self._panel.network.put({name: watched.setting(name, 0.0) for name in new})
+        if settings.keys() >= INTRODUCTION:
+            texts = {name: settings.get(name, "") for name in NetworkFaults._fields}
+            new = dict(texts.items() - self._introduced.items())
+            self._introduced = texts
+            self._panel.network.put({name: watched.setting(name, 0.0) for name in new})
 
     def _instruct(self, live: bool, now: float) -> None:
         """Show what there is to do, and which hand the force moves."""
@@ -367,15 +360,12 @@ class Console:
         self._panel.instruct(instruction if live else WATCH_RECORDING, felt(watched.grip, by_mouse))
 
     def _show_alarm(self, now: float) -> None:
-        """How far an emergency stop is, and what is urgent."""
-        watched = self._watched
-        label = LATCHED if watched.stopped else UNABLE if watched.shadowed else READY
-        standing = (self._standing,) if self._standing else ()
-        alerts = (*(robot_alerts(watched, now) if self._live else ()), *standing)
-        self._panel.alarm.show(ASKING if self._emergency.asking else label, alerts)
+        status = self._watched.status
+        label = LATCHED if status == Status.STOPPED else UNABLE if status == Status.SHADOW else READY
+        alerts = (*(robot_alerts(self._watched, now) if self._live else ()), self._standing)
+        self._panel.alarm.show(ASKING if self._emergency.asking else label, tuple(filter(None, alerts)))
 
     def _status(self, now: float) -> str:
-        """One line: what the session is doing."""
         if self._ending or not self._live:
             return self._ending or NOTHING_LIVE
         return session_status(self._watched, now, held=self._holding.held, clutched=self._holding.clutched)

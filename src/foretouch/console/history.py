@@ -5,12 +5,23 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Mapping
-from typing import NamedTuple
+from operator import attrgetter
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.lib.recfunctions import repack_fields
 from numpy.typing import NDArray
 
-from foretouch.messages import CHANNELS, COUNT_PREFIX, WITH_THE_COMMANDS, LeaderState, Telemetry
+from foretouch.messages import (
+    CHANNELS,
+    COUNT_PREFIX,
+    FOLLOWER_DTYPE,
+    LEADER_DTYPE,
+    WITH_THE_COMMANDS,
+    LeaderState,
+    Telemetry,
+)
+from foretouch.quantities import Rows
 
 Array = NDArray[np.float64]
 NAN = math.nan
@@ -18,6 +29,11 @@ CONTACT_FLOOR = 0.05
 """True force [N] above which a sample counts for the errors shown."""
 LARGEST_GAP = 50
 """Commands in a row without a true force that a line may bridge."""
+KNOWN = ("delayed_force", "standard_deviation", "rendered_force", "energy", "energy_bound", "late_energy")
+"""Columns of a leader's tick that stay as they are."""
+LEADER = ("sequence", "time_ns", "position", "predicted_force", "telemetry_sequence", "epoch", *KNOWN)
+FOLLOWER = ("sequence", "position", "command_sequence", "force", "status", "epoch", "run")
+"""Fields of both sides' ticks that are kept."""
 
 
 class Window(NamedTuple):
@@ -64,87 +80,57 @@ def empty_window() -> Window:
 
 
 def window_of(sequence: NDArray[np.int64], columns: Array, now: float, seconds: float, points: int) -> Window:
-    """The seconds before a moment, thinned for drawing.
-
-    Args:
-        sequence: Sequence of the leader's ticks, increasing, shape (n,).
-        columns: Leader time [s], predicted, delayed force, deviation, rendered force [N], energy, its bound, late
-            energy [J], round trip [s], true force [N] and whether the robot was away then (1 or 0), shape (n, 11).
-        now: The moment, on the leader's time [s].
-        seconds: Length of the window [s].
-        points: Largest number of points.
-    """
+    """The seconds before a moment on the leader's time [s], of `columns_of`, thinned to a number of points."""
     time = columns[:, 0] - now
     inside = (time >= -seconds) & (time <= 0.0)
     sequence, columns, time = sequence[inside], columns[inside], time[inside]
     if len(sequence) == 0:
         return empty_window()
-    true = columns[:, 9]
-    away = (columns[:, 10] > 0.0) | _never_applied(sequence, true)
+    bridged, never_applied = _bridged(sequence, columns[:, 9])
+    true, away = columns[:, 9], (columns[:, 10] > 0.0) | never_applied
     contact = (true > CONTACT_FLOOR) & np.isfinite(columns[:, 1]) & ~away
     prediction_error, delayed_error, rendered_error = (
         _error(columns[contact, column], true[contact]) for column in (1, 2, 4)
     )
     stride = 1 << max(0, math.ceil(math.log2(len(sequence) / points)))  # a power of two: it seldom changes
     shown = sequence % stride == 0
-    true = _bridged(sequence, true)[shown]
     drawn = columns[shown].T
     return Window(
-        time[shown], drawn[1], drawn[2], true, prediction_error, delayed_error, drawn[3], drawn[4], drawn[5], drawn[6],
-        drawn[7], drawn[8], away[shown], rendered_error,
+        time[shown], drawn[1], drawn[2], bridged[shown], prediction_error, delayed_error, drawn[3], drawn[4],
+        drawn[5], drawn[6], drawn[7], drawn[8], away[shown], rendered_error,
     )  # fmt: skip
 
 
 def _error(force: Array, true: Array) -> float:
-    """RMSE in % of the true force's RMS; NaN without samples."""
     if len(true) == 0:
         return NAN
     return float(100.0 * np.sqrt(np.mean((force - true) ** 2) / np.mean(true**2)))
 
 
-def _never_applied(sequence: NDArray[np.int64], true: Array) -> NDArray[np.bool_]:
-    """Which commands lie in a gap that no line bridges: the robot went on, and never took them."""
-    here, before = _neighbours(true)
-    wide: NDArray[np.bool_] = np.isnan(true) & (here > before) & (sequence[here] - sequence[before] > LARGEST_GAP)
-    return wide
+def _bridged(sequence: NDArray[np.int64], true: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """The true force with straight lines over commands that were never applied, where only a few are missing.
 
-
-def _neighbours(true: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Of each sample the next that is known, and the last before that; the same twice at the ends and with none."""
-    known = np.flatnonzero(np.isfinite(true))
+    And which commands lie in a gap that no line bridges: the robot went on, and never took them.
+    """
+    finite = np.isfinite(true)
+    known = np.flatnonzero(finite)
     if len(known) == 0:
-        return np.zeros(len(true), np.int64), np.zeros(len(true), np.int64)
+        return true, np.zeros(len(true), np.bool_)
     after = np.searchsorted(known, np.arange(len(true)))
-    inside = (after > 0) & (after < len(known))
-    here = known[np.minimum(after, len(known) - 1)]
-    return here, np.where(inside, known[np.maximum(after - 1, 0)], here)
+    between = ~finite & (after > 0) & (after < len(known))
+    here, before = known[np.minimum(after, len(known) - 1)], known[np.maximum(after - 1, 0)]
+    near = sequence[here] - sequence[before] <= LARGEST_GAP
+    lines: Array = np.interp(sequence, sequence[known], true[known])
+    return np.where(between & near, lines, np.where(finite, true, NAN)), between & ~near
 
 
-def _bridged(sequence: NDArray[np.int64], true: Array) -> Array:
-    """The true force with straight lines over commands that were never applied, where only a few are missing."""
-    known = np.isfinite(true)
-    if not known.any():
-        return true
-    here, before = _neighbours(true)
-    between = (here > before) & (sequence[here] - sequence[before] <= LARGEST_GAP)
-    bridged: Array = np.interp(sequence, sequence[known], true[known])
-    return np.where(np.isfinite(true), true, np.where(between, bridged, NAN))
-
-
-OVER = 2.5
-"""Time over which a percentage of lost messages is taken [s]."""
-KEPT = 10.0
-"""Percentages are kept for this time [s]."""
-MOST = 1024
-"""Number of counters kept per side, the newest; each side sends them twice a second."""
+OVER, KEPT, MOST = 2.5, 10.0, 1024
+"""Time over which a percentage of lost messages is taken and for which it is kept [s], and the number of counters kept
+per side; each side sends them twice a second."""
 COUNTERS = {"follower": ("commands_lost", CHANNELS["command"].rate), "leader": ("telemetry_lost", 1000.0)}
 """By the side that counts: the counter, and the messages a second of which it counts the lost ones."""
-
-
-LATE_NS = 1_500_000
-"""A tick is late if it begins more than this after the one before [ns]."""
-LOOKS = 6
-"""The percentage of late ticks is taken over this many looks."""
+LATE_NS, LOOKS = 1_500_000, 6
+"""A tick is late if it begins more than this after the one before [ns]; percentages are over this many looks."""
 LATE = 5.0
 """Fraction of late ticks from which a machine is reported as late [%]; a quiet one has about 1 %."""
 GIVE_WAY, TAKE_BACK = 0.6, 1.15
@@ -154,7 +140,7 @@ SLOWEST, FASTEST = 4.0, 30.0
 
 
 class LossTrace(NamedTuple):
-    """Losses of commands there, of telemetry back [%], over seconds before now; all arrays have one length."""
+    """Losses of commands there, of telemetry back [%], over seconds before now."""
 
     time: Array
     there: Array
@@ -240,8 +226,7 @@ def _shares(before: Mapping[str, tuple[int, int]], now: Mapping[str, tuple[int, 
     return {side: 100.0 * late / ticks for side, (ticks, late) in made.items() if ticks}
 
 
-COLUMNS = 9
-"""Leader time [s], predicted, delayed force, deviation, rendered force [N], energy, bound, late [J], telemetry."""
+_of_leader, _of_follower = attrgetter(*LEADER), attrgetter(*FOLLOWER)
 
 
 class History:
@@ -252,81 +237,77 @@ class History:
     """
 
     def __init__(self, length: int = 8192) -> None:
+        self._leader = np.zeros(length, repack_fields(LEADER_DTYPE[[*LEADER]]))
+        self._follower = np.zeros(length, repack_fields(FOLLOWER_DTYPE[[*FOLLOWER]]))
         self._length = length
-        self._newest = 0
-        self._sequence = np.zeros(length, np.int64)
-        self._rows = np.full((length, COLUMNS), np.nan)
-        self._true_sequence = np.zeros(length, np.int64)
-        self._true = np.full(length, np.nan)
-        self._away = np.zeros(length)  # whether the robot then did something else than follow
-        self._position_sequence = np.zeros(length, np.int64)
-        self._position = np.full(length, np.nan)
-        self._applied_in = np.zeros(length, np.int64)  # the command that one telemetry answers, 0 for none of ours
-        self._applied = 0
+        self._newest = self._newest_telemetry = 0
 
     def add_leader(self, state: LeaderState) -> None:
         """Store one leader tick."""
-        row = state.sequence % self._length
-        predicted = state.predicted_force if math.isfinite(state.position) else math.nan  # of no motion there is none
-        self._rows[row] = (
-            state.time_ns * 1e-9,
-            predicted,
-            state.delayed_force,
-            state.standard_deviation,
-            state.rendered_force,
-            state.energy,
-            state.energy_bound,
-            state.late_energy,
-            state.telemetry_sequence,
-        )
-        self._sequence[row] = state.sequence
+        self._leader[state.sequence % self._length] = _of_leader(state)
         self._newest = state.sequence
 
-    def add_telemetry(self, telemetry: Telemetry, *, applies: bool = True) -> None:
-        """Store a follower tick, unless another leader's command applies; of several for one command, the first."""
-        row = telemetry.sequence % self._length
-        self._position[row] = telemetry.position
-        self._applied_in[row] = telemetry.command_sequence if applies else 0
-        self._position_sequence[row] = telemetry.sequence
-        applied = telemetry.command_sequence
-        if applies and applied != self._applied and applied > 0:
-            self._applied = applied
-            row = applied % self._length
-            self._true[row] = telemetry.force
-            self._away[row] = telemetry.status not in WITH_THE_COMMANDS
-            self._true_sequence[row] = applied
+    def add_telemetry(self, telemetry: Telemetry) -> None:
+        """Store a follower tick."""
+        self._follower[telemetry.sequence % self._length] = _of_follower(telemetry)
+        self._newest_telemetry = telemetry.sequence
 
     def follower_position(self, telemetry_sequence: int) -> float:
         """Position [m] in one telemetry, NaN where it is not here."""
-        row = telemetry_sequence % self._length
-        known = telemetry_sequence > 0 and self._position_sequence[row] == telemetry_sequence
-        return float(self._position[row]) if known else float("nan")
+        row = self._follower[telemetry_sequence % self._length]
+        known = telemetry_sequence > 0 and row["sequence"] == telemetry_sequence
+        return float(row["position"]) if known else NAN
 
     def window(self, seconds: float = 6.0, points: int = 400, newest: int = 0) -> Window:
-        """The newest `seconds` in at most `points` points, always the same ticks while they stay in the window.
-
-        Args:
-            seconds: Length of the window [s].
-            points: Largest number of points.
-            newest: Sequence of the leader's tick at which the window ends; 0 for the newest that is here.
-        """
+        """The seconds before the leader's newest tick, or another, always the same ticks while they stay within."""
         newest = newest or self._newest
         sequence = np.arange(max(1, newest - self._length + 2), newest + 1)
-        sequence = sequence[self._sequence[sequence % self._length] == sequence]
-        if len(sequence) == 0:
+        here = self._leader["sequence"][sequence % self._length] == sequence
+        leader = _taken(self._leader, sequence[here] % self._length)
+        if not len(leader):
             return empty_window()
-        rows = self._rows[sequence % self._length]
-        known = self._true_sequence[sequence % self._length] == sequence
-        true = np.where(known, self._true[sequence % self._length], NAN)
-        away = np.where(known, self._away[sequence % self._length], 0.0)
-        columns = np.column_stack([rows[:, :-1], self._round_trips(rows), true, away])
-        return window_of(sequence, columns, float(rows[-1, 0]), seconds, points)
+        oldest_first = (np.arange(self._length) + self._newest_telemetry + 1) % self._length
+        follower = _taken(self._follower, oldest_first[self._follower["sequence"][oldest_first] > 0])
+        columns = columns_of(leader, follower, "force")
+        return window_of(leader["sequence"], columns, float(columns[-1, 0]), seconds, points)
 
-    def _round_trips(self, rows: Array) -> Array:
-        """How old the motion is that the newest telemetry at each tick answers [s]; NaN where it is not here."""
-        telemetry = rows[:, -1].astype(np.int64)
-        place = telemetry % self._length
-        applied = np.where(self._position_sequence[place] == telemetry, self._applied_in[place], 0)
-        here = (applied > 0) & (self._sequence[applied % self._length] == applied)
-        trips: Array = np.where(here, rows[:, 0] - self._rows[applied % self._length, 0], NAN)
-        return trips
+
+def _taken(rows: Rows, where: NDArray[Any]) -> Rows:
+    """Some of the rows, whose fields are of 8 bytes each: as plain numbers they are copied ten times as fast."""
+    return rows.view(np.int64).reshape(len(rows), -1)[where].view(rows.dtype)[:, 0]
+
+
+def columns_of(leader: Rows, follower: Rows, force: str) -> Array:
+    """What a window shows of each tick of one leader's process, shape (n, 11).
+
+    Leader time [s], predicted, delayed force, deviation, rendered force [N], energy, its bound, late energy [J], round
+    trip [s], true force [N] and whether the robot was away then (1 or 0).
+
+    Args:
+        leader: Rows of `SessionLog.leader`, by sequence.
+        follower: Rows of `SessionLog.follower`, by process and sequence; of several for one command the first counts.
+        force: Column of the follower that is the true force.
+    """
+    seconds = leader["time_ns"] * 1e-9
+    predicted = np.where(np.isfinite(leader["position"]), leader["predicted_force"], NAN)  # of no motion there is none
+    true, trips, away = np.full(leader.size, NAN), np.full(leader.size, NAN), np.zeros(leader.size)
+    ours = (follower["epoch"] == 0) | (follower["epoch"] == leader["epoch"][-1])
+    commands = np.where(ours, follower["command_sequence"], 0)
+    applied, given = np.flatnonzero(commands), commands[commands > 0]
+    if given.size:
+        first = np.minimum(np.searchsorted(given, leader["sequence"]), given.size - 1)
+        known = given[first] == leader["sequence"]
+        at = applied[first[known]]
+        true[known] = follower[force][at]
+        away[known] = ~np.isin(follower["status"][at], WITH_THE_COMMANDS)
+    # How old the motion is that the newest telemetry at each tick answers.
+    answers = commands[follower["run"] == follower["run"][-1:]]
+    if answers.size:
+        sequence = follower["sequence"][-answers.size :]
+        row = np.searchsorted(sequence, leader["telemetry_sequence"], side="right") - 1
+        at = np.minimum(np.searchsorted(leader["sequence"], answers[row]), leader.size - 1)
+        here = (row >= 0) & (leader["telemetry_sequence"] > 0) & (leader["sequence"][at] == answers[row])
+        trips[here] = (seconds - seconds[at])[here]
+    rest = (leader[name] for name in KNOWN)
+    columns: Array = np.column_stack([seconds, predicted, *rest, trips, true, away])
+    return columns

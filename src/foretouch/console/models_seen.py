@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -13,13 +12,10 @@ from foretouch.errors import InputError
 from foretouch.messages import ModelUpdate
 from foretouch.models import ContactModel, advance, make_model
 
-STEP = 0.1
-"""Half the distance over which a local stiffness is taken, as a fraction of the depth."""
-PERIOD = 1e-3
-MOST = 512
-"""Models whose figures are remembered."""
-SPACING = 0.1
-"""Between two models that are drawn [s]."""
+STEP, PERIOD = 0.1, 1e-3
+"""Half the distance over which a local stiffness is taken, as a fraction of the depth; the period of a step [s]."""
+MOST, SPACING = 512, 0.1
+"""Models whose figures are remembered, and the time between two that are drawn [s]."""
 
 
 class ModelFigures(NamedTuple):
@@ -51,6 +47,16 @@ class ModelTrace(NamedTuple):
     errors: Array
 
 
+def model_of(update: ModelUpdate) -> ContactModel | None:
+    """The model of an update; None of one that cannot be run."""
+    if not update.valid:
+        return None
+    try:
+        return make_model(update.law, update.parameters, update.map)
+    except InputError:
+        return None
+
+
 def figures_of(update: ModelUpdate, depth: float) -> ModelFigures | None:
     r"""The numbers of one model; None of one that cannot be run.
 
@@ -63,11 +69,8 @@ def figures_of(update: ModelUpdate, depth: float) -> ModelFigures | None:
         update: Update as received.
         depth: x, below the model's surface [m].
     """
-    if not update.valid:
-        return None
-    try:
-        model = make_model(update.law, update.parameters, update.map)
-    except InputError:
+    model = model_of(update)
+    if model is None:
         return None
     stiffness, deviation = _stiffness(model, depth)
     parameters, errors = model.parameters, update.standard_errors
@@ -76,7 +79,6 @@ def figures_of(update: ModelUpdate, depth: float) -> ModelFigures | None:
 
 
 def _stiffness(model: ContactModel, depth: float) -> tuple[float, float]:
-    """Local stiffness and its standard deviation [N/m]."""
     step = STEP * depth
     (_, force, uncertainty), (_, more, _), (_, less, _) = (
         advance(model, model.initial_state(), x, 0.0, PERIOD) for x in (depth, depth + step, depth - step)
@@ -85,46 +87,16 @@ def _stiffness(model: ContactModel, depth: float) -> tuple[float, float]:
     return stiffness, abs(stiffness) * uncertainty / force if force > 0.0 else NAN
 
 
-def trace_of(
-    adopted: Iterable[tuple[float, int]], figures: Callable[[int], ModelFigures | None], now: float, seconds: float
-) -> ModelTrace:
-    """The models of the last seconds, one every `SPACING`.
+class ModelsSeen:
+    """The models of a session: stored in a step, read as a trace. One thread stores, another reads.
 
     Args:
-        adopted: When the leader began to render from which model: time [s] and sequence, in order.
-        figures: Of a model by its sequence.
-        now: The moment, on the same time [s].
-        seconds: How far back.
-    """
-    times: list[float] = []
-    found: list[ModelFigures] = []
-    for time, sequence in adopted:
-        if not now - seconds <= time <= now or (times and time - times[-1] < SPACING):
-            continue
-        one = figures(sequence)
-        if one is not None:
-            times.append(time)
-            found.append(one)
-    names = found[-1].names if found else ()
-    unknown, shape = (NAN,) * len(names), (len(found), len(names))
-    return ModelTrace(
-        np.array(times) - now,
-        np.array([one.stiffness for one in found]),
-        np.array([one.deviation for one in found]),
-        names,
-        np.array([one.parameters if one.names == names else unknown for one in found]).reshape(shape),
-        np.array([one.errors if one.names == names else unknown for one in found]).reshape(shape),
-    )
-
-
-class ModelsSeen:
-    """The models of a session that runs: stored in a step, read as a trace.
-
-    One thread stores, another reads.
+        most: Largest number of models that are remembered, the newest; None for no bound.
     """
 
-    def __init__(self) -> None:
-        self._adopted: deque[tuple[float, int]] = deque(maxlen=MOST)
+    def __init__(self, most: int | None = MOST) -> None:
+        self._most = most
+        self._adopted: deque[tuple[float, int]] = deque(maxlen=most)
         self._updates: dict[int, ModelUpdate] = {}
         self._figures: dict[tuple[int, float], ModelFigures | None] = {}
         self._newest = self._run = 0
@@ -134,10 +106,9 @@ class ModelsSeen:
         if update.run != self._run:  # a process that began anew counts from 1 again
             self._run = update.run
             self._updates, self._figures = {}, {}
-        updates = self._updates
-        updates[update.sequence] = update
-        if len(updates) > MOST:
-            updates.pop(next(iter(updates)))
+        self._updates[update.sequence] = update
+        if self._most is not None and len(self._updates) > self._most:
+            self._updates.pop(next(iter(self._updates)))
 
     def adopt(self, time: float, sequence: int) -> None:
         """Store which model is the leader's newest at a time [s]."""
@@ -146,18 +117,29 @@ class ModelsSeen:
             self._adopted.append((time, sequence))
 
     def trace(self, depth: float, seconds: float, now: float) -> ModelTrace:
-        """The last seconds before a moment [s] at a depth [m]; those that the leader rendered from."""
-        adopted = tuple(self._adopted)
+        """The last seconds before a moment [s] at a depth [m]; those that the leader rendered from, by `SPACING`."""
+        times: list[float] = []
+        shown: list[ModelFigures] = []
+        for time, sequence in tuple(self._adopted):
+            if not now - seconds <= time <= now or (times and time - times[-1] < SPACING):
+                continue
+            if (one := self._figures_at(sequence, depth)) is not None:
+                times.append(time)
+                shown.append(one)
+        names = shown[-1].names if shown else ()
+        unknown = ((NAN,) * len(names),) * 2
+        laws = [(one.parameters, one.errors) if one.names == names else unknown for one in shown]
+        parameters, errors = np.array(laws).reshape(len(shown), 2, len(names)).transpose(1, 0, 2)
+        stiffness, deviation = np.array([(one.stiffness, one.deviation) for one in shown]).reshape(-1, 2).T
+        return ModelTrace(np.array(times) - now, stiffness, deviation, names, parameters, errors)
 
-        def figures(sequence: int) -> ModelFigures | None:
-            key = (sequence, depth)
-            if key not in self._figures:
-                update = self._updates.get(sequence)
-                if update is None:
-                    return None
-                if len(self._figures) > MOST:
-                    self._figures.clear()
-                self._figures[key] = figures_of(update, depth)
-            return self._figures[key]
-
-        return trace_of(adopted, figures, now, seconds)
+    def _figures_at(self, sequence: int, depth: float) -> ModelFigures | None:
+        key = (sequence, depth)
+        if key not in self._figures:
+            update = self._updates.get(sequence)
+            if update is None:
+                return None
+            if len(self._figures) > MOST:
+                self._figures.clear()
+            self._figures[key] = figures_of(update, depth)
+        return self._figures[key]

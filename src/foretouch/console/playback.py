@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import bisect
 import contextlib
 import math
 import stat
@@ -10,72 +9,86 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
 
 import numpy as np
 
-from foretouch.console.history import NAN, Array, LossTrace, Window, empty_window, window_of
-from foretouch.console.models_seen import ModelFigures, ModelTrace, figures_of, trace_of
-from foretouch.console.space_heard import RecordedSpace
+from foretouch.console.history import NAN, Array, LossTrace, Window, columns_of, empty_window, window_of
+from foretouch.console.models_seen import ModelsSeen
+from foretouch.console.space_state import RecordedSpace
 from foretouch.console.watched import Watched
 from foretouch.errors import ForetouchError, RecordingError, one_line
-from foretouch.messages import (
-    VERSION,
-    WITH_THE_COMMANDS,
-    LeaderState,
-    SessionLog,
-    Telemetry,
-    settings_at,
-)
+from foretouch.messages import VERSION, LeaderState, SessionLog, Telemetry, settings_at
 
 TOLERANCE = 1e-6
 """A tick counts as being at a moment that is at most this much before it [s]."""
 
-M = TypeVar("M", LeaderState, Telemetry)
 
-
-class RecordedWatch(Watched):
-    """State of a recorded session as received at `now`; see `Watched`.
+class Playback(Watched):
+    """State of a recorded session as received at `now`, which goes on while it is played; see `Watched`.
 
     For a session in which a side began again, the longest segment.
 
     Attributes:
         duration: From the leader's first tick to its last [s].
+        other: A second run of it, which is shown beside it at the same moment.
 
     Raises:
         RecordingError: Nothing was recorded of the leader.
     """
 
-    def __init__(self, log: SessionLog) -> None:
+    def __init__(self, log: SessionLog, other: SessionLog | None = None, *, name: str = "") -> None:
         super().__init__()
-        segment = log.longest()
-        if not segment.leader.size:
+        self.log, self.name = log, name
+        self.other = None if other is None else Playback(other)
+        self.playing, self._clock = False, math.nan
+        segment = self._segment = log.longest()
+        leader, follower = self._leader, self._follower = segment.leader, segment.follower
+        if not leader.size:
             raise RecordingError("the recording", "holds nothing of a leader: there is nothing to show over time")
-        self._leader, self._follower = segment.leader, segment.follower
-        self._seconds: Array = (self._leader["time_ns"] - self._leader["time_ns"][0]) * 1e-9
+        self._seconds: Array = (leader["time_ns"] - leader["time_ns"][0]) * 1e-9
         self.duration = float(self._seconds[-1])
-        self._segment = segment
         self.space = self._recorded_space = RecordedSpace(segment)
-        self._row_of = _rows_of(self._leader["telemetry_sequence"], self._follower["sequence"])
-        self._columns = self._all_columns(segment)
-        run = int(self._follower["run"][-1]) if self._follower.size else 0
+        exact = bool(follower.size) and bool(np.isfinite(follower["exact_force"]).all())
+        self._columns = columns_of(leader, follower, "exact_force" if exact else "force")
+        run = int(follower["run"][-1]) if follower.size else 0
         self._by_sequence = {model.sequence: model for model in log.models if run in (0, model.run)}
-        self._known: dict[tuple[int, float], ModelFigures | None] = {}
-        changes = np.flatnonzero(np.diff(self._leader["model_sequence"], prepend=0) > 0)
-        self._adoptions = [(float(self._seconds[row]), int(self._leader["model_sequence"][row])) for row in changes]
-        self.now = 0.0
+        self._models = ModelsSeen(most=None)
+        for model in self._by_sequence.values():
+            self._models.add(model)
+        for row in np.flatnonzero(np.diff(leader["model_sequence"], prepend=0) > 0):
+            self._models.adopt(int(leader["time_ns"][row]) * 1e-9, int(leader["model_sequence"][row]))
         self.go_to(0.0)
 
     def go_to(self, now: float) -> None:
         """Show another moment since the leader's first tick [s], held within the recording."""
         self.now = min(max(now, 0.0), self.duration) if math.isfinite(now) else 0.0
         row = int(np.searchsorted(self._seconds, self.now + TOLERANCE, side="right")) - 1
-        self.leader = _message(LeaderState, self._leader[row])
-        telemetry = int(self._row_of[row])
-        self.telemetry = _message(Telemetry, self._follower[telemetry]) if telemetry >= 0 else None
+        self.leader = LeaderState(VERSION, *self._leader[row].tolist())
+        heard = self.leader.telemetry_sequence
+        telemetry = int(np.searchsorted(self._follower["sequence"], heard, side="right")) - 1 if heard else -1
+        self.telemetry = Telemetry(VERSION, *self._follower[telemetry].tolist()) if telemetry >= 0 else None
         self.settings = self._settings_at(row, telemetry)
         self.model = self._by_sequence.get(int(self._leader["model_sequence"][row]))
         self._recorded_space.go_to(self.leader.sequence, self.leader.telemetry_sequence)
+        self._clock = math.nan
+        if self.other is not None:
+            self.other.go_to(now)
+
+    def play(self, playing: bool) -> None:
+        """Go on, or pause; at the end, go on from the beginning."""
+        if playing and self.now >= self.duration:
+            self.go_to(0.0)
+        self.playing, self._clock = playing, math.nan
+
+    def tick(self, clock: float) -> None:
+        """Let the recording's time go on as the clock [s] did since the last tick."""
+        if not self.playing:
+            return
+        if math.isfinite(since := clock - self._clock):
+            self.go_to(self.now + since)
+        self._clock = clock
+        if self.now >= self.duration:
+            self.playing = False
 
     @property
     def robot_position(self) -> float:
@@ -88,14 +101,8 @@ class RecordedWatch(Watched):
         part = slice(int(first), int(last))
         if part.stop <= part.start:
             return empty_window()
-        now = float(self._seconds[part.stop - 1])
-        return window_of(self._leader["sequence"][part], self._columns[part], now, seconds, 400)
-
-    def model_trace(self, seconds: float) -> ModelTrace:
-        """Models of the seconds before `now`, compared at `model_depth`."""
-        first = bisect.bisect_left(self._adoptions, (self.now - seconds, 0))
-        last = bisect.bisect_right(self._adoptions, (self.now, 1 << 63))
-        return trace_of(self._adoptions[first:last], self._figures, self.now, seconds)
+        columns = self._columns[part]
+        return window_of(self._leader["sequence"][part], columns, float(columns[-1, 0]), seconds, 400)
 
     def loss_trace(self, seconds: float, now: float) -> LossTrace:
         """Nothing: a recording has its losses in all, and not over time."""
@@ -111,97 +118,6 @@ class RecordedWatch(Watched):
         felt_ns = int(self._follower["time_ns"][max(telemetry, 0)]) if self._follower.size else None
         run = int(self._follower["run"][0]) if self._follower.size else 0
         return settings_at(segment.said, int(leader["epoch"]), run, int(leader["time_ns"]), felt_ns)
-
-    def _figures(self, sequence: int) -> ModelFigures | None:
-        key = (sequence, self.model_depth)
-        if key not in self._known:
-            update = self._by_sequence.get(sequence)
-            self._known[key] = None if update is None else figures_of(update, self.model_depth)
-        return self._known[key]
-
-    def _all_columns(self, segment: SessionLog) -> Array:
-        """The columns of `window_of`, over the whole recording."""
-        leader, follower = self._leader, self._follower
-        predicted = np.where(np.isfinite(leader["position"]), leader["predicted_force"], NAN)
-        true, trips, away = np.full(leader.size, NAN), np.full(leader.size, NAN), np.zeros(leader.size)
-        rows = segment.rows()
-        force = rows.follower["exact_force"] if self._exact(rows.follower) else rows.follower["force"]
-        at = np.searchsorted(leader["sequence"], rows.leader["sequence"])
-        true[at] = force
-        away[at] = ~np.isin(rows.follower["status"], WITH_THE_COMMANDS)
-        if follower.size:
-            answered = follower["command_sequence"][np.maximum(self._row_of, 0)]
-            at = np.minimum(np.searchsorted(leader["sequence"], answered), leader.size - 1)
-            here = (self._row_of >= 0) & (leader["sequence"][at] == answered)
-            trips[here] = (self._seconds - self._seconds[at])[here]
-        names = ("delayed_force", "standard_deviation", "rendered_force", "energy", "energy_bound", "late_energy")
-        known = [leader[name] for name in names]
-        columns: Array = np.column_stack([self._seconds, predicted, *known, trips, true, away])
-        return columns
-
-    def _exact(self, follower: np.ndarray) -> bool:
-        """Whether the recording has the simulator's true force."""
-        return bool(follower.size) and bool(np.isfinite(follower["exact_force"]).all())
-
-
-class Playback:
-    """A recording that is played, and perhaps a second run of it beside it.
-
-    Raises:
-        RecordingError: Nothing was recorded of a leader.
-    """
-
-    def __init__(self, log: SessionLog, other: SessionLog | None = None, *, name: str = "") -> None:
-        self.log, self.name = log, name
-        self.shown = RecordedWatch(log)
-        self.other = None if other is None else RecordedWatch(other)
-        self.playing = False
-        self._clock = math.nan
-
-    @property
-    def now(self) -> float:
-        """The moment that is shown, since the leader's first tick [s]."""
-        return self.shown.now
-
-    @property
-    def duration(self) -> float:
-        """Duration of the recording [s]."""
-        return self.shown.duration
-
-    def play(self, playing: bool) -> None:
-        """Go on, or pause; at the end, go on from the beginning."""
-        if playing and self.now >= self.duration:
-            self.go_to(0.0)
-        self.playing, self._clock = playing, math.nan
-
-    def go_to(self, now: float) -> None:
-        """Show another moment [s]."""
-        self.shown.go_to(now)
-        if self.other is not None:
-            self.other.go_to(now)
-        self._clock = math.nan
-
-    def tick(self, clock: float) -> None:
-        """Let the recording's time go on as the clock [s] did since the last tick."""
-        if not self.playing:
-            return
-        since, now = clock - self._clock, self.now
-        if math.isfinite(since):
-            self.go_to(now + since)
-        self._clock = clock
-        if self.now >= self.duration:
-            self.playing = False
-
-
-def _message(kind: type[M], row: np.void) -> M:
-    """A message from its row."""
-    return kind(VERSION, *row.tolist())
-
-
-def _rows_of(heard: np.ndarray, sequences: np.ndarray) -> np.ndarray:
-    """The follower's row of the telemetry that each leader tick had received last; -1 before the first."""
-    rows: np.ndarray = np.searchsorted(sequences, heard, side="right") - 1
-    return np.where(heard > 0, rows, -1)
 
 
 PATTERN = "*.mcap"
@@ -225,8 +141,8 @@ class Library:
         self._folders = tuple({folder.resolve(): folder for folder in folders}.values())
         self.being_written = ""
         self._job: threading.Thread | None = None
-        self._begun, self._share = 0.0, math.nan  # of the job: when it began [s], how much of it is done
-        self._said = ""
+        self._begun, self._progress = 0.0, math.nan  # of the job: when it began [s], and its fraction that is done
+        self._note = ""
         self.playback: Playback | None = None
 
     def names(self) -> tuple[str, ...]:
@@ -242,17 +158,14 @@ class Library:
         return f"Of {' and '.join(str(folder.resolve()) for folder in self._folders)}, the newest first."
 
     def _listed(self) -> dict[str, Path]:
-        """The recordings by name, the newest first."""
-        found = []
+        listed = []
         for folder in self._folders:
             with contextlib.suppress(OSError):
                 resolved = folder.resolve()
-                found += [(_age(path, resolved), self._name(path, folder), path) for path in folder.glob(PATTERN)]
-        return {name: path for age, name, path in sorted(found)[:MOST] if math.isfinite(age)}
-
-    def _name(self, path: Path, folder: Path) -> str:
-        alone = len(self._folders) == 1 or folder.resolve() == Path.cwd()
-        return path.name if alone else str(path)
+                alone = len(self._folders) == 1 or resolved == Path.cwd()
+                paths = tuple(folder.glob(PATTERN))
+                listed += [(_age(path, resolved), path.name if alone else str(path), path) for path in paths]
+        return {name: path for age, name, path in sorted(listed)[:MOST] if math.isfinite(age)}
 
     @property
     def busy(self) -> bool:
@@ -262,14 +175,14 @@ class Library:
     @property
     def note(self) -> str:
         """Status in one line, with the progress while something is read or run; "" for none."""
-        if not self.busy or not self._said.endswith("…"):
-            return self._said
-        done = f" {100.0 * self._share:.0f} %," if math.isfinite(self._share) else ""
-        return f"{self._said}{done} {time.monotonic() - self._begun:.0f} s"
+        if not self.busy or not self._note.endswith("…"):
+            return self._note
+        done = f" {100.0 * self._progress:.0f} %," if math.isfinite(self._progress) else ""
+        return f"{self._note}{done} {time.monotonic() - self._begun:.0f} s"
 
     @note.setter
-    def note(self, said: str) -> None:
-        self._said = said
+    def note(self, text: str) -> None:
+        self._note = text
 
     def open(self, name: str) -> None:
         """Look at one of `names` from its beginning, paused; whatever else it is, nothing is opened."""
@@ -284,7 +197,8 @@ class Library:
             self.playback = Playback(log, name=name)
             if not log.counts.get("truncated"):
                 return ""
-            return NOT_YET if self._is_being_written(path) else "It ends before its session did."
+            growing = bool(self.being_written) and path.resolve() == Path(self.being_written).resolve()
+            return NOT_YET if growing else "It ends before its session did."
 
         self._start(read, f"Reading {name}{self._size(name)} …", "This recording cannot be looked at")
 
@@ -298,10 +212,14 @@ class Library:
             log = shown.log.longest()
 
             def progress(seconds: float) -> None:
-                self._share = min(seconds / max(shown.duration, 1e-3), 1.0)
+                self._progress = min(seconds / max(shown.duration, 1e-3), 1.0)
 
-            other = _again(log, closed_loop, progress, position_delay=position_delay, force_delay=force_delay)
-            again = Playback(log, other, name=shown.name)
+            from foretouch.session import replay_under
+            from foretouch.session.replay.machines import recorded_settings
+
+            changes = {"position_delay": position_delay, "force_delay": force_delay}
+            settings, _ = recorded_settings(log.settings, changes)
+            again = Playback(log, replay_under(log, settings, closed_loop, progress), name=shown.name)
             again.go_to(shown.now)
             if self.playback is shown:
                 self.playback = again
@@ -316,9 +234,6 @@ class Library:
             return "" if path is None else f" ({path.stat().st_size / 1e6:.0f} MB)"
         except OSError:  # it was removed meanwhile
             return ""
-
-    def _is_being_written(self, path: Path) -> bool:
-        return bool(self.being_written) and path.resolve() == Path(self.being_written).resolve()
 
     def close(self) -> None:
         """Look at none: back to the session that runs."""
@@ -343,7 +258,7 @@ class Library:
             except Exception as error:  # whatever a file holds, the console goes on
                 self.note = f"{failed}: {type(error).__name__}: {one_line(error)}"
 
-        self.note, self._begun, self._share = meanwhile, time.monotonic(), math.nan
+        self.note, self._begun, self._progress = meanwhile, time.monotonic(), math.nan
         self._job = threading.Thread(target=job, name="recording", daemon=True)
         self._job.start()
 
@@ -357,12 +272,3 @@ def _age(path: Path, folder: Path) -> float:
     except (OSError, RuntimeError):  # it was removed meanwhile, or links go in a circle
         return math.inf
     return -state.st_mtime
-
-
-def _again(log: SessionLog, closed_loop: bool, progress: Callable[[float], None], **changes: Any) -> SessionLog:
-    """The session under other settings."""
-    from foretouch.session import replay_under
-    from foretouch.session.replay.machines import recorded_settings
-
-    settings, _ = recorded_settings(log.settings, changes)
-    return replay_under(log, settings, closed_loop, progress)

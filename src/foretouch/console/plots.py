@@ -28,18 +28,18 @@ def put(handle: Any, **values: Any) -> None:
             setattr(handle, name, value)
 
 
-def heard(action: Callable[[Any], Any]) -> Callable[[Any], Any]:
+def handler(action: Callable[[Any], Any]) -> Callable[[Any], Any]:
     """A callback for the viewer, which is given the event; async, so that the viewer keeps the order of events."""
 
-    async def hear(event: Any) -> None:
+    async def handle(event: Any) -> None:
         action(event)
 
-    return hear
+    return handle
 
 
-def moved(action: Callable[[Any], Any]) -> Callable[[Any], Any]:
+def by_person(action: Callable[[Any], Any]) -> Callable[[Any], Any]:
     """The same for a control, whose value a person has changed and not the program."""
-    return heard(lambda event: action(event) if event.client is not None else None)
+    return handler(lambda event: action(event) if event.client is not None else None)
 
 
 class Curve(NamedTuple):
@@ -62,16 +62,10 @@ class Row(NamedTuple):
 
 
 class TimePlot:
-    """A plot of the last seconds.
+    """A plot of the last seconds, of curves from the back to the front.
 
-    Args:
-        gui: The viewer's user interface.
-        title: With the unit.
-        curves: From the back to the front.
-        height: [pixel].
-        lowest: Lower end of the drawn range; None to fit it to the curves.
-        least: What the drawn range reaches at least, so that noise does not fill the plot; None for no such end.
-        time: What stands below the time axis.
+    It is drawn from `lowest` on, where that is None as far as the curves reach, and at least up to `least`, so that
+    noise does not fill the plot. `time` stands below its time axis.
     """
 
     def __init__(
@@ -85,23 +79,20 @@ class TimePlot:
         least: float | None = None,
         time: str = "time before now [s]",
     ) -> None:
-        self._curves = tuple(curves)
         self._lowest, self._least = lowest, least
-        banded = [index for index, curve in enumerate(curves) if curve.band]
-        self._banded = tuple(banded)
+        self._banded = [index for index, curve in enumerate(curves) if curve.band]
         series: list[dict[str, Any]] = [{"label": "time [s]"}]
         series += [_series(curve.name, css(curve.colour), curve.width, DASHES[curve.dash]) for curve in curves]
         bands = []
-        for index in banded:
+        for index in self._banded:
             colour = faint(curves[index].colour)
             bands.append({"series": (len(series), len(series) + 1), "fill": colour})
             series += [_series(f"{curves[index].name}, {word}", colour, 1.0, ()) for word in ("more", "less")]
         if least is not None:
             series.append(_series("least range", "transparent", 0.0, ()))
-        self._columns = len(series) - 1
         start = np.array([-SECONDS, 0.0])
         self._plot = gui.add_uplot(
-            (start, np.zeros(2), *(np.full(2, NAN),) * (self._columns - 1)),
+            (start, np.zeros(2), *(np.full(2, NAN),) * (len(series) - 2)),
             tuple(series),
             bands=tuple(bands),
             title=title,
@@ -144,9 +135,8 @@ class TimePlot:
 
 
 def _series(label: str, stroke: str, width: float, dash: tuple[float, ...]) -> dict[str, Any]:
-    return {"label": label, "stroke": stroke, "width": width, "points": {"show": False}} | (
-        {"dash": dash} if dash else {}
-    )
+    looks = {"label": label, "stroke": stroke, "width": width, "points": {"show": False}}
+    return looks | ({"dash": dash} if dash else {})
 
 
 def number(value: float, unit: str, digits: int = 2) -> str:
@@ -159,27 +149,25 @@ def number(value: float, unit: str, digits: int = 2) -> str:
     return f"{text if float(text) else text.lstrip('-')} {unit}"  # nothing is not negative
 
 
-def style(text: str, css_text: str) -> str:
-    """A piece of text, escaped, in a style."""
-    return f'<span style="{css_text}">{html.escape(text)}</span>'
+def inset(content: str, looks: str = "") -> str:
+    """A part of the panel, with its margins, in a style."""
+    return f'<div style="padding:0 12px{looks}">{content}</div>'
 
 
 def table(rows: Sequence[Row], heads: tuple[Row, str, str] | None = None) -> str:
     """A table of numbers, with the curves' lines before their names: it is the plot's legend too.
 
-    Args:
-        rows: Rows from above.
-        heads: Heads of the three columns; without them there are two.
+    It has three columns with heads, and two without.
     """
-    right = "text-align:right;white-space:nowrap"
+    right = 'td style="text-align:right;white-space:nowrap"'
     head = ""
     if heads is not None:
         first, *others = heads
-        cells = "".join(f'<td style="{right}">{text}</td>' for text in others)
+        cells = "".join(f"<{right}>{text}</td>" for text in others)
         head = f'<tr style="color:#555"><td>{_line(first.curve)} {html.escape(first.name)}</td>{cells}</tr>'
     body = "".join(
         f"<tr><td>{_line(row.curve)} {html.escape(row.name)}</td>"
-        f'<td style="{right}"><b>{html.escape(row.value)}</b></td><td style="{right}">{html.escape(row.more)}</td></tr>'
+        f"<{right}><b>{html.escape(row.value)}</b></td><{right}>{html.escape(row.more)}</td></tr>"
         for row in rows
     )
     widths = "".join(f'<col style="width:{width}">' for width in (WIDTHS_OF_TWO if heads is None else WIDTHS))
@@ -190,7 +178,6 @@ def table(rows: Sequence[Row], heads: tuple[Row, str, str] | None = None) -> str
 
 
 def _line(curve: Curve | None) -> str:
-    """A piece of a curve."""
     if curve is None:
         return '<svg width="26" height="8"></svg>'
     dash = f' stroke-dasharray="{" ".join(f"{part:g}" for part in DASHES[curve.dash])}"' if DASHES[curve.dash] else ""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from foretouch.console.history import LATE
-from foretouch.console.watched import GONE, SILENT, SUPERVISOR, Watched
+from foretouch.console.watched import GONE, SILENT, Watched
 from foretouch.identification import SENSOR_SENTENCES, SensorState
 from foretouch.messages import STATUS_SENTENCES, Status, Telemetry
 from foretouch.rendering.withheld import LEAST_SHARE
@@ -49,63 +49,54 @@ CALM = (Status.FOLLOWING, Status.GUARDED, Status.RETURNING, Status.SHADOW)
 
 def doing(watched: Watched) -> tuple[str, ...]:
     """What the robot does while nothing is wrong; nothing where it simply follows."""
-    telemetry = watched.telemetry
-    if telemetry is None or telemetry.status == Status.FOLLOWING or telemetry.status not in CALM:
-        return ()
-    return (_of_status(telemetry.status),)
+    status = watched.status
+    return () if status is None or status == Status.FOLLOWING or status not in CALM else (_of_status(status),)
 
 
 def hindrance(watched: Watched, now: float) -> str:
     """Why pressing cannot help now, in place of what there is to do; "" where it can."""
-    if watched.heard == -math.inf:
-        return WAITING_INSTRUCTION
-    if watched.silent(now):
-        return SILENT_INSTRUCTION
-    if watched.said(SUPERVISOR, "compiling"):
-        return COMPILING_INSTRUCTION
-    if watched.stopped:
-        return STOPPED_INSTRUCTION
-    if watched.telemetry is not None and watched.telemetry.status == Status.SENSOR_FAULT:
-        return FAULT_INSTRUCTION
-    for who, silence in (("The leader", watched.leader_silence(now)), ("The robot's side", watched.robot_silence(now))):
-        if GONE < silence < math.inf:
-            return f"{who} is silent: nothing can be pressed."
-    return ""
+    leader, robot = watched.leader_silence(now), watched.robot_silence(now)
+    hindrances = {
+        WAITING_INSTRUCTION: watched.received == -math.inf,
+        SILENT_INSTRUCTION: watched.silent(now),
+        COMPILING_INSTRUCTION: watched.reported("supervisor", "compiling"),
+        STOPPED_INSTRUCTION: watched.status == Status.STOPPED,
+        FAULT_INSTRUCTION: watched.status == Status.SENSOR_FAULT,
+        "The leader is silent: nothing can be pressed.": GONE < leader < math.inf,
+        "The robot's side is silent: nothing can be pressed.": GONE < robot < math.inf,
+    }
+    return next((sentence for sentence, applies in hindrances.items() if applies), "")
 
 
 def session_status(watched: Watched, now: float, *, held: bool, clutched: bool) -> str:
     """One line: what the session is doing."""
-    if watched.heard == -math.inf:
+    if watched.received == -math.inf:
         return "Waiting for the session."
     if watched.silent(now):
         return GONE_SILENT
-    if share := watched.said(SUPERVISOR, "compiling"):
+    if share := watched.reported("supervisor", "compiling"):
         return f"Compiling, {share}: the first start on this machine takes about a minute."
-    if watched.stopped:
-        said = "The robot is stopped: nobody moves it."
+    if watched.status == Status.STOPPED:
+        hand = "The robot is stopped: nobody moves it."
     elif clutched:
-        said = "The clutch is pressed: the hand moves alone, the robot stays."
+        hand = "The clutch is pressed: the hand moves alone, the robot stays."
     elif watched.operator != "browser":
-        said = f"The {watched.operator} operator presses."
+        hand = f"The {watched.operator} operator presses."
     else:
-        said = "You press." if held else "A script presses until you take the handle."
-    said = " ".join((*_withheld(watched), said))
+        hand = "You press." if held else "A script presses until you take the handle."
     model = watched.model
+    force = ""
     if model is None or not model.valid:
-        reason = model.reason if model and model.reason else "no model has arrived."
-        return " ".join((said, *doing(watched), f"No force yet: {reason}"))
-    return " ".join((said, *doing(watched)))
+        force = f"No force yet: {model.reason if model and model.reason else 'no model has arrived.'}"
+    return " ".join(filter(None, (_withheld(watched), hand, *doing(watched), force)))
 
 
-def _withheld(watched: Watched) -> tuple[str, ...]:
-    """That the hand is not given all of the model's force, how much, why, and what to do; nothing where it is."""
-    why = watched.withheld
-    if not why:
-        return ()
-    if watched.given < LEAST_SHARE:
-        return (f"The force is withheld: {why}; leave the surface and press again.",)
+def _withheld(watched: Watched) -> str:
+    if not watched.withheld:
+        return ""
     less = round(10.0 * (1.0 - watched.given)) * 10
-    return (f"The force is reduced by about {less} %: {why}; leave the surface and press again.",)
+    how = "withheld" if watched.given < LEAST_SHARE else f"reduced by about {less} %"
+    return f"The force is {how}: {watched.withheld}; leave the surface and press again."
 
 
 def lateness(watched: Watched) -> str:
@@ -119,31 +110,27 @@ def lateness(watched: Watched) -> str:
 
 def robot_alerts(watched: Watched, now: float) -> tuple[str, ...]:
     """Urgent remarks for a person at the other end, most urgent first."""
-    telemetry = watched.telemetry
-    robot = (
-        ()
-        if telemetry is None
-        else (
-            _sentence(watched.said("follower", "contest")),
+    sentences = [_silence(watched, now)]
+    if (telemetry := watched.telemetry) is not None:
+        sentences += [
+            _sentence(watched.reported("follower", "contest")),
             _robot(watched, telemetry),
             _sensors(watched, telemetry),
-            _control(watched, now),
-        )
-    )
-    return tuple(sentence for sentence in (_silence(watched, now), *robot) if sentence)
+            _control(watched, telemetry, now),
+        ]
+    return tuple(filter(None, sentences))
 
 
 def warnings(watched: Watched, now: float) -> tuple[str, ...]:
     """Text above the numbers: that nothing is secure, that the recording is incomplete."""
-    insecure = INSECURE if watched.insecure else ""
-    return tuple(text for text in (insecure, _recording(watched, now)) if text)
+    return tuple(filter(None, (INSECURE if watched.insecure else "", _recording(watched, now))))
 
 
 def _recording(watched: Watched, now: float) -> str:
-    problem, silence = watched.said("recorder", "recorder_failed"), watched.recorder_silence(now)
+    problem, silence = watched.reported("recorder", "recorder_failed"), watched.recorder_silence(now)
     if problem:
         return f"The recording is not all there: {problem}"
-    if watched.supervised(now) and not watched.said(SUPERVISOR, "recording"):
+    if watched.supervised(now) and not watched.reported("supervisor", "recording"):
         return ""  # no recorder was started
     if silence > RECORDER_SILENT and watched.leader_silence(now) < SILENT:
         return f"The recorder has been silent for {silence:.0f} s: whether anything is recorded is not known here."
@@ -151,9 +138,8 @@ def _recording(watched: Watched, now: float) -> str:
 
 
 def _silence(watched: Watched, now: float) -> str:
-    """Which of the sides is silent."""
     robot, leader = watched.robot_silence(now), watched.leader_silence(now)
-    if watched.heard == -math.inf:
+    if watched.received == -math.inf:
         return NOBODY_YET
     if robot > SILENT and leader > SILENT and math.isfinite(robot):
         return f"Neither side has been heard for {min(robot, leader):.1f} s: what the robot does is not known here."
@@ -168,48 +154,43 @@ def _silence(watched: Watched, now: float) -> str:
 def _robot(watched: Watched, telemetry: Telemetry) -> str:
     """What the robot does instead of following, and how it is let go on; nothing before the first leader."""
     status, trouble = telemetry.status, watched.trouble
-    if (status == Status.SHADOW and trouble) or FAULT in trouble:
-        return _said_there(trouble)
-    if status in CALM or not (telemetry.epoch or status in (Status.STOPPED, Status.SENSOR_FAULT)):
+    whatever = (status == Status.SHADOW and trouble) or FAULT in trouble
+    waiting = not (telemetry.epoch or status in (Status.STOPPED, Status.SENSOR_FAULT))
+    if not whatever and (status in CALM or waiting):
         return ""
-    return _said_there(trouble) if trouble else _of_status(status)
-
-
-def _said_there(trouble: str) -> str:
-    """Text of the robot's side; a command in it is to be given there."""
-    return _sentence(
-        f"{trouble} on the follower's machine; there answer y, then type release" if RELEASE in trouble else trouble
-    )
+    there = " on the follower's machine; there answer y, then type release" if RELEASE in trouble else ""
+    return _sentence(trouble + there) if trouble else _of_status(status)
 
 
 def _sensors(watched: Watched, telemetry: Telemetry) -> str:
     """Fault of the sensors, where the text of the robot's side does not name it already."""
     if telemetry.validity == SensorState.GOOD:
         return ""
-    states = {int(state): sentence for state, sentence in SENSOR_SENTENCES.items()}
-    sentence = states.get(telemetry.validity, "its sensors are not to be trusted")
+    sentence = _SENSORS.get(telemetry.validity, "its sensors are not to be trusted")
     return "" if sentence in watched.trouble else f"Nothing is learnt: {sentence}."
 
 
-def _control(watched: Watched, now: float) -> str:
+def _control(watched: Watched, telemetry: Telemetry, now: float) -> str:
     """The leader that is obeyed, where it is not the only one."""
-    telemetry, leader = watched.telemetry, watched.leader
-    if telemetry is None or leader is None or watched.leader_silence(now) > GONE or not telemetry.epoch:
+    leader = watched.leader
+    if leader is None or watched.leader_silence(now) > GONE or not telemetry.epoch:
         return ""
-    who = watched.said("follower", "control") or "Another leader"
+    holder = watched.reported("follower", "control") or "Another leader"
     count = watched.leaders(now)
     if telemetry.epoch != leader.epoch:
-        return f"{who} holds control: the robot does not obey the leader that is shown here."
-    return f"{count} leaders speak: {who} holds control and is shown here." if count > 1 else ""
+        return f"{holder} holds control: the robot does not obey the leader that is shown here."
+    return f"{count} leaders speak: {holder} holds control and is shown here." if count > 1 else ""
 
 
 def _of_status(status: int) -> str:
-    """The sentence of a status."""
-    sentences = {int(known): sentence for known, sentence in STATUS_SENTENCES.items()}
-    sentence = sentences.get(status, "says a status that is not known here")
+    sentence = _SENTENCES.get(status, "says a status that is not known here")
     alone = status in (Status.STOPPED, Status.SENSOR_FAULT)
     return _sentence(sentence if alone else f"the robot {sentence}")
 
 
 def _sentence(text: str) -> str:
     return f"{text[:1].upper()}{text[1:].rstrip('.')}." if text else ""
+
+
+_SENTENCES: dict[int, str] = {int(status): sentence for status, sentence in STATUS_SENTENCES.items()}
+_SENSORS: dict[int, str] = {int(state): sentence for state, sentence in SENSOR_SENTENCES.items()}

@@ -9,26 +9,22 @@ from types import MappingProxyType
 
 from foretouch.console.history import History, Lateness, Losses, LossTrace, Window
 from foretouch.console.models_seen import ModelsSeen, ModelTrace
-from foretouch.console.space_heard import SpaceHeard
+from foretouch.console.space_state import SpaceState
 from foretouch.devices import GRIPS, INTENDED_FORCE
-from foretouch.messages import Hello, LeaderState, Message, ModelUpdate, Status, Telemetry
+from foretouch.messages import Hello, LeaderState, Message, ModelUpdate, Telemetry
 from foretouch.rendering.withheld import LEAST_FORCE, OWED, REDUCED_BELOW, UNPAID, Withheld, due_force
 from foretouch.settings import NO_BASELINE, NO_GRIP
 
-SILENT = 0.3
-"""A side that sends every millisecond is silent when nothing has come for this time [s]."""
-GONE = 1.0
-"""Time without a message of the leader shown after which another one is shown [s]."""
+SILENT, GONE = 0.3, 1.0
+"""A side that sends every millisecond is silent when nothing has come for this time [s]; after the second one another
+leader than the one shown is shown [s]."""
 SURFACE, PRESS_DEPTH = 0.012, 0.01
 """Surface position and depth of presses [m] until the session sends its values."""
-DEEPEST = 1.2
-"""How far the handle goes below the surface, in press depths."""
-SMALLEST_SCALE = 1e-3
-"""A bound on the position scale."""
-SUPERVISOR = "supervisor"
-"""The role of the process that can start the sides again with another choice."""
+DEEPEST, SMALLEST_SCALE = 1.2, 1e-3
+"""How far the handle goes below the surface, in press depths; a bound on the position scale."""
 SUPERVISOR_SILENT = 3.0
-"""A supervisor speaks twice a second; it is gone when nothing has come for this time [s]."""
+"""The supervisor, which can start the sides again with another choice, speaks twice a second; it is gone when nothing
+has come for this time [s]."""
 MODEL_SHARE = 0.5
 """Fraction of the press depth at which models are compared."""
 MOST_SPEAKERS = 16
@@ -47,8 +43,8 @@ class Watched:
         model: The newest model.
         space: Messages of a session in three dimensions.
         trouble: Text of the robot's side on itself since its newest status, "" for none.
-        settings: Texts of all roles on the session, by name; those that only one role can know are read by `said`.
-        heard: Time of the newest message [s]; minus infinity before the first.
+        settings: Texts of all roles on the session, by name; those that only one role knows are read by `reported`.
+        received: Time of the newest message [s]; minus infinity before the first.
         lateness: How late the loops of both sides are.
         withheld: Why the leader that is shown withholds the model's force or a part of it, "" where it does not.
         given: Ratio of the rendered force to the force due in the newest tick in contact, 0 to 1.
@@ -59,36 +55,36 @@ class Watched:
         self.leader: LeaderState | None = None
         self.telemetry: Telemetry | None = None
         self.model: ModelUpdate | None = None
-        self.space = SpaceHeard()
+        self.space = SpaceState()
         self.trouble = ""
         self.settings: Mapping[str, str] = MappingProxyType({})
-        self.heard = -math.inf
-        self._models = ModelsSeen()
-        self._losses = Losses()
+        self.received = -math.inf
         self.lateness = Lateness()
         self.withheld, self.given = "", 1.0
+        self._models = ModelsSeen()
+        self._losses = Losses()
         self._withheld = Withheld(REDUCED_BELOW)
-        self._supervisor_heard = -math.inf
-        self._leader_heard = self._telemetry_heard = -math.inf
+        self._leader_received = self._telemetry_received = self._supervisor_received = -math.inf
+        self._recorder_received = math.nan
         self._leaders: dict[int, float] = {}
-        self._recorder_heard = math.nan
         self._hellos: dict[tuple[str, str], dict[str, str]] = {}
-        self._said: dict[str, dict[str, str]] = {}
+        self._texts: dict[str, dict[str, str]] = {}
 
     def take(self, message: Message, now: float) -> None:
         """Take note of one message that has arrived now [s]."""
-        self.heard = now
-        if isinstance(message, LeaderState):
-            self._take_leader(message, now)
-        elif isinstance(message, Telemetry):
-            self._take_telemetry(message, now)
-        elif isinstance(message, ModelUpdate):
-            self.model = message
-            self._models.add(message)
-        elif isinstance(message, Hello):
-            self._take_hello(message, now)
-        else:
-            self.space.take(message, now, 0 if self.leader is None else self.leader.epoch)
+        self.received = now
+        match message:
+            case LeaderState():
+                self._take_leader(message, now)
+            case Telemetry():
+                self._take_telemetry(message, now)
+            case ModelUpdate():
+                self.model = message
+                self._models.add(message)
+            case Hello():
+                self._take_hello(message, now)
+            case _:
+                self.space.take(message, now, 0 if self.leader is None else self.leader.epoch)
 
     def at_once(self) -> Watched:
         """Copy of the state received until now, which does not change later: one picture shows one moment."""
@@ -98,36 +94,36 @@ class Watched:
 
     def silent(self, now: float) -> bool:
         """Whether messages of the session were received once, and none for `GONE` seconds."""
-        return self.heard > -math.inf and now - self.heard > GONE
+        return GONE < now - self.received < math.inf
 
     def leader_silence(self, now: float) -> float:
         """Time since the last message of the leader that is shown [s]; infinite before the first."""
-        return now - self._leader_heard
+        return now - self._leader_received
 
     def robot_silence(self, now: float) -> float:
         """Time since the last message of the robot's side [s]; infinite before the first."""
-        return now - self._telemetry_heard
+        return now - self._telemetry_received
 
     def recorder_silence(self, now: float) -> float:
         """Time since the last message of the recorder [s]; NaN before the first."""
-        return now - self._recorder_heard
+        return now - self._recorder_received
 
     def leaders(self, now: float) -> int:
         """How many leaders speak."""
-        return sum(now - heard < SILENT for heard in tuple(self._leaders.values()))
+        return sum(now - received < SILENT for received in tuple(self._leaders.values()))
 
     def supervised(self, now: float) -> bool:
         """Whether a process is there that starts the sides again with another choice."""
-        return now - self._supervisor_heard < SUPERVISOR_SILENT
+        return now - self._supervisor_received < SUPERVISOR_SILENT
 
-    def said(self, role: str, name: str) -> str:
+    def reported(self, role: str, name: str) -> str:
         """The last text of one role under a name, whatever others send under it; "" for none."""
-        return self._said.get(role, {}).get(name, "")
+        return self._texts.get(role, {}).get(name, "")
 
     @property
     def insecure(self) -> bool:
         """Whether any side reports that nothing is encrypted or authenticated; reports of others do not revoke it."""
-        return any(texts.get("insecure") == "yes" for texts in self._said.values())
+        return any(texts.get("insecure") == "yes" for texts in self._texts.values())
 
     # What is drawn over time; a recording that is played has the same.
 
@@ -150,14 +146,9 @@ class Watched:
         return MODEL_SHARE * max(self.setting("press_depth", PRESS_DEPTH), 1e-4)
 
     @property
-    def stopped(self) -> bool:
-        """Whether the robot reports that its emergency stop is latched."""
-        return self.telemetry is not None and self.telemetry.status == Status.STOPPED
-
-    @property
-    def shadowed(self) -> bool:
-        """Whether another controller moves the robot."""
-        return self.telemetry is not None and self.telemetry.status == Status.SHADOW
+    def status(self) -> int | None:
+        """What the robot does: a `Status`; None before its first telemetry."""
+        return None if self.telemetry is None else self.telemetry.status
 
     @property
     def surface(self) -> float:
@@ -179,8 +170,8 @@ class Watched:
     @property
     def probe_position(self) -> float:
         """Position of the operator's probe [m]: the robot's while they are not coupled, 0 before either is known."""
-        positions = (math.nan if self.leader is None else self.leader.position, self.robot_position)
-        return next((position for position in positions if math.isfinite(position)), 0.0)
+        own, robot = math.nan if self.leader is None else self.leader.position, self.robot_position
+        return own if math.isfinite(own) else robot if math.isfinite(robot) else 0.0
 
     @property
     def in_space(self) -> bool:
@@ -195,7 +186,7 @@ class Watched:
         return 0.0 if self.leader is None else self.leader.position - self.surface
 
     @property
-    def heard_sequence(self) -> int:
+    def telemetry_sequence(self) -> int:
         """Sequence of the newest telemetry that the leader had; 0 before the first."""
         return 0 if self.leader is None else self.leader.telemetry_sequence
 
@@ -218,10 +209,9 @@ class Watched:
     @property
     def hand_ahead(self) -> float:
         """How much further in the hand is than the probe, in the probe's lengths [m]; NaN where no force moves it."""
-        leader = self.leader
-        if leader is None or not self.grip:
+        if self.leader is None or not self.grip:
             return math.nan
-        return self.scale * leader.hand_position - leader.position
+        return self.scale * self.leader.hand_position - self.leader.position
 
     @property
     def deepest(self) -> float:
@@ -240,7 +230,7 @@ class Watched:
 
     def _take_leader(self, state: LeaderState, now: float) -> None:
         if state.epoch not in self._leaders:
-            speaking = {epoch: heard for epoch, heard in self._leaders.items() if now - heard < GONE}
+            speaking = {epoch: received for epoch, received in self._leaders.items() if now - received < GONE}
             self._leaders = speaking if len(speaking) < MOST_SPEAKERS else {}
         self._leaders[state.epoch] = now
         if self.leader is not None and state.epoch != self.leader.epoch:
@@ -252,7 +242,7 @@ class Watched:
         self.history.add_leader(state)
         self.lateness.take("leader", state.period_ns)
         self._models.adopt(state.time_ns * 1e-9, state.model_sequence)
-        self.leader, self._leader_heard = state, now
+        self.leader, self._leader_received = state, now
         self.withheld = self._why_withheld(state)
 
     def _why_withheld(self, state: LeaderState) -> str:
@@ -268,31 +258,30 @@ class Watched:
         return (OWED if self._withheld.owed else UNPAID) if withheld else ""
 
     def _take_telemetry(self, telemetry: Telemetry, now: float) -> None:
-        before, shown = self.telemetry, self.leader
-        if before is not None and telemetry.status != before.status:
+        if self.status not in (None, telemetry.status):
             self.trouble = ""
-        self.history.add_telemetry(telemetry, applies=shown is None or telemetry.epoch in (0, shown.epoch))
+        self.history.add_telemetry(telemetry)
         self.lateness.take("follower", telemetry.period_ns)
-        self.telemetry, self._telemetry_heard = telemetry, now
+        self.telemetry, self._telemetry_received = telemetry, now
 
     def _take_hello(self, hello: Hello, now: float) -> None:
         """Keep the texts of each; the newest counts, but of several leaders the one in control."""
-        texts = hello.texts
-        self._said[hello.role] = texts
-        if hello.role == "follower":
-            self.trouble = texts.get("trouble", "")
-        elif hello.role == "recorder":
-            self._recorder_heard = now
-        elif hello.role == SUPERVISOR:
-            self._supervisor_heard = now
+        texts = self._texts[hello.role] = hello.texts
+        match hello.role:
+            case "follower":
+                self.trouble = texts.get("trouble", "")
+            case "recorder":
+                self._recorder_received = now
+            case "supervisor":
+                self._supervisor_received = now
         self._losses.take(hello.role, texts, now)
-        who = (hello.role, texts.get("leader", ""))
-        self._hellos.pop(who, None)
+        speaker = (hello.role, texts.get("leader", ""))
+        self._hellos.pop(speaker, None)
         if len(self._hellos) >= MOST_SPEAKERS:
             self._hellos.pop(next(iter(self._hellos)))
-        self._hellos[who] = texts
-        in_control = self._hellos.get(("leader", self.said("follower", "control")), {})
+        self._hellos[speaker] = texts
+        in_control = self._hellos.get(("leader", self.reported("follower", "control")), {})
         settings: dict[str, str] = {}
-        for said in (*self._hellos.values(), in_control):
-            settings |= said
+        for reported in (*self._hellos.values(), in_control):
+            settings |= reported
         self.settings = MappingProxyType(settings)

@@ -8,10 +8,11 @@ import re
 import secrets
 import socket
 from collections.abc import Callable, Sequence
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple
 from urllib.parse import parse_qsl
 
 from foretouch.errors import LinkError, SettingError
+from foretouch.link.access import bind_error
 
 
 def require_free_port(port: int, host: str = "127.0.0.1") -> None:
@@ -23,20 +24,9 @@ def require_free_port(port: int, host: str = "127.0.0.1") -> None:
     """
     if not 0 <= port <= 65535:
         raise SettingError("port", port, "must be 0 to 65535")
-    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind((host, port))
-        except OSError as error:
-            what = "is in use" if error.errno == errno.EADDRINUSE else f"cannot be used ({error.strerror})"
-            raise LinkError(f"port {port} on {host} {what}: choose another with --port") from None
-
-
-def free_port(host: str) -> int:
-    """A port that is not in use now."""
-    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
-        probe.bind((host, 0))
-        return int(probe.getsockname()[1])
+    if (error := bind_error(host, port, socket.AF_INET)) is not None:
+        what = "is in use" if error.errno == errno.EADDRINUSE else f"cannot be used ({error.strerror})"
+        raise LinkError(f"port {port} on {host} {what}: choose another with --port")
 
 
 LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
@@ -56,13 +46,6 @@ REFUSED = (
     "else has come in: end the console.\n"
 )
 FOREIGN = "This console is not at this address: open the one that it shows in its terminal.\n"
-
-
-class Headers(Protocol):
-    """What is asked of the headers of a request."""
-
-    def get_all(self, key: str, /) -> list[str]:
-        """All values of a header, none where it is not there."""
 
 
 class Answer(NamedTuple):
@@ -98,10 +81,14 @@ class Entrance:
         """The address that lets the next browser in."""
         return f"{self.base}{self.path}/?token={self._token}"
 
-    def answer(self, target: str, headers: Headers, *, socket: bool) -> Answer:
-        """Decide about a request by its path and query; browsers name the origin where a socket is requested."""
+    def answer(self, target: str, headers: Any, *, socket: bool) -> Answer:
+        """Decide about a request by its path and query; browsers name the origin where a socket is requested.
+
+        The headers have ``get_all``, which lists the values of one.
+        """
         host, origins = _only(headers.get_all("Host")).lower(), headers.get_all("Origin")
-        if not self._here(host):
+        name = _HOST.fullmatch(host)
+        if name is None or name["name"] not in self._names:  # one that an attacker made point here is none of them
             return Answer(403, FOREIGN)
         if (socket or origins) and _only(origins).lower() not in (f"http://{host}", f"https://{host}"):
             return Answer(403, FOREIGN)
@@ -118,12 +105,7 @@ class Entrance:
         cookie = f"{COOKIE}={self._cookie}; Path={self.path}; HttpOnly; SameSite=Strict"
         return Answer(303, headers=(("Location", f"{self.path}/"), ("Set-Cookie", cookie)))
 
-    def _here(self, host: str) -> bool:
-        """Whether a ``Host`` is a name of this console; a name that an attacker made point here is none."""
-        match = _HOST.fullmatch(host)
-        return match is not None and match["name"] in self._names
-
-    def _has_cookie(self, headers: Headers) -> bool:
+    def _has_cookie(self, headers: Any) -> bool:
         pairs = (pair.strip().partition("=") for line in headers.get_all("Cookie") for pair in line.split(";"))
         return any(name == COOKIE and _same(value, self._cookie) for name, _, value in pairs)
 
@@ -137,7 +119,6 @@ class Entrance:
 
 
 def _only(values: Sequence[str]) -> str:
-    """The value of a header that is there once."""
     return values[0] if len(values) == 1 else ""
 
 

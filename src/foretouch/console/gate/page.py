@@ -33,9 +33,7 @@ _SCRIPT = Path(__file__).with_name("page.js")
 _WORDS = {
     "LOST_TEXT": LOST,
     "ENDED_TEXT": ENDED,
-    "BEAT_ATTRIBUTE": BEAT_ATTRIBUTE,
-    "FRAMES_ATTRIBUTE": FRAMES_ATTRIBUTE,
-    "ENDED_ATTRIBUTE": ENDED_ATTRIBUTE,
+    **{f"{name}_ATTRIBUTE": f"data-foretouch-{name.lower()}" for name in ("BEAT", "FRAMES", "ENDED")},
     "STOP_BUTTON": STOP_BUTTON,
     "WITH_KEYBOARD": WITH_KEYBOARD,
     "URGENT_COLOUR": css(URGENT),
@@ -66,11 +64,11 @@ Quaternion = tuple[float, float, float, float]
 Point = tuple[float, float]
 
 
-class _Said(msgspec.Struct, tag_field="type"):
+class _Typed(msgspec.Struct, tag_field="type"):
     """Fields that are not listed are dropped."""
 
 
-class Camera(_Said, tag="ViewerCameraMessage"):
+class Camera(_Typed, tag="ViewerCameraMessage"):
     """Camera pose of the page; the viewer counts a page as connected once it has sent it."""
 
     wxyz: Quaternion
@@ -90,20 +88,20 @@ class Value(msgspec.Struct, forbid_unknown_fields=True):
     value: bool | int | float | str
 
 
-class Update(_Said, tag="GuiUpdateMessage"):
+class Update(_Typed, tag="GuiUpdateMessage"):
     """A control was operated."""
 
     uuid: str
     updates: Value
 
 
-class Command(_Said, tag="CommandTriggerMessage"):
+class Command(_Typed, tag="CommandTriggerMessage"):
     """A key was pressed, or a command chosen by its name."""
 
     uuid: str
 
 
-class Drag(_Said, tag="SceneNodeDragMessage"):
+class Drag(_Typed, tag="SceneNodeDragMessage"):
     """The handle along a line is dragged."""
 
     phase: Literal["start", "update", "end"]
@@ -118,14 +116,14 @@ class Drag(_Said, tag="SceneNodeDragMessage"):
     owner: str = ""
 
 
-class GizmoStart(_Said, tag="TransformControlsDragStartMessage"):
+class GizmoStart(_Typed, tag="TransformControlsDragStartMessage"):
     """The handle in space is taken."""
 
     name: str
     owner: str = ""
 
 
-class GizmoMove(_Said, tag="TransformControlsUpdateMessage"):
+class GizmoMove(_Typed, tag="TransformControlsUpdateMessage"):
     """It is moved."""
 
     name: str
@@ -134,11 +132,8 @@ class GizmoMove(_Said, tag="TransformControlsUpdateMessage"):
     owner: str = ""
 
 
-class GizmoEnd(_Said, tag="TransformControlsDragEndMessage"):
+class GizmoEnd(GizmoStart, tag="TransformControlsDragEndMessage"):
     """It is let go."""
-
-    name: str
-    owner: str = ""
 
 
 _DECODER = msgspec.msgpack.Decoder(Camera | Update | Command | Drag | GizmoStart | GizmoMove | GizmoEnd)
@@ -149,32 +144,30 @@ def permitted(raw: bytes | str, control: Callable[[str], Any]) -> bytes | None:
     if not isinstance(raw, bytes):
         return None
     try:
-        said = _DECODER.decode(raw)
+        message = _DECODER.decode(raw)
     except (msgspec.MsgspecError, RecursionError, ValueError, OverflowError):
         return None
-    if isinstance(said, Update) and not fits(control(said.uuid), said.updates.value):
+    if isinstance(message, Update) and not fits(control(message.uuid), message.updates.value):
         return None
-    fields = (getattr(said, name) for name in said.__struct_fields__)
-    if not all(_bounded(field) for field in fields):
-        return None
-    return msgspec.msgpack.encode(said)
+    return msgspec.msgpack.encode(message) if _bounded(msgspec.structs.astuple(message)) else None
 
 
 def fits(control: Any, value: Any) -> bool:
     """Whether a person could have given a control this value: it is shown, enabled, and allows the value."""
     from viser import GuiButtonHandle, GuiCheckboxHandle, GuiDropdownHandle, GuiSliderHandle
 
-    if isinstance(control, GuiButtonHandle):
-        right = value is True
-    elif isinstance(control, GuiCheckboxHandle):
-        right = isinstance(value, bool)
-    elif isinstance(control, GuiSliderHandle):
-        right = isinstance(value, int | float) and not isinstance(value, bool) and control.min <= value <= control.max
-    elif isinstance(control, GuiDropdownHandle):
-        right = value in control.options
-    else:
-        right = False
-    return right and bool(control.visible) and not control.disabled
+    match control:
+        case GuiButtonHandle():
+            allowed = value is True
+        case GuiCheckboxHandle():
+            allowed = isinstance(value, bool)
+        case GuiSliderHandle():
+            allowed = type(value) in (int, float) and control.min <= value <= control.max
+        case GuiDropdownHandle():
+            allowed = value in control.options
+        case _:
+            allowed = False
+    return allowed and bool(control.visible) and not control.disabled
 
 
 def _bounded(field: Any) -> bool:

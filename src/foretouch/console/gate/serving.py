@@ -45,8 +45,7 @@ some of the usual 1,024."""
 class Wait:
     """How long the next message of a page has to wait (a leaky bucket)."""
 
-    def __init__(self) -> None:
-        self._due = 0.0
+    _due = 0.0
 
     def next(self, now: float) -> float:
         """Count one message at a time [s]; how long it has to wait [s], not positive where it need not."""
@@ -57,8 +56,7 @@ class Wait:
 class Volume:
     """What a page has sent in the second that runs."""
 
-    def __init__(self) -> None:
-        self._since, self._bytes = 0.0, 0
+    _since, _bytes = 0.0, 0
 
     def too_much(self, now: float, size: int) -> bool:
         """Count bytes that have come at a time [s], and whether they are too many."""
@@ -100,14 +98,13 @@ def make_gated_server(host: str, port: int, entrance: Entrance) -> Any:
     # The viewer greets on stdout, which belongs to the report.
     with _serving_through(gate), contextlib.redirect_stdout(io.StringIO()):
         server = viser.ViserServer(host=host, port=port, verbose=False)
-        controls = getattr(server.gui, "_gui_input_handle_from_uuid", None)
-        taken = server.get_port() != port  # the viewer would go on with the next port
-        if taken or not gate.stands or controls is None:
+        controls: Any = getattr(server.gui, "_gui_input_handle_from_uuid", None)
+        problem = "" if gate.stands and controls is not None else UNKNOWN_VIEWER.format(viser.__version__)
+        if server.get_port() != port:  # the viewer would go on with the next port
+            problem = f"port {port} on {host} is in use: choose another with --port"
+        if problem:
             server.stop()
-    if taken:
-        raise LinkError(f"port {port} on {host} is in use: choose another with --port")
-    if not gate.stands or controls is None:
-        raise LinkError(UNKNOWN_VIEWER.format(viser.__version__))
+            raise LinkError(problem)
     gate.control = controls.get
     return server
 
@@ -153,7 +150,6 @@ class _Gate:
         return None
 
     def _with_headers(self, response: Response) -> Response:
-        """The viewer's response, the page in it with its watch."""
         if response.headers.get("Content-Type", "").startswith("text/html") and response.body:
             if self._watched[0] != response.body:
                 self._watched = (bytes(response.body), with_watch(bytes(response.body)))
@@ -246,9 +242,8 @@ def _connection_type(gate: _Gate) -> type[ServerConnection]:
                 wait = self._wait.next(self.loop.time())
                 if wait > 0.0:
                     await asyncio.sleep(wait)
-                said = permitted(raw, gate.control)
-                if said is not None:
-                    return said
+                if (message := permitted(raw, gate.control)) is not None:
+                    return message
 
         def recv_streaming(self, decode: bool | None = None) -> Any:
             raise NotImplementedError("the gate hears whole messages alone")
@@ -259,9 +254,9 @@ def _connection_type(gate: _Gate) -> type[ServerConnection]:
 def _quiet_logger() -> logging.Logger:
     """Keep malformed requests of strangers out of the terminal; errors inside are still logged."""
     logger = logging.getLogger("foretouch.console.gate")
-    logger.addFilter(_without_strangers)
+    logger.addFilter(_of_ours)
     return logger
 
 
-def _without_strangers(record: logging.LogRecord) -> bool:
+def _of_ours(record: logging.LogRecord) -> bool:
     return not record.getMessage().startswith(("opening handshake failed", "connection rejected"))

@@ -5,16 +5,14 @@ from __future__ import annotations
 import html
 import math
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 from foretouch.console.panels.figures import EnergyPanel, ForcePanel, ModelPanel
-from foretouch.console.panels.session import LONGEST_DELAY, NetworkFaults, NetworkPanel, SessionPanel
+from foretouch.console.panels.session import LONGEST_DELAY, SLIDERS, Actions, NetworkPanel, SessionPanel
 from foretouch.console.panels.space import ImagePanel
-from foretouch.console.panels.stop import HELP, SPACE_HELP, Alarm, add_keys
+from foretouch.console.panels.stop import HELP, SPACE_HELP, STEP, Alarm, add_keys
 from foretouch.console.playback import Playback
-from foretouch.console.plots import heard, moved, put
+from foretouch.console.plots import by_person, handler, put
 from foretouch.console.sentences import WAITING_INSTRUCTION
 from foretouch.quantities.colours import BLUE, GREY, INK, ORANGE, css
 
@@ -35,34 +33,30 @@ class Banner:
         self._box = gui.add_html("")
 
     def show(self, playback: Playback | None, note: str = "") -> None:
-        """Show which recording is looked at, and which moment of it; without one, a note."""
-        put(self._box, content=_note_html(note) if playback is None else _html(playback, self._meanwhile))
-
-
-def _note_html(note: str) -> str:
-    """A small box; on a phone, what is urgent takes its place."""
-    if not note:
-        return ""
-    return (
-        f'<div role="status" class="foretouch-note" style="{_TOP}background:#fff;color:{css(INK)};border:2px solid '
-        f'{css(ORANGE)};border-radius:6px;padding:4px 10px;font-size:13px;line-height:1.3">{html.escape(note)}</div>'
-    )
-
-
-def _html(playback: Playback, meanwhile: str) -> str:
-    time = f"{playback.now:.1f} of {playback.duration:.1f} s"
-    what = f"{NOT_LIVE}: {html.escape(playback.name)}, {time}"
-    return (
-        f'<div role="status" style="{_TOP}background:{css(ORANGE)};color:{css(INK)};'
-        f'border:3px solid {css(INK)};border-radius:8px;padding:6px 12px;font-weight:700;font-size:17px">{what}<br>'
-        f'<span style="font-weight:400;font-size:14px">{meanwhile}</span></div>'
-    )
+        """Show which recording is looked at, and which moment of it; without one, a note, if there is any."""
+        content = ""
+        if playback is not None:
+            moment = f"{playback.now:.1f} of {playback.duration:.1f} s"
+            content = (
+                f'<div role="status" style="{_TOP}background:{css(ORANGE)};color:{css(INK)};'
+                f'border:3px solid {css(INK)};border-radius:8px;padding:6px 12px;font-weight:700;font-size:17px">'
+                f"{NOT_LIVE}: {html.escape(playback.name)}, {moment}<br>"
+                f'<span style="font-weight:400;font-size:14px">{self._meanwhile}</span></div>'
+            )
+        elif note:  # a small box; on a phone, what is urgent takes its place
+            content = (
+                f'<div role="status" class="foretouch-note" style="{_TOP}background:#fff;color:{css(INK)};'
+                f"border:2px solid {css(ORANGE)};border-radius:6px;padding:4px 10px;font-size:13px;line-height:1.3"
+                f'">{html.escape(note)}</div>'
+            )
+        put(self._box, content=content)
 
 
 INSTRUCTION = "Drag the blue handle down to press."
 CHOOSE_RECORDING = "Choose a recording below, in the tab Recordings."
 WATCH_RECORDING = "A recording: play it, or drag its time bar."
 PRESS_CLUTCH, RELEASE_CLUTCH = "Clutch (C)", "Clutch is pressed: let it go (C)"
+CLUTCH = "While it is pressed your hand moves alone and the robot stays where it is"
 WIDTH = 460
 """[pixel]."""
 PHONE = "(max-width: 36em)"
@@ -93,34 +87,13 @@ _LAYOUT = (
 )
 
 
-@dataclass(frozen=True)
-class Actions:
-    """Functions called for actions of a person, from the viewer's thread; moments and delays are in s, steps in m."""
-
-    faults: Callable[[NetworkFaults], None]
-    clutch: Callable[[int | None], None]
-    end: Callable[[], None]
-    emergency: Callable[[], None]
-    choose: Callable[[str, str], None]
-    record: Callable[[], None]
-    open: Callable[[str], None]
-    play: Callable[[], None]
-    seek: Callable[[float], None]
-    live: Callable[[], None]
-    again: Callable[[float, float, bool], None]
-    step: Callable[[float], None]
-
-
 class Panel:
     """The viewer's panel. Each part is a class.
 
-    Args:
-        server: The viewer's server.
-        actions: Functions called for actions of a person.
-        live: Whether a session may be received; else recordings come first, and nothing offers to act on a robot.
+    Where no session may be received, recordings come first, and nothing offers to act on a robot.
     """
 
-    def __init__(self, server: Any, actions: Actions, *, live: bool = True) -> None:
+    def __init__(self, server: Any, actions: Actions, *, live: bool) -> None:
         gui = self._gui = server.gui
         gui.set_panel_label("foretouch")
         gui.configure_theme(control_width="large", show_logo=False, show_share_button=False, brand_color=BLUE)
@@ -132,8 +105,8 @@ class Panel:
         self._head = gui.add_html(_head_html(WAITING_INSTRUCTION, felt("", True)))
         self.forces = ForcePanel(gui)
         self.image = ImagePanel(gui)
-        self._clutch = gui.add_button(PRESS_CLUTCH, color=GREY, hint=_CLUTCH)
-        self._clutch.on_click(heard(lambda event: actions.clutch(event.client_id)))
+        self._clutch = gui.add_button(PRESS_CLUTCH, color=GREY, hint=CLUTCH)
+        self._clutch.on_click(handler(lambda event: actions.clutch(event.client_id)))
         self.tabs = tabs = gui.add_tab_group()
         if not live:
             self._add_recordings(actions, live)
@@ -144,17 +117,22 @@ class Panel:
         with tabs.add_tab("Energy"):
             self.energy = EnergyPanel(gui)
         with tabs.add_tab("Session"):
-            self.session = SessionPanel(gui, actions.choose, actions.record, actions.end, live=live)
+            self.session = SessionPanel(gui, actions, live=live)
         if live:
             self._add_recordings(actions, live)
         self._help = gui.add_html(_help_html(HELP), visible=live)
-        add_keys(gui, on_step=actions.step, on_clutch=actions.clutch, on_record=actions.record, on_play=actions.play)
+        add_keys(
+            gui,
+            ("Hand deeper", "D", lambda event: actions.step(STEP)),
+            ("Hand up", "U", lambda event: actions.step(-STEP)),
+            ("Clutch", "C", lambda event: actions.clutch(event.client_id)),
+            ("Start or stop recording", "R", lambda event: actions.record()),
+            ("Play or pause the recording", "P", lambda event: actions.play()),
+        )
 
     def _add_recordings(self, actions: Actions, live: bool) -> None:
         with self.tabs.add_tab("Recordings"):
-            self.recordings = RecordingsPanel(
-                self._gui, actions.open, actions.play, actions.seek, actions.live, actions.again, live=live
-            )
+            self.recordings = RecordingsPanel(self._gui, actions, live=live)
 
     def explain_space_keys(self) -> None:
         """Name the keys that a session in three dimensions has too."""
@@ -170,8 +148,8 @@ class Panel:
 
     def show_clutch(self, pressed: bool) -> None:
         """Show whether the clutch is pressed."""
-        self._clutch.label = RELEASE_CLUTCH if pressed else PRESS_CLUTCH
-        self._clutch.color = BLUE if pressed else GREY
+        label, colour = (RELEASE_CLUTCH, BLUE) if pressed else (PRESS_CLUTCH, GREY)
+        put(self._clutch, label=label, color=colour)
 
 
 def felt(grip: str, by_mouse: bool) -> str:
@@ -187,7 +165,6 @@ def _help_html(text: str) -> str:
 
 
 def _head_html(instruction: str, note: str) -> str:
-    """What to do, and what it is about."""
     return (
         f'<div style="padding:0 12px 2px 12px;font-size:1.15em;line-height:1.3"><b style="color:{css(BLUE)}">'
         f'{html.escape(instruction)}</b><br><span style="font-size:0.78em;color:#555"><span class="foretouch-about">A '
@@ -196,72 +173,46 @@ def _head_html(instruction: str, note: str) -> str:
     )
 
 
-_CLUTCH = "While it is pressed your hand moves alone and the robot stays where it is"
-
-
 SETTLED = 0.3
 """Time without a motion after which a bar is put where the recording is [s], whatever a page shows: the value sent to
 it last may have crossed one that a person typed into it."""
-
-
 SLIGHTLY = 0.01
 """Smallest difference from the former value: the viewer does not send a repetition [s]."""
-
-
 CHOOSE = "choose one to look at it"
-
-
 PLAY, PAUSE = "Play (P)", "Pause (P)"
-
-
 BACK, CLOSE = "Back to live", "Close the recording"
-
-
 RUN_AGAIN = "Run it again under these delays"
 
 
-_QUIET = "padding:2px 12px;color:#555;overflow-wrap:anywhere"
-"""Of what explains itself once it is read."""
-
-
 class RecordingsPanel:
-    """What was recorded, and when of it is shown."""
+    """What was recorded, and which moment of it is shown."""
 
-    def __init__(
-        self,
-        gui: Any,
-        on_open: Callable[[str], None],
-        on_play: Callable[[], None],
-        on_seek: Callable[[float], None],
-        on_live: Callable[[], None],
-        on_again: Callable[[float, float, bool], None],
-        *,
-        live: bool = True,
-    ) -> None:
-        self._on_open, self._on_seek, self._on_again = on_open, on_seek, on_again
+    def __init__(self, gui: Any, actions: Actions, *, live: bool) -> None:
+        self._actions = actions
         self._list = gui.add_dropdown("Recording", (CHOOSE,), hint="The newest first")
         self._where = gui.add_html("")
         self._bar = gui.add_slider("Time [s]", 0.0, 1.0, 0.01, 0.0, disabled=True)
         self._play = gui.add_button(PLAY, color=GREY, disabled=True)
         self._live = gui.add_button(BACK if live else CLOSE, color=BLUE, disabled=True)
         self._note = gui.add_html("")
-        self._position_delay = gui.add_slider("Delay there [s]", 0.0, LONGEST_DELAY, 0.01, 0.0, disabled=True)
-        self._force_delay = gui.add_slider("Delay back [s]", 0.0, LONGEST_DELAY, 0.01, 0.0, disabled=True)
-        self._closed = gui.add_checkbox(
-            "Closed loop", False, hint="The force moves the hand; needs a grip", disabled=True
-        )
+        self._delays = {
+            name: gui.add_slider(SLIDERS[name][0], 0.0, LONGEST_DELAY, 0.01, 0.0, disabled=True)
+            for name in ("position_delay", "force_delay")
+        }
+        hint = "The force moves the hand; needs a grip"
+        self._closed = gui.add_checkbox("Closed loop", False, hint=hint, disabled=True)
         self._again = gui.add_button(RUN_AGAIN, color=GREY, disabled=True)
         self._shown: Playback | None = None
         self._moved = math.nan  # when a person moved the bar [s], until it has settled
-        self._list.on_update(moved(self._chosen))
-        self._bar.on_update(moved(self._dragged))
-        self._play.on_click(heard(lambda event: on_play()))
-        self._live.on_click(heard(lambda event: on_live()))
-        self._again.on_click(heard(self._run_again))
+        self._list.on_update(by_person(self._chosen))
+        self._bar.on_update(by_person(self._dragged))
+        self._play.on_click(handler(lambda event: actions.play()))
+        self._live.on_click(handler(lambda event: actions.live()))
+        self._again.on_click(handler(self._run_again))
 
     def list(self, names: tuple[str, ...], where: str) -> None:
         """Show which recordings there are, and in which folders."""
-        put(self._where, content=f'<div style="{_QUIET}">{html.escape(where)}</div>')
+        put(self._where, content=_quiet(where))
         options = (CHOOSE, *names)
         if tuple(self._list.options) != options:
             value = self._list.value
@@ -277,18 +228,16 @@ class RecordingsPanel:
             elif self._shown is None or playback.log is not self._shown.log:
                 self._put(playback)
             self._shown = playback
-        here = playback is not None
-        controls = (self._bar, self._play, self._live, self._position_delay, self._force_delay, self._closed)
-        offers = [(control, here) for control in controls]
-        for control, offered in (*offers, (self._again, here and not busy), (self._list, not busy)):
-            put(control, disabled=not offered)
+        for control in (self._bar, self._play, self._live, *self._delays.values(), self._closed):
+            put(control, disabled=playback is None)
+        put(self._again, disabled=playback is None or busy)
+        put(self._list, disabled=busy)
         if playback is not None:
             self._place_bar(playback.now)
             put(self._play, label=PAUSE if playback.playing else PLAY)
-        put(self._note, content=f'<div style="{_QUIET}">{html.escape(note)}</div>')
+        put(self._note, content=_quiet(note))
 
     def _place_bar(self, now: float) -> None:
-        """Put the bar where the recording is [s]."""
         if time.monotonic() - self._moved > SETTLED:
             self._moved = math.nan
             self._bar.value = round(now, 2) + SLIGHTLY
@@ -296,19 +245,23 @@ class RecordingsPanel:
             self._bar.value = round(now, 2)
 
     def _put(self, playback: Playback) -> None:
-        """A new one: its length, and the delays that it had."""
         self._bar.max = max(round(playback.duration, 2), 0.01)
-        for slider, name in ((self._position_delay, "position_delay"), (self._force_delay, "force_delay")):
-            slider.value = min(max(playback.shown.setting(name, 0.0), 0.0), LONGEST_DELAY)
+        for name, slider in self._delays.items():
+            slider.value = min(max(playback.setting(name, 0.0), 0.0), LONGEST_DELAY)
 
     def _chosen(self, event: Any) -> None:
         if self._list.value != CHOOSE:
             self._list.disabled = True  # it lets go of the focus too, in which no key would stop the robot
-            self._on_open(str(self._list.value))
+            self._actions.open(str(self._list.value))
 
     def _dragged(self, event: Any) -> None:
         self._moved = time.monotonic()
-        self._on_seek(float(self._bar.value))
+        self._actions.seek(float(self._bar.value))
 
     def _run_again(self, event: Any) -> None:
-        self._on_again(float(self._position_delay.value), float(self._force_delay.value), bool(self._closed.value))
+        there, back = (float(slider.value) for slider in self._delays.values())
+        self._actions.again(there, back, bool(self._closed.value))
+
+
+def _quiet(text: str) -> str:
+    return f'<div style="padding:2px 12px;color:#555;overflow-wrap:anywhere">{html.escape(text)}</div>'

@@ -1,7 +1,4 @@
-"""The session: its network's delays and faults, what it is made of, its end, and all messages that the console sends.
-
-A message caused by a person goes out in order with those of its kind, from whichever thread causes it.
-"""
+"""The session: its network's delays and faults, what it is made of and its end; all messages that the console sends."""
 
 from __future__ import annotations
 
@@ -10,16 +7,18 @@ import html
 import math
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from foretouch.console.history import LossTrace, Window
-from foretouch.console.plots import Curve, Row, TimePlot, heard, moved, number, put, table
+from foretouch.console.plots import Curve, Row, TimePlot, by_person, handler, inset, number, put, table
 from foretouch.console.sentences import NOTHING_LIVE
 from foretouch.devices import GRIPS, OPERATORS
-from foretouch.messages import VERSION, Choice, EmergencyStop, Handle, Message, Settings, Stop
+from foretouch.messages import VERSION, Message
 from foretouch.quantities.colours import BLUE, GREY, INK, VERMILLION, css
 from foretouch.robot import MATERIALS
 from foretouch.settings import NO_GRIP
@@ -64,7 +63,7 @@ class NetworkPanel:
             for name, (label, end, step, hint) in SLIDERS.items()
         }
         for slider in self._sliders.values():
-            slider.on_update(moved(self._slid))
+            slider.on_update(by_person(self._slid))
         self._trip = TimePlot(gui, "Round trip as measured [ms]", (TRIP,), height=120)
         self._text = gui.add_html("")
         self._loss = TimePlot(gui, "Messages lost [%]", (THERE, BACK), height=120)
@@ -86,55 +85,33 @@ class NetworkPanel:
         trips = window.round_trip * 1e3
         self._trip.draw(window.time, (trips,))
         self._loss.draw(losses.time, (losses.there, losses.back), most=100.0)
-        known = trips[np.isfinite(trips)]
-        rows = [Row(TRIP.name, number(float(known[-1]) if len(known) else np.nan, "ms", 0), TRIP)]
+        rows = [Row(TRIP.name, number(_last(trips[np.isfinite(trips)]), "ms", 0), TRIP)]
         for curve, shares in ((THERE, losses.there), (BACK, losses.back)):
-            rows.append(Row(curve.name, number(float(shares[-1]) if len(shares) else np.nan, "%", 1), curve))
-        put(self._text, content=f'<div style="padding:0 12px">{table(rows)}</div>')
+            rows.append(Row(curve.name, number(_last(shares), "%", 1), curve))
+        put(self._text, content=inset(table(rows)))
 
     def _slid(self, event: Any) -> None:
         self._moved = time.monotonic()
         self._on_faults(NetworkFaults(**{name: float(slider.value) for name, slider in self._sliders.items()}))
 
 
-class Speech:
-    """Numbers the messages and publishes them."""
+def _last(values: np.ndarray) -> float:
+    return float(values[-1]) if len(values) else math.nan
+
+
+class Publisher:
+    """Numbers the messages of each kind and publishes them, in order, from whichever thread causes them."""
 
     def __init__(self, publish: Callable[[Message], None]) -> None:
         self._publish = publish
         self._lock = threading.Lock()
-        self._sequences: dict[type[Message], int] = {}
+        self._sequences: Counter[type[Message]] = Counter()
 
-    def handle(self, position: float, *, held: bool, clutched: bool, place: tuple[float, ...] = ()) -> None:
-        """Send the position that the handle requests [m], and whether it is held or the clutch pressed."""
+    def send(self, kind: type[Message], **fields: Any) -> None:
+        """Send a message of a kind with these fields beside those that every message begins with."""
         with self._lock:
-            self._publish(Handle(*self._stamp(Handle), position=position, held=held, clutched=clutched, place=place))
-
-    def settings(self, faults: NetworkFaults) -> None:
-        """Which delays and faults there are to be."""
-        with self._lock:
-            self._publish(Settings(*self._stamp(Settings), *faults))
-
-    def choice(self, *, material: str = "", operator: str = "", grip: str = "", record: str = "") -> None:
-        """Send the choice of material, operator and recording; see `Choice`."""
-        with self._lock:
-            self._publish(Choice(*self._stamp(Choice), material, operator, grip, record))
-
-    def stop(self) -> None:
-        """The session is to end."""
-        with self._lock:
-            self._publish(Stop(*self._stamp(Stop), reason="ended in the console"))
-
-    def emergency(self, press: int) -> None:
-        """The robot is to stop at once; the number of the press."""
-        with self._lock:
-            reason = "pressed in the console"
-            self._publish(EmergencyStop(*self._stamp(EmergencyStop), reason=reason, press=press))
-
-    def _stamp(self, kind: type[Message]) -> tuple[int, int, int]:
-        """What every message begins with."""
-        self._sequences[kind] = self._sequences.get(kind, 0) + 1
-        return VERSION, self._sequences[kind], time.monotonic_ns()
+            self._sequences[kind] += 1
+            self._publish(kind(VERSION, self._sequences[kind], time.monotonic_ns(), **fields))
 
 
 END = "End the session"
@@ -155,34 +132,44 @@ CLOSED = 0.3
 closed, the browser would hear of neither, and the focus would stay in it, where no key stops the robot."""
 
 
+@dataclass(frozen=True)
+class Actions:
+    """Functions called for actions of a person, from the viewer's thread; moments and delays are in s, steps in m."""
+
+    faults: Callable[[NetworkFaults], None]
+    clutch: Callable[[int | None], None]
+    end: Callable[[], None]
+    emergency: Callable[[], None]
+    choose: Callable[[str, str], None]
+    record: Callable[[], None]
+    open: Callable[[str], None]
+    play: Callable[[], None]
+    seek: Callable[[float], None]
+    live: Callable[[], None]
+    again: Callable[[float, float, bool], None]
+    step: Callable[[float], None]
+
+
 class SessionPanel:
     """Dropdowns, the recording's button, and the end."""
 
-    def __init__(
-        self,
-        gui: Any,
-        on_choice: Callable[[str, str], None],
-        on_record: Callable[[], None],
-        on_end: Callable[[], None],
-        *,
-        live: bool = True,
-    ) -> None:
-        self._on_choice = on_choice
-        self._supervised_elsewhere = BY_HAND if live else NOTHING_LIVE
+    def __init__(self, gui: Any, actions: Actions, *, live: bool) -> None:
+        self._actions = actions
+        self._unsupervised = BY_HAND if live else NOTHING_LIVE
         self._waiting: dict[str, tuple[str, float]] = {}  # what was chosen, and when [s]
         self._dropdowns = {
             name: gui.add_dropdown(label, tuple(options), hint=hint, disabled=True)
             for name, (label, options, hint) in CHOICES.items()
         }
         for name, dropdown in self._dropdowns.items():
-            dropdown.on_update(moved(functools.partial(self._choose, name)))
+            dropdown.on_update(by_person(functools.partial(self._choose, name)))
         self._record = gui.add_button(START_RECORDING, color=GREY, disabled=True)
         self._note = gui.add_html("")
         self._end = gui.add_button(END, color=GREY, disabled=not live)
-        self._record.on_click(heard(lambda event: on_record()))
-        self._end.on_click(heard(lambda event: on_end()))
+        self._record.on_click(handler(lambda event: actions.record()))
+        self._end.on_click(handler(lambda event: actions.end()))
 
-    def show(self, runs: dict[str, str], *, offered: bool, recording: str, refused: str) -> None:
+    def show(self, runs: Mapping[str, str], *, offered: bool, recording: str, refused: str) -> None:
         """Show what runs: choices, the file that is written, and why the newest choice was refused; "" for none."""
         for name, (chosen, at) in tuple(self._waiting.items()):
             waited = time.monotonic() - at
@@ -192,26 +179,19 @@ class SessionPanel:
             value = "" if name in self._waiting else runs.get(name, "")
             if value and value not in dropdown.options:  # of a robot that is no simulation, for example
                 dropdown.options = (*dropdown.options, value)
-            if value and dropdown.value != value:
-                dropdown.value = value
-            open_to_all = offered and not self._waiting
-            put(dropdown, disabled=not open_to_all)
-        label = STOP_RECORDING if recording else START_RECORDING
-        if self._record.label != label:
-            self._record.label, self._record.color = label, BLUE if recording else GREY
-        put(self._record, disabled=not offered)
+            put(dropdown, value=value or dropdown.value, disabled=not offered or bool(self._waiting))
+        label, colour = (STOP_RECORDING, BLUE) if recording else (START_RECORDING, GREY)
+        put(self._record, label=label, color=colour, disabled=not offered)
         self._write(offered, recording, refused)
 
     def ending(self) -> None:
         """Show that the session ends."""
-        self._end.label = "The session ends"
-        self._end.disabled = True
+        put(self._end, label="The session ends", disabled=True)
 
     def _write(self, offered: bool, recording: str, refused: str) -> None:
-        lines = [] if offered else [f'<span style="color:#555">{self._supervised_elsewhere}</span>']
+        what = f"Recording: {html.escape(recording)}" if recording else "Nothing is recorded."
+        lines = [f'<span style="color:#555">{what if offered else self._unsupervised}</span>']
         if offered:
-            what = f"Recording: {html.escape(recording)}" if recording else "Nothing is recorded."
-            lines.append(f'<span style="color:#555">{what}</span>')
             lines += [f"<b>Begins anew with {html.escape(chosen)} …</b>" for chosen, _ in self._waiting.values()]
         if refused:
             lines.append(f'<b style="color:{css(VERMILLION)}">Not chosen: {html.escape(refused)}</b>')
@@ -221,4 +201,4 @@ class SessionPanel:
         value = str(event.target.value)
         event.target.disabled = True  # it lets go of the focus too, in which no key would stop the robot
         self._waiting[name] = (value, time.monotonic())
-        self._on_choice(name, value)
+        self._actions.choose(name, value)

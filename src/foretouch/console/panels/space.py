@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from foretouch.console.history import Array
-from foretouch.console.plots import Curve, Row, TimePlot, moved, number, put, table
-from foretouch.console.space_heard import PoseTrace, fixture_of
+from foretouch.console.plots import Curve, Row, TimePlot, by_person, inset, number, put, table
+from foretouch.console.space_state import fixture_of
 from foretouch.console.watched import Watched
 from foretouch.errors import MissingExtraError, SettingError, install_command
 from foretouch.messages import CameraImage, FixtureBelief, LeaderSpace
@@ -46,17 +46,12 @@ def can_draw() -> bool:
 def draw_over(
     jpeg: bytes, camera: Sequence[float], probe: Vector, pose: Sequence[float], corners: Array
 ) -> bytes | None:
-    """An image with the virtual probe and the fixture's outline in it; None where it cannot be read.
+    """A JPEG with the virtual probe [m] and the fixture's outline in it; None where it cannot be read.
 
-    Args:
-        jpeg: The image.
-        camera: As `foretouch.messages.CameraImage.camera` has it.
-        probe: Position of the virtual probe [m].
-        pose: Pose of the fixture as it is rendered: a position [m] and a rotation vector [rad].
-        corners: Corners of the outline in the fixture's frame [m], shape (n, 3).
+    The camera is that of `foretouch.messages.CameraImage`; the pose is the rendered one, a position [m] and a rotation
+    vector [rad], and the corners of the outline are in the fixture's frame [m], shape (n, 3).
     """
     cv2 = opencv()
-
     image = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
     if image is None or len(camera) != 15:
         return None
@@ -75,33 +70,25 @@ def draw_over(
 
 
 def _draw_tip(image: np.ndarray, camera: Sequence[float], probe: Vector) -> None:
-    """A disc as large as the tip would be."""
-    cv2 = opencv()
-
-    x, y, z = probe
-    middle, right = _pixels(camera, np.array([(x, y, z), (x + TIP_RADIUS, y, z)]))
+    middle, right = _pixels(camera, np.array(probe) + np.outer((0.0, TIP_RADIUS), (1.0, 0.0, 0.0)))
     if np.isfinite(middle).all() and np.isfinite(right).all():
+        cv2, at = opencv(), np.rint(middle).astype(int).tolist()
         radius = max(round(math.dist(middle, right)), 5)
-        at = (round(float(middle[0])), round(float(middle[1])))
         cv2.circle(image, at, radius + 2, (255, 255, 255), -1, cv2.LINE_AA)
         cv2.circle(image, at, radius, BLUE[::-1], -1, cv2.LINE_AA)
 
 
 def _draw_line(image: np.ndarray, points: Array, colour: Colour, width: int) -> None:
     """A line with a white rim, left out where it is not before the camera or far beside the image."""
-    cv2 = opencv()
-
-    height, across = image.shape[:2]
-    near = np.isfinite(points).all(axis=1) & (np.abs(points) < 4 * max(height, across)).all(axis=1)
+    cv2, size = opencv(), max(image.shape)
+    near = np.isfinite(points).all(axis=1) & (np.abs(points) < 4 * size).all(axis=1)
     for wider, painted in ((width + 3, (255, 255, 255)), (width, colour[::-1])):
-        for a, b, here, there in zip(points[:-1], points[1:], near[:-1], near[1:], strict=True):
-            if here and there:
-                ends = [tuple(round(float(value)) for value in point) for point in (a, b)]
-                cv2.line(image, ends[0], ends[1], painted, wider, cv2.LINE_AA)
+        for begin in np.flatnonzero(near[:-1] & near[1:]):
+            ends = np.rint(points[begin : begin + 2]).astype(int).tolist()
+            cv2.line(image, *ends, painted, wider, cv2.LINE_AA)
 
 
 def _divided(corners: Array) -> Array:
-    """Points along the sides of a closed outline."""
     share = np.arange(PARTS)[:, None] / PARTS
     sides = [a + share * (b - a) for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)]
     return np.concatenate(sides)
@@ -171,7 +158,7 @@ class ImagePanel:
 
     def draw(self, watched: Watched, vertices: Array) -> None:
         """Draw the newest image; vertices of what is touched are in the fixture's frame [m], shape (n, 3)."""
-        image = watched.space.image(watched.heard_sequence, watched.setting("camera_delay", CAMERA_DELAY))
+        image = watched.space.image(watched.telemetry_sequence, watched.setting("camera_delay", CAMERA_DELAY))
         leader = watched.space.leader
         self._write(watched, image)
         put(self._image, visible=image is not None)
@@ -180,7 +167,9 @@ class ImagePanel:
         over = bool(self._over.value) and bool(self._can_draw)
         if image is self._sent and not over and not self._drawn_over:
             return
-        jpeg = _over(image, leader, vertices) if over else image.jpeg
+        probe = (leader.place_x, leader.place_y, leader.place_z)
+        pose, corners = fixture_of(leader), footprint(vertices)
+        jpeg = draw_over(image.jpeg, image.camera, probe, pose, corners) if over else image.jpeg
         self._sent, self._drawn_over = image, over
         if jpeg is not None:
             self._image._data = jpeg  # as it came: the viewer would read and write it once more
@@ -195,12 +184,8 @@ class ImagePanel:
                 lines.append(f"No pose from it: {image.reason}.")
         if image is not None and not self._can_draw:
             lines.append(NO_OPENCV + install_command("vision"))
-        wrong = image is None or bool(image.reason)
-        colour = css(VERMILLION) if wrong else "#555"
-        text = (
-            f'<div style="padding:0 12px;color:{colour};line-height:1.35">{"<br>".join(map(html.escape, lines))}</div>'
-        )
-        put(self._text, content=text)
+        colour = css(VERMILLION) if image is None or image.reason else "#555"
+        put(self._text, content=inset("<br>".join(map(html.escape, lines)), f";color:{colour};line-height:1.35"))
 
 
 def missing_image(settings: Mapping[str, str]) -> str:
@@ -213,14 +198,9 @@ def missing_image(settings: Mapping[str, str]) -> str:
     return NO_IMAGE
 
 
-def _over(image: CameraImage, leader: LeaderSpace, vertices: Array) -> bytes | None:
-    probe = (leader.place_x, leader.place_y, leader.place_z)
-    return draw_over(image.jpeg, image.camera, probe, fixture_of(leader), footprint(vertices))
-
-
 def _age(watched: Watched, image: CameraImage) -> str:
     """How old the image is, in words: the ticks of the robot since then, and the network's delay."""
-    there = (watched.heard_sequence - image.tick) * 1e-3
+    there = (watched.telemetry_sequence - image.tick) * 1e-3
     back = watched.setting("force_delay", math.nan)
     age = there + (back if math.isfinite(back) else 0.0)
     return f"Shows the robot of {age:.1f} s ago"
@@ -234,9 +214,8 @@ MARGIN = 0.004
 
 def footprint(vertices: np.ndarray) -> np.ndarray:
     """Corners of a rectangle about board and specimen, in the fixture's frame [m], shape (4, 3)."""
-    low, high = vertices.min(axis=0), vertices.max(axis=0)
-    left, right = min(float(low[0]), -0.5 * BOARD) - MARGIN, max(float(high[0]), 0.5 * BOARD) + MARGIN
-    near, far = min(float(low[1]), -0.5 * BOARD) - MARGIN, max(float(high[1]), 0.5 * BOARD) + MARGIN
+    left, near = np.minimum(vertices.min(axis=0)[:2], -0.5 * BOARD) - MARGIN
+    right, far = np.maximum(vertices.max(axis=0)[:2], 0.5 * BOARD) + MARGIN
     return np.array([(left, near, 0.0), (right, near, 0.0), (right, far, 0.0), (left, far, 0.0)])
 
 
@@ -268,28 +247,24 @@ class SpacePanel:
             for label in SLIDERS
         ]
         for axis, slider in enumerate(self._sliders):
-            slider.on_update(moved(functools.partial(self._move, axis)))
+            slider.on_update(by_person(functools.partial(self._move, axis)))
 
-    def draw(self, watched: Watched, seconds: float, now: float, hand: tuple[float, float, float] | None) -> None:
+    def draw(self, watched: Watched, seconds: float, now: float, hand: Vector | None) -> None:
         """Draw and write what is known over seconds before now [s], and the hand's requested position [m] if any."""
         trace = watched.space.pose_trace(seconds)
-        self._plot(trace)
+        self._pose.draw(trace.time, (trace.deviation * 1e3, np.degrees(trace.turn)))
+        age = np.where(np.isfinite(trace.age), trace.age, math.nan)  # never seen is no age
+        self._age.draw(trace.time, (age,), most=MOST_AGE)
         self._follow(hand)
         leader = watched.space.leader
         if leader is None:
             return
-        rows = _rows(leader, watched.space.belief)
-        said = pose_sentence(watched, now)
         colour = css(VERMILLION) if leader.fixture_age > AGED else "#555"
-        sentence = f'<div style="color:{colour};line-height:1.35;padding-bottom:2px"><b>{html.escape(said)}</b></div>'
-        put(self._text, content=f'<div style="padding:0 12px">{sentence}{table(rows)}</div>')
+        known = html.escape(pose_sentence(watched, now))
+        sentence = f'<div style="color:{colour};line-height:1.35;padding-bottom:2px"><b>{known}</b></div>'
+        put(self._text, content=inset(sentence + table(_rows(leader, watched.space.belief))))
 
-    def _plot(self, trace: PoseTrace) -> None:
-        self._pose.draw(trace.time, (trace.deviation * 1e3, trace.turn * (180.0 / math.pi)))
-        age = np.where(np.isfinite(trace.age), trace.age, math.nan)  # never seen is no age
-        self._age.draw(trace.time, (age,), most=MOST_AGE)
-
-    def _follow(self, hand: tuple[float, float, float] | None) -> None:
+    def _follow(self, hand: Vector | None) -> None:
         """Put the sliders where the hand is, without telling anybody."""
         for axis, slider in enumerate(self._sliders):
             put(slider, disabled=hand is None)
@@ -324,6 +299,7 @@ def pose_sentence(watched: Watched, now: float) -> str:
 
 def _rows(leader: LeaderSpace, belief: FixtureBelief | None) -> list[Row]:
     turn = leader.fixture_turn * 180.0 / math.pi
+    force = math.hypot(leader.force_x, leader.force_y, leader.force_z)
     used = ("–", "–") if belief is None else (f"{belief.images} / {belief.contacts}", f"{belief.refused}")
     return [
         Row("Deviation of the fixture's position", number(leader.fixture_deviation * 1e3, "mm"), PLACE),
@@ -331,9 +307,7 @@ def _rows(leader: LeaderSpace, belief: FixtureBelief | None) -> list[Row]:
         Row(AGE.name, number(leader.fixture_age, "s", 1), AGE),
         Row("Images / touches used", used[0]),
         Row("Images and touches refused", used[1]),
-        Row(
-            "Force on the hand, with friction", number(math.hypot(leader.force_x, leader.force_y, leader.force_z), "N")
-        ),
+        Row("Force on the hand, with friction", number(force, "N")),
         Row("Friction, Coulomb", number(leader.friction, "")),
         Row("Local stiffness here, rendered", number(leader.stiffness, "N/m", 0)),
     ]

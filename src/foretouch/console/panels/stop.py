@@ -6,7 +6,6 @@ letters do, wherever the focus is but in a field for text or numbers, stands her
 
 from __future__ import annotations
 
-import functools
 import html
 import math
 import re
@@ -15,7 +14,7 @@ from collections.abc import Callable
 from typing import Any
 
 from foretouch.console.gate.page import BEAT_PERIOD, STOP_BUTTON, WITH_KEYBOARD, beat_html
-from foretouch.console.plots import heard, put
+from foretouch.console.plots import handler, put
 from foretouch.quantities.colours import BLUE, GREY, INK, VERMILLION, css
 from foretouch.quantities.pose import Vector
 
@@ -64,7 +63,7 @@ class Alarm:
         self._key = gui.add_html(_KEY, visible=offered)
         self._beats, self._next_beat = 0, 0.0
         self._beat = gui.add_html(beat_html(0))
-        pressed = heard(lambda event: on_press())
+        pressed = handler(lambda event: on_press())
         self._button.on_click(pressed)
         if offered:
             gui.add_command("Emergency stop", description="The robot unloads and stays so").on_trigger(pressed)
@@ -101,7 +100,6 @@ def _box_html(alerts: tuple[str, ...]) -> str:
 
 
 def _with_command(alert: str) -> str:
-    """The sentence with the command in it as one that can be copied."""
     command = '<code style="pointer-events:auto;user-select:all;cursor:copy" title="Click, then copy">\\g<0></code>'
     return re.sub(r"foretouch release \d+", command, html.escape(alert))
 
@@ -164,36 +162,19 @@ SPACE_HELP = "<b>J</b>, <b>L</b> left, right · <b>I</b>, <b>K</b> away, nearer 
 """In a session in three dimensions."""
 
 
-def add_keys(
-    gui: Any,
-    *,
-    on_step: Callable[[float], None],
-    on_clutch: Callable[[int | None], None],
-    on_record: Callable[[], None],
-    on_play: Callable[[], None],
-) -> None:
-    """Register the keys with the viewer, whose list of commands (Ctrl-K) names them too; a step is in metres."""
-    for label, key, action in (
-        ("Hand deeper", "D", lambda event: on_step(STEP)),
-        ("Hand up", "U", lambda event: on_step(-STEP)),
-        ("Clutch", "C", lambda event: on_clutch(event.client_id)),
-        ("Start or stop recording", "R", lambda event: on_record()),
-        ("Play or pause the recording", "P", lambda event: on_play()),
-    ):
-        gui.add_command(label, hotkey=key).on_trigger(heard(action))
+def add_keys(gui: Any, *keys: tuple[str, str, Callable[[Any], None]]) -> None:
+    """Register keys with the viewer, whose list of commands (Ctrl-K) names them too: label, key and action of each."""
+    for label, key, action in keys:
+        gui.add_command(label, hotkey=key).on_trigger(handler(action))
 
 
 def add_space_keys(gui: Any, on_stroke: Callable[[Vector], None], on_overlay: Callable[[], None]) -> None:
     """Register the keys that a session in three dimensions has beside the others; a stroke is a way [m]."""
-    for label, key, way in (
-        ("Hand to the left", "J", (-STEP, 0.0, 0.0)),
-        ("Hand to the right", "L", (STEP, 0.0, 0.0)),
-        ("Hand away", "I", (0.0, STEP, 0.0)),
-        ("Hand nearer", "K", (0.0, -STEP, 0.0)),
-    ):
-        gui.add_command(label, hotkey=key).on_trigger(heard(functools.partial(_stroke, on_stroke, way)))
-    gui.add_command("Probe over image", hotkey="O").on_trigger(heard(lambda event: on_overlay()))
-
-
-def _stroke(on_stroke: Callable[[Vector], None], way: Vector, event: Any) -> None:
-    on_stroke(way)
+    add_keys(
+        gui,
+        ("Hand to the left", "J", lambda event: on_stroke((-STEP, 0.0, 0.0))),
+        ("Hand to the right", "L", lambda event: on_stroke((STEP, 0.0, 0.0))),
+        ("Hand away", "I", lambda event: on_stroke((0.0, STEP, 0.0))),
+        ("Hand nearer", "K", lambda event: on_stroke((0.0, -STEP, 0.0))),
+        ("Probe over image", "O", lambda event: on_overlay()),
+    )

@@ -6,9 +6,11 @@ import math
 import threading
 import time
 from collections.abc import Sequence
+from typing import Any
 
-from foretouch.console.panels.session import Speech
+from foretouch.console.panels.session import Publisher
 from foretouch.console.watched import Watched
+from foretouch.messages import Handle
 from foretouch.quantities.pose import Vector, add, scaled, subtract
 
 KEEP_ALIVE = 0.1
@@ -37,8 +39,8 @@ class Hold:
         used: Whether it has been held yet.
     """
 
-    def __init__(self, watched: Watched, speech: Speech) -> None:
-        self._watched, self._speech = watched, speech
+    def __init__(self, watched: Watched, publisher: Publisher) -> None:
+        self._watched, self._publisher = watched, publisher
         self._lock = threading.RLock()  # over what a person does, so that it goes out in order
         self.position = 0.0
         self.held = self.clutched = self.used = False
@@ -52,22 +54,22 @@ class Hold:
         with self._lock:
             self.held, self.used = held, True
             self._let_go = math.inf
-            self._go(position)
+            self._move(position - self.position)
 
-    def step(self, way: float) -> None:
-        """A stroke of a key moves the handle in by a way [m]; it is let go a second after the last stroke."""
+    def stroke(self, way: Any) -> None:
+        """A key or a slider moves the hand by a way [m]; it is let go a second after the last one."""
         with self._lock:
             self.follow()
             self.held, self.used = True, True
             self._let_go = time.monotonic() + STROKE
-            self._go(self.position + way)
+            self._move(way)
 
     def toggle_clutch(self, browser: int | None = None) -> None:
         """The clutch was pressed, or let go, in this browser."""
         with self._lock:
             self.clutched = not self.clutched
             self._clutcher = browser
-            self._say()
+            self._publish()
 
     def browser_gone(self, browser: int) -> bool:
         """A browser that is gone holds no clutch; whether it held it. A drag of it the viewer ends."""
@@ -81,9 +83,9 @@ class Hold:
         with self._lock:
             if self.held and now > self._let_go:
                 self.held, self._let_go = False, math.inf
-                self._say()
+                self._publish()
             elif (self.held or self.clutched) and now - self._sent > KEEP_ALIVE:
-                self._say()
+                self._publish()
 
     def follow(self) -> None:
         """While the handle is not held, put it ahead of the probe by the distance that the hand intends to go."""
@@ -97,15 +99,18 @@ class Hold:
                 self._hand = intended if math.isfinite(intended) else leader.hand_position
                 self.position += self._watched.scale * (self._hand - leader.hand_position)
 
-    def _go(self, position: float) -> None:
-        position = min(max(position, 0.0), self._watched.deepest)
+    def _move(self, way: float) -> None:
+        position = min(max(self.position + way, 0.0), self._watched.deepest)
         self._hand += (position - self.position) / self._watched.scale
         self.position = position
-        self._say()
+        self._publish()
 
-    def _say(self) -> None:
+    def _publish(self) -> None:
         self._sent = time.monotonic()
-        self._speech.handle(self._hand, held=self.held, clutched=self.clutched)
+        self._publisher.send(Handle, held=self.held, clutched=self.clutched, **self._requested())
+
+    def _requested(self) -> dict[str, Any]:
+        return {"position": self._hand}
 
 
 class SpaceHold(Hold):
@@ -119,8 +124,8 @@ class SpaceHold(Hold):
         hand: Position that it requests of the hand, in the world [m].
     """
 
-    def __init__(self, watched: Watched, speech: Speech) -> None:
-        super().__init__(watched, speech)
+    def __init__(self, watched: Watched, publisher: Publisher) -> None:
+        super().__init__(watched, publisher)
         self.place: Vector = HOME
         self.hand: Vector = HOME
         self._released = -math.inf
@@ -141,14 +146,6 @@ class SpaceHold(Hold):
             self._let_go = math.inf
             self._move(subtract((x, y, z), self.place))
 
-    def stroke(self, way: Vector) -> None:
-        """A key or a slider moves the hand by a way [m]; it is let go a second after the last one."""
-        with self._lock:
-            self.follow()
-            self.held, self.used = True, True
-            self._let_go = time.monotonic() + STROKE
-            self._move(way)
-
     def follow(self) -> None:
         """While it is not held, put the handle at home, and the hand at its intended position."""
         with self._lock:
@@ -167,22 +164,15 @@ class SpaceHold(Hold):
             ahead = self._watched.scale * (leader.intended_position - leader.hand_position)
             self.hand = add(self.hand, scaled((space.normal_x, space.normal_y, space.normal_z), -ahead))
 
-    def _move(self, way: Vector) -> None:
+    def _move(self, way: Any) -> None:
         self.place = add(self.place, way)
-        x, y, z = add(self.hand, way)
-        self.hand = _within(x, -REACH), _within(y, -REACH), _within(z, self._lowest())
-        self._say()
-
-    def _lowest(self) -> float:
-        """The hand goes no lower [m]: below what it touches by as much as along a line."""
+        # Below what it touches the hand goes no further than along a line.
         space, watched = self._watched.space.leader, self._watched
         touched = 0.0 if space is None or not math.isfinite(space.point_z) else space.point_z
-        return max(touched - (watched.deepest - watched.surface), -REACH)
+        lowest = (-REACH, -REACH, max(touched - (watched.deepest - watched.surface), -REACH))
+        x, y, z = (min(max(value, least), REACH) for value, least in zip(add(self.hand, way), lowest, strict=True))
+        self.hand = x, y, z
+        self._publish()
 
-    def _say(self) -> None:
-        self._sent = time.monotonic()
-        self._speech.handle(0.0, held=self.held, clutched=self.clutched, place=self.hand)
-
-
-def _within(value: float, least: float) -> float:
-    return min(max(value, least), REACH)
+    def _requested(self) -> dict[str, Any]:
+        return {"position": 0.0, "place": self.hand}

@@ -1,21 +1,25 @@
-"""A session along a line in the console: probe, material, the delayed robot, and the handle that a mouse drags."""
+"""A session along a line in the console: probe, material, the delayed robot, and the handle that a mouse drags.
+
+Heights in the scene are z = (surface - position) * `UNITS`: the undeformed surface is at 0.
+"""
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from foretouch.console.history import Array
 from foretouch.console.plots import put
 from foretouch.console.views import shapes
 from foretouch.console.views.hold import Hold
 from foretouch.console.views.probes import UNITS, Measures, Probes
-from foretouch.console.views.shapes import HANDLE_HEIGHT, MaterialView, add_body
+from foretouch.console.views.shapes import HANDLE_HEIGHT, TIP_RADIUS, add_body, grid, sinking, triangles_of
 from foretouch.console.watched import Watched
-from foretouch.quantities.colours import BLUE, GREY
+from foretouch.quantities.colours import BLUE, CUT, DENT, GREY
 from foretouch.quantities.pose import Vector
 
 DRAG, LET_GO = "Drag me down to press", "Let go and the script goes on"
@@ -32,33 +36,36 @@ SMALLEST_APART, LARGEST_APART = 0.1, 5.0
 LOWEST_RAIL = 1.35
 """The rail ends above the material, though a hand may want to go on [scene units]."""
 RULER_X = -4.4
+EDGE = 3.9
+"""Distance from the axis at which the material does not sink any more [scene units]."""
+SHALLOW = math.sqrt(0.5)
+"""Width of a shallow dent [scene units]."""
+SMALLEST_CHANGE = 0.002
+"""Changes below this [scene units], 0.01 mm, are not drawn."""
+LARGEST_DEPTH = 2.9
+"""The picture of the block goes no deeper [scene units]."""
+STEPS = (0.1, 0.4, 0.9, 1.5)
+"""Depths at which the dent's colour changes [scene units]: 0.5, 2, 4.5 and 7.5 mm."""
 
 
 def look(server: Any, camera: tuple[tuple[float, ...], tuple[float, ...]]) -> None:
     """Put the camera of every browser, and of those that come, where a picture is seen as a whole [scene units]."""
-    position, target = camera
-    server.initial_camera.position, server.initial_camera.look_at = position, target
-    for client in server.get_clients().values():
-        client.camera.position, client.camera.look_at = position, target
+    for each in (server.initial_camera, *(client.camera for client in server.get_clients().values())):
+        each.position, each.look_at = camera
 
 
-class Scene:
-    """The viewer's scene. Heights are z = (surface - position) * `UNITS`: the undeformed surface is at 0.
+class LineView:
+    """What a console shows of a session along a line.
 
-    Args:
-        server: The viewer's server.
-        on_take: Called when a drag begins; returns the height of the handle then [scene units].
-        on_drag: Called with the handle's height [scene units] and whether it is held, at every move of a drag; both
-            from the viewer's thread. A browser that is gone lets go.
+    The handle is drawn in the probe's frame, from 0 to 1.2 times the press depth below the surface. A drag of it, which
+    comes from the viewer's thread, takes it from where it is then; a browser that is gone lets go.
     """
 
-    def __init__(self, server: Any, on_take: Callable[[], float], on_drag: Callable[[float, bool], None]) -> None:
-        self._on_take = on_take
-        self._on_drag = on_drag
-        self._grab_offset = 0.0
-        self._handle_z = 0.0
+    def __init__(self, server: Any, watched: Watched, hold: Hold) -> None:
+        self._watched, self.hold = watched, hold
+        self._grab_offset = self._handle_z = 0.0
         self._travel = (0.0, 0.0)
-        self.held = False
+        self._dragging = False
         scene = server.scene
         scene.set_up_direction("+z")
         # Toon shading under two plain lights: a third of the time that a software renderer takes for viser's defaults.
@@ -67,12 +74,11 @@ class Scene:
         scene.add_light_ambient("/lights/ambient", intensity=1.5)
         scene.add_light_directional("/lights/sun", intensity=2.0, position=(3.0, -6.0, 8.0))
         scene.world_axes.visible = False
-        camera = server.initial_camera
-        camera.fov = FIELD_OF_VIEW
-        camera.position, camera.look_at = CAMERA
+        server.initial_camera.fov = FIELD_OF_VIEW
+        look(server, CAMERA)
         self._root = scene.add_frame("/line", show_axes=False)
-        self._material = MaterialView(scene)
-        self._add_ruler(scene)
+        self._material = Material(scene)
+        _add_ruler(scene)
         self._probes = Probes(scene, "/line", (92, 106, 120), MEASURES)
         self._hand = add_body(scene, "/line/hand", shapes.ring(), BLUE, opacity=0.6)
         self._hand.visible = False
@@ -89,71 +95,83 @@ class Scene:
         """Show it all, or hide it: a session in three dimensions has a separate picture."""
         put(self._root, visible=shown)
 
-    def draw(self, z: float, ghost_z: float, force: float, ghost_force: float, deviation: float = math.nan) -> None:
-        """Move tips to heights [scene units] and show forces [N] and their deviation; NaN hides one."""
+    def draw(self, shown: Watched, *, live: bool, useful: bool) -> None:
+        """Draw a session or recording; whether a person can move its hand, and the robot goes along then."""
+        self.hold.follow()
+        leader, surface = shown.leader, shown.surface
+        z, robot_z = ((surface - position) * UNITS for position in (shown.probe_position, shown.robot_position))
+        rendered, delayed, deviation = 0.0, 0.0, math.nan
+        if leader is not None:
+            rendered, delayed, deviation = leader.rendered_force, leader.delayed_force, leader.standard_deviation
         self._material.draw(-z)
-        self._probes.draw_probe((0.0, 0.0, z), _upwards(force), deviation)
-        seen = math.isfinite(ghost_z)
-        self._probes.draw_robot((0.0, 0.0, ghost_z) if seen else None, _upwards(ghost_force))
+        self._probes.draw_probe((0.0, 0.0, z), _upwards(rendered), deviation)
+        self._probes.draw_robot((0.0, 0.0, robot_z) if math.isfinite(robot_z) else None, _upwards(delayed))
+        self._set_travel(round((surface - shown.deepest) * UNITS, 1), round(surface * UNITS, 1))
+        self._draw_handle(live and self._watched.operator == "browser", useful)
+        ahead = shown.hand_ahead * UNITS
+        self._hand.visible = SMALLEST_APART < abs(ahead) < LARGEST_APART
+        if self._hand.visible:
+            self._hand.position = (0.0, 0.0, z - ahead)
 
-    def draw_handle(self, z: float) -> None:
-        """Move the handle to a height [scene units]; one that is held stays where it is held."""
-        if not self.held:
-            self._handle_z = z
+    def write(self, shown: Watched) -> None:
+        """Write beside handle, force and robot what they are.
+
+        How large a force is stands in the panel alone: the viewer draws labels some pictures later than numbers.
+        """
+        handle = force = robot = ""
+        if shown.leader is not None:
+            handle, force = LET_GO if self.hold.held else "", "rendered force"
+            held_back = shown.telemetry is not None and shown.telemetry.guarded
+            robot = "delayed robot, holds back" if held_back else "delayed robot"
+        put(self._handle_label, text=handle or DRAG)
+        self._probes.write(force, robot)
+
+    def drag_to(self, z: float, held: bool) -> None:
+        """The handle was moved to a height [scene units], and is still held or let go there."""
+        self.hold.move_to(self._watched.surface - (z - HANDLE_HEIGHT) / UNITS, held)
+        self._handle_z = self._handle_height()  # after limits
+
+    def _draw_handle(self, offered: bool, useful: bool) -> None:
+        """The handle, which stays where it is held, its rail, what to do, and an arrow until it was used."""
+        for node, shown in ((self._handle, offered), (self._rail, offered), (self._handle_label, offered and useful)):
+            node.visible = shown
+        self._hint.visible = offered and useful and not self.hold.used
+        if not self._dragging:
+            self._handle_z = self._handle_height()
         self._handle.position = (0.0, 0.0, self._handle_z)
         self._handle_label.position = (0.0, 0.0, self._handle_z + 1.4)
         if self._hint.visible:
             bob = BOB * math.sin(2.0 * math.pi * time.monotonic())
             self._hint.position = (1.75, -0.3, self._handle_z - 1.6 + bob)
 
-    def draw_hand(self, z: float, ahead: float) -> None:
-        """Show the hand below the probe's tip [scene units], unless that is NaN, or too little or too far to see."""
-        self._hand.visible = SMALLEST_APART < abs(ahead) < LARGEST_APART
-        if self._hand.visible:
-            self._hand.position = (0.0, 0.0, z - ahead)
-
-    def label(self, handle: str, force: str, ghost: str) -> None:
-        """Write beside the handle, the probe and the ghost."""
-        put(self._handle_label, text=handle)
-        self._probes.write(force, ghost)
-
-    def set_travel(self, bottom: float, top: float) -> None:
+    def _set_travel(self, bottom: float, top: float) -> None:
         """Between which heights of the operator's tip [scene units] the handle can be dragged."""
         if self._travel != (bottom, top):
             self._travel = (bottom, top)
-            ends = (max(bottom + shapes.HANDLE_HEIGHT, LOWEST_RAIL), top + shapes.HANDLE_HEIGHT)
-            self._rail.vertices = shapes.rail(*ends)[0]
+            self._rail.vertices = shapes.rail(max(bottom + HANDLE_HEIGHT, LOWEST_RAIL), top + HANDLE_HEIGHT)[0]
 
-    def offer_handle(self, offered: bool, *, useful: bool, hinted: bool) -> None:
-        """Show the handle and its rail, what to do where a drag moves the robot, and an arrow until it was used."""
-        for node, shown in ((self._handle, offered), (self._rail, offered), (self._handle_label, offered and useful)):
-            node.visible = shown
-        self._hint.visible = offered and useful and hinted
-
-    def hold_at(self, z: float) -> None:
-        """Put the held handle at a height [scene units], after limits."""
-        self._handle_z = z
+    def _handle_height(self) -> float:
+        return (self._watched.surface - self.hold.position) * UNITS + HANDLE_HEIGHT
 
     async def _dragged(self, event: Any) -> None:
-        """A drag of the handle: async, so that the viewer keeps the order of start, moves and end."""
         height = height_on_axis(np.asarray(event.client.camera.position), np.asarray(event.end_position))
         if event.phase == "start":  # from where the handle is now, wherever on it or on its rail the mouse is
-            self._handle_z = self._on_take()
+            self.hold.follow()
+            self._handle_z = self._handle_height()
             self._grab_offset = 0.0 if math.isnan(height) else height - self._handle_z
-        self.held = event.phase != "end"
-        self._on_drag(self._handle_z if math.isnan(height) else height - self._grab_offset, self.held)
+        self._dragging = event.phase != "end"
+        self.drag_to(self._handle_z if math.isnan(height) else height - self._grab_offset, self._dragging)
 
-    def _add_ruler(self, scene: Any) -> None:
-        depths = (0, 5, 10)
-        heights = [-depth_mm * 1e-3 * UNITS for depth_mm in depths]
-        y = -0.05
-        ticks = [[(RULER_X - 0.15, y, z), (RULER_X + 0.15, y, z)] for z in heights]
-        points = np.array([*ticks, [(RULER_X, y, heights[0]), (RULER_X, y, heights[-1])]], np.float32)
-        scene.add_line_segments("/line/ruler", points, (60, 60, 60))
-        for depth_mm, z in zip(depths, heights, strict=True):
-            scene.add_label(
-                f"/line/ruler/{depth_mm}", f"{depth_mm} mm", position=(RULER_X - 0.25, y, z), anchor="center-right"
-            )
+
+def _add_ruler(scene: Any) -> None:
+    depths, y = (0, 5, 10), -0.05
+    heights = [-depth_mm * 1e-3 * UNITS for depth_mm in depths]
+    ticks = [[(RULER_X - 0.15, y, z), (RULER_X + 0.15, y, z)] for z in heights]
+    points = np.array([*ticks, [(RULER_X, y, heights[0]), (RULER_X, y, heights[-1])]], np.float32)
+    scene.add_line_segments("/line/ruler", points, (60, 60, 60))
+    for depth_mm, z in zip(depths, heights, strict=True):
+        place = (RULER_X - 0.25, y, z)
+        scene.add_label(f"/line/ruler/{depth_mm}", f"{depth_mm} mm", position=place, anchor="center-right")
 
 
 def _upwards(force: float) -> Vector:
@@ -174,54 +192,80 @@ def height_on_axis(eye: Any, seen: Any) -> float:
     return float(eye[2] - dz * (eye[0] * dx + eye[1] * dy) / across)
 
 
-class LineView:
-    """What a console shows of a session along a line.
+WIDTH, BEHIND, HEIGHT, LAYERS = 4.0, 4.0, 3.0, 6
+"""Of the block: half its width, its depth and its height [scene units], and layers of its cut."""
 
-    The handle is drawn in the probe's frame, from 0 to 1.2 times the press depth below the surface.
+
+class Material:
+    """A block that is cut through the middle, so that the dent shows in the cut as well as on top.
+
+    The surface sinks as of `sinking`, to the block's nearest edge, and has the colour of how far it has sunk; below,
+    that fades linearly to none at the bottom.
     """
 
-    def __init__(self, server: Any, watched: Watched, hold: Hold) -> None:
-        self._watched, self.hold = watched, hold
-        self._scene = Scene(server, self._take_handle, self._dragged)
-        self.show = self._scene.show
+    def __init__(self, scene: Any) -> None:
+        radii = WIDTH * np.sinh(np.linspace(0.0, 2.2, 25)) / math.sinh(2.2)
+        angles = np.linspace(0.0, math.pi, 33)
+        self._x = np.concatenate([-radii[:0:-1], radii])
+        self._top = _half_rings(radii, angles)
+        self._levels = np.linspace(0.0, -HEIGHT, LAYERS + 1)
+        self.top_faces = grid(len(radii), len(angles))
+        self._drawn_depth = 0.0
+        self._tops = [
+            add_body(scene, f"/line/material/top_{i}", (self.top(0.0), self.top_faces), colour)
+            for i, colour in enumerate(DENT)
+        ]
+        for node in self._tops[1:]:
+            node.visible = False
+        layers = grid(len(self._x), LAYERS + 1).reshape(len(self._x) - 1, LAYERS, 2, 3)
+        self._cut = [
+            add_body(scene, f"/line/material/cut_{i}", (self.cut(0.0), layers[:, i::2].reshape(-1, 3)), colour)
+            for i, colour in enumerate(CUT)
+        ]
+        corners = [(x, y, z) for x in (-WIDTH, WIDTH) for y in (0.0, BEHIND) for z in (0.0, -HEIGHT)]
+        sides = triangles_of([(0, 1, 3, 2), (4, 6, 7, 5), (2, 3, 7, 6), (1, 5, 7, 3)])
+        add_body(scene, "/line/material/sides", (np.array(corners, np.float32), sides), CUT[1])
 
-    def draw(self, shown: Watched, *, live: bool, useful: bool) -> None:
-        """Draw a session or recording; whether a person can move its hand, and the robot goes along then."""
-        self.hold.follow()
-        leader, surface, position = shown.leader, shown.surface, shown.probe_position
-        z = (surface - position) * UNITS
-        rendered, delayed, deviation = 0.0, 0.0, math.nan
-        if leader is not None:
-            rendered, delayed, deviation = leader.rendered_force, leader.delayed_force, leader.standard_deviation
-        self._scene.set_travel(round((surface - shown.deepest) * UNITS, 1), round(surface * UNITS, 1))
-        self._scene.draw(z, (surface - shown.robot_position) * UNITS, rendered, delayed, deviation)
-        offered = live and self._watched.operator == "browser"
-        self._scene.offer_handle(offered, useful=useful, hinted=not self.hold.used)
-        self._scene.draw_handle(self._handle_height())
-        self._scene.draw_hand(z, shown.hand_ahead * UNITS)
-
-    def write(self, shown: Watched) -> None:
-        """Write beside handle, force and robot what they are.
-
-        How large a force is stands in the panel alone: the viewer draws labels some pictures later than numbers.
-        """
-        leader = shown.leader
-        if leader is None:
-            self._scene.label(DRAG, "", "")
+    def draw(self, depth: float) -> None:
+        """Sink under the tip at a depth [scene units]."""
+        depth = min(max(depth, 0.0), LARGEST_DEPTH)
+        if abs(depth - self._drawn_depth) < SMALLEST_CHANGE:
             return
-        held_back = ", holds back" if shown.telemetry is not None and shown.telemetry.guarded else ""
-        self._scene.label(LET_GO if self.hold.held else DRAG, "rendered force", f"delayed robot{held_back}")
+        self._drawn_depth = depth
+        top, cut = self.top(depth), self.cut(depth)
+        for node, faces in zip(self._tops, self.levels(depth), strict=True):
+            node.visible = len(faces) > 0
+            if len(faces):
+                node.vertices, node.faces = top, faces
+        for node in self._cut:
+            node.vertices = cut
 
-    def _handle_height(self) -> float:
-        """Height of the handle as drawn [scene units]."""
-        return (self._watched.surface - self.hold.position) * UNITS + HANDLE_HEIGHT
+    def top(self, depth: float) -> NDArray[np.float32]:
+        """Vertices of the upper surface with the tip at a depth [scene units]."""
+        x, y = self._top.T
+        return np.stack([x, y, -_sunk(np.hypot(x, y), depth)], axis=1).astype(np.float32)
 
-    def _take_handle(self) -> float:
-        """A drag begins: the handle, which may be a picture old, is where it is now [scene units]."""
-        self.hold.follow()
-        return self._handle_height()
+    def levels(self, depth: float) -> list[NDArray[np.uint32]]:
+        """Triangles of the upper surface by how far they have sunk: less than the first of `STEPS`, and so on."""
+        corners = -self.top(depth)[:, 2][self.top_faces].reshape(-1, 6)  # the two triangles of a quad have one colour
+        level = np.repeat(np.searchsorted(np.array(STEPS), corners.mean(axis=1), side="right"), 2)
+        return [self.top_faces[level == index] for index in range(len(STEPS) + 1)]
 
-    def _dragged(self, z: float, held: bool) -> None:
-        """The handle was moved to a height [scene units]."""
-        self.hold.move_to(self._watched.surface - (z - HANDLE_HEIGHT) / UNITS, held)
-        self._scene.hold_at(self._handle_height())
+    def cut(self, depth: float) -> NDArray[np.float32]:
+        """Vertices of the cut face with the tip at a depth [scene units]."""
+        sunk = _sunk(self._x, depth)[:, None] * (1.0 + self._levels / HEIGHT)
+        z = np.maximum(self._levels - sunk, -HEIGHT)
+        x = np.broadcast_to(self._x[:, None], z.shape)
+        return np.stack([x, np.zeros_like(z), z], axis=-1).reshape(-1, 3).astype(np.float32)
+
+
+def _sunk(radius: Array, depth: float) -> Array:
+    return sinking(radius**2, max(depth, 0.0), SHALLOW, EDGE, TIP_RADIUS)
+
+
+def _half_rings(radii: Array, angles: Array) -> Array:
+    """About the axis, shape (radii * angles, 2): what sinks alike lies on one; the outermost is the edge."""
+    x, y = radii[:, None] * np.cos(angles), radii[:, None] * np.sin(angles)
+    reach = np.minimum(WIDTH / np.maximum(np.abs(np.cos(angles)), 1e-9), BEHIND / np.maximum(np.sin(angles), 1e-9))
+    x[-1], y[-1] = reach * np.cos(angles), reach * np.sin(angles)
+    return np.stack([x.ravel(), y.ravel()], axis=1)

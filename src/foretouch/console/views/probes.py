@@ -43,9 +43,8 @@ class Probes:
         self.probe = add_body(scene, f"{root}/probe", shapes.probe(), colour)
         self.robot = add_body(scene, f"{root}/robot", shapes.probe(growth=0.12), VERMILLION, opacity=0.38)
         self._force = add_body(scene, f"{root}/probe_force", shapes.arrow(0.0), BLUE)
-        self._uncertainty = add_body(
-            scene, f"{root}/probe_force_doubt", shapes.uncertainty(0.0, 1.0), BLUE, opacity=0.35
-        )
+        sleeve = shapes.uncertainty(0.0, 1.0)
+        self._uncertainty = add_body(scene, f"{root}/probe_force_uncertainty", sleeve, BLUE, opacity=0.35)
         self._robot_force = add_body(scene, f"{root}/robot_force", shapes.arrow(0.0), VERMILLION)
         self._uncertainty.visible = False
         self.labels = tuple(

@@ -1,29 +1,30 @@
-"""Meshes of the scene, and the material as a cut block whose surface sinks under the tip, darker the deeper.
+"""Meshes of the scene, and the colours of a surface by what was learnt of it.
 
-Bodies of revolution and the cut block are in scene units; what is done with the triangles of any surface follows. Turns
-are quaternions as the viewer writes them, with the real part first.
+Bodies of revolution are in scene units; what is done with the triangles of any surface follows. Turns are quaternions
+as the viewer writes them, with the real part first.
 """
 
 from __future__ import annotations
 
+import html
+import itertools
 import math
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from foretouch.console.history import Array
-from foretouch.quantities.colours import CUT, DENT
+from foretouch.models import FIELD_DEPTH, MaterialField
+from foretouch.quantities.colours import BLUE, GREEN, GREY, VERMILLION, Colour, css
 
 Mesh = tuple[NDArray[np.float32], NDArray[np.uint32]]
 """Vertices (V, 3) [scene units] and triangles (F, 3)."""
+Faces = NDArray[np.int64]
+Quaternion = tuple[float, float, float, float]
 
 TIP_RADIUS = 0.45
-EDGE = 3.9
-"""Distance from the axis at which the material does not sink any more [scene units]."""
-SHALLOW = math.sqrt(0.5)
-"""Width of a shallow dent [scene units]."""
 HANDLE_HEIGHT = 4.6
 """Height of the middle of the handle above the tip [scene units]."""
 
@@ -31,16 +32,26 @@ HANDLE_HEIGHT = 4.6
 def lathe(profile: list[tuple[float, float]], segments: int = 24) -> Mesh:
     """Body of revolution about z, of radii and heights [scene units] from the bottom up; radii of 0 close the ends."""
     angle = np.linspace(0.0, 2.0 * math.pi, segments, endpoint=False)
-    radius, height = np.array(profile).T
-    ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    vertices = np.empty((len(profile), segments, 3), np.float32)
-    vertices[..., :2] = radius[:, None, None] * ring
-    vertices[..., 2] = height[:, None]
-    i, j = np.meshgrid(np.arange(len(profile) - 1), np.arange(segments), indexing="ij")
-    a, b = i * segments + j, i * segments + (j + 1) % segments
-    c, d = a + segments, b + segments
-    faces = np.stack([np.stack([a, b, d], -1), np.stack([a, d, c], -1)], axis=2).reshape(-1, 3)
-    return vertices.reshape(-1, 3), faces.astype(np.uint32)
+    radius, height = np.array(profile).T[:, :, None]
+    rings = np.broadcast_arrays(radius * np.cos(angle), radius * np.sin(angle), height)
+    faces = grid(len(profile), segments + 1)[:, ::-1]  # seen from outside
+    ring, place = np.divmod(faces, segments + 1)
+    vertices = np.stack(rings, axis=-1).reshape(-1, 3).astype(np.float32)
+    return vertices, (ring * segments + place % segments).astype(np.uint32)
+
+
+def grid(rows: int, columns: int) -> NDArray[np.uint32]:
+    """Triangles over a grid of vertices in row order."""
+    first = (columns * np.arange(rows - 1)[:, None] + np.arange(columns - 1)).reshape(-1, 1, 1)
+    triangles: NDArray[np.int64] = first + np.array([(0, columns, columns + 1), (0, columns + 1, 1)])
+    return triangles.reshape(-1, 3).astype(np.uint32)
+
+
+def triangles_of(quads: ArrayLike) -> NDArray[np.uint32]:
+    """Two triangles for each quad, given by its corners in turn."""
+    corners: NDArray[np.uint32] = np.asarray(quads, np.uint32)
+    triangles = np.stack([corners[:, :3], corners[:, [0, 2, 3]]], axis=1)
+    return triangles.reshape(-1, 3)
 
 
 def probe(growth: float = 0.0) -> Mesh:
@@ -92,56 +103,7 @@ def rail(bottom: float, top: float) -> Mesh:
     """Flat strip behind the handle, between two heights of its middle [scene units]."""
     x, y, low, high = 1.15, 0.0, bottom - 1.3, top + 1.3
     vertices = np.array([(-x, y, low), (x, y, low), (x, y, high), (-x, y, high)], np.float32)
-    return vertices, np.array([(0, 1, 2), (0, 2, 3)], np.uint32)
-
-
-class Material:
-    """A block that is cut through the middle, so that the dent shows in the cut as well as on top.
-
-    The surface sinks as of `sinking`, to the block's nearest edge; below, that fades linearly to none at the bottom.
-    """
-
-    def __init__(self, width: float = 4.0, depth: float = 4.0, height: float = 3.0, layers: int = 6) -> None:
-        radii = width * np.sinh(np.linspace(0.0, 2.2, 25)) / math.sinh(2.2)
-        self._x = np.concatenate([-radii[:0:-1], radii])
-        self._size = (width, depth, height)
-        self._height = height
-        angles = np.linspace(0.0, math.pi, 33)
-        self._top = _rings(radii, angles, width, depth)
-        self._levels = np.linspace(0.0, -height, layers + 1)
-        self.top_faces = _grid(len(radii), len(angles))
-        cut = _grid(len(self._x), layers + 1).reshape(len(self._x) - 1, layers, 2, 3)
-        self.layer_faces = (cut[:, 0::2].reshape(-1, 3), cut[:, 1::2].reshape(-1, 3))
-        """Triangles of every other layer of the cut, both over the vertices of `cut`."""
-
-    def top(self, depth: float) -> NDArray[np.float32]:
-        """Vertices of the upper surface with the tip at `depth` [scene units]."""
-        x, y = self._top.T
-        return np.stack([x, y, -self._sinking(np.hypot(x, y), depth)], axis=1).astype(np.float32)
-
-    def levels(self, depth: float, steps: tuple[float, ...]) -> list[NDArray[np.uint32]]:
-        """Triangles of the upper surface by how far they have sunk: less than the first step, the second, and so on."""
-        corners = -self.top(depth)[:, 2][self.top_faces].reshape(-1, 6)  # the two triangles of a quad have one colour
-        level = np.repeat(np.searchsorted(np.array(steps), corners.mean(axis=1), side="right"), 2)
-        return [self.top_faces[level == index] for index in range(len(steps) + 1)]
-
-    def cut(self, depth: float) -> NDArray[np.float32]:
-        """Vertices of the cut face with the tip at `depth` [scene units]."""
-        sunk = self._sinking(self._x, depth)[:, None] * (1.0 + self._levels / self._height)
-        z = np.maximum(self._levels - sunk, -self._height)
-        x = np.broadcast_to(self._x[:, None], z.shape)
-        return np.stack([x, np.zeros_like(z), z], axis=-1).reshape(-1, 3).astype(np.float32)
-
-    def _sinking(self, radius: Array, depth: float) -> Array:
-        return sinking(radius**2, max(depth, 0.0), SHALLOW, EDGE, TIP_RADIUS)
-
-    def sides(self) -> Mesh:
-        """The block's other faces, which do not move."""
-        w, d, h = self._size
-        vertices = np.array([(x, y, z) for x in (-w, w) for y in (0.0, d) for z in (0.0, -h)], np.float32)
-        quads = ((0, 1, 3, 2), (4, 6, 7, 5), (2, 3, 7, 6), (1, 5, 7, 3))
-        faces = [triangle for a, b, c, e in quads for triangle in ((a, b, c), (a, c, e))]
-        return vertices, np.array(faces, np.uint32)
+    return vertices, triangles_of([(0, 1, 2, 3)])
 
 
 def sinking(square: Array, depth: float, width: float, reach: float, tip: float) -> Array:
@@ -149,43 +111,12 @@ def sinking(square: Array, depth: float, width: float, reach: float, tip: float)
 
     .. math:: u(r) = d \left(1 + r^2 / w^2\right)^{-3/2} \left(1 - r^2 / W^2\right)^2, \quad w^2 = w_0^2 + 3 d R
 
-    which follows the tip. It is a picture, not a solution.
-
-    Args:
-        square: Square of the distance r from the tip.
-        depth: d, not negative.
-        width: w_0, that of a shallow dent.
-        reach: W, where every dent ends.
-        tip: R, radius of the tip.
+    at distances r from the tip, whose radius is R, with the width w_0 of a shallow dent and the reach W of every dent.
+    It follows the tip; it is a picture, not a solution.
     """
     edge = np.maximum(1.0 - square / reach**2, 0.0) ** 2
     sunk: Array = depth * edge * (1.0 + square / (width**2 + 3.0 * depth * tip)) ** -1.5
     return sunk
-
-
-def _rings(radii: Array, angles: Array, width: float, depth: float) -> Array:
-    """Half rings about the axis, shape (radii * angles, 2): what sinks alike lies on one; the outermost is the edge."""
-    x = radii[:, None] * np.cos(angles)
-    y = radii[:, None] * np.sin(angles)
-    reach = np.minimum(width / np.maximum(np.abs(np.cos(angles)), 1e-9), depth / np.maximum(np.sin(angles), 1e-9))
-    x[-1], y[-1] = reach * np.cos(angles), reach * np.sin(angles)
-    return np.stack([x.ravel(), y.ravel()], axis=1)
-
-
-def _grid(rows: int, columns: int) -> NDArray[np.uint32]:
-    """Triangles over a grid of vertices in row order."""
-    i, j = np.meshgrid(np.arange(rows - 1), np.arange(columns - 1), indexing="ij")
-    a = i * columns + j
-    quads = np.stack([np.stack([a, a + columns, a + columns + 1], -1), np.stack([a, a + columns + 1, a + 1], -1)], 2)
-    return quads.reshape(-1, 3).astype(np.uint32)
-
-
-SMALLEST_CHANGE = 0.002
-"""Changes below this [scene units], 0.01 mm, are not drawn."""
-LARGEST_DEPTH = 2.9
-"""The picture of the block goes no deeper [scene units]."""
-STEPS = (0.1, 0.4, 0.9, 1.5)
-"""Depths at which the dent's colour changes [scene units]: 0.5, 2, 4.5 and 7.5 mm."""
 
 
 def add_body(scene: Any, name: str, mesh: Mesh, colour: tuple[int, int, int], opacity: float | None = None) -> Any:
@@ -193,100 +124,45 @@ def add_body(scene: Any, name: str, mesh: Mesh, colour: tuple[int, int, int], op
     return scene.add_mesh_simple(name, *mesh, color=colour, opacity=opacity, side="double", material="toon5")
 
 
-class MaterialView:
-    """The block of `Material`; its upper surface has the colour of how far it has sunk."""
-
-    def __init__(self, scene: Any) -> None:
-        self._material = Material()
-        self._drawn_depth = 0.0
-        top, cut = self._material.top(0.0), self._material.cut(0.0)
-        self._tops = [
-            add_body(scene, f"/line/material/top_{i}", (top, self._material.top_faces), colour)
-            for i, colour in enumerate(DENT)
-        ]
-        for node in self._tops[1:]:
-            node.visible = False
-        self._cut = [
-            add_body(scene, f"/line/material/cut_{i}", (cut, faces), colour)
-            for i, (faces, colour) in enumerate(zip(self._material.layer_faces, CUT, strict=True))
-        ]
-        add_body(scene, "/line/material/sides", self._material.sides(), CUT[1])
-
-    def draw(self, depth: float) -> None:
-        """Sink under the tip at a depth [scene units]."""
-        depth = min(max(depth, 0.0), LARGEST_DEPTH)
-        if abs(depth - self._drawn_depth) < SMALLEST_CHANGE:
-            return
-        self._drawn_depth = depth
-        top = self._material.top(depth)
-        for node, faces in zip(self._tops, self._material.levels(depth, STEPS), strict=True):
-            node.visible = len(faces) > 0
-            if len(faces):
-                node.vertices, node.faces = top, faces
-        for node in self._cut:
-            node.vertices = self._material.cut(depth)
-
-
-Quaternion = tuple[float, float, float, float]
-
-
 def wxyz_of(vector: Sequence[float]) -> Quaternion:
-    """Of a rotation vector [rad]."""
-    x, y, z = (float(value) for value in vector)
-    angle = math.sqrt(x * x + y * y + z * z)
-    share = 0.5 if angle < 1e-9 else math.sin(0.5 * angle) / angle
-    return math.cos(0.5 * angle), share * x, share * y, share * z
+    """The turn by a rotation vector [rad]."""
+    angle = math.hypot(*vector)
+    x, y, z = ((0.5 if angle < 1e-9 else math.sin(0.5 * angle) / angle) * float(value) for value in vector)
+    return math.cos(0.5 * angle), x, y, z
 
 
 def along(direction: Sequence[float]) -> Quaternion:
     """The shortest turn from the z axis into a direction; none where it has no length."""
-    x, y, z = (float(value) for value in direction)
-    length = math.sqrt(x * x + y * y + z * z)
+    length = math.hypot(*direction)
     if not 0.0 < length < math.inf:
         return 1.0, 0.0, 0.0, 0.0
-    x, y, z = x / length, y / length, z / length
+    x, y, z = (float(value) / length for value in direction)
     if z < -1.0 + 1e-9:
         return 0.0, 1.0, 0.0, 0.0
     w = math.sqrt(0.5 * (1.0 + z))
     return w, -0.5 * y / w, 0.5 * x / w, 0.0
 
 
-Faces = NDArray[np.int64]
-
-
-LONGEST_EDGE = 4e-3
-"""Triangles are divided until no edge is longer [m]."""
-
-
-MOST_TRIANGLES = 6000
-"""Largest number of triangles, at which the division ends."""
+LONGEST_EDGE, MOST_TRIANGLES = 4e-3, 6000
+"""Triangles are divided until no edge is longer [m], or there would be more of them."""
 
 
 def refined(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
     """Divide triangles [m] into four each, until they are fine enough to be bent; join them where they are too many."""
+    from trimesh.remesh import subdivide  # the viewer needs it, too
+
     vertices, faces = np.asarray(vertices, np.float64), np.asarray(faces, np.int64)
     if len(faces) > MOST_TRIANGLES:
         return thinned(vertices, faces, MOST_TRIANGLES)
-    while _longest_edge(vertices, faces) > LONGEST_EDGE and 4 * len(faces) <= MOST_TRIANGLES:
-        edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-        unique, index = np.unique(edges, axis=0, return_inverse=True)
-        middle = len(vertices) + index.reshape(-1, 3)
-        vertices = np.vstack([vertices, vertices[unique].mean(axis=1)])
-        (a, b, c), (ab, bc, ca) = faces.T, middle.T
-        parts = ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))
-        faces = np.concatenate([np.stack(part, axis=1) for part in parts])
+    while 4 * len(faces) <= MOST_TRIANGLES and _longest_edge(vertices[faces]) > LONGEST_EDGE:
+        vertices, faces = subdivide(vertices, faces)
     return vertices, faces
 
 
 def thinned(vertices: Array, faces: Faces, most: int) -> tuple[Array, Faces]:
     """Fewer triangles: vertices in one cube become one, in cubes as large as it takes.
 
-    A browser is sent what is drawn thirty times a second. What is felt is the whole mesh.
-
-    Args:
-        vertices: [m], shape (n, 3).
-        faces: Indices, shape (m, 3).
-        most: Triangles that are left.
+    A browser is sent what is drawn thirty times a second; what is felt is the whole mesh.
 
     References:
         Rossignac and Borrel (1993), Multi-resolution 3D approximations for rendering complex scenes, in Modeling in
@@ -312,20 +188,19 @@ def thinned(vertices: Array, faces: Faces, most: int) -> tuple[Array, Faces]:
 def boundary(faces: Faces) -> Faces:
     """Edges of one triangle alone, shape (k, 2): none where the surface is closed."""
     edges = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    _, index, count = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True)
-    alone: Faces = edges[count[index.reshape(-1)] == 1]
+    _, first, count = np.unique(np.sort(edges, axis=1), axis=0, return_index=True, return_counts=True)
+    alone: Faces = edges[np.sort(first[count == 1])]
     return alone
 
 
-def skirt(vertices: Array, faces: Faces, bottom: float) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
+def skirt(vertices: Array, faces: Faces, bottom: float) -> Mesh:
     """Walls from a surface's rim down to a height [m]; None of them where it is closed."""
     rim = boundary(faces)
     low, high = vertices[rim].copy(), vertices[rim]
     low[..., 2] = bottom
     walls = np.concatenate([high, low], axis=1).reshape(-1, 3).astype(np.float32)
-    start = 4 * np.arange(len(rim))[:, None]
-    triangles = np.concatenate([start + np.array(corners) for corners in ((0, 1, 3), (0, 3, 2))]).astype(np.uint32)
-    return walls, triangles
+    corners = 4 * np.arange(len(rim))[:, None] + (0, 1, 3, 2)
+    return walls, triangles_of(corners)
 
 
 def compacted(faces: Faces) -> tuple[Faces, NDArray[np.uint32]]:
@@ -334,6 +209,102 @@ def compacted(faces: Faces) -> tuple[Faces, NDArray[np.uint32]]:
     return used, index.reshape(-1, 3).astype(np.uint32)
 
 
-def _longest_edge(vertices: Array, faces: Faces) -> float:
-    corners = vertices[faces]
-    return math.sqrt(float(((corners - np.roll(corners, 1, axis=1)) ** 2).sum(axis=2).max()))
+def _longest_edge(corners: Array) -> float:
+    return float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max())
+
+
+COLOURS: tuple[Colour, ...] = (
+    (253, 231, 157), (247, 196, 108), (232, 155, 84), (205, 113, 79), (165, 78, 77), (116, 53, 71), (66, 30, 54)
+)  # fmt: skip
+"""From soft to stiff: lightness alone tells the steps apart, whichever colours an eye sees."""
+UNKNOWN: Colour = (190, 190, 190)
+"""Where nothing was learnt."""
+LEAST_KNOWN = 0.5
+"""Weight of learnt nodes in the law of a point from which its stiffness counts as known."""
+STEPS = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)
+"""A step is one of these times a power of ten."""
+SMALLEST, LARGEST = 1.0, 1e7
+"""Steps stay within these [N/m]."""
+LEAST_SHARE = 0.05
+"""Least step as a fraction of the scale's stiff end: less is noise, and one material has few colours."""
+CORNERS = np.array(list(itertools.product((0, 1), repeat=3)))
+WIDE = np.int64(1 << 20)
+
+
+def scale_edges(edges: Array, stiffness: Array) -> Array:
+    """Round numbers at equal steps [N/m], one more than there are colours, that hold what was learnt and these edges.
+
+    Since a scale grows when more is learnt and does not shrink, colours keep; it has no edges before anything was.
+    """
+    if not len(stiffness):
+        return edges
+    low, high = np.percentile(stiffness, (2.0, 98.0)).tolist()
+    if len(edges):
+        low, high = min(low, float(edges[0])), max(high, float(edges[-1]))
+    count = len(COLOURS)
+    least = min(max((high - low) / count, LEAST_SHARE * high, SMALLEST), LARGEST)
+    power = 10.0 ** math.floor(math.log10(least))
+    for step in (power * factor for factor in (*STEPS, *(10.0 * factor for factor in STEPS))):
+        first = step * math.floor(low / step)
+        last = first + count * step
+        if last >= high and step >= LEAST_SHARE * last:
+            break
+    return np.asarray(first + step * np.arange(count + 1), dtype=np.float64)
+
+
+def levels_of(edges: Array, stiffness: Array, known: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """The step of each point, shape (n,): 0 where nothing was learnt, then 1 for the softest."""
+    if not len(edges):
+        return np.zeros(len(stiffness), np.int64)
+    step = np.clip(np.searchsorted(edges, stiffness, side="right"), 1, len(edges) - 1)
+    return np.where(known, step, 0).astype(np.int64)
+
+
+def known_share(field: MaterialField, points: Array) -> Array:
+    """Weight of the learnt nodes in the law at each point of the fixture's frame [m], shape (n, 3)."""
+    if not len(field):
+        return np.zeros(len(points))
+    lattice = points / field.spacing
+    base = np.floor(lattice).astype(np.int64)
+    within = lattice - base
+    codes = _codes(field.keys.astype(np.int64))
+    share = np.zeros(len(points))
+    for corner in CORNERS:
+        weight = np.prod(np.where(corner == 1, within, 1.0 - within), axis=1)
+        share += weight * np.isin(_codes(base + corner), codes)
+    return share
+
+
+LINES = (
+    (GREY, "Probe, now: where your hand is"),
+    (VERMILLION, "Robot, delayed; outline: the fixture as the robot knows it"),
+    (BLUE, "Force on the hand, and its uncertainty"),
+    (GREEN, "Normal of the surface"),
+)
+"""What the lines and arrows of the picture are."""
+
+
+def legend_html(edges: Array) -> str:
+    """What the colours of the surface and those of the lines mean, in a box over the picture."""
+    steps = [f"{low:,.0f} to {high:,.0f}" for low, high in itertools.pairwise(edges.tolist())]
+    cells = [
+        f'<tr><td><div style="width:26px;height:14px;background:{css(colour)};border:1px solid #555"></div></td>'
+        f'<td style="padding-left:6px">{text}</td></tr>'
+        for colour, text in zip((UNKNOWN, *COLOURS), ("nothing learnt yet", *steps), strict=False)
+    ]
+    lines = [
+        f'<div><span style="color:{css(colour)}">&#9632;</span> {html.escape(text)}</div>' for colour, text in LINES
+    ]
+    title = html.escape(f"Local stiffness at {FIELD_DEPTH * 1e3:.0f} mm [N/m]")
+    return (
+        "<div><style>@media (max-width:36em){.foretouch-legend{display:none}}</style></div>"  # it would hide the scene
+        '<div class="foretouch-legend" style="position:fixed;left:12px;top:84px;z-index:50;pointer-events:none;'
+        "background:rgba(255,255,255,0.9);"
+        'color:#000;border:1px solid #999;border-radius:6px;padding:6px 10px;font-size:13px">'
+        f'<b>{title}</b><table style="border-spacing:0;line-height:1.25">{"".join(cells[::-1])}</table>'
+        f'<div style="padding-top:5px;line-height:1.3">{"".join(lines)}</div></div>'
+    )
+
+
+def _codes(keys: NDArray[np.int64]) -> NDArray[np.int64]:
+    return (keys[:, 0] * WIDE + keys[:, 1]) * WIDE + keys[:, 2]

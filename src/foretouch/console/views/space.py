@@ -1,30 +1,32 @@
-"""A session in three dimensions in the console: fixture, virtual probe, delayed robot, forces, handle and panels."""
+"""A session in three dimensions in the console: fixture, virtual probe, delayed robot, forces, handle and panels.
+
+The scene's frame is the world's, `UNITS` to the metre.
+"""
 
 from __future__ import annotations
 
-import html
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from foretouch.console.panels.space import ImagePanel, SpacePanel
+from foretouch.console.history import Array
+from foretouch.console.panels.space import BOARD, MARKER, TIP_RADIUS, ImagePanel, SpacePanel, footprint
 from foretouch.console.panels.stop import add_space_keys
 from foretouch.console.plots import SECONDS, put
-from foretouch.console.space_heard import fixture_of
+from foretouch.console.space_state import fixture_of
 from foretouch.console.views import shapes
-from foretouch.console.views.fixture import FixtureView, legend_html
 from foretouch.console.views.hold import SpaceHold
 from foretouch.console.views.line import CAMERA, look
 from foretouch.console.views.probes import UNITS, Measures, Probes
-from foretouch.console.views.shapes import add_body, along
+from foretouch.console.views.shapes import COLOURS, UNKNOWN, Faces, Mesh, add_body, along, triangles_of
 from foretouch.console.watched import Watched
 from foretouch.errors import ForetouchError
 from foretouch.messages import FieldUpdate, FollowerSpace, LeaderSpace
 from foretouch.models import MaterialField
-from foretouch.quantities.colours import BLUE, GREEN, GREY, VERMILLION, css
-from foretouch.quantities.pose import Vector
+from foretouch.quantities.colours import BLUE, CUT, GREEN, GREY, INK, VERMILLION
+from foretouch.quantities.pose import RigidMotion, Vector
 from foretouch.rendering import Surface
 
 SPACE_CAMERA = ((-4.0, -50.0, 31.0), (-4.0, 0.0, 0.0))
@@ -43,30 +45,170 @@ NEAR = 0.006
 """The normal is shown from here on [m]."""
 BOARD_ALONE = np.zeros((1, 3))
 """What is drawn over an image where the shape of the specimen is not known here."""
+LEAST_KNOWN = 0.5
+"""Weight of learnt nodes in the law of a point from which its stiffness counts as known."""
+NARROW, REACH = 2.5e-3, 16e-3
+"""Width of a shallow dent, and where every dent ends [m]."""
+THICKNESS = 0.012
+"""Thickness of specimen and board as they are drawn [m]."""
+SMALLEST_CHANGE = 2e-5
+"""Smallest change of a dent that is drawn [m]."""
+HALO, LARGEST_HALO = 2.0, 0.02
+"""Number of standard deviations that the halo shows, and its largest size [m]."""
+SCREEN = {"thickness_units": "screen"}
+
+
+def sunk(vertices: Array, point: Sequence[float], normal: Sequence[float], depth: float) -> tuple[Array, Array]:
+    """Vertices [m] under a proxy [m] at a depth [m], and by how much each has sunk along the outward normal."""
+    if not depth > 0.0:
+        return vertices, np.zeros(len(vertices))
+    square = ((vertices - np.asarray(point)) ** 2).sum(axis=1)
+    sunken = shapes.sinking(square, depth, NARROW, REACH, TIP_RADIUS)
+    return vertices - sunken[:, None] * np.asarray(normal), sunken
+
+
+class FixtureView:
+    """Board and specimen where the leader renders them, and an outline where the follower believes them.
+
+    Attributes:
+        edges: Those between the colours of what was learnt [N/m]; see `shapes.scale_edges`.
+    """
+
+    def __init__(self, scene: Any, surface: Surface) -> None:
+        vertices, faces = surface.outline()
+        self._vertices, self._faces = shapes.refined(vertices, faces)
+        self._dent, self._normal = (0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
+        self._levels = np.zeros(len(self._faces), np.int64)
+        self._touched = np.zeros(len(COLOURS) + 1, bool)
+        self._parts: list[tuple[Any, Faces]] = []
+        self._field: MaterialField | None = None
+        self.edges: Array = np.empty(0)
+        self._root = scene.add_frame("/space/fixture", show_axes=False)
+        self._believed = scene.add_frame("/space/believed", show_axes=False)
+        nothing = (np.zeros((3, 3), np.float32), np.array([(0, 1, 2)], np.uint32))
+        self._nodes = [
+            scene.add_mesh_simple(f"/space/fixture/surface_{i}", *nothing, color=colour, side="double")
+            for i, colour in enumerate((UNKNOWN, *COLOURS))
+        ]
+        if len(shapes.boundary(faces)):
+            bottom = float(self._vertices[:, 2].min()) - THICKNESS
+            walls, triangles = shapes.skirt(self._vertices, self._faces, bottom)
+            add_body(scene, "/space/fixture/walls", (walls * UNITS, triangles), CUT[0])
+        self._rim = footprint(self._vertices) * UNITS
+        _add_board(scene)
+        ring = np.stack([self._rim, np.roll(self._rim, -1, axis=0)], axis=1).astype(np.float32)
+        scene.add_line_segments("/space/fixture/rim", ring, GREY, thickness=1.5, **SCREEN)
+        scene.add_line_segments("/space/believed/outline", ring, VERMILLION, thickness=2.0, **SCREEN)
+        self._halo = add_body(scene, "/space/believed/halo", _halo(self._rim, 0.0), VERMILLION, opacity=0.18)
+        self._halo_size = 0.0
+        self._paint()
+
+    def place(self, pose: Sequence[float]) -> None:
+        """Put the fixture where the leader renders it: a position [m] and a rotation vector [rad]."""
+        _place(self._root, pose)
+
+    def believe(self, pose: Sequence[float] | None, deviation: float) -> None:
+        """Draw the follower's estimate of its pose [m, rad], None where unknown, with the position's deviation [m]."""
+        self._believed.visible = pose is not None
+        if pose is None:
+            return
+        _place(self._believed, pose)
+        size = min(HALO * deviation, LARGEST_HALO) if math.isfinite(deviation) else 0.0
+        if abs(size - self._halo_size) > 0.1 * max(self._halo_size, 5e-4):
+            self._halo_size = size
+            self._halo.vertices = _halo(self._rim, size * UNITS)[0]
+
+    def learn(self, field: MaterialField | None) -> None:
+        """Colour the surface by what was learnt; None for nothing, and the scale begins anew."""
+        if field is self._field:
+            return
+        self._field = field
+        levels = np.zeros(len(self._faces), np.int64)
+        if field is None:
+            self.edges = np.empty(0)
+        else:
+            middles = self._vertices[self._faces].mean(axis=1)
+            known = shapes.known_share(field, middles) >= LEAST_KNOWN
+            stiffness, _ = field.stiffness_at(middles)
+            self.edges = shapes.scale_edges(self.edges, stiffness[known])
+            levels = shapes.levels_of(self.edges, stiffness, known)
+        if not np.array_equal(levels, self._levels):
+            self._levels = levels
+            self._paint()
+
+    def sink(self, pose: Sequence[float], point: Vector, normal: Vector, depth: float) -> None:
+        """Dent the rendered surface at the proxy [m], along the outward normal, both in the world, to a depth [m]."""
+        motion = RigidMotion.from_numbers(pose)
+        dent = (*motion.apply_back(point), depth) if 0.0 < depth < math.inf else (0.0, 0.0, 0.0, 0.0)
+        if max(abs(a - b) for a, b in zip(dent, self._dent, strict=True)) < SMALLEST_CHANGE:
+            return
+        self._dent, self._normal = dent, motion.rotate_back(normal)
+        vertices, sinking = self._bent()
+        bent = sinking > SMALLEST_CHANGE
+        for index, (node, used) in enumerate(self._parts):  # those are sent that are bent, or were
+            touched = bool(bent[used].any())
+            if touched or self._touched[index]:
+                node.vertices = (vertices[used] * UNITS).astype(np.float32)
+            self._touched[index] = touched
+
+    def _bent(self) -> tuple[Array, Array]:
+        return sunk(self._vertices, self._dent[:3], self._normal, self._dent[3])
+
+    def _paint(self) -> None:
+        vertices, _ = self._bent()
+        self._parts = []
+        for level, node in enumerate(self._nodes):
+            used, triangles = shapes.compacted(self._faces[self._levels == level])
+            node.visible = len(triangles) > 0
+            if len(triangles):
+                node.vertices, node.faces = (vertices[used] * UNITS).astype(np.float32), triangles
+            self._parts.append((node, used))
+        self._touched[:] = self._dent[3] > 0.0
+
+
+def _add_board(scene: Any) -> None:
+    half, offset, side = 0.5 * BOARD * UNITS, 0.002 * UNITS, MARKER * UNITS
+    slab = _box((-half, -half, -THICKNESS * UNITS), (half, half, 0.0))
+    add_body(scene, "/space/fixture/board", slab, (250, 250, 250))
+    corners = [(x, y) for x in (-offset - side, offset) for y in (-offset - side, offset)]
+    squares = [_box((x, y, 0.0), (x + side, y + side, 0.02)) for x, y in corners]
+    vertices = np.concatenate([vertices for vertices, _ in squares])
+    faces = np.concatenate([faces + 8 * number for number, (_, faces) in enumerate(squares)])
+    add_body(scene, "/space/fixture/markers", (vertices, faces.astype(np.uint32)), INK)
+
+
+def _box(low: Vector, high: Vector) -> Mesh:
+    corners = np.array(np.meshgrid(*zip(low, high, strict=True), indexing="ij")).reshape(3, 8).T
+    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    return corners.astype(np.float32), triangles_of(quads)
+
+
+def _halo(corners: np.ndarray, size: float) -> Mesh:
+    """A flat band around an outline, as wide as the uncertainty: none within, where it would tint the colours."""
+    way = np.sign(corners - corners.mean(axis=0)) * max(size, 1e-3)
+    quads = [(i, (i + 1) % 4, 4 + (i + 1) % 4, 4 + i) for i in range(4)]
+    return np.concatenate([corners + way, corners]).astype(np.float32), triangles_of(quads)
+
+
+def _place(node: Any, pose: Sequence[float]) -> None:
+    x, y, z = (UNITS * value for value in pose[:3])
+    for name, value in (("position", (x, y, z)), ("wxyz", shapes.wxyz_of(pose[3:]))):
+        if tuple(getattr(node, name)) != value:
+            setattr(node, name, value)
 
 
 class SpaceScene:
-    """The viewer's scene in space: the world's frame, `UNITS` to the metre.
+    """The picture of one scene: what is touched, the probes, and the handle, whose drags move the hand."""
 
-    Args:
-        server: The viewer's server.
-        surface: What is touched, in the fixture's frame.
-        on_drag: Called with the handle's position in the world [m] and ``"start"``, ``"update"`` or ``"end"``, from the
-            viewer's thread. A browser that is gone lets go.
-
-    Attributes:
-        fixture: Its rendered and its estimated pose, and the learnt materials.
-    """
-
-    def __init__(self, server: Any, surface: Surface, on_drag: Callable[[Vector, str], None]) -> None:
-        self._on_drag = on_drag
+    def __init__(self, server: Any, surface: Surface, hold: SpaceHold) -> None:
+        self._hold = hold
         scene = server.scene
         self._root = scene.add_frame("/space", show_axes=False)
-        self.fixture = FixtureView(scene, surface, UNITS)
+        self.fixture = FixtureView(scene, surface)
         self.probes = Probes(scene, "/space", GREY, MEASURES)
         self._normal = add_body(scene, "/space/normal", shapes.arrow(NORMAL_LENGTH), GREEN)
         up = np.array([[(0.0, 0.0, 0.0), (0.0, 0.0, 1.0)]], np.float32)
-        self._tether = scene.add_line_segments("/space/tether", up, BLUE, thickness=1.5, thickness_units="screen")
+        self._tether = scene.add_line_segments("/space/tether", up, BLUE, thickness=1.5, **SCREEN)
         self._handle = scene.add_transform_controls(
             "/space/handle", scale=HANDLE_SIZE, line_width=5.0, disable_rotations=True, depth_test=False
         )
@@ -76,6 +218,25 @@ class SpaceScene:
     def show(self, shown: bool) -> None:
         """Show it all, or hide it."""
         put(self._root, visible=shown)
+
+    def draw(self, watched: Watched, leader: LeaderSpace, field: MaterialField | None) -> None:
+        """Draw the fixture, where both sides believe it, with what was learnt of it, and the probes."""
+        space, fixture, pose = watched.space, self.fixture, fixture_of(leader)
+        fixture.place(pose)
+        fixture.learn(field)
+        point = leader.point_x, leader.point_y, leader.point_z
+        normal = leader.normal_x, leader.normal_y, leader.normal_z
+        fixture.sink(pose, point, normal, leader.depth)
+        deviation = math.nan if space.belief is None else math.hypot(*space.belief.deviation[:3])
+        fixture.believe(None if space.follower is None else fixture_of(space.follower), deviation)
+        here = _scene(point)
+        self._normal.visible = leader.depth > -NEAR and here is not None
+        if self._normal.visible and here is not None:
+            self._normal.position = (here[0], here[1] - MEASURES.beside[0], here[2])
+            self._normal.wxyz = along(normal)
+        deviation = math.nan if watched.leader is None else watched.leader.standard_deviation
+        robot = space.follower_at(watched.telemetry_sequence)
+        self.draw_probes((leader.place_x, leader.place_y, leader.place_z), _force(leader), deviation, robot)
 
     def draw_probes(self, place: Vector, force: Vector, deviation: float, robot: FollowerSpace | None) -> None:
         """Draw the probe [m] with the rendered force and its deviation [N], and the delayed robot; None hides it."""
@@ -87,24 +248,15 @@ class SpaceScene:
         else:
             self.probes.draw_robot(_scene((robot.place_x, robot.place_y, robot.place_z)), _force(robot))
 
-    def draw_normal(self, point: Vector, normal: Vector, shown: bool) -> None:
-        """Draw the surface's outward normal at the proxy [m], where the probe is near enough for it to matter."""
-        here = _scene(point)
-        self._normal.visible = shown and here is not None
-        if here is not None and shown:
-            self._normal.position = (here[0], here[1] - MEASURES.beside[0], here[2])
-            self._normal.wxyz = along(normal)
-
-    def draw_handle(self, place: Vector, probe: Vector, *, offered: bool, held: bool, hinted: bool) -> None:
-        """Draw the handle [m], which stays where a browser holds it, a line to the probe [m], and what to do."""
-        end = _scene(probe)
+    def draw_handle(self, probe: Vector, *, offered: bool, useful: bool) -> None:
+        """Draw the handle, which stays where a browser holds it, a line to the probe [m], and what to do."""
+        here, end = _scene(self._hold.place), _scene(probe)
         for node, shown in ((self._handle, offered), (self._tether, offered and end is not None)):
             put(node, visible=shown)
-        self._hint.visible = offered and hinted
-        here = _scene(place)
+        self._hint.visible = offered and useful and not self._hold.used
         if here is None or not offered:
             return
-        if not held and not np.allclose(self._handle.position, here, atol=1e-4):
+        if not self._hold.dragged and not np.allclose(self._handle.position, here, atol=1e-4):
             self._handle.position = here
         self._hint.position = (here[0], here[1], here[2] + 1.15 * HANDLE_SIZE)
         if end is not None:
@@ -113,17 +265,17 @@ class SpaceScene:
             self._tether.scale = (1.0, 1.0, max(math.hypot(*way), 1e-3))
 
     async def _dragged(self, event: Any) -> None:
-        """A drag of the handle: async, so that the viewer keeps the order of start, moves and end."""
-        x, y, z = (float(value) / UNITS for value in event.target.position)
-        self._on_drag((x, y, z), str(event.phase))
+        self._hold.drag_to([float(value) / UNITS for value in event.target.position], str(event.phase))
 
 
-def _scene(place: Sequence[float]) -> Vector | None:
-    """A position in the world [m] in scene units; None where it is not finite."""
+def _scene(place: Vector) -> Vector | None:
     x, y, z = place
-    if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(z)):
-        return None
-    return UNITS * x, UNITS * y, UNITS * z
+    return (UNITS * x, UNITS * y, UNITS * z) if math.isfinite(x + y + z) else None
+
+
+def _force(space: LeaderSpace | FollowerSpace) -> Vector:
+    """In all directions, friction's too [N]."""
+    return space.force_x, space.force_y, space.force_z
 
 
 class SpaceView:
@@ -150,23 +302,22 @@ class SpaceView:
         leader = watched.space.leader
         self._offered = leader is not None and live and watched.operator == "browser"
         self._image.show(leader is not None)
-        self._look(leader is not None)
+        if watched.in_space != self._looked_at:  # sessions along a line and in space take turns
+            self._looked_at = watched.in_space
+            look(self._server, SPACE_CAMERA if watched.in_space else CAMERA)
         if leader is None:
             if self._scene is not None:
                 self._scene.show(False)
-            self._write_legend("")
-            return False
-        scene = self._scene_of(watched)
-        self.hold.follow()
-        if scene is None:
-            self._write_legend("")
-            return True
-        scene.show(True)
-        self._draw_fixture(scene, watched, leader)
-        self._draw_probes(scene, watched, leader)
+        else:
+            self._find_scene(watched)
+            self.hold.follow()
+        if leader is None or self._scene is None:
+            put(self._legend, content="")
+            return leader is not None
+        self._scene.show(True)
+        self._scene.draw(watched, leader, self._learnt(watched))
         probe = leader.place_x, leader.place_y, leader.place_z
-        held, hinted = self.hold.dragged, useful and not self.hold.used
-        scene.draw_handle(self.hold.place, probe, offered=self._offered, held=held, hinted=hinted)
+        self._scene.draw_handle(probe, offered=self._offered, useful=useful)
         return True
 
     def draw_image(self, watched: Watched) -> None:
@@ -176,27 +327,19 @@ class SpaceView:
 
     def write(self, watched: Watched, now: float, *, live: bool) -> None:
         """Numbers, labels, plots and legend."""
-        leader, scene = watched.space.leader, self._scene
-        if leader is None or self._panel is None:
+        if not watched.in_space or self._panel is None:
             return
         self._panel.draw(watched, SECONDS, now, self.hold.hand if live and watched.operator == "browser" else None)
-        if scene is None:
-            return
-        self._write_legend(legend_html(scene.fixture.scale.edges) + _KEY)
-        robot = watched.space.heard(watched.heard_sequence)
-        scene.probes.write("rendered force", "" if robot is None else "delayed robot")
+        if self._scene is not None:
+            put(self._legend, content=shapes.legend_html(self._scene.fixture.edges))
+            robot = watched.space.follower_at(watched.telemetry_sequence)
+            self._scene.probes.write("rendered force", "" if robot is None else "delayed robot")
 
-    def _look(self, in_space: bool) -> None:
-        """Move the cameras where sessions along a line and in space, live or recorded, take turns."""
-        if in_space != self._looked_at:
-            self._looked_at = in_space
-            look(self._server, SPACE_CAMERA if in_space else CAMERA)
-
-    def _scene_of(self, watched: Watched) -> SpaceScene | None:
-        """The picture of this scene; another scene has another. None where its shape is not known here."""
+    def _find_scene(self, watched: Watched) -> None:
+        """Another scene has another picture; none where its shape is not known here."""
         name = watched.settings.get("scene", "")
         if not name or name == self._name:
-            return self._scene
+            return
         from foretouch.session.spatial import make_scene
 
         if self._scene is not None:
@@ -207,82 +350,27 @@ class SpaceView:
         except (ForetouchError, OSError) as error:  # a mesh that only the other machine has, or nothing to read it with
             self.problem = f"The scene cannot be drawn here: {error}"
         else:
-            self._scene = SpaceScene(self._server, self._surface, self.hold.drag_to)
+            self._scene = SpaceScene(self._server, self._surface, self.hold)
         if self._panel is None:
             with self._tabs.add_tab("Fixture"):
                 self._panel = SpacePanel(self._server.gui, self._slide)
             add_space_keys(self._server.gui, self._key_stroke, self._image.toggle_overlay)
-        return self._scene
-
-    def _draw_fixture(self, scene: SpaceScene, watched: Watched, leader: LeaderSpace) -> None:
-        fixture, pose = scene.fixture, fixture_of(leader)
-        fixture.place(pose)
-        fixture.learn(self._learnt(watched))
-        point, normal = _point(leader), (leader.normal_x, leader.normal_y, leader.normal_z)
-        fixture.sink(pose, point, normal, leader.depth)
-        follower, belief = watched.space.follower, watched.space.belief
-        deviation = math.nan if belief is None else math.sqrt(sum(value**2 for value in belief.deviation[:3]))
-        fixture.believe(None if follower is None else fixture_of(follower), deviation)
-        scene.draw_normal(point, normal, leader.depth > -NEAR)
-
-    def _draw_probes(self, scene: SpaceScene, watched: Watched, leader: LeaderSpace) -> None:
-        deviation = math.nan if watched.leader is None else watched.leader.standard_deviation
-        place = leader.place_x, leader.place_y, leader.place_z
-        scene.draw_probes(place, _force(leader), deviation, watched.space.heard(watched.heard_sequence))
 
     def _learnt(self, watched: Watched) -> MaterialField | None:
-        """The field as the operator's side has it; each is read once."""
-        update = watched.space.field(watched.heard_sequence)
+        """The field as the operator's side has it; each is read once, and one of another version is none."""
+        update = watched.space.field(watched.telemetry_sequence)
         if update is not self._field[0]:
-            field = None
-            if update is not None:
-                try:
-                    field = MaterialField.from_bytes(update.content)
-                except ForetouchError:  # of another version
-                    field = None
-            self._field = (update, field)
+            try:
+                self._field = update, None if update is None else MaterialField.from_bytes(update.content)
+            except ForetouchError:
+                self._field = update, None
         return self._field[1]
-
-    def _write_legend(self, content: str) -> None:
-        put(self._legend, content=_LEGEND.format(content) if content else "")
 
     def _slide(self, axis: int, value: float) -> None:
         way = [0.0, 0.0, 0.0]
         way[axis] = value - self.hold.hand[axis]
-        self.hold.stroke((way[0], way[1], way[2]))
+        self.hold.stroke(way)
 
     def _key_stroke(self, way: Vector) -> None:
         if self._offered:
             self.hold.stroke(way)
-
-
-def _force(space: LeaderSpace | FollowerSpace) -> Vector:
-    """In all directions, friction's too [N]."""
-    return space.force_x, space.force_y, space.force_z
-
-
-def _point(leader: LeaderSpace) -> Vector:
-    return leader.point_x, leader.point_y, leader.point_z
-
-
-def _key() -> str:
-    """What the lines and arrows of the picture are."""
-    rows = (
-        (GREY, "Probe, now: where your hand is"),
-        (VERMILLION, "Robot, delayed; outline: the fixture as the robot knows it"),
-        (BLUE, "Force on the hand, and its uncertainty"),
-        (GREEN, "Normal of the surface"),
-    )
-    lines = (
-        f'<div><span style="color:{css(colour)}">&#9632;</span> {html.escape(text)}</div>' for colour, text in rows
-    )
-    return f'<div style="padding-top:5px;line-height:1.3">{"".join(lines)}</div>'
-
-
-_KEY = _key()
-_LEGEND = (
-    "<div><style>@media (max-width:36em){{.foretouch-legend{{display:none}}}}</style></div>"  # it would hide the scene
-    '<div class="foretouch-legend" style="position:fixed;left:12px;top:84px;z-index:50;pointer-events:none;'
-    "background:rgba(255,255,255,0.9);"
-    'color:#000;border:1px solid #999;border-radius:6px;padding:6px 10px;font-size:13px">{}</div>'
-)

@@ -6,7 +6,7 @@ import bisect
 import math
 from collections import deque
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,8 +27,8 @@ LENGTH = 16_384
 """Ticks of the follower that are kept: as long as a delay may be."""
 MOST_IMAGES, MOST_FIELDS = 360, 128
 """At 30 and at 10 a second: 12 s."""
-TRACE_PERIOD_NS = 50_000_000
-TRACE_LENGTH = 400
+TRACE_PERIOD_NS, TRACE_STRIDE, TRACE_LENGTH = 50_000_000, 50, 400
+"""Between two points of a trace [ns, ticks], and their largest number."""
 
 
 class PoseTrace(NamedTuple):
@@ -47,15 +47,14 @@ class PoseTrace(NamedTuple):
     age: Array
 
     @classmethod
-    def of(cls, rows: Sequence[tuple[float, float, float, float]], now: float, seconds: float) -> PoseTrace:
+    def of(cls, rows: Sequence[tuple[float, ...]], now: float, seconds: float) -> PoseTrace:
         """The last seconds before a moment [s], of rows as above."""
         table = np.array(rows, dtype=np.float64).reshape(-1, 4)
-        time = table[:, 0] - now
-        inside = (time >= -seconds) & (time <= 0.0)
-        return cls(time[inside], *(table[inside, column] for column in (1, 2, 3)))
+        table[:, 0] -= now
+        return cls(*table[(table[:, 0] >= -seconds) & (table[:, 0] <= 0.0)].T)
 
 
-class SpaceHeard:
+class SpaceState:
     """The newest messages in space, and those of the robot's side that the operator's had received by then.
 
     Images and fields come to a console as soon as they are made, and to an operator over a slow network. Those shown
@@ -68,29 +67,29 @@ class SpaceHeard:
         self.leader: LeaderSpace | None = None
         self.follower: FollowerSpace | None = None
         self.belief: FixtureBelief | None = None
-        self.belief_heard = -math.inf
+        self._belief_received = -math.inf
         self._ticks: list[FollowerSpace | None] = [None] * LENGTH
         self._images: deque[CameraImage] = deque(maxlen=MOST_IMAGES)
         self._fields: deque[FieldUpdate] = deque(maxlen=MOST_FIELDS)
-        self._trace: deque[tuple[float, float, float, float]] = deque(maxlen=TRACE_LENGTH)
+        self._trace: deque[tuple[float, ...]] = deque(maxlen=TRACE_LENGTH)
         self._traced_ns = 0
 
     def take(self, message: Message, now: float, epoch: int) -> None:
         """Take note of a message received at a time [s], of the leader of this epoch (0 for any); none along a line."""
-        if isinstance(message, LeaderSpace):
-            if epoch in (0, message.epoch):
+        match message:
+            case LeaderSpace() if epoch in (0, message.epoch):
                 self._take_leader(message)
-        elif isinstance(message, FollowerSpace):
-            self.follower = message
-            self._ticks[message.sequence % LENGTH] = message
-        elif isinstance(message, CameraImage):
-            self._images.append(message)
-        elif isinstance(message, FieldUpdate):
-            self._fields.append(message)
-        elif isinstance(message, FixtureBelief):
-            self.belief, self.belief_heard = message, now
+            case FollowerSpace():
+                self.follower = message
+                self._ticks[message.sequence % LENGTH] = message
+            case CameraImage():
+                self._images.append(message)
+            case FieldUpdate():
+                self._fields.append(message)
+            case FixtureBelief():
+                self.belief, self._belief_received = message, now
 
-    def heard(self, sequence: int) -> FollowerSpace | None:
+    def follower_at(self, sequence: int) -> FollowerSpace | None:
         """State of the robot in the newest telemetry that the leader had."""
         tick, newest = self._ticks[sequence % LENGTH], self.follower
         known = tick is not None and newest is not None and tick.sequence == sequence and tick.run == newest.run
@@ -103,12 +102,15 @@ class SpaceHeard:
 
     def field(self, sequence: int) -> FieldUpdate | None:
         """The materials that had come by that telemetry; None before the first."""
-        tick = self.heard(sequence)
-        return None if tick is None else newest_field(tuple(self._fields), tick)
+        tick = self.follower_at(sequence)
+        for field in reversed(() if tick is None else tuple(self._fields)):
+            if tick is not None and field.time_ns <= tick.time_ns and field.run == tick.run:
+                return field
+        return None
 
     def camera_silence(self, now: float) -> float:
         """Time since the last message of the fixture's tracker [s]; infinite before."""
-        return now - self.belief_heard
+        return now - self._belief_received
 
     def pose_trace(self, seconds: float) -> PoseTrace:
         """What was known of the fixture's pose in the last seconds."""
@@ -134,14 +136,6 @@ def newest_image(images: Sequence[CameraImage], sequence: int, camera_delay: flo
     return None
 
 
-def newest_field(fields: Sequence[FieldUpdate], tick: FollowerSpace) -> FieldUpdate | None:
-    """The newest field that was sent by a tick of the follower."""
-    for field in reversed(fields):
-        if field.time_ns <= tick.time_ns and field.run == tick.run:
-            return field
-    return None
-
-
 def fixture_of(space: LeaderSpace | FollowerSpace) -> tuple[float, ...]:
     """Pose of the fixture at one side: a position [m] and a rotation vector [rad]."""
     return (
@@ -149,12 +143,8 @@ def fixture_of(space: LeaderSpace | FollowerSpace) -> tuple[float, ...]:
     )  # fmt: skip
 
 
-TRACE_STRIDE = 50
-"""Ticks between two points of a trace."""
-
-
-class RecordedSpace(SpaceHeard):
-    """Messages received in space at a moment; see `SpaceHeard`.
+class RecordedSpace(SpaceState):
+    """Messages received in space at a moment; see `SpaceState`.
 
     Those of the robot's side are those that the operator's had received: two recorded clocks need not agree.
     """
@@ -167,34 +157,23 @@ class RecordedSpace(SpaceHeard):
         if segment.follower.size:
             self._follows = self._follows[self._follows["run"] == segment.follower["run"][-1]]
         run = int(self._follows["run"][-1]) if self._follows.size else 0
-        self._pictures = tuple(image for image in segment.images if image.run == run or 0 in (run, image.run))
-        self._maps = tuple(field for field in segment.fields if run in (0, field.run))
+        self._images = deque(image for image in segment.images if image.run == run or 0 in (run, image.run))
+        self._fields = deque(segment.fields)
         self._beliefs = sorted(segment.beliefs, key=lambda belief: belief.time_ns)
-        self._belief_times = [belief.time_ns for belief in self._beliefs]
 
     def go_to(self, leader: int, telemetry: int) -> None:
         """Show the leader's tick of a sequence, and the newest telemetry that it had received."""
         row = int(np.searchsorted(self._leads["sequence"], leader, side="right")) - 1
-        self.leader = LeaderSpace(VERSION, *_numbers(self._leads[row])) if row >= 0 else None
-        self.follower = self.heard(telemetry)
-        self.belief = None
-        if self.follower is not None:
-            last = bisect.bisect_right(self._belief_times, self.follower.time_ns) - 1
-            self.belief = self._beliefs[last] if last >= 0 else None
+        self.leader = LeaderSpace(VERSION, *self._leads[row].tolist()) if row >= 0 else None
+        self.follower = self.follower_at(telemetry)
+        time_ns = -1 if self.follower is None else self.follower.time_ns
+        last = bisect.bisect_right(self._beliefs, time_ns, key=lambda belief: belief.time_ns) - 1
+        self.belief = self._beliefs[last] if last >= 0 else None
 
-    def heard(self, sequence: int) -> FollowerSpace | None:
+    def follower_at(self, sequence: int) -> FollowerSpace | None:
         """State of the robot that the operator's side received last."""
         row = int(np.searchsorted(self._follows["sequence"], sequence, side="right")) - 1
-        return FollowerSpace(VERSION, *_numbers(self._follows[row])) if row >= 0 and sequence > 0 else None
-
-    def image(self, sequence: int, camera_delay: float) -> CameraImage | None:
-        """The image that had come over the network."""
-        return newest_image(self._pictures, sequence, camera_delay)
-
-    def field(self, sequence: int) -> FieldUpdate | None:
-        """The materials that had come over the network."""
-        tick = self.heard(sequence)
-        return None if tick is None else newest_field(self._maps, tick)
+        return FollowerSpace(VERSION, *self._follows[row].tolist()) if row >= 0 and sequence > 0 else None
 
     def camera_silence(self, now: float) -> float:
         """Not known for a recording: no tracker is reported as missing."""
@@ -211,8 +190,3 @@ class RecordedSpace(SpaceHeard):
         part = part[part["sequence"] % TRACE_STRIDE == 0]
         columns = (part["time_ns"] * 1e-9, part["fixture_deviation"], part["fixture_turn"], part["fixture_age"])
         return PoseTrace.of(np.column_stack(columns).tolist(), now, seconds)
-
-
-def _numbers(row: np.void) -> tuple[Any, ...]:
-    """Of a row."""
-    return tuple(row.tolist())
