@@ -5,9 +5,9 @@ from __future__ import annotations
 import importlib
 import math
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Protocol
 
-from foretouch.devices import BrowserOperator, Device, DeviceSpecification, SpatialDevice
+from foretouch.devices import BrowserOperator, Device, SpatialDevice
 from foretouch.link import ZenohLink
 from foretouch.messages import Command, Handle, Message, ModelUpdate, Telemetry
 from foretouch.robot import Robot, SpatialRobot
@@ -15,31 +15,6 @@ from foretouch.session.frames import browser_operator, framed_device, framed_rob
 from foretouch.session.operators import felt_device
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.steps import follower, leader
-
-
-class LeadingSide(Protocol):
-    """What leads a session: a start and a step, as of `foretouch.session.steps.leader`."""
-
-    def start(
-        self,
-        settings: SessionSettings,
-        *,
-        holder: str = "leader",
-        epoch: int = 1,
-        device: DeviceSpecification | None = None,
-    ) -> Any:
-        """State before the first tick."""
-
-    def step(self, state: Any, inputs: leader.Inputs, now_ns: int) -> tuple[Any, leader.Outputs]:
-        """One tick."""
-
-
-def leading_side(settings: SessionSettings) -> LeadingSide:
-    """The leader of a session; a baseline's, which renders the delayed force, is imported where it is asked for."""
-    if settings.baseline == "none":
-        return leader
-    module: LeadingSide = importlib.import_module("foretouch.session.steps.baseline")
-    return module
 
 
 class DrivenFollower(Protocol):
@@ -81,12 +56,12 @@ class DrivenLeader(Protocol):
 
     Attributes:
         channels: Channels that it listens to beside those of every leader.
-        state: State of the leader along the line or the normal, or of a baseline.
+        state: State of the leader along the line or the normal.
         nowhere: Ticks in which the device gave no position: the hand then counts as not moved.
     """
 
     channels: tuple[str, ...]
-    state: Any
+    state: leader.State
     nowhere: int
 
     def take(self, handle: Handle, now_ns: int) -> None:
@@ -162,8 +137,10 @@ class LineLeader:
     channels: tuple[str, ...] = ()
 
     def __init__(self, operator: Device, settings: SessionSettings, holder: str, epoch: int) -> None:
-        self._side = leading_side(settings)
-        self.state = self._side.start(settings, holder=holder, epoch=epoch, device=felt_device(operator, settings))
+        # A baseline, which renders the delayed force, is imported only where it is asked for.
+        name = "leader" if settings.baseline == "none" else "baseline"
+        start = importlib.import_module(f"foretouch.session.steps.{name}").start
+        self.state: leader.State = start(settings, holder=holder, epoch=epoch, device=felt_device(operator, settings))
         self.nowhere = 0
         self._operator = framed_device(operator, settings.leader_frame)
         self._mouse: BrowserOperator | None = browser_operator(self._operator)
@@ -192,7 +169,7 @@ class LineLeader:
             operator.intention,
             stop,
         )
-        self.state, led = self._side.step(self.state, inputs, now_ns)
+        _, led = leader.step(self.state, inputs, now_ns)
         operator.render(led.record.rendered_force)
         return [led.command, led.record]
 

@@ -26,7 +26,7 @@ from foretouch.messages import (
 )
 from foretouch.models import FIELD_DEPTH, MaterialField, QuadraticContact
 from foretouch.quantities.pose import Vector, add, dot, norm, scaled, subtract
-from foretouch.rendering import FrictionRenderer, NormalAccount, SpatialEnergyAccount
+from foretouch.rendering import FrictionRenderer, SpatialEnergyAccount
 from foretouch.rendering.surfaces import Surface
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.spatial.course import ClosestPoint, SurfaceLine
@@ -218,7 +218,7 @@ def start(
     damping, delay = (device.damping, device.delay) if held else (math.inf, 0.0)
     scales = settings.force_scale * settings.position_scale  # friction is rendered in the follower's lengths and forces
     return State(
-        leader.start(settings, holder=holder, epoch=epoch, account=NormalAccount(account)),
+        leader.start(settings, holder=holder, epoch=epoch, account=account),
         SurfaceLine(surface, pose),
         FrictionRenderer(stiffness / scales, damping / scales, delay),
         account,

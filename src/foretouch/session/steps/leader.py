@@ -14,8 +14,7 @@ from foretouch.errors import InputError
 from foretouch.messages import VERSION, Command, LeaderState, ModelUpdate, Telemetry
 from foretouch.models import make_model
 from foretouch.quantities import LARGEST_POSITION
-from foretouch.rendering import Proxy, Renderer
-from foretouch.rendering.energy import RenderingAccount
+from foretouch.rendering import Proxy, Renderer, SpatialEnergyAccount
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.steps.follower_view import FollowerView
 from foretouch.settings import NO_GRIP
@@ -129,7 +128,7 @@ def start(
     holder: str = "leader",
     epoch: int = 1,
     device: DeviceSpecification | None = None,
-    account: RenderingAccount | None = None,
+    account: SpatialEnergyAccount | None = None,
 ) -> State:
     """State before the first tick.
 
