@@ -60,7 +60,7 @@ class SpatialDevice(ABC):
         return NOWHERE
 
     @property
-    def exact_place(self) -> Vector:
+    def exact_position(self) -> Vector:
         """Position of a simulated hand [m], without the encoders' counts; NaN where unknown."""
         return NOWHERE
 
@@ -281,7 +281,7 @@ class SpatialHand(SpatialDevice):
         return self._aim
 
     @property
-    def exact_place(self) -> Vector:
+    def exact_position(self) -> Vector:
         """Where the hand is [m], not rounded."""
         if self._start_ns is None:
             return NOWHERE

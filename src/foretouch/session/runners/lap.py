@@ -27,14 +27,20 @@ from foretouch.session.operators import (
     require_simulated_time,
 )
 from foretouch.session.robots import make_session_robot, reach_texts, require_simulated_robot
-from foretouch.session.runners.driven import DrivenFollower, DrivenLeader, drive_follower, drive_leader
+from foretouch.session.runners.driven import (
+    DrivenFollower,
+    DrivenLeader,
+    SpaceFollower,
+    SpaceLeader,
+    drive_follower,
+    drive_leader,
+)
 from foretouch.session.runners.warm_up import warm_up_once
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.steps.counting import OperatorClock, follower_counts, leader_counts
 from foretouch.settings import SIMULATED
 
 if TYPE_CHECKING:
-    from foretouch.session.runners.driven_scene import SpaceFollower
     from foretouch.session.spatial.camera import SimulatedCamera
 
 _PERIOD_NS = round(SAMPLE_PERIOD * 1e9)
@@ -278,8 +284,6 @@ def simulate_scene(
         record: Called with each message to keep.
         progress: Called once a simulated second.
     """
-    from foretouch.session.runners.driven_scene import SpaceFollower, SpaceLeader
-
     warm_up_once(settings)
     follows, leads = SpaceFollower(robot, settings, 1), SpaceLeader(operator, settings, "leader", 1)
     watcher = CameraAndTracker(settings, camera, follows)

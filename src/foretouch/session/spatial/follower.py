@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import msgspec
 
@@ -103,30 +103,6 @@ class State:
     point: Vector = NAN3
 
 
-class Inputs(NamedTuple):
-    """Inputs of a tick: as `foretouch.session.steps.follower.Inputs`, with the tracker's beliefs.
-
-    Attributes:
-        commands: Commands with positions in space that have arrived since the last tick.
-        sample: Sample of the robot's sensors.
-        period_ns: Time since the last tick began [ns].
-        compute_ns: Computing time of the last tick [ns].
-        beliefs: Beliefs of the fixture's pose that have arrived since the last tick.
-        stop: Why an emergency stop was requested; empty while none was.
-        release: Whether its end is requested at the robot.
-        ended: Whether the session is over.
-    """
-
-    commands: list[Command]
-    sample: SpatialSample
-    period_ns: int
-    compute_ns: int
-    beliefs: list[FixtureBelief]
-    stop: str = ""
-    release: bool = False
-    ended: bool = False
-
-
 class Outputs(NamedTuple):
     """Outputs of a tick.
 
@@ -174,7 +150,7 @@ def start(
     return State(inner, probe, course, last, way_in, fields, settings.approach_speed, speed)
 
 
-def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
+def step(state: State, inputs: follower.Inputs[SpatialSample], now_ns: int) -> tuple[State, Outputs]:
     """One tick of the follower.
 
     Args:
@@ -221,10 +197,8 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         commanded_position=closest.along,
         clipped=sample.clipped,
     )
-    told = follower.Inputs(
-        commands, along, inputs.period_ns, inputs.compute_ns, inputs.stop, inputs.release, inputs.ended
-    )
-    _, allowed = follower.step(inner, told, now_ns)
+    in_space: Any = inputs
+    _, allowed = follower.step(inner, in_space._replace(commands=commands, sample=along), now_ns)
     model, materials = _learn_in_space(state, closest, sample, sideways, allowed.model, now_ns)
     desired, desired_along = state.last.update(course, allowed.desired_position, free=closest.along < inner.free)
     space = _space(state, sample, closest, force, desired, now_ns)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import msgspec
 
@@ -18,7 +18,6 @@ from foretouch.messages import (
     VERSION,
     Command,
     FieldUpdate,
-    FollowerSpace,
     LeaderSpace,
     LeaderState,
     ModelUpdate,
@@ -148,36 +147,6 @@ class State:
     offset: float = 0.0
 
 
-class Inputs(NamedTuple):
-    """Inputs of a tick: as `foretouch.session.steps.leader.Inputs`, in space.
-
-    Attributes:
-        place: Position of the operator's hand, from the device's encoders [m].
-        models: Models that have arrived since the last tick.
-        telemetry: Telemetry that has arrived since the last tick.
-        spaces: Spatial telemetry of the follower that has arrived since the last tick.
-        fields: Fields that have arrived since the last tick.
-        period_ns: Time since the last tick began [ns].
-        compute_ns: Computing time of the last tick [ns].
-        clutched: Whether the clutch is pressed.
-        stopping: Whether an emergency stop was requested here, and the follower has not yet confirmed it.
-        exact_place: Position of a simulated hand [m]; recorded only.
-        intended: Intended position of the hand [m]; recorded only.
-    """
-
-    place: Vector
-    models: list[ModelUpdate]
-    telemetry: list[Telemetry]
-    spaces: list[FollowerSpace]
-    fields: list[FieldUpdate]
-    period_ns: int
-    compute_ns: int
-    clutched: bool = False
-    stopping: bool = False
-    exact_place: Vector = NOWHERE
-    intended: Vector = NOWHERE
-
-
 class Outputs(NamedTuple):
     """Outputs of a tick.
 
@@ -228,7 +197,7 @@ def start(
     )
 
 
-def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
+def step(state: State, inputs: leader.Inputs[Vector], now_ns: int) -> tuple[State, Outputs]:
     """One tick of the leader, at a time of its monotonic clock [ns]; the state is updated in place and returned."""
     for space in inputs.spaces:
         state.follower_at, state.follower_run = (space.desired_x, space.desired_y, space.desired_z), space.run
@@ -238,25 +207,22 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     models = [_take_model(state, model) for model in inputs.models]
     hand, telemetry = _couple(state, inputs)
     closest = state.line.follow(hand)
-    seen = all(map(math.isfinite, inputs.place))
-    period = leader.moving_time(inputs.period_ns, inputs.exact_place[0], now_ns, state.inner.newest_ns)
-    state.account.observe(inputs.place, period)  # the device's own position, whatever it is coupled with
+    seen = all(map(math.isfinite, inputs.position))
+    period = leader.moving_time(inputs.period_ns, inputs.exact_position[0], now_ns, state.inner.newest_ns)
+    state.account.observe(inputs.position, period)  # the device's own position, whatever it is coupled with
     models = [_local(state, model, closest) for model in models]
     if not models:
         _go_on(state, closest)
     state.offset = state.line.offset
-    told = leader.Inputs(
-        closest.along / state.position_scale if seen and math.isfinite(hand[0]) else math.nan,
-        models,
-        telemetry,
-        inputs.period_ns,
-        inputs.compute_ns,
-        inputs.clutched,
-        _depth_of(state, inputs.exact_place),
-        _depth_of(state, inputs.intended),
-        inputs.stopping,
+    in_space: Any = inputs
+    projected = in_space._replace(
+        position=closest.along / state.position_scale if seen and math.isfinite(hand[0]) else math.nan,
+        models=models,
+        telemetry=telemetry,
+        exact_position=_depth_of(state, inputs.exact_position),
+        intended_position=_depth_of(state, inputs.intended_position),
     )
-    _, led = leader.step(state.inner, told, now_ns)
+    _, led = leader.step(state.inner, projected, now_ns)
     position = led.command.position
     if math.isfinite(position):
         state.left = closest.place_at(position)
@@ -290,13 +256,13 @@ def _take_model(state: State, model: ModelUpdate) -> ModelUpdate:
     return msgspec.structs.replace(model, surface=state.line.offset + model.surface)
 
 
-def _couple(state: State, inputs: Inputs) -> tuple[Vector, list[Telemetry]]:
+def _couple(state: State, inputs: leader.Inputs[Vector]) -> tuple[Vector, list[Telemetry]]:
     """Position of the hand in the world, and the telemetry for a leader along the line.
 
     Hand and follower meet at the follower's commanded position, and after a clutch at the hand's last one.
     """
     proxy = state.inner.renderer.proxy
-    here = scaled(inputs.place, state.position_scale)
+    here = scaled(inputs.position, state.position_scale)
     if not all(map(math.isfinite, here)):
         return state.hand, inputs.telemetry
     if not state.inner.renderer.closed_loop:

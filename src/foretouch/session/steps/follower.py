@@ -9,14 +9,15 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Generic, NamedTuple, TypeVar
 
 from foretouch.identification import ContactSample, Estimator, Learner, SensorState, SensorWatch
 from foretouch.identification.conditioning.kernel import CONTACT_FLOOR
 from foretouch.link import SequenceCounter
-from foretouch.messages import VERSION, Command, ModelUpdate, Status, Telemetry
-from foretouch.robot import RobotSample, RobotSpecification
+from foretouch.messages import VERSION, Command, FixtureBelief, ModelUpdate, Status, Telemetry
+from foretouch.robot import RobotSample, RobotSpecification, SpatialSample
 from foretouch.session.network.lease import ControlLease
 from foretouch.session.network.model_sender import ModelSender
 from foretouch.session.network.playout import Arrival, Freshness, Playout
@@ -101,8 +102,11 @@ class State:
     limits: SafetyLimits = field(default_factory=SafetyLimits)
 
 
-class Inputs(NamedTuple):
-    """Inputs of a tick.
+Sample = TypeVar("Sample", RobotSample, SpatialSample)
+
+
+class Inputs(NamedTuple, Generic[Sample]):
+    """Inputs of a tick, along a line or in space.
 
     Attributes:
         commands: Commands that have arrived since the last tick.
@@ -112,15 +116,17 @@ class Inputs(NamedTuple):
         stop: Why an emergency stop was requested; empty while none was.
         release: Whether the end of an emergency stop is requested at the robot, or a repair of the sensors reported.
         ended: Whether the session is over: the robot is left as after a long silence.
+        beliefs: In space, beliefs of the fixture's pose that have arrived since the last tick.
     """
 
     commands: list[Command]
-    sample: RobotSample
+    sample: Sample
     period_ns: int
     compute_ns: int
     stop: str = ""
     release: bool = False
     ended: bool = False
+    beliefs: Sequence[FixtureBelief] = ()
 
 
 class Outputs(NamedTuple):
@@ -176,7 +182,7 @@ def _limits(specification: RobotSpecification, settings: SessionSettings) -> Saf
     )
 
 
-def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
+def step(state: State, inputs: Inputs[RobotSample], now_ns: int) -> tuple[State, Outputs]:
     """One tick of the follower, at a time of its monotonic clock [ns]; the state is updated in place and returned.
 
     Learning begins with the first command: no operator is active before, and a recording from the first command on
@@ -334,7 +340,7 @@ def _take(state: State, command: Command, now_ns: int) -> None:
         state.guarded = True
 
 
-def _stop_or_release(state: State, inputs: Inputs, felt: float, faulty: bool) -> bool:
+def _stop_or_release(state: State, inputs: Inputs[RobotSample], felt: float, faulty: bool) -> bool:
     """Apply requests at the robot; return whether the commands hold."""
     safety, released = state.safety, False
     if inputs.stop:
@@ -352,7 +358,9 @@ def _stop_or_release(state: State, inputs: Inputs, felt: float, faulty: bool) ->
     return True
 
 
-def _allowed(state: State, desired_position: float, inputs: Inputs, force: float, now_ns: int, faulty: bool) -> float:
+def _allowed(
+    state: State, desired_position: float, inputs: Inputs[RobotSample], force: float, now_ns: int, faulty: bool
+) -> float:
     """Allowed position for a commanded one: the first touch, then safety [m]."""
     sample, learnt_from, safety, first_touch = inputs.sample, state.learner.sample, state.safety, state.first_touch
     # A follower that begins in contact learns that force as the sensor's offset: an excess over any offset is felt.

@@ -6,14 +6,16 @@ Hand and follower are coupled as soon as both positions are known, except while 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Generic, NamedTuple, TypeVar
 
 from foretouch.devices import DeviceSpecification
 from foretouch.errors import InputError
-from foretouch.messages import VERSION, Command, LeaderState, ModelUpdate, Telemetry
+from foretouch.messages import VERSION, Command, FieldUpdate, FollowerSpace, LeaderState, ModelUpdate, Telemetry
 from foretouch.models import make_model
 from foretouch.quantities import LARGEST_POSITION
+from foretouch.quantities.pose import Vector
 from foretouch.rendering import Proxy, Renderer, SpatialEnergyAccount
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.steps.follower_view import FollowerView
@@ -89,11 +91,14 @@ class State:
     refused: int = 0
 
 
-class Inputs(NamedTuple):
-    """Inputs of a tick.
+Position = TypeVar("Position", float, Vector)
+
+
+class Inputs(NamedTuple, Generic[Position]):
+    """Inputs of a tick, along a line or in space.
 
     Attributes:
-        position: Position of the operator's hand, from the device's encoder [m].
+        position: Position of the operator's hand, from the device's encoders [m].
         models: Models that have arrived since the last tick.
         telemetry: Telemetry that has arrived since the last tick.
         period_ns: Time since the last tick began [ns].
@@ -102,17 +107,21 @@ class Inputs(NamedTuple):
         exact_position: Position of a simulated hand [m]; recorded only.
         intended_position: Intended position of the hand [m]; recorded only.
         stopping: Whether an emergency stop was requested here, and the follower has not yet confirmed it.
+        spaces: Spatial telemetry of the follower that has arrived since the last tick.
+        fields: Fields of materials that have arrived since the last tick.
     """
 
-    position: float
+    position: Position
     models: list[ModelUpdate]
     telemetry: list[Telemetry]
     period_ns: int
     compute_ns: int
     clutched: bool = False
-    exact_position: float = math.nan
-    intended_position: float = math.nan
+    exact_position: Position = math.nan  # type: ignore[assignment]  # in space it is always given
+    intended_position: Position = math.nan  # type: ignore[assignment]
     stopping: bool = False
+    spaces: Sequence[FollowerSpace] = ()
+    fields: Sequence[FieldUpdate] = ()
 
 
 class Outputs(NamedTuple):
@@ -155,7 +164,7 @@ def start(
     return State(renderer, guarded, holder, epoch, FollowerView(epoch))
 
 
-def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
+def step(state: State, inputs: Inputs[float], now_ns: int) -> tuple[State, Outputs]:
     """One tick of the leader.
 
     The force comes from the newest model at the operator's own motion alone. The delayed force is recorded for
@@ -234,7 +243,7 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     return state, Outputs(command, record)
 
 
-def _couple(state: State, inputs: Inputs) -> None:
+def _couple(state: State, inputs: Inputs[float]) -> None:
     renderer, hand, clutched = state.renderer, inputs.position, inputs.clutched
     if renderer.proxy.engaged and not clutched:
         return
