@@ -10,7 +10,7 @@ import math
 import os
 from typing import Any, ClassVar, NamedTuple, Protocol
 
-from foretouch.devices.device import Device, limit_force
+from foretouch.devices.device import Device, Tracker, limit_force
 from foretouch.errors import MissingExtraError, SettingError
 from foretouch.errors.checks import require
 
@@ -187,8 +187,8 @@ class Gamepad(Device):
             self._farthest = reach.surface + self._trigger_reach
         self._pad = pad
         self._now_ns: int | None = None
-        self._base = self._trigger = self._aim = 0.0
-        self._position = self._velocity = 0.0
+        self._base = self._trigger = 0.0
+        self._tracker = Tracker(TRACKING_RATE)
         self._clutched = self._closed = self._gone = False
         self._told, self._told_ns = 0.0, 0
 
@@ -216,7 +216,8 @@ class Gamepad(Device):
             self._trigger = min(max(state.trigger, 0.0), 1.0) * self._trigger_reach
             self._base += STICK_SPEED * _deflection(state.stick) * period
             self._base = min(max(self._base, 0.0), self._farthest)
-        return self._track(min(self._base + self._trigger, self._farthest), period)
+        goal = min(self._base + self._trigger, self._farthest)
+        return self._tracker.update(goal, LARGEST_SPEED, period)
 
     def render(self, force: float) -> float:
         """Rumble as strongly as the force says [N]; the force within the limit that every device has, 0 once closed."""
@@ -235,17 +236,6 @@ class Gamepad(Device):
             self._closed = True
             self._pad.rumble(0.0)
             self._pad.close()
-
-    def _track(self, goal: float, period: float) -> float:
-        """One step of the aim towards the goal, and of the handle towards the aim [m]."""
-        step = LARGEST_SPEED * period
-        self._aim += min(max(goal - self._aim, -step), step)
-        error = self._position - self._aim
-        pull = self._velocity + TRACKING_RATE * error
-        decay = math.exp(-TRACKING_RATE * period)
-        self._position = self._aim + (error + pull * period) * decay
-        self._velocity = (self._velocity - TRACKING_RATE * pull * period) * decay
-        return self._position
 
 
 def _deflection(stick: float) -> float:

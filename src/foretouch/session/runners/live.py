@@ -7,6 +7,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
 
 from foretouch.devices import Device, SpatialDevice
 from foretouch.errors import SideError
@@ -131,7 +132,8 @@ def run_follower(
     woke, compute = 0, 0
     end = None if duration is None else time.monotonic_ns() + round(duration * 1e9)
     # The last message is sent last: until then the watch detects a driver that hangs while the robot unloads.
-    with ended_in_order(house, stop), steady(), unloaded_at_last(driven, timer, loop, link.publish, say):
+    with ended_in_order(house, stop), steady(), contextlib.ExitStack() as last:
+        last.callback(_leave, driven, timer, loop, link.publish, say)
         while not stop.reason:
             now, periods = timer.wait()
             loop.ticked = now
@@ -171,29 +173,6 @@ def run_follower(
     return {"ended": stop.reason} | follower_counts(state) | link_counts("follower", link)
 
 
-@contextmanager
-def unloaded_at_last(
-    driven: DrivenFollower,
-    timer: LoopTimer,
-    loop: LoopWatch,
-    publish: Callable[[Message], None],
-    say: Callable[[str], None],
-) -> Iterator[None]:
-    """Leave no robot pressing, however a loop ends, including by an exception of its own or of the robot's driver.
-
-    Args:
-        driven: Follower with its robot.
-        timer: Timer of the loop.
-        loop: Counts each tick, and detects a driver that hangs.
-        publish: Sends the messages of the ticks.
-        say: Prints one line for people.
-    """
-    try:
-        yield
-    finally:
-        _leave(driven, timer, loop, publish, say)
-
-
 def _leave(
     driven: DrivenFollower,
     timer: LoopTimer,
@@ -201,10 +180,10 @@ def _leave(
     publish: Callable[[Message], None],
     say: Callable[[str], None],
 ) -> None:
-    """Act as after a long silence, until the robot feels next to nothing, for at most `LEAVING`.
+    """Leave no robot pressing, however a loop ends, including by an exception of its own or of the robot's driver.
 
-    A driver that raised may accept the next command. Where a tick raises, the robot retreats according to the force in
-    its newest sample.
+    It acts as after a long silence, until the robot feels next to nothing, for at most `LEAVING`. A driver that raised
+    may accept the next command. Where a tick raises, the robot retreats according to the force in its newest sample.
     """
     end = time.monotonic() + LEAVING
     failures = driven.state.failures
@@ -283,17 +262,13 @@ def run_leader(
             state.follower_view, texts_of.get("follower", {}), silence, nowhere=nowhere, told_here=parent is not None
         )
 
-    def release() -> None:
-        if isinstance(operator, Device):
-            close_operator(operator)
-
     house = Housekeeper(
         process,
         "leader",
         describe,
         news,
         epoch=state.epoch,
-        release=release,
+        release=partial(close_operator, operator) if isinstance(operator, Device) else None,
         over=lambda: "that is over: the robot follows this leader",
     )
     house.start()

@@ -26,10 +26,10 @@ from foretouch.messages import (
 from foretouch.quantities.pose import Vector, add, dot, norm, scaled, subtract
 from foretouch.rendering.surfaces import Surface
 from foretouch.robot import RobotSample, RobotSpecification, SpatialSample
+from foretouch.session.network.model_sender import FieldSender
 from foretouch.session.network.playout import Playout
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.spatial.course import ClosestPoint, Course, SurfaceLine, Way
-from foretouch.session.spatial.felt import FeltSurface, FieldSender, SmoothedContact
 from foretouch.session.spatial.last_limit import LastLimit
 from foretouch.session.spatial.way_in import MISSED, MISSED_TICKS, WayIn
 from foretouch.session.steps import follower
@@ -54,6 +54,59 @@ NAN3 = (math.nan, math.nan, math.nan)
 POSE_NUMBERS = 6
 
 
+LATEST = 2e-3
+"""Depth at which a contact may have been noticed at most [m]; one noticed deeper tells no surface."""
+
+FELT_WAY, TOUCH_EXPONENT = 1e-3, 1.15
+"""The surface is known from how the force grows over this way [m], with this exponent of depth."""
+
+SMOOTHED = -math.expm1(-2.0 * math.pi * 20.0 * SAMPLE_PERIOD)
+"""Weight of a tick in a low-pass of 20 Hz: the speed of one tick is mostly the encoders' noise."""
+
+
+class FeltSurface:
+    r"""Where a contact began, once it is 1 mm deep.
+
+    A contact is noticed late, at a force F_1 that the surface gives at a depth d. With F_2 after h more,
+
+    .. math:: d = \frac{r h}{1 - r}, \quad r = (F_1 / F_2)^{1 / n}
+
+    for a law of exponent n, here 1.15: a spring has 1, and Hertz's ball 1.5.
+
+    Attributes:
+        ticks: Ticks since this contact began; 0 while there is none.
+        place: Onset of the newest contact that tells of the surface [m]; NaN before it.
+        tick: Tick in which that was known.
+    """
+
+    __slots__ = ("_onset", "_told", "place", "tick", "ticks")
+
+    def __init__(self) -> None:
+        self._onset = 0.0, 0.0  # force at which this contact began [N], and the position along the normal then [m]
+        self._told = False
+        self.place: Vector = NAN3
+        self.tick = self.ticks = 0
+
+    def leave(self) -> bool:
+        """Nothing is felt in this tick; whether something was in the one before."""
+        left, self.ticks = self.ticks > 0, 0
+        return left
+
+    def feel(self, force: float, place: Vector, closest: ClosestPoint, tick: int) -> None:
+        """Feel a force along the normal [N] at a place of the probe [m] in a tick."""
+        self.ticks += 1
+        if self.ticks == 1:
+            self._onset, self._told = (force, closest.along), False
+        began, at = self._onset
+        way = closest.along - at
+        if self._told or way < FELT_WAY:
+            return
+        self._told = True
+        ratio = (began / force) ** (1.0 / TOUCH_EXPONENT) if 0.0 < began < force else 1.0
+        if ratio * way <= LATEST * (1.0 - ratio):  # else it hardly grew: its onset is unknown
+            self.place, self.tick = add(place, scaled(closest.normal, way / (1.0 - ratio))), tick
+
+
 NO_BELIEF = FixtureBelief(VERSION, 0, 0, (0.0,) * 6, (), math.inf, 0, 0, 0, "", epoch=0)
 """Belief before the first: no image has shown the fixture, and its error is unknown."""
 
@@ -72,7 +125,7 @@ class State:
         approach_speed: Speed along a surface whose first touch is guarded [m/s].
         largest_speed: Largest speed of the robot [m/s].
         friction: Learns friction.
-        smoothed: Smoothed forces from which it learns.
+        smoothed: Force along the normal and along the surface [N], and velocity along it [m/s], low-passed alike.
         bias: The sensor's offset [N].
         bias_ticks: Number of ticks that it is known from.
         free_ticks: Ticks since free air began; negative for a while after a contact.
@@ -92,7 +145,7 @@ class State:
     approach_speed: float
     largest_speed: float
     friction: FrictionEstimator = field(default_factory=FrictionEstimator)
-    smoothed: SmoothedContact = field(default_factory=lambda: SmoothedContact())
+    smoothed: tuple[float, Vector, Vector] = (0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     bias: Vector = (0.0, 0.0, 0.0)
     bias_ticks: int = 0
     free_ticks: int = 0
@@ -167,10 +220,16 @@ def step(state: State, inputs: follower.Inputs[SpatialSample], now_ns: int) -> t
         failures.note("what it believes of the fixture", error)
     before = line.offset
     closest = line.follow(sample.place)
-    _share_offset(state, before)
+    if line.offset != before:  # the proxy has let go: the coordinate went on, and what was felt is elsewhere
+        inner.learner.conditioner.shift(line.offset - before)
+        state.last.line.offset = line.offset
     state.way_in.come_to(inner, line, closest, seen=math.isfinite(state.belief.image_age))
     force = subtract(sample.force, state.bias)
-    commands = _with_positions(state, inputs.commands)
+    try:
+        commands = [_with_position(command) for command in inputs.commands]
+    except Exception as error:
+        failures.note("its commands in space", error)
+        commands = []
     estimator = inner.learner.estimator
     if failures.learns and isinstance(estimator, MaterialFieldLearner):
         try:
@@ -199,7 +258,15 @@ def step(state: State, inputs: follower.Inputs[SpatialSample], now_ns: int) -> t
     )
     in_space: Any = inputs
     _, allowed = follower.step(inner, in_space._replace(commands=commands, sample=along), now_ns)
-    model, materials = _learn_in_space(state, closest, sample, sideways, allowed.model, now_ns)
+    model, materials = None, None
+    if failures.learns:
+        try:
+            _learn_beside_the_law(state, closest, sample, sideways)
+            model = None if allowed.model is None else _with_fixture(state, allowed.model, now_ns)
+            materials = state.fields.due(estimator, now_ns)
+        except Exception as error:
+            failures.stop_learning("its learning in space", error)
+            model = None
     desired, desired_along = state.last.update(course, allowed.desired_position, free=closest.along < inner.free)
     space = _space(state, sample, closest, force, desired, now_ns)
     telemetry = msgspec.structs.replace(allowed.telemetry, desired_position=desired_along)
@@ -239,43 +306,11 @@ def _believe(state: State, belief: FixtureBelief, now_ns: int) -> None:
     state.belief, state.believed_ns = belief, now_ns
 
 
-def _share_offset(state: State, before: float) -> None:
-    """Where the proxy has let go the coordinate went on and the surface is elsewhere: for all, and what was felt."""
-    if state.line.offset != before:
-        state.inner.learner.conditioner.shift(state.line.offset - before)
-        state.last.line.offset = state.line.offset
-
-
-def _with_positions(state: State, commands: list[Command]) -> list[Command]:
-    """Commands with a position that says only whether they have a place: the course says where it is on the normal."""
-    try:
-        return [_with_position(command) for command in commands]
-    except Exception as error:
-        state.inner.failures.note("its commands in space", error)
-        return []
-
-
 def _with_position(command: Command) -> Command:
+    """A command whose position says only whether it has a place: the course says where that is on the normal."""
     place = command.place
     known = len(place) == 3 and all(map(math.isfinite, place))
     return msgspec.structs.replace(command, position=max(map(abs, place)) if known else math.nan)
-
-
-def _learn_in_space(
-    state: State, closest: ClosestPoint, sample: SpatialSample, sideways: Vector, model: ModelUpdate | None, now_ns: int
-) -> tuple[ModelUpdate | None, FieldUpdate | None]:
-    """Learn what is beside the law; the model with its fixture and the materials that are due."""
-    failures = state.inner.failures
-    if not failures.learns:
-        return None, None
-    try:
-        _learn_beside_the_law(state, closest, sample, sideways)
-        return None if model is None else _with_fixture(state, model, now_ns), state.fields.due(
-            state.inner.learner.estimator, now_ns
-        )
-    except Exception as error:
-        failures.stop_learning("its learning in space", error)
-        return None, None
 
 
 def _learn_beside_the_law(state: State, closest: ClosestPoint, sample: SpatialSample, sideways: Vector) -> None:
@@ -296,10 +331,14 @@ def _learn_beside_the_law(state: State, closest: ClosestPoint, sample: SpatialSa
         return
     state.free_ticks = -AFTER_CONTACT
     if math.isfinite(moved[0] + sideways[0] + sideways[1] + sideways[2]):
-        smoothed = state.smoothed
-        smoothed.update(learnt_from.force, sideways, state.line.motion.rotate(scaled(moved, 1.0 / SAMPLE_PERIOD)))
-        if norm(smoothed.sliding) > SLIDING:
-            state.friction.update(smoothed.pressed, smoothed.sideways, smoothed.sliding, SAMPLE_PERIOD)
+        pressed, rubbed, sliding = state.smoothed
+        speed = state.line.motion.rotate(scaled(moved, 1.0 / SAMPLE_PERIOD))
+        pressed += SMOOTHED * (learnt_from.force - pressed)
+        rubbed = add(rubbed, scaled(subtract(sideways, rubbed), SMOOTHED))
+        sliding = add(sliding, scaled(subtract(speed, sliding), SMOOTHED))
+        state.smoothed = pressed, rubbed, sliding
+        if norm(sliding) > SLIDING:
+            state.friction.update(pressed, rubbed, sliding, SAMPLE_PERIOD)
     state.touch.feel(learnt_from.force, sample.place, closest, inner.tick)
 
 
