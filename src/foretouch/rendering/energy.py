@@ -203,11 +203,7 @@ class Ledger(ABC, Generic[V]):
             self.largest_step = step
 
     def _pass(self, period: float) -> tuple[float, float]:
-        """Let a tick of this length pass [s].
-
-        Returns:
-            Time for which the former and the newest force acted in it beyond their part of the nominal tick [s].
-        """
+        """Let a tick pass [s]: how long the former and the newest force acted beyond their nominal part [s]."""
         period = period if 0.0 < period < math.inf else self._period
         until = period if period < self._ends else self._ends
         if self._elapsed > 0.0:

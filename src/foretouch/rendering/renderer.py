@@ -86,37 +86,6 @@ class Renderer:
         ArgumentTypeError: `device` is not a device.
     """
 
-    __slots__ = (
-        "_delay",
-        "_device",
-        "_device_damping",
-        "_fades_from",
-        "_force_scale",
-        "_free",
-        "_guarded",
-        "_hand",
-        "_missing",
-        "_period",
-        "_position_scale",
-        "_stiffest",
-        "_stiffest_by_encoder",
-        "_surface",
-        "_time",
-        "_velocity",
-        "_wanted_before",
-        "_was_felt",
-        "_yielding",
-        "account",
-        "energy",
-        "energy_bound",
-        "late_energy",
-        "limiter",
-        "mediation",
-        "predictor",
-        "proxy",
-        "share",
-    )
-
     def __init__(
         self,
         device: RenderingDevice | None = None,

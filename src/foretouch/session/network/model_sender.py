@@ -69,11 +69,7 @@ class RoundTrip:
         self._acknowledged[command] = model
 
     def applied(self, command: int, now_ns: int) -> float | None:
-        """One tick, in which this command is the newest that was applied [ns].
-
-        Returns:
-            Once a second the smallest round trip of that second [s], None in all other ticks and where there was none.
-        """
+        """One tick [ns] after this newest applied command: once a second its smallest round trip [s], else None."""
         if command > self._applied:
             self._applied = command
         commands = self._commands

@@ -81,13 +81,7 @@ class Freshness:
         self._smallest: deque[tuple[int, int]] = deque()  # (begin of the block, transit), transits growing [ns]
 
     def judge(self, sequence: int, sent_ns: int, now_ns: int) -> Arrival:
-        """Judge a command that arrives now.
-
-        Args:
-            sequence: Its number.
-            sent_ns: The leader's clock in it [ns].
-            now_ns: Our clock [ns].
-        """
+        """Judge a command with this number and time of its leader's clock [ns] that arrives now, by our clock [ns]."""
         smallest, transit = self._smallest, now_ns - sent_ns
         while smallest and smallest[0][0] < now_ns - MEMORY_NS:  # what is older says nothing, whatever comes
             smallest.popleft()
@@ -145,19 +139,6 @@ class Playout:
         position: Position played now [m]; NaN before the first command.
         place: The same in three dimensions, where commands have positions in space; empty otherwise.
     """
-
-    __slots__ = (
-        "_commands",
-        "_go",
-        "_least",
-        "_least_before",
-        "_places",
-        "_point",
-        "_ticks",
-        "applied",
-        "place",
-        "position",
-    )
 
     def __init__(self, go: Callable[[tuple[float, ...]], float] | None = None) -> None:
         self._go = go

@@ -37,16 +37,16 @@ def run_camera(
     """Take images, track the fixture, and publish both, until a `Stop` has arrived or `stop` is set.
 
     Args:
-        link: With `CAMERA_CHANNELS`.
-        scene: What stands on the fixture.
-        camera: None where there is none: then touches alone are tracked.
-        settings: Of the session.
-        stop: Looked at in every round.
+        link: Link with `CAMERA_CHANNELS`.
+        scene: Scene on the fixture.
+        camera: None for none: then touches alone are tracked.
+        settings: Session settings.
+        stop: Checked in every round.
         parent: Process whose end ends this one.
         description: Gives the texts of the `Hello` messages.
 
     Returns:
-        Why it ended, as ``ended``, and what the tracker used and refused, by name.
+        Reason for the end, as ``ended``, and the counts of the tracker, by name.
     """
     state: tracker.State | None = None
     epoch = own_epoch()

@@ -60,13 +60,7 @@ TRACKER_PERIOD_NS = 5_000_000
 
 
 class CameraAndTracker:
-    """Camera and tracker of a session in three dimensions; the follower receives their belief of the fixture.
-
-    Args:
-        settings: Session settings.
-        camera: Camera beside the robot; None for none, then touches alone inform about the fixture.
-        follows: Follower with its robot.
-    """
+    """Camera, None for none, and tracker in three dimensions, whose belief of the fixture the follower receives."""
 
     def __init__(self, settings: SessionSettings, camera: SimulatedCamera | None, follows: SpaceFollower) -> None:
         scene = make_scene(settings.scene)
@@ -78,12 +72,7 @@ class CameraAndTracker:
         self._spaces: list[FollowerSpace] = []
 
     def look(self, said: list[Message], now_ns: int) -> list[Message]:
-        """One tick, after the robot has moved; returns the messages to record.
-
-        Args:
-            said: Messages of the follower in this tick.
-            now_ns: Simulated time [ns].
-        """
+        """One tick, after the robot has moved: from the follower's messages to the further ones to record."""
         seen: list[Message] = []
         (space,) = (message for message in said if type(message) is FollowerSpace)
         self._spaces.append(space)
@@ -114,13 +103,7 @@ class CameraAndTracker:
 class Lap:
     """A session in simulated time: follower, network, leader, network, tick by tick.
 
-    Args:
-        settings: Session settings.
-        follows: The follower with its robot.
-        leads: The leader with its operator.
-        operator: That operator, whose time begins once it is coupled.
-        texts: Settings for the log, beside the session's.
-        watcher: Watcher at the robot; None for none.
+    `texts` are settings for the log beside the session's; `watcher` stands at the robot, None for none.
     """
 
     settings: SessionSettings
@@ -131,13 +114,7 @@ class Lap:
     watcher: CameraAndTracker | None = None
 
     def run(self, duration: float, record: Record | None = None, progress: Progress | None = None) -> SimulatedSession:
-        """Run it once.
-
-        Args:
-            duration: Simulated time [s].
-            record: Called with each message to keep.
-            progress: Called once a simulated second.
-        """
+        """Run it for a simulated time [s]; `record` is called with each message, `progress` once a simulated second."""
         follows, leads, clock = self.follows, self.leads, OperatorClock(self.operator)
         commands: FaultStage[Any] = FaultStage(self.settings.command_faults)
         returned: FaultStage[Message] = FaultStage(self.settings.return_faults)

@@ -320,10 +320,6 @@ def run_leader(
 def ended_in_order(house: Housekeeper, stop: StopFlag) -> Iterator[None]:
     """Send why a side ends as its last message, also where its loop raises, as a device's or robot's driver may.
 
-    Args:
-        house: Housekeeper of that side.
-        stop: Its reason is that of the last message.
-
     Raises:
         SideError: From whatever exception the loop raised.
     """

@@ -1,7 +1,4 @@
-"""Pace of every real-time loop: absolute deadlines, sleep, then a short spin; and the scheduling of processes.
-
-Loops run at once, watchers when there is time.
-"""
+"""Pace of every real-time loop (absolute deadlines, sleep, then a short spin), and the scheduling of processes."""
 
 from __future__ import annotations
 
@@ -59,8 +56,7 @@ def be_prompt() -> None:
 def give_way() -> None:
     """Give a watching process less of a busy processor than the loops, and let it preempt no running one.
 
-    To be called before it starts threads: on Linux each has a priority of its own, and those that come after take over
-    that of the thread that starts them.
+    To be called before it starts threads, which take its priority over.
     """
     if sys.platform == "linux":
         os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
@@ -133,15 +129,10 @@ class LoopTimer:
 
 
 def let_pass(exchange: Callable[[], None], periods: int, *, simulated: bool) -> None:
-    """Let the elapsed sample periods pass: with a real robot, whose time passes by itself, one exchange.
+    """Let the elapsed sample periods pass (`LoopTimer.wait`): with a real robot one exchange.
 
     A driver may wait in it for the next cycle of its bus: to make up for missed periods it would wait for as many more
     cycles, and miss more. Only a simulated robot, whose time stands still otherwise, is given them.
-
-    Args:
-        exchange: With the robot.
-        periods: Since the tick before (`LoopTimer.wait`).
-        simulated: Whether the robot is.
     """
     if periods < 1:  # the first tick
         return

@@ -2,9 +2,7 @@
 
 A person or another program moves the robot. Both steps of a session run in this one process: the leader's hand is the
 robot's measured position, and the models reach it with the delay of the settings. The force that would have been
-rendered can be seen, recorded and scored; the follower's commands are discarded.
-
-The accuracy of the predicted force during contact is kept in a few sums.
+rendered can be seen, recorded and scored.
 """
 
 from __future__ import annotations
@@ -60,15 +58,7 @@ class ShadowScore:
         self.contact_time = 0.0
 
     def add(self, now_ns: int, force: float, predicted: float, delayed: float, in_contact: bool) -> None:
-        """Take one tick.
-
-        Args:
-            now_ns: Monotonic clock [ns].
-            force: Measured force [N].
-            predicted: Force predicted by the newest model that had arrived [N].
-            delayed: Newest force that had arrived [N]; NaN counts as 0.
-            in_contact: Whether the robot is in contact.
-        """
+        """Take one tick [ns]: measured, predicted and delayed force [N]; a delayed force of NaN counts as 0."""
         if self._began_ns is None:
             self._began_ns = now_ns
         since, self._before_ns = (now_ns - self._before_ns) * 1e-9, now_ns
@@ -100,11 +90,7 @@ class ShadowScore:
         return self._error(self._delayed)
 
     def sentence(self, delay: float) -> str:
-        """Figures in one line.
-
-        Args:
-            delay: Delay of the models [s].
-        """
+        """Figures in one line, for this delay of the models [s]."""
         if not self.contact_time > 0.0:
             return f"nothing was touched after the first {SCORED_AFTER:g} s: there is nothing to compare"
         return (
@@ -127,14 +113,7 @@ NAME = "shadow"
 
 @dataclass(slots=True)
 class State:
-    """State of a shadow, updated in place in each tick.
-
-    Attributes:
-        following: State of the follower's step.
-        leading: State of the leader's step, in an open loop.
-        returned: Messages on their way from the first to the second.
-        score: Score of the predicted force so far.
-    """
+    """Both steps, messages on their way from follower to leader, and the score; updated in place in each tick."""
 
     following: follower.State
     leading: leader.State
@@ -167,14 +146,7 @@ class Outputs(NamedTuple):
 
 
 def start(specification: RobotSpecification, settings: SessionSettings, *, epoch: int = 1, run: int = 1) -> State:
-    """State before the first tick.
-
-    Args:
-        specification: Specification of the robot.
-        settings: Session settings, as `shadow_settings` leaves them.
-        epoch: Epoch of the leader inside (`foretouch.session.network.lease.own_epoch`).
-        run: Epoch of this process.
-    """
+    """State before the first tick, with settings of `shadow_settings`, the leader's epoch and the follower's run."""
     return State(
         follower.start(specification, settings, run=run),
         leader.start(settings, holder=NAME, epoch=epoch),

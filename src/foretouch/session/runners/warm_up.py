@@ -289,11 +289,7 @@ def _taken(lock: int) -> bool:
 
 
 def _compile_in_processes(stop: Callable[[], bool]) -> Iterator[float]:
-    """Compile the parts side by side; yields the progress, 0 to 1, now and then.
-
-    Raises:
-        subprocess.SubprocessError: A part failed.
-    """
+    """Compile the parts side by side; yields the progress, 0 to 1, and raises where a part failed."""
     command = [sys.executable, "-m", "foretouch.session.runners.warm_up"]
     parts = [
         subprocess.Popen([*command, name], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)

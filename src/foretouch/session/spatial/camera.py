@@ -74,13 +74,13 @@ class SimulatedCamera:
     def take(
         self, fixture: Sequence[float], probe: Vector, tick: int, time: float, now_ns: int, run: int = 0
     ) -> CameraImage:
-        """One image and what it says.
+        """One image, and what it shows.
 
         Args:
-            fixture: True pose of the fixture: a place [m] and a rotation vector [rad].
-            probe: Place of the probe's tip [m].
-            tick: Of the follower, whose moment it shows.
-            time: Since the start of the session, by which faults come and go [s].
+            fixture: True pose of the fixture: a position [m] and a rotation vector [rad].
+            probe: Position of the probe's tip [m].
+            tick: Tick of the follower whose moment it shows.
+            time: Time since the start of the session, by which faults come and go [s].
             now_ns: This side's clock [ns].
             run: Epoch of the follower's process.
         """

@@ -1,7 +1,4 @@
-"""Where the robot in space is on its way to, and the coordinate along the normal, by which it runs as one along a line.
-
-The course stands between the place that is commanded and the one that is allowed.
-"""
+"""The path of the robot in space to the commands, and its coordinate along the normal, a position as along a line."""
 
 from __future__ import annotations
 
@@ -187,22 +184,6 @@ class Course:
         closest: Of c.
         way: Of this tick.
     """
-
-    __slots__ = (
-        "_allowed",
-        "_apart",
-        "_ceiling",
-        "_guard",
-        "_inwards",
-        "_longest",
-        "_period",
-        "_return",
-        "_size",
-        "closest",
-        "line",
-        "place",
-        "way",
-    )
 
     def __init__(
         self, line: SurfaceLine, ceiling: float, speed: float, return_speed: float, sample_period: float

@@ -157,15 +157,7 @@ class State:
 
 
 class Outputs(NamedTuple):
-    """Outputs of a tick.
-
-    Attributes:
-        desired: Position for the robot [m].
-        telemetry: Telemetry for all subscribers, along the normal.
-        model: Model for the leader, when one is due.
-        space: Telemetry for all subscribers, in space.
-        field: Field for the leader, when one is due.
-    """
+    """Position for the robot [m], telemetry for all subscribers, and model and field for the leader when due."""
 
     desired: Vector
     telemetry: Telemetry
@@ -204,13 +196,7 @@ def start(
 
 
 def step(state: State, inputs: follower.Inputs[SpatialSample], now_ns: int) -> tuple[State, Outputs]:
-    """One tick of the follower.
-
-    Args:
-        state: Updated in place and returned.
-        inputs: Inputs of this tick.
-        now_ns: This side's monotonic clock [ns].
-    """
+    """One tick of the follower, at a time of its monotonic clock [ns]; the state is updated in place and returned."""
     inner, sample, line, course = state.inner, inputs.sample, state.line, state.course
     failures = inner.failures
     try:

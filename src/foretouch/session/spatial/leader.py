@@ -74,12 +74,7 @@ class TouchedMaterial:
             self.refused += 1
 
     def law(self, point: Vector, depth: float) -> QuadraticContact | None:
-        """The law at a point; None where nothing is known of it, or the hand is too far above.
-
-        Args:
-            point: Point on the surface, in the fixture's frame [m].
-            depth: Depth of the hand below it [m].
-        """
+        """The law at a point, in the fixture's frame, for a hand at this depth [m]; None where unknown."""
         if self._field is None or depth < -NEAR:
             return None
         law, deviation, known = self._field.law_at(point)
@@ -148,13 +143,7 @@ class State:
 
 
 class Outputs(NamedTuple):
-    """Outputs of a tick.
-
-    Attributes:
-        command: Command for the follower.
-        record: Record of this tick, along the normal.
-        space: Record of this tick, in space; its force is for the hand.
-    """
+    """Command, and records of this tick along the normal and in space; the latter has the force for the hand."""
 
     command: Command
     record: LeaderState
@@ -169,15 +158,7 @@ class Outputs(NamedTuple):
 def start(
     settings: SessionSettings, surface: Surface, pose: tuple[float, ...], *, holder: str = "leader", epoch: int = 1
 ) -> State:
-    """State before the first tick.
-
-    Args:
-        settings: Session settings.
-        surface: Surface of the virtual scene, in the fixture's frame.
-        pose: Believed pose of the fixture.
-        holder: Name of this leader.
-        epoch: Epoch of this process.
-    """
+    """State before the first tick, with a surface in the fixture's frame and the believed pose of the fixture."""
     held = settings.grip != NO_GRIP
     device = settings.device
     stiffness = device.largest_stiffness(SAMPLE_PERIOD)

@@ -166,14 +166,7 @@ class Scene:
 
 
 class KnownSurface:
-    """A scene's surface as the fixture's filter asks for it.
-
-    Args:
-        surface: In the fixture's frame.
-
-    Attributes:
-        relief: How far it reaches along the normal that it has in the mean [m].
-    """
+    """A scene's surface as the fixture's filter asks for it; `relief` is its extent along its mean normal [m]."""
 
     def __init__(self, surface: Surface) -> None:
         self._surface = surface
@@ -234,13 +227,7 @@ def make_scene(name: str) -> Scene:
 
 
 def palpation(scene: Scene, depth: float, seed: int) -> list[Keyframe]:
-    """The path of a palpating hand over the specimen: presses at its corners, then rows of presses that slide on.
-
-    Args:
-        scene: Whose surface it goes over.
-        depth: Depth of the presses [m].
-        seed: Random seed of small differences between presses.
-    """
+    """Path of a palpating hand at this depth [m]: presses at the corners, then rows of presses that slide on."""
     random = np.random.default_rng(seed)
     x, y, reach = _middle(scene.surface)
 

@@ -99,14 +99,7 @@ def start(
 def step(
     state: State, spaces: Sequence[FollowerSpace], images: Sequence[CameraImage], now_ns: int
 ) -> FixtureBelief | None:
-    """Take in what has come since the last call; a belief, where one is due.
-
-    Args:
-        state: Updated in place.
-        spaces: The follower's ticks.
-        images: With what they say of the fixture.
-        now_ns: The follower's clock at its newest tick [ns].
-    """
+    """Take ticks and images since the last call, at the follower's newest time [ns]; a belief, where one is due."""
     news = False
     for space in spaces:
         news = _take_tick(state, space) or news

@@ -50,8 +50,6 @@ class DelayedForce(Renderer):
         follower_view: Messages received from the follower.
     """
 
-    __slots__ = ("_controller", "_follower_view", "_hand_motion", "_proxy_motion", "_settings")
-
     def __init__(self, settings: SessionSettings, follower_view: FollowerView) -> None:
         device = settings.device
         super().__init__(

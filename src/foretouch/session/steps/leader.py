@@ -25,13 +25,8 @@ from foretouch.settings import NO_GRIP
 def meeting_place(proxy: Proxy, hand: float, follower: float, *, clutched: bool) -> float:
     """Position at which a hand and a proxy that are apart are coupled in this tick [m]; NaN where they are not.
 
-    They meet where the follower is, and after a clutch where the proxy was left; a pressed clutch lets the hand go.
-
-    Args:
-        proxy: Proxy of the hand.
-        hand: Its position [m]; one that is no number is not coupled.
-        follower: Position of the follower, as far as it is known [m]; NaN before.
-        clutched: Whether the clutch is pressed.
+    They meet where the follower is, NaN while unknown, and after a clutch where the proxy was left; a pressed clutch
+    lets the hand go.
     """
     if clutched:
         proxy.release()
@@ -43,15 +38,9 @@ def meeting_place(proxy: Proxy, hand: float, follower: float, *, clutched: bool)
 def moving_time(period_ns: int, exact_position: float, now_ns: int, newest_ns: int | None) -> float:
     """Time in which the hand moved to its position in this tick [s].
 
-    A human hand is measured when a tick really begins, however late. A simulated one is evaluated at the tick's nominal
-    time, on an even grid: its motion while the machine sleeps is seen a tick later. Timed by the real starts of ticks,
-    a motion of many milliseconds would count as one of one millisecond, and widen the bound of energy.
-
-    Args:
-        period_ns: Time since the last tick really began [ns].
-        exact_position: Position of a simulated hand [m]; NaN for a human one.
-        now_ns: Time of this tick [ns].
-        newest_ns: Time of the last one [ns]; None for none.
+    A human hand is measured when a tick really begins, `period_ns` after the last one. A simulated one, whose exact
+    position is known, is evaluated at the tick's nominal time, on an even grid. Timed by the real starts of ticks, a
+    motion of many milliseconds would count as one of one millisecond, and widen the bound of energy.
     """
     if newest_ns is None or not math.isfinite(exact_position):
         return period_ns * 1e-9
@@ -146,7 +135,7 @@ def start(
         holder: Name of this leader, not empty; it is sent to leaders that contend for control.
         epoch: Epoch of this process (`foretouch.session.network.lease.own_epoch`).
         device: Device that a person holds and feels; None for none, or for a simulated one with a grip.
-        account: Energy account; None for one along this line.
+        account: Energy account in space; None for one along this line.
     """
     settings = SessionSettings() if settings is None else settings
     guarded = settings.guards(simulated=device is None)  # a person who feels it is not simulated either
@@ -165,7 +154,7 @@ def start(
 
 
 def step(state: State, inputs: Inputs[float], now_ns: int) -> tuple[State, Outputs]:
-    """One tick of the leader.
+    """One tick of the leader, at a time of its monotonic clock [ns]; the state is updated in place and returned.
 
     The force comes from the newest model at the operator's own motion alone. The delayed force is recorded for
     comparison and used nowhere else.
@@ -174,11 +163,6 @@ def step(state: State, inputs: Inputs[float], now_ns: int) -> tuple[State, Outpu
     the clutch is released, without a jump of either; until then commands carry no position. While an emergency stop is
     latched, or the follower obeys another leader, it is let go and feels nothing. Where another follower process has
     started the model stays, for the material is the same, until that process knows as much (`FollowerView`).
-
-    Args:
-        state: Updated in place and returned.
-        inputs: Inputs of this tick.
-        now_ns: This side's monotonic clock [ns].
     """
     if state.start_ns is None:
         state.start_ns = now_ns

@@ -1,8 +1,4 @@
-"""Self-checks of a follower: whether its calibration fits the robot, exceptions in a step, and its tick rate.
-
-An exception is counted, kept in one sentence, and no reason to abandon a robot; a loop whose rate is too low is not
-safe.
-"""
+"""Self-checks of a follower: whether its calibration fits the robot, exceptions in a step, and its tick rate."""
 
 from __future__ import annotations
 
@@ -105,7 +101,6 @@ def calibrated(specification: RobotSpecification, settings: SessionSettings) -> 
 def _of_line(
     specification: RobotSpecification, found: SensorCalibration, settings: SessionSettings
 ) -> RobotSpecification:
-    """The specification with the tool that was weighed."""
     if found.tool_mass is None:
         return specification
     if specification.tool_mass > 0.0 and abs(found.approach_gravity - specification.gravity) > SAME_GRAVITY:
@@ -115,7 +110,7 @@ def _of_line(
 
 
 def _of_scene(specification: RobotSpecification, found: SensorCalibration) -> RobotSpecification:
-    """The specification with the largest offset that the sensor can have, whichever way it turns."""
+    """With the largest offset that the sensor can have, whichever way it turns."""
     if found.force_bias is None:
         return specification
     largest = math.hypot(*found.force_bias) + SURE * math.hypot(*(found.force_bias_error or ()))
@@ -150,24 +145,14 @@ class Failures:
         self.learns = True
 
     def note(self, stage: str, error: Exception) -> None:
-        """Take one exception.
-
-        Args:
-            stage: Stage, as the end of "raised in".
-            error: What was raised; neither it nor its frames are kept.
-        """
+        """Take one exception of a stage, which is named as the end of "raised in"; only its sentence is kept."""
         self.count += 1
         if not self.sentence:
             said = one_line(error, LONGEST_TEXT)
             self.sentence = f"{type(error).__name__} raised in {stage}{f' ({said})' if said else ''}"
 
     def stop_learning(self, stage: str, error: Exception) -> None:
-        """Take one exception of a learning stage, which then learns no more.
-
-        Args:
-            stage: As for `note`.
-            error: As for `note`.
-        """
+        """Take one exception of a learning stage, which then learns no more."""
         if self.learns:
             self.sentence = ""  # the end of learning takes precedence as news
         self.learns = False
@@ -209,11 +194,7 @@ class TickRate:
         self.too_slow = False
 
     def update(self, period_ns: int) -> bool:
-        """Take one tick; whether the loop is too slow.
-
-        Args:
-            period_ns: Time since the tick before began [ns]; 0 in the first.
-        """
+        """Take one tick, this time after the one before [ns], 0 in the first; whether the loop is too slow."""
         period_ns = min(max(period_ns, 0), LONGEST_NS)
         at = self._next
         self._total += period_ns - self._periods[at]
