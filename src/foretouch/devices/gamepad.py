@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import os
-from typing import Any, ClassVar, NamedTuple, Protocol
+from typing import Any, ClassVar, NamedTuple
 
 from foretouch.devices.device import Device, Tracker, limit_force
 from foretouch.errors import MissingExtraError, SettingError
@@ -142,19 +142,6 @@ class PadState(NamedTuple):
     clutched: bool
 
 
-class Pad(Protocol):
-    """A pad: `foretouch.devices.gamepad.PygamePad`."""
-
-    def state(self) -> PadState | None:
-        """What it shows now; None where it is gone."""
-
-    def rumble(self, strength: float) -> None:
-        """Rumble from now on, 0 to 1."""
-
-    def close(self) -> None:
-        """Give it back."""
-
-
 class Gamepad(Device):
     r"""A handle that a stick moves by rate and a trigger by position.
 
@@ -178,7 +165,7 @@ class Gamepad(Device):
     closed_loop: ClassVar[bool] = False
     real_time: ClassVar[bool] = True
 
-    def __init__(self, pad: Pad, reach: Reach = UNKNOWN_REACH) -> None:
+    def __init__(self, pad: PygamePad, reach: Reach = UNKNOWN_REACH) -> None:
         self._farthest, self._trigger_reach = FARTHEST, TRIGGER_REACH
         if reach.known:
             require("surface", reach.surface, above=0.0, at_most=1.0)

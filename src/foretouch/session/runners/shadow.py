@@ -121,22 +121,6 @@ class State:
     score: ShadowScore = field(default_factory=ShadowScore)
 
 
-class Inputs(NamedTuple):
-    """Inputs of a tick.
-
-    Attributes:
-        sample: Sample of the robot's sensors.
-        period_ns: Time since the last tick began [ns].
-        compute_ns: Computing time of both sides in the last tick [ns].
-        release: Whether the sensors are reported as repaired at the robot.
-    """
-
-    sample: RobotSample
-    period_ns: int
-    compute_ns: int
-    release: bool = False
-
-
 class Outputs(NamedTuple):
     """Outputs of a tick: all messages of a session's two sides, and nothing for the robot."""
 
@@ -154,29 +138,20 @@ def start(specification: RobotSpecification, settings: SessionSettings, *, epoch
     )
 
 
-def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
-    """One tick: the leader at the robot's measured position, then the follower, which applies that command at once.
+def step(state: State, inputs: follower.Inputs[RobotSample], now_ns: int) -> tuple[State, Outputs]:
+    """One tick [ns]: the leader at the measured position of the robot, then the follower, which applies it at once.
 
     Both are at the same position, so that only the forces are compared, and a predicted force is as old as its model.
-
-    Args:
-        state: Updated in place and returned.
-        inputs: Inputs of this tick.
-        now_ns: Monotonic clock [ns].
+    The inputs are the follower's, without commands.
     """
-    sample, period_ns, compute_ns, release = inputs
     arrived = state.returned.pop_due(now_ns)
     models = [message for message in arrived if type(message) is ModelUpdate]
     telemetry = [message for message in arrived if type(message) is Telemetry]
-    hand = follower.tip(state.following, sample)
-    state.leading, led = leader.step(
-        state.leading, leader.Inputs(hand, models, telemetry, period_ns, compute_ns), now_ns
+    hand = follower.tip(state.following, inputs.sample)
+    _, led = leader.step(
+        state.leading, leader.Inputs(hand, models, telemetry, inputs.period_ns, inputs.compute_ns), now_ns
     )
-    state.following, acted = follower.step(
-        state.following,
-        follower.Inputs([led.command], sample, period_ns, compute_ns, release=release),
-        now_ns,
-    )
+    _, acted = follower.step(state.following, inputs._replace(commands=[led.command]), now_ns)
     state.following.released_tick = 0  # no command is obeyed here, so a repair of the sensors need not be announced
     # The robot was commanded nothing, so the safety layer's reaction is not reported.
     said = msgspec.structs.replace(acted.telemetry, desired_position=math.nan, status=Status.SHADOW)
@@ -263,7 +238,8 @@ def run_shadow(
                 stop.set(link.take("stop")[-1][1].reason)
             if end is not None and now >= end:
                 stop.set("the duration is over")
-            inputs = Inputs(sample, timer.woke_ns - woke if woke else 0, compute, release)
+            period = timer.woke_ns - woke if woke else 0
+            inputs = follower.Inputs([], sample, period, compute, release=release)
             woke = timer.woke_ns
             began = time.perf_counter_ns()
             state, outputs = step(state, inputs, now)

@@ -182,29 +182,12 @@ class KnownSurface:
         return math.hypot(point[0] - MIDDLE[0], point[1] - MIDDLE[1]) <= SIDE
 
 
-def _plane(name: str) -> Scene:
-    return Scene(name, Plane(MIDDLE, (0.0, 0.0, 1.0), SIDE))
-
-
-def _hill(name: str) -> Scene:
-    return Scene(name, _hilly())
-
-
-def _phantom(name: str) -> Scene:
-    x, y, z = MIDDLE
-    return Scene(name, _hilly(), Inclusion((x + 0.010, y - 0.008, z), 0.012, 4.0))
-
-
 def _hilly() -> HeightField:
     count = round(SIDE / GRID) + 1
     along = GRID * np.arange(count) - 0.5 * SIDE
     x, y = np.meshgrid(along, along, indexing="ij")
     heights = HILL_HEIGHT * np.exp(-(x**2 + y**2) / (2.0 * HILL_WIDTH**2))
     return HeightField(heights, GRID, (MIDDLE[0] - 0.5 * SIDE, MIDDLE[1] - 0.5 * SIDE))
-
-
-_MAKERS = dict(zip(SCENES, (_plane, _hill, _phantom), strict=True))
-"""Scenes of the package: a flat specimen, one with a hill, and that with a stiff inclusion under it."""
 
 
 def make_scene(name: str) -> Scene:
@@ -219,8 +202,14 @@ def make_scene(name: str) -> Scene:
         InputError: A file that cannot be read as a mesh, or one that no hand can touch where it is.
         MissingExtraError: The package that reads meshes is not installed.
     """
-    if name in SCENES:
-        return _MAKERS[name](name)
+    x, y, z = MIDDLE
+    match name:
+        case "plane":
+            return Scene(name, Plane(MIDDLE, (0.0, 0.0, 1.0), SIDE))
+        case "hill":
+            return Scene(name, _hilly())
+        case "phantom":
+            return Scene(name, _hilly(), Inclusion((x + 0.010, y - 0.008, z), 0.012, 4.0))
     if name.lower().endswith(MESH_ENDINGS):
         return Scene(name, specimen_of(Path(name), MIDDLE))
     raise UnknownNameError("scene", name, (*SCENES, *(f"FILE{ending}" for ending in MESH_ENDINGS)))

@@ -142,9 +142,7 @@ def start(
 ) -> State:
     """State before the first tick, with the settings' estimator or another, as process `run` of this side.
 
-    Raises:
-        RecordingError: The settings' calibration cannot be read.
-        SettingError: The calibration does not fit this robot.
+    Raises as `calibrated` does.
     """
     known = calibrated(specification, settings)
     specification, force = known.specification, specification.sensor_range
@@ -154,7 +152,12 @@ def start(
         contact_floor=known.contact_floor,
         sensor_lag=known.sensor_lag,
     )
-    limits = _limits(specification, settings)
+    limits = SafetyLimits(
+        **{name: getattr(settings, setting) for name, setting in SAFETY_LIMITS.items()},
+        workspace=specification.workspace,
+        mass=specification.moved_mass,
+        retreats=settings.on_silence == "retreat",
+    )
     return State(
         specification,
         learner,
@@ -169,16 +172,6 @@ def start(
         zero=known.zero,
         compliance=known.compliance,
         limits=limits,
-    )
-
-
-def _limits(specification: RobotSpecification, settings: SessionSettings) -> SafetyLimits:
-    """Safety limits of the session, for this robot."""
-    return SafetyLimits(
-        **{name: getattr(settings, setting) for name, setting in SAFETY_LIMITS.items()},
-        workspace=specification.workspace,
-        mass=specification.moved_mass,
-        retreats=settings.on_silence == "retreat",
     )
 
 
@@ -296,18 +289,13 @@ def _learn(state: State, position: float, force: float, validity: SensorState, n
             return state.sender.due(learner, validity, felt, state.lease.epoch, now_ns)
         except Exception as error:
             state.failures.stop_learning("its learning", error)
-    if validity is GOOD and learner.sample.time != time:
-        _feel(state, time, position, force)
+    if validity is GOOD and learner.sample.time != time:  # learn nothing, but take the force that safety needs
+        try:
+            learner.feel(time, position, force)
+        except Exception as error:
+            state.failures.note("its conditioning", error)
+            feel_plainly(state, force)
     return None
-
-
-def _feel(state: State, time: float, position: float, force: float) -> None:
-    """Learn nothing, but take the force that safety needs."""
-    try:
-        state.learner.feel(time, position, force)
-    except Exception as error:
-        state.failures.note("its conditioning", error)
-        feel_plainly(state, force)
 
 
 def _take(state: State, command: Command, now_ns: int) -> None:
