@@ -195,13 +195,7 @@ class Tracker:
         self.aim = self.position = self.velocity = 0.0
 
     def update(self, goal: float, speed: float, period: float) -> float:
-        """One step towards a goal [m]; returns the position [m].
-
-        Args:
-            goal: Goal [m].
-            speed: Largest speed of the aim [m/s].
-            period: Time since the last step [s].
-        """
+        """One step of this time [s] towards a goal [m], with an aim of at most this speed [m/s]; the position [m]."""
         left, step = goal - self.aim, speed * period
         self.aim = goal if abs(left) <= step else self.aim + math.copysign(step, left)
         error = self.position - self.aim

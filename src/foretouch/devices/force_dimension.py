@@ -170,9 +170,6 @@ class ForceDimension(Device):
 def open_force_dimension(specification: DeviceSpecification | None = None) -> ForceDimension:
     """The first device of Force Dimension on this machine.
 
-    Args:
-        specification: What it is.
-
     Raises:
         MissingExtraError: ``forcedimension-core`` is not installed.
         SettingError: The SDK's libraries (libdhd, libdrd) are not there, or no device is.

@@ -1,7 +1,6 @@
 """A gamepad as the operator's handle: a stick and a trigger move it, rumble is a cue. It gives no force.
 
-The first gamepad of this machine is read by pygame (SDL), which is imported here alone. Where the material begins and
-how far in it is pressed must be known for a hand that a pad moves.
+The first gamepad of this machine is read by pygame (SDL), which is imported here alone.
 """
 
 from __future__ import annotations
@@ -129,13 +128,7 @@ FULL_RUMBLE, RUMBLE_PERIOD_NS, RUMBLE_STEP = 10.0, 50_000_000, 0.02
 
 
 class PadState(NamedTuple):
-    """What a pad shows.
-
-    Attributes:
-        stick: -1 (out) to 1 (in).
-        trigger: 0 (let go) to 1 (pulled).
-        clutched: Whether the clutch button is held.
-    """
+    """State of a pad: stick, -1 (out) to 1 (in), trigger, 0 (let go) to 1 (pulled), and whether the clutch is held."""
 
     stick: float
     trigger: float
@@ -232,10 +225,7 @@ def _deflection(stick: float) -> float:
 
 
 def open_gamepad(reach: Reach = UNKNOWN_REACH) -> Gamepad:
-    """The first gamepad of this machine.
-
-    Args:
-        reach: Reach of the material.
+    """The first gamepad of this machine, for this reach of the material.
 
     Raises:
         MissingExtraError: pygame is not installed.

@@ -42,12 +42,7 @@ def device_inside(device: Device) -> Device:
 
 
 class FramedDevice(Device):
-    """A device whose positions are translated; forces are not, for they push the hand out on either side.
-
-    Args:
-        device: Device that counts in its own frame.
-        frame: Its frame, as the session sees it.
-    """
+    """A device whose positions are translated; forces are not, for they push the hand out on either side."""
 
     __slots__ = ("_frame", "device")
 
@@ -100,13 +95,9 @@ class FramedDevice(Device):
 
 
 class FramedRobot(Robot):
-    """A robot whose positions, accelerations, gravity and workspace are translated; forces are not.
+    """A robot whose positions, accelerations, gravity and workspace are translated.
 
     Forces are along the outward normal and positive in compression, whichever way the robot counts.
-
-    Args:
-        robot: Robot that counts in its own frame.
-        frame: Its frame, as the session sees it.
     """
 
     def __init__(self, robot: Robot, frame: Frame) -> None:

@@ -59,8 +59,7 @@ def wait_for_hello(
 ) -> dict[str, dict[str, str]]:
     """Wait until each of these roles has sent a `Hello`; return the texts of each.
 
-    Returns early, with what there is, when `stop` is set, after `timeout` [s], or when the process `parent`, whose
-    end ends this one, has gone.
+    Returns early, with what there is, when `stop` is set, after `timeout` [s], or when the process `parent` has gone.
 
     Raises:
         PeerVersionError: An awaited side speaks another version. Processes of one `parent` are of one version, and

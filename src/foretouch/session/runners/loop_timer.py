@@ -37,10 +37,10 @@ ATTRIBUTES = struct.Struct("<IIQiIQQQ")
 
 
 def be_prompt() -> None:
-    """Let a process whose loop must be punctual wake on time, without any privilege.
+    """Let a process whose loop must be punctual wake on time, without any privilege; on Linux only.
 
-    All its threads, not the loop's alone: one that is put aside while it holds the interpreter keeps the loop waiting.
-    So this is to be called before threads start; they take it over. Where the system is not Linux, nothing happens.
+    All its threads, for one that is put aside while it holds the interpreter keeps the loop waiting: so this is to be
+    called before threads start.
     """
     if sys.platform != "linux":
         return
@@ -168,14 +168,10 @@ class Punctuality(NamedTuple):
 
 
 def measure_loop(period: float, ticks: int, work: Callable[[float], None] = lambda time: None) -> Punctuality:
-    """Run a loop that is paced as both sides of a session are, and measure it.
+    """Run a loop of this period [s] for some deadlines, paced as a side of a session, and measure it.
 
-    A deadline that was passed over is late until the one that was not.
-
-    Args:
-        period: Period [s], positive.
-        ticks: Number of deadlines, at least 1.
-        work: What each tick computes; it is given the time since the first deadline [s].
+    A deadline that was passed over is late until the one that was not. `work` gets the time since the first deadline
+    [s].
     """
     late, computed, timer = [0] * ticks, [], LoopTimer(period)
     period_ns, tick = round(period * 1e9), -1

@@ -1,7 +1,4 @@
-"""The simulated camera at the follower, images of fixture, board and probe, and any camera and tracker in real time.
-
-These run in a process of their own beside the follower, whose loop has no time for them.
-"""
+"""The simulated camera at the follower: images of fixture, board and probe, in a process of its own in real time."""
 
 from __future__ import annotations
 
@@ -88,31 +85,21 @@ class SimulatedCamera:
         true = Pose.from_rotation_vector(fixture[3:], fixture[:3])
         before = self._camera.jpeg
         image = self._camera.take(self._lens.distort(self._scene.render(true, probe)), time)
-        if image is None:
-            return self._message(tick, now_ns, run, b"", None, None, 0, "the stream has dropped the image")
-        if before and self._camera.jpeg == before:  # no two images of a sensor with noise are alike
-            still = before if len(before) <= LARGEST_JPEG else b""
-            why = "the stream stands still: the same image again"
-            return self._message(tick, now_ns, run, still, None, None, 0, why)
-        found = self._detector.locate(image)
         jpeg = self._camera.jpeg if len(self._camera.jpeg) <= LARGEST_JPEG else b""
-        if found.pose is None or found.covariance is None:
-            return self._message(tick, now_ns, run, jpeg, None, None, found.markers, found.reason)
-        return self._message(tick, now_ns, run, jpeg, CAMERA_POSE @ found.pose, found.covariance, found.markers, "")
-
-    def _message(
-        self,
-        tick: int,
-        now_ns: int,
-        run: int,
-        jpeg: bytes,
-        pose: Pose | None,
-        covariance: np.ndarray | None,
-        markers: int,
-        reason: str,
-    ) -> CameraImage:
-        numbers = () if pose is None else (*pose.translation.tolist(), *pose.rotation_vector().tolist())
-        spread = () if covariance is None else tuple(covariance.ravel().tolist())
+        numbers: tuple[float, ...] = ()
+        spread: tuple[float, ...] = ()
+        markers = 0
+        if image is None:
+            jpeg, reason = b"", "the stream has dropped the image"
+        elif before and self._camera.jpeg == before:  # no two images of a sensor with noise are alike
+            reason = "the stream stands still: the same image again"
+        else:
+            found = self._detector.locate(image)
+            markers, reason = found.markers, found.reason
+            if found.pose is not None and found.covariance is not None:
+                pose, reason = CAMERA_POSE @ found.pose, ""
+                numbers = (*pose.translation.tolist(), *pose.rotation_vector().tolist())
+                spread = tuple(found.covariance.ravel().tolist())
         return CameraImage(
             VERSION, self._sequence, now_ns, tick, jpeg, numbers, spread, markers, reason, self._numbers, run
         )

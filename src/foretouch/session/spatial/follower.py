@@ -116,23 +116,14 @@ class State:
     """State of the follower, updated in place in each tick.
 
     Attributes:
-        inner: State of the follower along the surface's normal.
         line: Line of the probe.
-        course: Course towards the commands.
-        last: Last stage before the robot.
-        way_in: Knowledge of the approach to the surface.
-        fields: Sends the fields of materials.
         approach_speed: Speed along a surface whose first touch is guarded [m/s].
         largest_speed: Largest speed of the robot [m/s].
-        friction: Learns friction.
         smoothed: Force along the normal and along the surface [N], and velocity along it [m/s], low-passed alike.
-        bias: The sensor's offset [N].
         bias_ticks: Number of ticks that it is known from.
         free_ticks: Ticks since free air began; negative for a while after a contact.
-        missed_ticks: Ticks without force below the surface.
         belief: Newest belief of the fixture's pose, as its tracker sent it.
         believed_ns: Clock at its arrival: it ages while no other comes [ns].
-        touch: Onset of the newest contact.
         point: Point of the surface, in the fixture, in the tick before [m].
     """
 

@@ -102,21 +102,13 @@ class State:
     """State of the leader, updated in place in each tick.
 
     Attributes:
-        inner: State of the leader along the surface's normal.
         line: Line of the hand.
-        friction: Renders friction.
         account: Energy account in all directions.
-        position_scale: Ratio of the follower's motion to the hand's.
-        force_scale: Ratio of the hand's force to the follower's.
         largest_force: Largest force of the device [N].
         apart: Offset between the hand and its position in the world [m].
         hand: Position of the hand in the world [m].
         left: Commanded position of the follower [m].
-        material: Newest field of the surface's material.
-        model: Message of the newest model, None before.
         felt_deeper: How much deeper than believed the surface was felt [m].
-        coefficient: Coefficient of Coulomb friction.
-        viscous: Coefficient of viscous friction [N s/m].
         follower_at: Newest commanded position of the follower that was received [m].
         follower_run: Run of the follower process that sent it.
         offset: Offset of the line then [m].

@@ -1,7 +1,4 @@
-"""Robot, camera and operator of a session in three dimensions, and the simulated world that they are in.
-
-The world's fixture stands elsewhere than believed and is bumped; what it is made of, the settings say.
-"""
+"""Robot, camera and operator of a session in three dimensions, and the simulated world of the robot."""
 
 from __future__ import annotations
 

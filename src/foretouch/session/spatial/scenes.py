@@ -1,7 +1,4 @@
-"""Scenes: the shape of what is touched, as both sides know it, and what a simulated one is made of.
-
-The file of a mesh is one too: it has to be where the hand can reach it, and face up.
-"""
+"""Scenes: the shape that both sides know, and the properties of a simulated one; also the file of a mesh."""
 
 from __future__ import annotations
 

@@ -44,33 +44,18 @@ class State:
 
     Attributes:
         specification: Specification of the robot, as calibrated: its tool is compensated in the force.
-        learner: Conditions samples and identifies.
-        run: Epoch of this process, at least 1.
-        sender: Sends models, and learns how late they are used.
-        watch: Judges the validity of the sensors.
-        lease: Lets one leader command.
-        freshness: Judges its commands.
-        commands: Counts its commands.
-        playout: Makes an even stream of its commands.
-        tick: Number of the newest tick.
         start_ns: Clock at the first tick that had a command, None before it.
-        first_touch: Guards a contact that is unknown to the leader.
-        safety: Last stage before the robot.
         held_ticks: Ticks in which the robot was held for want of a fresh command, since there was the first.
-        faulty_ticks: Ticks whose sensors were not believed.
         guards: Whether this side's settings guard first touches.
         guarded: Whether they are guarded: by these, or because a command of this leader asks for it.
         free: Position up to which the air is free, though the robot has not gone there itself [m]: in space, before the
             surface; on a line that is never known.
         slid: Motion of the probe across the surface since the last tick [m]; on a line 0.
-        failures: Exceptions, and whether learning goes on.
-        rate: Tick rate of the loop.
         felt_commands: Commands applied in the newest ticks that were learnt from, for the delay of the sensor.
         released_tick: Number of the first telemetry behind the newest release, 0 before the first release.
         before_release: Number of commands refused because their leader did not know of it.
         zero: Sensor reading in free air beside its tool [N]; None where it is estimated.
         compliance: Compliance of arm, sensor and tip in series [m/N].
-        limits: Limits of `safety`.
     """
 
     specification: RobotSpecification

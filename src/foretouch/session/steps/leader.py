@@ -56,14 +56,10 @@ class State:
     """State of the leader, updated in place in each tick.
 
     Attributes:
-        renderer: Makes the force for the hand from the newest model.
         guarded: Whether the follower is asked to guard the first touch.
-        holder: Name of this leader.
-        epoch: Epoch of this process, at least 1.
         follower_view: Messages received from the follower. Its force is recorded and never rendered.
         start_ns: Clock at the first tick, None before it.
         newest_ns: Clock at the newest tick, None before the first.
-        sequence: Sequence number of the newest command.
         inherits: Whether the model is of a follower's process that is gone, and its successor knows less yet.
         refused: Number of models that could not be used, whatever they claimed.
     """
