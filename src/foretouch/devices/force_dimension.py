@@ -91,7 +91,7 @@ class ForceDimension(Device):
 
     @property
     def specification(self) -> DeviceSpecification:
-        """What the device can render."""
+        """Specification of the device."""
         return self._specification
 
     @property
@@ -121,7 +121,7 @@ class ForceDimension(Device):
         return math.nan
 
     def render(self, force: float) -> float:
-        """Give the hand a force [N], and return what it was really given."""
+        """Give the hand a force [N], and return the force that it really got."""
         force = limit_force(force, self._specification.force_limit)
         self._rendered += 1
         if self._closed or self.dead:

@@ -75,7 +75,7 @@ class PygamePad:
         self._joystick: Any = pygame.joystick.Joystick(0)
 
     def state(self) -> PadState | None:
-        """What the pad shows now; None where it is gone."""
+        """Present state of the pad; None where it is gone."""
         pygame = self._pygame
         pygame.event.pump()
         pad = self._controller

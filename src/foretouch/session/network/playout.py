@@ -156,7 +156,7 @@ class Playout:
         self.place: tuple[float, ...] = ()
 
     def forget(self) -> None:
-        """Drop what has not been played; the position is NaN until the next command comes."""
+        """Drop all positions not yet played; the position is NaN until the next command comes."""
         self._commands.clear()
         self._places.clear()
         self._point = self.position = math.nan
@@ -218,7 +218,7 @@ class Playout:
         self._ticks = 0
 
     def _play(self, newest: float) -> None:
-        """Interpolate at the playback point, and drop what is no longer needed."""
+        """Interpolate at the playback point, and drop positions before it."""
         commands, places, point = self._commands, self._places, self._point
         after = len(commands) if point >= newest else bisect_right(commands, (point, math.inf))
         if not after:

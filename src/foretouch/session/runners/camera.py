@@ -1,4 +1,4 @@
-"""The camera's process in real time: images of a simulated scene, and what the tracker believes of the fixture."""
+"""The camera's process in real time: images of a simulated scene, and the tracker's belief of the fixture."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from foretouch.session.spatial.camera import IMAGE_PERIOD, VIEW, SimulatedCamera
 from foretouch.session.spatial.scenes import KnownSurface, Scene
 
 CAMERA_CHANNELS = ("follower-space", "stop")
-"""What the camera's link receives: a simulated camera sees what the follower's simulation says."""
+"""Channels that the camera's link receives: a simulated camera sees the world of the follower's simulation."""
 
 POLL_PERIOD = 0.005
 HELLO_PERIOD = 0.5
 GRACE = 1.0
-"""Whoever is told that the session ends goes on for so long [s]."""
+"""Time for which it goes on after the end of the session was announced [s]."""
 
 
 def run_camera(

@@ -1,4 +1,4 @@
-"""What the loops drive: a side's step with its robot or its operator, on a line or in three dimensions."""
+"""Each side's step with its robot or its operator, on a line or in three dimensions, as the loops drive it."""
 
 from __future__ import annotations
 

@@ -71,10 +71,10 @@ class CameraAndTracker:
         self._coming: deque[tuple[int, CameraImage]] = deque()  # time of reading, and the image
         self._spaces: list[FollowerSpace] = []
 
-    def look(self, said: list[Message], now_ns: int) -> list[Message]:
+    def look(self, messages: list[Message], now_ns: int) -> list[Message]:
         """One tick, after the robot has moved: from the follower's messages to the further ones to record."""
         seen: list[Message] = []
-        (space,) = (message for message in said if type(message) is FollowerSpace)
+        (space,) = (message for message in messages if type(message) is FollowerSpace)
         self._spaces.append(space)
         if self._camera is not None and now_ns % self._image_period_ns == 0:
             sample = self._follows.sample
@@ -128,22 +128,22 @@ class Lap:
             now_ns = tick * _PERIOD_NS
             due = commands.pop_due(now_ns)
             start = time.perf_counter_ns()
-            said = follows.tick(due, _PERIOD_NS, 0, now_ns)
+            messages = follows.tick(due, _PERIOD_NS, 0, now_ns)
             compute[1, tick] = time.perf_counter_ns() - start
-            for message in said:
+            for message in messages:
                 returned.push(now_ns, message)
             follows.exchange()
             if self.watcher is not None:
-                said += self.watcher.look(said, now_ns)
+                messages += self.watcher.look(messages, now_ns)
             arrived, theirs = returned.pop_due(now_ns), clock.read(now_ns, coupled=leads.state.follower_view.run > 0)
             start = time.perf_counter_ns()
             command, *records = leads.tick(arrived, theirs, _PERIOD_NS, 0, now_ns, stop=False)
             compute[0, tick] = time.perf_counter_ns() - start
             commands.push(now_ns, command)
-            said += records
-            kept += said
+            messages += records
+            kept += messages
             if record is not None:
-                for message in said:
+                for message in messages:
                     record(message, now_ns)
             if progress is not None and tick % 1000 == 0:
                 progress(now_ns * 1e-9)

@@ -165,9 +165,9 @@ def run_follower(
             due, period = stage.pop_due(now), timer.woke_ns - woke if woke else 0
             woke = timer.woke_ns
             start = time.perf_counter_ns()
-            said = driven.tick(due, period, compute, now, stop=emergency, release=release)
+            messages = driven.tick(due, period, compute, now, stop=emergency, release=release)
             compute = time.perf_counter_ns() - start
-            for message in said:
+            for message in messages:
                 link.publish(message)
     return {"ended": stop.reason} | follower_counts(state) | link_counts("follower", link)
 
@@ -198,13 +198,13 @@ def _leave(
             deaf = True
             continue
         try:
-            said = driven.tick([], 0, 0, now, ended=True)
+            messages = driven.tick([], 0, 0, now, ended=True)
         except Exception:
             with contextlib.suppress(Exception):  # it holds its position
                 driven.back_off()
             continue
         with contextlib.suppress(Exception):  # unloading comes first, whether or not it is published
-            for message in said:
+            for message in messages:
                 publish(message)
     failures.learns = learns  # the last message reports the session as it was
     if deaf:
@@ -308,9 +308,9 @@ def run_leader(
             due, period = stage.pop_due(now), timer.woke_ns - woke if woke else 0
             woke = timer.woke_ns
             start = time.perf_counter_ns()
-            said = driven.tick(due, operator_ns, period, compute, now, stop=bool(stop.emergency))
+            messages = driven.tick(due, operator_ns, period, compute, now, stop=bool(stop.emergency))
             compute = time.perf_counter_ns() - start
-            for message in said:
+            for message in messages:
                 link.publish(message)
     return {"ended": stop.reason} | leader_counts(state) | link_counts("leader", link)
 

@@ -131,7 +131,7 @@ def _in_scene(
 def _on_line(
     made: ExitStack, settings: SessionSettings, operator: Device | None, robot: Robot | None, say: Callable[[str], None]
 ) -> Callable[..., SimulatedSession]:
-    """Make what a session along a line needs and was not passed."""
+    """Make the robot and operator of a session along a line that were not passed."""
     if robot is None:
         robot, reach = make_session_robot(settings)
         made.callback(robot.close)

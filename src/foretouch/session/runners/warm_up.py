@@ -86,7 +86,7 @@ def _press(tick: int) -> tuple[float, float]:
 
 
 def _press_alone(settings: SessionSettings) -> None:
-    """Run what a loop without a session calls."""
+    """Run the code of a loop without a session."""
     learner = Learner(settings.make_estimator(), surface=SURFACE, force_offset=0.0)
     predictor, renderer = Predictor(), line_leader.start(settings).renderer
     renderer.engage(0.0, SURFACE - ABOVE)
@@ -151,7 +151,7 @@ class _Slide(_Press):
 
 
 def _press_in_a_session(settings: SessionSettings, follower: Any, leader: Any, press: _Press) -> None:
-    """Run what the two sides of a session call: the same press by both, with no network between."""
+    """Run both sides of a session: the same press by both, with no network between."""
     follows, leads = follower(press, settings, 1), leader(press, settings, "warm-up", 1)
     commands: list[Any] = []
     for tick in range(TICKS):
@@ -163,7 +163,7 @@ def _press_in_a_session(settings: SessionSettings, follower: Any, leader: Any, p
 
 
 def _move_the_simulated(settings: SessionSettings) -> None:
-    """Run what a simulated robot and a simulated hand call, as far as they can be simulated here."""
+    """Run a simulated robot and a simulated hand, as far as they can be simulated here."""
     with suppress(ForetouchError):  # MuJoCo is not installed: then no session uses it
         robot: Any
         hand: Any

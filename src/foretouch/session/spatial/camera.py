@@ -32,7 +32,7 @@ def _looking(eye: tuple[float, float, float], at: tuple[float, float, float]) ->
 
 CAMERA_POSE = _looking((-0.035, -0.21, 0.205), (-0.035, 0.0, 0.0))
 """Of the camera in the world: it sees board and specimen from 44 degrees above the plane, for a board that is seen
-straight from above has no sure tilt."""
+straight from above has no certain tilt."""
 
 
 VIEW = (float(CAMERA_POSE.rotation[0, 2]), float(CAMERA_POSE.rotation[1, 2]), float(CAMERA_POSE.rotation[2, 2]))
@@ -40,12 +40,12 @@ VIEW = (float(CAMERA_POSE.rotation[0, 2]), float(CAMERA_POSE.rotation[1, 2]), fl
 
 
 class SimulatedCamera:
-    """Draws, spoils and reads images: what a camera and the program beside it do.
+    """Draws, degrades and reads images: a camera, and the program beside it.
 
     Args:
-        scene: What stands on the fixture.
-        faults: Of the images.
-        seed: Of their noise, not negative.
+        scene: Scene on the fixture.
+        faults: Faults of the images.
+        seed: Seed of their noise, not negative.
 
     Raises:
         MissingExtraError: MuJoCo or OpenCV is not installed.
@@ -71,7 +71,7 @@ class SimulatedCamera:
     def take(
         self, fixture: Sequence[float], probe: Vector, tick: int, time: float, now_ns: int, run: int = 0
     ) -> CameraImage:
-        """One image, and what it shows.
+        """One image, and the pose in it.
 
         Args:
             fixture: True pose of the fixture: a position [m] and a rotation vector [rad].
@@ -105,17 +105,12 @@ class SimulatedCamera:
         )
 
     def close(self) -> None:
-        """Give back what the graphics library holds."""
+        """Give back the resources of the graphics library."""
         self._scene.close()
 
 
 def pixels(camera: Sequence[float], points: np.ndarray) -> np.ndarray:
-    """Where points of the world are in an image, (n, 2) [pixel]; NaN for what is not before the camera.
-
-    Args:
-        camera: As `CameraImage.camera` has it.
-        points: (n, 3) [m].
-    """
+    """Positions in an image (n, 2) [pixel] of points (n, 3) [m], for a `CameraImage.camera`; NaN behind it."""
     fx, fy, cx, cy, k1, k2, p1, p2, k3 = camera[:9]
     width, height = round(2 * cx) + 1, round(2 * cy) + 1
     model = CameraModel(width, height, fx, fy, cx, cy, k1, k2, p1, p2, k3)

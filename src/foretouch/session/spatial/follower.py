@@ -251,7 +251,7 @@ def step(state: State, inputs: follower.Inputs[SpatialSample], now_ns: int) -> t
 
 
 def _way(state: State, sample: SpatialSample, sideways: Vector) -> Way:
-    """What the course goes by, from this tick's sensors and what was decided in the tick before."""
+    """Inputs of the course, from this tick's sensors and the decisions of the tick before."""
     inner, fastest = state.inner, state.largest_speed
     if inner.first_touch.guarded:
         fastest = state.approach_speed

@@ -260,12 +260,8 @@ def _local(state: State, model: ModelUpdate, closest: ClosestPoint) -> ModelUpda
     """A model with the law at the hand's position, where the field knows it."""
     if not model.valid:
         return model
-    law = _law(state, closest)
+    law = state.material.law(closest.inner_point, closest.depth)
     return model if law is None else msgspec.structs.replace(model, law=law.law, parameters=law.parameters, map=b"")
-
-
-def _law(state: State, closest: ClosestPoint) -> QuadraticContact | None:
-    return state.material.law(closest.inner_point, closest.depth)
 
 
 def _go_on(state: State, closest: ClosestPoint) -> None:
@@ -274,7 +270,7 @@ def _go_on(state: State, closest: ClosestPoint) -> None:
     elsewhere = state.material.is_elsewhere(closest.inner_point)
     if predictor.model is None or not (elsewhere or state.offset != state.line.offset):
         return
-    law = _law(state, closest) or predictor.model
+    law = state.material.law(closest.inner_point, closest.depth) or predictor.model
     if law is not predictor.model or state.offset != state.line.offset:
         surface = state.line.offset + state.felt_deeper
         state.inner.renderer.adopt(law, surface, message=predictor.message)

@@ -40,7 +40,7 @@ SECOND_LAW = "remembers what was done to it, and in a scene each place would nee
 
 
 class SpatialWorld:
-    r"""What the probe touches, asked at every physics step.
+    r"""The world that the probe touches, evaluated at every physics step.
 
     .. math:: F = s(p)\, f(d, \dot d)\, n - (\mu f_n \tanh(|v_t| / v_0) + c |v_t|)\, \hat v_t
 
@@ -53,10 +53,6 @@ class SpatialWorld:
         turn: Largest rotation of the fixture from its believed one [rad].
         bump: Time of a bump, to somewhere within 40 % of that [s]; 0 for never.
         seed: Random seed of its pose, not negative.
-
-    Attributes:
-        time: Time since the start [s].
-        depth: Depth of the probe [m].
 
     Raises:
         SettingError: A material with a memory.

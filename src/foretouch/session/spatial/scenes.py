@@ -41,7 +41,7 @@ def specimen_of(path: Path, middle: Vector) -> TriangleMesh:
 
     Args:
         path: File of the mesh: STL, OBJ or PLY, in metres.
-        middle: Where specimens stand in the fixture's frame [m].
+        middle: Position of specimens in the fixture's frame [m].
 
     Raises:
         InputError: No such file, no mesh, or one that no hand can touch there: too small, too large, elsewhere, or
@@ -51,8 +51,18 @@ def specimen_of(path: Path, middle: Vector) -> TriangleMesh:
     mesh = read_mesh(path)
     corners = mesh.vertices[mesh.faces].reshape(-1, 3)
     low, high = corners.min(axis=0), corners.max(axis=0)
-    _check_size(path, high - low)
-    _check_place(path, 0.5 * (low + high), float(high[2]), middle)
+    wide, across, _ = (high - low).tolist()
+    if not SMALLEST_SIDE <= min(wide, across) <= max(wide, across) <= LARGEST_SIDE:
+        raise InputError(
+            f"{path}: seen from above it is {wide:.3g} m by {across:.3g} m, but each side has to be "
+            f"{SMALLEST_SIDE:g} to {LARGEST_SIDE:g} m: give it in metres (scale by 0.001 what is in millimetres)"
+        )
+    (x, y, _), top = (0.5 * (low + high)).tolist(), float(high[2])
+    if max(abs(x - middle[0]), abs(y - middle[1]), abs(top - middle[2])) > REACH:
+        raise InputError(
+            f"{path}: it stands about ({x:.3g}, {y:.3g}) m with its top at {top:.3g} m, beyond the hand's reach: "
+            f"move it to within {REACH:g} m of {middle} in the fixture's frame"
+        )
     if _is_met(mesh, low, high):
         return mesh
     turned = None if mesh.closed else TriangleMesh(mesh.vertices, mesh.faces[:, ::-1])
@@ -61,39 +71,15 @@ def specimen_of(path: Path, middle: Vector) -> TriangleMesh:
     return turned
 
 
-def _check_size(path: Path, sides: Array) -> None:
-    wide, across, _ = (float(side) for side in sides)
-    if not SMALLEST_SIDE <= min(wide, across) <= max(wide, across) <= LARGEST_SIDE:
-        raise InputError(
-            f"{path}: seen from above it is {wide:.3g} m by {across:.3g} m, but each side has to be "
-            f"{SMALLEST_SIDE:g} to {LARGEST_SIDE:g} m: give it in metres (scale by 0.001 what is in millimetres)"
-        )
-
-
-def _check_place(path: Path, centre: Array, top: float, middle: Vector) -> None:
-    x, y = float(centre[0]), float(centre[1])
-    if max(abs(x - middle[0]), abs(y - middle[1]), abs(top - middle[2])) > REACH:
-        raise InputError(
-            f"{path}: it stands about ({x:.3g}, {y:.3g}) m with its top at {top:.3g} m, beyond the hand's reach: "
-            f"move it to within {REACH:g} m of {middle} in the fixture's frame"
-        )
-
-
 def _is_met(mesh: TriangleMesh, low: Array, high: Array) -> bool:
-    """Whether a probe that comes down somewhere about the middle touches it."""
+    """Whether a probe that comes down somewhere about the middle touches a side that faces up."""
     centre, sides = 0.5 * (low + high), high - low
-    for right in TRIED:
-        for back in TRIED:
-            x, y = float(centre[0] + right * sides[0]), float(centre[1] + back * sides[1])
-            hit = first_hit_from_above(mesh, x, y)
-            if hit >= 0 and _faces_up(mesh, hit):
-                return True
+    for right, back in itertools.product(TRIED, TRIED):
+        hit = first_hit_from_above(mesh, float(centre[0] + right * sides[0]), float(centre[1] + back * sides[1]))
+        a, b, c = mesh.vertices[mesh.faces[hit]]
+        if hit >= 0 and np.cross(b - a, c - a)[2] > 0.0:
+            return True
     return False
-
-
-def _faces_up(mesh: TriangleMesh, triangle: int) -> bool:
-    a, b, c = mesh.vertices[mesh.faces[triangle]]
-    return bool(np.cross(b - a, c - a)[2] > 0.0)
 
 
 MIDDLE: Vector = (0.075, 0.0, 0.0)
@@ -146,11 +132,11 @@ class Scene:
     """Scene that is touched.
 
     Attributes:
-        name: As it was asked for.
+        name: Name or file.
         surface: Its shape, in the fixture's frame.
-        inclusion: What is stiffer in a simulated one; None where all is alike.
-        friction: Of a simulated one, Coulomb.
-        viscous: And viscous [N s/m].
+        inclusion: Stiffer part of a simulated scene; None for none.
+        friction: Coefficient of Coulomb friction of a simulated scene.
+        viscous: Its viscous friction [N s/m].
         nominal: Pose of the fixture as both sides believe it before anything is seen.
     """
 
@@ -248,7 +234,7 @@ def palpation(scene: Scene, depth: float, seed: int) -> list[Keyframe]:
 
 
 def _middle(surface: Surface) -> tuple[float, float, float]:
-    """Middle of what is drawn of a surface, and how far from it palpation goes, 30 % of its shorter side [m]."""
+    """Middle of the drawn surface, and the reach of palpation about it, 30 % of its shorter side [m]."""
     vertices, _ = surface.outline()
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     x, y, _ = (0.5 * (low + high)).tolist()

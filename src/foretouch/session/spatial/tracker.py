@@ -32,12 +32,12 @@ TELLING_PERIOD = 0.03
 
 @dataclass(slots=True)
 class State:
-    """What the tracker remembers; updated in place.
+    """State of the tracker; updated in place.
 
     Attributes:
         times: The follower's clock by its ticks [ns].
         touch_tick: Tick of the newest touch that was taken.
-        gone: Runs of the follower processes before it.
+        gone: Runs of the follower processes before the current one.
         pose_seen: Pose in the newest image that showed the board.
         told: Time of the newest belief [s].
     """

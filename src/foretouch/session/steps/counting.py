@@ -12,7 +12,7 @@ from foretouch.session.steps import follower, leader
 
 
 def leader_counts(state: leader.State) -> dict[str, int]:
-    """Messages sent by the leader, and what it missed of the follower's."""
+    """Messages sent by the leader, and lost, late or repeated ones of the follower."""
     return {
         "commands_sent": state.sequence,
         "models_lost": state.follower_view.models.lost,
@@ -26,7 +26,7 @@ def leader_counts(state: leader.State) -> dict[str, int]:
 
 
 def follower_counts(state: follower.State) -> dict[str, int]:
-    """Messages sent by the follower, and what it missed of the leader's, or refused."""
+    """Messages sent by the follower, and lost, late, repeated or refused ones of the leader."""
     fresh = state.freshness
     return {
         "models_sent": state.sender.sequence,

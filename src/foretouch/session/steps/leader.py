@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Generic, NamedTuple, TypeVar
 
@@ -252,18 +253,12 @@ def _adopt(state: State, update: ModelUpdate) -> None:
         state.renderer.adopt(None, update.surface, message=update.sequence)
         return
     state.inherits = False
-    if not abs(update.surface) <= LARGEST_POSITION:
-        _refuse(state)
-        return
-    try:
-        model = make_model(update.law, update.parameters, update.map)
-    except InputError:
-        _refuse(state)
-        return
-    state.renderer.adopt(model, update.surface, update.state, update.command_sequence, update.sequence)
-
-
-def _refuse(state: State) -> None:
-    """Render nothing, and acknowledge nothing: the follower must not assume that its surface is known."""
-    state.refused += 1
-    state.renderer.adopt(None, 0.0)
+    model = None
+    if abs(update.surface) <= LARGEST_POSITION:
+        with suppress(InputError):
+            model = make_model(update.law, update.parameters, update.map)
+    if model is None:  # render and acknowledge nothing: the follower must not assume that its surface is known
+        state.refused += 1
+        state.renderer.adopt(None, 0.0)
+    else:
+        state.renderer.adopt(model, update.surface, update.state, update.command_sequence, update.sequence)
