@@ -16,7 +16,7 @@ from foretouch.messages import PROCESS, SIDES, VERSION, Command, EmergencyStop, 
 from foretouch.robot import Robot, SpatialRobot
 from foretouch.session.network.lease import Contest, own_epoch
 from foretouch.session.operators import close_operator
-from foretouch.session.runners.driven import DrivenFollower, drive_follower, drive_leader
+from foretouch.session.runners.driven import DrivenFollower, SpaceFollower, SpaceLeader, drive_follower, drive_leader
 from foretouch.session.runners.housekeeping import LEAVING, ORPHANED, Housekeeper, Process, StopFlag, orphaned
 from foretouch.session.runners.loop_timer import LoopTimer, let_pass, steady
 from foretouch.session.runners.news import LoopWatch, all_of, follower_news, follower_says, leader_news, over
@@ -38,10 +38,10 @@ FOLLOWER_CHANNELS = ("command", "settings", "stop", "emergency", "hello")
 LEADER_CHANNELS = ("model", "telemetry", "handle", "settings", "stop", "hello")
 """Channels that the leader's link receives."""
 
-SPACE_FOLLOWER_CHANNELS = ("fixture",)
+SPACE_FOLLOWER_CHANNELS = SpaceFollower.channels
 """Further channels that a follower's link receives in three dimensions."""
 
-SPACE_LEADER_CHANNELS = ("follower-space", "field")
+SPACE_LEADER_CHANNELS = SpaceLeader.channels
 """Further channels that a leader's link receives in three dimensions."""
 
 MOST_PRESSES = 1024
