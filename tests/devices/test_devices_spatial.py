@@ -109,7 +109,7 @@ def test_a_hand_gives_no_more_than_its_device() -> None:
     for force, expected in (((30.0, 40.0, 0.0), (1.2, 1.6, 0.0)), ((math.nan, 0.0, 0.0), (0.0, 0.0, 0.0))):
         hand.render(force)
         read(hand, 2.0, 0.0 if force[1] else 2.0)
-        np.testing.assert_allclose(hand.exact_place, np.array(expected) / GRIPS["normal"].stiffness, atol=1e-5)
+        np.testing.assert_allclose(hand.exact_position, np.array(expected) / GRIPS["normal"].stiffness, atol=1e-5)
 
 
 def test_a_hand_in_a_hand_is_refused() -> None:

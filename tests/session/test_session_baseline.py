@@ -161,7 +161,7 @@ def ticks(settings: SessionSettings, inputs: list[tuple[float, list[Telemetry], 
     state, outputs = baseline.start(settings), []
     for index, (position, telemetry, clutched) in enumerate(inputs):
         given = leader.Inputs(position, [], telemetry, PERIOD_NS, 0, clutched)
-        state, out = baseline.step(state, given, index * PERIOD_NS)
+        state, out = leader.step(state, given, index * PERIOD_NS)
         outputs.append(out)
     return outputs
 

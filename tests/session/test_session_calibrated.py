@@ -175,7 +175,7 @@ def test_a_shadow_predicts_at_the_tip(tmp_path: Path) -> None:
         state = shadow.start(robot.specification, settings, epoch=5, run=5)
         sample, said = robot.read(), []
         for tick in range(3500):
-            state, outputs = shadow.step(state, shadow.Inputs(sample, MS, 0), tick * MS)
+            state, outputs = shadow.step(state, shadow.follower.Inputs([], sample, MS, 0), tick * MS)
             said.append((outputs.record.position, outputs.telemetry.position, sample))
             sample = robot.exchange(surface + 0.004 * math.sin(4e-3 * tick) + robot.give)
         tips = [abs(hand - exact.exact_position) for hand, _, exact in said]

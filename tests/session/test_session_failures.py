@@ -17,7 +17,7 @@ from foretouch.identification.material_field import MaterialFieldLearner
 from foretouch.messages import Status
 from foretouch.robot import Robot, SpatialRobot, SpatialSample, make_robot
 from foretouch.session import Process, SessionSettings, StopFlag, run_follower
-from foretouch.session.network.model_sender import ModelSender
+from foretouch.session.network.model_sender import FieldSender, ModelSender
 from foretouch.session.network.playout import Freshness, Playout
 from foretouch.session.runners import live
 from foretouch.session.safety.force_guard import FirstTouch
@@ -26,7 +26,6 @@ from foretouch.session.safety.safety import Safety
 from foretouch.session.spatial import follower as space
 from foretouch.session.spatial import make_scene, make_spatial_robot
 from foretouch.session.spatial.course import Course, SurfaceLine
-from foretouch.session.spatial.felt import FieldSender
 from foretouch.session.spatial.last_limit import LastLimit
 from foretouch.session.steps import follower
 from foretouch.session.steps.sensing import Failures

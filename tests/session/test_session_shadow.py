@@ -151,7 +151,7 @@ def test_a_leader_that_hears_a_shadow_is_told_and_lets_go() -> None:
     state = shadow.start(robot.specification, shadow.shadow_settings(SETTINGS), epoch=5, run=5)
     other = leader.start(replace(SETTINGS, grip="normal"), holder="anna", epoch=6)
     for tick in range(2000):
-        state, said = shadow.step(state, shadow.Inputs(robot.exchange(math.nan), MS, 0), tick * MS)
+        state, said = shadow.step(state, shadow.follower.Inputs([], robot.exchange(math.nan), MS, 0), tick * MS)
         telemetry.append(said.telemetry)
         models = [] if said.model is None else [said.model]
         other, led = leader.step(other, leader.Inputs(0.02, models, [said.telemetry], MS, 0), tick * MS)

@@ -41,8 +41,10 @@ from foretouch.session.spatial import (
 )
 from foretouch.session.spatial.course import SurfaceLine
 from foretouch.session.spatial.scenes import NOMINAL, KnownSurface
+from foretouch.session.steps import leader as line_leader
 
 BUMP = 11.5
+UNKNOWN = (math.nan,) * 3
 SPREAD = tuple((1e-6 * np.eye(6)).ravel().tolist())
 """Covariance of a pose that is known within 1 mm and 1 mrad."""
 
@@ -489,8 +491,14 @@ def said(run: int, sequence: int, fixture: tuple, **changes: Any) -> ModelUpdate
     return msgspec.structs.replace(made, fixture=fixture, **changes)
 
 
+def inputs_of(place: tuple, models: list, telemetry: list, **more: Any) -> Any:
+    return line_leader.Inputs(
+        place, models, telemetry, MS, 0, exact_position=UNKNOWN, intended_position=UNKNOWN, **more
+    )
+
+
 def told(leading: leader.State, tick: int, *models: ModelUpdate, telemetry: tuple = ()) -> leader.Outputs:
-    inputs = leader.Inputs((0.0, 0.0, 0.02 - 1e-5 * tick), list(models), list(telemetry), [], [], MS, 0)
+    inputs = inputs_of((0.0, 0.0, 0.02 - 1e-5 * tick), list(models), list(telemetry))
     return leader.step(leading, inputs, tick * MS)[1]
 
 
@@ -504,7 +512,7 @@ def fresh_leader(**changes: Any) -> leader.State:
 def met(leading: leader.State, tick: int, place: tuple, model: ModelUpdate) -> leader.Outputs:
     """A tick of a leader that is told at first where the follower is, and meets it 2 mm over the surface."""
     at = [Telemetry(VERSION, tick, 0, 0, *(0.0,) * 6, False, False, 0, 1, 1)] if tick < 3 else []
-    inputs = leader.Inputs(place, [] if at else [model], at, [space(tick, run=0, desired_z=2e-3)], [], MS, 0)
+    inputs = inputs_of(place, [] if at else [model], at, spaces=[space(tick, run=0, desired_z=2e-3)])
     return leader.step(leading, inputs, tick * MS)[1]
 
 
@@ -532,7 +540,7 @@ def test_a_fixture_that_is_none_moves_nothing_and_raises_nothing(wrong: tuple) -
 @given(st.binary(max_size=200))
 def test_a_field_that_is_none_is_counted_and_raises_nothing(content: bytes) -> None:
     leading = fresh_leader()
-    inputs = leader.Inputs((0.0, 0.0, -1e-3), [], [], [], [FieldUpdate(VERSION, 1, 0, content)], MS, 0)
+    inputs = inputs_of((0.0, 0.0, -1e-3), [], [], fields=[FieldUpdate(VERSION, 1, 0, content)])
     leader.step(leading, inputs, MS)
     assert leading.material.refused == 1
 

@@ -13,10 +13,11 @@ from foretouch.messages import VERSION, Command, FixtureBelief, FollowerSpace
 from foretouch.rendering.surfaces import Plane, Surface
 from foretouch.robot import SpatialSample
 from foretouch.session import SessionSettings
+from foretouch.session.runners.warm_up import SPECIFICATION
 from foretouch.session.spatial import follower, make_scene, tracker
 from foretouch.session.spatial.scenes import NOMINAL, KnownSurface
-from foretouch.session.spatial.warm_up import SPECIFICATION
 from foretouch.session.spatial.way_in import LARGEST_TURN, LARGEST_UNCERTAINTY, LEAST_TURN, PoseUncertainty
+from foretouch.session.steps import follower as line_follower
 
 MS = 1_000_000
 UP = (0.0, 0.0, 1.0)
@@ -48,7 +49,7 @@ class Feeler:
             force = (self.noise(), self.noise(), self.noise() + pressed)
             command = Command(VERSION, self.tick, self.tick * MS, 0.0, 0, holder="test", epoch=1, place=place)
             sample = SpatialSample(place, force, force, place, (), False)
-            inputs = follower.Inputs([command], sample, MS, 0, self.beliefs)
+            inputs = line_follower.Inputs([command], sample, MS, 0, beliefs=self.beliefs)
             _, acted = follower.step(self.state, inputs, self.tick * MS)
             self.spaces.append(acted.space)
             self.beliefs = []

@@ -20,7 +20,7 @@ def watched(settings: SessionSettings, seconds: float) -> tuple[SessionLog, shad
     records, telemetry, models = [], [], []
     sample = robot.read()
     for tick in range(round(seconds * 1000)):
-        state, said = shadow.step(state, shadow.Inputs(sample, MS, 0), tick * MS)
+        state, said = shadow.step(state, shadow.follower.Inputs([], sample, MS, 0), tick * MS)
         records.append(said.record)
         telemetry.append(said.telemetry)
         models += [] if said.model is None else [said.model]

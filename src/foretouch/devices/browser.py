@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import ClassVar, Literal
 
-from foretouch.devices.device import PEAK_SPEED_RATIO, Device, limit_force, minimum_jerk
+from foretouch.devices.device import PEAK_SPEED_RATIO, Device, Tracker, limit_force, minimum_jerk
 from foretouch.errors.checks import require
 
 TRACKING_RATE = 100.0
@@ -52,8 +52,8 @@ class BrowserOperator(Device):
         self._mode: Literal["script", "held", "resting", "returning"] = "script"
         self._since_ns = 0  # when the mode began; while held, when the newest position arrived
         self._now_ns: int | None = None
-        self._position = self._velocity = 0.0  # of the hand
-        self._aim = self._target = self._aim_speed = 0.0
+        self._hand = Tracker(TRACKING_RATE)
+        self._target = self._aim_speed = 0.0
         self._interval = LONGEST_RAMP  # usual time between handle positions
         self._ease_time = EASE_TIME
         self._clutched = False
@@ -82,13 +82,13 @@ class BrowserOperator(Device):
         if not math.isfinite(position) or not (held or self.held):
             return
         if not self.held:
-            self._aim = self._position
+            self._hand.aim = self._hand.position
             self._interval = LONGEST_RAMP
         elif now_ns > self._since_ns:
             self._interval += 0.3 * (min((now_ns - self._since_ns) * 1e-9, 0.1) - self._interval)
         self._target = min(max(position, 0.0), self._deepest)
         ramp = max(min(RAMP_SHARE * self._interval, LONGEST_RAMP), 1e-3)
-        self._aim_speed = min(abs(self._target - self._aim) / ramp, LARGEST_SPEED)
+        self._aim_speed = min(abs(self._target - self._hand.aim) / ramp, LARGEST_SPEED)
         self._mode = "held" if held else "resting"
         self._since_ns = now_ns
 
@@ -101,7 +101,7 @@ class BrowserOperator(Device):
         """Position of the hand [m]."""
         now_ns = now_ns if self._now_ns is None else max(now_ns, self._now_ns)
         period = 0.0 if self._now_ns is None else (now_ns - self._now_ns) * 1e-9
-        self._now_ns = now_ns
+        self._now_ns, hand = now_ns, self._hand
         script = self._script.read(now_ns)
         since = (now_ns - self._since_ns) * 1e-9
         self._clutched = self._clutched and (now_ns - self._heard_ns) * 1e-9 <= SILENCE
@@ -109,32 +109,20 @@ class BrowserOperator(Device):
             self._mode, self._since_ns = "resting", now_ns
         elif self._mode == "resting" and since > HOLD_TIME:
             self._mode, self._since_ns, since = "returning", now_ns, 0.0
-            self._target = self._position
+            self._target = hand.position
             self._ease_time = max(EASE_TIME, PEAK_SPEED_RATIO * abs(script - self._target) / EASE_SPEED)
         if self._mode == "held" or self._mode == "resting":
-            return self._track(period)
+            return hand.update(self._target, self._aim_speed, period)
         if self._mode == "returning":
             share = minimum_jerk(since / self._ease_time)
             if share >= 1.0:
                 self._mode = "script"
             script = self._target + share * (script - self._target)
         if period > 0.0:
-            self._velocity = (script - self._position) / period
-        self._position = script
+            hand.velocity = (script - hand.position) / period
+        hand.position = script
         return script
 
     def render(self, force: float) -> float:
         """Limit the force [N] as every device does; no hand feels it."""
         return limit_force(force)
-
-    def _track(self, period: float) -> float:
-        """One step of the aim towards the newest handle position, and of the hand towards the aim."""
-        left = self._target - self._aim
-        step = self._aim_speed * period
-        self._aim = self._target if abs(left) <= step else self._aim + math.copysign(step, left)
-        error = self._position - self._aim
-        pull = self._velocity + TRACKING_RATE * error
-        decay = math.exp(-TRACKING_RATE * period)
-        self._position = self._aim + (error + pull * period) * decay
-        self._velocity = (self._velocity - TRACKING_RATE * pull * period) * decay
-        return self._position

@@ -172,6 +172,40 @@ def quintic_move(start: Sequence[float], end: Sequence[float], duration: float) 
     )
 
 
+class Tracker:
+    r"""Follows a goal r smoothly: critically damped, exact for every step, without overshoot, late by 2 / omega.
+
+    .. math:: \ddot x = \omega^2 (r - x) - 2 \omega \dot x
+
+    An aim goes towards the goal in a straight line at a bounded speed; the position x follows the aim as a constant r.
+
+    Args:
+        rate: omega [1/s].
+
+    Attributes:
+        aim: The aim [m].
+        position: x [m].
+        velocity: Its velocity [m/s].
+    """
+
+    __slots__ = ("_rate", "aim", "position", "velocity")
+
+    def __init__(self, rate: float) -> None:
+        self._rate = rate
+        self.aim = self.position = self.velocity = 0.0
+
+    def update(self, goal: float, speed: float, period: float) -> float:
+        """One step of this time [s] towards a goal [m], with an aim of at most this speed [m/s]; the position [m]."""
+        left, step = goal - self.aim, speed * period
+        self.aim = goal if abs(left) <= step else self.aim + math.copysign(step, left)
+        error = self.position - self.aim
+        pull = self.velocity + self._rate * error
+        decay = math.exp(-self._rate * period)
+        self.position = self.aim + (error + pull * period) * decay
+        self.velocity = (self.velocity - self._rate * pull * period) * decay
+        return self.position
+
+
 FORCE_LIMIT = 10.0
 """Largest force [N] that a device without a limit of its own accepts."""
 
@@ -231,6 +265,37 @@ class Device(ABC):
 
     def close(self) -> None:  # noqa: B027 - most hold nothing
         """Give no force any more and give back what the device holds; a second call does nothing."""
+
+
+class Operator(Device):
+    """An open loop whose motion depends on the time since the first `read` alone: no hand feels its force."""
+
+    __slots__ = ("_start_ns", "_time")
+    closed_loop: ClassVar[bool] = False
+
+    def __init__(self) -> None:
+        self._start_ns: int | None = None
+        self._time = 0.0
+
+    @property
+    def fresh(self) -> bool:
+        """Whether nothing was read yet."""
+        return self._start_ns is None
+
+    def read(self, now_ns: int) -> float:
+        """Position of the hand [m]."""
+        if self._start_ns is None:
+            self._start_ns = now_ns
+        self._time = max(self._time, (now_ns - self._start_ns) * 1e-9)
+        return self.position_at(self._time)
+
+    @abstractmethod
+    def position_at(self, time: float) -> float:
+        """Position of the hand [m] at a time since the first `read` [s], which never goes back."""
+
+    def render(self, force: float) -> float:
+        """Limit the force [N] as every device does; no hand feels it."""
+        return limit_force(force)
 
 
 def limit_force(force: float, limit: float = FORCE_LIMIT) -> float:

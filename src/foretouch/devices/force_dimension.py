@@ -13,7 +13,7 @@ import io
 import math
 import threading
 from types import ModuleType
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar
 
 from foretouch.devices.device import LEAST_DAMPING, Device, DeviceSpecification, limit_force
 from foretouch.errors import MissingExtraError, SettingError
@@ -35,37 +35,6 @@ WATCHDOG_TICKS = 160
 NAME = "force-dimension"
 
 
-class ForceDimensionBinding(Protocol):
-    """The functions of ``forcedimension_core.dhd`` that are used; lengths in metres, forces in newtons.
-
-    Each returns -1 where it failed.
-    """
-
-    def open(self) -> int:
-        """Open the first device; its number."""
-
-    def close(self, ID: int = -1) -> int:
-        """Close it."""
-
-    def enableForce(self, enable: bool, ID: int = -1) -> int:
-        """Let its motors give force, or not."""
-
-    def setMaxForce(self, limit: float, ID: int = -1) -> int:
-        """Limit the force [N] in the SDK."""
-
-    def getPosition(self, out: Any, ID: int = -1) -> int:
-        """Write the position [m], shape (3,)."""
-
-    def setForce(self, f: Any, ID: int = -1) -> int:
-        """Set the force [N], shape (3,)."""
-
-    def getButton(self, index: int, ID: int = -1) -> int:
-        """Whether a button is pressed: 1 or 0."""
-
-    def errorGetLastStr(self) -> str:
-        """What the newest failure was."""
-
-
 class ForceDimension(Device):
     """A device of Force Dimension along one of its axes. 0 is where the hand is when it is opened.
 
@@ -74,7 +43,7 @@ class ForceDimension(Device):
     50 ms, by a thread of its own and, where the device can, by its own watchdog after 20 ms.
 
     Args:
-        binding: ``forcedimension_core.dhd``.
+        binding: ``forcedimension_core.dhd``: lengths in metres, forces in newtons, -1 where a function failed.
         specification: What the device is; its damping, delay and encoder say how stiff it may be rendered. None for
             the least damping that is assumed of such a device. Its watchdog is what is found here.
         axis: 0 (towards the operator), 1 (to the operator's right) or 2 (up).
@@ -91,7 +60,7 @@ class ForceDimension(Device):
 
     def __init__(
         self,
-        binding: ForceDimensionBinding,
+        binding: Any,
         specification: DeviceSpecification | None = None,
         *,
         axis: int = 2,
@@ -122,7 +91,7 @@ class ForceDimension(Device):
 
     @property
     def specification(self) -> DeviceSpecification:
-        """What the device can render."""
+        """Specification of the device."""
         return self._specification
 
     @property
@@ -152,7 +121,7 @@ class ForceDimension(Device):
         return math.nan
 
     def render(self, force: float) -> float:
-        """Give the hand a force [N], and return what it was really given."""
+        """Give the hand a force [N], and return the force that it really got."""
         force = limit_force(force, self._specification.force_limit)
         self._rendered += 1
         if self._closed or self.dead:
@@ -200,9 +169,6 @@ class ForceDimension(Device):
 
 def open_force_dimension(specification: DeviceSpecification | None = None) -> ForceDimension:
     """The first device of Force Dimension on this machine.
-
-    Args:
-        specification: What it is.
 
     Raises:
         MissingExtraError: ``forcedimension-core`` is not installed.

@@ -1,16 +1,15 @@
 """A gamepad as the operator's handle: a stick and a trigger move it, rumble is a cue. It gives no force.
 
-The first gamepad of this machine is read by pygame (SDL), which is imported here alone. Where the material begins and
-how far in it is pressed must be known for a hand that a pad moves.
+The first gamepad of this machine is read by pygame (SDL), which is imported here alone.
 """
 
 from __future__ import annotations
 
 import math
 import os
-from typing import Any, ClassVar, NamedTuple, Protocol
+from typing import Any, ClassVar, NamedTuple
 
-from foretouch.devices.device import Device, limit_force
+from foretouch.devices.device import Device, Tracker, limit_force
 from foretouch.errors import MissingExtraError, SettingError
 from foretouch.errors.checks import require
 
@@ -76,7 +75,7 @@ class PygamePad:
         self._joystick: Any = pygame.joystick.Joystick(0)
 
     def state(self) -> PadState | None:
-        """What the pad shows now; None where it is gone."""
+        """Present state of the pad; None where it is gone."""
         pygame = self._pygame
         pygame.event.pump()
         pad = self._controller
@@ -129,30 +128,11 @@ FULL_RUMBLE, RUMBLE_PERIOD_NS, RUMBLE_STEP = 10.0, 50_000_000, 0.02
 
 
 class PadState(NamedTuple):
-    """What a pad shows.
-
-    Attributes:
-        stick: -1 (out) to 1 (in).
-        trigger: 0 (let go) to 1 (pulled).
-        clutched: Whether the clutch button is held.
-    """
+    """State of a pad: stick, -1 (out) to 1 (in), trigger, 0 (let go) to 1 (pulled), and whether the clutch is held."""
 
     stick: float
     trigger: float
     clutched: bool
-
-
-class Pad(Protocol):
-    """A pad: `foretouch.devices.gamepad.PygamePad`."""
-
-    def state(self) -> PadState | None:
-        """What it shows now; None where it is gone."""
-
-    def rumble(self, strength: float) -> None:
-        """Rumble from now on, 0 to 1."""
-
-    def close(self) -> None:
-        """Give it back."""
 
 
 class Gamepad(Device):
@@ -178,7 +158,7 @@ class Gamepad(Device):
     closed_loop: ClassVar[bool] = False
     real_time: ClassVar[bool] = True
 
-    def __init__(self, pad: Pad, reach: Reach = UNKNOWN_REACH) -> None:
+    def __init__(self, pad: PygamePad, reach: Reach = UNKNOWN_REACH) -> None:
         self._farthest, self._trigger_reach = FARTHEST, TRIGGER_REACH
         if reach.known:
             require("surface", reach.surface, above=0.0, at_most=1.0)
@@ -187,8 +167,8 @@ class Gamepad(Device):
             self._farthest = reach.surface + self._trigger_reach
         self._pad = pad
         self._now_ns: int | None = None
-        self._base = self._trigger = self._aim = 0.0
-        self._position = self._velocity = 0.0
+        self._base = self._trigger = 0.0
+        self._tracker = Tracker(TRACKING_RATE)
         self._clutched = self._closed = self._gone = False
         self._told, self._told_ns = 0.0, 0
 
@@ -216,7 +196,8 @@ class Gamepad(Device):
             self._trigger = min(max(state.trigger, 0.0), 1.0) * self._trigger_reach
             self._base += STICK_SPEED * _deflection(state.stick) * period
             self._base = min(max(self._base, 0.0), self._farthest)
-        return self._track(min(self._base + self._trigger, self._farthest), period)
+        goal = min(self._base + self._trigger, self._farthest)
+        return self._tracker.update(goal, LARGEST_SPEED, period)
 
     def render(self, force: float) -> float:
         """Rumble as strongly as the force says [N]; the force within the limit that every device has, 0 once closed."""
@@ -236,17 +217,6 @@ class Gamepad(Device):
             self._pad.rumble(0.0)
             self._pad.close()
 
-    def _track(self, goal: float, period: float) -> float:
-        """One step of the aim towards the goal, and of the handle towards the aim [m]."""
-        step = LARGEST_SPEED * period
-        self._aim += min(max(goal - self._aim, -step), step)
-        error = self._position - self._aim
-        pull = self._velocity + TRACKING_RATE * error
-        decay = math.exp(-TRACKING_RATE * period)
-        self._position = self._aim + (error + pull * period) * decay
-        self._velocity = (self._velocity - TRACKING_RATE * pull * period) * decay
-        return self._position
-
 
 def _deflection(stick: float) -> float:
     """A stick's deflection without its dead zone, -1 to 1."""
@@ -255,10 +225,7 @@ def _deflection(stick: float) -> float:
 
 
 def open_gamepad(reach: Reach = UNKNOWN_REACH) -> Gamepad:
-    """The first gamepad of this machine.
-
-    Args:
-        reach: Reach of the material.
+    """The first gamepad of this machine, for this reach of the material.
 
     Raises:
         MissingExtraError: pygame is not installed.

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.devices.device import PEAK_SPEED_RATIO, Device, limit_force, minimum_jerk, quintic_move
+from foretouch.devices.device import PEAK_SPEED_RATIO, Operator, minimum_jerk, quintic_move
 from foretouch.errors import SettingError
 from foretouch.errors.checks import require
 
@@ -28,7 +28,7 @@ START_TIME = 0.5
 """Time in which the recording's clock gathers speed, so that the hand starts from rest [s]."""
 
 
-class RecordedOperator(Device):
+class RecordedOperator(Operator):
     """A recorded hand motion, repeated for ever.
 
     The motion loses its encoder steps (a Gaussian of 8 ms), is closed into a loop by a polynomial that meets position,
@@ -48,13 +48,13 @@ class RecordedOperator(Device):
         SettingError: An argument out of range.
     """
 
-    __slots__ = ("_approach_time", "_count", "_first", "_pieces", "_start_ns", "_time")
+    __slots__ = ("_approach_time", "_count", "_first", "_pieces")
     name: ClassVar[str] = "recorded"
-    closed_loop: ClassVar[bool] = False
 
     def __init__(
         self, time: NDArray[np.float64], position: NDArray[np.float64], surface: float, press_depth: float
     ) -> None:
+        super().__init__()
         require("surface", surface, at_least=0.001, at_most=0.2)
         require("press_depth", press_depth, at_least=0.0005, at_most=0.1)
         loop = _loop(*_checked(time, position))
@@ -68,34 +68,20 @@ class RecordedOperator(Device):
         self._approach_time = max(APPROACH_TIME, PEAK_SPEED_RATIO * self._first / APPROACH_SPEED)
         self._pieces: list[list[float]] = spline.c.T.tolist()
         self._count = len(self._pieces)
-        self._start_ns: int | None = None
-        self._time = 0.0
 
     @property
     def period(self) -> float:
         """Time after which the motion repeats [s]."""
         return self._count * KNOT_PERIOD
 
-    @property
-    def fresh(self) -> bool:
-        """Whether nothing was read yet."""
-        return self._start_ns is None
-
-    def read(self, now_ns: int) -> float:
-        """Position of the hand [m]."""
-        if self._start_ns is None:
-            self._start_ns = now_ns
-        time = self._time = max(self._time, (now_ns - self._start_ns) * 1e-9)
+    def position_at(self, time: float) -> float:
+        """Position of the hand [m] at a time since the first `read` [s], which never goes back."""
         if time < self._approach_time:
             return self._first * minimum_jerk(time / self._approach_time)
         index, fraction = divmod(_eased(time - self._approach_time) / KNOT_PERIOD, 1.0)
         c3, c2, c1, c0 = self._pieces[int(index) % self._count]
         t = fraction * KNOT_PERIOD
         return c0 + t * (c1 + t * (c2 + t * c3))
-
-    def render(self, force: float) -> float:
-        """Limit the force [N] as every device does; no hand feels it."""
-        return limit_force(force)
 
 
 def _eased(time: float) -> float:

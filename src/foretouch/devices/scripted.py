@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from foretouch.devices.device import PEAK_SPEED_RATIO, Device, limit_force, minimum_jerk
+from foretouch.devices.device import PEAK_SPEED_RATIO, Device, Operator, limit_force, minimum_jerk
 from foretouch.errors.checks import require
 
 
@@ -44,7 +44,7 @@ DRIFT_RATES = (0.62, 1.74)
 """Rates of the wander's two sines [rad/s]."""
 
 
-class ScriptedOperator(Device):
+class ScriptedOperator(Operator):
     r"""Presses like those of a palpating hand: smooth, never two alike, without end, the same for one seed.
 
     From 0 the hand comes close to the surface, waits in free air until 1 s has passed, touches before 1.5 s, and then
@@ -61,32 +61,22 @@ class ScriptedOperator(Device):
         SettingError: An argument out of range.
     """
 
-    __slots__ = ("_drift", "_move", "_moves", "_phases", "_start_ns", "_time")
+    __slots__ = ("_drift", "_move", "_moves", "_phases")
     name: ClassVar[str] = "scripted"
-    closed_loop: ClassVar[bool] = False
 
     def __init__(self, surface: float, press_depth: float, seed: int = 0) -> None:
+        super().__init__()
         require("surface", surface, at_least=0.001, at_most=0.2)
         require("press_depth", press_depth, at_least=0.0005, at_most=0.1)
         require("seed", seed, at_least=0)
         random = np.random.default_rng(seed)
         self._drift = min(LARGEST_DRIFT, 0.02 * press_depth)
         self._phases = tuple(random.uniform(0.0, 2.0 * math.pi, 2).tolist())
-        self._start_ns: int | None = None
-        self._time = 0.0
         self._moves = _moves(surface, press_depth - self._drift, random)
         self._move = next(self._moves)
 
-    @property
-    def fresh(self) -> bool:
-        """Whether nothing was read yet."""
-        return self._start_ns is None
-
-    def read(self, now_ns: int) -> float:
-        """Position of the hand [m]."""
-        if self._start_ns is None:
-            self._start_ns = now_ns
-        time = self._time = max(self._time, (now_ns - self._start_ns) * 1e-9)
+    def position_at(self, time: float) -> float:
+        """Position of the hand [m] at a time since the first `read` [s], which never goes back."""
         begin, duration, here, there = self._move
         while time >= begin + duration:
             begin, duration, here, there = self._move = next(self._moves)
@@ -94,10 +84,6 @@ class ScriptedOperator(Device):
         first, second = self._phases
         wander = math.sin(DRIFT_RATES[0] * time + first) + math.sin(DRIFT_RATES[1] * time + second)
         return position + 0.5 * self._drift * minimum_jerk(time) * wander
-
-    def render(self, force: float) -> float:
-        """Limit the force [N] as every device does; no hand feels it."""
-        return limit_force(force)
 
 
 def _moves(surface: float, deepest: float, random: np.random.Generator) -> Iterator[tuple[float, float, float, float]]:

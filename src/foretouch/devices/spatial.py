@@ -11,8 +11,9 @@ from typing import ClassVar
 import numpy as np
 
 from foretouch.devices.browser import BrowserOperator
-from foretouch.devices.device import Device, DeviceSpecification
+from foretouch.devices.device import DeviceSpecification
 from foretouch.devices.hand import LONGEST_GAP, Grip, HeldForce
+from foretouch.devices.scripted import RestingOperator
 from foretouch.errors import SettingError
 from foretouch.quantities.pose import RigidMotion, Vector
 
@@ -60,7 +61,7 @@ class SpatialDevice(ABC):
         return NOWHERE
 
     @property
-    def exact_place(self) -> Vector:
+    def exact_position(self) -> Vector:
         """Position of a simulated hand [m], without the encoders' counts; NaN where unknown."""
         return NOWHERE
 
@@ -142,20 +143,13 @@ class PalpatingOperator(SpatialDevice):
         return a + share * (d - a), b + share * (e - b), c + share * (f - c)
 
 
-class _Axis(Device):
+class _Axis(RestingOperator):
     """One coordinate of a place, shifted so that it is positive: a script for `BrowserOperator`."""
 
-    name: ClassVar[str] = "axis"
-    closed_loop: ClassVar[bool] = False
-
-    def __init__(self) -> None:
-        self.value = 0.0
+    value = 0.0
 
     def read(self, now_ns: int) -> float:
         return self.value + HALF_REACH
-
-    def render(self, force: float) -> float:
-        return 0.0
 
 
 class SpatialBrowserOperator(SpatialDevice):
@@ -281,7 +275,7 @@ class SpatialHand(SpatialDevice):
         return self._aim
 
     @property
-    def exact_place(self) -> Vector:
+    def exact_position(self) -> Vector:
         """Where the hand is [m], not rounded."""
         if self._start_ns is None:
             return NOWHERE

@@ -1,12 +1,11 @@
 """Rendering: from models and the hand's motion to a force that neither jerks nor drives the hand."""
 
-from foretouch.rendering.energy import EnergyAccount, RenderingDevice
+from foretouch.rendering.energy import EnergyAccount, RenderingDevice, SpatialEnergyAccount
 from foretouch.rendering.friction import FrictionRenderer
 from foretouch.rendering.limits import LARGEST_FORCE, LARGEST_FORCE_RATE, ForceLimiter, rendered_share
 from foretouch.rendering.mediation import LARGEST_STEP, Mediation
 from foretouch.rendering.proxy import Proxy
 from foretouch.rendering.renderer import Renderer
-from foretouch.rendering.spatial_energy import NormalAccount, SpatialEnergyAccount
 from foretouch.rendering.surfaces import (
     HeightField,
     Plane,
@@ -26,7 +25,6 @@ __all__ = [
     "FrictionRenderer",
     "HeightField",
     "Mediation",
-    "NormalAccount",
     "Plane",
     "Proxy",
     "Renderer",

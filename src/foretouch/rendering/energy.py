@@ -1,18 +1,18 @@
-"""The energy account of a whole session, and the ceiling on force that keeps it in bounds.
-
-It also has the interfaces that rendering needs of a device and of an account of its energy.
-"""
+"""The energy account of a whole session, along a line and in space, and the force ceiling that keeps it in bounds."""
 
 from __future__ import annotations
 
 import math
-from typing import Protocol, Self, runtime_checkable
+from abc import ABC, abstractmethod
+from typing import Generic, Protocol, Self, TypeVar, runtime_checkable
 
 from foretouch.errors.checks import require
+from foretouch.quantities.pose import Vector, add, dot, norm, scaled
 
 
-class AccountedDevice(Protocol):
-    """Properties of the hand's device that an account needs."""
+@runtime_checkable
+class RenderingDevice(Protocol):
+    """Properties of the hand's device that rendering needs."""
 
     @property
     def resolution(self) -> float:
@@ -25,11 +25,6 @@ class AccountedDevice(Protocol):
     @property
     def watchdog(self) -> float:
         """Time after which the device ends a force that is not renewed [s]; 0 for never."""
-
-
-@runtime_checkable
-class RenderingDevice(AccountedDevice, Protocol):
-    """Properties of the hand's device that rendering needs."""
 
     @property
     def damping(self) -> float:
@@ -47,38 +42,6 @@ class RenderingDevice(AccountedDevice, Protocol):
         """The stiffest spring that it renders passively at this period [s], by its damping and its encoder [N/m]."""
 
 
-class RenderingAccount(Protocol):
-    """Account of energy for rendering: `EnergyAccount`, or its view in space (`NormalAccount`)."""
-
-    @property
-    def energy(self) -> float:
-        """Energy E [J]."""
-
-    @property
-    def late_energy(self) -> float:
-        """Late energy L [J]."""
-
-    @property
-    def bound(self) -> float:
-        """Bound of E [J]."""
-
-    @property
-    def ceiling(self) -> float:
-        """Largest force that may be held now [N]."""
-
-    def bound_with(self, force: float) -> float:
-        """The bound [J] once this force [N] has been held."""
-
-    def close(self) -> None:
-        """End the contact."""
-
-    def observe(self, position: float, period: float) -> None:
-        """Book the work up to the hand's present position [m], this time [s] after the previous tick."""
-
-    def hold(self, force: float) -> None:
-        """Hold this force from now on [N]."""
-
-
 SMALLEST_COUNT = 1e-6
 """Least count of an encoder [m]."""
 
@@ -94,7 +57,10 @@ SAMPLE_PERIOD = 1e-3
 """Default period of a loop [s]."""
 
 
-class Ledger:
+V = TypeVar("V")
+
+
+class Ledger(ABC, Generic[V]):
     r"""Books the work of a force that is held from tick to tick, and limits the force that may be held.
 
     Debts are kept over contacts, surplus is forgiven at the loss of each: dissipation in one press pays for nothing in
@@ -127,24 +93,18 @@ class Ledger:
     Attributes:
         energy: E [J].
         late_energy: L, never positive [J].
+        force: Force f, held now [N].
         largest_force: F [N].
         largest_step: D [m].
     """
 
     __slots__ = (
-        "_count",
-        "_delay",
-        "_elapsed",
-        "_ends",
-        "_lasts",
-        "_newest_step",
-        "_period",
-        "_share",
-        "energy",
-        "largest_force",
-        "largest_step",
-        "late_energy",
-    )
+        "_acted", "_before", "_count", "_delay", "_elapsed", "_ends", "_lasts", "_late", "_newest_step", "_period",
+        "_position", "_share", "energy", "force", "largest_force", "largest_step", "late_energy",
+    )  # fmt: skip
+
+    axes: int
+    nothing: V
 
     def __init__(
         self,
@@ -158,19 +118,21 @@ class Ledger:
         require("sample_period", sample_period, above=0.0)
         require("delay", delay, at_least=0.0, at_most=sample_period)
         require("watchdog", watchdog, at_least=0.0)
-        self._count = max(resolution, SMALLEST_COUNT)
+        self._count = max(resolution, SMALLEST_COUNT) * math.sqrt(self.axes)
         self._period = sample_period
         self._delay = self._lasts = delay  # time for which the former force acts in the coming tick
         self._share = delay / sample_period
         self._ends = delay + (watchdog or math.inf)  # of a force, after its tick began
         self._elapsed = 0.0
         self._newest_step = 0.0
+        self._position: V | None = None
+        self.force = self._acted = self._late = self._before = self.nothing
         self.energy = self.late_energy = 0.0
         self.largest_force = 0.0
         self.largest_step = self._count
 
     @classmethod
-    def of(cls, device: AccountedDevice | None, sample_period: float = SAMPLE_PERIOD) -> Self:
+    def of(cls, device: RenderingDevice | None, sample_period: float = SAMPLE_PERIOD) -> Self:
         """The account of a device at this period [s]; None is a hand without a device."""
         if device is None:
             return cls(sample_period=sample_period)
@@ -192,8 +154,10 @@ class Ledger:
         step = self._newest_step if self._newest_step > step else step
         return (1.0 + 2.0 * self._share) * (force if force > largest else largest) * step
 
-    def _ceiling(self, held: float) -> float:
-        """Largest force that may be held now [N], after the present one [N], which still acts for d."""
+    @property
+    def ceiling(self) -> float:
+        """Largest force that may be held now [N], after the present one, which still acts for d."""
+        held = self.size(self.force)
         if self._elapsed > 0.0:  # the position of the hand is unknown
             return held
         if self.energy >= 0.0:
@@ -207,12 +171,39 @@ class Ledger:
         least = min(WAY_BACK * largest, left / (1.0 + delta))
         return max(ceiling, least, 0.0)
 
-    def _pass(self, period: float) -> tuple[float, float]:
-        """Let a tick of this length pass [s].
+    def observe(self, position: V, period: float = 0.0) -> None:
+        """Book the work of the held force up to the hand's present position.
 
-        Returns:
-            Time for which the former and the newest force acted in it beyond their part of the nominal tick [s].
+        Args:
+            position: Position of the hand [m]; one that is not finite is missing.
+            period: Time since the previous tick [s]; an invalid one counts as the nominal one.
         """
+        mixed, held = self.mixed, self.force
+        if not self._elapsed > 0.0:
+            self._acted = mixed(self._before, self._lasts / self._period, held, 1.0 - self._share)
+        former, newest = self._pass(period)
+        self._late = mixed(self._late, 1.0, mixed(self._before, former, held, newest), 1.0)
+        self._before = held
+        if not self.size(position) < math.inf:
+            return
+        before, self._position = self._position, position
+        elapsed, self._elapsed = max(self._elapsed, self._period), 0.0
+        late, self._late = self._late, self.nothing
+        if before is None:
+            return
+        moved = mixed(position, 1.0, before, -1.0)
+        distance, acted = self.size(moved), self.work(self._acted, moved)
+        even, longest = self._period / elapsed, FASTEST_HAND * self._period
+        part = even if not even * distance > longest else longest / distance  # of the motion, which E takes
+        self.energy += part * acted
+        owed = self.late_energy + ((even - part) * acted + 1.0 / elapsed * self.work(late, moved))
+        self.late_energy = owed if owed < 0.0 else 0.0
+        self._newest_step = step = part * distance + self._count
+        if step > self.largest_step and self._acted != self.nothing:
+            self.largest_step = step
+
+    def _pass(self, period: float) -> tuple[float, float]:
+        """Let a tick pass [s]: how long the former and the newest force acted beyond their nominal part [s]."""
         period = period if 0.0 < period < math.inf else self._period
         until = period if period < self._ends else self._ends
         if self._elapsed > 0.0:
@@ -223,38 +214,24 @@ class Ledger:
         self._elapsed += period
         return late
 
-    def _arrive(self, distance: float) -> tuple[float, float, float]:
-        """Take a new position at this distance from the former one [m]: fractions of it by which each force is booked.
+    @staticmethod
+    @abstractmethod
+    def size(value: V, /) -> float:
+        """Size of a force or a motion."""
 
-        Returns:
-            For the nominal force, in E and in L [-], and for what acted beyond the nominal period, in L [1/s].
-        """
-        elapsed, self._elapsed = max(self._elapsed, self._period), 0.0
-        even, longest = self._period / elapsed, FASTEST_HAND * self._period
-        part = even if not even * distance > longest else longest / distance
-        return part, even - part, 1.0 / elapsed
+    @staticmethod
+    @abstractmethod
+    def mixed(first: V, weight: float, second: V, other: float) -> V:
+        """Weighted sum of two forces or positions."""
 
-    def _book(self, work: float, late: float, step: float, *, pressed: bool) -> None:
-        """Book a nominal step [m], its work and the late work [J]."""
-        self.energy += work
-        owed = self.late_energy + late
-        self.late_energy = owed if owed < 0.0 else 0.0
-        self._newest_step = step = step + self._count
-        if pressed and step > self.largest_step:
-            self.largest_step = step
+    @staticmethod
+    @abstractmethod
+    def work(force: V, moved: V) -> float:
+        """Work of the hand on a force that it moved against."""
 
 
-class EnergyAccount(Ledger):
+class EnergyAccount(Ledger[float]):
     """The account along a line: see `Ledger`; x grows into the material, and f pushes out.
-
-    Args:
-        resolution: See `Ledger`, as for the others.
-        sample_period: Period T [s].
-        delay: Delay d [s].
-        watchdog: Watchdog time of the device [s].
-
-    Attributes:
-        force: Force f, held now [N].
 
     References:
         Hannaford and Ryu (2002), Time-domain passivity control of haptic interfaces, IEEE Transactions on Robotics and
@@ -262,49 +239,59 @@ class EnergyAccount(Ledger):
         The bound is derived here.
     """
 
-    __slots__ = ("_acted", "_before", "_late", "_position", "force")
+    __slots__ = ()
+    axes, nothing = 1, 0.0
+    size = staticmethod(abs)
 
-    def __init__(
-        self,
-        resolution: float = 0.0,
-        *,
-        sample_period: float = SAMPLE_PERIOD,
-        delay: float = 0.0,
-        watchdog: float = 0.0,
-    ) -> None:
-        super().__init__(resolution, sample_period=sample_period, delay=delay, watchdog=watchdog)
-        self._position = math.nan
-        self._acted = self._late = self._before = 0.0
-        self.force = 0.0
+    @staticmethod
+    def mixed(first: float, weight: float, second: float, other: float) -> float:
+        """Weighted sum."""
+        return weight * first + other * second
 
-    @property
-    def ceiling(self) -> float:
-        """Largest force that may be held now [N]."""
-        return self._ceiling(self.force)
-
-    def observe(self, position: float, period: float = 0.0) -> None:
-        """Book the work of the held force up to the hand's present position.
-
-        Args:
-            position: Position of the hand [m]; one that is not a number is missing.
-            period: Time since the previous tick [s]; an invalid one counts as the nominal one.
-        """
-        before, held = self._before, self.force
-        if not self._elapsed > 0.0:
-            self._acted = self._lasts / self._period * before + (1.0 - self._share) * held
-        former, newest = self._pass(period)
-        self._late += former * before + newest * held
-        self._before = held
-        if not math.isfinite(position):
-            return
-        moved, self._position = position - self._position, position
-        part, beyond, rate = self._arrive(abs(moved))
-        acted, late, self._late = self._acted * moved, self._late * moved, 0.0
-        if not math.isnan(moved):  # the first
-            self._book(part * acted, beyond * acted + rate * late, part * abs(moved), pressed=self._acted > 0.0)
+    @staticmethod
+    def work(force: float, moved: float) -> float:
+        """Force times motion."""
+        return force * moved
 
     def hold(self, force: float) -> None:
         """Hold this force from now on [N], 0 or more."""
         self.force = force
         if force > self.largest_force:
             self.largest_force = force
+
+
+class SpatialEnergyAccount(Ledger[Vector]):
+    r"""The hand's work on the rendered force, in all directions, and the ceiling that keeps it in bounds.
+
+    As `EnergyAccount`, whose proof holds for vectors too: a tick takes the force times its step at most. D is the
+    longest step and one count of the encoders in all three directions; force and motion count in space, the force as it
+    pushes the hand. A force along the normal of a curved surface, held for a tick, turns late: in a hollow of radius R
+    it gives out :math:`|f|\,|\Delta x|^2 / 2 R` a tick more than it takes. An account along the normal cannot see that;
+    this does.
+    """
+
+    __slots__ = ()
+    axes, nothing = 3, (0.0, 0.0, 0.0)
+    size = staticmethod(norm)
+
+    @staticmethod
+    def mixed(first: Vector, weight: float, second: Vector, other: float) -> Vector:
+        """Weighted sum."""
+        return add(scaled(first, weight), scaled(second, other))
+
+    @staticmethod
+    def work(force: Vector, moved: Vector) -> float:
+        """Negative inner product: the force pushes the hand."""
+        return -dot(force, moved)
+
+    def hold(self, force: Vector) -> Vector:
+        """Hold a force [N] from now on, cut to the ceiling; returns the held force."""
+        size = norm(force)
+        if not size < math.inf:
+            force, size = self.nothing, 0.0
+        ceiling = self.ceiling
+        if size > ceiling:
+            force, size = self.mixed(force, ceiling / size, self.nothing, 0.0), ceiling
+        self.force = force
+        self.largest_force = max(self.largest_force, size)
+        return force

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TypeAlias
 
 from foretouch.errors.checks import require
-
-Vector: TypeAlias = tuple[float, float, float]
+from foretouch.quantities.pose import Vector, add, dot, norm, scaled, subtract
 
 NOTHING: Vector = (0.0, 0.0, 0.0)
 
@@ -108,43 +106,29 @@ class FrictionRenderer:
         if not (normal_force > 0.0 and finite and period > 0.0):
             self.restart()
             return NOTHING
-        before = self._place or (x, y, z)
-        self._place = (x, y, z)
-        moved = _along((x - before[0], y - before[1], z - before[2]), nx, ny, nz)
+        before, self._place = self._place or (x, y, z), (x, y, z)
+        n = (nx, ny, nz)
+        moved = _along(subtract(self._place, before), n)
         cone = max(mu, 0.0) * normal_force
         c = min(max(viscous, 0.0), VISCOUS_SHARE * self._damping)
         k = min(self._stiffness, (self._damping - c) / (0.5 * period + self._delay))
-        bx, by, bz = self._bent(moved, nx, ny, nz, k, cone)
-        ux, uy, uz = self._moving(moved, nx, ny, nz, period)
-        fx, fy, fz = k * bx, k * by, k * bz
-        return -fx - c * ux, -fy - c * uy, -fz - c * uz
+        self._bend(_along(add(self.bend, moved), n), k, cone)
+        gain = -math.expm1(-2.0 * math.pi * VELOCITY_CUTOFF * period)
+        v = self._velocity
+        faster = (moved[0] / period - v[0], moved[1] / period - v[1], moved[2] / period - v[2])
+        self._velocity = _along(add(v, scaled(faster, gain)), n)
+        return subtract(scaled(self.bend, -k), scaled(self._velocity, c))
 
-    def _bent(self, moved: Vector, nx: float, ny: float, nz: float, k: float, cone: float) -> Vector:
-        """Bend the bristle by the motion of the point, and let it slide where it is at the cone."""
-        bend = self.bend
-        x, y, z = _along((bend[0] + moved[0], bend[1] + moved[1], bend[2] + moved[2]), nx, ny, nz)
-        size = math.sqrt(x * x + y * y + z * z)
+    def _bend(self, bend: Vector, k: float, cone: float) -> None:
+        """Let the bristle slide where it is at the cone."""
+        size = norm(bend)
         self.sliding = k * size > cone
         if self.sliding:
             scale = cone / (k * size)
-            x, y, z, size = x * scale, y * scale, z * scale, size * scale
-        self.bend = (x, y, z)
-        self.stored = 0.5 * k * size * size
-        return self.bend
-
-    def _moving(self, moved: Vector, nx: float, ny: float, nz: float, period: float) -> Vector:
-        """Velocity along the surface, low-passed [m/s]."""
-        gain = -math.expm1(-2.0 * math.pi * VELOCITY_CUTOFF * period)
-        vx, vy, vz = self._velocity
-        x = vx + gain * (moved[0] / period - vx)
-        y = vy + gain * (moved[1] / period - vy)
-        z = vz + gain * (moved[2] / period - vz)
-        self._velocity = _along((x, y, z), nx, ny, nz)
-        return self._velocity
+            bend, size = scaled(bend, scale), size * scale
+        self.bend, self.stored = bend, 0.5 * k * size * size
 
 
-def _along(vector: Vector, nx: float, ny: float, nz: float) -> Vector:
+def _along(vector: Vector, normal: Vector) -> Vector:
     """Component of a vector along the surface."""
-    x, y, z = vector
-    out = x * nx + y * ny + z * nz
-    return x - out * nx, y - out * ny, z - out * nz
+    return subtract(vector, scaled(normal, dot(vector, normal)))

@@ -1,7 +1,4 @@
-"""Limits on force and its rate, the last stage before the hand; and the share of a model that a device can carry.
-
-This share keeps rendering from samples passive.
-"""
+"""Limits on force and its rate, the last stage before the hand; and the share of a model that a device can carry."""
 
 from __future__ import annotations
 
@@ -52,13 +49,7 @@ class ForceLimiter:
         self.clipped = False
 
     def update(self, wanted: float, period: float, ceiling: float = math.inf) -> float:
-        """Limit one tick's force [N].
-
-        Args:
-            wanted: Force to be limited [N].
-            period: Time since the last tick [s].
-            ceiling: Largest force [N], whatever the rate; 0 or more.
-        """
+        """Limit one tick's force [N], this time after the last [s]; the ceiling [N] holds whatever the rate."""
         step = self._largest_rate * (period if period > 0.0 else 0.0)
         lowest, highest = self.force - step, self.force + step
         force = wanted if 0.0 <= wanted < math.inf else 0.0

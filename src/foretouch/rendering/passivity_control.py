@@ -62,13 +62,7 @@ class PassivityController:
         self._account.observe(position)
 
     def control(self, wanted: float, velocity: float, period: float) -> float:
-        """The force for the hand in this tick [N], 0 or more.
-
-        Args:
-            wanted: Force F [N].
-            velocity: Velocity v of the hand [m/s], positive deeper.
-            period: Time T for which the force will be held [s].
-        """
+        """Force for the hand [N], 0 or more, for the force F [N], velocity v [m/s], positive deeper, and time T [s]."""
         if self.energy < 0.0:
             wanted = min(wanted, self._account.force + RECOVERY_RATE * period)
         missing = -(self.energy + wanted * velocity * period)
@@ -79,12 +73,7 @@ class PassivityController:
         return max(wanted + self.damping * velocity, 0.0)
 
     def hold(self, force: float, *, touching: bool) -> None:
-        """Hold this force from now on [N].
-
-        Args:
-            force: Force on the hand after all limits.
-            touching: Whether there is contact; without it a surplus is forgotten.
-        """
+        """Hold this force from now on [N]; without contact (`touching`) a surplus is forgotten."""
         if not touching:
             self._account.close()
         self._account.hold(force)

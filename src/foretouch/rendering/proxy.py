@@ -93,12 +93,7 @@ class Proxy:
         self._place()
 
     def give_back(self, distance: float, *, yielded: bool) -> None:
-        """Bring the proxy nearer to the scaled position of the hand, by at most this distance.
-
-        Args:
-            distance: Largest distance [m], not negative.
-            yielded: Whether the yielded distance is given back too, once no indexed one is left.
-        """
+        """Bring the proxy back by at most this distance [m]; with `yielded` that distance too, last."""
         returned = min(distance, self.indexed)
         self.indexed -= returned
         if yielded:

@@ -7,7 +7,7 @@ import math
 from foretouch.errors.checks import require, require_type
 from foretouch.models import NO_STATE, ContactModel, ContactState, Predictor
 from foretouch.quantities import brief_number, brief_text
-from foretouch.rendering.energy import SAMPLE_PERIOD, EnergyAccount, RenderingAccount, RenderingDevice
+from foretouch.rendering.energy import SAMPLE_PERIOD, EnergyAccount, RenderingDevice, SpatialEnergyAccount
 from foretouch.rendering.limits import LARGEST_FORCE, ForceLimiter, rendered_share
 from foretouch.rendering.mediation import Mediation
 from foretouch.rendering.proxy import RETURN_SPEED, Proxy
@@ -68,7 +68,7 @@ class Renderer:
             and no more than its `largest_stiffness` by damping and encoder.
         guarded: Whether a surface that turns up where the hand already is, is met by the index.
         sample_period: T [s].
-        account: Energy account; None for one along this line.
+        account: Energy account in space, in which the caller books and holds; None for one along this line.
 
     Attributes:
         predictor: Runs the newest model at the proxy.
@@ -86,37 +86,6 @@ class Renderer:
         ArgumentTypeError: `device` is not a device.
     """
 
-    __slots__ = (
-        "_delay",
-        "_device",
-        "_device_damping",
-        "_fades_from",
-        "_force_scale",
-        "_free",
-        "_guarded",
-        "_hand",
-        "_missing",
-        "_period",
-        "_position_scale",
-        "_stiffest",
-        "_stiffest_by_encoder",
-        "_surface",
-        "_time",
-        "_velocity",
-        "_wanted_before",
-        "_was_felt",
-        "_yielding",
-        "account",
-        "energy",
-        "energy_bound",
-        "late_energy",
-        "limiter",
-        "mediation",
-        "predictor",
-        "proxy",
-        "share",
-    )
-
     def __init__(
         self,
         device: RenderingDevice | None = None,
@@ -126,7 +95,7 @@ class Renderer:
         largest_stiffness: float = 0.0,
         guarded: bool = False,
         sample_period: float = SAMPLE_PERIOD,
-        account: RenderingAccount | None = None,
+        account: SpatialEnergyAccount | None = None,
     ) -> None:
         wanted = "a DeviceSpecification, such as SessionSettings(...).device, or None for a force that no hand feels"
         require_type("device", device, (RenderingDevice, type(None)), wanted)
@@ -155,6 +124,7 @@ class Renderer:
         self.proxy = Proxy(position_scale)
         self.mediation = Mediation()
         self.limiter = ForceLimiter(LARGEST_FORCE if device is None else min(LARGEST_FORCE, device.force_limit))
+        self.account: EnergyAccount | SpatialEnergyAccount
         self.account = EnergyAccount.of(device, sample_period) if account is None else account
         self.share = 1.0
         self._free = 0.0
@@ -216,7 +186,8 @@ class Renderer:
         if not there:
             hand = math.nan
         self._missing = 0 if there else self._missing + 1
-        account.observe(hand, period)
+        if isinstance(account, EnergyAccount):
+            account.observe(hand, period)
         self.energy, self.energy_bound, self.late_energy = account.energy, account.bound, account.late_energy
         if free:
             proxy.leave()
@@ -249,7 +220,8 @@ class Renderer:
         if there and force <= PHANTOM and wanted <= PHANTOM:  # unknown while the hand is missing
             account.close()
             self.mediation.part(account.energy)
-        account.hold(force)
+        if isinstance(account, EnergyAccount):
+            account.hold(force)
         if proxy.indexed != 0.0 or proxy.yielded != 0.0:
             self._give_back(wanted)
         self._wanted_before, self._velocity = wanted, predictor.velocity

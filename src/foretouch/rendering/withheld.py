@@ -1,8 +1,4 @@
-"""Detection of withheld force: a model gives it, and the hand gets less than half of it for a while.
-
-Momentary cuts by mediation and the ceiling of energy are not noticed; an operator who presses and feels next to no
-force for half a second needs the reason.
-"""
+"""Detection of withheld force: a model gives it, and the hand gets less than half of it for half a second."""
 
 from __future__ import annotations
 
@@ -53,17 +49,7 @@ class Withheld:
         self.owed = False
 
     def update(self, predicted: float, rendered: float, energy: float, now_ns: int) -> bool:
-        """One tick of a hand that is coupled.
-
-        Args:
-            predicted: Force due to the hand (`due_force`) [N].
-            rendered: Force on the hand [N].
-            energy: Energy of the account [J].
-            now_ns: Time of the tick [ns].
-
-        Returns:
-            Whether force is withheld.
-        """
+        """One tick [ns] of a coupled hand: due and rendered force [N] and energy [J]; whether force is withheld."""
         if predicted >= LEAST_FORCE:
             self._ticks = self._ticks + 1 if rendered < self._least_ratio * predicted else 0
             self._newest_ns, self.owed = now_ns, energy < 0.0

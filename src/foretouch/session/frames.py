@@ -10,7 +10,7 @@ from foretouch.robot import Robot, RobotSample
 
 
 def inverse(frame: Frame) -> Frame:
-    """The session's line of positions as the machine sees it: what is `inside` of one is `outside` of the other."""
+    """The session's frame as seen from the machine's: `inside` of one is `outside` of the other."""
     return Frame(-frame.direction * frame.origin, frame.direction)
 
 
@@ -31,7 +31,7 @@ def browser_operator(device: Device) -> BrowserOperator | None:
 
 
 def device_inside(device: Device) -> Device:
-    """What moves the hand: a device without the frame and the simulated hand about it."""
+    """The device that moves the hand, without the frame and the simulated hand about it."""
     while True:
         if isinstance(device, Hand):
             device = device.intention_device
@@ -42,12 +42,7 @@ def device_inside(device: Device) -> Device:
 
 
 class FramedDevice(Device):
-    """A device whose positions are translated; forces are not, for they push the hand out on either side.
-
-    Args:
-        device: Device that counts in its own frame.
-        frame: Its frame, as the session sees it.
-    """
+    """A device whose positions are translated; forces are not, for they push the hand out on either side."""
 
     __slots__ = ("_frame", "device")
 
@@ -67,7 +62,7 @@ class FramedDevice(Device):
 
     @property
     def specification(self) -> DeviceSpecification | None:
-        """What the device can render; its lengths are the same in every frame."""
+        """Specification of the device; its lengths are the same in every frame."""
         return self.device.specification
 
     @property
@@ -100,13 +95,9 @@ class FramedDevice(Device):
 
 
 class FramedRobot(Robot):
-    """A robot whose positions, accelerations, gravity and workspace are translated; forces are not.
+    """A robot whose positions, accelerations, gravity and workspace are translated.
 
     Forces are along the outward normal and positive in compression, whichever way the robot counts.
-
-    Args:
-        robot: Robot that counts in its own frame.
-        frame: Its frame, as the session sees it.
     """
 
     def __init__(self, robot: Robot, frame: Frame) -> None:
@@ -122,15 +113,15 @@ class FramedRobot(Robot):
         return self.robot.fresh
 
     def read(self) -> RobotSample:
-        """What the robot's sensors show now."""
+        """Present sample of the sensors."""
         return self._inside(self.robot.read())
 
     def exchange(self, desired_position: float) -> RobotSample:
-        """Give a command [m], let one sample period pass, and return what the sensors show then."""
+        """Give a command [m], let one sample period pass, and return the sample then."""
         return self._inside(self.robot.exchange(self.frame.outside(desired_position)))
 
     def close(self) -> None:
-        """Give back what the robot holds."""
+        """Close the robot."""
         self.robot.close()
 
     def _inside(self, sample: RobotSample) -> RobotSample:

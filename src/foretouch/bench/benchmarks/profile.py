@@ -27,7 +27,7 @@ from foretouch.identification import ContactMap, SensorWatch
 from foretouch.identification.conditioning.conditioner import Conditioner, SensorLag
 from foretouch.link import FaultStage
 from foretouch.models import Predictor
-from foretouch.rendering import EnergyAccount, ForceLimiter, Mediation, Proxy, Renderer
+from foretouch.rendering import ForceLimiter, Mediation, Proxy, Renderer
 from foretouch.rendering.energy import Ledger
 from foretouch.session.network.model_sender import ModelSender
 from foretouch.session.network.playout import Playout
@@ -208,7 +208,7 @@ PARTS: dict[str, tuple[Part, ...]] = {
         ),
         Part(
             "keeping the energy account",
-            ((EnergyAccount, "observe"), (Ledger, "bound_with")),
+            ((Ledger, "observe"), (Ledger, "bound_with")),
         ),
         Part(
             "limiting",

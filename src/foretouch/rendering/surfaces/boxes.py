@@ -19,15 +19,11 @@ STACK = 64
 
 
 def build_boxes(corners: Array) -> tuple[Array, Ints]:
-    """Boxes about triangles, halved at the median of their longest side, level by level.
-
-    Args:
-        corners: Of the triangles [m], of shape (n, 3, 3).
+    """Boxes about triangles (n, 3, 3) [m], halved at the median of their longest side, level by level.
 
     Returns:
         The boxes as (lowest, highest corner) of shape (2 m - 1, 6), where those of box i are 2 i + 1 and 2 i + 2; and
-        the triangles of its m leaves, `LEAF` each, of shape (m * LEAF,). Some stand in two leaves where they do not
-        come out even.
+        the triangles of its m leaves, `LEAF` each, of shape (m * LEAF,), some in two leaves.
     """
     count = len(corners)
     leaves = 1

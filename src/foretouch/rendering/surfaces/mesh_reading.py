@@ -65,7 +65,7 @@ def read_text_stl(file: Path) -> NDArray[np.float64]:
 
 
 def _numbers(words: list[str]) -> list[float | None]:
-    """Numbers of the words; None for a word that is not a number."""
+    """None for a word that is not a number."""
     values: list[float | None] = []
     for word in words:
         try:
@@ -121,7 +121,6 @@ def read_mesh(
 
 
 def _triangles(file: Path, scale: float) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Vertices and faces of a file, repaired."""
     mesh = _loaded(file)
     mesh.apply_scale(scale)
     _check_unit(mesh, file)
@@ -132,13 +131,7 @@ def _triangles(file: Path, scale: float) -> tuple[NDArray[np.float64], NDArray[n
 def first_hit_from_above(mesh: TriangleMesh, x: float, y: float) -> int:
     """Index of the triangle that a ray straight down (-z) hits first, from either side; -1 if it hits none.
 
-    Only triangles about the ray are tested, so that a large mesh needs no search tree. It is for the moment in which a
-    mesh is read; a moving proxy has its own tree of boxes (`SurfaceProxy`).
-
-    Args:
-        mesh: The mesh.
-        x: Coordinate of the ray [m].
-        y: Coordinate of the ray [m].
+    Only triangles about the ray at x, y [m] are tested: a large mesh needs no search tree.
 
     Raises:
         MissingExtraError: trimesh is not installed.
@@ -165,7 +158,6 @@ def _trimesh() -> Any:
 
 
 def _check_unit(mesh: Any, file: Path) -> None:
-    """Refuse a mesh that cannot be in metres."""
     farthest = float(np.abs(mesh.vertices).max())
     if farthest > LARGEST_COORDINATE:
         raise InputError(
@@ -175,7 +167,6 @@ def _check_unit(mesh: Any, file: Path) -> None:
 
 
 def _loaded(file: Path) -> Any:
-    """One mesh of all that the file contains."""
     trimesh = _trimesh()
     if file.stat().st_size > MOST_BYTES:
         raise InputError(
@@ -200,7 +191,6 @@ def _loaded(file: Path) -> Any:
 
 
 def _repaired(mesh: Any, file: Path) -> Any:
-    """The mesh, repaired where possible."""
     try:
         mesh.merge_vertices(merge_tex=True, merge_norm=True)
         mesh.update_faces(mesh.nondegenerate_faces())

@@ -62,14 +62,7 @@ class Surface(ABC):
 
     @abstractmethod
     def follow(self, memory: Array, x: float, y: float, z: float) -> SurfaceContact:
-        """Move the probe to a position and the proxy after it; never raises.
-
-        Args:
-            memory: Memory of this contact, from `initial_memory`; written in place.
-            x: Coordinate of the probe [m], finite.
-            y: Coordinate of the probe [m], finite.
-            z: Coordinate of the probe [m], finite.
-        """
+        """Move the probe to a position [m] and the proxy after it, within a contact's memory; never raises."""
 
     @abstractmethod
     def outline(self) -> tuple[Array, NDArray[np.int64]]:
@@ -100,11 +93,7 @@ class Surface(ABC):
         return float(sines.max()), float(np.ptp(vertices @ mean))
 
     def contact(self, place: Sequence[float]) -> SurfaceContact:
-        """Contact of a probe without history: with the nearest point of the surface.
-
-        Args:
-            place: Position of the probe [m], three numbers, finite.
-        """
+        """Contact of a probe at a position [m] without history: with the nearest point of the surface."""
         x, y, z = (float(value) for value in place)
         return self.follow(self.initial_memory(), x, y, z)
 

@@ -27,20 +27,13 @@ def own_epoch() -> int:
 
 
 def make_epoch(wall_ns: int, random_bits: int) -> int:
-    """Epoch of a process, made once when it starts.
+    """Epoch of a process, made once when it starts: above 0, at most 2^63 - 1.
 
     Epochs of later starts are larger as long as the wall clock goes forward, which nothing relies on; two starts within
     a millisecond, on any machines, have the same with a probability of 1 in 2 million.
 
-    Args:
-        wall_ns: Wall clock [ns], not negative.
-        random_bits: A random number below 2^21, from the operating system.
-
-    Returns:
-        Epoch, above 0 and at most 2^63 - 1.
-
     Raises:
-        SettingError: A number out of range.
+        SettingError: A wall clock [ns] that is negative, or random bits not below 2^21.
     """
     if not 0 <= random_bits < 1 << RANDOM_BITS:
         raise SettingError("random_bits", random_bits, f"must lie between 0 and {(1 << RANDOM_BITS) - 1}")
@@ -85,13 +78,7 @@ class ControlLease:
         self.refused = 0
 
     def admit(self, holder: str, epoch: int, now_ns: int) -> bool:
-        """Whether a command of this holder may be obeyed now; if so, it has control from now on.
-
-        Args:
-            holder: Name of the leader, not empty.
-            epoch: Epoch of its process, above 0.
-            now_ns: Receiver's monotonic clock [ns].
-        """
+        """Whether a command of this holder and epoch may be obeyed now [ns]; if so, it has control from now on."""
         if not self._holds(holder, epoch):
             if not self._may_follow(holder, epoch, now_ns):
                 self.refused += 1
@@ -104,21 +91,11 @@ class ControlLease:
         return True
 
     def is_held(self, now_ns: int) -> bool:
-        """Whether any leader holds control.
-
-        Args:
-            now_ns: Receiver's monotonic clock [ns].
-        """
+        """Whether any leader holds control now, by the receiver's monotonic clock [ns]."""
         return bool(self.holder) and now_ns - self._heard_ns < self._lease_ns
 
     def refusal(self, holder: str, epoch: int, now_ns: int) -> str:
-        """One sentence for a leader that is not admitted: the holder of control, or why it gets none; "" if it is.
-
-        Args:
-            holder: Name of the leader.
-            epoch: Epoch of its process.
-            now_ns: Receiver's monotonic clock [ns].
-        """
+        """One sentence for a leader that is not admitted: the holder of control, or why it gets none; "" if it is."""
         if self._holds(holder, epoch) or self._may_follow(holder, epoch, now_ns):
             return ""
         if not (holder and epoch):
@@ -153,22 +130,13 @@ TOLD_NS = 5_000_000_000
 class Contest:
     """Inspects commands as they arrive, before any simulated fault, and reports a contest for control.
 
-    Between machines a leader is known by its certificate, so that no other can use its name; on one machine, or where
-    two hold the same key, another can. The commands of one process come over one connection in the order in which they
-    were made, each numbered one above the last. So where a second process uses its name and epoch, some number is not
-    larger than the one before it, whatever numbers the second chooses: none is free between those of the first. One is
-    enough to report, for one command far ahead silences the leader for seconds.
+    Between machines a leader is known by its certificate; on one machine, or with one key for two, another can use its
+    name. The commands of one process come in order over one connection, each numbered one above the last: where a
+    second process uses its name and epoch, some number is not larger than the one before, whatever the second chooses.
+    One is enough to report, for one command far ahead silences the leader for seconds.
 
-    It decides nothing: `ControlLease` decides which leader is obeyed. It is called in every tick and keeps three names.
-
-    Args:
-        lease: Decides which leader is obeyed.
+    It decides nothing, which `ControlLease` does, and keeps three names.
     """
-
-    __slots__ = (
-        "_begun_ns", "_collides", "_contender", "_counted", "_epoch", "_former", "_holder", "_last", "_lease",
-        "_since_ns"
-    )  # fmt: skip
 
     def __init__(self, lease: ControlLease) -> None:
         self._lease = lease
@@ -178,12 +146,7 @@ class Contest:
         self._begun_ns = self._since_ns = -2 * TOLD_NS
 
     def hear(self, command: Command, now_ns: int) -> None:
-        """Take note of one command that has arrived.
-
-        Args:
-            command: As it came.
-            now_ns: This side's monotonic clock [ns].
-        """
+        """Take note of one command that has arrived now [ns]."""
         lease = self._lease
         if lease.epoch != self._epoch or lease.holder != self._holder:
             self._change(now_ns)
@@ -199,11 +162,7 @@ class Contest:
                 self._tell(command.holder, now_ns)
 
     def sentence(self, now_ns: int) -> str:
-        """Sentence for people about the contest; "" where control is uncontested.
-
-        Args:
-            now_ns: This side's monotonic clock [ns].
-        """
+        """Sentence for people about the contest; "" where control is uncontested now [ns]."""
         holder, contender = self._holder, self._contender or "somebody without a name"
         if now_ns - self._since_ns > TOLD_NS:
             return ""

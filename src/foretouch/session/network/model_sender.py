@@ -8,8 +8,15 @@ from __future__ import annotations
 import math
 from heapq import heappop, heappush
 
-from foretouch.identification import SENSOR_SENTENCES, Estimator, Learner, LearntModel, SensorState
-from foretouch.messages import VERSION, ModelUpdate, encode
+from foretouch.identification import (
+    SENSOR_SENTENCES,
+    Estimator,
+    Learner,
+    LearntModel,
+    MaterialFieldLearner,
+    SensorState,
+)
+from foretouch.messages import VERSION, FieldUpdate, ModelUpdate, encode
 from foretouch.models import ContactMapModel, ContactModel
 
 PERIOD_NS = 1_000_000_000
@@ -62,11 +69,7 @@ class RoundTrip:
         self._acknowledged[command] = model
 
     def applied(self, command: int, now_ns: int) -> float | None:
-        """One tick, in which this command is the newest that was applied [ns].
-
-        Returns:
-            Once a second the smallest round trip of that second [s], None in all other ticks and where there was none.
-        """
+        """One tick [ns] after this newest applied command: once a second its smallest round trip [s], else None."""
         if command > self._applied:
             self._applied = command
         commands = self._commands
@@ -252,3 +255,36 @@ class ModelSender:
         if learnt.model is None or self._changed_ns is None or now_ns - self._changed_ns > CHANGE_TOLD_NS:
             return learnt.reason
         return f"the material changed {(now_ns - self._changed_ns) * 1e-9:.1f} s ago: it is learnt anew"
+
+
+FIELD_PERIOD_NS = 100_000_000
+"""Shortest time between two fields of materials [ns]."""
+
+FIELD_RATE = 30e3
+"""Largest byte rate of the fields [byte/s]."""
+
+
+class FieldSender:
+    """Sends a field if it has changed and the last one is some time ago: the longer, the larger that was.
+
+    Args:
+        run: Epoch of the follower's process.
+    """
+
+    __slots__ = ("_next_ns", "_run", "_sent", "_updates")
+
+    def __init__(self, run: int) -> None:
+        self._run = run
+        self._next_ns = self._updates = self._sent = 0
+
+    def due(self, estimator: Estimator, now_ns: int) -> FieldUpdate | None:
+        """The field that is due at this time [ns], of an estimator that learns one."""
+        if not isinstance(estimator, MaterialFieldLearner) or estimator.updates == self._updates:
+            return None
+        if now_ns < self._next_ns:
+            return None
+        content = estimator.field.to_bytes()
+        self._next_ns = now_ns + max(FIELD_PERIOD_NS, round(1e9 * len(content) / FIELD_RATE))
+        self._updates = estimator.updates
+        self._sent += 1
+        return FieldUpdate(VERSION, self._sent, now_ns, content, self._run)

@@ -81,13 +81,7 @@ class Freshness:
         self._smallest: deque[tuple[int, int]] = deque()  # (begin of the block, transit), transits growing [ns]
 
     def judge(self, sequence: int, sent_ns: int, now_ns: int) -> Arrival:
-        """Judge a command that arrives now.
-
-        Args:
-            sequence: Its number.
-            sent_ns: The leader's clock in it [ns].
-            now_ns: Our clock [ns].
-        """
+        """Judge a command with this number and time of its leader's clock [ns] that arrives now, by our clock [ns]."""
         smallest, transit = self._smallest, now_ns - sent_ns
         while smallest and smallest[0][0] < now_ns - MEMORY_NS:  # what is older says nothing, whatever comes
             smallest.popleft()
@@ -146,19 +140,6 @@ class Playout:
         place: The same in three dimensions, where commands have positions in space; empty otherwise.
     """
 
-    __slots__ = (
-        "_commands",
-        "_go",
-        "_least",
-        "_least_before",
-        "_places",
-        "_point",
-        "_ticks",
-        "applied",
-        "place",
-        "position",
-    )
-
     def __init__(self, go: Callable[[tuple[float, ...]], float] | None = None) -> None:
         self._go = go
         self.restart()
@@ -175,7 +156,7 @@ class Playout:
         self.place: tuple[float, ...] = ()
 
     def forget(self) -> None:
-        """Drop what has not been played; the position is NaN until the next command comes."""
+        """Drop all positions not yet played; the position is NaN until the next command comes."""
         self._commands.clear()
         self._places.clear()
         self._point = self.position = math.nan
@@ -237,7 +218,7 @@ class Playout:
         self._ticks = 0
 
     def _play(self, newest: float) -> None:
-        """Interpolate at the playback point, and drop what is no longer needed."""
+        """Interpolate at the playback point, and drop positions before it."""
         commands, places, point = self._commands, self._places, self._point
         after = len(commands) if point >= newest else bisect_right(commands, (point, math.inf))
         if not after:

@@ -1,4 +1,4 @@
-"""The camera's process in real time: images of a simulated scene, and what the tracker believes of the fixture."""
+"""The camera's process in real time: images of a simulated scene, and the tracker's belief of the fixture."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from foretouch.session.spatial.camera import IMAGE_PERIOD, VIEW, SimulatedCamera
 from foretouch.session.spatial.scenes import KnownSurface, Scene
 
 CAMERA_CHANNELS = ("follower-space", "stop")
-"""What the camera's link receives: a simulated camera sees what the follower's simulation says."""
+"""Channels that the camera's link receives: a simulated camera sees the world of the follower's simulation."""
 
 POLL_PERIOD = 0.005
 HELLO_PERIOD = 0.5
 GRACE = 1.0
-"""Whoever is told that the session ends goes on for so long [s]."""
+"""Time for which it goes on after the end of the session was announced [s]."""
 
 
 def run_camera(
@@ -37,16 +37,16 @@ def run_camera(
     """Take images, track the fixture, and publish both, until a `Stop` has arrived or `stop` is set.
 
     Args:
-        link: With `CAMERA_CHANNELS`.
-        scene: What stands on the fixture.
-        camera: None where there is none: then touches alone are tracked.
-        settings: Of the session.
-        stop: Looked at in every round.
+        link: Link with `CAMERA_CHANNELS`.
+        scene: Scene on the fixture.
+        camera: None for none: then touches alone are tracked.
+        settings: Session settings.
+        stop: Checked in every round.
         parent: Process whose end ends this one.
         description: Gives the texts of the `Hello` messages.
 
     Returns:
-        Why it ended, as ``ended``, and what the tracker used and refused, by name.
+        Reason for the end, as ``ended``, and the counts of the tracker, by name.
     """
     state: tracker.State | None = None
     epoch = own_epoch()

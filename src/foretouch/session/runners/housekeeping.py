@@ -238,7 +238,7 @@ class Housekeeper(threading.Thread):
         os._exit(1)
 
     def _tell_news(self) -> None:
-        """Take the texts of others, and print what is new."""
+        """Take the texts of others, and print changed news."""
         for _, hello in self._link.take("hello"):
             self._heard[hello.role] = hello.texts
             if hello.role == "leader":
@@ -256,7 +256,7 @@ class Housekeeper(threading.Thread):
         self._told = news
 
     def _report_link(self) -> None:
-        """Print what the link dropped: undecodable messages, whenever there are more, and once oversized ones."""
+        """Print dropped messages of the link: undecodable ones whenever there are more, oversized ones once."""
         link = self._link
         if link.undecodable > self._reported:
             new, foreign = link.undecodable - self._reported, link.foreign - self._foreign

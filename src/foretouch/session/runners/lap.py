@@ -5,37 +5,24 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
-from contextlib import ExitStack
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.devices import Device, SpatialDevice
-from foretouch.errors import SettingError
 from foretouch.link import FaultStage
 from foretouch.messages import CameraImage, FollowerSpace, Hello, Message, SessionLog
 from foretouch.quantities import Columns
-from foretouch.robot import Robot, SpatialRobot, material_names
-from foretouch.session.operators import (
-    close_operator,
-    felt_texts,
-    make_operator,
-    pressed_material,
-    reach_of,
-    require_simulated_time,
-)
-from foretouch.session.robots import make_session_robot, reach_texts, require_simulated_robot
-from foretouch.session.runners.driven import DrivenFollower, DrivenLeader, drive_follower, drive_leader
+from foretouch.robot import SpatialRobot
+from foretouch.session.runners.driven import DrivenFollower, DrivenLeader, SpaceFollower, SpaceLeader
 from foretouch.session.runners.warm_up import warm_up_once
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
+from foretouch.session.spatial import tracker
+from foretouch.session.spatial.camera import IMAGE_PERIOD, VIEW, SimulatedCamera
+from foretouch.session.spatial.scenes import KnownSurface, make_scene
 from foretouch.session.steps.counting import OperatorClock, follower_counts, leader_counts
-from foretouch.settings import SIMULATED
-
-if TYPE_CHECKING:
-    from foretouch.session.runners.driven_scene import SpaceFollower
-    from foretouch.session.spatial.camera import SimulatedCamera
 
 _PERIOD_NS = round(SAMPLE_PERIOD * 1e9)
 
@@ -68,47 +55,26 @@ class SimulatedSession(Columns):
         return self.log.columns()
 
 
-class Watcher(Protocol):
-    """Observes the robot from outside, and gives messages about it."""
-
-    def look(self, said: list[Message], now_ns: int) -> list[Message]:
-        """One tick, after the robot has moved; return the messages to record.
-
-        Args:
-            said: Messages of the follower in this tick.
-            now_ns: Simulated time [ns].
-        """
-
-    def counts(self) -> dict[str, int]:
-        """Counters, by name."""
+TRACKER_PERIOD_NS = 5_000_000
+"""Time between two steps of the tracker, as in its process [ns]."""
 
 
 class CameraAndTracker:
-    """Camera and tracker of a session in three dimensions; the follower receives their belief of the fixture.
-
-    Args:
-        settings: Session settings.
-        camera: Camera beside the robot; None for none, then touches alone inform about the fixture.
-        follows: Follower with its robot.
-    """
+    """Camera, None for none, and tracker in three dimensions, whose belief of the fixture the follower receives."""
 
     def __init__(self, settings: SessionSettings, camera: SimulatedCamera | None, follows: SpaceFollower) -> None:
-        from foretouch.session.spatial import tracker
-        from foretouch.session.spatial.camera import IMAGE_PERIOD, VIEW
-        from foretouch.session.spatial.scenes import KnownSurface, make_scene
-
         scene = make_scene(settings.scene)
-        self._tracker, self._follows, self._camera = tracker, follows, camera
+        self._follows, self._camera = follows, camera
         self._state = tracker.start(KnownSurface(scene.surface), scene.nominal, settings.fusion, view=VIEW)
         self._image_period_ns = round(IMAGE_PERIOD / SAMPLE_PERIOD) * _PERIOD_NS
         self._delay_ns = round(settings.camera_delay * 1e9)
         self._coming: deque[tuple[int, CameraImage]] = deque()  # time of reading, and the image
         self._spaces: list[FollowerSpace] = []
 
-    def look(self, said: list[Message], now_ns: int) -> list[Message]:
-        """See `Watcher.look`."""
+    def look(self, messages: list[Message], now_ns: int) -> list[Message]:
+        """One tick, after the robot has moved: from the follower's messages to the further ones to record."""
         seen: list[Message] = []
-        (space,) = (message for message in said if type(message) is FollowerSpace)
+        (space,) = (message for message in messages if type(message) is FollowerSpace)
         self._spaces.append(space)
         if self._camera is not None and now_ns % self._image_period_ns == 0:
             sample = self._follows.sample
@@ -121,7 +87,7 @@ class CameraAndTracker:
             due = []
             while self._coming and self._coming[0][0] <= now_ns:
                 due.append(self._coming.popleft()[1])
-            belief = self._tracker.step(self._state, self._spaces, due, now_ns)
+            belief = tracker.step(self._state, self._spaces, due, now_ns)
             self._spaces = []
             if belief is not None:
                 self._follows.believe([belief])
@@ -129,25 +95,15 @@ class CameraAndTracker:
         return seen
 
     def counts(self) -> dict[str, int]:
-        """See `Watcher.counts`."""
-        return self._tracker.counts(self._state)
-
-
-TRACKER_PERIOD_NS = 5_000_000
-"""Time between two steps of the tracker, as in its process [ns]."""
+        """Counters, by name."""
+        return tracker.counts(self._state)
 
 
 @dataclass
 class Lap:
     """A session in simulated time: follower, network, leader, network, tick by tick.
 
-    Args:
-        settings: Session settings.
-        follows: The follower with its robot.
-        leads: The leader with its operator.
-        operator: That operator, whose time begins once it is coupled.
-        texts: Settings for the log, beside the session's.
-        watcher: Watcher at the robot; None for none.
+    `texts` are settings for the log beside the session's; `watcher` stands at the robot, None for none.
     """
 
     settings: SessionSettings
@@ -155,16 +111,10 @@ class Lap:
     leads: DrivenLeader
     operator: Device | SpatialDevice
     texts: Mapping[str, str]
-    watcher: Watcher | None = None
+    watcher: CameraAndTracker | None = None
 
     def run(self, duration: float, record: Record | None = None, progress: Progress | None = None) -> SimulatedSession:
-        """Run it once.
-
-        Args:
-            duration: Simulated time [s].
-            record: Called with each message to keep.
-            progress: Called once a simulated second.
-        """
+        """Run it for a simulated time [s]; `record` is called with each message, `progress` once a simulated second."""
         follows, leads, clock = self.follows, self.leads, OperatorClock(self.operator)
         commands: FaultStage[Any] = FaultStage(self.settings.command_faults)
         returned: FaultStage[Message] = FaultStage(self.settings.return_faults)
@@ -178,22 +128,22 @@ class Lap:
             now_ns = tick * _PERIOD_NS
             due = commands.pop_due(now_ns)
             start = time.perf_counter_ns()
-            said = follows.tick(due, _PERIOD_NS, 0, now_ns)
+            messages = follows.tick(due, _PERIOD_NS, 0, now_ns)
             compute[1, tick] = time.perf_counter_ns() - start
-            for message in said:
+            for message in messages:
                 returned.push(now_ns, message)
             follows.exchange()
             if self.watcher is not None:
-                said += self.watcher.look(said, now_ns)
+                messages += self.watcher.look(messages, now_ns)
             arrived, theirs = returned.pop_due(now_ns), clock.read(now_ns, coupled=leads.state.follower_view.run > 0)
             start = time.perf_counter_ns()
             command, *records = leads.tick(arrived, theirs, _PERIOD_NS, 0, now_ns, stop=False)
             compute[0, tick] = time.perf_counter_ns() - start
             commands.push(now_ns, command)
-            said += records
-            kept += said
+            messages += records
+            kept += messages
             if record is not None:
-                for message in said:
+                for message in messages:
                     record(message, now_ns)
             if progress is not None and tick % 1000 == 0:
                 progress(now_ns * 1e-9)
@@ -203,56 +153,6 @@ class Lap:
         log = SessionLog.from_messages(kept, texts, counts)
         log.leader["compute_ns"], log.follower["compute_ns"] = compute
         return SimulatedSession(log, duration, elapsed)
-
-
-def prepare_line(
-    settings: SessionSettings,
-    duration: float,
-    operator: Device | None,
-    robot: Robot | None,
-    *,
-    description: Mapping[str, str] | None,
-    progress: Progress | None,
-    say: Callable[[str], None],
-) -> Callable[[Record | None], SimulatedSession]:
-    """Make what a session along a line needs and was not passed: see `prepare_simulation`."""
-    with ExitStack() as made:  # what is made here is closed here
-        if robot is None:
-            robot, reach = make_session_robot(settings)
-            made.callback(robot.close)
-            require_simulated_robot(robot, settings)
-        else:
-            reach = reach_of(robot, settings)
-        texts = _own_material(robot, settings) | reach_texts(reach) | dict(description or {})
-        if operator is None:
-            operator = make_operator(settings, surface=reach.surface, press_depth=reach.press_depth, say=say)
-            made.callback(close_operator, operator)
-            require_simulated_time(operator)
-        to_close = made.pop_all()
-
-    def run(record: Record | None) -> SimulatedSession:
-        with to_close:
-            warm_up_once(settings)
-            follows, leads = drive_follower(robot, settings, 1), drive_leader(operator, settings, "leader", 1)
-            told = felt_texts(operator, settings) | texts
-            return Lap(settings, follows, leads, operator, told).run(duration, record, progress)
-
-    return run
-
-
-def _own_material(robot: Robot, settings: SessionSettings) -> dict[str, str]:
-    """Texts of the log on the material, where the robot presses one of its own, which no setting can name.
-
-    Raises:
-        SettingError: It presses another material than the settings name.
-    """
-    material = pressed_material(robot)
-    if settings.robot != SIMULATED or material is None or material.name == settings.material:
-        return {}
-    if material.name in material_names():
-        rule = f"the robot presses {material.name}; make it with make_robot(settings.material), or leave it out"
-        raise SettingError("material", settings.material, rule)
-    return {"material": material.name}
 
 
 def simulate_scene(
@@ -278,56 +178,7 @@ def simulate_scene(
         record: Called with each message to keep.
         progress: Called once a simulated second.
     """
-    from foretouch.session.runners.driven_scene import SpaceFollower, SpaceLeader
-
     warm_up_once(settings)
     follows, leads = SpaceFollower(robot, settings, 1), SpaceLeader(operator, settings, "leader", 1)
     watcher = CameraAndTracker(settings, camera, follows)
     return Lap(settings, follows, leads, operator, description or {}, watcher).run(duration, record, progress)
-
-
-def prepare_scene(
-    settings: SessionSettings,
-    duration: float,
-    *,
-    description: Mapping[str, str] | None,
-    progress: Progress | None,
-    say: Callable[[str], None],
-) -> Callable[[Record | None], SimulatedSession]:
-    """Make scene, robot, operator and camera; see `foretouch.session.prepare_simulation`.
-
-    Args:
-        settings: Settings with a scene.
-        duration: Simulated time [s].
-        description: Further settings for the log.
-        progress: Called now and then with the simulated time [s].
-        say: Prints one line where there is no camera.
-
-    Returns:
-        Function that runs the session; its argument records messages, or is None.
-    """
-    from foretouch.session.spatial.making import make_camera, make_spatial_operator, make_spatial_robot
-    from foretouch.session.spatial.scenes import make_scene
-
-    scene = make_scene(settings.scene)
-    robot = make_spatial_robot(settings, scene)
-    operator = make_spatial_operator(settings, scene, scene.nominal)
-    camera = make_camera(settings, scene, say=say) if settings.fusion in ("full", "image") else None
-
-    def run(record: Record | None) -> SimulatedSession:
-        try:
-            return simulate_scene(
-                settings,
-                operator,
-                robot,
-                camera,
-                duration=duration,
-                description=description,
-                record=record,
-                progress=progress,
-            )
-        finally:
-            if camera is not None:
-                camera.close()
-
-    return run

@@ -7,6 +7,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
 
 from foretouch.devices import Device, SpatialDevice
 from foretouch.errors import SideError
@@ -15,7 +16,7 @@ from foretouch.messages import PROCESS, SIDES, VERSION, Command, EmergencyStop, 
 from foretouch.robot import Robot, SpatialRobot
 from foretouch.session.network.lease import Contest, own_epoch
 from foretouch.session.operators import close_operator
-from foretouch.session.runners.driven import DrivenFollower, drive_follower, drive_leader
+from foretouch.session.runners.driven import DrivenFollower, SpaceFollower, SpaceLeader, drive_follower, drive_leader
 from foretouch.session.runners.housekeeping import LEAVING, ORPHANED, Housekeeper, Process, StopFlag, orphaned
 from foretouch.session.runners.loop_timer import LoopTimer, let_pass, steady
 from foretouch.session.runners.news import LoopWatch, all_of, follower_news, follower_says, leader_news, over
@@ -37,10 +38,10 @@ FOLLOWER_CHANNELS = ("command", "settings", "stop", "emergency", "hello")
 LEADER_CHANNELS = ("model", "telemetry", "handle", "settings", "stop", "hello")
 """Channels that the leader's link receives."""
 
-SPACE_FOLLOWER_CHANNELS = ("fixture",)
+SPACE_FOLLOWER_CHANNELS = SpaceFollower.channels
 """Further channels that a follower's link receives in three dimensions."""
 
-SPACE_LEADER_CHANNELS = ("follower-space", "field")
+SPACE_LEADER_CHANNELS = SpaceLeader.channels
 """Further channels that a leader's link receives in three dimensions."""
 
 MOST_PRESSES = 1024
@@ -58,8 +59,7 @@ def wait_for_hello(
 ) -> dict[str, dict[str, str]]:
     """Wait until each of these roles has sent a `Hello`; return the texts of each.
 
-    Returns early, with what there is, when `stop` is set, after `timeout` [s], or when the process `parent`, whose
-    end ends this one, has gone.
+    Returns early, with what there is, when `stop` is set, after `timeout` [s], or when the process `parent` has gone.
 
     Raises:
         PeerVersionError: An awaited side speaks another version. Processes of one `parent` are of one version, and
@@ -131,7 +131,8 @@ def run_follower(
     woke, compute = 0, 0
     end = None if duration is None else time.monotonic_ns() + round(duration * 1e9)
     # The last message is sent last: until then the watch detects a driver that hangs while the robot unloads.
-    with ended_in_order(house, stop), steady(), unloaded_at_last(driven, timer, loop, link.publish, say):
+    with ended_in_order(house, stop), steady(), contextlib.ExitStack() as last:
+        last.callback(_leave, driven, timer, loop, link.publish, say)
         while not stop.reason:
             now, periods = timer.wait()
             loop.ticked = now
@@ -164,34 +165,11 @@ def run_follower(
             due, period = stage.pop_due(now), timer.woke_ns - woke if woke else 0
             woke = timer.woke_ns
             start = time.perf_counter_ns()
-            said = driven.tick(due, period, compute, now, stop=emergency, release=release)
+            messages = driven.tick(due, period, compute, now, stop=emergency, release=release)
             compute = time.perf_counter_ns() - start
-            for message in said:
+            for message in messages:
                 link.publish(message)
     return {"ended": stop.reason} | follower_counts(state) | link_counts("follower", link)
-
-
-@contextmanager
-def unloaded_at_last(
-    driven: DrivenFollower,
-    timer: LoopTimer,
-    loop: LoopWatch,
-    publish: Callable[[Message], None],
-    say: Callable[[str], None],
-) -> Iterator[None]:
-    """Leave no robot pressing, however a loop ends, including by an exception of its own or of the robot's driver.
-
-    Args:
-        driven: Follower with its robot.
-        timer: Timer of the loop.
-        loop: Counts each tick, and detects a driver that hangs.
-        publish: Sends the messages of the ticks.
-        say: Prints one line for people.
-    """
-    try:
-        yield
-    finally:
-        _leave(driven, timer, loop, publish, say)
 
 
 def _leave(
@@ -201,10 +179,10 @@ def _leave(
     publish: Callable[[Message], None],
     say: Callable[[str], None],
 ) -> None:
-    """Act as after a long silence, until the robot feels next to nothing, for at most `LEAVING`.
+    """Leave no robot pressing, however a loop ends, including by an exception of its own or of the robot's driver.
 
-    A driver that raised may accept the next command. Where a tick raises, the robot retreats according to the force in
-    its newest sample.
+    It acts as after a long silence, until the robot feels next to nothing, for at most `LEAVING`. A driver that raised
+    may accept the next command. Where a tick raises, the robot retreats according to the force in its newest sample.
     """
     end = time.monotonic() + LEAVING
     failures = driven.state.failures
@@ -220,13 +198,13 @@ def _leave(
             deaf = True
             continue
         try:
-            said = driven.tick([], 0, 0, now, ended=True)
+            messages = driven.tick([], 0, 0, now, ended=True)
         except Exception:
             with contextlib.suppress(Exception):  # it holds its position
                 driven.back_off()
             continue
         with contextlib.suppress(Exception):  # unloading comes first, whether or not it is published
-            for message in said:
+            for message in messages:
                 publish(message)
     failures.learns = learns  # the last message reports the session as it was
     if deaf:
@@ -283,17 +261,13 @@ def run_leader(
             state.follower_view, texts_of.get("follower", {}), silence, nowhere=nowhere, told_here=parent is not None
         )
 
-    def release() -> None:
-        if isinstance(operator, Device):
-            close_operator(operator)
-
     house = Housekeeper(
         process,
         "leader",
         describe,
         news,
         epoch=state.epoch,
-        release=release,
+        release=partial(close_operator, operator) if isinstance(operator, Device) else None,
         over=lambda: "that is over: the robot follows this leader",
     )
     house.start()
@@ -334,9 +308,9 @@ def run_leader(
             due, period = stage.pop_due(now), timer.woke_ns - woke if woke else 0
             woke = timer.woke_ns
             start = time.perf_counter_ns()
-            said = driven.tick(due, operator_ns, period, compute, now, stop=bool(stop.emergency))
+            messages = driven.tick(due, operator_ns, period, compute, now, stop=bool(stop.emergency))
             compute = time.perf_counter_ns() - start
-            for message in said:
+            for message in messages:
                 link.publish(message)
     return {"ended": stop.reason} | leader_counts(state) | link_counts("leader", link)
 
@@ -344,10 +318,6 @@ def run_leader(
 @contextmanager
 def ended_in_order(house: Housekeeper, stop: StopFlag) -> Iterator[None]:
     """Send why a side ends as its last message, also where its loop raises, as a device's or robot's driver may.
-
-    Args:
-        house: Housekeeper of that side.
-        stop: Its reason is that of the last message.
 
     Raises:
         SideError: From whatever exception the loop raised.

@@ -1,7 +1,4 @@
-"""Pace of every real-time loop: absolute deadlines, sleep, then a short spin; and the scheduling of processes.
-
-Loops run at once, watchers when there is time.
-"""
+"""Pace of every real-time loop (absolute deadlines, sleep, then a short spin), and the scheduling of processes."""
 
 from __future__ import annotations
 
@@ -40,10 +37,10 @@ ATTRIBUTES = struct.Struct("<IIQiIQQQ")
 
 
 def be_prompt() -> None:
-    """Let a process whose loop must be punctual wake on time, without any privilege.
+    """Let a process whose loop must be punctual wake on time, without any privilege; on Linux only.
 
-    All its threads, not the loop's alone: one that is put aside while it holds the interpreter keeps the loop waiting.
-    So this is to be called before threads start; they take it over. Where the system is not Linux, nothing happens.
+    All its threads, for one that is put aside while it holds the interpreter keeps the loop waiting: so this is to be
+    called before threads start.
     """
     if sys.platform != "linux":
         return
@@ -59,8 +56,7 @@ def be_prompt() -> None:
 def give_way() -> None:
     """Give a watching process less of a busy processor than the loops, and let it preempt no running one.
 
-    To be called before it starts threads: on Linux each has a priority of its own, and those that come after take over
-    that of the thread that starts them.
+    To be called before it starts threads, which take its priority over.
     """
     if sys.platform == "linux":
         os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
@@ -133,15 +129,10 @@ class LoopTimer:
 
 
 def let_pass(exchange: Callable[[], None], periods: int, *, simulated: bool) -> None:
-    """Let the elapsed sample periods pass: with a real robot, whose time passes by itself, one exchange.
+    """Let the elapsed sample periods pass (`LoopTimer.wait`): with a real robot one exchange.
 
     A driver may wait in it for the next cycle of its bus: to make up for missed periods it would wait for as many more
     cycles, and miss more. Only a simulated robot, whose time stands still otherwise, is given them.
-
-    Args:
-        exchange: With the robot.
-        periods: Since the tick before (`LoopTimer.wait`).
-        simulated: Whether the robot is.
     """
     if periods < 1:  # the first tick
         return
@@ -177,14 +168,10 @@ class Punctuality(NamedTuple):
 
 
 def measure_loop(period: float, ticks: int, work: Callable[[float], None] = lambda time: None) -> Punctuality:
-    """Run a loop that is paced as both sides of a session are, and measure it.
+    """Run a loop of this period [s] for some deadlines, paced as a side of a session, and measure it.
 
-    A deadline that was passed over is late until the one that was not.
-
-    Args:
-        period: Period [s], positive.
-        ticks: Number of deadlines, at least 1.
-        work: What each tick computes; it is given the time since the first deadline [s].
+    A deadline that was passed over is late until the one that was not. `work` gets the time since the first deadline
+    [s].
     """
     late, computed, timer = [0] * ticks, [], LoopTimer(period)
     period_ns, tick = round(period * 1e9), -1

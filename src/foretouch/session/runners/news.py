@@ -1,8 +1,4 @@
-"""Status sentences that a side prints for people, and detection of a loop that hangs.
-
-A sentence is printed once while a condition lasts; a second thread of the process detects that a driver's call does
-not return.
-"""
+"""Status sentences that a side prints for people, and detection of a loop that hangs, by a second thread."""
 
 from __future__ import annotations
 
@@ -50,12 +46,7 @@ class Repeats:
         self.spoke = False
 
     def lines(self, sentence: str, now: float) -> list[str]:
-        """Lines to print, oldest first.
-
-        Args:
-            sentence: Sentence that holds now, "" for none.
-            now: By a monotonic clock [s].
-        """
+        """Lines to print now [s], oldest first, for the sentence that holds, "" for none."""
         due = {said: again for said, (when, again) in self._said.items() if now - when >= QUIET}
         lines = [f"{said} ({plural(again, 'time')} more within {QUIET:g} s)" for said, again in due.items() if again]
         for said, again in due.items():
@@ -135,13 +126,7 @@ ANEW = "the leader begins anew, as was chosen: the robot waits for it"
 
 
 def follower_says(state: follower.State, contest: str, *, anew: bool = False) -> dict[str, str]:
-    """Texts of a follower's `Hello` beside its settings: its process, the holder of control, and what is wrong.
-
-    Args:
-        state: Follower state.
-        contest: Sentence about competing leaders (`foretouch.session.network.lease.Contest`).
-        anew: Whether its leader has announced that it restarts.
-    """
+    """Texts of a follower's `Hello` beside its settings: its process, the holder of control, and what is wrong."""
     return {
         PROCESS: str(state.run),
         "control": state.lease.holder,
@@ -175,12 +160,7 @@ def over(state: follower.State) -> str:
 
 
 def follower_news(state: follower.State, *, anew: bool = False) -> str:
-    """One sentence about the robot while it does not follow the commands that were received; else "".
-
-    Args:
-        state: Follower state.
-        anew: Whether its leader has announced that it restarts.
-    """
+    """One sentence about a robot that does not follow the received commands; `anew` while its leader restarts."""
     safety, watch = state.safety, state.watch
     if safety.stop_reason and watch.state is not SensorState.GOOD:
         why = f"nobody knows what it feels, and it goes out as it came: {SENSOR_SENTENCES[watch.state]}"
@@ -218,7 +198,7 @@ def leader_news(
     """One sentence for an operator whose commands are not obeyed, or may not be; else "".
 
     Args:
-        view: What was received from the follower.
+        view: Messages received from the follower.
         follower_texts: Texts of its newest `Hello`.
         silence: Time since its last message [s].
         nowhere: Whether the operator's device gives no position.
@@ -239,12 +219,7 @@ def leader_news(
 
 
 def shadow_news(state: follower.State, asked: str) -> str:
-    """One sentence for the person who moves a robot that is only watched; else "".
-
-    Args:
-        state: State of the follower that watches.
-        asked: Why an emergency stop was asked for; empty while none was.
-    """
+    """One sentence for the person who moves a watched robot; `asked` is the reason of a requested emergency stop."""
     if asked:
         return f"emergency stop ({asked}): nothing is commanded from here, so stop the robot where it is moved"
     if state.watch.state is not SensorState.GOOD:

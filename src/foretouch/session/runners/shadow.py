@@ -2,9 +2,7 @@
 
 A person or another program moves the robot. Both steps of a session run in this one process: the leader's hand is the
 robot's measured position, and the models reach it with the delay of the settings. The force that would have been
-rendered can be seen, recorded and scored; the follower's commands are discarded.
-
-The accuracy of the predicted force during contact is kept in a few sums.
+rendered can be seen, recorded and scored.
 """
 
 from __future__ import annotations
@@ -60,15 +58,7 @@ class ShadowScore:
         self.contact_time = 0.0
 
     def add(self, now_ns: int, force: float, predicted: float, delayed: float, in_contact: bool) -> None:
-        """Take one tick.
-
-        Args:
-            now_ns: Monotonic clock [ns].
-            force: Measured force [N].
-            predicted: Force predicted by the newest model that had arrived [N].
-            delayed: Newest force that had arrived [N]; NaN counts as 0.
-            in_contact: Whether the robot is in contact.
-        """
+        """Take one tick [ns]: measured, predicted and delayed force [N]; a delayed force of NaN counts as 0."""
         if self._began_ns is None:
             self._began_ns = now_ns
         since, self._before_ns = (now_ns - self._before_ns) * 1e-9, now_ns
@@ -100,11 +90,7 @@ class ShadowScore:
         return self._error(self._delayed)
 
     def sentence(self, delay: float) -> str:
-        """Figures in one line.
-
-        Args:
-            delay: Delay of the models [s].
-        """
+        """Figures in one line, for this delay of the models [s]."""
         if not self.contact_time > 0.0:
             return f"nothing was touched after the first {SCORED_AFTER:g} s: there is nothing to compare"
         return (
@@ -127,35 +113,12 @@ NAME = "shadow"
 
 @dataclass(slots=True)
 class State:
-    """State of a shadow, updated in place in each tick.
-
-    Attributes:
-        following: State of the follower's step.
-        leading: State of the leader's step, in an open loop.
-        returned: Messages on their way from the first to the second.
-        score: Score of the predicted force so far.
-    """
+    """Both steps, messages on their way from follower to leader, and the score; updated in place in each tick."""
 
     following: follower.State
     leading: leader.State
     returned: FaultStage[ModelUpdate | Telemetry]
     score: ShadowScore = field(default_factory=ShadowScore)
-
-
-class Inputs(NamedTuple):
-    """Inputs of a tick.
-
-    Attributes:
-        sample: Sample of the robot's sensors.
-        period_ns: Time since the last tick began [ns].
-        compute_ns: Computing time of both sides in the last tick [ns].
-        release: Whether the sensors are reported as repaired at the robot.
-    """
-
-    sample: RobotSample
-    period_ns: int
-    compute_ns: int
-    release: bool = False
 
 
 class Outputs(NamedTuple):
@@ -167,14 +130,7 @@ class Outputs(NamedTuple):
 
 
 def start(specification: RobotSpecification, settings: SessionSettings, *, epoch: int = 1, run: int = 1) -> State:
-    """State before the first tick.
-
-    Args:
-        specification: Specification of the robot.
-        settings: Session settings, as `shadow_settings` leaves them.
-        epoch: Epoch of the leader inside (`foretouch.session.network.lease.own_epoch`).
-        run: Epoch of this process.
-    """
+    """State before the first tick, with settings of `shadow_settings`, the leader's epoch and the follower's run."""
     return State(
         follower.start(specification, settings, run=run),
         leader.start(settings, holder=NAME, epoch=epoch),
@@ -182,29 +138,20 @@ def start(specification: RobotSpecification, settings: SessionSettings, *, epoch
     )
 
 
-def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
-    """One tick: the leader at the robot's measured position, then the follower, which applies that command at once.
+def step(state: State, inputs: follower.Inputs[RobotSample], now_ns: int) -> tuple[State, Outputs]:
+    """One tick [ns]: the leader at the measured position of the robot, then the follower, which applies it at once.
 
     Both are at the same position, so that only the forces are compared, and a predicted force is as old as its model.
-
-    Args:
-        state: Updated in place and returned.
-        inputs: Inputs of this tick.
-        now_ns: Monotonic clock [ns].
+    The inputs are the follower's, without commands.
     """
-    sample, period_ns, compute_ns, release = inputs
     arrived = state.returned.pop_due(now_ns)
     models = [message for message in arrived if type(message) is ModelUpdate]
     telemetry = [message for message in arrived if type(message) is Telemetry]
-    hand = follower.tip(state.following, sample)
-    state.leading, led = leader.step(
-        state.leading, leader.Inputs(hand, models, telemetry, period_ns, compute_ns), now_ns
+    hand = follower.tip(state.following, inputs.sample)
+    _, led = leader.step(
+        state.leading, leader.Inputs(hand, models, telemetry, inputs.period_ns, inputs.compute_ns), now_ns
     )
-    state.following, acted = follower.step(
-        state.following,
-        follower.Inputs([led.command], sample, period_ns, compute_ns, release=release),
-        now_ns,
-    )
+    _, acted = follower.step(state.following, inputs._replace(commands=[led.command]), now_ns)
     state.following.released_tick = 0  # no command is obeyed here, so a repair of the sensors need not be announced
     # The robot was commanded nothing, so the safety layer's reaction is not reported.
     said = msgspec.structs.replace(acted.telemetry, desired_position=math.nan, status=Status.SHADOW)
@@ -291,7 +238,8 @@ def run_shadow(
                 stop.set(link.take("stop")[-1][1].reason)
             if end is not None and now >= end:
                 stop.set("the duration is over")
-            inputs = Inputs(sample, timer.woke_ns - woke if woke else 0, compute, release)
+            period = timer.woke_ns - woke if woke else 0
+            inputs = follower.Inputs([], sample, period, compute, release=release)
             woke = timer.woke_ns
             began = time.perf_counter_ns()
             state, outputs = step(state, inputs, now)

@@ -3,14 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from functools import partial
 
 from foretouch.devices import Device
 from foretouch.errors import InputError, SettingError
 from foretouch.errors.checks import require, require_type
-from foretouch.robot import Robot
-from foretouch.session.operators import require_simulated_operator, say_on_stderr
-from foretouch.session.runners.lap import Record, SimulatedSession, prepare_line, prepare_scene
+from foretouch.robot import Robot, material_names
+from foretouch.session.operators import (
+    close_operator,
+    felt_texts,
+    make_operator,
+    pressed_material,
+    reach_of,
+    require_simulated_operator,
+    require_simulated_time,
+    say_on_stderr,
+)
+from foretouch.session.robots import make_session_robot, reach_texts, require_simulated_robot
+from foretouch.session.runners.driven import drive_follower, drive_leader
+from foretouch.session.runners.lap import Lap, Progress, Record, SimulatedSession, simulate_scene
+from foretouch.session.runners.warm_up import warm_up_once
 from foretouch.session.settings import SessionSettings
+from foretouch.session.spatial import make_camera, make_scene, make_spatial_operator, make_spatial_robot
+from foretouch.settings import SIMULATED
 
 
 def simulate(
@@ -21,7 +37,7 @@ def simulate(
     robot: Robot | None = None,
     description: Mapping[str, str] | None = None,
     record: Record | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress | None = None,
     say: Callable[[str], None] = say_on_stderr,
 ) -> SimulatedSession:
     """Run a session in simulated time, as the command ``foretouch simulate`` does; with a scene, in three dimensions.
@@ -66,7 +82,7 @@ def prepare_simulation(
     operator: Device | None = None,
     robot: Robot | None = None,
     description: Mapping[str, str] | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress | None = None,
     say: Callable[[str], None] = say_on_stderr,
 ) -> Callable[[Record | None], SimulatedSession]:
     """Make what a simulated session needs and was not given; bad input is refused here, before anything is written.
@@ -86,8 +102,69 @@ def prepare_simulation(
             raise InputError(f"the {name} was used before: make a fresh one for each session, or leave it out")
     if operator is None:
         require_simulated_operator(settings)
-    if settings.scene:
-        if operator is not None or robot is not None:
-            raise SettingError("scene", settings.scene, "has an operator and a robot of its own: leave both out")
-        return prepare_scene(settings, duration, description=description, progress=progress, say=say)
-    return prepare_line(settings, duration, operator, robot, description=description, progress=progress, say=say)
+    if settings.scene and (operator is not None or robot is not None):
+        raise SettingError("scene", settings.scene, "has an operator and a robot of its own: leave both out")
+    with ExitStack() as made:  # closed here is what is made here
+        run = _in_scene(made, settings, say) if settings.scene else _on_line(made, settings, operator, robot, say)
+        to_close = made.pop_all()
+
+    def run_once(record: Record | None) -> SimulatedSession:
+        with to_close:
+            return run(duration=duration, description=description, record=record, progress=progress)
+
+    return run_once
+
+
+def _in_scene(
+    made: ExitStack, settings: SessionSettings, say: Callable[[str], None]
+) -> Callable[..., SimulatedSession]:
+    """Make robot, operator and camera of a scene."""
+    scene = make_scene(settings.scene)
+    robot = make_spatial_robot(settings, scene)
+    operator = make_spatial_operator(settings, scene, scene.nominal)
+    camera = make_camera(settings, scene, say=say) if settings.fusion in ("full", "image") else None
+    if camera is not None:
+        made.callback(camera.close)
+    return partial(simulate_scene, settings, operator, robot, camera)
+
+
+def _on_line(
+    made: ExitStack, settings: SessionSettings, operator: Device | None, robot: Robot | None, say: Callable[[str], None]
+) -> Callable[..., SimulatedSession]:
+    """Make the robot and operator of a session along a line that were not passed."""
+    if robot is None:
+        robot, reach = make_session_robot(settings)
+        made.callback(robot.close)
+        require_simulated_robot(robot, settings)
+    else:
+        reach = reach_of(robot, settings)
+    texts = _own_material(robot, settings) | reach_texts(reach)
+    if operator is None:
+        operator = make_operator(settings, surface=reach.surface, press_depth=reach.press_depth, say=say)
+        made.callback(close_operator, operator)
+        require_simulated_time(operator)
+
+    def run(
+        *, duration: float, description: Mapping[str, str] | None, record: Record | None, progress: Progress | None
+    ) -> SimulatedSession:
+        warm_up_once(settings)
+        follows, leads = drive_follower(robot, settings, 1), drive_leader(operator, settings, "leader", 1)
+        told = felt_texts(operator, settings) | texts | dict(description or {})
+        return Lap(settings, follows, leads, operator, told).run(duration, record, progress)
+
+    return run
+
+
+def _own_material(robot: Robot, settings: SessionSettings) -> dict[str, str]:
+    """Texts of the log on the material, where the robot presses one of its own, which no setting can name.
+
+    Raises:
+        SettingError: It presses another material than the settings name.
+    """
+    material = pressed_material(robot)
+    if settings.robot != SIMULATED or material is None or material.name == settings.material:
+        return {}
+    if material.name in material_names():
+        rule = f"the robot presses {material.name}; make it with make_robot(settings.material), or leave it out"
+        raise SettingError("material", settings.material, rule)
+    return {"material": material.name}

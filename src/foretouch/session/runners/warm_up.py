@@ -20,6 +20,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numba import config
@@ -29,19 +30,22 @@ from foretouch.core.compiling import compiled_root, complete_mark, mark_complete
 from foretouch.errors import ForetouchError
 from foretouch.errors.checks import require_type
 from foretouch.identification import ESTIMATORS, ContactSample, Learner, identify, make_estimator, predict
-from foretouch.messages import VERSION, Command, ModelUpdate, Telemetry
 from foretouch.models import ContactMapModel, Predictor, make_model
 from foretouch.quantities import Recording
-from foretouch.robot import RobotSample, RobotSpecification
+from foretouch.robot import RobotSample, RobotSpecification, SpatialSample, make_robot
 from foretouch.session.operators import make_operator
+from foretouch.session.runners.driven import LineFollower, LineLeader, SpaceFollower, SpaceLeader
 from foretouch.session.runners.housekeeping import COMPILING, HELLO_PERIOD, ORPHANED, StopFlag, orphaned
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
-from foretouch.session.steps import follower, leader
+from foretouch.session.spatial import make_scene, make_spatial_operator, make_spatial_robot
+from foretouch.session.steps import leader as line_leader
 from foretouch.settings import SIMULATED
 
 TICKS = 700
 DEPTH, STIFFNESS, SURFACE, ABOVE = 2e-3, 500.0, 0.01, 1e-3
 """Depth, stiffness, surface and start height of an artificial press for warming up [m, N/m, m, m]."""
+START, PRESSED, SLIDE, FRICTION = 2e-3, 4e-3, 0.01, 0.3
+"""Start height, depth and length [m] of an artificial slide in space, and its coefficient of friction."""
 
 SPECIFICATION = RobotSpecification(SAMPLE_PERIOD, 15.0, 0.0, 0.0, 0.0, 0.0, 0.02, 0.0, 200.0, (-1.0, 1.0))
 
@@ -67,13 +71,12 @@ def warm_up(settings: SessionSettings | None = None) -> None:
     """
     settings = SessionSettings() if settings is None else settings
     require_type("settings", settings, SessionSettings, "SessionSettings, or None for the defaults")
+    own = dataclasses.replace(settings, calibration="", sensor_fault=None, operator="scripted", baseline="none")
+    _press_alone(own)
+    _press_in_a_session(dataclasses.replace(own, scene=""), LineFollower, LineLeader, _Press())
     if settings.scene:
-        from foretouch.session.spatial.warm_up import warm_up_scene
-
-        warm_up_scene(settings)
-    _press_alone(settings)
-    _press_in_a_session(settings)
-    _move_the_simulated(settings)
+        _press_in_a_session(own, SpaceFollower, SpaceLeader, _Slide())
+    _move_the_simulated(own)
 
 
 def _press(tick: int) -> tuple[float, float]:
@@ -83,9 +86,9 @@ def _press(tick: int) -> tuple[float, float]:
 
 
 def _press_alone(settings: SessionSettings) -> None:
-    """Run what a loop without a session calls."""
+    """Run the code of a loop without a session."""
     learner = Learner(settings.make_estimator(), surface=SURFACE, force_offset=0.0)
-    predictor, renderer = Predictor(), leader.start(settings).renderer
+    predictor, renderer = Predictor(), line_leader.start(settings).renderer
     renderer.engage(0.0, SURFACE - ABOVE)
     for tick in range(TICKS):
         time, (position, force) = tick * SAMPLE_PERIOD, _press(tick)
@@ -101,45 +104,82 @@ def _press_alone(settings: SessionSettings) -> None:
         renderer.update(time, (position - SURFACE + ABOVE) / settings.position_scale, SAMPLE_PERIOD)
 
 
-def _press_in_a_session(settings: SessionSettings) -> None:
-    """Run what the two steps of a session along a line call: the same press by both, with no network between."""
-    settings = dataclasses.replace(settings, calibration="", sensor_fault=None, scene="")
-    follows, leads = follower.start(SPECIFICATION, settings), leader.start(settings)
-    models: list[ModelUpdate] = []
-    telemetry: list[Telemetry] = []
+class _Press:
+    """Robot and operator of the press."""
+
+    specification, name, closed_loop, clutched = SPECIFICATION, "press", False, False
+
+    def __init__(self) -> None:
+        self._tick = 0
+
+    def read(self, now_ns: int | None = None) -> Any:
+        """The robot's sample, or at a time the hand's position."""
+        position, force = _press(self._tick)
+        return (
+            RobotSample(position, force, 0.0, force, position, position, False, force) if now_ns is None else position
+        )
+
+    def exchange(self, desired: Any) -> Any:
+        """Go on to the next tick."""
+        self._tick += 1
+        return self.read()
+
+    @property
+    def exact_position(self) -> Any:
+        return self.read(0)
+
+    intention = exact_position
+
+    def render(self, force: Any) -> None:
+        """Feel nothing."""
+
+    def see(self, pose: Any) -> None:
+        """See nothing."""
+
+
+class _Slide(_Press):
+    """The same in space: down, then along."""
+
+    def read(self, now_ns: int | None = None) -> Any:
+        done = self._tick / (0.5 * TICKS)
+        place = (SLIDE * max(done - 1.0, 0.0), 0.0, START - (START + PRESSED) * min(done, 1.0))
+        if now_ns is not None:
+            return place
+        pressed = max(-place[2], 0.0) * STIFFNESS
+        force = (-FRICTION * pressed if place[0] > 0.0 else 0.0, 0.0, pressed)
+        return SpatialSample(place, force, force, place, (), False)
+
+
+def _press_in_a_session(settings: SessionSettings, follower: Any, leader: Any, press: _Press) -> None:
+    """Run both sides of a session: the same press by both, with no network between."""
+    follows, leads = follower(press, settings, 1), leader(press, settings, "warm-up", 1)
+    commands: list[Any] = []
     for tick in range(TICKS):
         now_ns = round(tick * SAMPLE_PERIOD * 1e9)
-        position, force = _press(tick)
-        leads, led = leader.step(leads, leader.Inputs(position, models, telemetry, 1_000_000, 0), now_ns)
-        command = Command(VERSION, tick + 1, now_ns, led.command.position, 0, holder="warm-up", epoch=1)
-        sample = RobotSample(position, force, 0.0, force, position, position, False, force)
-        follows, acted = follower.step(follows, follower.Inputs([command], sample, 1_000_000, 0), now_ns)
-        models, telemetry = [] if acted.model is None else [acted.model], [acted.telemetry]
+        said = follows.tick(commands, 1_000_000, 0, now_ns)
+        command, *_ = leads.tick(said, now_ns, 1_000_000, 0, now_ns, stop=False)
+        commands = [command]
+        follows.exchange()
 
 
 def _move_the_simulated(settings: SessionSettings) -> None:
-    """Run what a simulated robot and a simulated hand call, as far as they can be simulated here."""
-    by_script = dataclasses.replace(settings, operator="scripted")
+    """Run a simulated robot and a simulated hand, as far as they can be simulated here."""
     with suppress(ForetouchError):  # MuJoCo is not installed: then no session uses it
+        robot: Any
+        hand: Any
         if settings.scene:
-            from foretouch.session.spatial import make_scene, make_spatial_operator, make_spatial_robot
-
             scene = make_scene(settings.scene)
-            world = make_spatial_robot(settings, scene)
-            hand = make_spatial_operator(by_script, scene, scene.nominal)
-            for tick in range(TICKS):
-                world.exchange(hand.read(tick * 1_000_000))
-                hand.render((0.0, 0.0, 1.0))
+            robot, hand = make_spatial_robot(settings, scene), make_spatial_operator(settings, scene, scene.nominal)
         elif settings.robot == SIMULATED:
-            from foretouch.robot import make_robot
-
-            arm = make_robot(settings.material, seed=settings.seed)
-            reach = arm.material
-            operator = make_operator(by_script, surface=arm.surface, press_depth=reach.press_depth, say=lambda _: None)
-            for tick in range(TICKS):
-                operator.read(tick * 1_000_000)
-                operator.render(1.0)
-                arm.exchange(arm.surface + DEPTH * tick / TICKS)
+            robot = make_robot(settings.material, seed=settings.seed)
+            depth = robot.material.press_depth
+            hand = make_operator(settings, surface=robot.surface, press_depth=depth, say=lambda _: None)
+        else:
+            return
+        for tick in range(TICKS):
+            place = hand.read(tick * 1_000_000)
+            hand.render((0.0, 0.0, 1.0) if settings.scene else 1.0)
+            robot.exchange(place if settings.scene else robot.surface + DEPTH * tick / TICKS)
 
 
 def _recording() -> Recording:
@@ -249,11 +289,7 @@ def _taken(lock: int) -> bool:
 
 
 def _compile_in_processes(stop: Callable[[], bool]) -> Iterator[float]:
-    """Compile the parts side by side; yields the progress, 0 to 1, now and then.
-
-    Raises:
-        subprocess.SubprocessError: A part failed.
-    """
+    """Compile the parts side by side; yields the progress, 0 to 1, and raises where a part failed."""
     command = [sys.executable, "-m", "foretouch.session.runners.warm_up"]
     parts = [
         subprocess.Popen([*command, name], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)

@@ -1,7 +1,4 @@
-"""The simulated camera at the follower, images of fixture, board and probe, and any camera and tracker in real time.
-
-These run in a process of their own beside the follower, whose loop has no time for them.
-"""
+"""The simulated camera at the follower: images of fixture, board and probe, in a process of its own in real time."""
 
 from __future__ import annotations
 
@@ -35,7 +32,7 @@ def _looking(eye: tuple[float, float, float], at: tuple[float, float, float]) ->
 
 CAMERA_POSE = _looking((-0.035, -0.21, 0.205), (-0.035, 0.0, 0.0))
 """Of the camera in the world: it sees board and specimen from 44 degrees above the plane, for a board that is seen
-straight from above has no sure tilt."""
+straight from above has no certain tilt."""
 
 
 VIEW = (float(CAMERA_POSE.rotation[0, 2]), float(CAMERA_POSE.rotation[1, 2]), float(CAMERA_POSE.rotation[2, 2]))
@@ -43,12 +40,12 @@ VIEW = (float(CAMERA_POSE.rotation[0, 2]), float(CAMERA_POSE.rotation[1, 2]), fl
 
 
 class SimulatedCamera:
-    """Draws, spoils and reads images: what a camera and the program beside it do.
+    """Draws, degrades and reads images: a camera, and the program beside it.
 
     Args:
-        scene: What stands on the fixture.
-        faults: Of the images.
-        seed: Of their noise, not negative.
+        scene: Scene on the fixture.
+        faults: Faults of the images.
+        seed: Seed of their noise, not negative.
 
     Raises:
         MissingExtraError: MuJoCo or OpenCV is not installed.
@@ -74,13 +71,13 @@ class SimulatedCamera:
     def take(
         self, fixture: Sequence[float], probe: Vector, tick: int, time: float, now_ns: int, run: int = 0
     ) -> CameraImage:
-        """One image and what it says.
+        """One image, and the pose in it.
 
         Args:
-            fixture: True pose of the fixture: a place [m] and a rotation vector [rad].
-            probe: Place of the probe's tip [m].
-            tick: Of the follower, whose moment it shows.
-            time: Since the start of the session, by which faults come and go [s].
+            fixture: True pose of the fixture: a position [m] and a rotation vector [rad].
+            probe: Position of the probe's tip [m].
+            tick: Tick of the follower whose moment it shows.
+            time: Time since the start of the session, by which faults come and go [s].
             now_ns: This side's clock [ns].
             run: Epoch of the follower's process.
         """
@@ -88,47 +85,32 @@ class SimulatedCamera:
         true = Pose.from_rotation_vector(fixture[3:], fixture[:3])
         before = self._camera.jpeg
         image = self._camera.take(self._lens.distort(self._scene.render(true, probe)), time)
-        if image is None:
-            return self._message(tick, now_ns, run, b"", None, None, 0, "the stream has dropped the image")
-        if before and self._camera.jpeg == before:  # no two images of a sensor with noise are alike
-            still = before if len(before) <= LARGEST_JPEG else b""
-            why = "the stream stands still: the same image again"
-            return self._message(tick, now_ns, run, still, None, None, 0, why)
-        found = self._detector.locate(image)
         jpeg = self._camera.jpeg if len(self._camera.jpeg) <= LARGEST_JPEG else b""
-        if found.pose is None or found.covariance is None:
-            return self._message(tick, now_ns, run, jpeg, None, None, found.markers, found.reason)
-        return self._message(tick, now_ns, run, jpeg, CAMERA_POSE @ found.pose, found.covariance, found.markers, "")
-
-    def _message(
-        self,
-        tick: int,
-        now_ns: int,
-        run: int,
-        jpeg: bytes,
-        pose: Pose | None,
-        covariance: np.ndarray | None,
-        markers: int,
-        reason: str,
-    ) -> CameraImage:
-        numbers = () if pose is None else (*pose.translation.tolist(), *pose.rotation_vector().tolist())
-        spread = () if covariance is None else tuple(covariance.ravel().tolist())
+        numbers: tuple[float, ...] = ()
+        spread: tuple[float, ...] = ()
+        markers = 0
+        if image is None:
+            jpeg, reason = b"", "the stream has dropped the image"
+        elif before and self._camera.jpeg == before:  # no two images of a sensor with noise are alike
+            reason = "the stream stands still: the same image again"
+        else:
+            found = self._detector.locate(image)
+            markers, reason = found.markers, found.reason
+            if found.pose is not None and found.covariance is not None:
+                pose, reason = CAMERA_POSE @ found.pose, ""
+                numbers = (*pose.translation.tolist(), *pose.rotation_vector().tolist())
+                spread = tuple(found.covariance.ravel().tolist())
         return CameraImage(
             VERSION, self._sequence, now_ns, tick, jpeg, numbers, spread, markers, reason, self._numbers, run
         )
 
     def close(self) -> None:
-        """Give back what the graphics library holds."""
+        """Give back the resources of the graphics library."""
         self._scene.close()
 
 
 def pixels(camera: Sequence[float], points: np.ndarray) -> np.ndarray:
-    """Where points of the world are in an image, (n, 2) [pixel]; NaN for what is not before the camera.
-
-    Args:
-        camera: As `CameraImage.camera` has it.
-        points: (n, 3) [m].
-    """
+    """Positions in an image (n, 2) [pixel] of points (n, 3) [m], for a `CameraImage.camera`; NaN behind it."""
     fx, fy, cx, cy, k1, k2, p1, p2, k3 = camera[:9]
     width, height = round(2 * cx) + 1, round(2 * cy) + 1
     model = CameraModel(width, height, fx, fy, cx, cy, k1, k2, p1, p2, k3)

@@ -1,7 +1,4 @@
-"""Where the robot in space is on its way to, and the coordinate along the normal, by which it runs as one along a line.
-
-The course stands between the place that is commanded and the one that is allowed.
-"""
+"""The path of the robot in space to the commands, and its coordinate along the normal, a position as along a line."""
 
 from __future__ import annotations
 
@@ -25,12 +22,12 @@ FARTHEST = 10.0
 
 
 class ClosestPoint(NamedTuple):
-    """Where a place is against the surface, in the world's frame.
+    """Closest point of the surface to a position, in the world's frame.
 
     Attributes:
-        depth: In the surface where it is believed to be [m], negative outside.
-        along: The coordinate: `depth` and all that the surface was believed elsewhere since the start [m].
-        normal: Outward, of length 1; outside, from the nearest point to the place.
+        depth: Depth in the surface where it is believed to be [m], negative outside.
+        along: The coordinate: `depth`, and all displacements of the believed surface since the start [m].
+        normal: Outward, of length 1; outside, from the nearest point to the position.
         point: The proxy on the surface [m].
         inner_point: The same in the fixture's frame [m].
     """
@@ -47,27 +44,25 @@ class ClosestPoint(NamedTuple):
 
 
 class SurfaceLine:
-    r"""Follows a place against a surface on a fixture that is believed now here, now there.
+    """Follows a position against a surface on a fixture whose believed pose changes.
 
     .. math:: q = d + o
 
-    d is the depth in the surface, o what keeps q where it was when the belief moves: a fixture that is seen elsewhere
-    is no motion of the place. So q is as continuous as the place's own motion, grows into the material as positions
-    along a line do, and in it the surface stands at o. All that is made for a line (identification, mediation, safety)
-    takes q for the position and o for the surface; a surface that moves is to it what it is along a line. The same is
-    done where the proxy lets go, over an edge: then the depth changes by more than the place has moved.
+    d is the depth in the surface; the offset o keeps q where it was when the belief changes, for a fixture that is seen
+    elsewhere is no motion. So q is as continuous as the motion itself, grows into the material as positions along a
+    line do, and the surface stands at o in it. Everything made for a line (identification, mediation, safety) takes q
+    for the position and o for the surface. The same is done where the proxy lets go, over an edge: then the depth
+    changes by more than the position.
 
     Args:
-        surface: In the fixture's frame.
-        pose: Of the fixture: a place [m] and a rotation vector [rad].
+        surface: Surface in the fixture's frame.
+        pose: Pose of the fixture: a position [m] and a rotation vector [rad].
         leads: Whether it has an offset of its own; otherwise it is that of another line, set by the caller.
 
     Attributes:
-        surface: As given.
-        pose: That is believed.
-        motion: The same, as a motion.
+        motion: The believed pose as a rigid motion.
         offset: o [m].
-        closest: Of the newest place; None before it.
+        closest: Closest point of the newest position; None before it.
     """
 
     __slots__ = ("_leads", "_place", "_proxy", "closest", "motion", "offset", "pose", "surface")
@@ -83,7 +78,7 @@ class SurfaceLine:
         self.closest: ClosestPoint | None = None
 
     def believe(self, pose: Sequence[float]) -> bool:
-        """Believe the fixture elsewhere; the coordinate of the newest place stays. Whether that was any news.
+        """Believe the fixture elsewhere; the newest coordinate stays. Whether that was any news.
 
         A pose that is not six finite numbers within 10 m and 10 rad is left out.
         """
@@ -114,7 +109,7 @@ class SurfaceLine:
         return self.closest
 
     def restart(self) -> None:
-        """Forget from which side the place came; the coordinate goes on where it was."""
+        """Forget from which side the probe came; the coordinate goes on where it was."""
         self._proxy.restart()
 
     def outside(self, inner: Vector) -> Vector:
@@ -138,15 +133,15 @@ NO_VECTOR: Vector = (0.0, 0.0, 0.0)
 
 
 class Way(NamedTuple):
-    """What a tick's way depends on.
+    """Inputs of a tick's course.
 
     Attributes:
         open: Whether the robot follows: otherwise the course stays where it is.
-        here: Where the probe is [m].
+        here: Position of the probe [m].
         resistance: Force along the surface on the probe [N].
         pressed: Force along the normal [N].
-        sliding: Speed along the surface at most [m/s].
-        deeper: Speed at which it may go deeper now [m/s].
+        sliding: Largest speed along the surface [m/s].
+        deeper: Largest speed into the surface now [m/s].
     """
 
     open: bool
@@ -158,51 +153,34 @@ class Way(NamedTuple):
 
 
 class Course:
-    r"""Goes from where the robot is towards the commands, and holds back from there what safety does not allow.
+    r"""Goes from the robot's position towards the commands, and holds back where safety does not allow it.
 
-    The place c of the course goes to the commanded one no faster than the robot may; along the surface no faster than
-    it may slide; outwards at once. A force along the surface that no friction explains, for it is larger than the one
-    along the normal, is an obstacle that nobody knew: against it the course goes only as `ForceGuard` allows.
+    The position c of the course goes to the commanded one no faster than the robot may; along the surface no faster
+    than it may slide; outwards at once. A force along the surface that no friction explains, for it is larger than the
+    one along the normal, is an unknown obstacle: against it the course goes only as `ForceGuard` allows.
 
-    Its coordinate q along the normal n of its closest point goes through safety as a position on a line does. What is
-    left of it, an aim that is no deeper, is brought into space by a vector h to
+    Its coordinate q along the normal n of its closest point goes through safety as a position on a line does. The
+    result, an aim that is no deeper, is brought into space by a vector h to
 
     .. math:: c + h, \quad h \to (q - aim)\, n
 
-    which follows the aim at once, and the normal only at the return speed: a normal that flips at an edge moves
-    nothing at first. For the same reason a step of q that no motion explains, where the nearest point of the surface is
-    another or a fixture is believed elsewhere, is let in at that speed. Where nothing is held back, c + h is the
-    command itself, whatever is believed of the surface.
+    which follows the aim at once, and the normal only at the return speed: a normal that flips at an edge moves nothing
+    at first. For the same reason a step of q that no motion explains, where the nearest point of the surface is another
+    or a fixture is believed elsewhere, is let in at that speed. Where nothing is held back, c + h is the command
+    itself, whatever is believed of the surface.
 
     Args:
-        line: Of the course: with an offset of its own.
+        line: Line of the course, with an offset of its own.
         ceiling: Ceiling of the force [N].
-        speed: Largest of the robot [m/s].
-        return_speed: At which it takes in what no motion explains [m/s].
-        sample_period: [s].
+        speed: Largest speed of the robot [m/s].
+        return_speed: Speed at which it takes in changes that no motion explains [m/s].
+        sample_period: Sample period [s].
 
     Attributes:
-        place: c [m]; no numbers before it has begun.
-        line: As given.
-        closest: Of c.
-        way: Of this tick.
+        place: c [m]; NaN before it has begun.
+        closest: Closest point of c.
+        way: Inputs of this tick.
     """
-
-    __slots__ = (
-        "_allowed",
-        "_apart",
-        "_ceiling",
-        "_guard",
-        "_inwards",
-        "_longest",
-        "_period",
-        "_return",
-        "_size",
-        "closest",
-        "line",
-        "place",
-        "way",
-    )
 
     def __init__(
         self, line: SurfaceLine, ceiling: float, speed: float, return_speed: float, sample_period: float
@@ -264,7 +242,7 @@ class Course:
         return add(self.place, apart)
 
     def _step(self, step: Vector, normal: Vector) -> Vector:
-        """Of the way to the command what is gone in this tick."""
+        """Step towards the command in this tick."""
         outwards = scaled(normal, max(dot(step, normal), 0.0))
         rest = subtract(step, outwards)
         length = norm(rest)

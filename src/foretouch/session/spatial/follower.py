@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import msgspec
 
@@ -26,10 +26,10 @@ from foretouch.messages import (
 from foretouch.quantities.pose import Vector, add, dot, norm, scaled, subtract
 from foretouch.rendering.surfaces import Surface
 from foretouch.robot import RobotSample, RobotSpecification, SpatialSample
+from foretouch.session.network.model_sender import FieldSender
 from foretouch.session.network.playout import Playout
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.spatial.course import ClosestPoint, Course, SurfaceLine, Way
-from foretouch.session.spatial.felt import FeltSurface, FieldSender, SmoothedContact
 from foretouch.session.spatial.last_limit import LastLimit
 from foretouch.session.spatial.way_in import MISSED, MISSED_TICKS, WayIn
 from foretouch.session.steps import follower
@@ -54,6 +54,59 @@ NAN3 = (math.nan, math.nan, math.nan)
 POSE_NUMBERS = 6
 
 
+LATEST = 2e-3
+"""Depth at which a contact may have been noticed at most [m]; one noticed deeper tells no surface."""
+
+FELT_WAY, TOUCH_EXPONENT = 1e-3, 1.15
+"""The surface is known from how the force grows over this way [m], with this exponent of depth."""
+
+SMOOTHED = -math.expm1(-2.0 * math.pi * 20.0 * SAMPLE_PERIOD)
+"""Weight of a tick in a low-pass of 20 Hz: the speed of one tick is mostly the encoders' noise."""
+
+
+class FeltSurface:
+    r"""Where a contact began, once it is 1 mm deep.
+
+    A contact is noticed late, at a force F_1 that the surface gives at a depth d. With F_2 after h more,
+
+    .. math:: d = \frac{r h}{1 - r}, \quad r = (F_1 / F_2)^{1 / n}
+
+    for a law of exponent n, here 1.15: a spring has 1, and Hertz's ball 1.5.
+
+    Attributes:
+        ticks: Ticks since this contact began; 0 while there is none.
+        place: Onset of the newest contact that tells of the surface [m]; NaN before it.
+        tick: Tick in which that was known.
+    """
+
+    __slots__ = ("_onset", "_told", "place", "tick", "ticks")
+
+    def __init__(self) -> None:
+        self._onset = 0.0, 0.0  # force at which this contact began [N], and the position along the normal then [m]
+        self._told = False
+        self.place: Vector = NAN3
+        self.tick = self.ticks = 0
+
+    def leave(self) -> bool:
+        """Nothing is felt in this tick; whether something was in the one before."""
+        left, self.ticks = self.ticks > 0, 0
+        return left
+
+    def feel(self, force: float, place: Vector, closest: ClosestPoint, tick: int) -> None:
+        """Feel a force along the normal [N] at a place of the probe [m] in a tick."""
+        self.ticks += 1
+        if self.ticks == 1:
+            self._onset, self._told = (force, closest.along), False
+        began, at = self._onset
+        way = closest.along - at
+        if self._told or way < FELT_WAY:
+            return
+        self._told = True
+        ratio = (began / force) ** (1.0 / TOUCH_EXPONENT) if 0.0 < began < force else 1.0
+        if ratio * way <= LATEST * (1.0 - ratio):  # else it hardly grew: its onset is unknown
+            self.place, self.tick = add(place, scaled(closest.normal, way / (1.0 - ratio))), tick
+
+
 NO_BELIEF = FixtureBelief(VERSION, 0, 0, (0.0,) * 6, (), math.inf, 0, 0, 0, "", epoch=0)
 """Belief before the first: no image has shown the fixture, and its error is unknown."""
 
@@ -63,23 +116,14 @@ class State:
     """State of the follower, updated in place in each tick.
 
     Attributes:
-        inner: State of the follower along the surface's normal.
         line: Line of the probe.
-        course: Course towards the commands.
-        last: Last stage before the robot.
-        way_in: Knowledge of the approach to the surface.
-        fields: Sends the fields of materials.
         approach_speed: Speed along a surface whose first touch is guarded [m/s].
         largest_speed: Largest speed of the robot [m/s].
-        friction: Learns friction.
-        smoothed: Smoothed forces from which it learns.
-        bias: The sensor's offset [N].
+        smoothed: Force along the normal and along the surface [N], and velocity along it [m/s], low-passed alike.
         bias_ticks: Number of ticks that it is known from.
         free_ticks: Ticks since free air began; negative for a while after a contact.
-        missed_ticks: Ticks without force below the surface.
         belief: Newest belief of the fixture's pose, as its tracker sent it.
         believed_ns: Clock at its arrival: it ages while no other comes [ns].
-        touch: Onset of the newest contact.
         point: Point of the surface, in the fixture, in the tick before [m].
     """
 
@@ -92,7 +136,7 @@ class State:
     approach_speed: float
     largest_speed: float
     friction: FrictionEstimator = field(default_factory=FrictionEstimator)
-    smoothed: SmoothedContact = field(default_factory=lambda: SmoothedContact())
+    smoothed: tuple[float, Vector, Vector] = (0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     bias: Vector = (0.0, 0.0, 0.0)
     bias_ticks: int = 0
     free_ticks: int = 0
@@ -103,40 +147,8 @@ class State:
     point: Vector = NAN3
 
 
-class Inputs(NamedTuple):
-    """Inputs of a tick: as `foretouch.session.steps.follower.Inputs`, with the tracker's beliefs.
-
-    Attributes:
-        commands: Commands with positions in space that have arrived since the last tick.
-        sample: Sample of the robot's sensors.
-        period_ns: Time since the last tick began [ns].
-        compute_ns: Computing time of the last tick [ns].
-        beliefs: Beliefs of the fixture's pose that have arrived since the last tick.
-        stop: Why an emergency stop was requested; empty while none was.
-        release: Whether its end is requested at the robot.
-        ended: Whether the session is over.
-    """
-
-    commands: list[Command]
-    sample: SpatialSample
-    period_ns: int
-    compute_ns: int
-    beliefs: list[FixtureBelief]
-    stop: str = ""
-    release: bool = False
-    ended: bool = False
-
-
 class Outputs(NamedTuple):
-    """Outputs of a tick.
-
-    Attributes:
-        desired: Position for the robot [m].
-        telemetry: Telemetry for all subscribers, along the normal.
-        model: Model for the leader, when one is due.
-        space: Telemetry for all subscribers, in space.
-        field: Field for the leader, when one is due.
-    """
+    """Position for the robot [m], telemetry for all subscribers, and model and field for the leader when due."""
 
     desired: Vector
     telemetry: Telemetry
@@ -174,14 +186,8 @@ def start(
     return State(inner, probe, course, last, way_in, fields, settings.approach_speed, speed)
 
 
-def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
-    """One tick of the follower.
-
-    Args:
-        state: Updated in place and returned.
-        inputs: Inputs of this tick.
-        now_ns: This side's monotonic clock [ns].
-    """
+def step(state: State, inputs: follower.Inputs[SpatialSample], now_ns: int) -> tuple[State, Outputs]:
+    """One tick of the follower, at a time of its monotonic clock [ns]; the state is updated in place and returned."""
     inner, sample, line, course = state.inner, inputs.sample, state.line, state.course
     failures = inner.failures
     try:
@@ -191,10 +197,16 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         failures.note("what it believes of the fixture", error)
     before = line.offset
     closest = line.follow(sample.place)
-    _share_offset(state, before)
+    if line.offset != before:  # the proxy has let go: the coordinate went on, and what was felt is elsewhere
+        inner.learner.conditioner.shift(line.offset - before)
+        state.last.line.offset = line.offset
     state.way_in.come_to(inner, line, closest, seen=math.isfinite(state.belief.image_age))
     force = subtract(sample.force, state.bias)
-    commands = _with_positions(state, inputs.commands)
+    try:
+        commands = [_with_position(command) for command in inputs.commands]
+    except Exception as error:
+        failures.note("its commands in space", error)
+        commands = []
     estimator = inner.learner.estimator
     if failures.learns and isinstance(estimator, MaterialFieldLearner):
         try:
@@ -221,11 +233,17 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         commanded_position=closest.along,
         clipped=sample.clipped,
     )
-    told = follower.Inputs(
-        commands, along, inputs.period_ns, inputs.compute_ns, inputs.stop, inputs.release, inputs.ended
-    )
-    _, allowed = follower.step(inner, told, now_ns)
-    model, materials = _learn_in_space(state, closest, sample, sideways, allowed.model, now_ns)
+    in_space: Any = inputs
+    _, allowed = follower.step(inner, in_space._replace(commands=commands, sample=along), now_ns)
+    model, materials = None, None
+    if failures.learns:
+        try:
+            _learn_beside_the_law(state, closest, sample, sideways)
+            model = None if allowed.model is None else _with_fixture(state, allowed.model, now_ns)
+            materials = state.fields.due(estimator, now_ns)
+        except Exception as error:
+            failures.stop_learning("its learning in space", error)
+            model = None
     desired, desired_along = state.last.update(course, allowed.desired_position, free=closest.along < inner.free)
     space = _space(state, sample, closest, force, desired, now_ns)
     telemetry = msgspec.structs.replace(allowed.telemetry, desired_position=desired_along)
@@ -233,7 +251,7 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
 
 
 def _way(state: State, sample: SpatialSample, sideways: Vector) -> Way:
-    """What the course goes by, from this tick's sensors and what was decided in the tick before."""
+    """Inputs of the course, from this tick's sensors and the decisions of the tick before."""
     inner, fastest = state.inner, state.largest_speed
     if inner.first_touch.guarded:
         fastest = state.approach_speed
@@ -265,43 +283,11 @@ def _believe(state: State, belief: FixtureBelief, now_ns: int) -> None:
     state.belief, state.believed_ns = belief, now_ns
 
 
-def _share_offset(state: State, before: float) -> None:
-    """Where the proxy has let go the coordinate went on and the surface is elsewhere: for all, and what was felt."""
-    if state.line.offset != before:
-        state.inner.learner.conditioner.shift(state.line.offset - before)
-        state.last.line.offset = state.line.offset
-
-
-def _with_positions(state: State, commands: list[Command]) -> list[Command]:
-    """Commands with a position that says only whether they have a place: the course says where it is on the normal."""
-    try:
-        return [_with_position(command) for command in commands]
-    except Exception as error:
-        state.inner.failures.note("its commands in space", error)
-        return []
-
-
 def _with_position(command: Command) -> Command:
+    """A command whose position says only whether it has a place: the course says where that is on the normal."""
     place = command.place
     known = len(place) == 3 and all(map(math.isfinite, place))
     return msgspec.structs.replace(command, position=max(map(abs, place)) if known else math.nan)
-
-
-def _learn_in_space(
-    state: State, closest: ClosestPoint, sample: SpatialSample, sideways: Vector, model: ModelUpdate | None, now_ns: int
-) -> tuple[ModelUpdate | None, FieldUpdate | None]:
-    """Learn what is beside the law; the model with its fixture and the materials that are due."""
-    failures = state.inner.failures
-    if not failures.learns:
-        return None, None
-    try:
-        _learn_beside_the_law(state, closest, sample, sideways)
-        return None if model is None else _with_fixture(state, model, now_ns), state.fields.due(
-            state.inner.learner.estimator, now_ns
-        )
-    except Exception as error:
-        failures.stop_learning("its learning in space", error)
-        return None, None
 
 
 def _learn_beside_the_law(state: State, closest: ClosestPoint, sample: SpatialSample, sideways: Vector) -> None:
@@ -322,10 +308,14 @@ def _learn_beside_the_law(state: State, closest: ClosestPoint, sample: SpatialSa
         return
     state.free_ticks = -AFTER_CONTACT
     if math.isfinite(moved[0] + sideways[0] + sideways[1] + sideways[2]):
-        smoothed = state.smoothed
-        smoothed.update(learnt_from.force, sideways, state.line.motion.rotate(scaled(moved, 1.0 / SAMPLE_PERIOD)))
-        if norm(smoothed.sliding) > SLIDING:
-            state.friction.update(smoothed.pressed, smoothed.sideways, smoothed.sliding, SAMPLE_PERIOD)
+        pressed, rubbed, sliding = state.smoothed
+        speed = state.line.motion.rotate(scaled(moved, 1.0 / SAMPLE_PERIOD))
+        pressed += SMOOTHED * (learnt_from.force - pressed)
+        rubbed = add(rubbed, scaled(subtract(sideways, rubbed), SMOOTHED))
+        sliding = add(sliding, scaled(subtract(speed, sliding), SMOOTHED))
+        state.smoothed = pressed, rubbed, sliding
+        if norm(sliding) > SLIDING:
+            state.friction.update(pressed, rubbed, sliding, SAMPLE_PERIOD)
     state.touch.feel(learnt_from.force, sample.place, closest, inner.tick)
 
 

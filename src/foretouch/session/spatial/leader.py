@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import msgspec
 
@@ -18,7 +18,6 @@ from foretouch.messages import (
     VERSION,
     Command,
     FieldUpdate,
-    FollowerSpace,
     LeaderSpace,
     LeaderState,
     ModelUpdate,
@@ -26,7 +25,7 @@ from foretouch.messages import (
 )
 from foretouch.models import FIELD_DEPTH, MaterialField, QuadraticContact
 from foretouch.quantities.pose import Vector, add, dot, norm, scaled, subtract
-from foretouch.rendering import FrictionRenderer, NormalAccount, SpatialEnergyAccount
+from foretouch.rendering import FrictionRenderer, SpatialEnergyAccount
 from foretouch.rendering.surfaces import Surface
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.spatial.course import ClosestPoint, SurfaceLine
@@ -75,12 +74,7 @@ class TouchedMaterial:
             self.refused += 1
 
     def law(self, point: Vector, depth: float) -> QuadraticContact | None:
-        """The law at a point; None where nothing is known of it, or the hand is too far above.
-
-        Args:
-            point: Point on the surface, in the fixture's frame [m].
-            depth: Depth of the hand below it [m].
-        """
+        """The law at a point, in the fixture's frame, for a hand at this depth [m]; None where unknown."""
         if self._field is None or depth < -NEAR:
             return None
         law, deviation, known = self._field.law_at(point)
@@ -108,21 +102,13 @@ class State:
     """State of the leader, updated in place in each tick.
 
     Attributes:
-        inner: State of the leader along the surface's normal.
         line: Line of the hand.
-        friction: Renders friction.
         account: Energy account in all directions.
-        position_scale: Ratio of the follower's motion to the hand's.
-        force_scale: Ratio of the hand's force to the follower's.
         largest_force: Largest force of the device [N].
         apart: Offset between the hand and its position in the world [m].
         hand: Position of the hand in the world [m].
         left: Commanded position of the follower [m].
-        material: Newest field of the surface's material.
-        model: Message of the newest model, None before.
         felt_deeper: How much deeper than believed the surface was felt [m].
-        coefficient: Coefficient of Coulomb friction.
-        viscous: Coefficient of viscous friction [N s/m].
         follower_at: Newest commanded position of the follower that was received [m].
         follower_run: Run of the follower process that sent it.
         offset: Offset of the line then [m].
@@ -148,44 +134,8 @@ class State:
     offset: float = 0.0
 
 
-class Inputs(NamedTuple):
-    """Inputs of a tick: as `foretouch.session.steps.leader.Inputs`, in space.
-
-    Attributes:
-        place: Position of the operator's hand, from the device's encoders [m].
-        models: Models that have arrived since the last tick.
-        telemetry: Telemetry that has arrived since the last tick.
-        spaces: Spatial telemetry of the follower that has arrived since the last tick.
-        fields: Fields that have arrived since the last tick.
-        period_ns: Time since the last tick began [ns].
-        compute_ns: Computing time of the last tick [ns].
-        clutched: Whether the clutch is pressed.
-        stopping: Whether an emergency stop was requested here, and the follower has not yet confirmed it.
-        exact_place: Position of a simulated hand [m]; recorded only.
-        intended: Intended position of the hand [m]; recorded only.
-    """
-
-    place: Vector
-    models: list[ModelUpdate]
-    telemetry: list[Telemetry]
-    spaces: list[FollowerSpace]
-    fields: list[FieldUpdate]
-    period_ns: int
-    compute_ns: int
-    clutched: bool = False
-    stopping: bool = False
-    exact_place: Vector = NOWHERE
-    intended: Vector = NOWHERE
-
-
 class Outputs(NamedTuple):
-    """Outputs of a tick.
-
-    Attributes:
-        command: Command for the follower.
-        record: Record of this tick, along the normal.
-        space: Record of this tick, in space; its force is for the hand.
-    """
+    """Command, and records of this tick along the normal and in space; the latter has the force for the hand."""
 
     command: Command
     record: LeaderState
@@ -200,15 +150,7 @@ class Outputs(NamedTuple):
 def start(
     settings: SessionSettings, surface: Surface, pose: tuple[float, ...], *, holder: str = "leader", epoch: int = 1
 ) -> State:
-    """State before the first tick.
-
-    Args:
-        settings: Session settings.
-        surface: Surface of the virtual scene, in the fixture's frame.
-        pose: Believed pose of the fixture.
-        holder: Name of this leader.
-        epoch: Epoch of this process.
-    """
+    """State before the first tick, with a surface in the fixture's frame and the believed pose of the fixture."""
     held = settings.grip != NO_GRIP
     device = settings.device
     stiffness = device.largest_stiffness(SAMPLE_PERIOD)
@@ -218,7 +160,7 @@ def start(
     damping, delay = (device.damping, device.delay) if held else (math.inf, 0.0)
     scales = settings.force_scale * settings.position_scale  # friction is rendered in the follower's lengths and forces
     return State(
-        leader.start(settings, holder=holder, epoch=epoch, account=NormalAccount(account)),
+        leader.start(settings, holder=holder, epoch=epoch, account=account),
         SurfaceLine(surface, pose),
         FrictionRenderer(stiffness / scales, damping / scales, delay),
         account,
@@ -228,7 +170,7 @@ def start(
     )
 
 
-def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
+def step(state: State, inputs: leader.Inputs[Vector], now_ns: int) -> tuple[State, Outputs]:
     """One tick of the leader, at a time of its monotonic clock [ns]; the state is updated in place and returned."""
     for space in inputs.spaces:
         state.follower_at, state.follower_run = (space.desired_x, space.desired_y, space.desired_z), space.run
@@ -238,25 +180,22 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     models = [_take_model(state, model) for model in inputs.models]
     hand, telemetry = _couple(state, inputs)
     closest = state.line.follow(hand)
-    seen = all(map(math.isfinite, inputs.place))
-    period = leader.moving_time(inputs.period_ns, inputs.exact_place[0], now_ns, state.inner.newest_ns)
-    state.account.observe(inputs.place, period)  # the device's own position, whatever it is coupled with
+    seen = all(map(math.isfinite, inputs.position))
+    period = leader.moving_time(inputs.period_ns, inputs.exact_position[0], now_ns, state.inner.newest_ns)
+    state.account.observe(inputs.position, period)  # the device's own position, whatever it is coupled with
     models = [_local(state, model, closest) for model in models]
     if not models:
         _go_on(state, closest)
     state.offset = state.line.offset
-    told = leader.Inputs(
-        closest.along / state.position_scale if seen and math.isfinite(hand[0]) else math.nan,
-        models,
-        telemetry,
-        inputs.period_ns,
-        inputs.compute_ns,
-        inputs.clutched,
-        _depth_of(state, inputs.exact_place),
-        _depth_of(state, inputs.intended),
-        inputs.stopping,
+    in_space: Any = inputs
+    projected = in_space._replace(
+        position=closest.along / state.position_scale if seen and math.isfinite(hand[0]) else math.nan,
+        models=models,
+        telemetry=telemetry,
+        exact_position=_depth_of(state, inputs.exact_position),
+        intended_position=_depth_of(state, inputs.intended_position),
     )
-    _, led = leader.step(state.inner, told, now_ns)
+    _, led = leader.step(state.inner, projected, now_ns)
     position = led.command.position
     if math.isfinite(position):
         state.left = closest.place_at(position)
@@ -290,13 +229,13 @@ def _take_model(state: State, model: ModelUpdate) -> ModelUpdate:
     return msgspec.structs.replace(model, surface=state.line.offset + model.surface)
 
 
-def _couple(state: State, inputs: Inputs) -> tuple[Vector, list[Telemetry]]:
+def _couple(state: State, inputs: leader.Inputs[Vector]) -> tuple[Vector, list[Telemetry]]:
     """Position of the hand in the world, and the telemetry for a leader along the line.
 
     Hand and follower meet at the follower's commanded position, and after a clutch at the hand's last one.
     """
     proxy = state.inner.renderer.proxy
-    here = scaled(inputs.place, state.position_scale)
+    here = scaled(inputs.position, state.position_scale)
     if not all(map(math.isfinite, here)):
         return state.hand, inputs.telemetry
     if not state.inner.renderer.closed_loop:
@@ -321,12 +260,8 @@ def _local(state: State, model: ModelUpdate, closest: ClosestPoint) -> ModelUpda
     """A model with the law at the hand's position, where the field knows it."""
     if not model.valid:
         return model
-    law = _law(state, closest)
+    law = state.material.law(closest.inner_point, closest.depth)
     return model if law is None else msgspec.structs.replace(model, law=law.law, parameters=law.parameters, map=b"")
-
-
-def _law(state: State, closest: ClosestPoint) -> QuadraticContact | None:
-    return state.material.law(closest.inner_point, closest.depth)
 
 
 def _go_on(state: State, closest: ClosestPoint) -> None:
@@ -335,7 +270,7 @@ def _go_on(state: State, closest: ClosestPoint) -> None:
     elsewhere = state.material.is_elsewhere(closest.inner_point)
     if predictor.model is None or not (elsewhere or state.offset != state.line.offset):
         return
-    law = _law(state, closest) or predictor.model
+    law = state.material.law(closest.inner_point, closest.depth) or predictor.model
     if law is not predictor.model or state.offset != state.line.offset:
         surface = state.line.offset + state.felt_deeper
         state.inner.renderer.adopt(law, surface, message=predictor.message)

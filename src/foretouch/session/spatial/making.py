@@ -1,7 +1,4 @@
-"""Robot, camera and operator of a session in three dimensions, and the simulated world that they are in.
-
-The world's fixture stands elsewhere than believed and is bumped; what it is made of, the settings say.
-"""
+"""Robot, camera and operator of a session in three dimensions, and the simulated world of the robot."""
 
 from __future__ import annotations
 
@@ -43,7 +40,7 @@ SECOND_LAW = "remembers what was done to it, and in a scene each place would nee
 
 
 class SpatialWorld:
-    r"""What the probe touches, asked at every physics step.
+    r"""The world that the probe touches, evaluated at every physics step.
 
     .. math:: F = s(p)\, f(d, \dot d)\, n - (\mu f_n \tanh(|v_t| / v_0) + c |v_t|)\, \hat v_t
 
@@ -56,10 +53,6 @@ class SpatialWorld:
         turn: Largest rotation of the fixture from its believed one [rad].
         bump: Time of a bump, to somewhere within 40 % of that [s]; 0 for never.
         seed: Random seed of its pose, not negative.
-
-    Attributes:
-        time: Time since the start [s].
-        depth: Depth of the probe [m].
 
     Raises:
         SettingError: A material with a memory.
@@ -141,11 +134,6 @@ up."""
 def make_spatial_robot(settings: SessionSettings, scene: Scene, *, force_limit: float = 15.0) -> GantryArm:
     """The simulated arm over the scene's fixture, which stands elsewhere than believed.
 
-    Args:
-        settings: Session settings.
-        scene: Scene that is touched.
-        force_limit: Largest force of each drive [N].
-
     Raises:
         SettingError: A material that remembers, or one in which the safety's bound on an impact is known not to hold.
     """
@@ -184,13 +172,7 @@ def _hardest(settings: SessionSettings, scene: Scene, material: Material) -> tup
 
 
 def make_camera(settings: SessionSettings, scene: Scene, *, say: Callable[[str], None]) -> SimulatedCamera | None:
-    """The simulated camera; None, said in one line, where nothing here can draw or read its images.
-
-    Args:
-        settings: Of the session.
-        scene: What is seen.
-        say: Told in one line what to install.
-    """
+    """The simulated camera; None, said in one line, where nothing here can draw or read its images."""
     faults = (settings.image_fault,) if settings.image_fault else ()
     try:
         return SimulatedCamera(scene, faults, seed=settings.seed)
@@ -200,13 +182,7 @@ def make_camera(settings: SessionSettings, scene: Scene, *, say: Callable[[str],
 
 
 def make_spatial_operator(settings: SessionSettings, scene: Scene, pose: Sequence[float]) -> SpatialDevice:
-    """The operator of a session, fresh; with a grip, a hand that intends what that operator does.
-
-    Args:
-        settings: Of the session.
-        scene: What the operator sees.
-        pose: Of the fixture, as the scene shows it at first.
-    """
+    """The operator of a session, fresh, shown this pose at first; with a grip, a hand that intends it."""
     depth = PRESS_DEPTH
     if settings.grip != NO_GRIP:
         depth += min(INTENDED_FORCE / GRIPS[settings.grip].stiffness, 2.0 * PRESS_DEPTH)

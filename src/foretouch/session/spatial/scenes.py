@@ -1,7 +1,4 @@
-"""Scenes: the shape of what is touched, as both sides know it, and what a simulated one is made of.
-
-The file of a mesh is one too: it has to be where the hand can reach it, and face up.
-"""
+"""Scenes: the shape that both sides know, and the properties of a simulated one; also the file of a mesh."""
 
 from __future__ import annotations
 
@@ -44,7 +41,7 @@ def specimen_of(path: Path, middle: Vector) -> TriangleMesh:
 
     Args:
         path: File of the mesh: STL, OBJ or PLY, in metres.
-        middle: Where specimens stand in the fixture's frame [m].
+        middle: Position of specimens in the fixture's frame [m].
 
     Raises:
         InputError: No such file, no mesh, or one that no hand can touch there: too small, too large, elsewhere, or
@@ -54,8 +51,18 @@ def specimen_of(path: Path, middle: Vector) -> TriangleMesh:
     mesh = read_mesh(path)
     corners = mesh.vertices[mesh.faces].reshape(-1, 3)
     low, high = corners.min(axis=0), corners.max(axis=0)
-    _check_size(path, high - low)
-    _check_place(path, 0.5 * (low + high), float(high[2]), middle)
+    wide, across, _ = (high - low).tolist()
+    if not SMALLEST_SIDE <= min(wide, across) <= max(wide, across) <= LARGEST_SIDE:
+        raise InputError(
+            f"{path}: seen from above it is {wide:.3g} m by {across:.3g} m, but each side has to be "
+            f"{SMALLEST_SIDE:g} to {LARGEST_SIDE:g} m: give it in metres (scale by 0.001 what is in millimetres)"
+        )
+    (x, y, _), top = (0.5 * (low + high)).tolist(), float(high[2])
+    if max(abs(x - middle[0]), abs(y - middle[1]), abs(top - middle[2])) > REACH:
+        raise InputError(
+            f"{path}: it stands about ({x:.3g}, {y:.3g}) m with its top at {top:.3g} m, beyond the hand's reach: "
+            f"move it to within {REACH:g} m of {middle} in the fixture's frame"
+        )
     if _is_met(mesh, low, high):
         return mesh
     turned = None if mesh.closed else TriangleMesh(mesh.vertices, mesh.faces[:, ::-1])
@@ -64,39 +71,15 @@ def specimen_of(path: Path, middle: Vector) -> TriangleMesh:
     return turned
 
 
-def _check_size(path: Path, sides: Array) -> None:
-    wide, across, _ = (float(side) for side in sides)
-    if not SMALLEST_SIDE <= min(wide, across) <= max(wide, across) <= LARGEST_SIDE:
-        raise InputError(
-            f"{path}: seen from above it is {wide:.3g} m by {across:.3g} m, but each side has to be "
-            f"{SMALLEST_SIDE:g} to {LARGEST_SIDE:g} m: give it in metres (scale by 0.001 what is in millimetres)"
-        )
-
-
-def _check_place(path: Path, centre: Array, top: float, middle: Vector) -> None:
-    x, y = float(centre[0]), float(centre[1])
-    if max(abs(x - middle[0]), abs(y - middle[1]), abs(top - middle[2])) > REACH:
-        raise InputError(
-            f"{path}: it stands about ({x:.3g}, {y:.3g}) m with its top at {top:.3g} m, beyond the hand's reach: "
-            f"move it to within {REACH:g} m of {middle} in the fixture's frame"
-        )
-
-
 def _is_met(mesh: TriangleMesh, low: Array, high: Array) -> bool:
-    """Whether a probe that comes down somewhere about the middle touches it."""
+    """Whether a probe that comes down somewhere about the middle touches a side that faces up."""
     centre, sides = 0.5 * (low + high), high - low
-    for right in TRIED:
-        for back in TRIED:
-            x, y = float(centre[0] + right * sides[0]), float(centre[1] + back * sides[1])
-            hit = first_hit_from_above(mesh, x, y)
-            if hit >= 0 and _faces_up(mesh, hit):
-                return True
+    for right, back in itertools.product(TRIED, TRIED):
+        hit = first_hit_from_above(mesh, float(centre[0] + right * sides[0]), float(centre[1] + back * sides[1]))
+        a, b, c = mesh.vertices[mesh.faces[hit]]
+        if hit >= 0 and np.cross(b - a, c - a)[2] > 0.0:
+            return True
     return False
-
-
-def _faces_up(mesh: TriangleMesh, triangle: int) -> bool:
-    a, b, c = mesh.vertices[mesh.faces[triangle]]
-    return bool(np.cross(b - a, c - a)[2] > 0.0)
 
 
 MIDDLE: Vector = (0.075, 0.0, 0.0)
@@ -149,11 +132,11 @@ class Scene:
     """Scene that is touched.
 
     Attributes:
-        name: As it was asked for.
+        name: Name or file.
         surface: Its shape, in the fixture's frame.
-        inclusion: What is stiffer in a simulated one; None where all is alike.
-        friction: Of a simulated one, Coulomb.
-        viscous: And viscous [N s/m].
+        inclusion: Stiffer part of a simulated scene; None for none.
+        friction: Coefficient of Coulomb friction of a simulated scene.
+        viscous: Its viscous friction [N s/m].
         nominal: Pose of the fixture as both sides believe it before anything is seen.
     """
 
@@ -166,14 +149,7 @@ class Scene:
 
 
 class KnownSurface:
-    """A scene's surface as the fixture's filter asks for it.
-
-    Args:
-        surface: In the fixture's frame.
-
-    Attributes:
-        relief: How far it reaches along the normal that it has in the mean [m].
-    """
+    """A scene's surface as the fixture's filter asks for it; `relief` is its extent along its mean normal [m]."""
 
     def __init__(self, surface: Surface) -> None:
         self._surface = surface
@@ -189,29 +165,12 @@ class KnownSurface:
         return math.hypot(point[0] - MIDDLE[0], point[1] - MIDDLE[1]) <= SIDE
 
 
-def _plane(name: str) -> Scene:
-    return Scene(name, Plane(MIDDLE, (0.0, 0.0, 1.0), SIDE))
-
-
-def _hill(name: str) -> Scene:
-    return Scene(name, _hilly())
-
-
-def _phantom(name: str) -> Scene:
-    x, y, z = MIDDLE
-    return Scene(name, _hilly(), Inclusion((x + 0.010, y - 0.008, z), 0.012, 4.0))
-
-
 def _hilly() -> HeightField:
     count = round(SIDE / GRID) + 1
     along = GRID * np.arange(count) - 0.5 * SIDE
     x, y = np.meshgrid(along, along, indexing="ij")
     heights = HILL_HEIGHT * np.exp(-(x**2 + y**2) / (2.0 * HILL_WIDTH**2))
     return HeightField(heights, GRID, (MIDDLE[0] - 0.5 * SIDE, MIDDLE[1] - 0.5 * SIDE))
-
-
-_MAKERS = dict(zip(SCENES, (_plane, _hill, _phantom), strict=True))
-"""Scenes of the package: a flat specimen, one with a hill, and that with a stiff inclusion under it."""
 
 
 def make_scene(name: str) -> Scene:
@@ -226,21 +185,21 @@ def make_scene(name: str) -> Scene:
         InputError: A file that cannot be read as a mesh, or one that no hand can touch where it is.
         MissingExtraError: The package that reads meshes is not installed.
     """
-    if name in SCENES:
-        return _MAKERS[name](name)
+    x, y, z = MIDDLE
+    match name:
+        case "plane":
+            return Scene(name, Plane(MIDDLE, (0.0, 0.0, 1.0), SIDE))
+        case "hill":
+            return Scene(name, _hilly())
+        case "phantom":
+            return Scene(name, _hilly(), Inclusion((x + 0.010, y - 0.008, z), 0.012, 4.0))
     if name.lower().endswith(MESH_ENDINGS):
         return Scene(name, specimen_of(Path(name), MIDDLE))
     raise UnknownNameError("scene", name, (*SCENES, *(f"FILE{ending}" for ending in MESH_ENDINGS)))
 
 
 def palpation(scene: Scene, depth: float, seed: int) -> list[Keyframe]:
-    """The path of a palpating hand over the specimen: presses at its corners, then rows of presses that slide on.
-
-    Args:
-        scene: Whose surface it goes over.
-        depth: Depth of the presses [m].
-        seed: Random seed of small differences between presses.
-    """
+    """Path of a palpating hand at this depth [m]: presses at the corners, then rows of presses that slide on."""
     random = np.random.default_rng(seed)
     x, y, reach = _middle(scene.surface)
 
@@ -275,7 +234,7 @@ def palpation(scene: Scene, depth: float, seed: int) -> list[Keyframe]:
 
 
 def _middle(surface: Surface) -> tuple[float, float, float]:
-    """Middle of what is drawn of a surface, and how far from it palpation goes, 30 % of its shorter side [m]."""
+    """Middle of the drawn surface, and the reach of palpation about it, 30 % of its shorter side [m]."""
     vertices, _ = surface.outline()
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     x, y, _ = (0.5 * (low + high)).tolist()

@@ -32,23 +32,14 @@ TELLING_PERIOD = 0.03
 
 @dataclass(slots=True)
 class State:
-    """What the tracker remembers; updated in place.
+    """State of the tracker; updated in place.
 
     Attributes:
-        filter: Filter of the fixture's pose.
-        uses_images: Whether images count.
-        uses_touches: Whether touches count.
         times: The follower's clock by its ticks [ns].
         touch_tick: Tick of the newest touch that was taken.
-        run: Run of the current follower process.
-        epoch: Epoch of this process.
-        gone: Runs of the follower processes before it.
+        gone: Runs of the follower processes before the current one.
         pose_seen: Pose in the newest image that showed the board.
-        sequence: Sequence number of the newest belief.
         told: Time of the newest belief [s].
-        images: Number of images used so far.
-        contacts: Number of touches used so far.
-        refused: Number of images and touches refused so far.
     """
 
     filter: FixtureFilter
@@ -85,11 +76,11 @@ def start(
 
     Args:
         touched: The surface in the fixture's frame.
-        pose: Where the fixture is believed to be at first: a place [m] and a rotation vector [rad].
+        pose: Pose of the fixture that is believed at first: a position [m] and a rotation vector [rad].
         fusion: As `SessionSettings.fusion`.
         view: Direction in which the camera looks, in the world; of no length where it is not known.
-        time: [s], by the follower's clock.
-        epoch: Of this process.
+        time: Time by the follower's clock [s].
+        epoch: Epoch of this process.
     """
     believed = Pose.from_rotation_vector(pose[3:], pose[:3])
     known = FixtureFilter(touched, believed, time, FusionSettings(view=view))
@@ -99,14 +90,7 @@ def start(
 def step(
     state: State, spaces: Sequence[FollowerSpace], images: Sequence[CameraImage], now_ns: int
 ) -> FixtureBelief | None:
-    """Take in what has come since the last call; a belief, where one is due.
-
-    Args:
-        state: Updated in place.
-        spaces: The follower's ticks.
-        images: With what they say of the fixture.
-        now_ns: The follower's clock at its newest tick [ns].
-    """
+    """Take ticks and images since the last call, at the follower's newest time [ns]; a belief, where one is due."""
     news = False
     for space in spaces:
         news = _take_tick(state, space) or news

@@ -1,7 +1,4 @@
-"""Texts of each side's `Hello` for the report: its counters, and the faults that it applies to arriving messages.
-
-The operator's clock, which starts for a hand that feels something once it is coupled, is here too.
-"""
+"""Texts of each side's `Hello` for the report (counters, and faults of arriving messages), and the operator's clock."""
 
 from __future__ import annotations
 
@@ -15,7 +12,7 @@ from foretouch.session.steps import follower, leader
 
 
 def leader_counts(state: leader.State) -> dict[str, int]:
-    """Messages sent by the leader, and what it missed of the follower's."""
+    """Messages sent by the leader, and lost, late or repeated ones of the follower."""
     return {
         "commands_sent": state.sequence,
         "models_lost": state.follower_view.models.lost,
@@ -29,7 +26,7 @@ def leader_counts(state: leader.State) -> dict[str, int]:
 
 
 def follower_counts(state: follower.State) -> dict[str, int]:
-    """Messages sent by the follower, and what it missed of the leader's, or refused."""
+    """Messages sent by the follower, and lost, late, repeated or refused ones of the leader."""
     fresh = state.freshness
     return {
         "models_sent": state.sender.sequence,
@@ -61,11 +58,8 @@ def as_texts(counts: dict[str, int]) -> dict[str, str]:
 def fault_texts(stage: FaultStage[Any], delay: str, changed_ns: int, prefix: str = "") -> dict[str, str]:
     """Faults that a side applies to arriving messages, as settings of its `Hello`; no other side knows them.
 
-    Args:
-        stage: Stage that the messages pass.
-        delay: Name of the setting of their delay.
-        changed_ns: Time of its last change, by the side's own clock [ns]; 0 for never.
-        prefix: Prefix of the names of the other faults: ``"return_"`` for those of models and telemetry.
+    `delay` names the setting of their delay, `changed_ns` is their last change by the side's own clock, 0 for never,
+    and `prefix` stands before the other names: ``"return_"`` for those of models and telemetry.
     """
     faults = {f"{prefix}{name}": str(getattr(stage.faults, name)) for name in ("jitter", "loss", "outage")}
     return {delay: str(stage.delay)} | faults | ({SINCE: str(changed_ns)} if changed_ns else {})
@@ -76,9 +70,6 @@ class OperatorClock:
 
     A hand that holds a device waits, as a person would, until the follower's position is known. From then on its time
     runs, from zero. For an operator that feels nothing it is the session's own clock.
-
-    Args:
-        operator: Operator whose time it is.
     """
 
     __slots__ = ("_begun_ns", "_waits")

@@ -9,14 +9,15 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Generic, NamedTuple, TypeVar
 
 from foretouch.identification import ContactSample, Estimator, Learner, SensorState, SensorWatch
 from foretouch.identification.conditioning.kernel import CONTACT_FLOOR
 from foretouch.link import SequenceCounter
-from foretouch.messages import VERSION, Command, ModelUpdate, Status, Telemetry
-from foretouch.robot import RobotSample, RobotSpecification
+from foretouch.messages import VERSION, Command, FixtureBelief, ModelUpdate, Status, Telemetry
+from foretouch.robot import RobotSample, RobotSpecification, SpatialSample
 from foretouch.session.network.lease import ControlLease
 from foretouch.session.network.model_sender import ModelSender
 from foretouch.session.network.playout import Arrival, Freshness, Playout
@@ -43,33 +44,18 @@ class State:
 
     Attributes:
         specification: Specification of the robot, as calibrated: its tool is compensated in the force.
-        learner: Conditions samples and identifies.
-        run: Epoch of this process, at least 1.
-        sender: Sends models, and learns how late they are used.
-        watch: Judges the validity of the sensors.
-        lease: Lets one leader command.
-        freshness: Judges its commands.
-        commands: Counts its commands.
-        playout: Makes an even stream of its commands.
-        tick: Number of the newest tick.
         start_ns: Clock at the first tick that had a command, None before it.
-        first_touch: Guards a contact that is unknown to the leader.
-        safety: Last stage before the robot.
         held_ticks: Ticks in which the robot was held for want of a fresh command, since there was the first.
-        faulty_ticks: Ticks whose sensors were not believed.
         guards: Whether this side's settings guard first touches.
         guarded: Whether they are guarded: by these, or because a command of this leader asks for it.
         free: Position up to which the air is free, though the robot has not gone there itself [m]: in space, before the
             surface; on a line that is never known.
         slid: Motion of the probe across the surface since the last tick [m]; on a line 0.
-        failures: Exceptions, and whether learning goes on.
-        rate: Tick rate of the loop.
         felt_commands: Commands applied in the newest ticks that were learnt from, for the delay of the sensor.
         released_tick: Number of the first telemetry behind the newest release, 0 before the first release.
         before_release: Number of commands refused because their leader did not know of it.
         zero: Sensor reading in free air beside its tool [N]; None where it is estimated.
         compliance: Compliance of arm, sensor and tip in series [m/N].
-        limits: Limits of `safety`.
     """
 
     specification: RobotSpecification
@@ -101,8 +87,11 @@ class State:
     limits: SafetyLimits = field(default_factory=SafetyLimits)
 
 
-class Inputs(NamedTuple):
-    """Inputs of a tick.
+Sample = TypeVar("Sample", RobotSample, SpatialSample)
+
+
+class Inputs(NamedTuple, Generic[Sample]):
+    """Inputs of a tick, along a line or in space.
 
     Attributes:
         commands: Commands that have arrived since the last tick.
@@ -112,15 +101,17 @@ class Inputs(NamedTuple):
         stop: Why an emergency stop was requested; empty while none was.
         release: Whether the end of an emergency stop is requested at the robot, or a repair of the sensors reported.
         ended: Whether the session is over: the robot is left as after a long silence.
+        beliefs: In space, beliefs of the fixture's pose that have arrived since the last tick.
     """
 
     commands: list[Command]
-    sample: RobotSample
+    sample: Sample
     period_ns: int
     compute_ns: int
     stop: str = ""
     release: bool = False
     ended: bool = False
+    beliefs: Sequence[FixtureBelief] = ()
 
 
 class Outputs(NamedTuple):
@@ -136,9 +127,7 @@ def start(
 ) -> State:
     """State before the first tick, with the settings' estimator or another, as process `run` of this side.
 
-    Raises:
-        RecordingError: The settings' calibration cannot be read.
-        SettingError: The calibration does not fit this robot.
+    Raises as `calibrated` does.
     """
     known = calibrated(specification, settings)
     specification, force = known.specification, specification.sensor_range
@@ -148,7 +137,12 @@ def start(
         contact_floor=known.contact_floor,
         sensor_lag=known.sensor_lag,
     )
-    limits = _limits(specification, settings)
+    limits = SafetyLimits(
+        **{name: getattr(settings, setting) for name, setting in SAFETY_LIMITS.items()},
+        workspace=specification.workspace,
+        mass=specification.moved_mass,
+        retreats=settings.on_silence == "retreat",
+    )
     return State(
         specification,
         learner,
@@ -166,17 +160,7 @@ def start(
     )
 
 
-def _limits(specification: RobotSpecification, settings: SessionSettings) -> SafetyLimits:
-    """Safety limits of the session, for this robot."""
-    return SafetyLimits(
-        **{name: getattr(settings, setting) for name, setting in SAFETY_LIMITS.items()},
-        workspace=specification.workspace,
-        mass=specification.moved_mass,
-        retreats=settings.on_silence == "retreat",
-    )
-
-
-def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
+def step(state: State, inputs: Inputs[RobotSample], now_ns: int) -> tuple[State, Outputs]:
     """One tick of the follower, at a time of its monotonic clock [ns]; the state is updated in place and returned.
 
     Learning begins with the first command: no operator is active before, and a recording from the first command on
@@ -290,18 +274,13 @@ def _learn(state: State, position: float, force: float, validity: SensorState, n
             return state.sender.due(learner, validity, felt, state.lease.epoch, now_ns)
         except Exception as error:
             state.failures.stop_learning("its learning", error)
-    if validity is GOOD and learner.sample.time != time:
-        _feel(state, time, position, force)
+    if validity is GOOD and learner.sample.time != time:  # learn nothing, but take the force that safety needs
+        try:
+            learner.feel(time, position, force)
+        except Exception as error:
+            state.failures.note("its conditioning", error)
+            feel_plainly(state, force)
     return None
-
-
-def _feel(state: State, time: float, position: float, force: float) -> None:
-    """Learn nothing, but take the force that safety needs."""
-    try:
-        state.learner.feel(time, position, force)
-    except Exception as error:
-        state.failures.note("its conditioning", error)
-        feel_plainly(state, force)
 
 
 def _take(state: State, command: Command, now_ns: int) -> None:
@@ -334,7 +313,7 @@ def _take(state: State, command: Command, now_ns: int) -> None:
         state.guarded = True
 
 
-def _stop_or_release(state: State, inputs: Inputs, felt: float, faulty: bool) -> bool:
+def _stop_or_release(state: State, inputs: Inputs[RobotSample], felt: float, faulty: bool) -> bool:
     """Apply requests at the robot; return whether the commands hold."""
     safety, released = state.safety, False
     if inputs.stop:
@@ -352,7 +331,9 @@ def _stop_or_release(state: State, inputs: Inputs, felt: float, faulty: bool) ->
     return True
 
 
-def _allowed(state: State, desired_position: float, inputs: Inputs, force: float, now_ns: int, faulty: bool) -> float:
+def _allowed(
+    state: State, desired_position: float, inputs: Inputs[RobotSample], force: float, now_ns: int, faulty: bool
+) -> float:
     """Allowed position for a commanded one: the first touch, then safety [m]."""
     sample, learnt_from, safety, first_touch = inputs.sample, state.learner.sample, state.safety, state.first_touch
     # A follower that begins in contact learns that force as the sensor's offset: an excess over any offset is felt.

@@ -48,27 +48,6 @@ class FollowerView:
             for 3 s. True for the first process.
     """
 
-    __slots__ = (
-        "_deepest",
-        "_epoch",
-        "_former",
-        "_of_former",
-        "_renewed",
-        "_to_relearn",
-        "_touched",
-        "force",
-        "had_control",
-        "has_relearnt",
-        "in_control",
-        "models",
-        "position",
-        "run",
-        "shadows",
-        "stopped",
-        "telemetry",
-        "touching",
-    )
-
     def __init__(self, epoch: int) -> None:
         self._epoch = epoch
         self._former: dict[int, None] = {}

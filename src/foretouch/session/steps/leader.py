@@ -6,16 +6,18 @@ Hand and follower are coupled as soon as both positions are known, except while 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Generic, NamedTuple, TypeVar
 
 from foretouch.devices import DeviceSpecification
 from foretouch.errors import InputError
-from foretouch.messages import VERSION, Command, LeaderState, ModelUpdate, Telemetry
+from foretouch.messages import VERSION, Command, FieldUpdate, FollowerSpace, LeaderState, ModelUpdate, Telemetry
 from foretouch.models import make_model
 from foretouch.quantities import LARGEST_POSITION
-from foretouch.rendering import Proxy, Renderer
-from foretouch.rendering.energy import RenderingAccount
+from foretouch.quantities.pose import Vector
+from foretouch.rendering import Proxy, Renderer, SpatialEnergyAccount
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.steps.follower_view import FollowerView
 from foretouch.settings import NO_GRIP
@@ -24,13 +26,8 @@ from foretouch.settings import NO_GRIP
 def meeting_place(proxy: Proxy, hand: float, follower: float, *, clutched: bool) -> float:
     """Position at which a hand and a proxy that are apart are coupled in this tick [m]; NaN where they are not.
 
-    They meet where the follower is, and after a clutch where the proxy was left; a pressed clutch lets the hand go.
-
-    Args:
-        proxy: Proxy of the hand.
-        hand: Its position [m]; one that is no number is not coupled.
-        follower: Position of the follower, as far as it is known [m]; NaN before.
-        clutched: Whether the clutch is pressed.
+    They meet where the follower is, NaN while unknown, and after a clutch where the proxy was left; a pressed clutch
+    lets the hand go.
     """
     if clutched:
         proxy.release()
@@ -42,15 +39,9 @@ def meeting_place(proxy: Proxy, hand: float, follower: float, *, clutched: bool)
 def moving_time(period_ns: int, exact_position: float, now_ns: int, newest_ns: int | None) -> float:
     """Time in which the hand moved to its position in this tick [s].
 
-    A human hand is measured when a tick really begins, however late. A simulated one is evaluated at the tick's nominal
-    time, on an even grid: its motion while the machine sleeps is seen a tick later. Timed by the real starts of ticks,
-    a motion of many milliseconds would count as one of one millisecond, and widen the bound of energy.
-
-    Args:
-        period_ns: Time since the last tick really began [ns].
-        exact_position: Position of a simulated hand [m]; NaN for a human one.
-        now_ns: Time of this tick [ns].
-        newest_ns: Time of the last one [ns]; None for none.
+    A human hand is measured when a tick really begins, `period_ns` after the last one. A simulated one, whose exact
+    position is known, is evaluated at the tick's nominal time, on an even grid. Timed by the real starts of ticks, a
+    motion of many milliseconds would count as one of one millisecond, and widen the bound of energy.
     """
     if newest_ns is None or not math.isfinite(exact_position):
         return period_ns * 1e-9
@@ -66,14 +57,10 @@ class State:
     """State of the leader, updated in place in each tick.
 
     Attributes:
-        renderer: Makes the force for the hand from the newest model.
         guarded: Whether the follower is asked to guard the first touch.
-        holder: Name of this leader.
-        epoch: Epoch of this process, at least 1.
         follower_view: Messages received from the follower. Its force is recorded and never rendered.
         start_ns: Clock at the first tick, None before it.
         newest_ns: Clock at the newest tick, None before the first.
-        sequence: Sequence number of the newest command.
         inherits: Whether the model is of a follower's process that is gone, and its successor knows less yet.
         refused: Number of models that could not be used, whatever they claimed.
     """
@@ -90,11 +77,14 @@ class State:
     refused: int = 0
 
 
-class Inputs(NamedTuple):
-    """Inputs of a tick.
+Position = TypeVar("Position", float, Vector)
+
+
+class Inputs(NamedTuple, Generic[Position]):
+    """Inputs of a tick, along a line or in space.
 
     Attributes:
-        position: Position of the operator's hand, from the device's encoder [m].
+        position: Position of the operator's hand, from the device's encoders [m].
         models: Models that have arrived since the last tick.
         telemetry: Telemetry that has arrived since the last tick.
         period_ns: Time since the last tick began [ns].
@@ -103,17 +93,21 @@ class Inputs(NamedTuple):
         exact_position: Position of a simulated hand [m]; recorded only.
         intended_position: Intended position of the hand [m]; recorded only.
         stopping: Whether an emergency stop was requested here, and the follower has not yet confirmed it.
+        spaces: Spatial telemetry of the follower that has arrived since the last tick.
+        fields: Fields of materials that have arrived since the last tick.
     """
 
-    position: float
+    position: Position
     models: list[ModelUpdate]
     telemetry: list[Telemetry]
     period_ns: int
     compute_ns: int
     clutched: bool = False
-    exact_position: float = math.nan
-    intended_position: float = math.nan
+    exact_position: Position = math.nan  # type: ignore[assignment]  # in space it is always given
+    intended_position: Position = math.nan  # type: ignore[assignment]
     stopping: bool = False
+    spaces: Sequence[FollowerSpace] = ()
+    fields: Sequence[FieldUpdate] = ()
 
 
 class Outputs(NamedTuple):
@@ -129,7 +123,7 @@ def start(
     holder: str = "leader",
     epoch: int = 1,
     device: DeviceSpecification | None = None,
-    account: RenderingAccount | None = None,
+    account: SpatialEnergyAccount | None = None,
 ) -> State:
     """State before the first tick.
 
@@ -138,7 +132,7 @@ def start(
         holder: Name of this leader, not empty; it is sent to leaders that contend for control.
         epoch: Epoch of this process (`foretouch.session.network.lease.own_epoch`).
         device: Device that a person holds and feels; None for none, or for a simulated one with a grip.
-        account: Energy account; None for one along this line.
+        account: Energy account in space; None for one along this line.
     """
     settings = SessionSettings() if settings is None else settings
     guarded = settings.guards(simulated=device is None)  # a person who feels it is not simulated either
@@ -156,8 +150,8 @@ def start(
     return State(renderer, guarded, holder, epoch, FollowerView(epoch))
 
 
-def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
-    """One tick of the leader.
+def step(state: State, inputs: Inputs[float], now_ns: int) -> tuple[State, Outputs]:
+    """One tick of the leader, at a time of its monotonic clock [ns]; the state is updated in place and returned.
 
     The force comes from the newest model at the operator's own motion alone. The delayed force is recorded for
     comparison and used nowhere else.
@@ -166,11 +160,6 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     the clutch is released, without a jump of either; until then commands carry no position. While an emergency stop is
     latched, or the follower obeys another leader, it is let go and feels nothing. Where another follower process has
     started the model stays, for the material is the same, until that process knows as much (`FollowerView`).
-
-    Args:
-        state: Updated in place and returned.
-        inputs: Inputs of this tick.
-        now_ns: This side's monotonic clock [ns].
     """
     if state.start_ns is None:
         state.start_ns = now_ns
@@ -235,7 +224,7 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     return state, Outputs(command, record)
 
 
-def _couple(state: State, inputs: Inputs) -> None:
+def _couple(state: State, inputs: Inputs[float]) -> None:
     renderer, hand, clutched = state.renderer, inputs.position, inputs.clutched
     if renderer.proxy.engaged and not clutched:
         return
@@ -264,18 +253,12 @@ def _adopt(state: State, update: ModelUpdate) -> None:
         state.renderer.adopt(None, update.surface, message=update.sequence)
         return
     state.inherits = False
-    if not abs(update.surface) <= LARGEST_POSITION:
-        _refuse(state)
-        return
-    try:
-        model = make_model(update.law, update.parameters, update.map)
-    except InputError:
-        _refuse(state)
-        return
-    state.renderer.adopt(model, update.surface, update.state, update.command_sequence, update.sequence)
-
-
-def _refuse(state: State) -> None:
-    """Render nothing, and acknowledge nothing: the follower must not assume that its surface is known."""
-    state.refused += 1
-    state.renderer.adopt(None, 0.0)
+    model = None
+    if abs(update.surface) <= LARGEST_POSITION:
+        with suppress(InputError):
+            model = make_model(update.law, update.parameters, update.map)
+    if model is None:  # render and acknowledge nothing: the follower must not assume that its surface is known
+        state.refused += 1
+        state.renderer.adopt(None, 0.0)
+    else:
+        state.renderer.adopt(model, update.surface, update.state, update.command_sequence, update.sequence)

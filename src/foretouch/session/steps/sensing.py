@@ -1,8 +1,4 @@
-"""Self-checks of a follower: whether its calibration fits the robot, exceptions in a step, and its tick rate.
-
-An exception is counted, kept in one sentence, and no reason to abandon a robot; a loop whose rate is too low is not
-safe.
-"""
+"""Self-checks of a follower: whether its calibration fits the robot, exceptions in a step, and its tick rate."""
 
 from __future__ import annotations
 
@@ -91,7 +87,15 @@ def calibrated(specification: RobotSpecification, settings: SessionSettings) -> 
     if give > LARGEST_GIVE:
         what = f"gives way by {1e3 * give:.3g} mm under {settings.force_ceiling:g} N"
         _refuse(settings, f"{what}: at most {1e3 * LARGEST_GIVE:g} mm are an arm's; calibrate it on a rigid block")
-    own = _of_scene(specification, found) if settings.scene else _of_line(specification, found, settings)
+    own = specification
+    if settings.scene and found.force_bias is not None:  # the largest offset that the sensor can have, however it turns
+        largest = math.hypot(*found.force_bias) + SURE * math.hypot(*(found.force_bias_error or ()))
+        own = replace(own, largest_offset=max(largest, own.largest_offset))
+    elif not settings.scene and found.tool_mass is not None:
+        if own.tool_mass > 0.0 and abs(found.approach_gravity - own.gravity) > SAME_GRAVITY:
+            what = f"has {found.approach_gravity:.4g} m/s^2 of gravity along the approach"
+            _refuse(settings, f"{what}, and the robot {own.gravity:.4g}: give --approach-gravity to calibrate")
+        own = replace(own, tool_mass=found.tool_mass, gravity=found.approach_gravity)
     if found.force_bias is not None and math.hypot(*found.force_bias) >= specification.sensor_range:
         shown = f"{math.hypot(*found.force_bias):.4g} N, and the robot's sensor shows at most"
         _refuse(settings, f"has a force bias of {shown} {specification.sensor_range:g} N: it is another sensor's")
@@ -100,26 +104,6 @@ def calibrated(specification: RobotSpecification, settings: SessionSettings) -> 
         zero = found.force_offset + found.tool_mass * found.approach_gravity
     floor = max(CONTACT_FLOOR, NOISE_FACTOR * (found.force_noise or 0.0))
     return Calibrated(own, zero, 0.0 if stiffness is None else 1.0 / stiffness, lag, floor)
-
-
-def _of_line(
-    specification: RobotSpecification, found: SensorCalibration, settings: SessionSettings
-) -> RobotSpecification:
-    """The specification with the tool that was weighed."""
-    if found.tool_mass is None:
-        return specification
-    if specification.tool_mass > 0.0 and abs(found.approach_gravity - specification.gravity) > SAME_GRAVITY:
-        what = f"has {found.approach_gravity:.4g} m/s^2 of gravity along the approach"
-        _refuse(settings, f"{what}, and the robot {specification.gravity:.4g}: give --approach-gravity to calibrate")
-    return replace(specification, tool_mass=found.tool_mass, gravity=found.approach_gravity)
-
-
-def _of_scene(specification: RobotSpecification, found: SensorCalibration) -> RobotSpecification:
-    """The specification with the largest offset that the sensor can have, whichever way it turns."""
-    if found.force_bias is None:
-        return specification
-    largest = math.hypot(*found.force_bias) + SURE * math.hypot(*(found.force_bias_error or ()))
-    return replace(specification, largest_offset=max(largest, specification.largest_offset))
 
 
 def _refuse(settings: SessionSettings, rule: str) -> None:
@@ -150,24 +134,14 @@ class Failures:
         self.learns = True
 
     def note(self, stage: str, error: Exception) -> None:
-        """Take one exception.
-
-        Args:
-            stage: Stage, as the end of "raised in".
-            error: What was raised; neither it nor its frames are kept.
-        """
+        """Take one exception of a stage, which is named as the end of "raised in"; only its sentence is kept."""
         self.count += 1
         if not self.sentence:
             said = one_line(error, LONGEST_TEXT)
             self.sentence = f"{type(error).__name__} raised in {stage}{f' ({said})' if said else ''}"
 
     def stop_learning(self, stage: str, error: Exception) -> None:
-        """Take one exception of a learning stage, which then learns no more.
-
-        Args:
-            stage: As for `note`.
-            error: As for `note`.
-        """
+        """Take one exception of a learning stage, which then learns no more."""
         if self.learns:
             self.sentence = ""  # the end of learning takes precedence as news
         self.learns = False
@@ -209,11 +183,7 @@ class TickRate:
         self.too_slow = False
 
     def update(self, period_ns: int) -> bool:
-        """Take one tick; whether the loop is too slow.
-
-        Args:
-            period_ns: Time since the tick before began [ns]; 0 in the first.
-        """
+        """Take one tick, this time after the one before [ns], 0 in the first; whether the loop is too slow."""
         period_ns = min(max(period_ns, 0), LONGEST_NS)
         at = self._next
         self._total += period_ns - self._periods[at]
