@@ -11,7 +11,7 @@ import sys
 import pytest
 
 from foretouch.identification import SensorWatch
-from foretouch.identification.conditioning import watch_kernel as sensor_watch_kernel
+from foretouch.identification.conditioning import watch as sensor_watch_kernel
 from foretouch.session.safety import force_guard as force_guard_kernel
 from foretouch.session.safety import kernel as safety_kernel
 from foretouch.session.safety import motion as motion_limits_kernel
