@@ -14,9 +14,9 @@ from foretouch.rendering.surfaces import Plane, Surface
 from foretouch.robot import SpatialSample
 from foretouch.session import SessionSettings
 from foretouch.session.spatial import follower, make_scene, tracker
+from foretouch.session.spatial.safety import LARGEST_TURN, LARGEST_UNCERTAINTY, LEAST_TURN, PoseUncertainty
 from foretouch.session.spatial.scenes import NOMINAL, KnownSurface
 from foretouch.session.spatial.warm_up import SPECIFICATION
-from foretouch.session.spatial.way_in import LARGEST_TURN, LARGEST_UNCERTAINTY, LEAST_TURN, PoseUncertainty
 
 MS = 1_000_000
 UP = (0.0, 0.0, 1.0)
