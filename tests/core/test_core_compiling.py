@@ -23,9 +23,8 @@ from foretouch.core.compiling import complete_mark
 from foretouch.session.safety import force_guard as force_guard_kernel
 from foretouch.session.safety.force_guard import ForceGuard
 
-guard = ForceGuard()
-guard.observe(0.0, 1.0, False)
-print(guard.speed(15.0), sum(force_guard_kernel.allowed_speed.stats.cache_hits.values()), complete_mark())
+speed = force_guard_kernel.guarded_speed(ForceGuard.new(), 0.0, 1.0, False, 15.0, 0.0)
+print(speed, sum(force_guard_kernel.guarded_speed.stats.cache_hits.values()), complete_mark())
 """
 """The guard's speed far from anything: a force over 50 N/m times 10 ms, the latter a constant of another file."""
 

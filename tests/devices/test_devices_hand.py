@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 from foretouch.devices import GRIPS, BrowserOperator, Device, DeviceSpecification, Grip, Hand, ScriptedOperator
-from foretouch.devices.hand_kernel import FRICTION, move
+from foretouch.devices.hand_kernel import Held, move
 from foretouch.errors import SettingError
 
 TICK = 1_000_000
@@ -44,8 +44,9 @@ class At(Device):
         return self.holds_clutch
 
 
-def constants(mass=0.25, damping=6.0, device_damping=2.0, stiffness=400.0, friction=0.0):
-    return np.array([mass, damping + device_damping, damping, stiffness, friction])
+def held(mass=0.25, damping=6.0, device_damping=2.0, stiffness=400.0, friction=0.0, **motion):
+    both = damping + device_damping
+    return Held.new(mass=mass, damping=both, hand_damping=damping, stiffness=stiffness, friction=friction, **motion)
 
 
 def run(hand: Hand, seconds: float, start_ns: int = 0) -> np.ndarray:
@@ -64,8 +65,8 @@ parameters = st.tuples(
 @example((0.001, 1000.0, 1000.0, 1e5), 0.01, 0.5, 0.3, 10.0)
 def test_motion_is_that_of_the_linear_equation(numbers, position, velocity, aim_speed, force):
     mass, damping, device_damping, stiffness = numbers
-    state = np.array([position, velocity])
-    move(state, constants(mass, damping, device_damping, stiffness), 0.002, aim_speed, force, 0.02)
+    hand = held(mass, damping, device_damping, stiffness, position=position, velocity=velocity)
+    move(hand, 0.002, aim_speed, force, 0.02)
     # Position, velocity, the intention, and one: dx/dt = A x with constant A.
     both = damping + device_damping
     matrix = np.zeros((4, 4))
@@ -74,7 +75,8 @@ def test_motion_is_that_of_the_linear_equation(numbers, position, velocity, aim_
     matrix[2, 3] = aim_speed
     exact = expm(matrix * 0.02) @ [position, velocity, 0.002, 1.0]
     scale = abs(position) + abs(velocity) + 0.01 + 0.02 * force / mass
-    assert state == pytest.approx(exact[:2], rel=1e-9, abs=1e-11 * scale * max(both / mass, 1.0))
+    state = hand[0].position, hand[0].velocity
+    assert state == pytest.approx(tuple(exact[:2]), rel=1e-9, abs=1e-11 * scale * max(both / mass, 1.0))
 
 
 @pytest.mark.parametrize("grip", GRIPS)
@@ -107,30 +109,31 @@ def test_the_force_is_held_and_pushes_out():
 @given(st.integers(0, 10**6), st.sampled_from(sorted(GRIPS)), st.floats(0.0, 0.5))
 def test_it_does_not_matter_where_the_motion_is_cut(seed, grip, friction):
     random = np.random.default_rng(seed)
-    numbers = constants(GRIPS[grip].mass + 0.1, GRIPS[grip].damping, 2.0, GRIPS[grip].stiffness, friction)
-    whole, cut = np.zeros(2), np.zeros(2)
+    whole = held(GRIPS[grip].mass + 0.1, GRIPS[grip].damping, 2.0, GRIPS[grip].stiffness, friction)
+    cut = whole.copy()
     aim = 0.0
     for _ in range(40):
         speed, force = random.uniform(-0.2, 0.2), random.uniform(0.0, 2.0)
-        move(whole, numbers, aim, speed, force, 5e-3)
+        move(whole, aim, speed, force, 5e-3)
         for part in range(9):
-            move(cut, numbers, aim + speed * part * 5e-3 / 9, speed, force, 5e-3 / 9)
+            move(cut, aim + speed * part * 5e-3 / 9, speed, force, 5e-3 / 9)
         aim += speed * 5e-3
-    assert whole == pytest.approx(cut, rel=1e-7, abs=1e-9)
+    for motion in ("position", "velocity"):
+        assert whole[motion] == pytest.approx(cut[motion], rel=1e-7, abs=1e-9)
 
 
 # --- friction ---------------------------------------------------------------------------------------------------------
 
 
 def test_friction_alone_stops_the_hand_where_and_when_it_must():
-    state, speed, friction, mass = np.array([0.0, 0.1]), 0.1, 0.4, 0.2
-    numbers = constants(mass, 0.0, 0.0, 0.0, friction)
+    speed, friction, mass = 0.1, 0.4, 0.2
+    hand = held(mass, 0.0, 0.0, 0.0, friction, velocity=speed)
     stop = speed * mass / friction
-    move(state, numbers, 0.0, 0.0, 0.0, 0.5 * stop)
-    assert state[1] == pytest.approx(0.5 * speed, rel=1e-12)
-    move(state, numbers, 0.0, 0.0, 0.0, stop)
-    assert state[0] == pytest.approx(0.5 * speed * stop, rel=1e-12)
-    assert state[1] == 0.0
+    move(hand, 0.0, 0.0, 0.0, 0.5 * stop)
+    assert hand[0].velocity == pytest.approx(0.5 * speed, rel=1e-12)
+    move(hand, 0.0, 0.0, 0.0, stop)
+    assert hand[0].position == pytest.approx(0.5 * speed * stop, rel=1e-12)
+    assert hand[0].velocity == 0.0
 
 
 @pytest.mark.parametrize("force", [0.0, 0.1, 0.299])
@@ -156,55 +159,55 @@ def test_what_has_moved_comes_to_rest_within_the_cone_and_stays(grip):
 
 
 def test_a_slow_intention_drags_the_device_as_soon_as_it_pulls_enough():
-    state, numbers = np.zeros(2), constants(0.2, 5.0, 2.0, 200.0, 0.3)
+    hand = held(0.2, 5.0, 2.0, 200.0, 0.3)
     # k w t + b w = F at the start: nothing before, motion after.
     begin = (0.3 - 5.0 * 0.01) / (200.0 * 0.01)
-    move(state, numbers, 0.0, 0.01, 0.0, begin - 1e-6)
-    assert (state == 0.0).all()
-    move(state, numbers, 0.01 * (begin - 1e-6), 0.01, 0.0, 2e-3)
-    assert state[0] > 0.0
-    move(state, numbers, 0.01 * (begin + 2e-3 - 1e-6), 0.01, 0.0, 5.0)
+    move(hand, 0.0, 0.01, 0.0, begin - 1e-6)
+    assert hand[0].position == hand[0].velocity == 0.0
+    move(hand, 0.01 * (begin - 1e-6), 0.01, 0.0, 2e-3)
+    assert hand[0].position > 0.0
+    move(hand, 0.01 * (begin + 2e-3 - 1e-6), 0.01, 0.0, 5.0)
     # Then it follows at that speed, behind by what friction and the device's damping take.
-    assert state[1] == pytest.approx(0.01, rel=1e-6)
-    assert 0.01 * (begin + 5.002 - 1e-6) - state[0] == pytest.approx((0.3 + 2.0 * 0.01) / 200.0, rel=1e-5)
+    assert hand[0].velocity == pytest.approx(0.01, rel=1e-6)
+    assert 0.01 * (begin + 5.002 - 1e-6) - hand[0].position == pytest.approx((0.3 + 2.0 * 0.01) / 200.0, rel=1e-5)
 
 
 # --- energy -----------------------------------------------------------------------------------------------------------
 
 
-def energy(state, numbers, aim):
-    return 0.5 * numbers[0] * state[1] ** 2 + 0.5 * numbers[3] * (aim - state[0]) ** 2
+def energy(hand, aim):
+    return 0.5 * hand[0].mass * hand[0].velocity ** 2 + 0.5 * hand[0].stiffness * (aim - hand[0].position) ** 2
 
 
 @pytest.mark.parametrize("grip", GRIPS)
 def test_energy_is_work_of_the_force_less_what_the_dampers_take(grip):
     random = np.random.default_rng(7)
-    numbers = constants(GRIPS[grip].mass + 0.1, GRIPS[grip].damping, 2.0, GRIPS[grip].stiffness)
+    hand = held(GRIPS[grip].mass + 0.1, GRIPS[grip].damping, 2.0, GRIPS[grip].stiffness, position=0.012)
     nodes, weights = np.polynomial.legendre.leggauss(8)
-    state, aim, work, lost = np.array([0.012, 0.0]), 0.01, 0.0, 0.0
-    begin = energy(state, numbers, aim)
+    aim, work, lost = 0.01, 0.0, 0.0
+    begin = energy(hand, aim)
     for _ in range(500):
-        force, before = random.uniform(0.0, 5.0), state.copy()
+        force, before = random.uniform(0.0, 5.0), hand.copy()
         for node, weight in zip(nodes, weights, strict=True):
             inside = before.copy()
-            move(inside, numbers, aim, 0.0, force, 0.5e-3 * (1.0 + node))
-            lost += 0.5e-3 * weight * numbers[1] * inside[1] ** 2
-        move(state, numbers, aim, 0.0, force, 1e-3)
-        work -= force * (state[0] - before[0])
+            move(inside, aim, 0.0, force, 0.5e-3 * (1.0 + node))
+            lost += 0.5e-3 * weight * inside[0].damping * inside[0].velocity ** 2
+        move(hand, aim, 0.0, force, 1e-3)
+        work -= force * (hand[0].position - before[0].position)
     assert lost > 1e-3
-    assert energy(state, numbers, aim) - begin == pytest.approx(work - lost, rel=1e-9, abs=1e-9 * lost)
+    assert energy(hand, aim) - begin == pytest.approx(work - lost, rel=1e-9, abs=1e-9 * lost)
 
 
 @quick
 @given(st.integers(0, 10**6), st.floats(0.0, 1.0))
 def test_friction_makes_no_energy(seed, friction):
     random = np.random.default_rng(seed)
-    numbers, state = constants(friction=friction), np.array([0.0, random.uniform(-0.3, 0.3)])
+    hand = held(friction=friction, velocity=random.uniform(-0.3, 0.3))
     for _ in range(300):
-        force, before, place = random.uniform(0.0, 2.0), energy(state, numbers, 0.0), state[0]
-        move(state, numbers, 0.0, 0.0, force, 1e-3)
-        paid = -force * (state[0] - place)
-        assert energy(state, numbers, 0.0) <= before + paid - numbers[FRICTION] * abs(state[0] - place) + 1e-14
+        force, before, begin = random.uniform(0.0, 2.0), energy(hand, 0.0), hand[0].position
+        move(hand, 0.0, 0.0, force, 1e-3)
+        moved = hand[0].position - begin
+        assert energy(hand, 0.0) <= before - force * moved - friction * abs(moved) + 1e-14
 
 
 # --- what the device can render ---------------------------------------------------------------------------------------

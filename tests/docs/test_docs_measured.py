@@ -14,7 +14,7 @@ from types import ModuleType, SimpleNamespace
 import pytest
 from docs_pages import ROOT
 
-KERNEL = "src/foretouch/identification/conditioning/watch_kernel.py"
+KERNEL = "src/foretouch/identification/conditioning/watch.py"
 PAGE = "docs/rooms/identification.md"
 
 

@@ -10,18 +10,9 @@ import sys
 import numpy as np
 
 from foretouch.robot import make_robot
-from foretouch.robot import servo_kernel as insertion_servo_kernel
-from foretouch.robot import servo_kernel as rcm_arm_kernel
+from foretouch.robot import servo_kernel as kernel
 
-KERNELS = (
-    insertion_servo_kernel.take,
-    insertion_servo_kernel.move_reference,
-    insertion_servo_kernel.drive,
-    rcm_arm_kernel.begin,
-    rcm_arm_kernel.effort,
-    rcm_arm_kernel.sense,
-    rcm_arm_kernel.show,
-)
+KERNELS = (kernel.take, kernel.move_reference, kernel.drive, kernel.begin, kernel.effort, kernel.sense, kernel.show)
 
 
 def shown(seed: int, ticks: int = 1500) -> list[tuple[object, ...]]:
@@ -39,7 +30,7 @@ INTERPRETED = """
 import sys
 sys.path.insert(0, {folder!r})
 from test_robot_arm_kernel import KERNELS, shown
-assert not any(hasattr(kernel, "signatures") for kernel in KERNELS)
+assert not any(hasattr(one, "signatures") for one in KERNELS)
 print(repr([shown(seed) for seed in range(2)]))
 """
 
@@ -63,4 +54,4 @@ def test_compiled_and_interpreted_are_equal() -> None:
 def test_nothing_is_compiled_while_it_moves() -> None:
     """Who compiles in a loop stands still for a second."""
     shown(3, 400)
-    assert [len(getattr(kernel, "signatures", [None])) for kernel in KERNELS] == [1] * len(KERNELS)
+    assert [len(getattr(one, "signatures", [None])) for one in KERNELS] == [1] * len(KERNELS)

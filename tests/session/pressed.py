@@ -6,7 +6,7 @@ import numpy as np
 
 from foretouch.identification import Conditioner
 from foretouch.robot import make_robot
-from foretouch.session.safety.safety import Safety, SafetyLimits
+from foretouch.session.safety.safety import Safety, SafetyLimits, Sensed
 
 TICK = 1e-3
 SPEED, ACCELERATION, JERK = 0.25, 40.0, 1e5
@@ -43,15 +43,8 @@ class Pressed:
             self._silence = self._silence + TICK if silent else 0.0
             force = self.sample.sensor_force - self.robot.specification.tool_force(self.sample.acceleration)
             felt = self.conditioner.update(TICK * len(self.path), self.sample.position, force)
-            told = self.safety.update(
-                desired,
-                self.sample.position,
-                felt.force,
-                felt.in_contact,
-                surface=self.conditioner.surface,
-                silence=self._silence,
-                faulty=faulty,
-            )
+            sensed = Sensed(self.sample.position, felt.force, felt.in_contact, faulty)
+            told = self.safety.update(desired, sensed, surface=self.conditioner.surface, silence=self._silence)
             self.felt = felt.force
             self.path.append(told)
             self.sample = self.robot.exchange(told)

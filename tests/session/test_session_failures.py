@@ -26,7 +26,7 @@ from foretouch.session.safety.safety import Safety
 from foretouch.session.spatial import follower as space
 from foretouch.session.spatial import make_scene, make_spatial_robot
 from foretouch.session.spatial.course import Course, SurfaceLine
-from foretouch.session.spatial.last_limit import LastLimit
+from foretouch.session.spatial.safety import LastLimit
 from foretouch.session.steps import follower
 from foretouch.session.steps.sensing import Failures
 

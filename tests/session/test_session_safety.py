@@ -13,7 +13,7 @@ from pressed import ACCELERATION, JERK, SPEED, TICK, Pressed, kept
 from foretouch.errors import SettingError
 from foretouch.messages import STATUS_SENTENCES, Status
 from foretouch.session.safety.motion import MotionLimits
-from foretouch.session.safety.safety import Safety, SafetyLimits
+from foretouch.session.safety.safety import Safety, SafetyLimits, Sensed
 
 
 def begun(jerk: float = JERK) -> MotionLimits:
@@ -75,10 +75,8 @@ def test_nothing_raises_and_every_path_keeps_its_limits(ticks: list[tuple[float,
     safety = Safety(SafetyLimits(workspace=(-0.02, 0.06)), TICK)
     path = []
     for desired, position, force, touches, surface, silence, faulty in ticks:
-        told = safety.update(
-            desired, position, 100.0 * force, bool(touches), surface=surface, silence=silence, faulty=bool(faulty)
-        )
-        path.append(told)
+        sensed = Sensed(position, 100.0 * force, bool(touches), bool(faulty))
+        path.append(safety.update(desired, sensed, surface=surface, silence=silence))
     finite = [place for place in path if math.isfinite(place)]
     assert finite == path[len(path) - len(finite) :], "once it has a place it keeps one"
     kept(finite)
@@ -118,10 +116,8 @@ def test_a_force_that_is_in_uncertainty_is_not_pressed_towards() -> None:
     for uncertain in (False, True):
         safety, path = Safety(limits, TICK), []
         for tick in range(300):
-            told = safety.update(
-                0.01, 0.0, 1.0, True, surface=0.0, silence=0.0, faulty=False, uncertain=uncertain and tick > 50
-            )
-            path.append(told)
+            sensed = Sensed(0.0, 1.0, True, uncertain=uncertain and tick > 50)
+            path.append(safety.update(0.01, sensed, surface=0.0, silence=0.0))
         assert (max(path) - path[60] > 1e-4) is not uncertain
 
 

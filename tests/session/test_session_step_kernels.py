@@ -11,18 +11,17 @@ import sys
 import pytest
 
 from foretouch.identification import SensorWatch
-from foretouch.identification.conditioning import watch_kernel as sensor_watch_kernel
+from foretouch.identification.conditioning import watch as sensor_watch_kernel
 from foretouch.session.safety import force_guard as force_guard_kernel
 from foretouch.session.safety import kernel as safety_kernel
 from foretouch.session.safety import motion as motion_limits_kernel
-from foretouch.session.safety.force_guard import PATIENCE, SOFTEST, ForceGuard
+from foretouch.session.safety.force_guard import PATIENCE, SOFTEST, ForceGuard, guarded_speed
 from foretouch.session.safety.motion import UNBOUNDED, MotionLimits
-from foretouch.session.safety.safety import Safety, SafetyLimits
+from foretouch.session.safety.safety import Safety, SafetyLimits, Sensed
 
 TICK = 1e-3
 KERNELS = (
-    force_guard_kernel.observe,
-    force_guard_kernel.allowed_speed,
+    force_guard_kernel.guarded_speed,
     motion_limits_kernel.begin,
     motion_limits_kernel.limited,
     motion_limits_kernel.moved,
@@ -34,7 +33,7 @@ KERNELS = (
 def pressed(seed: int, ticks: int = 1500) -> list[object]:
     numbers, said = random.Random(seed), []
     watch, safety = SensorWatch((-40.0, 40.0)), Safety(SafetyLimits(workspace=(-0.02, 0.05), retreats=True), TICK)
-    guard, motion = ForceGuard(), MotionLimits(0.25, 40.0, 1e5, TICK)
+    guard, motion = ForceGuard.new(), MotionLimits(0.25, 40.0, 1e5, TICK)
     space = MotionLimits(0.25, 40.0, 1e5, TICK)
     motion.begin(0.0)
     space.begin(0.0, 0.0, 0.0)
@@ -57,13 +56,13 @@ def pressed(seed: int, ticks: int = 1500) -> list[object]:
         force = 8e3 * max(place - 0.01, 0.0) + offset + numbers.gauss(0.0, 0.01)
         force = math.nan if numbers.random() < 1e-3 else force + 10.0 * (numbers.random() < 2e-3)
         state = watch.update(tick * TICK, place, force)
-        guard.observe(place, force, force > 0.05)
+        deeper = guarded_speed(guard, place, force, force > 0.05, 15.0, 20.0)
         surface = 0.01 if tick > ticks // 3 else math.nan
-        told = safety.update(wanted, place, force, force > 0.05, surface=surface, silence=silence, faulty=bool(state))
-        path = motion.update(wanted, guard.speed(15.0, 20.0) if tick % 2 else math.inf)
-        said += [int(state), told, int(safety.status), safety.pressing, guard.stiffness]
+        told = safety.update(wanted, Sensed(place, force, force > 0.05, bool(state)), surface=surface, silence=silence)
+        path = motion.update(wanted, deeper if tick % 2 else math.inf)
+        said += [int(state), told, int(safety.status), safety.pressing, float(guard[0].stiffness)]
         said += [path, *motion.velocity, *motion.acceleration]
-        bound = (0.6, 0.0, -0.8, max(guard.speed(15.0, 20.0), 0.0))
+        bound = (0.6, 0.0, -0.8, max(deeper, 0.0))
         said += space.move((wanted, place, -wanted), (UNBOUNDED, UNBOUNDED, bound), (0.0, 0.0, 1e-6))
         place += 0.3 * (told - place)
     return said
@@ -99,16 +98,15 @@ def test_compiled_and_interpreted_are_equal() -> None:
 def test_a_whole_number_compiles_nothing_and_is_the_same() -> None:
     said = []
     for kind in (int, float):
-        safety, watch, guard = Safety(SafetyLimits(), TICK), SensorWatch(), ForceGuard()
+        safety, watch, guard = Safety(SafetyLimits(), TICK), SensorWatch(), ForceGuard.new()
         motion, answers = MotionLimits(0.25, 40.0, 1e5, TICK), []
         motion.begin(kind(0))
         for tick in range(50):
             number = kind(tick // 40)
-            guard.observe(number, number, False)
-            answers += [watch.update(number, number, number), motion.update(number), guard.speed(number, number)]
+            answers += [watch.update(number, number, number), motion.update(number)]
+            answers.append(guarded_speed(guard, number, number, False, number, number))
             answers += motion.move((number, number, number))
-            told = safety.update(number, number, number, False, surface=number, silence=kind(0), faulty=False)
-            answers.append(told)
+            answers.append(safety.update(number, Sensed(number, number, False), surface=number, silence=kind(0)))
         said.append(answers)
     assert said[0] == said[1]
     assert [len(getattr(kernel, "signatures", [None])) for kernel in KERNELS] == [1] * len(KERNELS)
@@ -118,13 +116,12 @@ def test_an_array_that_is_shared_disturbs_nobody_and_a_guard_without_a_contact_r
     limits = SafetyLimits(workspace=(-1.0, 1.0))
     safety, alone = Safety(limits, TICK), MotionLimits(limits.speed, limits.acceleration, limits.jerk, TICK)
     aims = [0.005 * math.sin(tick / 400) for tick in range(2000)]
-    told = [safety.update(aim, aim, 0.0, False, surface=0.5, silence=0.0, faulty=False) for aim in aims]
+    told = [safety.update(aim, Sensed(aim, 0.0, False), surface=0.5, silence=0.0) for aim in aims]
     alone.begin(0.0)
     reckoned = [alone.update(aim) for aim in aims]
     assert told[400:] == pytest.approx(reckoned[400:], abs=1e-9)
-    guard = ForceGuard()
-    assert guard.speed(15.0) == 0.0
-    guard.observe(0.0, 1.0, False)
-    assert guard.speed(15.0) == pytest.approx(14.0 / (SOFTEST * PATIENCE))
-    assert guard.stiffness == SOFTEST
-    assert math.isnan(guard.onset)
+    guard = ForceGuard.new()
+    assert guarded_speed(guard, 0.0, math.nan, False, 15.0, 0.0) == 0.0
+    assert guarded_speed(guard, 0.0, 1.0, False, 15.0, 0.0) == pytest.approx(14.0 / (SOFTEST * PATIENCE))
+    assert guard[0].stiffness == SOFTEST
+    assert math.isnan(guard[0].onset)

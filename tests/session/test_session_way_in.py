@@ -15,8 +15,8 @@ from foretouch.robot import SpatialSample
 from foretouch.session import SessionSettings
 from foretouch.session.runners.warm_up import SPECIFICATION
 from foretouch.session.spatial import follower, make_scene, tracker
+from foretouch.session.spatial.safety import LARGEST_TURN, LARGEST_UNCERTAINTY, LEAST_TURN, PoseUncertainty
 from foretouch.session.spatial.scenes import NOMINAL, KnownSurface
-from foretouch.session.spatial.way_in import LARGEST_TURN, LARGEST_UNCERTAINTY, LEAST_TURN, PoseUncertainty
 from foretouch.session.steps import follower as line_follower
 
 MS = 1_000_000

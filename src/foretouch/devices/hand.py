@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from foretouch.devices.device import Device, DeviceSpecification, limit_force
 from foretouch.errors import SettingError
@@ -45,6 +46,20 @@ class Grip:
         require("mass", self.mass, at_least=0.0, at_most=10.0)
         require("damping", self.damping, at_least=0.0, at_most=1000.0)
         require("stiffness", self.stiffness, at_least=0.0, at_most=1e5)
+
+    def holds(self, specification: DeviceSpecification) -> tuple[NDArray[np.void], Callable[..., Any]]:
+        """A hand with this grip, at rest at 0, that holds a device, and what moves it: see `hand_kernel`."""
+        # Imported here: it brings a compiler along, which open-loop operators do without.
+        from foretouch.devices.hand_kernel import Held, move
+
+        held = Held.new(
+            mass=self.mass + specification.mass,
+            damping=self.damping + specification.damping,
+            hand_damping=self.damping,
+            stiffness=self.stiffness,
+            friction=specification.friction,
+        )
+        return held, move
 
 
 GRIPS = MappingProxyType(
@@ -171,27 +186,12 @@ class Hand(Device):
         for start, end in clutch:
             if not 0.0 <= start < end < math.inf:
                 raise SettingError("clutch", (start, end), "must be 0 <= start < end, in seconds from the first tick")
-        # Imported here: it brings a compiler along, which open-loop operators do without.
-        from foretouch.devices.hand_kernel import move
-
-        self._move = move
-        self._intention = intention
-        self._grip = grip
-        self._specification = specification
+        self._intention, self._grip, self._specification = intention, grip, specification
         self._clutch = tuple(clutch)
-        self._constants = np.array(
-            [
-                grip.mass + specification.mass,
-                grip.damping + specification.damping,
-                grip.damping,
-                grip.stiffness,
-                specification.friction,
-            ]
-        )
-        move(np.zeros(2), self._constants, 0.0, 0.0, 0.0, 1e-6)  # compiled here, not in the first tick
-        self._state = np.zeros(2)
+        self._held, self._move = grip.holds(specification)
+        self._position = self._held["position"]
         self._aim = math.nan
-        self._held = HeldForce(0.0, specification.delay, specification.watchdog)
+        self._forces = HeldForce(0.0, specification.delay, specification.watchdog)
         self._start_ns: int | None = None
         self._now_ns = 0
 
@@ -223,12 +223,12 @@ class Hand(Device):
     @property
     def exact_position(self) -> float:
         """Where the hand is [m] at the newest `read`, not rounded; NaN before the first."""
-        return math.nan if self._start_ns is None else float(self._state[0])
+        return math.nan if self._start_ns is None else float(self._position[0])
 
     @property
     def exact_velocity(self) -> float:
         """Its velocity [m/s]."""
-        return math.nan if self._start_ns is None else float(self._state[1])
+        return math.nan if self._start_ns is None else float(self._held[0].velocity)
 
     @property
     def clutched(self) -> bool:
@@ -249,20 +249,20 @@ class Hand(Device):
         aim = self._intention.read(now_ns)
         if self._start_ns is None:
             self._start_ns = self._now_ns = now_ns
-            self._aim = self._state[0] = aim
+            self._aim = self._position[0] = aim
         elif now_ns > self._now_ns:
             period = min((now_ns - self._now_ns) * 1e-9, LONGEST_GAP)
             speed = (aim - self._aim) / period
-            for time, force in self._held.over(now_ns - round(period * 1e9), now_ns):
-                self._move(self._state, self._constants, self._aim, speed, force, time)
+            for time, force in self._forces.over(now_ns - round(period * 1e9), now_ns):
+                self._move(self._held, self._aim, speed, force, time)
                 self._aim += speed * time
             self._aim, self._now_ns = aim, now_ns
-        position = float(self._state[0])
+        position = float(self._position[0])
         count = self._specification.resolution
         return count * math.floor(position / count + 0.5) if count > 0.0 else position
 
     def render(self, force: float) -> float:
         """Hold a force [N] from a delay after the newest `read` on; returns what is given, at most the limit."""
         given = limit_force(force, self._specification.force_limit)
-        self._held.render(given, self._now_ns)
+        self._forces.render(given, self._now_ns)
         return given

@@ -13,16 +13,22 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core.compiling import compiled
+from foretouch.core import Record, compiled
 
 Array = NDArray[np.float64]
 
-POSITION, VELOCITY = 0, 1
-"""Places in the state [m, m/s]."""
 
-MASS, BOTH, DAMPING, STIFFNESS, FRICTION = range(5)
-"""Places in the constants: mass of hand and device [kg], damping of both, damping of the hand alone [N s/m], stiffness
-of the hand [N/m], Coulomb friction [N]."""
+class Held(Record):
+    """A hand and the device that it holds."""
+
+    position: float  # [m]
+    velocity: float  # [m/s]
+    mass: float  # of hand and device [kg]
+    damping: float  # of both [N s/m]
+    hand_damping: float  # of the hand alone [N s/m]
+    stiffness: float  # of the hand [N/m]
+    friction: float  # Coulomb friction of the device [N]
+
 
 TERMS = 14
 """Number of terms of the series; a step is so short that each is less than half as large as the one before it."""
@@ -38,25 +44,24 @@ HALVINGS = 60
 
 
 @compiled
-def _terms(position: float, velocity: float, push: float, slope: float, constants: Array, terms: Array) -> None:
-    """Coefficients of the position over time.
+def _terms(held: Held, position: float, push: float, slope: float, terms: Array) -> None:
+    """Write the coefficients of the position over time [m/s^n].
 
     Args:
+        held: With its velocity now.
         position: Relative to where the intention is now [m].
-        velocity: [m/s].
         push: All of the force that does not depend on position and velocity, now [N].
         slope: Slope of that force over time [N/s].
-        constants: `MASS` to `FRICTION`.
-        terms: [m/s^n], shape (TERMS,), written.
+        terms: Shape (TERMS,).
     """
-    terms[0], terms[1] = position, velocity
+    terms[0], terms[1] = position, held.velocity
     for n in range(TERMS - 2):
-        force = -constants[BOTH] * (n + 1) * terms[n + 1] - constants[STIFFNESS] * terms[n]
+        force = -held.damping * (n + 1) * terms[n + 1] - held.stiffness * terms[n]
         if n == 0:
             force += push
         elif n == 1:
             force += slope
-        terms[n + 2] = force / (constants[MASS] * (n + 1) * (n + 2))
+        terms[n + 2] = force / (held.mass * (n + 1) * (n + 2))
 
 
 @compiled
@@ -78,12 +83,12 @@ def _velocity_at(terms: Array, time: float) -> float:
 
 
 @compiled
-def _stops_at(terms: Array, way: float, time: float) -> float:
-    """Time at which the velocity becomes zero [s], at most `time`; it has the sign of `way` before, not at `time`."""
+def _stops_at(terms: Array, sign: float, time: float) -> float:
+    """Time at which the velocity becomes zero [s], at most `time`; it has this sign before, not at `time`."""
     early, late = 0.0, time
     for _ in range(HALVINGS):
         middle = 0.5 * (early + late)
-        if way * _velocity_at(terms, middle) > 0.0:
+        if sign * _velocity_at(terms, middle) > 0.0:
             early = middle
         else:
             late = middle
@@ -91,58 +96,56 @@ def _stops_at(terms: Array, way: float, time: float) -> float:
 
 
 @compiled
-def _short_step(state: Array, constants: Array, aim: float, aim_speed: float, force: float, period: float) -> None:
+def _short_step(held: Held, aim: float, aim_speed: float, force: float, period: float) -> None:
     """One short step, with every start and stop that friction makes in it."""
     terms = np.empty(TERMS)
-    stiffness, friction = constants[STIFFNESS], constants[FRICTION]
-    push = constants[DAMPING] * aim_speed - force
+    stiffness, friction = held.stiffness, held.friction
+    push = held.hand_damping * aim_speed - force
     time = 0.0
     for _ in range(EVENTS):
         left, here = period - time, aim + aim_speed * time
-        velocity = state[VELOCITY]
-        way = 0.0
+        sign = 0.0
         if friction > 0.0:
-            way = math.copysign(1.0, velocity)
-            if velocity == 0.0:
-                pull = push + stiffness * (here - state[POSITION])
+            sign = math.copysign(1.0, held.velocity)
+            if held.velocity == 0.0:
+                pull = push + stiffness * (here - held.position)
                 growth = stiffness * aim_speed
                 if abs(pull) <= friction:
                     if growth == 0.0 or abs(pull + growth * left) <= friction:
                         return
-                    way = math.copysign(1.0, growth)
-                    wait = max((way * friction - pull) / growth, 0.0)
+                    sign = math.copysign(1.0, growth)
+                    wait = max((sign * friction - pull) / growth, 0.0)
                     time += wait
                     left, here = left - wait, here + aim_speed * wait
                 else:
-                    way = math.copysign(1.0, pull)
-        _terms(state[POSITION] - here, velocity, push - way * friction, stiffness * aim_speed, constants, terms)
+                    sign = math.copysign(1.0, pull)
+        _terms(held, held.position - here, push - sign * friction, stiffness * aim_speed, terms)
         done = left
-        stopping = way != 0.0 and way * _velocity_at(terms, left) < 0.0
+        stopping = sign != 0.0 and sign * _velocity_at(terms, left) < 0.0
         if stopping:
-            done = _stops_at(terms, way, left)
-        state[POSITION] = here + _position_at(terms, done)
-        state[VELOCITY] = 0.0 if stopping else _velocity_at(terms, done)
+            done = _stops_at(terms, sign, left)
+        held.position = here + _position_at(terms, done)
+        held.velocity = 0.0 if stopping else _velocity_at(terms, done)
         time += done
         if not stopping:
             return
-    state[VELOCITY] = 0.0
+    held.velocity = 0.0
 
 
-@compiled
-def move(state: Array, constants: Array, aim: float, aim_speed: float, force: float, period: float) -> None:
-    """Move hand and device on by a time.
+@compiled("void(Held[::1], f8, f8, f8, f8)")
+def move(hands: NDArray[np.void], aim: float, aim_speed: float, force: float, period: float) -> None:
+    """Move one hand and its device on by a time.
 
     Args:
-        state: `POSITION` and `VELOCITY`, shape (2,), written.
-        constants: `MASS` to `FRICTION`, shape (5,).
+        hands: One `Held`, written.
         aim: Position of the intention at the beginning [m].
         aim_speed: Speed of the intention [m/s].
         force: Rendered force [N], held; it pushes the hand out of the material, to smaller positions.
         period: The time [s], positive.
     """
-    shortest = math.sqrt(constants[STIFFNESS] / constants[MASS])
-    shortest = max(shortest, constants[BOTH] / constants[MASS])
-    steps = math.ceil(period * max(2.0 * shortest, 1.0 / LONGEST) - 1e-6)
-    step = period / max(steps, 1)
-    for n in range(max(steps, 1)):
-        _short_step(state, constants, aim + aim_speed * n * step, aim_speed, force, step)
+    held = hands[0]
+    fastest = max(math.sqrt(held.stiffness / held.mass), held.damping / held.mass)
+    steps = max(math.ceil(period * max(2.0 * fastest, 1.0 / LONGEST) - 1e-6), 1)
+    step = period / steps
+    for n in range(steps):
+        _short_step(held, aim + aim_speed * n * step, aim_speed, force, step)

@@ -237,23 +237,12 @@ class SpatialHand(SpatialDevice):
     ) -> None:
         if intention.closed_loop:
             raise SettingError("intention", intention.name, "must be an operator that feels nothing itself (open loop)")
-        from foretouch.devices.hand_kernel import move
-
-        self._move = move
         self._intention = intention
         self.specification = specification
         self._clutch = tuple(clutch)
-        self._constants = np.array(
-            [
-                grip.mass + specification.mass,
-                grip.damping + specification.damping,
-                grip.damping,
-                grip.stiffness,
-                specification.friction,
-            ]
-        )
-        move(np.zeros(2), self._constants, 0.0, 0.0, 0.0, 1e-6)  # compiled here, not in the first tick
-        self._states = [np.zeros(2) for _ in range(3)]
+        made = [grip.holds(specification) for _ in range(3)]
+        self._hands, self._move = [held for held, _ in made], made[0][1]
+        self._positions = [held["position"] for held in self._hands]
         self._aim: Vector = NOWHERE
         self._held: HeldForce[Vector] = HeldForce((0.0, 0.0, 0.0), specification.delay, specification.watchdog)
         self._start_ns: int | None = None
@@ -279,7 +268,7 @@ class SpatialHand(SpatialDevice):
         """Where the hand is [m], not rounded."""
         if self._start_ns is None:
             return NOWHERE
-        x, y, z = (float(state[0]) for state in self._states)
+        x, y, z = (float(position[0]) for position in self._positions)
         return x, y, z
 
     @property
@@ -298,19 +287,19 @@ class SpatialHand(SpatialDevice):
         if self._start_ns is None:
             self._start_ns = self._now_ns = now_ns
             self._aim = aim
-            for state, wanted in zip(self._states, aim, strict=True):
-                state[0] = wanted
+            for position, wanted in zip(self._positions, aim, strict=True):
+                position[0] = wanted
         elif now_ns > self._now_ns:
             period = min((now_ns - self._now_ns) * 1e-9, LONGEST_GAP)
             passed = 0.0
             for time, forces in self._held.over(now_ns - round(period * 1e9), now_ns):
-                for state, before, wanted, force in zip(self._states, self._aim, aim, forces, strict=True):
+                for held, before, wanted, force in zip(self._hands, self._aim, aim, forces, strict=True):
                     speed = (wanted - before) / period
-                    self._move(state, self._constants, before + speed * passed, speed, -force, time)
+                    self._move(held, before + speed * passed, speed, -force, time)
                 passed += time
             self._aim, self._now_ns = aim, now_ns
         count = self.specification.resolution
-        places = (float(state[0]) for state in self._states)
+        places = (float(position[0]) for position in self._positions)
         x, y, z = (count * math.floor(value / count + 0.5) if count > 0.0 else value for value in places)
         return x, y, z
 

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from foretouch.errors import RecordingError, plural
 from foretouch.errors.checks import require
-from foretouch.identification.conditioning.layout import SURFACE_THRESHOLD
 from foretouch.identification.estimator import Estimator
 from foretouch.identification.learner import Learner, LearntModel, RawSamples, learner_of, run_by_sample
 from foretouch.models import ContactModel, Predictor
@@ -164,7 +163,7 @@ def _surface_error(recording: Recording, learner: Learner, surface: float) -> fl
     if scatter == 0.0:  # given
         return 0.0
     force = recording.force - conditioner.force_offset
-    threshold = float(conditioner.memory[SURFACE_THRESHOLD])
+    threshold = float(conditioner.state.surface_threshold)
     unnoticed = unnoticed_depth(recording.position - surface, force, threshold)
     return float(np.hypot(scatter, 0.5 * unnoticed))
 

@@ -1,14 +1,20 @@
 """MuJoCo, imported when it is first used and whatever the environment says of drawing, and the simulated arm for it.
 
-The arm is an MJCF text with its dimensions as plain numbers. To import this module costs nothing.
+The arm is an MJCF text with its dimensions as plain numbers.
 """
 
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
-from foretouch.errors import MissingExtraError
+import numpy as np
+
+from foretouch.errors import MissingExtraError, SettingError
+from foretouch.errors.checks import require
+from foretouch.robot.robot import RobotSpecification
 
 CHOICE, NOTHING = "MUJOCO_GL", "disable"
 """The variable that names what draws, and its value for nothing."""
@@ -57,6 +63,84 @@ TOOL_MASS = 0.1
 
 GRAVITY = 9.81
 """Gravity along the approach, which points straight down [m/s^2]."""
+
+
+MOVED_MASS = CARRIAGE_MASS + TOOL_MASS
+"""Mass that a drive moves [kg]."""
+
+RAIL_DAMPING = 1.0
+"""Damping of a driven joint [N s/m]."""
+
+LARGEST_CONTACT_FORCE = 1000.0
+"""Bound to which a contact force that is more, or no number, is cut, so that the physics stay finite [N]."""
+
+OFFSET_UNCERTAINTY = 0.2
+"""Part of the force sensor's largest offset beyond its mean one, ten times its noise [N]."""
+
+LONGEST_STEP, NOISE_BLOCK = 6e-4, 4096
+
+
+@dataclass(frozen=True, slots=True)
+class ArmSettings:
+    """Settings that the simulated arms share.
+
+    Args:
+        sample_period: [s].
+        substeps: Physics steps in a sample period.
+        force_limit: Force that a drive can hold at most [N].
+        encoder_resolution: [m]; 0 does not round.
+        encoder_noise: Standard deviation before rounding [m].
+        sensor_noise: Standard deviation of the force, on each axis [N].
+        sensor_bandwidth: Cut-off of the sensors' low-pass [Hz].
+
+    Raises:
+        SettingError: A setting out of range.
+    """
+
+    sample_period: float = 1e-3
+    substeps: int = 2
+    force_limit: float = 15.0
+    encoder_resolution: float = 5e-6
+    encoder_noise: float = 2e-6
+    sensor_noise: float = 0.02
+    sensor_bandwidth: float = 200.0
+
+    def __post_init__(self) -> None:
+        require("sample_period", self.sample_period, above=0.0, at_most=0.01)
+        require("substeps", self.substeps, at_least=1)
+        require("force_limit", self.force_limit, above=0.0)
+        for name in ("encoder_resolution", "encoder_noise", "sensor_noise"):
+            require(name, getattr(self, name), at_least=0.0)
+        require("sensor_bandwidth", self.sensor_bandwidth, above=0.0)
+        if self.step > LONGEST_STEP:
+            message = "the physics step (sample_period / substeps) is at most 0.6 ms"
+            raise SettingError("substeps", self.substeps, message)
+
+    @property
+    def step(self) -> float:
+        """Length of a physics step [s]."""
+        return self.sample_period / int(self.substeps)
+
+    def specification(self, **others: Any) -> RobotSpecification:
+        """Specification of an arm with these settings and its own fields."""
+        return RobotSpecification(
+            sample_period=self.sample_period,
+            force_limit=self.force_limit,
+            encoder_resolution=self.encoder_resolution,
+            encoder_noise=self.encoder_noise,
+            sensor_noise=self.sensor_noise,
+            sensor_bandwidth=self.sensor_bandwidth,
+            simulated=True,
+            moved_mass=MOVED_MASS,
+            **others,
+        )
+
+
+def normal_draws(seed: int) -> Iterator[float]:
+    """Standard normal numbers for the noise of the sensors, drawn in blocks."""
+    random = np.random.default_rng(seed)
+    while True:
+        yield from random.standard_normal(NOISE_BLOCK)[::-1].tolist()
 
 
 def arm_scene(surface: float, timestep: float) -> str:

@@ -6,28 +6,25 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-
 from foretouch.errors.checks import require
-from foretouch.robot.engine import CARRIAGE_MASS, GRAVITY, ROD_LENGTH, ROD_RADIUS, TIP_RADIUS, TOOL_MASS, load_mujoco
-from foretouch.robot.insertion_servo import InsertionServo
-from foretouch.robot.robot import RobotSpecification, SpatialRobot, SpatialSample, Vector
-
-MOVED_MASS = CARRIAGE_MASS + TOOL_MASS
-RAIL_DAMPING = 1.0
-"""Damping of each joint [N s/m]."""
+from foretouch.robot.engine import (
+    CARRIAGE_MASS,
+    GRAVITY,
+    LARGEST_CONTACT_FORCE,
+    OFFSET_UNCERTAINTY,
+    RAIL_DAMPING,
+    ROD_LENGTH,
+    ROD_RADIUS,
+    TIP_RADIUS,
+    TOOL_MASS,
+    ArmSettings,
+    load_mujoco,
+    normal_draws,
+)
+from foretouch.robot.robot import SpatialRobot, SpatialSample, Vector
 
 LEAST_STEPS = 2
 """Smallest number of physics steps in a sample period: of 1 ms they are 0.5 ms long."""
-
-LARGEST_FORCE = 1000.0
-"""Bound to which a contact force that is more, or no number, is cut, so that the physics stay finite [N]."""
-
-NOISE_BLOCK = 4096
-OFFSET_UNCERTAINTY = 0.2
-AXES = range(3)
-WAYS = (1.0, 1.0, -1.0)
-"""Direction of each axis in which its servo counts: the third goes in as it goes down."""
 
 TouchedWorld = Callable[[Vector, Vector, float], Vector]
 """What is touched: place [m] and velocity [m/s] of the tip and the time since the call before [s] to the contact force
@@ -35,7 +32,7 @@ on the probe [N]."""
 
 
 class GantryArm(SpatialRobot):
-    """Three slides that stand on each other, each driven by an `InsertionServo`, with the tool below the third.
+    """Three slides that stand on each other, each driven by a `Servo`, with the tool below the third.
 
     The contact force comes from what is touched, asked at every physics step with the tip's exact place and velocity,
     and is applied to the tool from outside; native contact is off. The force sensor stands between carriage and tool.
@@ -52,15 +49,9 @@ class GantryArm(SpatialRobot):
         seed: Seed of sensor and encoder noise, not negative.
         start: Position of the tip at first [m].
         reach: Lowest and highest position [m].
-        sample_period: [s].
-        substeps: Physics steps in a sample period: what is touched acts through a whole one, so that a damping of b
-            needs more than b T / (2 m) of them, or a contact swings up by itself.
-        force_limit: Force that each drive can hold at most [N].
-        encoder_resolution: [m]; 0 does not round.
-        encoder_noise: Standard deviation before rounding [m].
-        sensor_noise: Standard deviation of each axis [N].
-        sensor_bandwidth: Cut-off of the low-pass [Hz].
         sensor_offset: What the sensor shows with nothing on it [N].
+        **options: Settings of `ArmSettings`. What is touched acts through a whole physics step, so that a damping of b
+            needs more than b T / (2 m) of them in a sample period, or a contact swings up by itself.
 
     Raises:
         SettingError: A setting out of range.
@@ -75,75 +66,46 @@ class GantryArm(SpatialRobot):
         seed: int,
         start: Vector = (0.0, 0.0, 0.05),
         reach: tuple[Vector, Vector] = ((-0.15, -0.15, -0.08), (0.15, 0.15, 0.12)),
-        sample_period: float = 1e-3,
-        substeps: int = LEAST_STEPS,
-        force_limit: float = 15.0,
-        encoder_resolution: float = 5e-6,
-        encoder_noise: float = 2e-6,
-        sensor_noise: float = 0.02,
-        sensor_bandwidth: float = 200.0,
         sensor_offset: Vector = (0.1, -0.15, 0.3),
+        **options: Any,
     ) -> None:
         require("seed", seed, at_least=0)
-        require("sample_period", sample_period, above=0.0, at_most=1.2e-3)
-        require("substeps", substeps, at_least=LEAST_STEPS)
-        require("force_limit", force_limit, above=0.0)
-        for name, value in (("resolution", encoder_resolution), ("noise", encoder_noise), ("sensor", sensor_noise)):
-            require(name, value, at_least=0.0)
-        require("sensor_bandwidth", sensor_bandwidth, above=0.0)
+        built = ArmSettings(**options)
+        require("sample_period", built.sample_period, at_most=1.2e-3)
+        require("substeps", built.substeps, at_least=LEAST_STEPS)
         self._world, self._fixture = world, fixture
         self.reach = reach
-        self._steps = range(substeps)
-        self._h = sample_period / substeps
-        self._low_pass = -math.expm1(-2.0 * math.pi * sensor_bandwidth * self._h)
-        self._offset = sensor_offset
-        self._resolution, self._encoder_noise, self._sensor_noise = encoder_resolution, encoder_noise, sensor_noise
-        self._random = np.random.default_rng(seed)
-        self._noise: list[float] = []
-        self.specification = RobotSpecification(
-            sample_period=sample_period,
-            force_limit=force_limit,
-            encoder_resolution=encoder_resolution,
-            encoder_noise=encoder_noise,
+        self._steps, self._h = range(built.substeps), built.step
+        self._offset, self._noise = sensor_offset, normal_draws(seed)
+        self.specification = built.specification(
             tool_mass=0.0,
             gravity=0.0,
-            sensor_noise=sensor_noise,
             accelerometer_noise=0.0,
-            sensor_bandwidth=sensor_bandwidth,
             workspace=(-1.0, 1.0),
-            simulated=True,
-            moved_mass=MOVED_MASS,
             sensor_range=200.0,
             largest_offset=math.hypot(*sensor_offset) + OFFSET_UNCERTAINTY,
         )
         self._build(start)
 
     def _build(self, start: Vector) -> None:
-        mujoco = load_mujoco()
-        self._model: Any = mujoco.MjModel.from_xml_string(gantry_scene(self._h))
-        self._data: Any = mujoco.MjData(self._model)
-        self._data.qpos[:] = start
-        mujoco.mj_forward(self._model, self._data)
-        self._mj_step = mujoco.mj_step
-        self._applied = self._data.xfrc_applied[self._model.body("tool").id][:3]
-        self._interaction = self._data.sensordata[:3]
-        self._servos = [
-            InsertionServo(
-                mass=MOVED_MASS,
-                damping=RAIL_DAMPING,
-                force_limit=self.specification.force_limit,
-                sample_period=self.specification.sample_period,
-                position=WAYS[axis] * start[axis],
-            )
-            for axis in AXES
-        ]
+        from foretouch.robot import servo_kernel as kernel  # Numba is slow to import: only when used
+
+        mujoco, built = load_mujoco(), self.specification
+        model: Any = mujoco.MjModel.from_xml_string(gantry_scene(self._h))
+        data: Any = mujoco.MjData(model)
+        data.qpos[:] = start
+        mujoco.mj_forward(model, data)
+        self._model, self._data, self._mj_step, self._kernel = model, data, mujoco.mj_step, kernel
+        self._applied = data.xfrc_applied[model.body("tool").id][:3]
+        self._interaction = data.sensordata[:3]
+        weight = (0.0, 0.0, TOOL_MASS * GRAVITY)
+        low_pass = -math.expm1(-2.0 * math.pi * built.sensor_bandwidth * self._h)
+        self._arm = kernel.Gantry.new(h=self._h, low_pass=low_pass, tool=weight, raw=weight)
+        for axis, (way, place) in enumerate(zip(kernel.WAYS, start, strict=True)):
+            self._arm["servos"][0, axis] = kernel.make_servo(built.force_limit, built.sample_period, way * place)
+        self._clipped = False
         self._desired = start
-        self._place: list[float] = list(start)
-        self._velocity = [0.0, 0.0, 0.0]
         self._contact: Vector = (0.0, 0.0, 0.0)
-        self._sensor = [0.0, 0.0, 0.0]  # the low-pass of the contact force, as the compensated sensor shows it
-        self._tool = [0.0, 0.0, TOOL_MASS * GRAVITY]
-        self._raw = list(self._tool)
         self._sample = self._measure()
 
     def read(self) -> SpatialSample:
@@ -156,66 +118,38 @@ class GantryArm(SpatialRobot):
             low, high = self.reach
             x, y, z = (min(max(value, a), b) for value, a, b in zip(desired, low, high, strict=True))
             self._desired = (x, y, z)
-        for servo, way, wanted in zip(self._servos, WAYS, self._desired, strict=True):
-            servo.command(way * wanted)
-        h, data = self._h, self._data
-        place, velocity = self._place, self._velocity
+        arm, kernel, data = self._arm, self._kernel, self._data
+        kernel.begin_gantry(arm, *self._desired)
         for _ in self._steps:
-            for axis in AXES:
-                # A servo counts inwards, against the force that it meets; the third one moves in downwards.
-                way = WAYS[axis]
-                effort = self._servos[axis].effort(
-                    way * place[axis], way * velocity[axis], -way * self._sensor[axis], h
-                )
-                effort = max(effort, -self.specification.force_limit)
-                data.ctrl[axis] = way * effort + (MOVED_MASS * GRAVITY if axis == 2 else 0.0)
+            self._clipped = kernel.push_gantry(arm, data.qpos, data.qvel, data.ctrl)
             self._applied[:] = self._contact
             self._mj_step(self._model, data)
-            before = tuple(velocity)
-            self._place = place = data.qpos.tolist()
-            self._velocity = velocity = data.qvel.tolist()
-            for axis in AXES:
-                weight = GRAVITY if axis == 2 else 0.0
-                tool = TOOL_MASS * ((velocity[axis] - before[axis]) / h + weight)
-                self._tool[axis] += self._low_pass * (tool - self._tool[axis])
-                # MuJoCo gives what the tool's weight, inertia and contact need from the carriage
-                self._raw[axis] += self._low_pass * (float(self._interaction[axis]) - self._raw[axis])
-                self._sensor[axis] = self._tool[axis] - self._raw[axis]
-            self._touch(h)
+            kernel.sense_gantry(arm, data.qvel, self._interaction)
+            self._touch()
         self._sample = self._measure()
         return self._sample
 
-    def _touch(self, h: float) -> None:
-        x, y, z = self._place
-        force = self._world((x, y, z), (self._velocity[0], self._velocity[1], self._velocity[2]), h)
+    def _touch(self) -> None:
+        (x, y, z), (u, v, w) = self._data.qpos.tolist(), self._data.qvel.tolist()
+        force = self._world((x, y, z), (u, v, w), self._h)
         size = math.hypot(*force)
-        if not size <= LARGEST_FORCE:
-            scale = LARGEST_FORCE / size if math.isfinite(size) else 0.0
+        if not size <= LARGEST_CONTACT_FORCE:
+            scale = LARGEST_CONTACT_FORCE / size if math.isfinite(size) else 0.0
             force = (force[0] * scale, force[1] * scale, force[2] * scale) if scale else (0.0, 0.0, 0.0)
         self._contact = force
 
     def _measure(self) -> SpatialSample:
-        x, y, z = self._place
-        a, b, c = (self._counted(value) for value in (x, y, z))
-        noise = self._sensor_noise
-        f, g, h = (self._sensor[axis] + self._offset[axis] + noise * self._draw() for axis in AXES)
-        return SpatialSample(
-            (a, b, c),
-            (f, g, h),
-            self._contact,
-            (x, y, z),
-            () if self._fixture is None else self._fixture(),
-            any(servo.clipped for servo in self._servos),
-        )
+        x, y, z = self._data.qpos.tolist()
+        a, b, c = map(self._counted, (x, y, z))
+        (sensor,), noise = self._arm["sensor"].tolist(), self.specification.sensor_noise
+        f, g, h = (felt + offset + noise * next(self._noise) for felt, offset in zip(sensor, self._offset, strict=True))
+        fixture = () if self._fixture is None else self._fixture()
+        return SpatialSample((a, b, c), (f, g, h), self._contact, (x, y, z), fixture, self._clipped)
 
     def _counted(self, value: float) -> float:
-        measured = value + self._encoder_noise * self._draw()
-        return round(measured / self._resolution) * self._resolution if self._resolution > 0.0 else measured
-
-    def _draw(self) -> float:
-        if not self._noise:
-            self._noise = self._random.standard_normal(NOISE_BLOCK).tolist()
-        return self._noise.pop()
+        measured = value + self.specification.encoder_noise * next(self._noise)
+        resolution = self.specification.encoder_resolution
+        return round(measured / resolution) * resolution if resolution > 0.0 else measured
 
 
 def gantry_scene(timestep: float) -> str:

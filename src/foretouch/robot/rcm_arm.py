@@ -5,27 +5,28 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
-
 from foretouch.errors import ArgumentTypeError, SettingError
 from foretouch.errors.checks import NUMBER, require, require_type
 from foretouch.models import ContactState
-from foretouch.robot.engine import CARRIAGE_MASS, GRAVITY, TOOL_MASS, arm_scene, load_mujoco
-from foretouch.robot.insertion_servo import InsertionServo
+from foretouch.robot.engine import (
+    GRAVITY,
+    LARGEST_CONTACT_FORCE,
+    MOVED_MASS,
+    OFFSET_UNCERTAINTY,
+    TOOL_MASS,
+    ArmSettings,
+    arm_scene,
+    load_mujoco,
+    normal_draws,
+)
 from foretouch.robot.materials import Material, make_material
-from foretouch.robot.robot import Robot, RobotSample, RobotSpecification
-
-MOVED_MASS = CARRIAGE_MASS + TOOL_MASS
-RAIL_DAMPING = 1.0  # of the insertion joint [N s/m], as in the scene
-LARGEST_CONTACT_FORCE = 1000.0  # a law that gives more, or no number, is cut here, so that the physics stay finite [N]
-NOISE_BLOCK, DRAWS = 4096, 3  # normal draws at once, and for one sample
-OFFSET_UNCERTAINTY = 0.2  # beyond the sensor's offset [N], ten times its noise
+from foretouch.robot.robot import Robot, RobotSample
 
 
 class RcmArm(Robot):
     """Two hinges through the remote centre, held so that the rod stays vertical, and a slide that inserts the probe.
 
-    The hinges are position-controlled by MuJoCo, the insertion by `InsertionServo`. The force of the material comes
+    The hinges are position-controlled by MuJoCo, the insertion by a `Servo`. The force of the material comes
     from its law, advanced at every physics step with the exact depth and velocity of the tip, and is applied to the
     tool from outside; native contact is off, because its stiffness depends on the mass that touches.
 
@@ -39,17 +40,11 @@ class RcmArm(Robot):
         material: Material that the probe presses.
         seed: Seed of the sensor and encoder noise, not negative.
         surface: Position of the undeformed surface [m]; None takes the material's own.
-        sample_period: [s].
-        substeps: Physics steps in a sample period.
-        force_limit: Contact force that the drive can hold at most [N].
-        encoder_resolution: [m]; 0 does not round.
-        encoder_noise: Standard deviation before rounding [m].
-        sensor_noise: Standard deviation of the force [N].
         accelerometer_noise: Standard deviation of the acceleration [m/s^2].
-        sensor_bandwidth: Cut-off of the low-pass of both [Hz].
         sensor_offset: What the sensor shows with nothing on it [N].
         workspace: Smallest and largest position of the tip [m]; 0 lies inside.
         sensor_range: The force sensor shows at most this, either way [N].
+        **options: Settings of `ArmSettings`.
 
     Attributes:
         material: What the probe presses.
@@ -71,27 +66,14 @@ class RcmArm(Robot):
         *,
         seed: int,
         surface: float | None = None,
-        sample_period: float = 1e-3,
-        substeps: int = 2,
-        force_limit: float = 15.0,
-        encoder_resolution: float = 5e-6,
-        encoder_noise: float = 2e-6,
-        sensor_noise: float = 0.02,
         accelerometer_noise: float = 0.05,
-        sensor_bandwidth: float = 200.0,
         sensor_offset: float = 0.3,
         workspace: tuple[float, float] = (-0.02, 0.06),
         sensor_range: float = 200.0,
+        **options: Any,
     ) -> None:
         require("seed", seed, at_least=0)
-        require("sample_period", sample_period, above=0.0, at_most=0.01)
-        require("substeps", substeps, at_least=1)
-        require("force_limit", force_limit, above=0.0)
-        require("encoder_resolution", encoder_resolution, at_least=0.0)
-        require("encoder_noise", encoder_noise, at_least=0.0)
-        require("sensor_noise", sensor_noise, at_least=0.0)
         require("accelerometer_noise", accelerometer_noise, at_least=0.0)
-        require("sensor_bandwidth", sensor_bandwidth, above=0.0)
         require("sensor_offset", sensor_offset)
         require("sensor_range", sensor_range, above=0.0)
         if not (isinstance(workspace, tuple | list) and [isinstance(end, NUMBER) for end in workspace] == [True, True]):
@@ -101,32 +83,19 @@ class RcmArm(Robot):
         self.material = material
         self.surface = material.surface if surface is None else surface
         require("surface", self.surface)
-        self.specification = RobotSpecification(
-            sample_period=sample_period,
-            force_limit=force_limit,
-            encoder_resolution=encoder_resolution,
-            encoder_noise=encoder_noise,
+        built = ArmSettings(**options)
+        self.specification = built.specification(
             tool_mass=TOOL_MASS,
             gravity=GRAVITY,
-            sensor_noise=sensor_noise,
             accelerometer_noise=accelerometer_noise,
-            sensor_bandwidth=sensor_bandwidth,
             workspace=workspace,
-            simulated=True,
-            moved_mass=MOVED_MASS,
             sensor_range=sensor_range,
             largest_offset=abs(sensor_offset) + OFFSET_UNCERTAINTY,
         )
-        self._substeps = int(substeps)
-        self._h = sample_period / self._substeps
-        if self._h > 6e-4:
-            raise SettingError("substeps", substeps, "the physics step (sample_period / substeps) is at most 0.6 ms")
-        self._offset = sensor_offset
-        self._random = np.random.default_rng(seed)
-        self._noise: list[float] = []
-        self._build()
+        self._h, self._substeps, self._noise = built.step, range(int(built.substeps)), normal_draws(seed)
+        self._build(sensor_offset)
 
-    def _build(self) -> None:
+    def _build(self, offset: float) -> None:
         from foretouch.robot import servo_kernel as kernel  # Numba is slow to import: only when used
 
         mujoco = load_mujoco()
@@ -139,36 +108,24 @@ class RcmArm(Robot):
         self._drive = self.mj_data.ctrl[self.mj_model.actuator("insertion").id :][:1]
         self._applied = self.mj_data.xfrc_applied[self.mj_model.body("tool").id][2:3]
         self._interaction = self.mj_data.sensordata[2:3]
-        built = self.specification
-        self._kernel = kernel
-        self._arm = np.zeros(kernel.SIZE)
-        self._arm[kernel.BUILT] = (
-            self._h,
-            1.0 - math.exp(-2.0 * math.pi * built.sensor_bandwidth * self._h),
-            TOOL_MASS,
-            GRAVITY,
-            *built.workspace,
-            built.encoder_noise,
-            built.encoder_resolution,
-            self._offset,
-            built.sensor_noise,
-            built.sensor_range,
-            built.accelerometer_noise,
-        )
-        InsertionServo(  # at work in that array
-            mass=MOVED_MASS,
-            damping=RAIL_DAMPING,
-            force_limit=built.force_limit,
-            sample_period=built.sample_period,
-            position=0.0,
-            state=self._arm[kernel.SERVO],
+        built, self._kernel = self.specification, kernel
+        self._arm = kernel.Arm.new(
+            servo=kernel.make_servo(built.force_limit, built.sample_period, 0.0),
+            h=self._h,
+            low_pass=1.0 - math.exp(-2.0 * math.pi * built.sensor_bandwidth * self._h),
+            workspace=built.workspace,
+            encoder_noise=built.encoder_noise,
+            resolution=built.encoder_resolution,
+            offset=offset,
+            sensor_noise=built.sensor_noise,
+            largest=built.sensor_range,
+            accelerometer_noise=built.accelerometer_noise,
         )
         self._state: ContactState = self.material.model.initial_state()
         self._contact_force = 0.0
         self._touch(0.0, 0.0)
         tool = built.tool_force(0.0)
-        self._arm[kernel.TOOL] = tool
-        self._arm[kernel.SENSOR] = self._contact_force + tool  # the low-pass, settled
+        self._arm["tool"], self._arm["sensor"] = tool, self._contact_force + tool  # the low-pass, settled
         self._sample = self._measure()
 
     @property
@@ -185,7 +142,7 @@ class RcmArm(Robot):
         arm, kernel = self._arm, self._kernel
         position, velocity = self._qpos.item(), self._qvel.item()
         kernel.begin(arm, desired_position, velocity)
-        for _ in range(self._substeps):
+        for _ in self._substeps:
             self._drive[0] = kernel.effort(arm, position, velocity) - MOVED_MASS * GRAVITY
             self._applied[0] = self._contact_force
             self._mj_step(self.mj_model, self.mj_data)
@@ -203,10 +160,8 @@ class RcmArm(Robot):
 
     def _measure(self) -> RobotSample:
         noise, exact = self._noise, self._qpos.item()
-        if len(noise) < DRAWS:  # taken from the end
-            noise[:0] = self._random.standard_normal(NOISE_BLOCK).tolist()
         position, force, acceleration, reference, clipped = self._kernel.show(
-            self._arm, exact, noise.pop(), noise.pop(), noise.pop()
+            self._arm, exact, next(noise), next(noise), next(noise)
         )
         effort = self._drive.item() + MOVED_MASS * GRAVITY
         return RobotSample(position, force, acceleration, self._contact_force, exact, reference, clipped, effort)
@@ -219,7 +174,7 @@ def make_robot(material: str | Material, *, seed: int = 0, surface: float | None
         material: A material, or its name in `MATERIALS`.
         seed: Seed of the sensor and encoder noise.
         surface: Position of the undeformed surface [m]; None takes the material's own.
-        **options: Settings of `RcmArm`.
+        **options: Settings of `RcmArm` and `ArmSettings`.
 
     Raises:
         UnknownNameError: No such material.

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -244,7 +245,7 @@ def mesh_contestant(side: int) -> Contestant:
     """Ticks on such a sheet."""
     surface, places = sheet(side), slide()
 
-    def run() -> Array:
+    def run() -> NDArray[Any]:
         follow: Callable[..., object] = surface.follow
         memory = surface.initial_memory()
         for x, y, z in places:

@@ -18,24 +18,14 @@ from foretouch.errors import InputError
 from foretouch.errors.checks import require
 from foretouch.identification.conditioning.kernel import (
     CONTACT_FLOOR,
-    PRODUCTS,
-    SIZE,
-    TIME,
-    WEIGHT,
+    Conditioning,
+    Lag,
     clear,
+    grow,
     lose_surface,
+    make_memory,
     take,
     take_lagged,
-)
-from foretouch.identification.conditioning.layout import (
-    FREE_PLACE,
-    IN_CONTACT,
-    LAST_ONSET,
-    OFFSET,
-    SURFACE,
-    SURFACE_THRESHOLD,
-    grow,
-    make_state,
 )
 from foretouch.quantities import ByValue
 
@@ -59,15 +49,15 @@ class SensorLag:
     over 5 s of moving contact.
 
     Attributes:
-        memory: State of the estimate, by `foretouch.identification.conditioning.kernel`.
+        memory: State of the estimate, one record.
     """
 
     __slots__ = ("memory",)
 
     def __init__(self) -> None:
-        self.memory = np.empty(SIZE)
+        self.memory = Lag.new()
+        self.update(0.0, 0.0, 0.0, 0.0)  # compiled here, before any loop
         self.reset()
-        take_lagged(self.memory, 0.0, 0.0, 0.0, 0.0)  # compiled here, before any loop
 
     def reset(self) -> None:
         """Forget all samples."""
@@ -87,31 +77,27 @@ class SensorLag:
     @property
     def time(self) -> float:
         """Time in moving contact so far [s]."""
-        return float(self.memory[TIME])
+        return float(self.memory[0].time)
 
     @property
     def lag(self) -> float | None:
         """Least lag [s], 0 to 0.05; None while too little is known."""
-        found = self._slopes()
-        if found is None:
-            return None
-        stiffness, slope, _ = found
-        return min(max(-slope / stiffness, 0.0), LONGEST_LAG)
+        slopes = self._slopes()
+        return None if slopes is None else min(max(-slopes[1] / slopes[0], 0.0), LONGEST_LAG)
 
     @property
     def standard_error(self) -> float | None:
         """Standard error of the lag [s], residuals taken as correlated over 20 ms; None while too little is known."""
-        found = self._slopes()
-        if found is None:
+        slopes = self._slopes()
+        if slopes is None:
             return None
-        stiffness, _, residual = found
-        xx, xv, vv = self.memory[PRODUCTS : PRODUCTS + 3].tolist()
-        independent = max(float(self.memory[WEIGHT]) / 0.02, 1.0)
-        return math.sqrt(residual * xx / (xx * vv - xv * xv) / independent) / stiffness
+        xx, xv, vv = self.memory[0].products[:3].tolist()
+        independent = max(float(self.memory[0].weight) / 0.02, 1.0)
+        return math.sqrt(slopes[2] * xx / (xx * vv - xv * xv) / independent) / slopes[0]
 
     def _slopes(self) -> tuple[float, float, float] | None:
         """K [N/m], B - K delta [N s/m] and the variance of the residuals [N^2]."""
-        xx, xv, vv, xf, vf, ff = self.memory[PRODUCTS:].tolist()
+        xx, xv, vv, xf, vf, ff = self.memory[0].products.tolist()
         determinant = xx * vv - xv * xv
         if self.time < LEAST_TIME or not determinant > 1e-6 * xx * vv:
             return None
@@ -236,13 +222,18 @@ class Conditioner:
         self._given = (surface, force_offset, contact_floor, sensor_lag)
         self.reset()
         take(self.memory, math.nan, math.nan, math.nan, 0.0, False)  # compiled here, before any loop
-        lose_surface(make_state(*self._given))
+        lose_surface(make_memory(*self._given))
 
     def reset(self) -> None:
         """Forget all samples."""
-        self.memory = make_state(*self._given)
-        self.in_contact = False
+        self.memory = make_memory(*self._given)
         self.recall()
+
+    @property
+    def state(self) -> Conditioning:
+        """State of the conditioner, by its names."""
+        state: Conditioning = self.memory[0][0]
+        return state
 
     def make_room(self) -> None:
         """Enlarge the memory where 50 ms hold more samples than before."""
@@ -250,8 +241,9 @@ class Conditioner:
 
     def recall(self) -> None:
         """Take over the state of the memory after compiled code has changed it."""
-        self.surface, self.surface_error, self.force_offset = self.memory[SURFACE : OFFSET + 1].tolist()
-        self.in_contact = bool(self.memory[IN_CONTACT])
+        state = self.state
+        self.surface, self.surface_error = float(state.surface), float(state.surface_error)
+        self.force_offset, self.in_contact = float(state.offset), bool(state.in_contact)
 
     def lose_surface(self) -> None:
         """Look for the surface again: the material has gone. One that was given stays."""
@@ -260,12 +252,15 @@ class Conditioner:
 
     def distrust_surface(self) -> None:
         """Find the surface anew where the next contact begins: the probe goes elsewhere. One that was given stays."""
-        self.memory[SURFACE_THRESHOLD] = 0.0
+        self.state.surface_threshold = 0.0
 
     def shift(self, change: float) -> None:
         """Shift the surface with a material that moved by this [m], positive if deeper; a given surface stays."""
         if self._given[0] is None and math.isfinite(change):
-            self.memory[[SURFACE, FREE_PLACE, LAST_ONSET]] += change
+            state = self.state
+            state.surface += change
+            state.free_place += change
+            state.last_onset += change
             self.recall()
 
     def update(self, time: float, position: float, force: float, velocity: float | None = None) -> ContactSample:

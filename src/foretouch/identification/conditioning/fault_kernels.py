@@ -29,16 +29,35 @@ Two samples that span more than 3 ms, and smaller steps, are not judged.
 from __future__ import annotations
 
 import math
+from enum import IntEnum
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core.compiling import compiled
+from foretouch.core import Record, compiled
 
 Array = NDArray[np.float64]
 
-AGREES, LOST, DISAGREES = 0, 1, 2
-"""Result of the loss watch: no fault, a contact that is lost, or a force that contradicts the drive's effort."""
+
+class SensorState(IntEnum):
+    """Fault of the sensors; `SENSOR_SENTENCES` has the sentence."""
+
+    GOOD = 0
+    NOT_FINITE = 1
+    DROPOUT = 2
+    STUCK = 3
+    SATURATED = 4
+    OFFSET_STEP = 5
+    SPIKE = 6
+    ENCODER_JUMP = 7
+    CONTACT_LOST = 8
+    FORCE_DISAGREES = 9
+
+
+GOOD, NOT_FINITE, DROPOUT, STUCK, SATURATED, OFFSET_STEP, SPIKE, ENCODER_JUMP, CONTACT_LOST, FORCE_DISAGREES = map(
+    int, SensorState
+)
 
 SPAN, PLACES = 8e-3, 16
 """Age [s] of the force that the newest is compared with, and the largest number of samples in that time."""
@@ -73,82 +92,85 @@ EFFORT_TIME, EFFORT_WAIT = 0.004, 0.03
 EFFORT_LEAST, EFFORT_SHARE = 2.0, 0.2
 """Least difference [N], and its least ratio to the larger of the two: friction of the drive is in it."""
 
-COUNT, AT, LOSS_LOW, EFFORT, FELT, DIFFERS = 0, 1, 2, 3, 4, 5
-"""Indices in the array: number of samples in the rings; next index to write; number of samples in a row with a force
-that is too low; effort and force, low-passed [N]; and time for which they differ [s]."""
 
-TIMES, POSITIONS, FORCES = 6, 6 + PLACES, 6 + 2 * PLACES
-"""Rings of the newest samples [s, m, N]."""
+class Loss(Record):
+    """State of the watch for a lost contact. Its rings hold the newest samples."""
 
-LOSS_SIZE = 6 + 3 * PLACES
+    count: int  # of samples in the rings
+    at: int  # next index to write
+    low: int  # samples in a row with a force that is too low
+    effort: float  # of the drive, low-passed [N]
+    felt: float  # force, low-passed [N]
+    differs: float  # time for which these two differ [s]
+    times: Annotated[Array, float, PLACES]  # [s]
+    positions: Annotated[Array, float, PLACES]  # [m]
+    forces: Annotated[Array, float, PLACES]  # [N]
 
 
 @compiled
-def begin_loss(loss: Array) -> None:
+def begin_loss(loss: Loss) -> None:
     """Forget all samples."""
-    loss[:] = 0.0
+    loss.count = loss.at = loss.low = 0
+    loss.effort = loss.felt = loss.differs = 0.0
+    loss.times[:] = 0.0
+    loss.positions[:] = 0.0
+    loss.forces[:] = 0.0
 
 
 @compiled
-def is_falling(loss: Array) -> bool:
-    """Whether a contact may be lost, before that is confirmed."""
-    return bool(loss[LOSS_LOW] > 0.0)
-
-
-@compiled
-def _speed(loss: Array, at: int) -> float:
+def _speed(loss: Loss, at: int) -> float:
     """Mean speed over the samples up to an index in the rings [m/s]."""
     before = (at + PLACES - WINDOW) % PLACES
-    return float((loss[POSITIONS + at] - loss[POSITIONS + before]) / max(loss[TIMES + at] - loss[TIMES + before], 1e-4))
+    return float((loss.positions[at] - loss.positions[before]) / max(loss.times[at] - loss.times[before], 1e-4))
 
 
 @compiled
-def _place(loss: Array, at: int) -> float:
+def _place(loss: Loss, at: int) -> float:
     """Mean position of the samples up to an index in the rings [m]."""
     total = 0.0
     for back in range(WINDOW):
-        total += loss[POSITIONS + (at + PLACES - back) % PLACES]
+        total += loss.positions[(at + PLACES - back) % PLACES]
     return total / WINDOW
 
 
 @compiled
-def _is_low(loss: Array, newest: int, zero: float) -> bool:
+def _is_low(loss: Loss, newest: int, zero: float) -> bool:
     """Whether the newest force is below what must remain of that of a moment ago."""
     then = newest
     for _ in range(PLACES - WINDOW - 2):
         then = (then + PLACES - 1) % PLACES
-        if loss[TIMES + newest] - loss[TIMES + then] >= SPAN:
+        if loss.times[newest] - loss.times[then] >= SPAN:
             break
     before = (then + PLACES - 1) % PLACES  # the lower of two: a spike is one
-    force = min(loss[FORCES + then], loss[FORCES + before])
+    force = min(loss.forces[then], loss.forces[before])
     slowed = max(_speed(loss, then) - _speed(loss, newest), 0.0)
     outwards = max(_place(loss, then) - _place(loss, newest) + SLACK, 0.0)
     left = force - zero - DAMPED * slowed - STIFF * outwards
-    return bool(left > TOUCHING and loss[FORCES + newest] - zero < KEPT * left - LEAST)
+    return bool(left > TOUCHING and loss.forces[newest] - zero < KEPT * left - LEAST)
 
 
 @compiled
-def _disagrees(loss: Array, force: float, effort: float, period: float) -> bool:
+def _disagrees(loss: Loss, force: float, effort: float, period: float) -> bool:
     """Whether the effort of the drive has differed from the measured force for long."""
     if not math.isfinite(effort):
         return False
     gain = 1.0 - math.exp(-period / EFFORT_TIME)
-    loss[EFFORT] += gain * (effort - loss[EFFORT])
-    loss[FELT] += gain * (force - loss[FELT])
-    largest = max(abs(loss[EFFORT]), abs(loss[FELT]))
-    if abs(loss[EFFORT] - loss[FELT]) > max(EFFORT_LEAST, EFFORT_SHARE * largest):
-        loss[DIFFERS] += period
+    loss.effort += gain * (effort - loss.effort)
+    loss.felt += gain * (force - loss.felt)
+    largest = max(abs(loss.effort), abs(loss.felt))
+    if abs(loss.effort - loss.felt) > max(EFFORT_LEAST, EFFORT_SHARE * largest):
+        loss.differs += period
     else:
-        loss[DIFFERS] = 0.0
-    return bool(loss[DIFFERS] >= EFFORT_WAIT)
+        loss.differs = 0.0
+    return bool(loss.differs >= EFFORT_WAIT)
 
 
 @compiled
-def find_loss(loss: Array, time: float, position: float, force: float, zero: float, effort: float, slid: float) -> int:
+def find_loss(loss: Loss, time: float, position: float, force: float, zero: float, effort: float, slid: float) -> int:
     """Take one finite sample.
 
     Args:
-        loss: State of the watch, written, shape (LOSS_SIZE,).
+        loss: Written.
         time: Time of the sample [s].
         position: Position of the probe [m].
         force: Force of the sensor, less tool weight and inertia [N].
@@ -157,25 +179,25 @@ def find_loss(loss: Array, time: float, position: float, force: float, zero: flo
         slid: Distance the probe has moved across the surface since the previous sample [m]: it may have left it.
 
     Returns:
-        `AGREES`, `LOST` or `DISAGREES`.
+        `GOOD`, `CONTACT_LOST` or `FORCE_DISAGREES`.
     """
-    newest, last = int(loss[AT]), (int(loss[AT]) + PLACES - 1) % PLACES
-    period = time - loss[TIMES + last]
-    if loss[COUNT] > 0.0 and period > LONGEST_PERIOD:
+    newest, last = loss.at, (loss.at + PLACES - 1) % PLACES
+    period = time - loss.times[last]
+    if loss.count > 0 and period > LONGEST_PERIOD:
         begin_loss(loss)
         newest = 0
     if slid > 0.0:
-        for place in range(PLACES):
-            loss[POSITIONS + place] += slid
-    loss[TIMES + newest], loss[POSITIONS + newest], loss[FORCES + newest] = time, position, force
-    loss[AT] = float((newest + 1) % PLACES)
-    loss[COUNT] = min(loss[COUNT] + 1.0, float(PLACES))
-    if loss[COUNT] < PLACES:
-        return AGREES
-    loss[LOSS_LOW] = loss[LOSS_LOW] + 1.0 if _is_low(loss, newest, zero) else 0.0
-    if loss[LOSS_LOW] >= LOSS_CONFIRMED:
-        return LOST
-    return DISAGREES if _disagrees(loss, force - zero, effort, period) else AGREES
+        for index in range(PLACES):
+            loss.positions[index] += slid
+    loss.times[newest], loss.positions[newest], loss.forces[newest] = time, position, force
+    loss.at = (newest + 1) % PLACES
+    loss.count = min(loss.count + 1, PLACES)
+    if loss.count < PLACES:
+        return GOOD
+    loss.low = loss.low + 1 if _is_low(loss, newest, zero) else 0
+    if loss.low >= LOSS_CONFIRMED:
+        return CONTACT_LOST
+    return FORCE_DISAGREES if _disagrees(loss, force - zero, effort, period) else GOOD
 
 
 NOISE_FACTOR = 15.0
@@ -217,160 +239,148 @@ FREE_SHARE = 0.5
 DRIFT_TIME = 60.0
 """Time constant in which the zero follows what free air shows [s of free motion]."""
 
-LEAST_STEP, ZERO, EDGE = 0, 1, 2
-"""Indices in the array of lasting values: the least step that is detected [N], the zero [N], NaN before it is known,
-and the innermost position of the newest free motion [m]."""
 
-NEWEST, NEWEST_FORCE, SECOND, SECOND_FORCE = 3, 4, 5, 6
-"""Indices of positions and forces of the last two samples [m, N]; NaN for none."""
+class Step(Record):
+    """State of the watch for a step of the offset."""
 
-QUIET, LEVEL, VARIANCE = 7, 8, 9
-"""Indices of the time without a step [s], and of level and variance of the force up to two samples ago [N, N^2]."""
-
-AGE, BEFORE, RISE, OFFSET_CONFIRMED, LEVEL_AFTER, OFFSET_LOW, HIGH = 10, 11, 12, 13, 14, 15, 16
-"""Indices of the step that is being judged: its age [s], infinite for none; the level before it and its rise [N]; the
-samples that have confirmed it and their level [N]; the innermost and the outermost position since [m]."""
-
-FREE_FROM, OUTERMOST, FREE_LOW, FREE_HIGH, FREE_AGE, GOES_ON = 17, 18, 19, 20, 21, 22
-"""Indices of a motion that may be free: where it began and its outermost position [m], its lowest and highest force
-[N], its age [s], and whether it continues one that was free up to there."""
-
-OFFSET_SIZE = 23
+    least: float  # step that is detected [N]
+    zero: float = math.nan  # [N], NaN before it is known
+    edge: float = -math.inf  # innermost position of the newest free motion [m]
+    newest: float = math.nan  # position of the last sample [m], NaN for none
+    newest_force: float = math.nan  # [N]
+    second: float = math.nan  # position of the last but one [m], NaN for none
+    second_force: float = math.nan  # [N]
+    quiet: float  # time without a step [s]
+    level: float  # of the force up to two samples ago [N]
+    variance: float  # of that force [N^2]
+    age: float = math.inf  # of the step that is being judged [s], infinite for none
+    before: float  # level before it [N]
+    rise: float  # [N]
+    confirmed: int  # samples that have confirmed it
+    level_after: float  # of these samples [N]
+    low: float  # innermost position since [m]
+    high: float  # outermost position since [m]
+    free_from: float = -math.inf  # where a motion that may be free began [m]; the first sample lies further in
+    outermost: float = -math.inf  # position of that motion [m]
+    free_low: float  # its lowest force [N]
+    free_high: float  # its highest force [N]
+    free_age: float  # [s]
+    goes_on: bool  # whether it continues one that was free up to there
 
 
 @compiled
-def _sets_out(step: Array, position: float, force: float, goes_on: bool) -> None:
+def _sets_out(step: Step, position: float, force: float, goes_on: bool) -> None:
     """Begin to look for free motion here, perhaps as the rest of a motion that was free up to here."""
-    step[FREE_FROM] = step[OUTERMOST] = position
-    step[FREE_LOW] = step[FREE_HIGH] = force
-    step[FREE_AGE] = 0.0
-    step[GOES_ON] = 1.0 if goes_on else 0.0
+    step.free_from = step.outermost = position
+    step.free_low = step.free_high = force
+    step.free_age = 0.0
+    step.goes_on = goes_on
 
 
 @compiled
-def restart_steps(step: Array) -> None:
+def restart_steps(step: Step) -> None:
     """Forget the samples so far, but not the zero."""
-    step[NEWEST : SECOND_FORCE + 1] = math.nan
-    step[QUIET] = step[LEVEL] = step[VARIANCE] = 0.0
-    step[AGE] = math.inf
+    step.newest = step.newest_force = step.second = step.second_force = math.nan
+    step.quiet = step.level = step.variance = 0.0
+    step.age = math.inf
     _sets_out(step, -math.inf, 0.0, False)  # the first sample lies further in
 
 
 @compiled
-def begin_steps(step: Array) -> None:
-    """Forget everything but the least step."""
-    step[ZERO], step[EDGE] = math.nan, -math.inf
-    restart_steps(step)
-
-
-@compiled
-def _has_stepped(step: Array, force: float) -> bool:
+def _has_stepped(step: Step, force: float) -> bool:
     """Whether the force has stepped since the sample before the previous one."""
-    second, spread = step[SECOND_FORCE], math.sqrt(step[VARIANCE])
-    if step[QUIET] < QUIET_BEFORE or abs(force - second) < max(step[LEAST_STEP], NOISE_FACTOR * spread):
+    second, spread = step.second_force, math.sqrt(step.variance)
+    if step.quiet < QUIET_BEFORE or abs(force - second) < max(step.least, NOISE_FACTOR * spread):
         return False
-    return bool(abs(second - step[LEVEL]) <= 4.0 * spread + 0.1 * step[LEAST_STEP])
+    return bool(abs(second - step.level) <= 4.0 * spread + 0.1 * step.least)
 
 
 @compiled
-def _learn(step: Array, period: float) -> None:
+def _learn(step: Step, period: float) -> None:
     """Update level and variance of the force up to two samples ago."""
-    force = step[SECOND_FORCE]
-    if step[QUIET] == 0.0:
-        step[LEVEL], step[VARIANCE] = force, 0.0
-    step[QUIET] += period
-    share = 1.0 - math.exp(-period / min(LEVEL_TIME, step[QUIET]))
-    away = force - step[LEVEL]
-    step[LEVEL] += share * away
-    step[VARIANCE] += share * ((1.0 - share) * away * away - step[VARIANCE])
+    force = step.second_force
+    if step.quiet == 0.0:
+        step.level, step.variance = force, 0.0
+    step.quiet += period
+    share = 1.0 - math.exp(-period / min(LEVEL_TIME, step.quiet))
+    away = force - step.level
+    step.level += share * away
+    step.variance += share * ((1.0 - share) * away * away - step.variance)
 
 
 @compiled
-def has_fallen(step: Array) -> bool:
-    """Whether the step being judged lowered the force: an operator who presses deeper would not feel how hard."""
-    return bool(step[AGE] < math.inf and step[RISE] < 0.0)
-
-
-@compiled
-def _judge(step: Array, force: float) -> None:
+def _judge(step: Step, force: float) -> None:
     """Begin to judge a force that has stepped since the sample before the previous one."""
-    step[BEFORE], step[RISE] = step[LEVEL], force - step[SECOND_FORCE]
-    step[AGE], step[OFFSET_CONFIRMED], step[LEVEL_AFTER] = 0.0, 0.0, force
+    step.before, step.rise = step.level, force - step.second_force
+    step.age, step.confirmed, step.level_after = 0.0, 0, force
     _sets_out(step, -math.inf, 0.0, False)
-    step[OFFSET_LOW] = step[HIGH] = step[SECOND]
-    step[QUIET] = 0.0
+    step.low = step.high = step.second
+    step.quiet = 0.0
 
 
 @compiled
-def _has_stayed(step: Array, position: float, force: float, period: float) -> bool:
+def _has_stayed(step: Step, position: float, force: float, period: float) -> bool:
     """Whether a step has stayed without a reason."""
-    step[AGE] += period
-    step[OFFSET_LOW], step[HIGH] = min(step[OFFSET_LOW], position), max(step[HIGH], position)
-    size = abs(step[LEVEL_AFTER] - step[BEFORE])
-    if step[OFFSET_CONFIRMED] > 0.0 and abs(force - step[LEVEL_AFTER]) > LEVEL_SHARE * size:
-        step[AGE] = math.inf
+    step.age += period
+    step.low, step.high = min(step.low, position), max(step.high, position)
+    size = abs(step.level_after - step.before)
+    if step.confirmed > 0 and abs(force - step.level_after) > LEVEL_SHARE * size:
+        step.age = math.inf
         return False
-    if step[OFFSET_CONFIRMED] < CONFIRMING:
-        step[OFFSET_CONFIRMED] += 1.0
-        step[LEVEL_AFTER] += (force - step[LEVEL_AFTER]) / step[OFFSET_CONFIRMED]
+    if step.confirmed < CONFIRMING:
+        step.confirmed += 1
+        step.level_after += (force - step.level_after) / step.confirmed
         return False
-    if size < step[LEAST_STEP] or abs(step[RISE]) < 0.8 * size:
-        step[AGE] = math.inf
-    if not HOLD <= step[AGE] < math.inf:
+    if size < step.least or abs(step.rise) < 0.8 * size:
+        step.age = math.inf
+    if not HOLD <= step.age < math.inf:
         return False
-    step[AGE] = math.inf
-    return bool(step[HIGH] - step[OFFSET_LOW] <= STILL or step[LEVEL_AFTER] < step[ZERO] - step[LEAST_STEP])
+    step.age = math.inf
+    return bool(step.high - step.low <= STILL or step.level_after < step.zero - step.least)
 
 
 @compiled
-def _is_free(step: Array, position: float, force: float, period: float) -> bool:
+def _is_free(step: Step, position: float, force: float, period: float) -> bool:
     """Whether free air shows that the zero is wrong."""
-    least = step[LEAST_STEP]
-    low, high = min(step[FREE_LOW], force), max(step[FREE_HIGH], force)
-    if position > step[OUTERMOST] + TURN or high - low > least:
+    least = step.least
+    low, high = min(step.free_low, force), max(step.free_high, force)
+    if position > step.outermost + TURN or high - low > least:
         _sets_out(step, position, force, False)
         return False
-    step[FREE_LOW], step[FREE_HIGH] = low, high
-    step[OUTERMOST] = min(step[OUTERMOST], position)
-    step[FREE_AGE] += period
-    begin, age = step[FREE_FROM], step[FREE_AGE]
+    step.free_low, step.free_high = low, high
+    step.outermost = min(step.outermost, position)
+    step.free_age += period
+    begin, age = step.free_from, step.free_age
     if begin - position < FREE_WAY or age < HOLD:
         return False
     level = 0.5 * (low + high)
-    if level >= step[ZERO] + FREE_FACTOR * least:
+    if level >= step.zero + FREE_FACTOR * least:
         _sets_out(step, position, force, False)
-        return bool(begin <= step[EDGE])
-    if not level >= step[ZERO] - least:  # the first, or the earlier level was not free air
-        step[ZERO], step[EDGE] = level, begin
-    elif level > step[ZERO] + FREE_SHARE * least:  # neither certainly free air nor a wrong zero
+        return bool(begin <= step.edge)
+    if not level >= step.zero - least:  # the first, or the earlier level was not free air
+        step.zero, step.edge = level, begin
+    elif level > step.zero + FREE_SHARE * least:  # neither certainly free air nor a wrong zero
         _sets_out(step, position, force, False)
         return False
-    elif step[GOES_ON] == 0.0:
-        step[EDGE] = begin
-    step[ZERO] = min(level, step[ZERO] + (level - step[ZERO]) * min(age / DRIFT_TIME, 1.0))
+    elif not step.goes_on:
+        step.edge = begin
+    step.zero = min(level, step.zero + (level - step.zero) * min(age / DRIFT_TIME, 1.0))
     _sets_out(step, position, force, True)
     return False
 
 
 @compiled
-def find_step(step: Array, position: float, force: float, period: float) -> bool:
-    """Take one finite sample; return whether a step of the offset is detected now.
-
-    Args:
-        step: State of the watch, written, shape (OFFSET_SIZE,).
-        position: Position of the probe [m].
-        force: Force less tool weight and inertia [N].
-        period: Time since the previous sample [s], positive.
-    """
-    if step[AGE] < math.inf:  # no zero is learnt from a step that is being judged
+def find_step(step: Step, position: float, force: float, period: float) -> bool:
+    """Take one finite sample, with the time since the previous one; whether a step of the offset is detected now."""
+    if step.age < math.inf:  # no zero is learnt from a step that is being judged
         found = _has_stayed(step, position, force, period)
     else:
         found = _is_free(step, position, force, period)
-    if not math.isnan(step[SECOND]):
+    if not math.isnan(step.second):
         if 2.0 * period <= LONGEST_RISE and _has_stepped(step, force):
             _judge(step, force)
         else:
             _learn(step, period)
-    step[SECOND], step[SECOND_FORCE] = step[NEWEST], step[NEWEST_FORCE]
-    step[NEWEST], step[NEWEST_FORCE] = position, force
+    step.second, step.second_force = step.newest, step.newest_force
+    step.newest, step.newest_force = position, force
     return found

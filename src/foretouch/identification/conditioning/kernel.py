@@ -6,13 +6,13 @@ The method and its reasons are in `foretouch.identification.Conditioner` and `fo
 from __future__ import annotations
 
 import math
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core.compiling import compiled, inlined
-from foretouch.identification.conditioning import layout as at
-from foretouch.identification.conditioning.layout import COLUMNS, rings_are_full
+from foretouch.core import Record, compiled
+from foretouch.core.compiling import inlined
 from foretouch.models.predictor import VELOCITY_CUTOFF
 
 Array = NDArray[np.float64]
@@ -23,44 +23,49 @@ MEMORY = 5.0
 SLOWEST = 2e-3
 """Least speed [m/s] at which the lag can be estimated."""
 
-TIME, WEIGHT = 0, 1  # in moving contact, and the same fading [s]
-ORIGIN = 2  # of position and force, so that what is squared stays small; NaN before the first sample
-MEANS = 4  # of position, velocity, force
-PRODUCTS = 7  # centred: xx, xv, vv, xF, vF, FF
-SIZE = 13
+
+class Lag(Record):
+    """State of `SensorLag`."""
+
+    time: float  # in moving contact [s]
+    weight: float  # the same, fading [s]
+    place: float = math.nan  # origin of positions, so that what is squared stays small [m]; NaN before the first sample
+    force: float = math.nan  # origin of forces [N]
+    means: Annotated[Array, float, 3]  # of position, velocity, force
+    products: Annotated[Array, float, 6]  # centred: xx, xv, vv, xF, vF, FF
 
 
 @compiled
-def clear(state: Array) -> None:
+def clear(lags: NDArray[np.void]) -> None:
     """Forget all samples."""
-    state[:] = 0.0
-    state[ORIGIN : ORIGIN + 2] = math.nan
+    lag = lags[0]
+    lag.time = lag.weight = 0.0
+    lag.place = lag.force = math.nan
+    lag.means[:] = 0.0
+    lag.products[:] = 0.0
 
 
 @compiled(error_model="numpy")
-def take_lagged(state: Array, position: float, velocity: float, force: float, period: float) -> None:
-    """`SensorLag.update` on its numbers, shape (SIZE,), in place."""
+def take_lagged(lags: NDArray[np.void], position: float, velocity: float, force: float, period: float) -> None:
+    """`SensorLag.update` on its state, in place."""
     if abs(velocity) < SLOWEST or not 0.0 < period < 1.0:
         return
-    if math.isnan(state[ORIGIN]):
-        state[ORIGIN], state[ORIGIN + 1] = position, force
+    lag = lags[0]
+    if math.isnan(lag.place):
+        lag.place, lag.force = position, force
     fading = math.exp(-period / MEMORY)
-    state[TIME] += period
-    state[WEIGHT] = state[WEIGHT] * fading + period
-    share = period / state[WEIGHT]
+    lag.time += period
+    lag.weight = lag.weight * fading + period
+    share = period / lag.weight
     kept = 1.0 - share
-    x = position - state[ORIGIN] - state[MEANS]
-    v = velocity - state[MEANS + 1]
-    f = force - state[ORIGIN + 1] - state[MEANS + 2]
-    state[MEANS] += share * x
-    state[MEANS + 1] += share * v
-    state[MEANS + 2] += share * f
-    state[PRODUCTS] = kept * (state[PRODUCTS] + share * (x * x))
-    state[PRODUCTS + 1] = kept * (state[PRODUCTS + 1] + share * (x * v))
-    state[PRODUCTS + 2] = kept * (state[PRODUCTS + 2] + share * (v * v))
-    state[PRODUCTS + 3] = kept * (state[PRODUCTS + 3] + share * (x * f))
-    state[PRODUCTS + 4] = kept * (state[PRODUCTS + 4] + share * (v * f))
-    state[PRODUCTS + 5] = kept * (state[PRODUCTS + 5] + share * (f * f))
+    means, products = lag.means, lag.products
+    x = position - lag.place - means[0]
+    v = velocity - means[1]
+    f = force - lag.force - means[2]
+    for index, away in enumerate((x, v, f)):
+        means[index] += share * away
+    for index, product in enumerate((x * x, x * v, v * v, x * f, v * f, f * f)):
+        products[index] = kept * (products[index] + share * product)
 
 
 OFFSET_WINDOW = 0.05
@@ -98,147 +103,210 @@ UNCERTAINTY_FACTOR = 2.0
 
 VELOCITY_RATE = 2.0 * math.pi * VELOCITY_CUTOFF
 
-is_full = inlined(rings_are_full)
+
+class Conditioning(Record):
+    """State of a `Conditioner`, beside the rings of its newest samples."""
+
+    lag: float  # of the force sensor [s]
+    floor: float  # least force that counts as contact [N]
+    surface_given: bool
+    offset_given: bool
+    surface: float = math.nan  # [m]; NaN while unknown
+    surface_error: float = math.nan  # standard error of the surface [m]
+    offset: float  # of the force [N]
+    in_contact: bool
+    motion_time: float = math.nan  # of the newest sample of the low-pass [s]
+    motion_place: float = math.nan  # its position [m]
+    velocity: float  # low-passed [m/s]
+    last_onset: float = math.nan  # where the previous contact began [m]
+    reference: float = math.nan  # force that is subtracted before squaring, so that the sums stay small [N]
+    total: float  # of the force over the window [N]
+    total_squares: float  # [N^2]
+    lowest_mean: float = math.inf  # of a quiet window [N]
+    noise: float  # spread of the window that gave the offset [N]
+    quietest: float = math.inf  # least spread of a window [N]
+    peak: float  # largest force that lasted [N]
+    block_time: float = -math.inf  # beginning of a block [s]
+    block_lowest: float = math.inf  # lowest force of it [N]
+    block_before: float = math.inf  # lowest force of the previous one [N]
+    surface_threshold: float = math.inf  # at which the surface was detected [N]
+    free_place: float = math.nan  # last position below the threshold of release [m]
+    window_first: int  # index in the rings of the oldest force of the window
+    window_count: int
+    late_first: int  # index in the rings of the oldest sample that waits
+    late_count: int
 
 
-@compiled(error_model="numpy")
-def lose_surface(state: Array) -> None:
-    """Look for the surface again, unless it was given."""
-    if state[at.SURFACE_GIVEN] == 0.0:
-        state[at.SURFACE] = math.nan
-    state[at.PEAK] = 0.0
+Memory = tuple[NDArray[np.void], Array]
+"""One `Conditioning`; and the rings, shape (5, capacity): times [s] and forces [N] of the window, and times [s],
+positions [m] and velocities [m/s] of samples that wait for a late sensor."""
+
+WINDOW, LATE = slice(0, 2), slice(2, 5)
+FIRST_CAPACITY = 128
+
+
+def make_memory(surface: float | None, force_offset: float | None, contact_floor: float, sensor_lag: float) -> Memory:
+    """Make the memory of a conditioner without samples: see `Conditioner` for the arguments."""
+    given = {} if surface is None else {"surface": surface, "surface_error": 0.0, "surface_given": True}
+    given |= {} if force_offset is None else {"offset": force_offset, "offset_given": True}
+    return Conditioning.new(lag=sensor_lag, floor=contact_floor, **given), np.zeros((5, FIRST_CAPACITY))
 
 
 @inlined
-def move(state: Array, time: float, position: float) -> float:
+def is_full(memory: Memory) -> bool:
+    """Whether a ring has no room for one more sample."""
+    capacity = memory[1].shape[1]
+    return bool(memory[0][0].window_count >= capacity or memory[0][0].late_count >= capacity)
+
+
+def grow(memory: Memory) -> Memory:
+    """The memory; where a ring is full, with rings of twice the length."""
+    (state,), rings = memory
+    if not is_full(memory):
+        return memory
+    grown = np.zeros((5, 2 * rings.shape[1]))
+    for rows, first in ((WINDOW, state.window_first), (LATE, state.late_first)):
+        grown[rows, : rings.shape[1]] = np.roll(rings[rows], -first, axis=1)
+    state.window_first = state.late_first = 0
+    return memory[0], grown
+
+
+@compiled(error_model="numpy")
+def lose_surface(memory: Memory) -> None:
+    """Look for the surface again, unless it was given."""
+    state = memory[0][0]
+    if not state.surface_given:
+        state.surface = math.nan
+    state.peak = 0.0
+
+
+@inlined
+def move(state: Conditioning, time: float, position: float) -> float:
     """Velocity from positions, as `foretouch.models.MotionFilter` computes it [m/s]."""
-    period = time - state[at.MOTION_TIME]
+    period = time - state.motion_time
     if not period > 0.0:
-        if math.isnan(state[at.MOTION_TIME]):
-            state[at.MOTION_TIME], state[at.MOTION_PLACE] = time, position
-        return float(state[at.VELOCITY])
-    before = state[at.VELOCITY]
-    slope = (position - state[at.MOTION_PLACE]) / period
+        if math.isnan(state.motion_time):
+            state.motion_time, state.motion_place = time, position
+        return float(state.velocity)
+    before = state.velocity
+    slope = (position - state.motion_place) / period
     velocity = before + (1.0 - math.exp(-VELOCITY_RATE * period)) * (slope - before)
-    state[at.VELOCITY], state[at.MOTION_TIME], state[at.MOTION_PLACE] = velocity, time, position
+    state.velocity, state.motion_time, state.motion_place = velocity, time, position
     return float(velocity)
 
 
 @compiled(error_model="numpy")
-def delay(state: Array, time: float, position: float, velocity: float) -> tuple[float, float]:
+def delay(state: Conditioning, rings: Array, time: float, position: float, velocity: float) -> tuple[float, float]:
     """Position and velocity one lag ago, between the samples around that time; the first ones until there are such."""
-    capacity = (state.size - at.RINGS) // COLUMNS
-    times = at.RINGS + 2 * capacity
-    places, speeds = times + capacity, times + 2 * capacity
-    first, count, wanted = int(state[at.LATE_FIRST]), int(state[at.LATE_COUNT]), time - state[at.LAG]
+    capacity, times, places, speeds = rings.shape[1], rings[2], rings[3], rings[4]
+    first, count, wanted = state.late_first, state.late_count, time - state.lag
     index = (first + count) % capacity
-    state[times + index], state[places + index], state[speeds + index] = time, position, velocity
+    times[index], places[index], speeds[index] = time, position, velocity
     count += 1
-    while count > 2 and state[times + (first + 1) % capacity] <= wanted:
+    while count > 2 and times[(first + 1) % capacity] <= wanted:
         first = (first + 1) % capacity
         count -= 1
-    state[at.LATE_FIRST], state[at.LATE_COUNT] = first, count
+    state.late_first, state.late_count = first, count
     second = (first + 1) % capacity if count > 1 else first
-    span = state[times + second] - state[times + first]
-    share = (wanted - state[times + first]) / span if span > 0.0 else 0.0
+    span = times[second] - times[first]
+    share = (wanted - times[first]) / span if span > 0.0 else 0.0
     share = 0.0 if share < 0.0 else (1.0 if share > 1.0 else share)
-    place, speed = state[places + first], state[speeds + first]
-    return place + share * (state[places + second] - place), speed + share * (state[speeds + second] - speed)
+    place, speed = places[first], speeds[first]
+    return place + share * (places[second] - place), speed + share * (speeds[second] - speed)
 
 
 @inlined
-def learn_offset(state: Array, time: float, force: float) -> None:
+def learn_offset(state: Conditioning, rings: Array, time: float, force: float) -> None:
     """Keep mean and spread of the last 50 ms, and those of the quietest 50 ms so far."""
-    if math.isnan(state[at.REFERENCE]):
-        state[at.REFERENCE] = force
-    capacity = (state.size - at.RINGS) // COLUMNS
-    forces = at.RINGS + capacity
-    shifted = force - state[at.REFERENCE]
-    first, count = int(state[at.WINDOW_FIRST]), int(state[at.WINDOW_COUNT])
+    if math.isnan(state.reference):
+        state.reference = force
+    capacity, times, forces = rings.shape[1], rings[0], rings[1]
+    shifted = force - state.reference
+    first, count = state.window_first, state.window_count
     index = first + count
     index = index - capacity if index >= capacity else index
-    state[at.RINGS + index], state[forces + index] = time, shifted
+    times[index], forces[index] = time, shifted
     count += 1
-    total, squares = state[at.SUM] + shifted, state[at.SQUARES] + shifted * shifted
+    total, squares = state.total + shifted, state.total_squares + shifted * shifted
     full = False
-    while time - state[at.RINGS + first] >= OFFSET_WINDOW:
+    while time - times[first] >= OFFSET_WINDOW:
         full = True
-        old = state[forces + first]
+        old = forces[first]
         total -= old
         squares -= old * old
         first = first + 1 if first + 1 < capacity else 0
         count -= 1
-    state[at.WINDOW_FIRST], state[at.WINDOW_COUNT] = first, count
-    state[at.SUM], state[at.SQUARES] = total, squares
+    state.window_first, state.window_count = first, count
+    state.total, state.total_squares = total, squares
     mean = total / count
     variance = squares / count - mean * mean
     spread = math.sqrt(variance) if variance > 0.0 else 0.0
     if full:
-        if spread < state[at.QUIETEST]:
-            state[at.QUIETEST] = spread
-        limit = QUIET_FACTOR * state[at.QUIETEST]
-        if mean >= state[at.LOWEST_MEAN] or spread > (limit if limit > SMALLEST_SPREAD else SMALLEST_SPREAD):
+        if spread < state.quietest:
+            state.quietest = spread
+        limit = QUIET_FACTOR * state.quietest
+        if mean >= state.lowest_mean or spread > (limit if limit > SMALLEST_SPREAD else SMALLEST_SPREAD):
             return
-        state[at.LOWEST_MEAN] = mean
-    elif state[at.LOWEST_MEAN] < math.inf:
+        state.lowest_mean = mean
+    elif state.lowest_mean < math.inf:
         return
-    state[at.NOISE] = spread
-    if state[at.OFFSET_GIVEN] == 0.0:
-        state[at.OFFSET] = mean + state[at.REFERENCE]
+    state.noise = spread
+    if not state.offset_given:
+        state.offset = mean + state.reference
 
 
 @inlined
-def learn_peak(state: Array, time: float, force: float) -> None:
+def learn_peak(state: Conditioning, time: float, force: float) -> None:
     """The largest force that lasted: the lowest in two blocks of time, so that a spike of the sensor does not count."""
-    lowest, before = state[at.BLOCK_LOWEST], state[at.BLOCK_BEFORE]
-    if time - state[at.BLOCK_TIME] < PEAK_TIME:
+    lowest, before = state.block_lowest, state.block_before
+    if time - state.block_time < PEAK_TIME:
         if force < lowest:
-            state[at.BLOCK_LOWEST] = force
+            state.block_lowest = force
         return
-    state[at.BLOCK_TIME], state[at.BLOCK_LOWEST], state[at.BLOCK_BEFORE] = time, force, lowest
+    state.block_time, state.block_lowest, state.block_before = time, force, lowest
     lasted = before if before < lowest else lowest
-    if before < math.inf and lasted > state[at.PEAK]:
-        state[at.PEAK] = lasted
+    if before < math.inf and lasted > state.peak:
+        state.peak = lasted
 
 
 @inlined
-def threshold_of(state: Array) -> float:
+def threshold_of(state: Conditioning) -> float:
     """Threshold of contact [N]."""
-    noise, largest = state[at.NOISE], QUIET_SPREAD * state[at.QUIETEST]
+    noise, largest = state.noise, QUIET_SPREAD * state.quietest
     noise = NOISE_FACTOR * (largest if largest < noise else noise)
-    found, share = state[at.FLOOR], PEAK_SHARE * state[at.PEAK]
+    found, share = state.floor, PEAK_SHARE * state.peak
     found = noise if noise > found else found
     return float(share if share > found else found)
 
 
 @compiled(error_model="numpy")
-def learn_surface(state: Array, position: float, threshold: float) -> None:
+def learn_surface(state: Conditioning, position: float, threshold: float) -> None:
     """Take the surface and its uncertainty from the beginning of a contact.
 
     The uncertainty is the distance over which contact became certain, and where it was last. Where a surface is known
     and certain, the one further out is right.
     """
-    place = state[at.FREE_PLACE]
-    if math.isnan(state[at.SURFACE]) or threshold > UNCERTAINTY_FACTOR * state[at.SURFACE_THRESHOLD]:
-        state[at.SURFACE] = place
-        state[at.SURFACE_THRESHOLD] = threshold
-    elif place < state[at.SURFACE]:
-        state[at.SURFACE] = place
+    place = state.free_place
+    if math.isnan(state.surface) or threshold > UNCERTAINTY_FACTOR * state.surface_threshold:
+        state.surface = place
+        state.surface_threshold = threshold
+    elif place < state.surface:
+        state.surface = place
     width = abs(position - place) / math.sqrt(12.0)
-    apart = 0.0 if math.isnan(state[at.LAST_ONSET]) else abs(place - state[at.LAST_ONSET]) / math.sqrt(2.0)
-    state[at.LAST_ONSET] = place
-    newest, error = width * width + apart * apart, state[at.SURFACE_ERROR]
-    state[at.SURFACE_ERROR] = math.sqrt(newest if math.isnan(error) else 0.5 * (error * error + newest))
+    apart = 0.0 if math.isnan(state.last_onset) else abs(place - state.last_onset) / math.sqrt(2.0)
+    state.last_onset = place
+    newest, error = width * width + apart * apart, state.surface_error
+    state.surface_error = math.sqrt(newest if math.isnan(error) else 0.5 * (error * error + newest))
 
 
 @inlined
 def condition(
-    state: Array, time: float, position: float, force: float, velocity: float, measured: bool
+    memory: Memory, time: float, position: float, force: float, velocity: float, measured: bool
 ) -> tuple[float, float, float, bool]:
     """One sample, in place; both rings have room for it (`is_full`).
 
     Args:
-        state: Shape (RINGS + 5 n,).
+        memory: Of the conditioner.
         time: Time of the sample [s].
         position: Measured position [m].
         force: Measured force with the offset [N].
@@ -250,42 +318,40 @@ def condition(
     """
     if not (math.isfinite(time) and math.isfinite(position) and math.isfinite(force)):
         return math.nan, 0.0, 0.0, False
+    state, rings = memory[0][0], memory[1]
     if not measured:
         velocity = move(state, time, position)
-    if state[at.LAG] > 0.0:
-        position, velocity = delay(state, time, position, velocity)
-    learn_offset(state, time, force)
-    force -= state[at.OFFSET]
+    if state.lag > 0.0:
+        position, velocity = delay(state, rings, time, position, velocity)
+    learn_offset(state, rings, time, force)
+    force -= state.offset
     learn_peak(state, time, force)
     threshold = threshold_of(state)
-    given = state[at.SURFACE_GIVEN] != 0.0
-    touching = state[at.IN_CONTACT] != 0.0
-    if touching:
+    if state.in_contact:
         touching = force > RELEASE_SHARE * threshold
     else:
-        if force <= RELEASE_SHARE * threshold or math.isnan(state[at.FREE_PLACE]):
-            state[at.FREE_PLACE] = position
-        if force > threshold:
-            touching = True
-            if not given:
-                learn_surface(state, position, threshold)
-    state[at.IN_CONTACT] = 1.0 if touching else 0.0
-    if touching and not given and position < state[at.SURFACE]:
-        state[at.SURFACE] = position
-    return position - state[at.SURFACE], velocity, force, touching
+        if force <= RELEASE_SHARE * threshold or math.isnan(state.free_place):
+            state.free_place = position
+        touching = force > threshold
+        if touching and not state.surface_given:
+            learn_surface(state, position, threshold)
+    state.in_contact = touching
+    if touching and not state.surface_given and position < state.surface:
+        state.surface = position
+    return position - state.surface, velocity, force, touching
 
 
 Taken = tuple[float, float, float, bool, float, float, float, bool]
 
 
 @compiled(error_model="numpy")
-def take(state: Array, time: float, position: float, force: float, velocity: float, measured: bool) -> Taken:
+def take(memory: Memory, time: float, position: float, force: float, velocity: float, measured: bool) -> Taken:
     """`condition` for a loop in Python.
 
     Returns:
         What `condition` returns; then the surface [m], its error [m], the force offset [N], and whether the rings must
         `grow` before the next sample.
     """
-    depth, velocity, force, touching = condition(state, time, position, force, velocity, measured)
-    surface, error, offset = float(state[at.SURFACE]), float(state[at.SURFACE_ERROR]), float(state[at.OFFSET])
-    return depth, velocity, force, touching, surface, error, offset, is_full(state)
+    depth, velocity, force, touching = condition(memory, time, position, force, velocity, measured)
+    state = memory[0][0]
+    return depth, velocity, force, touching, state.surface, state.surface_error, state.offset, is_full(memory)

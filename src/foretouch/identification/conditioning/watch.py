@@ -1,15 +1,37 @@
-"""Watches a force sensor and an encoder, and says at every sample whether they can be believed."""
+"""Watches a force sensor and an encoder, and says at every sample whether they can be believed.
+
+The types of what is compiled are stated: a driver that returns an integer where a float came before must cause no new
+compilation in a loop.
+"""
 
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
+from foretouch.core import Record, compiled
 from foretouch.errors import SettingError
 from foretouch.errors.checks import require
-from foretouch.identification.conditioning.layout import SensorState
+from foretouch.identification.conditioning.fault_kernels import (
+    DROPOUT,
+    ENCODER_JUMP,
+    GOOD,
+    NOT_FINITE,
+    OFFSET_STEP,
+    SATURATED,
+    SPIKE,
+    STUCK,
+    Loss,
+    SensorState,
+    Step,
+    begin_loss,
+    find_loss,
+    find_step,
+    restart_steps,
+)
 
 LEAST_STEP = 0.3
 """Smaller steps of the offset than this [N] are not looked for."""
@@ -34,6 +56,213 @@ SENSOR_SENTENCES: Final[dict[SensorState, str]] = {
 }
 """Sentence of each state."""
 
+TRANSIENT_STATES: Final = frozenset({SensorState.NOT_FINITE, SensorState.DROPOUT, SensorState.SPIKE})
+"""States that pass after `QUIET_TIME` without another finding; the others stay until `SensorWatch.reset`."""
+
+PASSING = tuple(sorted(map(int, TRANSIENT_STATES)))
+
+QUIET_TIME = 0.5
+"""Time without another finding after which a transient fault is over [s]."""
+
+DROPOUT_TIME = 0.02
+"""Time after which force and position that both repeat exactly are not new values [s]."""
+
+STUCK_TIME = 0.1
+"""Time after which a force that alone repeats exactly is stuck [s]."""
+
+REPEAT_FACTOR = 4.0
+"""Least ratio of a repetition to the longest so far to be unusual: converters with few bits repeat too."""
+
+NOISY_SHARE = 0.2
+"""Least fraction of reversing changes of a force with noise, which cannot repeat; white noise has 2/3."""
+
+NOISE_SAMPLES = 50
+"""Number of changes over which noise is judged, about."""
+
+SPIKE_FACTOR = 10.0
+"""Least size of a spike, as a multiple of the mean change between samples."""
+
+ACTIVITY_TIME = 0.02
+"""Time constant of the mean change between samples [s]."""
+
+LARGEST_IMPEDANCE = 600.0
+"""Largest ratio of the force of an impact to its speed [N s/m]."""
+
+LONGEST_GAP = 0.1
+"""Longest gap in time [s] across which samples are compared."""
+
+LARGEST_VALUE = 1e6
+"""Largest magnitude of a valid measurement [m, N, s: times up to 1e12]."""
+
+Array = NDArray[np.float64]
+
+
+class Watch(Record):
+    """State of a `SensorWatch`, with its settings."""
+
+    state: int
+    time: float = -math.inf  # of the newest sample [s]
+    bad_until: float = -math.inf  # end of a transient fault [s]
+    activity: float  # mean change of the force between samples [N]
+    noisy: float  # fraction of changes that reverse
+    changes: int
+    change: float  # the newest [N]
+    both_repeat: float  # time for which force and position repeat [s]
+    longest_both: float  # so far [s]
+    force_repeats: float  # time for which the force alone repeats [s]
+    longest_force: float  # so far [s]
+    near_end: bool  # whether the newest sample was at an end of the range
+    known: int  # of the three samples before
+    force: float  # of the newest of them [N]
+    positions: Annotated[Array, float, 3]  # [m], the newest first
+    contacts: Annotated[Array, float, 3]  # force less the tool's [N], the newest first
+    lowest: float  # end of the range [N]
+    highest: float  # end of the range [N]
+    largest_speed: float  # [m/s]
+    least_spike: float  # [N]
+    mass: float  # [kg]
+    step: Step
+    loss: Loss
+
+
+@compiled
+def _restart(watch: Watch) -> None:
+    """Forget the samples for comparison."""
+    watch.known = 0
+    watch.both_repeat = watch.force_repeats = watch.change = 0.0
+    watch.near_end = False
+    restart_steps(watch.step)
+    begin_loss(watch.loss)
+
+
+@compiled
+def _judge(watch: Watch, found: int, time: float) -> int:
+    """Update the judgement: a lasting fault stays, a transient one passes a while after the last finding."""
+    state = int(watch.state)
+    if state != GOOD and state not in PASSING:
+        return state
+    if found != GOOD:
+        state, watch.bad_until = found, time + QUIET_TIME
+    elif time >= watch.bad_until:
+        state = GOOD
+    watch.state = state
+    return state
+
+
+@compiled
+def _repeats(watch: Watch, position: float, force: float, period: float) -> int:
+    """Whether nothing new comes, from sensors that have shown noise."""
+    change = force - watch.force
+    if change != 0.0:
+        if watch.force_repeats < STUCK_TIME:
+            watch.longest_force = max(watch.longest_force, watch.force_repeats)
+        watch.changes += 1
+        reverses = 1.0 if change * watch.change < 0.0 else 0.0
+        watch.noisy += (reverses - watch.noisy) / min(watch.changes, NOISE_SAMPLES)
+        watch.change = change
+        watch.force_repeats = 0.0
+    else:
+        watch.force_repeats += period
+    if change != 0.0 or position != watch.positions[0]:
+        if watch.both_repeat < DROPOUT_TIME:
+            watch.longest_both = max(watch.longest_both, watch.both_repeat)
+        watch.both_repeat = 0.0
+    else:
+        watch.both_repeat += period
+    if watch.changes < NOISE_SAMPLES or watch.noisy < NOISY_SHARE:
+        return GOOD
+    slack = 0.5 * min(period, DROPOUT_TIME / 10.0)  # sums of periods are not exact
+    if watch.both_repeat + slack > max(DROPOUT_TIME, REPEAT_FACTOR * watch.longest_both):
+        return DROPOUT
+    if watch.force_repeats + slack > max(STUCK_TIME, REPEAT_FACTOR * watch.longest_force):
+        return STUCK
+    return GOOD
+
+
+@compiled
+def _is_spike(watch: Watch, position: float, force: float, period: float) -> bool:
+    """Whether the sample before this one stands far out, and no impact explains it."""
+    if watch.known < 3:
+        return False
+    near, further, furthest = watch.positions[0], watch.positions[1], watch.positions[2]
+    peak, before, earlier = watch.contacts[0], watch.contacts[1], watch.contacts[2]
+    up, down = peak - before, peak - force
+    size = min(abs(up), abs(down)) if up * down > 0.0 else 0.0
+    threshold = max(watch.least_spike, SPIKE_FACTOR * watch.activity)
+    found = size > threshold and abs(force - before) < 0.5 * size and abs(before - earlier) < 0.5 * size
+    if found and up > 0.0:
+        speed = (further - furthest) / period
+        slowed = speed - min(near - further, position - near) / period
+        found = speed * LARGEST_IMPEDANCE < size or slowed < 0.5 * size * period / watch.mass
+    share = 1.0 - math.exp(-period / ACTIVITY_TIME)
+    watch.activity += share * (min(abs(force - peak), 3.0 * threshold) - watch.activity)
+    return bool(found)
+
+
+@compiled
+def _compare(watch: Watch, position: float, force: float, contact: float, period: float) -> int:
+    """Compare a sample with those before it."""
+    if watch.known == 0:
+        return GOOD
+    since = period + watch.both_repeat  # a value that is new
+    repeated = _repeats(watch, position, force, period)
+    stepped = find_step(watch.step, position, contact, period)
+    was_near, near = watch.near_end, not watch.lowest < force < watch.highest
+    watch.near_end = near
+    if near and was_near:
+        return SATURATED
+    # 20 um: an encoder's count and noise, which at high rates are fast
+    if abs(position - watch.positions[0]) > watch.largest_speed * since + 2e-5:
+        _restart(watch)
+        return ENCODER_JUMP
+    if repeated != GOOD:
+        return repeated
+    if _is_spike(watch, position, contact, period):
+        return SPIKE
+    return OFFSET_STEP if stepped else GOOD
+
+
+@compiled("Tuple((i8, b1, f8))(Watch[::1], f8, f8, f8, f8, f8, f8, f8)")
+def look(
+    watches: NDArray[np.void],
+    time: float,
+    position: float,
+    force: float,
+    tool_force: float,
+    zero: float,
+    effort: float,
+    slid: float,
+) -> tuple[int, bool, float]:
+    """Take one sample, as `SensorWatch.update` does: its `state`, `uncertain` and `effort` after it."""
+    watch = watches[0]
+    loss, step = watch.loss, watch.step
+    if not (
+        abs(position) < LARGEST_VALUE
+        and abs(force) < LARGEST_VALUE
+        and abs(tool_force) < LARGEST_VALUE
+        and abs(time) < 1e6 * LARGEST_VALUE
+    ):
+        _restart(watch)
+        return _judge(watch, NOT_FINITE, watch.time), False, loss.effort
+    period = time - watch.time
+    if not period > 0.0:
+        return int(watch.state), False, loss.effort
+    contact, found = force - tool_force, GOOD
+    if period > LONGEST_GAP:
+        _restart(watch)
+    else:
+        found = _compare(watch, position, force, contact, period)
+    zero = zero if math.isfinite(zero) else 0.0
+    lost = find_loss(loss, time, position, contact, zero, effort, slid if slid > 0.0 else 0.0)
+    found = lost if found == GOOD else found
+    watch.time, watch.force = time, force
+    for past, newest in ((watch.positions, position), (watch.contacts, contact)):
+        past[2], past[1], past[0] = past[1], past[0], newest
+    watch.known = min(watch.known + 1, 3)
+    # An operator who presses deeper would not feel how hard: the step being judged lowers the force, or it is too low.
+    uncertain = (step.age < math.inf and step.rise < 0.0) or loss.low > 0
+    return _judge(watch, found, time), bool(uncertain), loss.effort
+
 
 class SensorWatch:
     r"""Finds faults of the sensors from what they show, sample by sample and causally.
@@ -48,7 +277,7 @@ class SensorWatch:
     `OFFSET_STEP`       the force changes and nothing is touched: see `fault_kernels`                   50 ms, still
     `SPIKE`             a sample is far off both neighbours, and no impact explains it                  2 samples
     `ENCODER_JUMP`      the position moves faster than the largest speed                                1 sample
-    `CONTACT_LOST`      the force falls and no way out or slowing down explains it (`fault_kernels`)    3 samples
+    `CONTACT_LOST`      the force falls and no retreat or slowing down explains it (`fault_kernels`)    3 samples
     `FORCE_DISAGREES`   the drive's own effort is another force: see `fault_kernels`                    0.1 s
     ==================  ==============================================================================  =============
 
@@ -63,8 +292,8 @@ class SensorWatch:
     raises, costs the same at every sample, and holds a fixed number of numbers. A sample that is not later than the one
     before is left out.
 
-    What it cannot see: an offset step below 0.3 N, and, of a robot that does not tell the effort of its drive, one in
-    contact while the probe moves, drift, a wrong scale, and a sensor that is dead before it touches.
+    What it cannot see: an offset step below 0.3 N; one in contact while the probe moves, of a robot that does not
+    measure the effort of its drive; drift; a wrong scale; and a sensor that is dead before it touches.
 
     Args:
         force_range: Smallest and largest force that the sensor can show [N]; infinite for an end that is not known, or
@@ -78,13 +307,13 @@ class SensorWatch:
         state: The newest judgement.
         uncertain: Whether a force has fallen and it is not certain yet if that is a fault: it shows where the probe
             goes no deeper.
-        effort: What the drive pushes inwards with, low-passed [N]; 0 where the robot does not tell.
+        effort: What the drive pushes inwards with, low-passed [N]; 0 where the robot does not measure it.
 
     Raises:
         SettingError: A setting out of range.
     """
 
-    __slots__ = ("_begin", "_look", "_numbers", "effort", "state", "uncertain")
+    __slots__ = ("_settings", "_watches", "effort", "state", "uncertain")
 
     def __init__(
         self,
@@ -102,22 +331,21 @@ class SensorWatch:
         require("least_step", least_step, above=0.0)
         require("least_spike", least_spike, above=0.0)
         require("moving_mass", moving_mass, above=0.0)
-        # Imported here: it brings a compiler along, and imports the numbers above.
-        from foretouch.identification.conditioning import watch_kernel as kernel
-        from foretouch.identification.conditioning.fault_kernels import LEAST_STEP as LEAST_STEP_AT
-
-        self._begin, self._look = kernel.begin, kernel.look
         near = [0.0 if math.isinf(end) else END_SHARE * abs(end) for end in (low, high)]
-        self._numbers = np.zeros(kernel.SIZE)
-        stays = (low + near[0], high - near[1], largest_speed, least_spike, moving_mass)
-        self._numbers[kernel.LOWEST : kernel.STEP] = stays
-        self._numbers[kernel.STEP + LEAST_STEP_AT] = least_step
-        self.uncertain, self.effort = False, 0.0
+        self._settings = {
+            "lowest": low + near[0],
+            "highest": high - near[1],
+            "largest_speed": largest_speed,
+            "least_spike": least_spike,
+            "mass": moving_mass,
+            "step": Step.new(least=least_step)[0],
+        }
+        self.effort = 0.0
         self.reset()
 
     def reset(self) -> None:
         """Believe the sensors again, and forget all samples: say this when they have been looked after."""
-        self._begin(self._numbers)
+        self._watches = Watch.new(**self._settings)
         self.state, self.uncertain = SensorState.GOOD, False
 
     @property
@@ -136,7 +364,7 @@ class SensorWatch:
         effort: float = math.nan,
         slid: float = 0.0,
     ) -> SensorState:
-        """Take one sample and say what the sensors are worth now.
+        """Take one sample and judge the sensors.
 
         Args:
             time: [s], of a monotonic clock.
@@ -145,12 +373,10 @@ class SensorWatch:
             tool_force: The part of it that the tool's weight and inertia make [N], where that is known: without it, a
                 jerked tool can look like a fault.
             zero: What is left of it in free air [N], as far as that is known.
-            effort: What the drive pushes inwards with, beyond weight and inertia [N]; NaN where it is not told.
+            effort: What the drive pushes inwards with, beyond weight and inertia [N]; NaN where it is not measured.
             slid: By how much the probe has moved across the surface since the sample before [m].
         """
-        found, self.uncertain, self.effort = self._look(
-            self._numbers, time, position, force, tool_force, zero, effort, slid
-        )
-        if found != self.state:
-            self.state = SensorState(found)
+        state, self.uncertain, self.effort = look(self._watches, time, position, force, tool_force, zero, effort, slid)
+        if state != self.state:
+            self.state = SensorState(state)
         return self.state

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from foretouch.errors import SettingError
 from foretouch.errors.checks import require
 from foretouch.identification.conditioning.conditioner import ContactSample, ContactSamples
+from foretouch.identification.conditioning.kernel import Memory
 from foretouch.identification.contact_map import scores as at
 from foretouch.identification.contact_map.kernel import (
     FEWEST_UPDATES,
@@ -175,12 +176,18 @@ class ContactMap(Estimator):
         return _INDICES[codes]
 
     def run_raw(
-        self, conditioner: Array, lag: Array, notes: Array, rows: Array, measured: bool, told: RawColumns
+        self,
+        conditioner: Memory,
+        lag: NDArray[np.void],
+        notes: Array,
+        rows: Array,
+        measured: bool,
+        told: RawColumns,
     ) -> tuple[int, Status]:
         """Condition and learn from raw samples, in one compiled loop: the same numbers as sample by sample.
 
         Args:
-            conditioner: State of a `Conditioner`; changed in place.
+            conditioner: Memory of a `Conditioner`; changed in place.
             lag: State of a `SensorLag`; changed in place.
             notes: Array of `contact_map.kernel.make_notes` before the first block; changed in place.
             rows: Time [s], position [m], force [N] and velocity [m/s], shape (4, m).

@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.core.compiling import compiled
-from foretouch.identification.conditioning.kernel import clear, condition, is_full, lose_surface, take_lagged
-from foretouch.identification.conditioning.layout import OFFSET, SURFACE
+from foretouch.identification.conditioning.kernel import Memory, clear, condition, is_full, lose_surface, take_lagged
 from foretouch.identification.contact_map import scores as at
 from foretouch.identification.contact_map.learning import ALARM_FROM, CHANGED, FAILED, PERIOD, learn, restart
 from foretouch.identification.contact_map.regression import regression
@@ -241,8 +240,8 @@ def expect(notes: Array, state: Array, depth: float, velocity: float, period: fl
 @compiled(error_model="numpy")
 def run_raw(
     state: Array,
-    conditioner: Array,
-    lag: Array,
+    conditioner: Memory,
+    lag: NDArray[np.void],
     notes: Array,
     rows: Array,
     measured: bool,
@@ -251,20 +250,20 @@ def run_raw(
     residual: Array,
 ) -> tuple[int, int]:
     """One block of samples; see `ContactMap.run_raw`. Returns how many were taken and what the last one did."""
-    code = 0
+    code, conditioned = 0, conditioner[0][0]
     for i in range(rows.shape[1]):
         time, position, raw = rows[0, i], rows[1, i], rows[2, i]
-        surface, offset, before = conditioner[SURFACE], conditioner[OFFSET], notes[BEFORE]
+        surface, offset, before = conditioned.surface, conditioned.offset, notes[BEFORE]
         depth, velocity, force, touching = condition(conditioner, time, position, raw, rows[3, i], measured)
         in_contact[i], forces[i], residual[i] = touching, force, math.nan
         if touching:
             residual[i] = force - expect(notes, state, position - surface, velocity, time - before)
-        moved = conditioner[SURFACE] - surface
+        moved = conditioned.surface - surface
         if abs(moved) > 0.0:  # not where one of them is unknown
             move_surface(state, moved)
             notes[STALE] = 1.0
-        if conditioner[OFFSET] != offset:
-            move_offset(state, conditioner[OFFSET] - offset)
+        if conditioned.offset != offset:
+            move_offset(state, conditioned.offset - offset)
             notes[STALE] = 1.0
         code = take(state, time, depth, velocity, force, touching)
         if code >= LEARNT:
@@ -274,7 +273,7 @@ def run_raw(
                 lose_surface(conditioner)
             clear(lag)
         if touching:
-            take_lagged(lag, depth + conditioner[SURFACE], velocity, raw, time - before)
+            take_lagged(lag, depth + conditioned.surface, velocity, raw, time - before)
         notes[BEFORE], notes[BEFORE + 1], notes[BEFORE + 2], notes[BEFORE + 3] = time, depth, velocity, force
         notes[BEFORE + 4] = 1.0 if touching else 0.0
         if is_full(conditioner):

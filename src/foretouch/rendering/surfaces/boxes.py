@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core.compiling import compiled
+from foretouch.core import compiled
+from foretouch.quantities.pose import Vector
 from foretouch.rendering.surfaces.triangle_kernel import crossing, nearest
 
 Array = NDArray[np.float64]
@@ -52,20 +53,18 @@ def build_boxes(corners: Array) -> tuple[Array, Ints]:
 
 
 @compiled
-def _box_distance(box: Array, x: float, y: float, z: float) -> float:
+def _box_distance(box: Array, place: Vector) -> float:
     """Squared distance from a point to a box [m^2]."""
-    dx = max(box[0] - x, 0.0, x - box[3])
-    dy = max(box[1] - y, 0.0, y - box[4])
-    dz = max(box[2] - z, 0.0, z - box[5])
+    dx = max(box[0] - place[0], 0.0, place[0] - box[3])
+    dy = max(box[1] - place[1], 0.0, place[1] - box[4])
+    dz = max(box[2] - place[2], 0.0, place[2] - box[5])
     return float(dx * dx + dy * dy + dz * dz)
 
 
 @compiled
-def find_nearest(
-    triangles: Array, boxes: Array, order: Ints, x: float, y: float, z: float, first: int
-) -> tuple[int, float]:
-    """The triangle nearest to a point, and its squared distance [m^2]; `first` is a guess."""
-    best, found = nearest(triangles[first], x, y, z)[0], first
+def find_nearest(triangles: NDArray[np.void], boxes: Array, order: Ints, place: Vector, first: int) -> int:
+    """The triangle nearest to a point; `first` is a guess."""
+    best, found = nearest(triangles[first], place)[0], first
     stack = np.empty(STACK, np.int32)
     stack[0] = 0
     waiting = 1
@@ -73,48 +72,41 @@ def find_nearest(
     while waiting > 0:
         waiting -= 1
         at = stack[waiting]
-        if _box_distance(boxes[at], x, y, z) >= best:
+        if _box_distance(boxes[at], place) >= best:
             continue
         if at >= leaves - 1:
             for i in range((at - leaves + 1) * LEAF, (at - leaves + 2) * LEAF):
-                distance = nearest(triangles[order[i]], x, y, z)[0]
+                distance = nearest(triangles[order[i]], place)[0]
                 if distance < best:
                     best, found = distance, order[i]
             continue
         left = 2 * at + 1
-        near_left = _box_distance(boxes[left], x, y, z)
-        near_right = _box_distance(boxes[left + 1], x, y, z)
+        near_left, near_right = _box_distance(boxes[left], place), _box_distance(boxes[left + 1], place)
         far = left + 1 if near_left <= near_right else left
         stack[waiting] = far  # the nearer one is looked at first
         stack[waiting + 1] = 2 * left + 1 - far
         waiting += 2
-    return found, best
+    return found
 
 
 @compiled
-def _segment_meets(box: Array, at: tuple[float, float, float], way: tuple[float, float, float], until: float) -> bool:
+def _segment_meets(box: Array, start: Vector, step: Vector, until: float) -> bool:
     """Whether a segment meets a box before this fraction of it (slabs)."""
     enter, leave = 0.0, until
     for k in range(3):
-        if way[k] == 0.0:
-            if at[k] < box[k] or at[k] > box[k + 3]:
+        if step[k] == 0.0:
+            if start[k] < box[k] or start[k] > box[k + 3]:
                 return False
             continue
-        scale = 1.0 / way[k]
-        one, other = (box[k] - at[k]) * scale, (box[k + 3] - at[k]) * scale
+        scale = 1.0 / step[k]
+        one, other = (box[k] - start[k]) * scale, (box[k + 3] - start[k]) * scale
         enter, leave = max(enter, min(one, other)), min(leave, max(one, other))
     return enter <= leave + 1e-9
 
 
 @compiled
-def find_crossing(
-    triangles: Array,
-    boxes: Array,
-    order: Ints,
-    at: tuple[float, float, float],
-    way: tuple[float, float, float],
-) -> tuple[int, float]:
-    """First triangle that a segment enters through, and the fraction of it up to there; (-1, 2.0) if there is none."""
+def find_crossing(triangles: NDArray[np.void], boxes: Array, order: Ints, start: Vector, step: Vector) -> int:
+    """First triangle that a segment enters through; -1 if there is none."""
     best, found = 2.0, -1
     stack = np.empty(STACK, np.int32)
     stack[0] = 0
@@ -123,15 +115,15 @@ def find_crossing(
     while waiting > 0:
         waiting -= 1
         box = stack[waiting]
-        if not _segment_meets(boxes[box], at, way, min(best, 1.0)):
+        if not _segment_meets(boxes[box], start, step, min(best, 1.0)):
             continue
         if box >= leaves - 1:
             for i in range((box - leaves + 1) * LEAF, (box - leaves + 2) * LEAF):
-                share = crossing(triangles[order[i]], at[0], at[1], at[2], way[0], way[1], way[2])
-                if share < best:
-                    best, found = share, order[i]
+                fraction = crossing(triangles[order[i]], start, step)
+                if fraction < best:
+                    best, found = fraction, order[i]
             continue
         stack[waiting] = 2 * box + 1
         stack[waiting + 1] = 2 * box + 2
         waiting += 2
-    return found, best
+    return found

@@ -15,27 +15,63 @@ References:
 from __future__ import annotations
 
 import math
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core.compiling import compiled
+from foretouch.core import Record, compiled
+from foretouch.quantities.pose import Vector
 from foretouch.rendering.surfaces.boxes import find_crossing, find_nearest
-from foretouch.rendering.surfaces.triangle_kernel import EDGE_NORMALS, FACE, NORMAL, VERTEX_NORMALS, nearest, side
+from foretouch.rendering.surfaces.triangle_kernel import (
+    FACE,
+    add,
+    dot,
+    nearest,
+    scaled,
+    side,
+    subtract,
+    vector,
+)
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
-NEIGHBOURS, BORDER_CORNERS, LINKS = 3, 6, 9
-"""In a row of links: three corners, the neighbours beyond the three edges (-1: none), whether the corners are on a
-border, and how long a row is."""
 
-STATE = 0  # one of the next
-UNKNOWN, FREE, TOUCHING = 0.0, 1.0, 2.0
-PLACE_AT = 1  # of the probe
-POINT_AT, TRIANGLE_AT, NORMAL_AT, DEPTH = 4, 7, 8, 11
-IN_FRONT = 12  # 1 where a free probe was on the outward side of the surface, not beyond its border
-MEMORY = 13
+class Mesh(NamedTuple):
+    """A mesh as the god object walks on it.
+
+    Attributes:
+        triangles: One `Triangle` each.
+        starts: Where in `fans` the triangles about each corner begin, one more than there are corners.
+        fans: Those triangles.
+        boxes: From `build_boxes`.
+        order: From `build_boxes`.
+        closed: Whether there is no border.
+    """
+
+    triangles: NDArray[np.void]
+    starts: Ints
+    fans: Ints
+    boxes: Array
+    order: Ints
+    closed: bool
+
+
+UNKNOWN, FREE, TOUCHING = range(3)
+
+
+class Proxy(Record):
+    """The god object and the probe that it follows."""
+
+    state: int  # `UNKNOWN`, `FREE` or `TOUCHING`
+    place: Annotated[Array, float, 3]  # of the probe [m]
+    point: Annotated[Array, float, 3]  # of the proxy [m]
+    triangle: int  # that it is on
+    normal: Annotated[Array, float, 3]
+    depth: float  # [m]
+    in_front: bool  # whether a free probe was on the outward side of the surface, not beyond its border
+
 
 ROUNDS = 100
 """Largest number of triangles that the proxy passes in one tick; then it waits there, in contact, for the next."""
@@ -49,37 +85,34 @@ NUDGE = 1e-9
 NO_DIRECTION = 1e-7
 """Distance from the surface below which the direction to it is rounding [m]; the normal of the surface counts."""
 
-Spot = tuple[int, float, float, float, float, int]
+Spot = tuple[int, float, Vector, int]
 """A triangle, the squared distance to it [m^2], its nearest point [m] and the feature that this is on."""
 
 
 @compiled
-def _spot(triangles: Array, triangle: int, x: float, y: float, z: float) -> Spot:
-    distance, px, py, pz, feature = nearest(triangles[triangle], x, y, z)
-    return triangle, distance, px, py, pz, feature
+def _spot(mesh: Mesh, triangle: int, place: Vector) -> Spot:
+    distance, point, feature = nearest(mesh.triangles[triangle], place)
+    return triangle, distance, point, feature
 
 
 @compiled
-def _walk(
-    triangles: Array, links: Ints, starts: Ints, fans: Ints, triangle: int, x: float, y: float, z: float
-) -> tuple[Spot, bool]:
+def _walk(mesh: Mesh, triangle: int, place: Vector) -> tuple[Spot, bool]:
     """Downhill from a triangle; and whether it came to a minimum."""
-    here = _spot(triangles, triangle, x, y, z)
+    here = _spot(mesh, triangle, place)
     for _ in range(ROUNDS):
-        best = here
-        feature = here[5]
+        best, feature, at = here, here[3], mesh.triangles[here[0]]
         if feature == FACE:
             return here, True
         if feature >= 3:
-            neighbour = links[here[0], NEIGHBOURS + feature - 3]
+            neighbour = at.neighbours[feature - 3]
             if neighbour >= 0:
-                there = _spot(triangles, neighbour, x, y, z)
+                there = _spot(mesh, neighbour, place)
                 if there[1] < best[1]:
                     best = there
         else:
-            corner = links[here[0], feature]
-            for i in range(starts[corner], starts[corner + 1]):
-                there = _spot(triangles, fans[i], x, y, z)
+            corner = at.vertices[feature]
+            for i in range(mesh.starts[corner], mesh.starts[corner + 1]):
+                there = _spot(mesh, mesh.fans[i], place)
                 if there[1] < best[1]:
                     best = there
         if best[0] == here[0]:
@@ -89,135 +122,94 @@ def _walk(
 
 
 @compiled
-def _on_border(links: Ints, spot: Spot) -> bool:
+def _on_border(mesh: Mesh, spot: Spot) -> bool:
     """Whether the nearest point is on the border of an open surface: then the probe is beside it."""
-    if spot[5] < 3:
-        return bool(links[spot[0], BORDER_CORNERS + spot[5]] != 0)
-    return bool(spot[5] < FACE and links[spot[0], NEIGHBOURS + spot[5] - 3] < 0)
+    return bool(mesh.triangles[spot[0]].border[spot[3]])
 
 
 @compiled
-def _is_inside(triangles: Array, spot: Spot, x: float, y: float, z: float) -> bool:
+def _is_inside(mesh: Mesh, spot: Spot, place: Vector) -> bool:
     """Whether the probe is on the inner side of what its nearest point is on."""
-    return side(triangles[spot[0]], spot[5], x - spot[2], y - spot[3], z - spot[4]) < 0.0
+    return side(mesh.triangles[spot[0]], spot[3], subtract(place, spot[2])) < 0.0
 
 
 @compiled
-def _remember(triangles: Array, memory: Array, spot: Spot, touching: bool, x: float, y: float, z: float) -> None:
-    """Write the positions of probe and proxy into the memory."""
+def _holds(mesh: Mesh, spot: Spot, ended: bool, place: Vector) -> bool:
+    """Whether a walk that came to this spot leaves the probe in contact."""
+    return not ended or (_is_inside(mesh, spot, place) and not _on_border(mesh, spot))
+
+
+@compiled
+def _outside(mesh: Mesh, spot: Spot) -> Vector:
+    """A place just outside a spot on the surface [m]."""
+    return add(spot[2], scaled(vector(mesh.triangles[spot[0]].normals[FACE]), NUDGE))
+
+
+@compiled
+def _write(numbers: Array, values: Vector) -> None:
+    numbers[0], numbers[1], numbers[2] = values
+
+
+@compiled
+def _remember(mesh: Mesh, proxy: Proxy, spot: Spot, touching: bool, place: Vector) -> None:
+    """Write the positions of probe and proxy."""
     sign = 1.0 if touching else -1.0
     distance = math.sqrt(spot[1])
-    memory[STATE] = TOUCHING if touching else FREE
-    memory[PLACE_AT], memory[PLACE_AT + 1], memory[PLACE_AT + 2] = x, y, z
-    memory[POINT_AT], memory[POINT_AT + 1], memory[POINT_AT + 2] = spot[2], spot[3], spot[4]
-    memory[TRIANGLE_AT] = spot[0]
-    memory[DEPTH] = sign * distance
+    proxy.state = TOUCHING if touching else FREE
+    _write(proxy.place, place)
+    _write(proxy.point, spot[2])
+    proxy.triangle = spot[0]
+    proxy.depth = sign * distance
     if distance > NO_DIRECTION:
-        scale = sign / distance
-        memory[NORMAL_AT] = scale * (spot[2] - x)
-        memory[NORMAL_AT + 1] = scale * (spot[3] - y)
-        memory[NORMAL_AT + 2] = scale * (spot[4] - z)
-        return
-    at = NORMAL
-    if spot[5] < 3:
-        at = VERTEX_NORMALS + 3 * spot[5]
-    elif spot[5] < FACE:
-        at = EDGE_NORMALS + 3 * (spot[5] - 3)
-    for k in range(3):
-        memory[NORMAL_AT + k] = triangles[spot[0], at + k]
+        _write(proxy.normal, scaled(subtract(spot[2], place), sign / distance))
+    else:
+        _write(proxy.normal, vector(mesh.triangles[spot[0]].normals[spot[3]]))
 
 
 @compiled
-def _enter(
-    triangles: Array,
-    links: Ints,
-    starts: Ints,
-    fans: Ints,
-    boxes: Array,
-    order: Ints,
-    memory: Array,
-    start: tuple[float, float, float],
-    x: float,
-    y: float,
-    z: float,
-) -> bool:
+def _enter(mesh: Mesh, proxy: Proxy, start: Vector, place: Vector) -> bool:
     """Look for the first way in from a free place to the probe; write it down, and say whether there is one."""
     for _ in range(PASSES):
-        way = (x - start[0], y - start[1], z - start[2])
-        found, _ = find_crossing(triangles, boxes, order, start, way)
+        found = find_crossing(mesh.triangles, mesh.boxes, mesh.order, start, subtract(place, start))
         if found < 0:
             return False
-        spot, ended = _walk(triangles, links, starts, fans, found, x, y, z)
-        if not ended or (_is_inside(triangles, spot, x, y, z) and not _on_border(links, spot)):
-            _remember(triangles, memory, spot, True, x, y, z)
+        spot, ended = _walk(mesh, found, place)
+        if _holds(mesh, spot, ended, place):
+            _remember(mesh, proxy, spot, True, place)
             return True
-        t = triangles[spot[0]]  # in and out again within one tick: on from where it came out
-        start = (
-            spot[2] + NUDGE * t[NORMAL],
-            spot[3] + NUDGE * t[NORMAL + 1],
-            spot[4] + NUDGE * t[NORMAL + 2],
-        )
+        start = _outside(mesh, spot)  # in and out again within one tick: on from where it came out
     return False
 
 
 @compiled
-def follow(
-    triangles: Array,
-    links: Ints,
-    starts: Ints,
-    fans: Ints,
-    boxes: Array,
-    order: Ints,
-    closed: bool,
-    memory: Array,
-    x: float,
-    y: float,
-    z: float,
-) -> None:
-    """Move the probe on to a place, and the proxy after it.
-
-    Args:
-        triangles: Rows of `triangle_kernel`, of shape (n, 30).
-        links: Rows of `LINKS`, of shape (n, 9).
-        starts: Where in `fans` the triangles about each corner begin, one more than there are corners.
-        fans: Those triangles.
-        boxes: From `build_boxes`.
-        order: From `build_boxes`.
-        closed: Whether there is no border.
-        memory: Of shape (13,), all 0 at first; written.
-        x: Coordinate of the probe [m], finite.
-        y: Coordinate of the probe [m], finite.
-        z: Coordinate of the probe [m], finite.
-    """
-    start = (
-        memory[PLACE_AT] + NUDGE * memory[NORMAL_AT],
-        memory[PLACE_AT + 1] + NUDGE * memory[NORMAL_AT + 1],
-        memory[PLACE_AT + 2] + NUDGE * memory[NORMAL_AT + 2],
-    )
-    state, last = memory[STATE], int(memory[TRIANGLE_AT])
+def _follow(mesh: Mesh, proxy: Proxy, place: Vector) -> None:
+    """Move the probe on to a place, and the proxy after it."""
+    start = add(vector(proxy.place), scaled(vector(proxy.normal), NUDGE))
+    last = proxy.triangle
     near = False  # whether something may have been crossed on the way
-    in_front = state == UNKNOWN or memory[IN_FRONT] > 0.0
-    if state == TOUCHING:
-        spot, ended = _walk(triangles, links, starts, fans, last, x, y, z)
-        if not ended or (_is_inside(triangles, spot, x, y, z) and not _on_border(links, spot)):
-            _remember(triangles, memory, spot, True, x, y, z)
+    in_front = proxy.state == UNKNOWN or proxy.in_front
+    if proxy.state == TOUCHING:
+        spot, ended = _walk(mesh, last, place)
+        if _holds(mesh, spot, ended, place):
+            _remember(mesh, proxy, spot, True, place)
             return
-        t = triangles[spot[0]]
-        start = (
-            spot[2] + NUDGE * t[NORMAL],
-            spot[3] + NUDGE * t[NORMAL + 1],
-            spot[4] + NUDGE * t[NORMAL + 2],
-        )
-        last, near, in_front = spot[0], True, not _on_border(links, spot)
-    elif state == FREE:
-        dx, dy, dz = x - memory[PLACE_AT], y - memory[PLACE_AT + 1], z - memory[PLACE_AT + 2]
-        room = -memory[DEPTH] - 2.0 * NUDGE
-        near = room <= 0.0 or dx * dx + dy * dy + dz * dz >= room * room
-    if near and _enter(triangles, links, starts, fans, boxes, order, memory, start, x, y, z):
+        start = _outside(mesh, spot)
+        last, near, in_front = spot[0], True, not _on_border(mesh, spot)
+    elif proxy.state == FREE:
+        moved = subtract(place, vector(proxy.place))
+        room = -proxy.depth - 2.0 * NUDGE
+        near = room <= 0.0 or dot(moved, moved) >= room * room
+    if near and _enter(mesh, proxy, start, place):
         return
-    found, _ = find_nearest(triangles, boxes, order, x, y, z, last)
-    spot = _spot(triangles, found, x, y, z)
-    border = _on_border(links, spot)
-    inside = _is_inside(triangles, spot, x, y, z)
-    _remember(triangles, memory, spot, inside and not border and (closed or in_front), x, y, z)
-    memory[IN_FRONT] = 0.0 if border or inside else 1.0
+    spot = _spot(mesh, find_nearest(mesh.triangles, mesh.boxes, mesh.order, place, last), place)
+    border, inside = _on_border(mesh, spot), _is_inside(mesh, spot, place)
+    _remember(mesh, proxy, spot, inside and not border and (mesh.closed or in_front), place)
+    proxy.in_front = not (border or inside)
+
+
+@compiled
+def follow(mesh: Mesh, proxies: NDArray[np.void], x: float, y: float, z: float) -> tuple[float, Vector, Vector, int]:
+    """Move the probe on to a place [m], finite, and its proxy after it: depth [m], normal, point [m] and triangle."""
+    proxy = proxies[0]
+    _follow(mesh, proxy, (x, y, z))
+    return float(proxy.depth), vector(proxy.normal), vector(proxy.point), int(proxy.triangle)

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from foretouch.errors import SettingError
 from foretouch.errors.checks import require
-from foretouch.rendering.surfaces.surface import Array, Surface, SurfaceContact
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
+from foretouch.rendering.surfaces.surface import Array, Memory, Surface, SurfaceContact
 
 LARGEST_COORDINATE = 100.0
 """Coordinates beyond this [m] are refused: the file is in other units, and crossings are told to a nanometre."""
@@ -46,6 +42,7 @@ class TriangleMesh(Surface):
     def __init__(self, vertices: ArrayLike, faces: ArrayLike) -> None:
         from foretouch.rendering.surfaces import god_object  # compiled code is loaded when it is needed
         from foretouch.rendering.surfaces.boxes import build_boxes
+        from foretouch.rendering.surfaces.triangle_kernel import Triangle
 
         self.vertices = np.array(vertices, dtype=np.float64)
         self.faces = np.array(faces, dtype=np.int64)
@@ -59,26 +56,24 @@ class TriangleMesh(Surface):
         neighbours = _neighbours(self.faces, self.vertices)
         self.closed = bool((neighbours >= 0).all())
         fan_starts, fans = _fans(self.faces, len(self.vertices))
-        self._kernel = (
-            _rows(corners, normals, neighbours, self.faces, len(self.vertices)),
-            _links(self.faces, neighbours, len(self.vertices)),
-            fan_starts,
-            fans,
-            *build_boxes(corners),
-            self.closed,
+        triangles = Triangle.new(
+            len(self.faces),
+            corners=corners,
+            normals=_normals(corners, normals, neighbours, self.faces, len(self.vertices)),
+            vertices=self.faces,
+            neighbours=neighbours,
+            border=_border(self.faces, neighbours, len(self.vertices)),
         )
-        self._follow: Callable[..., None] = god_object.follow
-        self._size = god_object.MEMORY
+        self._mesh = god_object.Mesh(triangles, fan_starts, fans, *build_boxes(corners), self.closed)
+        self._kernel = god_object
 
-    def initial_memory(self) -> Array:
+    def initial_memory(self) -> Memory:
         """See `Surface.initial_memory`."""
-        return np.zeros(self._size)
+        return self._kernel.Proxy.new()
 
-    def follow(self, memory: Array, x: float, y: float, z: float) -> SurfaceContact:
+    def follow(self, memory: Memory, x: float, y: float, z: float) -> SurfaceContact:
         """See `Surface.follow`."""
-        self._follow(*self._kernel, memory, x, y, z)
-        _, _, _, _, px, py, pz, triangle, nx, ny, nz, depth, _ = memory.tolist()
-        return SurfaceContact(depth, (nx, ny, nz), (px, py, pz), int(triangle))
+        return SurfaceContact(*self._kernel.follow(self._mesh, memory, x, y, z))
 
     def outline(self) -> tuple[Array, NDArray[np.int64]]:
         """See `Surface.outline`."""
@@ -135,20 +130,20 @@ def _fans(faces: NDArray[np.int64], vertices: int) -> tuple[Ints, Ints]:
     return starts.astype(np.int32), (order // 3).astype(np.int32)
 
 
-def _links(faces: NDArray[np.int64], neighbours: NDArray[np.int64], vertices: int) -> Ints:
-    """Rows of `god_object.LINKS`."""
+def _border(faces: NDArray[np.int64], neighbours: NDArray[np.int64], vertices: int) -> NDArray[np.bool_]:
+    """Whether the features of each triangle are on a border, of shape (m, 7)."""
     on_border = np.zeros(vertices, dtype=bool)
     for edge in range(3):
         alone = neighbours[:, edge] < 0
         on_border[faces[alone, edge]] = True
         on_border[faces[alone, (edge + 1) % 3]] = True
-    return np.concatenate([faces, neighbours, on_border[faces]], axis=1).astype(np.int32)
+    return np.concatenate([on_border[faces], neighbours < 0, np.zeros((len(faces), 1), bool)], axis=1)
 
 
-def _rows(
+def _normals(
     corners: Array, normals: Array, neighbours: NDArray[np.int64], faces: NDArray[np.int64], vertices: int
 ) -> Array:
-    """Rows of `triangle_kernel`: corners, normal, normals of the edges, and those of the corners weighted by angle."""
+    """Normals of the features of each triangle, of shape (m, 7, 3); those of the corners are weighted by angle."""
     beyond = np.where((neighbours >= 0)[:, :, None], normals[neighbours], 0.0)
     edges = _unit(normals[:, None, :] + beyond, normals)
     sums = np.zeros((vertices, 3))
@@ -158,8 +153,7 @@ def _rows(
         angle = np.arctan2(np.linalg.norm(np.cross(one, other), axis=1), np.einsum("ij,ij->i", one, other))
         np.add.at(sums, faces[:, corner], angle[:, None] * normals)
     at_corners = _unit(sums[faces], normals)
-    flat = [part.reshape(len(faces), -1) for part in (corners, normals, edges, at_corners)]
-    return np.ascontiguousarray(np.concatenate(flat, axis=1))
+    return np.concatenate([at_corners, edges, normals[:, None, :]], axis=1)
 
 
 def _unit(sums: Array, normals: Array) -> Array:
@@ -201,11 +195,11 @@ class HeightField(Surface):
         second = np.where(even[:, None], np.stack([a, c, d], axis=1), np.stack([b, c, d], axis=1))
         self.mesh = TriangleMesh(np.stack([x, y, z], axis=2).reshape(-1, 3), np.concatenate([first, second]))
 
-    def initial_memory(self) -> Array:
+    def initial_memory(self) -> Memory:
         """See `Surface.initial_memory`."""
         return self.mesh.initial_memory()
 
-    def follow(self, memory: Array, x: float, y: float, z: float) -> SurfaceContact:
+    def follow(self, memory: Memory, x: float, y: float, z: float) -> SurfaceContact:
         """See `Surface.follow`."""
         return self.mesh.follow(memory, x, y, z)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from foretouch.errors import SettingError
 from foretouch.errors.checks import require
 
 Array: TypeAlias = NDArray[np.float64]
+Memory: TypeAlias = NDArray[Any]  # of one contact: zeros at first, written by the surface
 Point: TypeAlias = tuple[float, float, float]
 
 FARTHEST = 1e3
@@ -57,11 +58,11 @@ class Surface(ABC):
     """
 
     @abstractmethod
-    def initial_memory(self) -> Array:
+    def initial_memory(self) -> Memory:
         """Memory of a contact that has not begun."""
 
     @abstractmethod
-    def follow(self, memory: Array, x: float, y: float, z: float) -> SurfaceContact:
+    def follow(self, memory: Memory, x: float, y: float, z: float) -> SurfaceContact:
         """Move the probe to a position [m] and the proxy after it, within a contact's memory; never raises."""
 
     @abstractmethod
@@ -171,11 +172,11 @@ class Plane(Surface):
         self.normal: Point = (direction[0] / length, direction[1] / length, direction[2] / length)
         self.size = size
 
-    def initial_memory(self) -> Array:
+    def initial_memory(self) -> Memory:
         """Empty memory: a plane has no other side to come from."""
         return _NO_MEMORY
 
-    def follow(self, memory: Array, x: float, y: float, z: float) -> SurfaceContact:
+    def follow(self, memory: Memory, x: float, y: float, z: float) -> SurfaceContact:
         """See `Surface.follow`."""
         (ox, oy, oz), (nx, ny, nz) = self.origin, self.normal
         depth = (ox - x) * nx + (oy - y) * ny + (oz - z) * nz

@@ -1,6 +1,6 @@
 """How fast a robot may go deeper, or has to retreat, so that a force approaches a limit without passing it.
 
-One tick of it is compiled. With it the follower guards a contact that the leader does not know yet.
+With it the follower guards a contact that the leader does not know yet.
 """
 
 from __future__ import annotations
@@ -10,10 +10,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core.compiling import compiled
+from foretouch.core import Record, compiled
 from foretouch.errors.checks import require
-
-Array = NDArray[np.float64]
 
 PATIENCE = 0.01
 """Time constant with which a force is brought to its limit [s]: longer than the delay of sensor and drive."""
@@ -33,11 +31,8 @@ STRIDE, KEPT = 1e-4, 0.5
 AWAY = 1e-3
 """Distance outside its onset at which a contact is over [m]."""
 
-STIFFNESS, ONSET = 0, 1
-"""Indices of its results in the array [N/m, m]; the others are the kernel's own."""
 
-
-class ForceGuard:
+class ForceGuard(Record):
     r"""Limits the speed by the contact that the robot is in.
 
     .. math:: \dot x = \frac{F_{limit} - F}{K \tau + b}
@@ -46,93 +41,69 @@ class ForceGuard:
     its onset, and its tangent over 0.1 mm; where the material is less steep further on, K is halved every 0.1 mm. The
     force then approaches its limit as by a first-order low-pass, and does not pass it, on any material that stiffens by
     no more than that. The effect of speed and mass in an impact is not included: `foretouch.models.impact_bound`.
-
-    Args:
-        contact: Array that holds its numbers, shared with others, shape
-            (`foretouch.session.safety.force_guard.SIZE`,); None for an array of its own.
     """
 
-    __slots__ = ("_contact",)
-
-    def __init__(self, contact: Array | None = None) -> None:
-        self._contact = np.empty(SIZE) if contact is None else contact
-        forget(self._contact)
-
-    @property
-    def stiffness(self) -> float:
-        """K of this contact [N/m], at least 50."""
-        return float(self._contact[STIFFNESS])
-
-    @property
-    def onset(self) -> float:
-        """Onset of this contact [m]; NaN once the robot was 1 mm further out without one."""
-        return float(self._contact[ONSET])
-
-    def observe(self, position: float, force: float, in_contact: bool) -> None:
-        """Take one sample of the sensors; where one is NaN, the force is unknown.
-
-        Args:
-            position: Position of the robot [m].
-            force: Measured force [N].
-            in_contact: Whether that is contact.
-        """
-        observe(self._contact, position, force, in_contact)
-
-    def speed(self, limit: float, damping: float = 0.0) -> float:
-        """Speed at which the robot may go deeper now, negative where it has to retreat [m/s]; 0 if force unknown.
-
-        Args:
-            limit: Force to approach [N].
-            damping: b, assumed where it goes deeper [N s/m].
-        """
-        return allowed_speed(self._contact, limit, damping)
+    stiffness: float = SOFTEST  # K of this contact [N/m]
+    onset: float = math.nan  # of this contact [m]; NaN once the robot was 1 mm further out without one
+    force: float = math.nan  # the newest [N]; NaN if unknown
+    reference: float = math.nan  # position where the newest tangent starts [m]
+    reference_force: float = math.nan  # there [N]
 
 
-FORCE, REFERENCE, REFERENCE_FORCE = 2, 3, 4
-"""Indices in the array, after those of the results, of the newest force [N], NaN if unknown; and of the start of the
-newest tangent [m, N], NaN for none."""
+@compiled
+def observe(guard: ForceGuard, position: float, force: float, in_contact: bool) -> None:
+    """Take one sample of the sensors; where one is NaN, the force is unknown.
 
-SIZE = 5
-
-
-@compiled("void(f8[::1])")
-def forget(guard: Array) -> None:
-    """Forget the contact and the force."""
-    guard[:] = math.nan
-    guard[STIFFNESS] = SOFTEST
-
-
-@compiled("void(f8[::1], f8, f8, b1)")
-def observe(guard: Array, position: float, force: float, in_contact: bool) -> None:
-    """See `ForceGuard.observe`; the array is written."""
+    Args:
+        guard: Written.
+        position: Position of the robot [m].
+        force: Measured force [N].
+        in_contact: Whether that is contact.
+    """
     known = math.isfinite(position) and math.isfinite(force)
-    guard[FORCE] = force if known else math.nan
+    guard.force = force if known else math.nan
     if not known:
         return
     if not in_contact:
-        if position < guard[ONSET] - AWAY:
-            guard[ONSET], guard[STIFFNESS] = math.nan, SOFTEST
+        if position < guard.onset - AWAY:
+            guard.onset, guard.stiffness = math.nan, SOFTEST
         return
-    if math.isnan(guard[ONSET]):
-        guard[ONSET] = guard[REFERENCE] = position
-        guard[REFERENCE_FORCE] = force
-    way = position - guard[REFERENCE]
-    if way >= STRIDE:  # the stiffness here, after each such distance
-        tangent = (force - guard[REFERENCE_FORCE]) / way
-        guard[STIFFNESS] = max(KEPT * guard[STIFFNESS], STEEPER * tangent, SOFTEST)
-    if way >= STRIDE or way < 0.0:
-        guard[REFERENCE], guard[REFERENCE_FORCE] = position, force
-    depth = position - guard[ONSET]
-    guard[STIFFNESS] = max(guard[STIFFNESS], STEEPER * force / max(depth, SHORTEST_DEPTH))
+    if math.isnan(guard.onset):
+        guard.onset = guard.reference = position
+        guard.reference_force = force
+    distance = position - guard.reference
+    if distance >= STRIDE:  # the stiffness here, after each such distance
+        tangent = (force - guard.reference_force) / distance
+        guard.stiffness = max(KEPT * guard.stiffness, STEEPER * tangent, SOFTEST)
+    if distance >= STRIDE or distance < 0.0:
+        guard.reference, guard.reference_force = position, force
+    depth = position - guard.onset
+    guard.stiffness = max(guard.stiffness, STEEPER * force / max(depth, SHORTEST_DEPTH))
 
 
-@compiled("f8(f8[::1], f8, f8)")
-def allowed_speed(guard: Array, limit: float, damping: float) -> float:
-    """See `ForceGuard.speed`."""
-    if math.isnan(guard[FORCE]):
+@compiled
+def allowed_speed(guard: ForceGuard, limit: float, damping: float) -> float:
+    """Speed at which the robot may go deeper now, negative where it has to retreat [m/s]; 0 if force unknown.
+
+    Args:
+        guard: Of this contact.
+        limit: Force to approach [N].
+        damping: b, assumed where it goes deeper [N s/m].
+    """
+    if math.isnan(guard.force):
         return 0.0
-    missing = limit - guard[FORCE]
-    return float(missing / (guard[STIFFNESS] * PATIENCE + (damping if missing > 0.0 else 0.0)))
+    missing = limit - guard.force
+    return float(missing / (guard.stiffness * PATIENCE + (damping if missing > 0.0 else 0.0)))
+
+
+@compiled("f8(ForceGuard[::1], f8, f8, b1, f8, f8)")
+def guarded_speed(
+    guards: NDArray[np.void], position: float, force: float, in_contact: bool, limit: float, damping: float
+) -> float:
+    """`observe`, and the `allowed_speed` after it, of one guard."""
+    guard = guards[0]
+    observe(guard, position, force, in_contact)
+    return allowed_speed(guard, limit, damping)
 
 
 UNKNOWN_FROM = 1e-3
@@ -166,18 +137,14 @@ class FirstTouch:
         require("approach_speed", approach_speed, above=0.0)
         require("guarded_force", force, above=0.0)
         require("sample_period", sample_period, above=0.0)
-        self._speed = approach_speed
-        self._holding_force = force
-        self._period = sample_period
-        self._guard = ForceGuard()
+        self._speed, self._holding_force, self._period = approach_speed, force, sample_period
+        self._guard = ForceGuard.new()
         self.restart()
 
     def restart(self) -> None:
         """Start again where the robot then is, guarding nothing."""
-        self._commanded = math.nan
-        self._held_back = 0.0
-        self._unknown = False
-        self.guarded = False
+        self._commanded, self._held_back = math.nan, 0.0
+        self._unknown = self.guarded = False
 
     def update(self, desired: float, position: float, force: float, in_contact: bool, known_surface: float) -> float:
         """One tick: the position for the robot [m]. While force or position are NaN it goes no deeper.
@@ -193,7 +160,9 @@ class FirstTouch:
         if math.isnan(self._commanded):
             self._commanded = position if math.isfinite(position) else desired
         if unknown:
-            self._commanded = min(desired, self._commanded + self._allowed(position, force, in_contact) * self._period)
+            deeper = guarded_speed(self._guard, position, force, in_contact, self._holding_force, 0.0)
+            deeper = min(max(deeper, -self._speed), self._speed)
+            self._commanded = min(desired, self._commanded + deeper * self._period)
             self._held_back = desired - self._commanded
         else:
             if self._unknown:  # a step of the commands, as where the index has met the surface, is none of the robot's
@@ -204,8 +173,3 @@ class FirstTouch:
         self._unknown = unknown
         self.guarded = self._held_back != 0.0
         return self._commanded
-
-    def _allowed(self, position: float, force: float, in_contact: bool) -> float:
-        """Speed at which the robot may go deeper now, negative where it goes back [m/s]."""
-        self._guard.observe(position, force, in_contact)
-        return min(max(self._guard.speed(self._holding_force), -self._speed), self._speed)

@@ -1,17 +1,18 @@
 """Last stage before the robot: a path that keeps limits of speed, acceleration and jerk, whatever is commanded.
 
-Like the other kernels of the follower's step it keeps its numbers in one array, and has its types stated: a driver that
-returns an integer where a float came before must cause no new compilation in a loop.
+The types of what Python calls are stated, as in the other kernels of the follower's step: a driver that returns an
+integer where a float came before must cause no new compilation in a loop.
 """
 
 from __future__ import annotations
 
 import math
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core.compiling import compiled
+from foretouch.core import Record, compiled
 from foretouch.errors.checks import require
 from foretouch.models.predictor import VELOCITY_CUTOFF
 from foretouch.quantities import pose as rigid
@@ -41,9 +42,32 @@ BRAKING = 0.7
 FARTHEST = 1e3
 """Largest coordinate of a valid position [m]: beyond it nothing can be computed to a micrometre."""
 
-POSITION, VELOCITY, ACCELERATION = 0, 3, 6
-"""First indices of the path's position, velocity and acceleration in its array [m, m/s, m/s^2], three numbers each; on
-a line the first of three is all of it. The others are the kernel's own."""
+Numbers3 = Annotated[Array, float, 3]
+
+
+class Asked(Record):
+    """Inputs of a tick: see `MotionLimits.move`."""
+
+    wanted: Numbers3  # [m]
+    shifted: Numbers3  # [m]
+    bounds: Annotated[Array, float, (3, 4)]
+
+
+class Path(Record):
+    """A path, the stream that it follows, and its limits; on a line the first of three numbers is all of it."""
+
+    position: Numbers3  # [m]
+    velocity: Numbers3  # [m/s]
+    acceleration: Numbers3  # [m/s^2]
+    before: Numbers3  # newest position of the stream [m]
+    stream: Numbers3  # u [m/s]
+    asked: Asked
+    speed: float  # V [m/s]
+    largest: float  # A [m/s^2]
+    jerk: float  # J [m/s^3]
+    period: float  # T [s]
+    gain: float  # of the low-pass of u
+    caught: bool  # whether the stream was caught up with
 
 
 class MotionLimits:
@@ -81,52 +105,59 @@ class MotionLimits:
         acceleration: A [m/s^2], positive.
         jerk: J [m/s^3], positive.
         sample_period: T [s], positive.
-        path: Array of zeros that holds its numbers, shared with others, shape
-            (`foretouch.session.safety.motion.SIZE`,); None for an array of its own.
+        paths: Array of one `Path` that this one takes, part of another record; None for one of its own.
     """
 
-    __slots__ = ("_asked", "_path")
+    __slots__ = ("_asked", "_paths")
 
     def __init__(
-        self, speed: float, acceleration: float, jerk: float, sample_period: float, *, path: Array | None = None
+        self,
+        speed: float,
+        acceleration: float,
+        jerk: float,
+        sample_period: float,
+        *,
+        paths: NDArray[np.void] | None = None,
     ) -> None:
         require("speed", speed, above=0.0)
         require("acceleration", acceleration, above=0.0)
         require("jerk", jerk, above=0.0)
         require("sample_period", sample_period, above=0.0)
         gain = -math.expm1(-2.0 * math.pi * VELOCITY_CUTOFF * sample_period)
-        self._path = np.zeros(SIZE) if path is None else path
-        self._asked = self._path[WANTED:SPEED]
-        self._path[POSITION:VELOCITY] = math.nan
-        self._path[SPEED:] = speed, acceleration, jerk, sample_period, gain
+        made = Path.new(
+            position=math.nan, speed=speed, largest=acceleration, jerk=jerk, period=sample_period, gain=gain
+        )
+        self._paths = made if paths is None else paths
+        self._paths[:] = made
+        self._asked = self._paths["asked"].view(np.float64)
 
     @property
     def place(self) -> Vector:
         """Position of the path [m]; NaN before it has begun."""
-        return self._vector(POSITION)
+        return self._vector("position")
 
     @property
     def velocity(self) -> Vector:
         """Velocity of the path [m/s]."""
-        return self._vector(VELOCITY)
+        return self._vector("velocity")
 
     @property
     def acceleration(self) -> Vector:
         """Acceleration of the path [m/s^2]."""
-        return self._vector(ACCELERATION)
+        return self._vector("acceleration")
 
     @property
     def speed(self) -> float:
         """Speed of the path [m/s], not negative."""
         return norm(self.velocity)
 
-    def _vector(self, begin: int) -> Vector:
-        x, y, z = self._path[begin : begin + 3].tolist()
+    def _vector(self, name: str) -> Vector:
+        ((x, y, z),) = self._paths[name].tolist()
         return x, y, z
 
     def begin(self, x: float, y: float = 0.0, z: float = 0.0) -> None:
         """Begin where the robot is, at rest [m]."""
-        begin(self._path, x, y, z)
+        begin(self._paths[0], x, y, z)
 
     def update(self, wanted: float, upwards: float = math.inf, shifted: float = 0.0) -> float:
         """One tick on a line: the next position of the path [m]; no number before it has begun.
@@ -138,7 +169,7 @@ class MotionLimits:
             shifted: Displacement of the stream by a limit since the last tick [m], which is no motion of it; NaN, or
                 more than 1 km, is 0.
         """
-        return limited(self._path, wanted, upwards, shifted)
+        return limited(self._paths[0], wanted, upwards, shifted)
 
     def move(
         self,
@@ -157,21 +188,9 @@ class MotionLimits:
         """
         first, second, third = bounds
         self._asked[:] = wanted + shifted + first + second + third
-        moved(self._path)
+        moved(self._paths)
         return self.place
 
-
-BEFORE, STREAM, CAUGHT = 9, 12, 15
-"""Indices, after those of the path, of the stream's newest position [m] and its low-passed velocity u [m/s], three
-numbers each, and of whether it was caught up with."""
-
-WANTED, SHIFTED, BOUNDS = 16, 19, (22, 26, 30)
-"""Indices of this tick's inputs: three numbers [m], three [m], and directions with the speed allowed there."""
-
-SPEED, LARGEST, JERK, PERIOD, GAIN = 34, 35, 36, 37, 38
-"""Indices of the constants V [m/s], A [m/s^2], J [m/s^3], T [s], and the gain of the low-pass."""
-
-SIZE = 39
 
 NOTHING: Vector = (0.0, 0.0, 0.0)
 
@@ -183,13 +202,13 @@ _subtract = compiled(rigid.subtract)
 
 
 @compiled
-def _read(path: Array, begin: int) -> Vector:
-    return path[begin], path[begin + 1], path[begin + 2]
+def _vector(numbers: Array) -> Vector:
+    return numbers[0], numbers[1], numbers[2]
 
 
 @compiled
-def _write(path: Array, begin: int, vector: Vector) -> None:
-    path[begin], path[begin + 1], path[begin + 2] = vector
+def _write(numbers: Array, vector: Vector) -> None:
+    numbers[0], numbers[1], numbers[2] = vector
 
 
 @compiled
@@ -207,42 +226,42 @@ def _clip(vector: Vector, longest: float) -> Vector:
 
 
 @compiled
-def _slow_down(path: Array, velocity: Vector) -> Vector:
+def _slow_down(path: Path, velocity: Vector) -> Vector:
     """Limit a velocity to the bounds."""
-    for bound in BOUNDS:
-        direction = _read(path, bound)
-        beyond = _dot(velocity, direction) - path[bound + 3]
+    for bound in path.asked.bounds:
+        direction = _vector(bound)
+        beyond = _dot(velocity, direction) - bound[3]
         if beyond > 0.0:
             velocity = _subtract(velocity, _scaled(direction, beyond))
     return velocity
 
 
 @compiled
-def _is_within(path: Array, velocity: Vector, last_velocity: Vector, last_acceleration: Vector) -> bool:
+def _is_within(path: Path, velocity: Vector, last_velocity: Vector, last_acceleration: Vector) -> bool:
     """Whether a step at this velocity keeps all limits, and the next ones can."""
-    period, speed, jerk = path[PERIOD], path[SPEED], path[JERK]
+    period, speed, jerk = path.period, path.speed, path.jerk
     acceleration = _scaled(_subtract(velocity, last_velocity), 1.0 / period)
     size = _norm(acceleration)
     # While the acceleration returns to 0 at the largest jerk, the velocity grows by this amount.
     coming = max(size / (2.0 * jerk) - 0.5 * period, 0.0)
     if not (_norm(velocity) <= speed and _norm(_add(velocity, _scaled(acceleration, coming))) <= speed):
         return False
-    for bound in BOUNDS:
-        if not _dot(velocity, _read(path, bound)) <= path[bound + 3]:
+    for bound in path.asked.bounds:
+        if not _dot(velocity, _vector(bound)) <= bound[3]:
             return False
     change = _norm(_subtract(acceleration, last_acceleration))
-    return bool(size <= path[LARGEST] and change <= jerk * period)
+    return bool(size <= path.largest and change <= jerk * period)
 
 
 @compiled
-def _brake(path: Array, velocity: Vector, last_velocity: Vector, lag: Vector) -> Vector:
+def _brake(path: Path, velocity: Vector, last_velocity: Vector, lag: Vector) -> Vector:
     """Brake so as to go no further or faster than commanded in a dangerous direction, if the path can stop."""
-    period = path[PERIOD]
-    hardest = EMERGENCY * path[LARGEST] * period
+    period = path.period
+    hardest = EMERGENCY * path.largest * period
     braked = velocity
-    for bound in BOUNDS:
-        direction = _read(path, bound)
-        most = min(max(_dot(lag, direction) / period, 0.0), path[bound + 3])
+    for bound in path.asked.bounds:
+        direction = _vector(bound)
+        most = min(max(_dot(lag, direction) / period, 0.0), bound[3])
         fast = _dot(braked, direction)
         if fast > most:
             slower = min(fast, max(most, _dot(last_velocity, direction) - hardest))
@@ -251,68 +270,74 @@ def _brake(path: Array, velocity: Vector, last_velocity: Vector, lag: Vector) ->
 
 
 @compiled
-def _catch_up(path: Array, lag: Vector, stream: Vector, last_velocity: Vector, last_acceleration: Vector) -> Vector:
+def _catch_up(path: Path, lag: Vector, stream: Vector, last_velocity: Vector, last_acceleration: Vector) -> Vector:
     """The velocity with which a path that is not with the stream comes to it."""
-    period, largest, jerk = path[PERIOD], path[LARGEST], path[JERK]
+    period, largest, jerk = path.period, path.largest, path.jerk
     rate, far = min(RATE, jerk / (4.0 * largest)), _norm(lag)
     towards = stream
     if far > 0.0:
         closing = min(0.5 * rate * far, math.sqrt(2.0 * BRAKING * largest * far))
         towards = _add(stream, _scaled(lag, closing / far))
-    towards = _slow_down(path, _clip(towards, path[SPEED]))
+    towards = _slow_down(path, _clip(towards, path.speed))
     acceleration = _clip(_scaled(_subtract(towards, last_velocity), 2.0 * rate), largest)
     change = _clip(_subtract(acceleration, last_acceleration), jerk * period)
     acceleration = _clip(_add(last_acceleration, change), largest)
-    velocity = _clip(_add(last_velocity, _scaled(acceleration, period)), path[SPEED])
+    velocity = _clip(_add(last_velocity, _scaled(acceleration, period)), path.speed)
     return _brake(path, velocity, last_velocity, lag)
 
 
-@compiled("void(f8[::1], f8, f8, f8)")
-def begin(path: Array, x: float, y: float, z: float) -> None:
-    """See `MotionLimits.begin`; the array is written."""
-    path[: CAUGHT + 1] = 0.0
-    path[POSITION], path[POSITION + 1], path[POSITION + 2] = x, y, z
-    path[BEFORE], path[BEFORE + 1], path[BEFORE + 2] = x, y, z
-    path[CAUGHT] = 1.0
+@compiled("void(Path, f8, f8, f8)")
+def begin(path: Path, x: float, y: float, z: float) -> None:
+    """See `MotionLimits.begin`; the path is written."""
+    _write(path.position, (x, y, z))
+    _write(path.before, (x, y, z))
+    for still in (path.velocity, path.acceleration, path.stream):
+        _write(still, NOTHING)
+    path.caught = True
 
 
-@compiled("void(f8[::1])")
-def moved(path: Array) -> None:
+@compiled
+def _move(path: Path) -> None:
     """One tick: see `MotionLimits.move`; what is asked has been written, and the path is."""
-    if math.isnan(path[POSITION]):
+    if math.isnan(path.position[0]):
         return
-    period, largest = path[PERIOD], path[LARGEST]
-    last_velocity, last_acceleration = _read(path, VELOCITY), _read(path, ACCELERATION)
-    before, stream = _read(path, BEFORE), _read(path, STREAM)
-    stayed = _add(before, _know(_read(path, SHIFTED), NOTHING))
-    wanted = _know(_read(path, WANTED), stayed)
-    for bound in BOUNDS:
-        _write(path, bound, _know(_read(path, bound), NOTHING))
-        if not path[bound + 3] >= 0.0:
-            path[bound + 3] = 0.0
-    lag = _subtract(wanted, _read(path, POSITION))
-    going = _clip(_scaled(_subtract(wanted, stayed), 1.0 / period), path[SPEED])  # a jump is no speed to follow
-    stream = _add(stream, _scaled(_subtract(going, stream), path[GAIN]))
+    period, largest, asked = path.period, path.largest, path.asked
+    last_velocity, last_acceleration = _vector(path.velocity), _vector(path.acceleration)
+    stream, stayed = _vector(path.stream), _add(_vector(path.before), _know(_vector(asked.shifted), NOTHING))
+    wanted = _know(_vector(asked.wanted), stayed)
+    for bound in asked.bounds:
+        _write(bound, _know(_vector(bound), NOTHING))
+        if not bound[3] >= 0.0:
+            bound[3] = 0.0
+    lag = _subtract(wanted, _vector(path.position))
+    going = _clip(_scaled(_subtract(wanted, stayed), 1.0 / period), path.speed)  # a jump is no speed to follow
+    stream = _add(stream, _scaled(_subtract(going, stream), path.gain))
     velocity = _scaled(lag, 1.0 / period)
-    near = path[CAUGHT] != 0.0 or _norm(_subtract(velocity, stream)) <= LOCKING * largest * period
-    kept = near and _is_within(path, velocity, last_velocity, last_acceleration)
-    if not kept:
+    near = path.caught or _norm(_subtract(velocity, stream)) <= LOCKING * largest * period
+    path.caught = near and _is_within(path, velocity, last_velocity, last_acceleration)
+    if not path.caught:
         velocity = _catch_up(path, lag, stream, last_velocity, last_acceleration)
-    path[CAUGHT] = 1.0 if kept else 0.0
-    _write(path, BEFORE, wanted)
-    _write(path, STREAM, stream)
-    _write(path, VELOCITY, velocity)
-    _write(path, ACCELERATION, _scaled(_subtract(velocity, last_velocity), 1.0 / period))
-    _write(path, POSITION, _add(_read(path, POSITION), _scaled(velocity, period)))
+    _write(path.before, wanted)
+    _write(path.stream, stream)
+    _write(path.velocity, velocity)
+    _write(path.acceleration, _scaled(_subtract(velocity, last_velocity), 1.0 / period))
+    _write(path.position, _add(_vector(path.position), _scaled(velocity, period)))
 
 
-@compiled("f8(f8[::1], f8, f8, f8)")
-def limited(path: Array, wanted: float, upwards: float, shifted: float) -> float:
+@compiled("void(Path[::1])")
+def moved(paths: NDArray[np.void]) -> None:
+    """One tick of a path: see `MotionLimits.move`; what is asked has been written."""
+    _move(paths[0])
+
+
+@compiled("f8(Path, f8, f8, f8)")
+def limited(path: Path, wanted: float, upwards: float, shifted: float) -> float:
     """One tick on a line: the next position [m]. The arguments are those of `MotionLimits.update`."""
-    path[WANTED:SPEED] = 0.0
-    path[WANTED], path[SHIFTED] = wanted, shifted
-    for bound in BOUNDS:
-        path[bound + 3] = math.inf
-    path[BOUNDS[0]], path[BOUNDS[0] + 3] = 1.0, upwards
-    moved(path)
-    return float(path[POSITION])
+    asked = path.asked
+    _write(asked.wanted, (wanted, 0.0, 0.0))
+    _write(asked.shifted, (shifted, 0.0, 0.0))
+    asked.bounds[:] = 0.0
+    asked.bounds[:, 3] = math.inf
+    asked.bounds[0, 0], asked.bounds[0, 3] = 1.0, upwards
+    _move(path)
+    return float(path.position[0])

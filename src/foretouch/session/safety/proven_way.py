@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core.compiling import compiled
+from foretouch.core import Record, compiled
 
 Array = NDArray[np.float64]
 
@@ -34,7 +35,7 @@ LEAST_FORCE = 0.25
 """Least force with which damping is computed [N]: the sensor's zero errs."""
 
 
-class ProvenWay:
+class ProvenWay(Record):
     r"""Remembers how fast the robot has gone in through each cell of its path, and what forces it felt.
 
     A cell crossed at the mean speed u, with at most the force F in it, and at least the force E on leaving through it,
@@ -52,80 +53,42 @@ class ProvenWay:
     cell that was never crossed, from its outer to its inner end, proves nothing. A crossing that felt 1.2 times the
     proven force, or as much less than the bound, replaces the proven one: it is another material. Else the fastest is
     kept.
-
-    Args:
-        numbers: Array that holds its numbers, shared with others, shape
-            (`foretouch.session.safety.proven_way.SIZE`,); None for an array of its own.
     """
 
-    __slots__ = ("_numbers",)
+    seen: int  # samples in the ring, at most `MEAN`
+    at: int  # index of the next sample in the ring
+    place: float = math.nan  # newest mean position [m], NaN for none
+    time: float  # of that position [s]
+    in_edge: float = math.nan  # number of the edge crossed last going in, NaN for none
+    in_time: float  # of that crossing [s]
+    largest: float  # force since then [N]
+    out_edge: float = math.nan  # number of the edge crossed last on leaving, NaN for none
+    least: float  # force since then [N]
+    positions: Annotated[Array, float, MEAN]  # ring of the newest samples [m]
+    forces: Annotated[Array, float, MEAN]  # [N]
+    numbers: Annotated[Array, float, CELLS] = math.nan  # type: ignore[assignment]  # of the cell in each slot, or NaN
+    speeds: Annotated[Array, float, CELLS]  # its u [m/s]
+    highest: Annotated[Array, float, CELLS]  # its F [N]
+    lowest: Annotated[Array, float, CELLS]  # its E [N]
 
-    def __init__(self, numbers: Array | None = None) -> None:
-        self._numbers = np.zeros(SIZE) if numbers is None else numbers
-        self.forget()
-
-    def forget(self) -> None:
-        """Forget all that was proven: it is another point."""
-        forget_way(self._numbers)
-
-    def observe(self, position: float, force: float, period: float) -> None:
-        """One sample of the sensors, finite.
-
-        Args:
-            position: Position of the robot [m].
-            force: Measured force [N].
-            period: Time since the previous sample [s].
-        """
-        observe_way(self._numbers, position, force, period)
-
-    def speed(self, position: float, allowed: float) -> float:
-        """Speed w at which the cell at a position may be crossed [m/s]; NaN where nothing is proven.
-
-        Args:
-            position: Position [m].
-            allowed: F_a [N].
-        """
-        found = proven_speed(self._numbers, position, allowed)
-        return found if found > 0.0 else math.nan
-
-
-SEEN, AT, PLACE, TIME = 0, 1, 2, 3
-"""Indices in the array: number of samples in the ring, at most `MEAN`; where the next goes; the newest mean position
-[m], NaN for none; and the time of it [s]."""
-
-IN_EDGE, IN_TIME, LARGEST = 4, 5, 6
-"""Indices of the edge crossed last going in, by number, NaN for none; its time [s]; the largest force since [N]."""
-
-OUT_EDGE, LEAST = 7, 8
-"""Indices of the edge crossed last on leaving, NaN for none; and the least force since [N]."""
-
-POSITIONS, FORCES = 9, 9 + MEAN
-"""First indices of the rings of the newest samples [m, N]."""
-
-NUMBERS = FORCES + MEAN
-"""First index of the number of the cell kept in each slot, NaN for none; then of its u [m/s], F and E [N]."""
-
-SPEEDS, HIGHEST, LOWEST = NUMBERS + CELLS, NUMBERS + 2 * CELLS, NUMBERS + 3 * CELLS
-
-SIZE = NUMBERS + 4 * CELLS
 
 FARTHEST = 1e6
 """Largest distance of a robot for which cells are numbered [m]."""
 
 
 @compiled
-def _set_out(way: Array) -> None:
+def _set_out(way: ProvenWay) -> None:
     """Start again: the next sample is no motion from the last."""
-    way[SEEN] = way[AT] = 0.0
-    way[PLACE] = way[IN_EDGE] = way[OUT_EDGE] = math.nan
-    way[LARGEST] = way[LEAST] = 0.0
+    way.seen = way.at = 0
+    way.place = way.in_edge = way.out_edge = math.nan
+    way.largest = way.least = 0.0
 
 
-@compiled("void(f8[::1])")
-def forget_way(way: Array) -> None:
-    """See `ProvenWay.forget`."""
-    way[TIME] = 0.0
-    way[NUMBERS:SPEEDS] = math.nan
+@compiled("void(ProvenWay)")
+def forget_way(way: ProvenWay) -> None:
+    """Forget all that was proven: it is another point."""
+    way.time = 0.0
+    way.numbers[:] = math.nan
     _set_out(way)
 
 
@@ -143,95 +106,108 @@ def _allowed(speed: float, highest: float, lowest: float, allowed: float) -> flo
 
 
 @compiled
-def _crossed(way: Array, cell: float, speed: float, force: float) -> None:
+def _crossed(way: ProvenWay, cell: float, speed: float, force: float) -> None:
     """Take a crossing of a whole cell inwards."""
     at = int(cell) % CELLS
-    if way[NUMBERS + at] == cell:
-        known, highest = way[SPEEDS + at], way[HIGHEST + at]
-        most = CONTRADICTED * _predicted(known, highest, way[LOWEST + at], speed) + LEAST_FORCE
+    if way.numbers[at] == cell:
+        known, highest = way.speeds[at], way.highest[at]
+        most = CONTRADICTED * _predicted(known, highest, way.lowest[at], speed) + LEAST_FORCE
         least = highest * min(speed / known, 1.0) / CONTRADICTED - LEAST_FORCE
         if not least <= force <= most:
-            way[LOWEST + at] = 0.0
+            way.lowest[at] = 0.0
         elif speed < known:
             return
     else:
-        way[NUMBERS + at], way[LOWEST + at] = cell, 0.0
-    way[SPEEDS + at], way[HIGHEST + at] = speed, force
+        way.numbers[at], way.lowest[at] = cell, 0.0
+    way.speeds[at], way.highest[at] = speed, force
 
 
 @compiled
-def _go_in(way: Array, before: float, place: float, period: float, largest: float) -> None:
+def _go_in(way: ProvenWay, before: float, place: float, period: float, largest: float) -> None:
     """Take a mean position that has grown: cells may have been crossed."""
     edge, last = math.floor(before / CELL) + 1.0, math.floor(place / CELL)
     while edge <= last:
-        time = way[TIME] + period * (edge * CELL - before) / (place - before)
-        if way[IN_EDGE] == edge - 1.0:
-            _crossed(way, edge - 1.0, CELL / (time - way[IN_TIME]), way[LARGEST])
-        way[IN_EDGE], way[IN_TIME], way[LARGEST] = edge, time, largest
-        way[OUT_EDGE] = math.nan
+        time = way.time + period * (edge * CELL - before) / (place - before)
+        if way.in_edge == edge - 1.0:
+            _crossed(way, edge - 1.0, CELL / (time - way.in_time), way.largest)
+        way.in_edge, way.in_time, way.largest = edge, time, largest
+        way.out_edge = math.nan
         edge += 1.0
 
 
 @compiled
-def _go_out(way: Array, before: float, place: float, least: float) -> None:
+def _go_out(way: ProvenWay, before: float, place: float, least: float) -> None:
     """Take a mean position that has shrunk: the force on leaving a cell bounds its elastic part."""
     edge, last = math.ceil(before / CELL) - 1.0, math.ceil(place / CELL)
     while edge >= last:
         at = int(edge) % CELLS
-        if way[OUT_EDGE] == edge + 1.0 and way[NUMBERS + at] == edge:
-            way[LOWEST + at] = max(way[LEAST], 0.0)
-        way[OUT_EDGE], way[LEAST] = edge, least
-        if way[IN_EDGE] >= edge:
-            way[IN_EDGE] = math.nan
+        if way.out_edge == edge + 1.0 and way.numbers[at] == edge:
+            way.lowest[at] = max(way.least, 0.0)
+        way.out_edge, way.least = edge, least
+        if way.in_edge >= edge:
+            way.in_edge = math.nan
         edge -= 1.0
 
 
-@compiled("void(f8[::1], f8, f8, f8)")
-def observe_way(way: Array, position: float, force: float, period: float) -> None:
-    """See `ProvenWay.observe`; the array is written."""
+@compiled("void(ProvenWay, f8, f8, f8)")
+def observe_way(way: ProvenWay, position: float, force: float, period: float) -> None:
+    """Take one sample of the sensors, finite.
+
+    Args:
+        way: Written.
+        position: Position of the robot [m].
+        force: Measured force [N].
+        period: Time since the previous sample [s].
+    """
     if not abs(position) < FARTHEST:
         return
-    at = int(way[AT])
-    if way[SEEN] > 0.0 and abs(position - way[POSITIONS + (at + MEAN - 1) % MEAN]) > LARGEST_STEP:
+    at = way.at
+    if way.seen > 0 and abs(position - way.positions[(at + MEAN - 1) % MEAN]) > LARGEST_STEP:
         _set_out(way)
         at = 0
-    before = way[PLACE]
-    way[POSITIONS + at], way[FORCES + at] = position, force
-    way[AT] = float((at + 1) % MEAN)
-    way[SEEN] = min(way[SEEN] + 1.0, float(MEAN))
-    if way[SEEN] < MEAN:
+    before = way.place
+    way.positions[at], way.forces[at] = position, force
+    way.at = (at + 1) % MEAN
+    way.seen = min(way.seen + 1, MEAN)
+    if way.seen < MEAN:
         return
-    place, largest, least = 0.0, way[FORCES], way[FORCES]
+    place, largest, least = 0.0, way.forces[0], way.forces[0]
     for index in range(MEAN):
-        place += way[POSITIONS + index] / MEAN
-        largest = max(largest, way[FORCES + index])
-        least = min(least, way[FORCES + index])
-    way[LARGEST], way[LEAST] = max(way[LARGEST], largest), min(way[LEAST], least)
+        place += way.positions[index] / MEAN
+        largest = max(largest, way.forces[index])
+        least = min(least, way.forces[index])
+    way.largest, way.least = max(way.largest, largest), min(way.least, least)
     if place > before:
         _go_in(way, before, place, period, largest)
     elif place < before:
         _go_out(way, before, place, least)
-    way[PLACE] = place
-    way[TIME] += period
+    way.place = place
+    way.time += period
 
 
-@compiled("f8(f8[::1], f8, f8)")
-def proven_speed(way: Array, position: float, allowed: float) -> float:
-    """See `ProvenWay.speed`; 0 where nothing is proven."""
+@compiled("f8(ProvenWay, f8, f8)")
+def proven_speed(way: ProvenWay, position: float, allowed: float) -> float:
+    """Speed w at which the cell at a position may be crossed [m/s]; 0 where nothing is proven.
+
+    Args:
+        way: Proven until now.
+        position: Position [m].
+        allowed: F_a [N].
+    """
     if not abs(position) < FARTHEST:
         return 0.0
     cell = math.floor(position / CELL)
     at = int(cell) % CELLS
-    if way[NUMBERS + at] != cell:
+    if way.numbers[at] != cell:
         return 0.0
-    return float(_allowed(way[SPEEDS + at], way[HIGHEST + at], way[LOWEST + at], allowed))
+    return float(_allowed(way.speeds[at], way.highest[at], way.lowest[at], allowed))
 
 
-@compiled("f8(f8[::1], f8)")
-def proven_force(way: Array, position: float) -> float:
+@compiled("f8(ProvenWay, f8)")
+def proven_force(way: ProvenWay, position: float) -> float:
     """Largest force when the cell at a position was crossed [N]; 0 where nothing is proven."""
     if not abs(position) < FARTHEST:
         return 0.0
     cell = math.floor(position / CELL)
     at = int(cell) % CELLS
-    return float(way[HIGHEST + at]) if way[NUMBERS + at] == cell else 0.0
+    return float(way.highest[at]) if way.numbers[at] == cell else 0.0

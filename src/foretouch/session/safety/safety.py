@@ -5,17 +5,14 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import NamedTuple
 
 from foretouch.errors.checks import require
 from foretouch.messages import Status
 from foretouch.models.impact_bound import impact_impedance
 from foretouch.session.safety import kernel
-from foretouch.session.safety.force_guard import ForceGuard
-from foretouch.session.safety.motion import POSITION, VELOCITY, MotionLimits
-from foretouch.session.safety.proven_way import ProvenWay
+from foretouch.session.safety.motion import MotionLimits
+from foretouch.session.safety.proven_way import forget_way
 
 REACTION = 3e-3
 """Time after its first touch for which a robot keeps its speed before it stops [s]: the delay of its sensor and drive.
@@ -75,6 +72,24 @@ class SafetyLimits:
         require("unload_after", self.unload_after, at_least=self.hold_after)
 
 
+class Sensed(NamedTuple):
+    """What the sensors show in a tick.
+
+    Attributes:
+        position: Position of the robot [m].
+        force: Measured force [N].
+        in_contact: Whether that is contact.
+        faulty: Whether the sensors are not to be trusted.
+        uncertain: Whether it is being judged if the force can be believed: meanwhile the robot goes no deeper.
+    """
+
+    position: float
+    force: float
+    in_contact: bool
+    faulty: bool = False
+    uncertain: bool = False
+
+
 class Safety:
     r"""The last stage before the robot.
 
@@ -115,89 +130,43 @@ class Safety:
         sample_period: T [s], positive.
 
     Attributes:
+        limits: As given.
         status: Status in the newest tick.
         stop_reason: Why it was stopped; empty while it is not.
         pressing: Whether the robot feels more than 1 N; if its force is unknown, whether it has not yet retraced its
             path out of the contact.
+        fastest: Speed at which the robot may go deeper now, negative where it has to retreat [m/s].
+        shifted: Displacement of the aim by a limit in the newest tick [m], not positive: it is no motion.
+        blind_speed: Speed at which the robot may approach a possible obstacle before it feels anything [m/s].
     """
 
-    __slots__ = (
-        "_limits",
-        "_memory",
-        "_motion",
-        "_path",
-        "_period",
-        "_proven",
-        "pressing",
-        "status",
-        "stop_reason",
-    )
-
     def __init__(self, limits: SafetyLimits, sample_period: float) -> None:
-        self._memory = np.zeros(kernel.SIZE)
-        ForceGuard(self._memory[kernel.GUARD : kernel.MOTION])
-        self._proven = ProvenWay(self._memory[kernel.WAY :])
-        self._path = self._memory[kernel.MOTION : kernel.WAY]
-        self._limits, self._period = limits, sample_period
-        self._motion = self._motion_limits(self._path)
-        self._memory[kernel.AIM] = self._memory[kernel.CAME] = math.nan
-        self._memory[kernel.NEAREST] = -math.inf
-        self._memory[kernel.NEW] = 1.0  # it has not followed yet: nothing leads from anywhere
-        self._memory[kernel.IMPEDANCE] = impact_impedance(limits.stiffest, limits.most_damped, limits.mass, REACTION)
-        self._memory[kernel.DAMPING] = limits.most_damped
-        self._memory[kernel.FORCE : kernel.PERIOD] = (
-            limits.force,
-            limits.depth,
-            *limits.workspace,
-            limits.speed,
-            limits.acceleration,
-            limits.return_speed,
-            limits.hold_after,
-            limits.unload_after,
-            limits.retreats,
+        impedance = impact_impedance(limits.stiffest, limits.most_damped, limits.mass, REACTION)
+        self._memories = kernel.Memory.new(
+            limits=dataclasses.astuple(limits), period=sample_period, impedance=impedance
         )
-        self._memory[kernel.PERIOD] = sample_period
-        self.status = Status.FOLLOWING
-        self.stop_reason = ""
-        self.pressing = False
+        self.limits, self._period = limits, sample_period
+        path = self._memories["motion"]
+        self._motion = MotionLimits(limits.speed, limits.acceleration, limits.jerk, sample_period, paths=path)
+        self._position, self._velocity = path["position"][0], path["velocity"][0]
+        self._nearest, self._nearing = self._memories["nearest"], self._memories["nearing"]
+        self.status, self.stop_reason, self.pressing = Status.FOLLOWING, "", False
+        self.fastest = self.shifted = 0.0
+        self.blind_speed = kernel.AIMED * limits.force / impedance
 
     def in_space(self) -> MotionLimits:
         """Leave the last rule to the caller that brings the aim into space: return its limits, for positions there.
 
         From then on `update` returns the aim, and `went` must be called in each tick with the result.
         """
-        self._memory[kernel.IN_SPACE] = 1.0
-        self._motion = self._motion_limits()
+        limits = self.limits
+        self._memories["in_space"] = True
+        self._motion = MotionLimits(limits.speed, limits.acceleration, limits.jerk, self._period)
         return self._motion
-
-    def _motion_limits(self, path: NDArray[np.float64] | None = None) -> MotionLimits:
-        limits = self._limits
-        return MotionLimits(limits.speed, limits.acceleration, limits.jerk, self._period, path=path)
-
-    @property
-    def limits(self) -> SafetyLimits:
-        """Limits that are never exceeded."""
-        return self._limits
-
-    @property
-    def blind_speed(self) -> float:
-        """Speed at which the robot may approach a possible obstacle before it feels anything [m/s]."""
-        memory = self._memory
-        return float(kernel.AIMED * memory[kernel.FORCE] / memory[kernel.IMPEDANCE])
 
     def comes_nearer(self, speed: float) -> None:
         """In space: set the speed at which motion along the surface may bring the robot nearer to it [m/s]."""
-        self._memory[kernel.NEARING] = speed
-
-    @property
-    def fastest(self) -> float:
-        """Speed at which the robot may go deeper now, negative where it has to retreat [m/s]."""
-        return float(self._memory[kernel.FASTEST])
-
-    @property
-    def shifted(self) -> float:
-        """Displacement of the aim by a limit in the newest tick [m], not positive: it is no motion."""
-        return float(self._memory[kernel.SHIFTED])
+        self._nearing[0] = speed
 
     def went(self, position: float, velocity: float, nearest: float) -> None:
         """In space: take the robot's commanded position.
@@ -207,8 +176,7 @@ class Safety:
             velocity: Velocity towards the surface [m/s].
             nearest: Coordinate of that point itself against the surface [m].
         """
-        self._path[POSITION], self._path[VELOCITY] = position, velocity
-        self._memory[kernel.NEAREST] = nearest
+        self._position[0], self._velocity[0], self._nearest[0] = position, velocity, nearest
 
     def go_on_from(self, position: float) -> None:
         """On a line: go on, at rest, from a position that something else commanded [m]."""
@@ -233,38 +201,31 @@ class Safety:
 
     def forget_way(self) -> None:
         """Forget the proven approach, which is of another point: all counts as untouched again."""
-        self._proven.forget()
+        forget_way(self._memories[0].way)
 
     def update(
         self,
         desired: float,
-        position: float,
-        force: float,
-        in_contact: bool,
+        sensed: Sensed,
         *,
         surface: float,
         silence: float,
-        faulty: bool,
         guarded: bool = False,
         free: float = -math.inf,
-        uncertain: bool = False,
     ) -> float:
         """One tick: the position for the robot, in space the aim [m]; NaN before the robot's position is known.
 
         Args:
             desired: Commanded position [m].
-            position: Position of the robot [m].
-            force: Measured force [N].
-            in_contact: Whether that is contact.
+            sensed: What the sensors show.
             surface: Position of the surface that was felt [m]; NaN while there is none.
             silence: Time since the newest fresh command [s]; infinite before the first.
-            faulty: Whether the sensors are not to be trusted.
             guarded: Whether `desired` was held back for a first touch.
             free: Position up to which the air is free, though the robot has not gone there itself [m].
-            uncertain: Whether it is being judged if the force can be believed: meanwhile it goes no deeper.
         """
-        told, status, self.pressing = kernel.keep_safe(
-            self._memory,
+        position, force, in_contact, faulty, uncertain = sensed
+        commanded, status, self.pressing, self.fastest, self.shifted = kernel.keep_safe(
+            self._memories,
             self.stop_reason != "",
             desired,
             position,
@@ -278,4 +239,4 @@ class Safety:
             uncertain,
         )
         self.status = STATES[status]
-        return told
+        return commanded

@@ -8,7 +8,7 @@ from typing import NamedTuple, TypeAlias
 
 from foretouch.quantities.pose import RigidMotion, Vector, add, dot, norm, scaled, subtract, unit
 from foretouch.rendering.surfaces import Surface, SurfaceProxy
-from foretouch.session.safety.force_guard import ForceGuard
+from foretouch.session.safety.force_guard import ForceGuard, guarded_speed
 
 Numbers6: TypeAlias = tuple[float, float, float, float, float, float]
 """A position [m] and a rotation vector [rad]."""
@@ -190,7 +190,7 @@ class Course:
         self._longest, self._return = speed * sample_period, return_speed * sample_period
         self._inwards: Vector | None = None  # into the obstacle
         self._allowed = 0.0  # how far in that direction
-        self._guard = ForceGuard()
+        self._guard = ForceGuard.new()
         self._apart = NO_VECTOR  # h
         self._size = 0.0  # q less the aim
         self.place: Vector = NOWHERE
@@ -266,11 +266,12 @@ class Course:
                 return path
             self._inwards = scaled(way.resistance, -1.0 / force)
             self._allowed = dot(self.place, self._inwards)
-            self._guard = ForceGuard()
+            self._guard = ForceGuard.new()
         inwards = self._inwards
         against = -dot(way.resistance, inwards) - max(way.pressed, 0.0)
-        self._guard.observe(dot(way.here, inwards), against, against > OBSTACLE)
-        self._allowed += max(self._guard.speed(HELD * self._ceiling) * self._period, -self._longest)
+        here, limit = dot(way.here, inwards), HELD * self._ceiling
+        deeper = guarded_speed(self._guard, here, against, against > OBSTACLE, limit, 0.0)
+        self._allowed += max(deeper * self._period, -self._longest)
         beyond = dot(path, inwards) - self._allowed
         if beyond <= 0.0:
             if unexplained <= OBSTACLE:

@@ -30,8 +30,7 @@ from foretouch.session.network.model_sender import FieldSender
 from foretouch.session.network.playout import Playout
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.spatial.course import ClosestPoint, Course, SurfaceLine, Way
-from foretouch.session.spatial.last_limit import LastLimit
-from foretouch.session.spatial.way_in import MISSED, MISSED_TICKS, WayIn
+from foretouch.session.spatial.safety import MISSED, MISSED_TICKS, LastLimit, WayIn
 from foretouch.session.steps import follower
 
 BIAS_RATE = 2e-4

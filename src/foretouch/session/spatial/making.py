@@ -21,7 +21,8 @@ from foretouch.quantities import Pose
 from foretouch.quantities.pose import RigidMotion, Vector, add, dot, norm, scaled, subtract
 from foretouch.rendering.surfaces import SurfaceProxy
 from foretouch.robot import GantryArm, Material, make_material
-from foretouch.robot.gantry_arm import LEAST_STEPS, MOVED_MASS
+from foretouch.robot.engine import MOVED_MASS
+from foretouch.robot.gantry_arm import LEAST_STEPS
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.spatial.camera import SimulatedCamera
 from foretouch.session.spatial.scenes import Scene, palpation

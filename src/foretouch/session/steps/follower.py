@@ -22,7 +22,7 @@ from foretouch.session.network.lease import ControlLease
 from foretouch.session.network.model_sender import ModelSender
 from foretouch.session.network.playout import Arrival, Freshness, Playout
 from foretouch.session.safety.force_guard import FirstTouch
-from foretouch.session.safety.safety import Safety, SafetyLimits
+from foretouch.session.safety.safety import Safety, SafetyLimits, Sensed
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.steps.sensing import Failures, TickRate, calibrated
 from foretouch.settings import SAFETY_LIMITS
@@ -362,15 +362,11 @@ def _allowed(
     too_slow = state.rate.update(inputs.period_ns)
     desired_position = safety.update(
         desired_position,
-        sample.position,
-        felt,
-        touches,
+        Sensed(sample.position, felt, touches, faulty, state.watch.uncertain),
         surface=state.learner.conditioner.surface,
         silence=max(silence, state.limits.hold_after) if too_slow else silence,
-        faulty=faulty,
         guarded=first_touch.guarded,
         free=state.free,
-        uncertain=state.watch.uncertain,
     )
     if faulty:
         state.faulty_ticks += 1

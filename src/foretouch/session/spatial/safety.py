@@ -1,4 +1,4 @@
-"""Knowledge of the approach to a surface in space: where the air is free, and how fast the probe may move along it.
+"""Safety in space: what the layer along the normal cannot know of the approach, and its aims brought back into space.
 
 How much nearer or otherwise inclined the surface may be than believed follows from the covariance of the pose, in each
 tick and compiled.
@@ -15,9 +15,12 @@ from numpy.typing import NDArray
 from foretouch.core.compiling import compiled
 from foretouch.identification import SensorState
 from foretouch.messages import FixtureBelief
-from foretouch.quantities.pose import Vector, norm, subtract
+from foretouch.quantities.pose import Vector, add, dot, norm, scaled, subtract
 from foretouch.rendering.surfaces import Surface
-from foretouch.session.spatial.course import ClosestPoint, SurfaceLine
+from foretouch.session.safety.force_cap import ForceCap
+from foretouch.session.safety.motion import Bound
+from foretouch.session.safety.safety import Safety
+from foretouch.session.spatial.course import ClosestPoint, Course, SurfaceLine
 from foretouch.session.steps import follower
 
 Array = NDArray[np.float64]
@@ -94,12 +97,7 @@ class PoseUncertainty:
         surface: Surface in the fixture's frame.
     """
 
-    __slots__ = ("_covariance", "_facing", "_height_variance", "_known", "_relief", "_slope", "_variances")
-
     def __init__(self, surface: Surface) -> None:
-        # Imported here, for it imports the compiler.
-
-        self._height_variance, self._variances = height_variance, variances
         self._slope, self._relief = surface.relief()
         self._facing = surface.facing()
         self._covariance, self._known = np.zeros((NUMBERS, NUMBERS)), False
@@ -116,9 +114,9 @@ class PoseUncertainty:
         Returns:
             How much nearer [m] and otherwise inclined [rad] it may be; the largest where the pose is unknown.
         """
-        height, place, turn = self._variances(self._covariance, *normal, *point)
+        height, place, turn = variances(self._covariance, *normal, *point)
         if self._relief > 0.0:
-            height = max(height, self._height_variance(self._covariance, *self._facing, *point))
+            height = max(height, height_variance(self._covariance, *self._facing, *point))
         if not (self._known and 0.0 <= height < math.inf and 0.0 <= place < math.inf and -ROUNDING <= turn < math.inf):
             return LARGEST_UNCERTAINTY, LARGEST_TURN  # not a covariance
         uneven = min(FACTOR * math.sqrt(max(place - height, 0.0)) * self._slope, self._relief)
@@ -163,8 +161,6 @@ class WayIn:
         uncertainty: Uncertainty of the surface at the newest point [m].
         turn: Uncertainty of its inclination there [rad].
     """
-
-    __slots__ = ("_against", "_anchor", "_felt", "_known", "_missed", "_point", "_pose", "turn", "uncertainty")
 
     def __init__(self, surface: Surface) -> None:
         self.uncertainty, self.turn = LARGEST_UNCERTAINTY, LARGEST_TURN  # until a tracker says otherwise
@@ -232,3 +228,96 @@ class WayIn:
         early = self._felt and not before and depth < -self.uncertainty
         if early or self._missed >= MISSED_TICKS:
             self._against = self._known
+
+
+NO_VECTOR: Vector = (0.0, 0.0, 0.0)
+
+ALIGNED = math.cos(0.5)
+"""Cosine of the largest angle between a normal and the surface's mean one; a normal turned further is taken for an
+edge's: few slopes of a surface of heights are as steep."""
+
+
+class LastLimit:
+    """Brings the aim of safety along the normal into space, and limits speed, acceleration and jerk there.
+
+    In this order: the position on the course with this aim; no further against the force than `ForceCap` allows; then
+    `MotionLimits`, as on a line. Three directions are limited to the speed that safety allows: outside the surface,
+    against its mean normal, for it may be elsewhere than believed, so that another part of it is near; into the
+    surface from the robot's commanded position; and against the force on the probe or, where none is felt, into the
+    surface under it. Over a flat surface they are the same, at an edge they differ.
+
+    Args:
+        safety: Safety layer whose aims are brought into space, and whose limits hold there.
+        line: Line of the commanded positions.
+        sample_period: Sample period [s].
+
+    Attributes:
+        line: As given.
+    """
+
+    def __init__(self, safety: Safety, line: SurfaceLine, sample_period: float) -> None:
+        self._safety, self.line = safety, line
+        self._limits = safety.in_space()
+        limits = safety.limits
+        self._cap = ForceCap(limits.force, limits.most_damped, limits.speed, sample_period)
+        self._facing = line.surface.facing()
+
+    def begin(self, place: Vector) -> None:
+        """Begin at the robot's position [m], at rest."""
+        self._limits.begin(*place)
+        self.line.follow(place)
+
+    def believe(self, pose: Sequence[float], offset: float) -> None:
+        """Take a new believed pose of the fixture, with this offset of the probe's line [m]."""
+        self.line.offset = offset
+        self.line.believe(pose)
+
+    def observe(self, here: Vector, force: Vector, normal: Vector) -> None:
+        """See `ForceCap.observe`."""
+        self._cap.observe(here, force, normal)
+
+    def slide(self, fastest: float) -> float:
+        """See `ForceCap.slide`."""
+        return self._cap.slide(fastest)
+
+    @property
+    def going(self) -> tuple[float, float]:
+        """Speeds of the commanded position along the surface and into it [m/s]."""
+        velocity, closest = self._limits.velocity, self.line.closest
+        if closest is None:
+            return 0.0, 0.0
+        inwards = -dot(velocity, closest.normal)
+        return norm(add(velocity, scaled(closest.normal, inwards))), inwards
+
+    def update(self, course: Course, aim: float, *, free: bool) -> tuple[Vector, float]:
+        """One tick: the position for the robot, and its coordinate along the course's normal [m].
+
+        Args:
+            course: Course with this tick's closest point.
+            aim: Aim of safety along the normal [m].
+            free: Whether the air around the probe is known to be free.
+        """
+        safety, limits, line = self._safety, self._limits, self.line
+        before, gone, closest = limits.place, course.closest, line.closest
+        if gone is None or closest is None or not math.isfinite(aim):
+            return before, aim
+        allowed = course.held_at(aim)
+        wanted, shifted = self._cap.limit(allowed, before)
+        shifted = add(shifted, scaled(gone.normal, -safety.shifted))
+        deeper = max(safety.fastest, 0.0)
+        facing = line.motion.rotate(self._facing) if closest.depth < 0.0 else NO_VECTOR
+        # Beside an edge the approach was proven towards the edge, and not down to where the surface may go on.
+        beside = not free and dot(facing, closest.normal) < ALIGNED
+        down = min(deeper, safety.blind_speed) if beside else deeper
+        bounds = _against(facing, down), _against(closest.normal, deeper), self._cap.bound(deeper)
+        commanded = limits.move(wanted, bounds, shifted)
+        here = line.follow(commanded)
+        position = aim + dot(subtract(allowed, commanded), gone.normal)
+        safety.went(position, -dot(limits.velocity, here.normal), here.along)
+        return commanded, position
+
+
+def _against(normal: Vector, speed: float) -> Bound:
+    """Limit the speed against a normal [m/s]."""
+    x, y, z = normal
+    return -x, -y, -z, speed

@@ -1,19 +1,13 @@
-"""Last stage before the robot in space: keeps its position within the limits, whatever surface or pose is believed.
-
-The force on the probe is kept below its ceiling in every direction.
-"""
+"""The force on the probe in space is kept below its ceiling in every direction, whatever normal is believed."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 from foretouch.quantities.pose import Vector, add, dot, norm, scaled, subtract
-from foretouch.session.safety.force_guard import PATIENCE, ForceGuard
+from foretouch.session.safety.force_guard import PATIENCE, ForceGuard, guarded_speed
 from foretouch.session.safety.kernel import AIMED
 from foretouch.session.safety.motion import Bound
-from foretouch.session.safety.safety import Safety
-from foretouch.session.spatial.course import Course, SurfaceLine
 
 SLOWED = 0.6
 """Fraction of the force ceiling above which sliding slows down, until it stops at `AIMED`."""
@@ -54,28 +48,9 @@ class ForceCap:
         fastest: Largest speed against the force, negative where it has to retreat [m/s].
     """
 
-    __slots__ = (
-        "_ceiling",
-        "_force",
-        "_guard",
-        "_here",
-        "_known",
-        "_most_damped",
-        "_outwards",
-        "_period",
-        "_place",
-        "_rate",
-        "_slide",
-        "_sliding",
-        "_speed",
-        "_way",
-        "fastest",
-    )
-
     def __init__(self, ceiling: float, most_damped: float, speed: float, sample_period: float) -> None:
-        self._ceiling, self._speed, self._period = ceiling, speed, sample_period
-        self._most_damped = most_damped
-        self._guard = ForceGuard()
+        self._ceiling, self._most_damped, self._speed, self._period = ceiling, most_damped, speed, sample_period
+        self._guard = ForceGuard.new()
         self._here: Vector | None = None
         self._place: Vector | None = None
         self._outwards: Vector = (0.0, 0.0, 1.0)
@@ -89,8 +64,8 @@ class ForceCap:
         """
         size = norm(force)
         if not (size < math.inf and all(map(math.isfinite, here))):
-            self._guard.observe(math.nan, math.nan, False)
-            self._known, self._sliding, self.fastest = False, 0.0, 0.0
+            self.fastest = guarded_speed(self._guard, math.nan, math.nan, False, 0.0, 0.0)
+            self._known, self._sliding = False, 0.0
             return
         self._known, felt = True, size > FELT
         unexplained = felt and dot(force, normal) <= CONE * size
@@ -98,9 +73,9 @@ class ForceCap:
         if self._here is not None and felt:
             self._way -= dot(subtract(here, self._here), self._outwards)
         self._here = here
-        self._guard.observe(self._way, size, felt)
         damping = self._most_damped if unexplained else 0.0
-        self.fastest = self._guard.speed(AIMED * self._ceiling, damping) if felt else math.inf
+        deeper = guarded_speed(self._guard, self._way, size, felt, AIMED * self._ceiling, damping)
+        self.fastest = deeper if felt else math.inf
         self._rate += RATE_SHARE * ((size - self._force) / self._period - self._rate)
         self._force = size
         coming = size + max(self._rate, 0.0) * AHEAD
@@ -159,98 +134,3 @@ class ForceCap:
         """Limit motion against the force, or along the normal where none is felt, to what it allows and this [m/s]."""
         x, y, z = self._outwards
         return -x, -y, -z, max(min(self.fastest, fastest), 0.0)
-
-
-NO_VECTOR: Vector = (0.0, 0.0, 0.0)
-
-ALIGNED = math.cos(0.5)
-"""Cosine of the largest angle between a normal and the surface's mean one; a normal turned further is taken for an
-edge's: few slopes of a surface of heights are as steep."""
-
-
-class LastLimit:
-    """Brings the aim of safety along the normal into space, and limits speed, acceleration and jerk there.
-
-    In this order: the position on the course with this aim; no further against the force than `ForceCap` allows; then
-    `MotionLimits`, as on a line. Three directions are limited to the speed that safety allows: outside the surface,
-    against its mean normal, for it may be elsewhere than believed, so that another part of it is near; into the
-    surface from the robot's commanded position; and against the force on the probe or, where none is felt, into the
-    surface under it. Over a flat surface they are the same, at an edge they differ.
-
-    Args:
-        safety: Safety layer whose aims are brought into space, and whose limits hold there.
-        line: Line of the commanded positions.
-        sample_period: Sample period [s].
-
-    Attributes:
-        line: As given.
-    """
-
-    __slots__ = ("_cap", "_facing", "_limits", "_safety", "line")
-
-    def __init__(self, safety: Safety, line: SurfaceLine, sample_period: float) -> None:
-        self._safety, self.line = safety, line
-        self._limits = safety.in_space()
-        limits = safety.limits
-        self._cap = ForceCap(limits.force, limits.most_damped, limits.speed, sample_period)
-        self._facing = line.surface.facing()
-
-    def begin(self, place: Vector) -> None:
-        """Begin at the robot's position [m], at rest."""
-        self._limits.begin(*place)
-        self.line.follow(place)
-
-    def believe(self, pose: Sequence[float], offset: float) -> None:
-        """Take a new believed pose of the fixture, with this offset of the probe's line [m]."""
-        self.line.offset = offset
-        self.line.believe(pose)
-
-    def observe(self, here: Vector, force: Vector, normal: Vector) -> None:
-        """See `ForceCap.observe`."""
-        self._cap.observe(here, force, normal)
-
-    def slide(self, fastest: float) -> float:
-        """See `ForceCap.slide`."""
-        return self._cap.slide(fastest)
-
-    @property
-    def going(self) -> tuple[float, float]:
-        """Speeds of the commanded position along the surface and into it [m/s]."""
-        velocity, closest = self._limits.velocity, self.line.closest
-        if closest is None:
-            return 0.0, 0.0
-        inwards = -dot(velocity, closest.normal)
-        return norm(add(velocity, scaled(closest.normal, inwards))), inwards
-
-    def update(self, course: Course, aim: float, *, free: bool) -> tuple[Vector, float]:
-        """One tick: the position for the robot, and its coordinate along the course's normal [m].
-
-        Args:
-            course: Course with this tick's closest point.
-            aim: Aim of safety along the normal [m].
-            free: Whether the air around the probe is known to be free.
-        """
-        safety, limits, line = self._safety, self._limits, self.line
-        before, gone, closest = limits.place, course.closest, line.closest
-        if gone is None or closest is None or not math.isfinite(aim):
-            return before, aim
-        allowed = course.held_at(aim)
-        wanted, shifted = self._cap.limit(allowed, before)
-        shifted = add(shifted, scaled(gone.normal, -safety.shifted))
-        deeper = max(safety.fastest, 0.0)
-        facing = line.motion.rotate(self._facing) if closest.depth < 0.0 else NO_VECTOR
-        # Beside an edge the approach was proven towards the edge, and not down to where the surface may go on.
-        beside = not free and dot(facing, closest.normal) < ALIGNED
-        down = min(deeper, safety.blind_speed) if beside else deeper
-        bounds = _against(facing, down), _against(closest.normal, deeper), self._cap.bound(deeper)
-        commanded = limits.move(wanted, bounds, shifted)
-        here = line.follow(commanded)
-        position = aim + dot(subtract(allowed, commanded), gone.normal)
-        safety.went(position, -dot(limits.velocity, here.normal), here.along)
-        return commanded, position
-
-
-def _against(normal: Vector, speed: float) -> Bound:
-    """Limit the speed against a normal [m/s]."""
-    x, y, z = normal
-    return -x, -y, -z, speed
