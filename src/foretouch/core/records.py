@@ -9,16 +9,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from operator import itemgetter
-from typing import Annotated, Any, ClassVar, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:  # NumPy declares it final, and derives np.record from it
+    Void = object
+else:
+    Void = np.void
 
 KINDS = {float: np.float64, int: np.int64, bool: np.bool_}
 """Python's types of numbers, and what a record keeps for them."""
 
 
-class Record(np.void):  # type: ignore[misc]  # NumPy allows it: np.record is one
+class Record(Void):
     """Base of the records: a class lists its fields, and becomes a NumPy structured dtype.
 
     A field is a ``float``, an ``int``, a ``bool``, another record, or an array of one of these, written
