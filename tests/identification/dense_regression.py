@@ -3,15 +3,35 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.identification.contact_map.prior import NOISE, prior
+from foretouch.identification.contact_map.regression import (
+    CoarseRegression,
+    FineRegression,
+    begin_regressions,
+    fit_coarse,
+    fit_fine,
+)
 from foretouch.models.contact_map.kernel import locate
-from foretouch.models.contact_map.layout import ABOVE, BELOW, COARSE, COARSENESS, FINE, LENGTHS
+from foretouch.models.contact_map.layout import GRIDS
 
 Array = NDArray[np.float64]
+
+
+def new_regression(kind: int) -> NDArray[np.void]:
+    """The compiled regression without samples, an array of one."""
+    made = CoarseRegression.new(), FineRegression.new()
+    begin_regressions(made[0][0], made[1][0])
+    return made[kind]
+
+
+def fit(kind: int) -> Callable[..., float]:
+    """How it learns a sample."""
+    return fit_fine if kind else fit_coarse
 
 
 class DenseRegression:
@@ -24,21 +44,20 @@ class DenseRegression:
 
     def regressor(self, place: float, values: Array) -> Array:
         """h, shape (n,)."""
-        _, _, knots, _, coarse, count, _ = COARSE if self.kind == 0 else FINE
-        length, below, splines = LENGTHS[self.kind], BELOW[self.kind], np.empty(4)
+        grid, splines = GRIDS[self.kind], np.empty(4)
         found = np.zeros(self.weights.size)
-        first = locate(place, length, below, knots, splines)
+        first = locate(place, grid.spacing, grid.below, grid.knots, splines)
         found[first : first + 4] = splines
-        first = knots + locate(place, COARSENESS * length, -(-below // COARSENESS), coarse, splines)
-        for feature in range(count):
-            begin = first + feature * coarse
+        first = grid.knots + locate(place, grid.feature_spacing, grid.feature_below, grid.feature_knots, splines)
+        for feature in range(grid.features):
+            begin = first + feature * grid.feature_knots
             found[begin : begin + 4] = splines * values[feature]
         return found
 
     def fit(self, place: float, values: Array, force: float) -> float:
         """One sample; returns the error before."""
-        length = LENGTHS[self.kind]
-        if self.kind == 1 and not -BELOW[1] * length <= place <= ABOVE[1] * length:
+        grid = GRIDS[self.kind]
+        if self.kind == 1 and not -grid.below * grid.spacing <= place <= grid.above * grid.spacing:
             return math.inf
         regressor = self.regressor(place, values)
         error = force - float(regressor @ self.weights)

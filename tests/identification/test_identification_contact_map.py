@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 import pytest
+from dense_regression import fit, new_regression
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -27,22 +28,12 @@ from foretouch.identification.contact_map.prior import (
     SLOPE,
     prior,
 )
-from foretouch.identification.contact_map.regression import fit, make_regression, whole_covariance
+from foretouch.identification.contact_map.regression import fit_fine, whole_covariance
 from foretouch.models import ContactMapModel, HuntCrossley, advance
-from foretouch.models.contact_map.layout import (
-    ABOVE,
-    BELOW,
-    COARSENESS,
-    FEATURES,
-    LENGTHS,
-    PLAYS,
-    SPEED,
-    TIMES,
-)
+from foretouch.models.contact_map.layout import COARSENESS, FINE, GRIDS, LARGEST_FEATURES, PLAYS, SPEED, TIMES
 from foretouch.quantities import Recording
 
 Array = NDArray[np.float64]
-KNOTS = [BELOW[kind] + ABOVE[kind] + 3 for kind in range(2)]
 
 
 def recorded(samples: Sequence[ContactSample], estimator: ContactMap) -> ContactMap:
@@ -78,10 +69,10 @@ def regressors(kind: int, places: Array, values: Array) -> Array:
         ends = (np.arange(below + above + 7) - below - 3) * spacing
         return np.asarray(BSpline.design_matrix(places, ends, 3).todense())
 
-    spacing, below, above = LENGTHS[kind], BELOW[kind], ABOVE[kind]
+    spacing, below, above, features, *_ = GRIDS[kind]
     slow = splines(COARSENESS * spacing, -(-below // COARSENESS), -(-above // COARSENESS))
     parts = [splines(spacing, below, above)]
-    return np.hstack(parts + [values[:, [f]] * slow for f in range(FEATURES[kind])])
+    return np.hstack(parts + [values[:, [f]] * slow for f in range(features)])
 
 
 def batch(rows: Array, forces: Array, covariance: Array) -> tuple[Array, Array]:
@@ -94,13 +85,13 @@ def batch(rows: Array, forces: Array, covariance: Array) -> tuple[Array, Array]:
 @pytest.mark.parametrize("seed", range(3))
 def test_recursive_least_squares_is_the_batch_solution(kind: int, seed: int) -> None:
     random = np.random.default_rng(seed)
-    spacing = LENGTHS[kind]
-    places = random.uniform(-BELOW[kind] * spacing, ABOVE[kind] * spacing, 300)
-    values = random.normal(0.0, 1.0, (300, max(FEATURES)))
+    grid = GRIDS[kind]
+    places = random.uniform(-grid.below * grid.spacing, grid.above * grid.spacing, 300)
+    values = random.normal(0.0, 1.0, (300, LARGEST_FEATURES))
     forces = random.normal(0.0, 3.0, 300)
-    learnt, state = np.zeros(prior(kind).shape[0]), make_regression(kind)
+    learnt, state = np.zeros(GRIDS[kind].size), new_regression(kind)
     for place, row, force in zip(places.tolist(), values, forces.tolist(), strict=True):
-        fit(learnt, state, place, row, force)
+        fit(kind)(learnt, state[0], place, row, force)
     weights, rest = batch(regressors(kind, places, values), forces, prior(kind))
     learnt, covariance = whole_covariance(learnt, state)
     np.testing.assert_allclose(learnt, weights, rtol=1e-7, atol=1e-7 * np.abs(weights).max())
@@ -108,8 +99,8 @@ def test_recursive_least_squares_is_the_batch_solution(kind: int, seed: int) -> 
 
 
 def test_a_sample_beyond_the_fine_map_leaves_it_alone() -> None:
-    weights, state = np.zeros(prior(1).shape[0]), make_regression(1)
-    assert fit(weights, state, 5e-3, np.zeros(max(FEATURES)), 3.0) == math.inf
+    weights, state = np.zeros(FINE.size), new_regression(1)
+    assert fit_fine(weights, state[0], 5e-3, np.zeros(LARGEST_FEATURES), 3.0) == math.inf
     assert not weights.any()
     np.testing.assert_array_equal(whole_covariance(weights, state)[1], prior(1))
 
@@ -117,13 +108,13 @@ def test_a_sample_beyond_the_fine_map_leaves_it_alone() -> None:
 def test_the_prior_is_a_doubly_integrated_noise_and_a_smooth_process() -> None:
     """Cov(g(s), g(t)) = level + slope s t + curvature * integral of (s - u)(t - u) up to the nearer, one side each."""
     for kind in (0, 1):
-        found, knots = prior(kind), KNOTS[kind]
+        found, knots = prior(kind), GRIDS[kind].knots
         for s, t in ((3.0, 7.0), (5.0, 5.0), (-2.0, -6.0), (-3.0, 4.0), (0.0, 8.0)):
             expected = LEVEL**2 + SLOPE**2 * s * t
             if s * t > 0.0:
                 u = (np.arange(20_000) + 0.5) / 20_000 * min(abs(s), abs(t))
                 expected += CURVATURE**2 * float(np.mean((abs(s) - u) * (abs(t) - u))) * min(abs(s), abs(t))
-            row, column = (int(place) + BELOW[kind] + 1 for place in (s, t))
+            row, column = (int(place) + GRIDS[kind].below + 1 for place in (s, t))
             assert found[row, column] == pytest.approx(expected, rel=1e-6)
         apart = found[knots, knots + 2]
         distance = 2.0 * COARSENESS / FEATURE_REACH
@@ -159,7 +150,7 @@ def test_the_coarse_map_alone_is_a_least_squares_fit_of_what_was_felt() -> None:
     values = np.column_stack(
         [velocity / SPEED]
         + [(depth - memory[:, k]) / radius for k, radius in enumerate(PLAYS)]
-        + [(np.maximum(depth, 0.0) - memory[:, len(PLAYS) + k]) / (2.0 * LENGTHS[0]) for k in range(len(TIMES))]
+        + [(np.maximum(depth, 0.0) - memory[:, len(PLAYS) + k]) / (2.0 * GRIDS[0].spacing) for k in range(len(TIMES))]
     )
     design = regressors(0, depth, values)
     weights, _ = batch(design, force, prior(0))
@@ -286,7 +277,7 @@ def test_minutes_of_taps_leave_the_covariance_one(minutes: int) -> None:
     assert bank.updates > 14_000 * minutes
     model = bank.model
     assert isinstance(model, ContactMapModel)
-    assert np.isfinite(model._flat).all()
+    assert np.isfinite(model._maps.view(np.float64)).all()
     for kind, covariance in enumerate(map(bank.covariance, ("coarse", "fine"))):
         scale = np.sqrt(np.diag(prior(kind)))
         relative = covariance / np.outer(scale, scale)

@@ -25,7 +25,7 @@ from foretouch.identification import (
     fit_offline,
     predict,
 )
-from foretouch.identification.exact.kernel import update
+from foretouch.identification.exact.kernel import take
 from foretouch.models import ContinuousSwitching
 from foretouch.recordings import read_recording
 from foretouch.report import lowest_mean
@@ -279,10 +279,10 @@ def test_the_ends_of_the_family(estimator: ExactKelvinVoigt | ExactHuntCrossley,
 
 def test_compiled_and_interpreted_are_equal() -> None:
     compiled, interpreted = ExactContinuousSwitching(), ExactContinuousSwitching()
-    plain = update.py_func  # type: ignore[attr-defined]
+    plain = take.py_func  # type: ignore[attr-defined]
     for t, x, v, f, contact in samples(noise=0.02, duration=1.0):
         compiled.update(ContactSample(t, x, v, f, contact))
-        plain(interpreted._theta, interpreted._covariance, interpreted._memory, interpreted._settings, t, x, v, f)
+        plain(interpreted._filters, t, x, v, f)
     np.testing.assert_allclose(interpreted.unknowns, compiled.unknowns, rtol=1e-7)
     np.testing.assert_allclose(interpreted.covariance, compiled.covariance, rtol=1e-5, atol=1e-12)
 

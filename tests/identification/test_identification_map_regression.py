@@ -10,7 +10,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from dense_regression import DenseRegression
+from dense_regression import DenseRegression, fit, new_regression
 from exact_samples import feed, samples
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -25,11 +25,10 @@ from foretouch.identification import (
     ExactContinuousSwitching,
     Status,
 )
-from foretouch.identification.contact_map.regression import fade, fit, make_regression, whole_covariance
-from foretouch.identification.contact_map.scores import BEGIN_LAW, BEGIN_SETTINGS
+from foretouch.identification.contact_map.regression import fade, fit_coarse, fit_fine, whole_covariance
 from foretouch.identification.exact.belief import law_numbers
 from foretouch.models import ContactMapModel
-from foretouch.models.contact_map.layout import BELOW, COARSE, FINE, LARGEST_FEATURES, LENGTHS
+from foretouch.models.contact_map.layout import COARSE, FINE, LARGEST_FEATURES
 
 Array = NDArray[np.float64]
 
@@ -37,18 +36,18 @@ Array = NDArray[np.float64]
 def compared(kind: int, places: list[float], seed: int = 0, *, fading: bool = False) -> tuple[float, float, float]:
     """Largest differences of errors, weights and covariance from the dense form, in their own sizes."""
     random = np.random.default_rng(seed)
-    dense, state = DenseRegression(kind), make_regression(kind)
+    dense, states = DenseRegression(kind), new_regression(kind)
     weights = np.zeros(dense.weights.size)
     apart, size = 0.0, 1e-300
     for index, place in enumerate(places):
         values, force = random.normal(0.0, 1.0, LARGEST_FEATURES), 900.0 * max(place, 0.0) + random.normal(0.0, 0.5)
-        error, expected = fit(weights, state, place, values, force), dense.fit(place, values, force)
+        error, expected = fit(kind)(weights, states[0], place, values, force), dense.fit(place, values, force)
         if np.isfinite(expected):
             apart, size = max(apart, abs(error - expected)), max(size, abs(force))
         if fading and index % 40 == 0:
-            fade(state, 0.01)
+            fade(states[0], 0.01)
             dense.fade(0.01)
-    everywhere, covariance = whole_covariance(weights, state)
+    everywhere, covariance = whole_covariance(weights, states)
     return (
         apart / size,
         float(np.abs(everywhere - dense.weights).max() / max(np.abs(dense.weights).max(), 1e-300)),
@@ -77,22 +76,22 @@ def test_places_may_come_in_any_order(places: list[float], seed: int) -> None:
 
 def test_only_what_was_visited_is_computed_with() -> None:
     """Rows of the covariance: four knots around each place visited, of the elastic part and of every feature."""
-    state, weights = make_regression(0), np.zeros(COARSE[-1] - COARSE[1])
+    states, weights = new_regression(0), np.zeros(COARSE.size)
     for place in np.linspace(0.5e-3, 9.5e-3, 40):
-        fit(weights, state, float(place), np.ones(LARGEST_FEATURES), 1.0)
+        fit_coarse(weights, states[0], float(place), np.ones(LARGEST_FEATURES), 1.0)
     elastic, feature = 9 + 4, 3 + 4
-    assert state.places[0] == elastic + LARGEST_FEATURES * feature
-    assert state.places[0] < 0.4 * weights.size
-    before = int(state.places[0])
+    assert states[0].rows == elastic + LARGEST_FEATURES * feature
+    assert states[0].rows < 0.4 * weights.size
+    before = int(states[0].rows)
     for place in np.linspace(0.5e-3, 9.5e-3, 40):
-        fit(weights, state, float(place), np.ones(LARGEST_FEATURES), 1.0)
-    assert state.places[0] == before
+        fit_coarse(weights, states[0], float(place), np.ones(LARGEST_FEATURES), 1.0)
+    assert states[0].rows == before
 
 
 def test_the_fine_map_is_reached_in_full_at_once() -> None:
-    state = make_regression(1)
-    assert state.places[0] == FINE[-1] - FINE[1]
-    assert fit(np.zeros(FINE[-1] - FINE[1]), state, -1.01 * BELOW[1] * LENGTHS[1], np.zeros(6), 1.0) == np.inf
+    states = new_regression(1)
+    assert states[0].rows == FINE.size
+    assert fit_fine(np.zeros(FINE.size), states[0], -1.01 * FINE.below * FINE.spacing, np.zeros(6), 1.0) == np.inf
 
 
 # --- one call a sample, and a recording at once -----------------------------------------------------------------------
@@ -117,6 +116,11 @@ def columns(data: list[ContactSample]) -> ContactSamples:
     return ContactSamples(*zip(*data, strict=True))
 
 
+def same_state(one: ExactContinuousSwitching | ContactMap, other: ExactContinuousSwitching | ContactMap) -> bool:
+    states = (each._states if isinstance(each, ContactMap) else each._filters for each in (one, other))
+    return len({state.tobytes() for state in states}) == 1
+
+
 @pytest.mark.parametrize("make", [ExactContinuousSwitching, ContactMap])
 def test_a_recording_at_once_is_the_same_bit_for_bit(make: type[ExactContinuousSwitching] | type[ContactMap]) -> None:
     data, one, whole = pressed(), make(), make()
@@ -125,7 +129,7 @@ def test_a_recording_at_once_is_the_same_bit_for_bit(make: type[ExactContinuousS
     codes = np.concatenate([whole.run(columns(part)) for part in (data[:half], data[half:])])
     assert [list(Status)[code] for code in codes.tolist()] == statuses
     assert Status.CHANGED in statuses
-    assert np.array_equal(one._state, whole._state, equal_nan=True)
+    assert same_state(one, whole)
     assert (one.updates, one.changes, one.parameters) == (whole.updates, whole.changes, whole.parameters)
     assert one.model == whole.model
 
@@ -150,11 +154,11 @@ def test_the_law_in_the_map_is_that_of_the_exact_estimator() -> None:
     assert isinstance(model, ContactMapModel)
     feed(alone, samples(noise=0.02, duration=1.0))
     numbers = np.zeros(4)
-    assert law_numbers(alone._theta, alone._memory, alone._settings, numbers)
+    assert law_numbers(alone._belief, numbers)
     assert alone.model is not None
     np.testing.assert_allclose(numbers, alone.model.parameters, rtol=1e-15)
-    assert np.shares_memory(bank._law._theta, bank._state[BEGIN_LAW:BEGIN_SETTINGS])
-    assert not law_numbers(np.zeros(5), np.zeros_like(alone._memory), alone._settings, numbers)
+    assert np.shares_memory(bank._law._filters, bank._states)
+    assert not law_numbers(ExactContinuousSwitching()._belief, numbers)
 
 
 @pytest.mark.parametrize("make", [ExactContinuousSwitching, ContactMap])
@@ -178,7 +182,7 @@ from exact_samples import samples, feed
 from foretouch.identification import ContactMap
 bank = ContactMap()
 feed(bank, samples(noise=0.02, duration=0.3))
-print(json.dumps([bank._flat.tolist(), bank.updates]))
+print(json.dumps([bank._state.map.view('f8').tolist(), bank.updates]))
 """
 
 
@@ -192,5 +196,6 @@ def test_compiled_and_interpreted_are_equal() -> None:
         [sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=True, timeout=120
     )
     flat, updates = json.loads(done.stdout)
+    expected = bank._state.map.view(np.float64)
     assert updates == bank.updates
-    np.testing.assert_allclose(flat, bank._flat, rtol=1e-9, atol=1e-9 * np.abs(bank._flat).max())
+    np.testing.assert_allclose(flat, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())

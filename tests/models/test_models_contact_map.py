@@ -6,39 +6,26 @@ import math
 
 import numpy as np
 import pytest
-from example_maps import example_flat, example_map, random_flat, whole_flat
+from example_maps import example_map, example_numbers, model_of, random_numbers, whole_numbers
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from foretouch.models import ContactMapModel, ContinuousSwitching, HuntCrossley, KelvinVoigt, advance
-from foretouch.models.contact_map.kernel import judge, locate, run, step
+from foretouch.models import ContinuousSwitching, HuntCrossley, KelvinVoigt, advance
+from foretouch.models.contact_map.kernel import advance as kernel_advance
+from foretouch.models.contact_map.kernel import experts, locate, run
 from foretouch.models.contact_map.layout import (
-    ABOVE,
-    BELOW,
     COARSE,
-    EXPERTS,
-    FEATURES,
-    FINE,
+    GRIDS,
     LARGEST_FEATURES,
-    LAW,
-    LAW_SPEED,
-    LAW_SURFACE,
     LEAST_DEPTH,
-    LENGTHS,
     LETTING_GO,
-    LOWEST,
     MEMORY,
-    ORIGIN,
     PLAYS,
     REACH,
-    REACHED,
-    SHARES,
     SPEED_REACH,
     STEEPEST,
     TIMES,
-    UNCERTAINTY,
 )
-from foretouch.models.contact_map.wire import pack
 
 places = st.lists(st.floats(-5e-3, 15e-3), min_size=1, max_size=30)
 periods = st.floats(1e-5, 0.5)
@@ -46,21 +33,19 @@ periods = st.floats(1e-5, 0.5)
 
 def histories(depth: list[float], period: float | list[float] = 1e-3, *, origin: float = 0.0) -> np.ndarray:
     """Memory after each sample, shape (n, MEMORY)."""
-    flat = example_flat()
-    flat[ORIGIN] = origin
+    maps = example_numbers()
+    maps[0].origin = origin
     memory = np.full(MEMORY, math.nan)
     found = []
     for place, time in np.broadcast(np.asarray(depth), np.asarray(period)):
-        run(flat, memory, np.array([place]), np.array([time]))
+        run(maps, memory, np.array([place]), np.array([time]))
         found.append(memory.copy())
     return np.array(found)
 
 
-def said(flat: np.ndarray, place: float, velocity: float = 0.0, values: np.ndarray | None = None) -> np.ndarray:
+def said(maps: np.ndarray, place: float, velocity: float = 0.0, values: np.ndarray | None = None) -> np.ndarray:
     """Forces of law, coarse and fine map, and the one that they agree on, shape (4,)."""
-    forces = np.empty(EXPERTS)
-    force = judge(flat, np.zeros(LARGEST_FEATURES) if values is None else values, place, velocity, True, forces)
-    return np.append(forces, force)
+    return np.array(experts(maps[0], np.zeros(LARGEST_FEATURES) if values is None else values, place, velocity, True))
 
 
 # --- memory -----------------------------------------------------------------------------------------------------------
@@ -150,10 +135,10 @@ def test_a_memory_that_is_no_number_counts_as_none(bad: float, at: int) -> None:
 
 @given(st.floats(-1.0, 1.0) | st.floats(-5e-3, 5e-3), st.sampled_from([0, 1]), st.booleans())
 def test_splines_are_a_partition_of_unity(place: float, kind: int, of_features: bool) -> None:
-    layout = (COARSE, FINE)[kind]
-    spacing, below, knots = LENGTHS[kind], BELOW[kind], layout[2]
+    grid = GRIDS[kind]
+    spacing, below, knots = grid.spacing, grid.below, grid.knots
     if of_features:
-        spacing, below, knots = 3 * spacing, -(-below // 3), layout[4]
+        spacing, below, knots = grid.feature_spacing, grid.feature_below, grid.feature_knots
     values = np.empty(4)
     first = locate(place, spacing, below, knots, values)
     assert 0 <= first <= knots - 4
@@ -165,13 +150,13 @@ def test_splines_are_a_partition_of_unity(place: float, kind: int, of_features: 
 @given(seed=st.integers(0, 99), knot=st.floats(0.02, 0.98))
 def test_force_is_smooth_to_second_order_over_depth(kind: int, seed: int, knot: float) -> None:
     """Left and right of a knot two cubics agree in value, slope and curvature; in the third derivative they do not."""
-    flat, spacing = whole_flat(kind, seed=seed), LENGTHS[kind]
+    maps, grid = whole_numbers(kind, seed=seed), GRIDS[kind]
     values = np.random.default_rng(seed).uniform(-1.0, 1.0, LARGEST_FEATURES)
-    at = round(knot * (BELOW[kind] + ABOVE[kind]) - BELOW[kind])
+    at = round(knot * (grid.below + grid.above) - grid.below)
     share = np.linspace(0.05, 0.95, 9)
     sides = []
     for side in (-share, share):
-        forces = [said(flat, (at + u) * spacing, values=values)[1 + kind] for u in side]
+        forces = [said(maps, (at + u) * grid.spacing, values=values)[1 + kind] for u in side]
         assert min(forces) > 0.0
         sides.append(np.polynomial.polynomial.polyfit(side, forces, 3))
     np.testing.assert_allclose(sides[0][:3], sides[1][:3], rtol=1e-8, atol=1e-8)
@@ -180,18 +165,18 @@ def test_force_is_smooth_to_second_order_over_depth(kind: int, seed: int, knot: 
 
 @given(st.floats(0.0, 8e-3))
 def test_knots_on_a_line_give_that_line(place: float) -> None:
-    flat = example_flat()
-    assert said(flat, max(place, 1.1e-3))[1] == pytest.approx(400.0 * max(place, 1.1e-3), rel=1e-12)
+    maps = example_numbers()
+    assert said(maps, max(place, 1.1e-3))[1] == pytest.approx(400.0 * max(place, 1.1e-3), rel=1e-12)
 
 
 @pytest.mark.parametrize("kind", [0, 1])
 def test_a_feature_counts_up_to_a_little_more_than_its_range(kind: int) -> None:
-    flat = whole_flat(kind)
-    for feature in range(FEATURES[kind]):
+    maps = whole_numbers(kind)
+    for feature in range(GRIDS[kind].features):
         for sign in (-1.0, 1.0):
             values = np.zeros((3, LARGEST_FEATURES))
             values[:, feature] = sign * np.array([0.9, REACH, 50.0])
-            within, edge, beyond = (said(flat, 0.5e-3, values=row)[1 + kind] for row in values)
+            within, edge, beyond = (said(maps, 0.5e-3, values=row)[1 + kind] for row in values)
             assert beyond == edge
             assert within != pytest.approx(edge, abs=1e-6)
 
@@ -199,14 +184,16 @@ def test_a_feature_counts_up_to_a_little_more_than_its_range(kind: int) -> None:
 # --- where nobody has been --------------------------------------------------------------------------------------------
 
 
-def curve(function: object, *, origin: float = 0.0, zero_features: bool = True) -> np.ndarray:
+def curve(function: object, *, origin: float = 0.0) -> np.ndarray:
     """A coarse map of knots on a curve over the place, visited from -4 to 8 mm."""
-    flat = example_flat((0.0, 1.0, 0.0))
-    flat[ORIGIN] = origin
-    _, weights, knots, features, _, _, end = COARSE
-    flat[weights : weights + knots] = function((np.arange(knots) - BELOW[0] - 1) * LENGTHS[0])  # type: ignore[operator]
-    flat[features:end] = 0.0
-    return flat
+    maps = example_numbers((0.0, 1.0, 0.0))
+    maps[0].origin = origin
+    weights = maps[0].coarse.weights
+    weights[:] = 0.0
+    weights[: COARSE.knots] = function(  # type: ignore[operator]
+        (np.arange(COARSE.knots) - COARSE.below - 1) * COARSE.spacing
+    )
+    return maps
 
 
 CURVES = {
@@ -220,29 +207,29 @@ CURVES = {
 @pytest.mark.parametrize("name", CURVES)
 def test_deeper_than_ever_the_force_goes_straight_on(name: str, origin: float) -> None:
     function, bound = CURVES[name]
-    flat = curve(function, origin=origin)
-    reached, behind = flat[REACHED], 0.25 * LENGTHS[0]
-    force = said(flat, reached)[1]
+    maps = curve(function, origin=origin)
+    reached, behind = maps[0].reached, 0.25 * COARSE.spacing
+    force = said(maps, reached)[1]
     chord = force / (reached + origin)
-    slope = (force - said(flat, reached - behind)[1]) / behind
+    slope = (force - said(maps, reached - behind)[1]) / behind
     expected = slope if bound is None and origin == 0.0 else min(max(slope, chord), STEEPEST * chord)
     if bound is not None:
         assert expected == pytest.approx(bound * chord)
     for further in (1e-5, 1e-3, 20e-3):
-        assert said(flat, reached + further)[1] == pytest.approx(force + expected * further, rel=1e-9)
+        assert said(maps, reached + further)[1] == pytest.approx(force + expected * further, rel=1e-9)
 
 
 def test_a_force_never_jumps_where_the_visited_ends() -> None:
     for seed in range(20):
-        flat = random_flat(seed)
-        for edge in (flat[LOWEST], flat[REACHED]):
-            before, after = said(flat, edge - 1e-10)[1:3], said(flat, edge + 1e-10)[1:3]
+        maps = random_numbers(seed)
+        for edge in (maps[0].lowest, maps[0].reached):
+            before, after = said(maps, edge - 1e-10)[1:3], said(maps, edge + 1e-10)[1:3]
             np.testing.assert_allclose(before, after, rtol=0.0, atol=1e-4)
 
 
 def test_further_out_than_ever_the_force_lets_go() -> None:
     constant, steep = curve(lambda x: 2.0 + 0.0 * x), curve(lambda x: 2.0 + 1000.0 * (x + 4e-3))
-    lowest = constant[LOWEST]
+    lowest = constant[0].lowest
     for share in (0.0, 0.25, 0.5, 1.0, 3.0):
         left = max(2.0 * (1.0 - share), 0.0)
         assert said(constant, lowest - share * LETTING_GO)[1] == pytest.approx(left, abs=1e-9)
@@ -253,34 +240,34 @@ def test_further_out_than_ever_the_force_lets_go() -> None:
 
 @given(st.floats(0.0, 0.2), st.floats(-0.5, 0.5), st.floats(0.0, 1.0), st.floats(0.3, 1.5))
 def test_the_law_goes_on_in_proportion(depth: float, velocity: float, alpha: float, n: float) -> None:
-    flat = example_flat((1.0, 0.0, 0.0))
-    flat[LAW : LAW + 4] = 3000.0, 500.0, n, alpha
-    flat[ORIGIN], flat[LAW_SURFACE] = 1e-3, -2e-3
-    known = min(depth, flat[REACHED] - 1e-3)
-    speed = float(np.clip(velocity, -SPEED_REACH * flat[LAW_SPEED], SPEED_REACH * flat[LAW_SPEED]))
+    maps = example_numbers((1.0, 0.0, 0.0))
+    maps[0].law[:] = 3000.0, 500.0, n, alpha
+    maps[0].origin, maps[0].law_surface = 1e-3, -2e-3
+    known = min(depth, maps[0].reached - 1e-3)
+    speed = float(np.clip(velocity, -SPEED_REACH * maps[0].law_speed, SPEED_REACH * maps[0].law_speed))
     law = 3000.0 * known ** (n + alpha) * (depth / known if known > 0.0 else 0.0) + 500.0 * known**n * speed
     expected = max(law, 0.0) if depth > 0.0 else 0.0
-    assert said(flat, depth + 1e-3, velocity)[0] == pytest.approx(expected, rel=1e-9, abs=1e-12)
+    assert said(maps, depth + 1e-3, velocity)[0] == pytest.approx(expected, rel=1e-9, abs=1e-12)
 
 
 def test_a_law_that_was_hardly_pressed_is_believed_a_little_further() -> None:
-    flat = example_flat((1.0, 0.0, 0.0))
-    flat[REACHED] = 1e-6
-    assert said(flat, LEAST_DEPTH)[0] == pytest.approx(3000.0 * LEAST_DEPTH**1.4)
-    assert said(flat, 2.0 * LEAST_DEPTH)[0] == pytest.approx(2.0 * 3000.0 * LEAST_DEPTH**1.4)
+    maps = example_numbers((1.0, 0.0, 0.0))
+    maps[0].reached = 1e-6
+    assert said(maps, LEAST_DEPTH)[0] == pytest.approx(3000.0 * LEAST_DEPTH**1.4)
+    assert said(maps, 2.0 * LEAST_DEPTH)[0] == pytest.approx(2.0 * 3000.0 * LEAST_DEPTH**1.4)
 
 
 def test_without_a_law_its_share_gives_nothing() -> None:
-    flat = example_flat((1.0, 0.0, 0.0))
-    flat[LAW] = 0.0
-    assert said(flat, 5e-3)[0] == said(flat, 5e-3)[3] == 0.0
+    maps = example_numbers((1.0, 0.0, 0.0))
+    maps[0].law[0] = 0.0
+    assert said(maps, 5e-3)[0] == said(maps, 5e-3)[3] == 0.0
 
 
 @given(st.integers(0, 50), st.floats(-4e-3, 8e-3), st.floats(-0.1, 0.1))
 def test_the_force_is_the_experts_in_their_shares(seed: int, place: float, velocity: float) -> None:
-    flat = random_flat(seed)
-    *experts, force = said(flat, place, velocity)
-    assert force == pytest.approx(float(np.dot(flat[SHARES : SHARES + EXPERTS], experts)), rel=1e-12)
+    maps = random_numbers(seed)
+    *experts, force = said(maps, place, velocity)
+    assert force == pytest.approx(float(np.dot(maps[0].shares, experts)), rel=1e-12)
 
 
 def test_the_uncertainty_grows_where_nobody_has_been() -> None:
@@ -301,8 +288,8 @@ states = st.just(()) | st.tuples(*[numbers] * MEMORY)
 def test_any_motion_of_any_map_gives_a_finite_force_that_never_pulls(
     seed: int, state: tuple[float, ...], depth: float, velocity: float, period: float
 ) -> None:
-    flat = random_flat(seed)
-    model = ContactMapModel(*flat[LAW : LAW + 4].tolist(), pack(flat))
+    maps = random_numbers(seed)
+    model = model_of(maps)
     after, force, deviation = advance(model, state, depth, velocity, period)
     assert math.isfinite(force)
     assert force >= 0.0
@@ -312,13 +299,13 @@ def test_any_motion_of_any_map_gives_a_finite_force_that_never_pulls(
 
 
 def test_a_model_runs_what_the_kernel_runs() -> None:
-    flat = random_flat(3)
-    model = ContactMapModel(*flat[LAW : LAW + 4].tolist(), pack(flat))
-    memory, state = np.full(MEMORY, math.nan), ()
+    maps = random_numbers(3)
+    model = model_of(maps)
+    memory, state = (math.nan,) * MEMORY, ()
     for depth in np.linspace(-2e-3, 12e-3, 50).tolist():
-        force, deviation = step(flat, memory, depth, 0.05, 1e-3)
+        memory, force, deviation = kernel_advance(maps, memory, depth, 0.05, 1e-3)
         state, model_force, model_deviation = advance(model, state, depth, 0.05, 1e-3)
-        assert state == pytest.approx(tuple(memory), abs=1e-9)  # the origin is rounded on the wire
+        assert state == pytest.approx(memory, abs=1e-9)  # the origin is rounded on the wire
         assert (model_force, model_deviation) == pytest.approx((force, deviation), rel=1e-4, abs=1e-5)
-    assert model.shares == pytest.approx(tuple(flat[SHARES : SHARES + EXPERTS]), rel=1e-6)
-    assert flat[UNCERTAINTY] > 0.0
+    assert model.shares == pytest.approx(tuple(maps[0].shares), rel=1e-6)
+    assert maps[0].uncertainty[0] > 0.0

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from example_maps import example_map, random_flat
+from example_maps import example_map, model_of, random_numbers
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -20,10 +20,8 @@ from foretouch.models import (
     QuadraticContact,
     ThresholdSwitching,
 )
-from foretouch.models.contact_map.calls import advance, leaving_work, local_slopes
-from foretouch.models.contact_map.kernel import step
-from foretouch.models.contact_map.layout import LAW, MEMORY
-from foretouch.models.contact_map.wire import pack
+from foretouch.models.contact_map.kernel import advance, leaving_work, local_slopes
+from foretouch.models.contact_map.layout import MEMORY
 from foretouch.models.contact_model import EXIT_SPEED, SLICE_BEYOND, SLICES, SLICES_BEYOND
 
 LAWS = [
@@ -42,8 +40,7 @@ states = st.lists(st.floats(-5e-3, 10e-3), min_size=MEMORY, max_size=MEMORY).map
 
 
 def a_map(seed: int) -> ContactMapModel:
-    flat = random_flat(seed)
-    return ContactMapModel(*flat[LAW : LAW + 4].tolist(), pack(flat))
+    return model_of(random_numbers(seed))
 
 
 @given(st.sampled_from(LAWS), depths, offsets, limits)
@@ -61,19 +58,6 @@ def test_the_leaving_work_of_gives_back_what_is_stored(law: ContactModel) -> Non
     work, way = law.leaving_work((), depth)
     assert work == pytest.approx(stored, rel=5e-3)
     assert way == pytest.approx(depth + 2.5e-4 * (way > depth + 1e-4), rel=1e-9)
-
-
-@given(st.integers(0, 20), states, depths, st.floats(-0.5, 0.5), st.floats(1e-5, 0.1))
-def test_a_call_of_the_map_is_the_kernel_s_step(
-    seed: int, state: tuple[float, ...], depth: float, velocity: float, period: float
-) -> None:
-    model = a_map(seed)
-    memory = np.array(state)
-    force, deviation = step(model._flat, memory, depth, velocity, period)
-    after, *rest = model.advance(state, depth, velocity, period)
-    assert rest == [force, deviation]
-    assert after == tuple(memory.tolist())
-    assert all(type(number) is float for number in (*after, *rest))
 
 
 def leaving_work_of_by_steps(
@@ -118,9 +102,9 @@ def test_a_memory_with_a_number_that_is_none_is_none(call, at, bad) -> None:
     model, state = example_map(), [1e-3, 2e-3, 1e-3, 1e-3, 1e-3]
     state[at] = bad
     arguments = 4e-3, 0.05, 1e-3
-    found = call(model._flat, tuple(state), *arguments)
-    assert repr(found) == repr(call(model._flat, (math.nan,) * MEMORY, *arguments))
-    assert all(map(math.isfinite, found[-2:]))
+    found = call(model._maps, tuple(state), *arguments)
+    assert repr(found) == repr(call(model._maps, (math.nan,) * MEMORY, *arguments))
+    assert all(type(number) is float and math.isfinite(number) for number in found[-2:])
 
 
 @pytest.mark.parametrize("state", [(), (1e-3,), (1e-3,) * (MEMORY + 1)])
@@ -136,12 +120,12 @@ def test_a_memory_of_another_length_is_none(state: tuple[float, ...]) -> None:
 
 @given(st.integers(0, 20), states, depths, st.floats(-0.5, 0.5))
 def test_interpreted_calls_give_the_same(seed: int, state: tuple[float, ...], depth: float, velocity: float) -> None:
-    flat = a_map(seed)._flat
+    maps = a_map(seed)._maps
     for call, arguments in (
         (advance, (depth, velocity, 1e-3)),
         (local_slopes, (depth, velocity, 1e-4)),
         (leaving_work, (depth, 0.1, 10.0)),
     ):
         plain = getattr(call, "py_func", call)  # without, nothing is compiled here
-        compiled, interpreted = call(flat, state, *arguments), plain(flat, state, *arguments)
+        compiled, interpreted = call(maps, state, *arguments), plain(maps, state, *arguments)
         np.testing.assert_allclose(np.hstack(compiled), np.hstack(interpreted), rtol=1e-12, atol=1e-15)

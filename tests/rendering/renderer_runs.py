@@ -21,11 +21,10 @@ from foretouch.models import (
     LinearisedContinuousSwitching,
     ThresholdSwitching,
 )
-from foretouch.models.contact_map.wire import pack
 from foretouch.rendering import Renderer
 
 sys.path.append(str(Path(__file__).parents[1] / "models"))
-from example_maps import example_map, random_flat
+from example_maps import example_map, model_of, random_numbers
 
 TICK = 1e-3
 FARTHEST = 10.0
@@ -33,10 +32,7 @@ NO_DEVICE_LIMIT = 10.0
 SMALLEST_COUNT = 1e-6
 ROUNDING = 1e-12
 
-_FLATS = [random_flat(seed) for seed in range(8)]
-MAPS = [example_map(), example_map((0.0, 0.0, 1.0))] + [
-    ContactMapModel(*flat[2:6].tolist(), pack(flat)) for flat in _FLATS
-]
+MAPS = [example_map(), example_map((0.0, 0.0, 1.0)), *(model_of(random_numbers(seed)) for seed in range(8))]
 
 
 def powers(lowest: float, largest: float) -> st.SearchStrategy[float]:

@@ -261,9 +261,9 @@ def run_compiled(learner: Learner, bank: ContactMap, samples: RawSamples) -> Lea
         bank: Its estimator.
         samples: Raw samples.
     """
-    from foretouch.identification.contact_map.kernel import BEFORE, DEVIATION, STALE, make_notes
+    from foretouch.identification.contact_map.kernel import Run
 
-    conditioner, notes, columns = learner.conditioner, make_notes(learner.sample.time), _Columns(samples.size)
+    conditioner, runs, columns = learner.conditioner, Run.new(time=learner.sample.time), _Columns(samples.size)
     for begin, rows in samples.blocks():
         taken, count = 0, rows.shape[1]
         while taken < count:
@@ -271,15 +271,14 @@ def run_compiled(learner: Learner, bank: ContactMap, samples: RawSamples) -> Lea
             told = columns.in_contact[part], columns.forces[taken:count], columns.residual[part]
             rest = np.ascontiguousarray(rows[:, taken:])
             more, learner.status = bank.run_raw(
-                conditioner.memory, learner.lag.memory, notes, rest, samples.measured, told
+                conditioner.memory, learner.lag.memory, runs, rest, samples.measured, told
             )
             taken += more
             conditioner.make_room()
         columns.close(begin, count)
     conditioner.recall()
-    time, depth, velocity, force, touching = notes[BEFORE:STALE].tolist()
-    learner.sample = ContactSample(time, depth, velocity, force, touching > 0.0)
-    return columns.run(float(notes[DEVIATION]))
+    learner.sample = ContactSample(*runs[list(ContactSample._fields)].tolist()[0])
+    return columns.run(float(runs[0].deviation))
 
 
 def run_by_sample(learner: Learner, samples: RawSamples, note: Callable[[int], None] | None = None) -> LearnerRun:

@@ -9,10 +9,10 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from foretouch.errors import InputError, plural
+from foretouch.errors import InputError, UnknownNameError, plural
 from foretouch.identification.conditioning.conditioner import ContactSample
 from foretouch.identification.estimator import Estimator, Status
-from foretouch.identification.exact.law import REFERENCE_TIME, ExactLaw, exact_law
+from foretouch.identification.exact.law import EXACT_LAWS, REFERENCE_TIME, ExactLaw
 from foretouch.models import ContactModel
 from foretouch.quantities import ByValue
 
@@ -83,7 +83,9 @@ def fit_offline(
         UnknownNameError: No such law.
         InputError: Arrays of unlike length or not finite, fewer than 20 samples inside the surface, or no force there.
     """
-    family = exact_law(law)
+    if law not in EXACT_LAWS:
+        raise UnknownNameError("exact law", law, EXACT_LAWS)
+    family = EXACT_LAWS[law]
     x, v, f = (np.asarray(values, dtype=np.float64) for values in (depth, velocity, force))
     if x.ndim != 1 or not x.shape == v.shape == f.shape:
         raise InputError(f"depth, velocity and force have shapes {x.shape}, {v.shape}, {f.shape}: give equal lengths")

@@ -17,8 +17,8 @@ from foretouch.identification.contact_map.scores import SHARPNESS
 from foretouch.identification.estimator import Estimator, Status
 from foretouch.identification.offline import FEWEST_SAMPLES, LARGEST_BUFFER, OfflineFit, fit_offline
 from foretouch.models import ContactMapModel, ContactModel, ContactState
-from foretouch.models.contact_map import layout
-from foretouch.models.contact_map.kernel import features, judge, locate, rates, remember
+from foretouch.models.contact_map.kernel import experts, features, locate, remember
+from foretouch.models.contact_map.layout import GRIDS, LARGEST_FEATURES, MEMORY, Grid, Map
 from foretouch.models.contact_map.wire import pack
 
 Array = NDArray[np.float64]
@@ -67,7 +67,7 @@ class OfflineContactMap(Estimator):
         """Forget all samples."""
         self.updates = 0
         self._origin = self._zero = 0.0
-        self._memory = np.full(layout.MEMORY, math.nan)
+        self._memory = np.full(MEMORY, math.nan)
         self._time = self._learnt_at = math.nan
         self._touched = False
         self._stride = 1
@@ -83,17 +83,16 @@ class OfflineContactMap(Estimator):
             return Status.FREE_AIR if math.isnan(depth) else Status.UNUSABLE
         if not time > self._time and not math.isnan(self._time):
             return Status.UNUSABLE
-        shares, values = np.empty(layout.MEMORY), np.empty(layout.LARGEST_FEATURES)
-        rates(0.0 if math.isnan(self._time) else time - self._time, shares)
-        self._time = time
         place = depth - self._origin
-        remember(self._memory, place, shares)
+        remember(self._memory, place, 0.0 if math.isnan(self._time) else time - self._time)
+        self._time = time
         self._touched = self._touched or in_contact
         if not self._touched:
             return Status.FREE_AIR
         if time - self._learnt_at < PERIOD - 1e-7:
             return Status.GATED
         self._learnt_at = time
+        values = np.empty(LARGEST_FEATURES)
         features(self._memory, place, velocity, values)
         if self.updates % self._stride == 0:
             self._rows.append((place, velocity, force + self._zero, float(in_contact), *values.tolist()))
@@ -141,46 +140,42 @@ class OfflineContactMap(Estimator):
         found = _Samples(table[:, 0], table[:, 1], table[:, 2], table[:, 3] > 0.0, table[:, 4:])
         if not found.in_contact.any():
             return None
-        flat = np.zeros(layout.SIZE)
-        flat[layout.ORIGIN], flat[layout.ZERO] = self._origin, self._zero
-        flat[layout.LOWEST], flat[layout.REACHED] = found.place.min(), found.place.max()
-        flat[layout.LAW_SPEED] = np.abs(found.velocity[found.in_contact]).max()
-        flat[layout.FELT] = max(float((found.force - flat[layout.ZERO]).max()), 0.0)
-        for kind in range(2):
-            _fit_map(flat, kind, found, self._stride)
-        self._law = _fit_law(flat, found)
-        errors = _errors(flat, found)
+        maps = Map.new(origin=self._origin, zero=self._zero, lowest=found.place.min(), reached=found.place.max())
+        learnt = maps[0]
+        learnt.law_speed = np.abs(found.velocity[found.in_contact]).max()
+        learnt.felt = max(float((found.force - learnt.zero).max()), 0.0)
+        for kind, part in enumerate((learnt.coarse, learnt.fine)):
+            _fit_map(part, kind, found, self._stride)
+        self._law = _fit_law(learnt, found)
+        errors = _errors(learnt, found)
         squared = np.square(errors[found.in_contact]).mean(axis=0)
-        if not flat[layout.LAW] > 0.0:
+        if not learnt.law[0] > 0.0:
             squared[0] = math.inf
         shares = (squared + 1e-12) ** (-0.5 * SHARPNESS)
-        flat[layout.SHARES : layout.SHARES + layout.EXPERTS] = shares / shares.sum()
-        flat[layout.UNCERTAINTY] = float(
-            np.square(errors[found.in_contact] @ flat[layout.SHARES : layout.SHARES + layout.EXPERTS]).mean()
-        )
+        learnt.shares = shares / shares.sum()
+        learnt.uncertainty[0] = float(np.square(errors[found.in_contact] @ learnt.shares).mean())
         try:
-            stiffness, damping, exponent, switching = flat[layout.LAW : layout.LAW + 4].tolist()
-            return ContactMapModel(stiffness, damping, exponent, switching, pack(flat))
+            stiffness, damping, exponent, switching = learnt.law.tolist()
+            return ContactMapModel(stiffness, damping, exponent, switching, pack(maps))
         except SettingError:  # numbers beyond the range of 32 bits
             return None
 
 
-def _fit_map(flat: Array, kind: int, found: _Samples, weight: int) -> None:
-    """Write the weights of one map and the ranges of its features into the flat array."""
-    ranges, begin, _, _, _, count, end = layout.COARSE if kind == 0 else layout.FINE
-    flat[ranges:begin:2] = found.features[:, :count].min(axis=0)
-    flat[ranges + 1 : begin : 2] = found.features[:, :count].max(axis=0)
-    length = layout.LENGTHS[kind]
+def _fit_map(part: np.void, kind: int, found: _Samples, weight: int) -> None:
+    """Write the weights of one map and the ranges of its features into its record."""
+    grid = GRIDS[kind]
+    values = found.features[:, : grid.features]
+    part["ranges"] = np.stack([values.min(axis=0), values.max(axis=0)], axis=1)
     inside = np.ones(found.place.size, dtype=np.bool_)
     if kind == 1:  # as in the bank, the fine map ends at its reach
-        inside = (found.place >= -layout.BELOW[1] * length) & (found.place <= layout.ABOVE[1] * length)
+        inside = (found.place >= -grid.below * grid.spacing) & (found.place <= grid.above * grid.spacing)
     if not inside.any():
         return
-    regressor = _regressors(kind, found.place[inside], found.features[inside])
+    regressor = _regressors(grid, found.place[inside], values[inside])
     root = _root(kind)
     reduced = regressor @ root
     information = weight * (reduced.T @ reduced) + NOISE**2 * np.eye(root.shape[0])
-    flat[begin:end] = root @ np.linalg.solve(information, weight * (reduced.T @ found.force[inside]))
+    part["weights"] = root @ np.linalg.solve(information, weight * (reduced.T @ found.force[inside]))
 
 
 @cache
@@ -190,36 +185,33 @@ def _root(kind: int) -> Array:
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
-def _regressors(kind: int, places: Array, values: Array) -> Array:
+def _regressors(grid: Grid, places: Array, values: Array) -> Array:
     """The vectors h, shape (n, weights of the map)."""
-    _, begin, knots, _, coarse, count, end = layout.COARSE if kind == 0 else layout.FINE
-    length, below, splines = layout.LENGTHS[kind], layout.BELOW[kind], np.empty(4)
-    matrix = np.zeros((places.size, end - begin))
-    for row, (place, features_here) in enumerate(zip(places.tolist(), values[:, :count], strict=True)):
-        first = locate(place, length, below, knots, splines)
+    splines, matrix = np.empty(4), np.zeros((places.size, grid.size))
+    for row, (place, features_here) in enumerate(zip(places.tolist(), values.tolist(), strict=True)):
+        first = locate(place, grid.spacing, grid.below, grid.knots, splines)
         matrix[row, first : first + 4] = splines
-        first = knots + locate(place, layout.COARSENESS * length, -(-below // layout.COARSENESS), coarse, splines)
-        for feature, value in enumerate(features_here.tolist()):
-            start = first + feature * coarse
+        first = grid.knots + locate(place, grid.feature_spacing, grid.feature_below, grid.feature_knots, splines)
+        for feature, value in enumerate(features_here):
+            start = first + feature * grid.feature_knots
             matrix[row, start : start + 4] = value * splines
     return matrix
 
 
-def _fit_law(flat: Array, found: _Samples) -> OfflineFit | None:
-    """Fit the law and write its numbers into the flat array; None where it cannot be fitted."""
-    depth = found.place + flat[layout.ORIGIN]
+def _fit_law(learnt: Map, found: _Samples) -> OfflineFit | None:
+    """Fit the law and write its numbers into the map; None where it cannot be fitted."""
+    depth = found.place + learnt.origin
     chosen = found.in_contact & (depth > 0.0)
     try:
-        fit = fit_offline(depth[chosen], found.velocity[chosen], found.force[chosen] - flat[layout.ZERO])
+        fit = fit_offline(depth[chosen], found.velocity[chosen], found.force[chosen] - learnt.zero)
     except InputError:  # too few samples or no force: the maps go without the law
         return None
-    flat[layout.LAW : layout.LAW + 4] = fit.model.parameters
+    learnt.law[:] = fit.model.parameters
     return fit
 
 
-def _errors(flat: Array, found: _Samples) -> Array:
+def _errors(learnt: Map, found: _Samples) -> Array:
     """Force of each expert less the measured force [N], shape (n, 3)."""
-    forces = np.empty((found.place.size, layout.EXPERTS))
-    for index, (place, velocity) in enumerate(zip(found.place.tolist(), found.velocity.tolist(), strict=True)):
-        judge(flat, found.features[index], place, velocity, True, forces[index])
-    return np.asarray(forces - (found.force - flat[layout.ZERO])[:, None])
+    columns = zip(found.features, found.place.tolist(), found.velocity.tolist(), strict=True)
+    forces = np.array([experts(learnt, values, place, velocity, True)[:3] for values, place, velocity in columns])
+    return np.asarray(forces - (found.force - learnt.zero)[:, None])

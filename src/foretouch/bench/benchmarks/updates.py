@@ -36,7 +36,7 @@ from foretouch.identification import (
     Estimator,
     ExactContinuousSwitching,
 )
-from foretouch.models.contact_map.layout import LENGTHS
+from foretouch.models.contact_map.layout import COARSE
 from foretouch.rendering.surfaces import TriangleMesh
 
 FPRLS_SIZE, PEER_SIZE, FPRLS_ROUNDS = 1_000_000, 3_000, 15
@@ -178,7 +178,7 @@ MAP_REACH_NS = 500.0
 def cells(deepest: float) -> int:
     """Cells of the coarse map, 1 mm each, between the shallowest and the deepest place [m] of a press."""
     depth = press(CELLS_SIZE, deepest).depth
-    return int(np.ptp(np.floor(depth / LENGTHS[0]))) + 1
+    return int(np.ptp(np.floor(depth / COARSE.spacing))) + 1
 
 
 def map_contestant(size: int, deepest: float) -> Contestant:

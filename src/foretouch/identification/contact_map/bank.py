@@ -13,7 +13,6 @@ from foretouch.errors import SettingError
 from foretouch.errors.checks import require
 from foretouch.identification.conditioning.conditioner import ContactSample, ContactSamples
 from foretouch.identification.conditioning.kernel import Memory
-from foretouch.identification.contact_map import scores as at
 from foretouch.identification.contact_map.kernel import (
     FEWEST_UPDATES,
     FREE_AIR,
@@ -32,12 +31,11 @@ from foretouch.identification.contact_map.kernel import (
     run_raw,
     take,
 )
-from foretouch.identification.contact_map.regression import make_regression, whole_covariance
-from foretouch.identification.contact_map.scores import TOTAL
+from foretouch.identification.contact_map.regression import begin_regressions, whole_covariance
+from foretouch.identification.contact_map.state import Bank
 from foretouch.identification.estimator import Estimator, Status, status_indices
 from foretouch.identification.exact.recursive import ExactContinuousSwitching, ExactOptions
 from foretouch.models import ContactMapModel, ContactModel, ContactState
-from foretouch.models.contact_map.layout import COARSE, FINE, LAW, SHARES
 from foretouch.models.contact_map.wire import pack
 
 EXPERT_NAMES = ("law", "coarse", "fine")
@@ -119,37 +117,29 @@ class ContactMap(Estimator):
             raise SettingError("experts", ", ".join(experts), f"must be some of {', '.join(EXPERT_NAMES)}")
         # Residuals count as correlated for 0.02 s, not 0.1: the law is used where it holds, and there it may be quick.
         self._law = ExactContinuousSwitching(ExactOptions(correlation_time=0.02))
-        self._state = np.zeros(TOTAL)
-        self._flat = self._state[at.BEGIN_FLAT : at.BEGIN_MEMORY]
-        self._memory = self._state[at.BEGIN_MEMORY : at.BEGIN_NOTES]
-        self._notes = self._state[at.BEGIN_NOTES : at.BEGIN_RATES]
-        self._law.place_in(
-            self._state[at.BEGIN_LAW : at.BEGIN_SETTINGS], self._state[at.BEGIN_SETTINGS : at.BEGIN_TIMES]
-        )
-        self._regressions = (
-            make_regression(0, self._state[at.BEGIN_COARSE : at.BEGIN_FINE]),
-            make_regression(1, self._state[at.BEGIN_FINE :]),
-        )
-        self._notes[at.ABSENT : at.ABSENT + len(EXPERT_NAMES)] = [name not in experts for name in EXPERT_NAMES]
+        self._states = Bank.new(law=self._law._filters, absent=[name not in experts for name in EXPERT_NAMES])
+        self._state = self._states[0]
+        self._law.place_in(self._state.law)
+        begin_regressions(self._state.coarse, self._state.fine)
         self.horizon = horizon
         self.reset()
-        take(self._state, 0.0, math.nan, 0.0, 0.0, False)  # compiled here, before any loop
-        move_surface(self._state, 0.0)
-        move_offset(self._state, 0.0)
+        take(self._states, 0.0, math.nan, 0.0, 0.0, False)  # compiled here, before any loop
+        move_surface(self._states, 0.0)
+        move_offset(self._states, 0.0)
 
     @property
     def horizon(self) -> float:
         """Delay of the predictions that the experts are scored on [s]."""
-        return float(self._notes[at.HORIZON])
+        return float(self._state.horizon)
 
     @horizon.setter
     def horizon(self, horizon: float) -> None:
-        self._notes[at.HORIZON] = horizon
+        self._state.horizon = horizon
 
     def reset(self) -> None:
         """Forget all samples."""
-        self._notes[at.CHANGES] = 0.0
-        reset(self._state)
+        self._state.changes = 0
+        reset(self._states)
         self._model: ContactMapModel | None = None
         self.updates = 0
         self.changes = 0
@@ -157,7 +147,7 @@ class ContactMap(Estimator):
     def update(self, sample: ContactSample) -> Status:
         """See `Estimator.update`."""
         time, depth, velocity, force, in_contact = sample
-        code = take(self._state, time, depth, velocity, force, in_contact)
+        code = take(self._states, time, depth, velocity, force, in_contact)
         if code >= LEARNT:
             self._read_counts()
         return _STATUSES[code]
@@ -165,13 +155,13 @@ class ContactMap(Estimator):
     def _read_counts(self) -> None:
         """Take over the counts of the compiled part; a model made before is out of date."""
         self._model = None
-        self.updates = int(self._notes[at.UPDATES])
-        self.changes = int(self._notes[at.CHANGES])
+        self.updates = int(self._state.notes[0].updates)
+        self.changes = int(self._state.changes)
 
     def run(self, samples: ContactSamples) -> NDArray[np.int8]:
         """See `Estimator.run`; one compiled loop."""
         codes = np.empty(len(samples), np.int8)
-        run(self._state, *samples.columns, codes)
+        run(self._states, *samples.columns, codes)
         self._read_counts()
         return _INDICES[codes]
 
@@ -179,7 +169,7 @@ class ContactMap(Estimator):
         self,
         conditioner: Memory,
         lag: NDArray[np.void],
-        notes: Array,
+        runs: NDArray[np.void],
         rows: Array,
         measured: bool,
         told: RawColumns,
@@ -189,7 +179,7 @@ class ContactMap(Estimator):
         Args:
             conditioner: Memory of a `Conditioner`; changed in place.
             lag: State of a `SensorLag`; changed in place.
-            notes: Array of `contact_map.kernel.make_notes` before the first block; changed in place.
+            runs: An array of one `contact_map.kernel.Run`, new before the first block; changed in place.
             rows: Time [s], position [m], force [N] and velocity [m/s], shape (4, m).
             measured: Whether velocities were measured; else they are estimated from the positions.
             told: Contact, force less the offset [N] and residual [N], shape (m,) each, written.
@@ -198,7 +188,7 @@ class ContactMap(Estimator):
             Number of samples taken, fewer than m where the conditioner needs room before the next; and the status of
                 the last.
         """
-        taken, code = run_raw(self._state, conditioner, lag, notes, rows, measured, *told)
+        taken, code = run_raw(self._states, conditioner, lag, runs, rows, measured, *told)
         self._read_counts()
         return taken, _STATUSES[code]
 
@@ -213,9 +203,8 @@ class ContactMap(Estimator):
         """
         if expert not in EXPERT_NAMES[1:]:
             raise SettingError("expert", expert, "must be coarse or fine")
-        kind = EXPERT_NAMES[1:].index(expert)
-        _, first, *_, end = (COARSE, FINE)[kind]
-        return whole_covariance(self._flat[first:end], self._regressions[kind])[1]
+        regressions = self._states[expert]
+        return whole_covariance(self._state.map[0][expert].weights, regressions)[1]
 
     def expect_delay(self, delay: float) -> None:
         """See `Estimator.expect_delay`: experts are scored on predictions of that delay, up to 0.3 s."""
@@ -225,7 +214,7 @@ class ContactMap(Estimator):
     @property
     def shares(self) -> dict[str, float]:
         """Weights of the experts in the force, by name."""
-        return dict(zip(EXPERT_NAMES, self._flat[SHARES : SHARES + len(EXPERT_NAMES)].tolist(), strict=True))
+        return dict(zip(EXPERT_NAMES, self._state.map[0].shares.tolist(), strict=True))
 
     def trust_surface(self, trusted: bool) -> None:
         """See `Estimator.trust_surface`."""
@@ -233,23 +222,23 @@ class ContactMap(Estimator):
 
     def move_surface(self, change: float) -> None:
         """See `Estimator.move_surface`: the map stays where it is."""
-        move_surface(self._state, change)
+        move_surface(self._states, change)
         self._model = None
 
     def move_offset(self, change: float) -> None:
         """See `Estimator.move_offset`: the map keeps the raw forces."""
-        move_offset(self._state, change)
+        move_offset(self._states, change)
         self._model = None
 
     @property
     def model(self) -> ContactModel | None:
         """See `Estimator.model`."""
-        if self.updates - self._notes[at.BEGUN] < FEWEST_UPDATES:
+        if self.updates - self._state.notes[0].begun < FEWEST_UPDATES:
             return None
         if self._model is None:
             try:
-                stiffness, damping, exponent, switching = self._flat[LAW : LAW + 4].tolist()
-                self._model = ContactMapModel(stiffness, damping, exponent, switching, pack(self._flat))
+                stiffness, damping, exponent, switching = self._state.map[0].law.tolist()
+                self._model = ContactMapModel(stiffness, damping, exponent, switching, pack(self._state.map))
             except SettingError:  # numbers beyond the range of 32 bits
                 return None
         return self._model
@@ -257,7 +246,7 @@ class ContactMap(Estimator):
     @property
     def state(self) -> ContactState:
         """See `Estimator.state`."""
-        return tuple(self._memory.tolist())
+        return tuple(self._state.memory.tolist())
 
     @property
     def parameters(self) -> dict[str, float | None]:

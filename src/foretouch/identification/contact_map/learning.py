@@ -5,17 +5,20 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.core.compiling import compiled, inlined
-from foretouch.identification.contact_map import scores as at
-from foretouch.identification.contact_map.regression import MapRegression, fade, fit, forget, in_fine_reach, regression
+from foretouch.identification.contact_map.regression import (
+    fade,
+    fit_coarse,
+    fit_fine,
+    forget_coarse,
+    forget_fine,
+    in_fine_reach,
+)
 from foretouch.identification.contact_map.scores import CONTACT_SHARE, allot, score
-from foretouch.models.contact_map import layout
+from foretouch.identification.contact_map.state import RING, Bank
 from foretouch.models.contact_map.kernel import features
-
-Array = NDArray[np.float64]
-
+from foretouch.models.contact_map.layout import COARSE, FINE, SIZE
 
 PERIOD = 0.004
 """Least time between two samples that are learnt [s]."""
@@ -46,171 +49,140 @@ force is measured). The time doubles after a change that came within less than f
 
 LARGEST = 1.7976931348623157e308
 
-_LAYOUTS = np.array([layout.COARSE, layout.FINE])
-_COARSE_WEIGHTS, _COARSE_END = layout.COARSE[1], layout.COARSE[-1]
-_FINE_WEIGHTS, _FINE_END = layout.FINE[1], layout.FINE[-1]
-_FIRST_RANGE = layout.COARSE[0]
-
 
 @compiled(error_model="numpy")
-def restart(flat: Array, coarse: MapRegression, fine: MapRegression, notes: Array) -> None:
+def restart(bank: Bank) -> None:
     """Forget the maps, their scores and the visited range; the law and the uncertainty stay."""
-    flat[_FIRST_RANGE:] = 0.0
-    flat[layout.LAW_SPEED] = 0.0
-    flat[layout.LOWEST], flat[layout.REACHED] = math.inf, -math.inf
-    forget(coarse)
-    forget(fine)
-    notes[at.PEAK] = notes[at.CONTACT] = notes[at.SCORED] = notes[at.FADED] = 0.0
-    notes[at.SCORES : at.SCORES + layout.EXPERTS] = 0.0
-    notes[at.ALARMS : at.ALARMS + 2] = 0.0
-    notes[at.IN_A_ROW] = 0.0
-    notes[at.SNAPSHOTS] = 0.0
+    learnt, notes = bank.map[0], bank.notes[0]
+    learnt.coarse.ranges[:], learnt.coarse.weights[:] = 0.0, 0.0
+    learnt.fine.ranges[:], learnt.fine.weights[:] = 0.0, 0.0
+    learnt.law_speed = 0.0
+    learnt.lowest, learnt.reached = math.inf, -math.inf
+    forget_coarse(bank.coarse)
+    forget_fine(bank.fine)
+    notes.peak = notes.contact = notes.scored = notes.faded = notes.in_a_row = 0.0
+    notes.scores[:], notes.alarms[:] = 0.0, 0.0
+    notes.snapshots = 0
 
 
 @inlined
-def score_late(
-    flat: Array,
-    notes: Array,
-    times: Array,
-    ring: Array,
-    values: Array,
-    forces: Array,
-    sample: tuple[float, ...],
-    period: float,
-) -> None:
-    """Score the newest snapshot that is old enough on a sample, where the position had been visited by then.
-
-    Args:
-        flat: The map.
-        notes: Notes on the map.
-        times: Times of the snapshots [s], shape (RING,).
-        ring: The snapshots, each with its time in contact, shape (RING, SIZE + 1).
-        values: Features of the sample.
-        forces: Scratch of shape (EXPERTS,).
-        sample: Time [s], position from the origin [m], velocity [m/s], force [N], and 1 in contact.
-        period: Time since the previous sample [s].
-    """
-    time, place, velocity, force, contact = sample
+def score_late(bank: Bank, time: float, sample: tuple[float, float, float], contact: bool, period: float) -> None:
+    """Score the newest snapshot that is old enough on a sample, where the position had been visited by then."""
     # The ring is short enough for a linear search.
-    age, newest = 0, int(notes[at.SNAPSHOTS])
-    kept = min(newest, at.RING)
-    while age < kept and times[(newest - 1 - age) % at.RING] > time - notes[at.HORIZON] + 1e-7:
+    age, newest = 0, bank.notes[0].snapshots
+    kept = min(newest, RING)
+    while age < kept and bank.times[(newest - 1 - age) % RING] > time - bank.horizon + 1e-7:
         age += 1
-    snapshot = ring[(newest - 1 - age) % at.RING]
-    if age < kept and snapshot[layout.SIZE] >= SCORED_FROM and place <= snapshot[layout.REACHED]:
-        score(flat, snapshot[: layout.SIZE], values, place, velocity, force, contact > 0.0, period, notes, forces)
+    index = (newest - 1 - age) % RING
+    if age < kept and bank.contacts[index] >= SCORED_FROM and sample[0] <= bank.ring[index].reached:
+        score(bank, bank.ring[index], sample, contact, period)
 
 
 @inlined
-def widen(
-    flat: Array, notes: Array, values: Array, place: float, velocity: float, force: float, contact: bool, period: float
-) -> None:
+def widen(bank: Bank, sample: tuple[float, float, float], contact: bool, period: float) -> None:
     """Update the visited range, the peak force and the ranges of the features with this sample."""
+    position, velocity, force = sample
+    learnt, notes, values = bank.map[0], bank.notes[0], bank.values
     if contact:
-        notes[at.CONTACT] += period
-        notes[at.FADED] += period
+        notes.contact += period
+        notes.faded += period
         # A spike is no peak: two samples in a row must have this force.
-        notes[at.PEAK] = max(notes[at.PEAK], min(force, notes[at.BEFORE]))
-        flat[layout.FELT] = max(flat[layout.FELT], notes[at.PEAK])
-        flat[layout.LAW_SPEED] = max(flat[layout.LAW_SPEED], abs(velocity))
-    flat[layout.LOWEST], flat[layout.REACHED] = min(flat[layout.LOWEST], place), max(flat[layout.REACHED], place)
-    for kind in range(2):
-        ranges = _LAYOUTS[kind, 0]
-        for f in range(_LAYOUTS[kind, 5]):
-            flat[ranges + 2 * f] = min(flat[ranges + 2 * f], values[f])
-            flat[ranges + 2 * f + 1] = max(flat[ranges + 2 * f + 1], values[f])
-    notes[at.BEFORE] = force
+        notes.peak = max(notes.peak, min(force, notes.before))
+        learnt.felt = max(learnt.felt, notes.peak)
+        learnt.law_speed = max(learnt.law_speed, abs(velocity))
+    learnt.lowest, learnt.reached = min(learnt.lowest, position), max(learnt.reached, position)
+    coarse, fine = learnt.coarse.ranges, learnt.fine.ranges
+    for f in range(COARSE.features):
+        coarse[f, 0], coarse[f, 1] = min(coarse[f, 0], values[f]), max(coarse[f, 1], values[f])
+    for f in range(FINE.features):
+        fine[f, 0], fine[f, 1] = min(fine[f, 0], values[f]), max(fine[f, 1], values[f])
+    notes.before = force
 
 
 @inlined
-def has_changed(
-    notes: Array, force: float, contact: bool, period: float, coarse_error: float, fine_error: float
-) -> bool:
-    """Whether for some time no map has explained the force."""
+def has_changed(bank: Bank, force: float, contact: bool, period: float, errors: tuple[float, float]) -> bool:
+    """Whether for some time no map has explained the force, by the errors of the coarse and the fine one [N]."""
+    notes, (coarse_error, fine_error) = bank.notes[0], errors
     # Where a force was expected and none is measured, the material may have gone.
-    if not (contact or force - coarse_error > CONTACT_SHARE * notes[at.PEAK]):
+    if not (contact or force - coarse_error > CONTACT_SHARE * notes.peak):
         return False
-    rate = 1.0 - math.exp(-period / ALARM_TIME)
-    notes[at.ALARMS] += rate * (coarse_error**2 - notes[at.ALARMS])
+    alarms, rate = notes.alarms, 1.0 - math.exp(-period / ALARM_TIME)
+    alarms[0] += rate * (coarse_error**2 - alarms[0])
     if math.isfinite(fine_error):
-        notes[at.ALARMS + 1] += rate * (fine_error**2 - notes[at.ALARMS + 1])
+        alarms[1] += rate * (fine_error**2 - alarms[1])
     else:
-        notes[at.ALARMS + 1] = notes[at.ALARMS]
-    limit = (ALARM_SHARE * notes[at.PEAK]) ** 2
+        alarms[1] = alarms[0]
+    limit = (ALARM_SHARE * notes.peak) ** 2
     wrong = min(coarse_error**2, fine_error**2) > limit
-    notes[at.IN_A_ROW] = notes[at.IN_A_ROW] + period if wrong else 0.0
-    unexplained = min(notes[at.ALARMS], notes[at.ALARMS + 1]) > limit
+    notes.in_a_row = notes.in_a_row + period if wrong else 0.0
+    unexplained = min(alarms[0], alarms[1]) > limit
     # A sample or two that the sensor lost are no change; a force that vanishes needs longer to be confirmed.
-    unexplained = unexplained and notes[at.IN_A_ROW] >= (ALARM_ROW if contact else ALARM_TIME)
-    return bool(unexplained and notes[at.CONTACT] > notes[at.PATIENCE])
+    unexplained = unexplained and notes.in_a_row >= (ALARM_ROW if contact else ALARM_TIME)
+    return bool(unexplained and notes.contact > notes.patience)
 
 
 @inlined
-def snap(flat: Array, notes: Array, times: Array, ring: Array, time: float) -> None:
+def snap(bank: Bank, time: float) -> None:
     """Keep a snapshot of the map, to be scored later."""
-    if time - notes[at.SNAPPED_AT] >= RING_PERIOD - 1e-7 or notes[at.SNAPSHOTS] == 0.0:
-        notes[at.SNAPPED_AT] = time
-        index = int(notes[at.SNAPSHOTS]) % at.RING
-        for k in range(layout.SIZE):  # a slice of an array into another takes seconds to compile
-            ring[index, k] = flat[k]
-        ring[index, layout.SIZE], times[index] = notes[at.CONTACT], time
-        notes[at.SNAPSHOTS] += 1.0
+    notes = bank.notes[0]
+    if time - notes.snapped_at >= RING_PERIOD - 1e-7 or notes.snapshots == 0:
+        notes.snapped_at = time
+        index = notes.snapshots % RING
+        numbers, ring = bank.map.view(np.float64), bank.ring.view(np.float64)
+        for k in range(SIZE):  # a slice of an array into another takes seconds to compile
+            ring[index * SIZE + k] = numbers[k]
+        bank.contacts[index], bank.times[index] = notes.contact, time
+        notes.snapshots += 1
 
 
 @inlined
-def learn(state: Array, time: float, place: float, velocity: float, force: float, contact: bool) -> int:
+def learn(bank: Bank, time: float, position: float, velocity: float, force: float, contact: bool) -> int:
     """Learn one sample, in place; return the result.
 
     Args:
-        state: State of the learner, up to and with this sample's motion (`contact_map.scores`).
+        bank: State of the learner, up to and with this sample's motion.
         time: Time of the sample [s].
-        place: Position from the origin [m].
+        position: Position from the origin [m].
         velocity: Velocity [m/s].
         force: Force less the offset [N].
         contact: The conditioner's judgement.
     """
-    flat, notes = state[at.BEGIN_FLAT : at.BEGIN_MEMORY], state[at.BEGIN_NOTES : at.BEGIN_RATES]
-    times = state[at.BEGIN_TIMES : at.BEGIN_RING]
-    ring = state[at.BEGIN_RING : at.BEGIN_COARSE].reshape((at.RING, layout.SIZE + 1))
-    coarse = regression(state[at.BEGIN_COARSE : at.BEGIN_FINE], 0)
-    begin_forces = at.BEGIN_VALUES + layout.LARGEST_FEATURES
-    values, forces = state[at.BEGIN_VALUES : begin_forces], state[begin_forces : begin_forces + layout.EXPERTS]
-    period = time - notes[at.LEARNT_AT]
+    learnt, notes, values = bank.map[0], bank.notes[0], bank.values[:]
+    period = time - notes.learnt_at
     period = PERIOD if math.isinf(period) else min(period, LONGEST_PERIOD)
-    notes[at.LEARNT_AT] = time
-    features(state[at.BEGIN_MEMORY : at.BEGIN_NOTES], place, velocity, values)
-    if notes[at.SNAPSHOTS] > 0.0:
-        sample = (time, place, velocity, force, 1.0 if contact else 0.0)
-        score_late(flat, notes, times, ring, values, forces, sample, period)
-    visited = place <= flat[layout.REACHED]
-    widen(flat, notes, values, place, velocity, force, contact, period)
+    notes.learnt_at = time
+    features(bank.memory, position, velocity, values)
+    sample = (position, velocity, force)
+    if notes.snapshots > 0:
+        score_late(bank, time, sample, contact, period)
+    visited = position <= learnt.reached
+    widen(bank, sample, contact, period)
 
-    code = LEARNT
-    coarse_weights, fine_weights = flat[_COARSE_WEIGHTS:_COARSE_END], flat[_FINE_WEIGHTS:_FINE_END]
-    coarse_error = fit(coarse_weights, coarse, place, values, force + flat[layout.ZERO])
+    code, raw = LEARNT, force + learnt.zero
+    coarse_weights, fine_weights = learnt.coarse.weights[:], learnt.fine.weights[:]
+    coarse_error = fit_coarse(coarse_weights, bank.coarse, position, values, raw)
     fine_error = math.inf
-    if in_fine_reach(place):
-        fine_error = fit(fine_weights, regression(state[at.BEGIN_FINE :], 1), place, values, force + flat[layout.ZERO])
-    if has_changed(notes, force, contact, period, coarse_error, fine_error) and visited:
+    if in_fine_reach(position):
+        fine_error = fit_fine(fine_weights, bank.fine, position, values, raw)
+    if has_changed(bank, force, contact, period, (coarse_error, fine_error)) and visited:
         code = CHANGED
         # Repeated changes are no change of the material: no map of this kind explains the force.
-        again = notes[at.CONTACT] < 4.0 * notes[at.PATIENCE]
-        notes[at.PATIENCE] = min(2.0 * notes[at.PATIENCE], LONGEST_PATIENCE) if again else ALARM_FROM
-        fine = regression(state[at.BEGIN_FINE :], 1)
-        restart(flat, coarse, fine, notes)
-        notes[at.PEAK] = max(force, 0.0)
-        flat[layout.LOWEST] = flat[layout.REACHED] = place
-        fit(coarse_weights, coarse, place, values, force + flat[layout.ZERO])
-        fit(fine_weights, fine, place, values, force + flat[layout.ZERO])
-    if notes[at.FADED] >= 1.0:
-        notes[at.FADED] = 0.0
-        fade(coarse, FADING)
-        fade(regression(state[at.BEGIN_FINE :], 1), FADING)
-    allot(flat, notes)
-    snap(flat, notes, times, ring, time)
+        again = notes.contact < 4.0 * notes.patience
+        notes.patience = min(2.0 * notes.patience, LONGEST_PATIENCE) if again else ALARM_FROM
+        restart(bank)
+        notes.peak = max(force, 0.0)
+        learnt.lowest = learnt.reached = position
+        fit_coarse(coarse_weights, bank.coarse, position, values, raw)
+        fit_fine(fine_weights, bank.fine, position, values, raw)
+    if notes.faded >= 1.0:
+        notes.faded = 0.0
+        fade(bank.coarse, FADING)
+        fade(bank.fine, FADING)
+    allot(bank)
+    snap(bank, time)
 
     spoilt = math.isnan(coarse_error) or math.isnan(fine_error)
-    odd = 0
-    for k in range(flat.size):  # element by element, for a sum would wait for each number before the next
-        odd += 0 if abs(flat[k]) <= LARGEST else 1
+    odd, numbers = 0, bank.map.view(np.float64)
+    for k in range(SIZE):  # element by element, for a sum would wait for each number before the next
+        odd += 0 if abs(numbers[k]) <= LARGEST else 1
     return FAILED if spoilt or odd > 0 else code

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.models.contact_map.layout import BELOW, COARSE, COARSENESS, FINE
+from foretouch.models.contact_map.layout import COARSENESS, GRIDS
 
 Array = NDArray[np.float64]
 
@@ -27,21 +27,18 @@ def elastic_prior(kind: int) -> Array:
 
     That is a cubic smoothing spline (Wahba 1990).
 
-    Args:
-        kind: 0 for the coarse, 1 for the fine map.
-
     Returns:
         Shape (knots, knots), not to be written.
     """
-    knots = (COARSE if kind == 0 else FINE)[2]
-    places = np.arange(knots) - BELOW[kind] - 1.0
-    size = np.abs(places)
+    grid = GRIDS[kind]
+    knots = np.arange(grid.knots) - grid.below - 1.0
+    size = np.abs(knots)
     near, far = np.minimum.outer(size, size), np.maximum.outer(size, size)
-    same_side = np.sign(places)[:, None] == np.sign(places)[None, :]
+    same_side = np.sign(knots)[:, None] == np.sign(knots)[None, :]
     found: Array = (
         CURVATURE**2 * np.where(same_side, near * near * (3.0 * far - near) / 6.0, 0.0)
         + LEVEL**2
-        + SLOPE**2 * np.outer(places, places)
+        + SLOPE**2 * np.outer(knots, knots)
     )
     return found
 
@@ -50,28 +47,18 @@ def elastic_prior(kind: int) -> Array:
 def feature_prior(kind: int) -> Array:
     """Covariance of the weights of one feature: a Gaussian process with a squared-exponential covariance.
 
-    Args:
-        kind: 0 for the coarse, 1 for the fine map.
-
     Returns:
         Shape (knots of the feature, knots of the feature), not to be written.
     """
-    coarse = (COARSE if kind == 0 else FINE)[4]
-    distance = COARSENESS * np.subtract.outer(np.arange(coarse), np.arange(coarse)) / FEATURE_REACH
-    found: Array = FEATURE_SIZE**2 * np.exp(-0.5 * distance**2) + 1e-9 * np.eye(coarse)
+    knots = np.arange(GRIDS[kind].feature_knots)
+    distance = COARSENESS * np.subtract.outer(knots, knots) / FEATURE_REACH
+    found: Array = FEATURE_SIZE**2 * np.exp(-0.5 * distance**2) + 1e-9 * np.eye(knots.size)
     return found
 
 
 def prior(kind: int) -> Array:
-    """Covariance of all weights of a map, in the order of the flat array: its parts are independent.
+    """Covariance of all weights of the coarse (0) or the fine map (1), in their order: its parts are independent."""
+    from scipy.linalg import block_diag
 
-    Args:
-        kind: 0 for the coarse, 1 for the fine map.
-    """
-    _, first, knots, _, coarse, count, end = COARSE if kind == 0 else FINE
-    covariance = np.zeros((end - first, end - first))
-    covariance[:knots, :knots] = elastic_prior(kind)
-    for feature in range(count):
-        begin = knots + feature * coarse
-        covariance[begin : begin + coarse, begin : begin + coarse] = feature_prior(kind)
-    return covariance
+    parts = [elastic_prior(kind)] + [feature_prior(kind)] * GRIDS[kind].features
+    return np.asarray(block_diag(*parts))

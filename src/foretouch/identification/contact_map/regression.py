@@ -11,154 +11,145 @@ independent before the first sample), so
 with Q the prior. That holds at any time and under any history, so the covariance is kept for reached weights alone, and
 grows by a row where one more is reached: the cost of a sample goes with the square of the visited depth and not with
 the number of knots. The Cholesky factor of Q among the reached grows with it, so c costs two triangular solutions.
+
+All of that is for the coarse map. One step of the hand may span many knots of the fine map: it is reached in full at
+once, and its rows are its weights.
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.core.compiling import compiled, inlined
-from foretouch.identification.contact_map.prior import NOISE, elastic_prior, feature_prior
+from foretouch.core.records import Record
+from foretouch.identification.contact_map.prior import NOISE, elastic_prior, feature_prior, prior
 from foretouch.models.contact_map.kernel import cubic
-from foretouch.models.contact_map.layout import ABOVE, BELOW, COARSE, COARSENESS, FINE, LARGEST_FEATURES, LENGTHS
+from foretouch.models.contact_map.layout import COARSE, FINE, LARGEST_FEATURES, Grid
 
 Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
+Field = NDArray[Any]
 
-REACHED_WEIGHTS, REACHED_ELASTIC, REACHED_FEATURE = range(3)
-FROM_ELASTIC, TO_ELASTIC, FROM_FEATURE, TO_FEATURE = range(3, 7)
-COUNTS = 7
-"""Number of counts: reached weights of all, of the elastic part and of each feature, and ranges of knots (from, to)."""
-
-_ACTIVE = 4 * (1 + LARGEST_FEATURES)
-_WEIGHT_AT = COUNTS + _ACTIVE
-_LAYOUTS = np.array([COARSE, FINE])
-_COARSE_LENGTH, _FINE_LENGTH = LENGTHS
-_FINE_FROM, _FINE_TO = -BELOW[1] * LENGTHS[1], ABOVE[1] * LENGTHS[1]
+ACTIVE = 4 * (1 + LARGEST_FEATURES)
+"""Largest number of weights whose splines are not zero at a sample."""
 
 
-class MapRegression(NamedTuple):
-    """State of the regression of one map besides the weights themselves; all of it is written in place.
+class Elastic(Record):
+    """Knots of the coarse map's elastic part that were reached."""
 
-    Attributes:
-        kind: 0 for the coarse, 1 for the fine map.
-        covariance: P of the reached weights in its first rows and columns, shape (n, n), n the number of all weights.
-        numbers: Two scratches of length n and one for the splines of a sample; the prior of the elastic part and of a
-            feature; the Cholesky factors of these priors among the reached weights, in the order of reaching.
-        places: The counts; rows of the newest sample; weight of each row; row of each weight, -1 for one not reached;
-            reached knots of the elastic part, in the order of reaching; the same of a feature.
-    """
-
-    kind: int
-    covariance: Array
-    numbers: Array
-    places: Ints
+    factor: Annotated[Field, float, (COARSE.knots, COARSE.knots)]  # Cholesky factor of the prior among them
+    order: Annotated[Field, int, COARSE.knots]  # the knots, in the order of reaching
+    count: int  # of them
+    first: int  # all knots from this
+    end: int  # to this are reached
 
 
-def _lengths(kind: int) -> tuple[int, int, int]:
-    """Number of all weights, of those of the elastic part, and of those of a feature."""
-    _, begin, knots, _, coarse, _, end = COARSE if kind == 0 else FINE
-    return end - begin, knots, coarse
+class Feature(Record):
+    """The same of each of its features, all of which reach the same knots."""
+
+    factor: Annotated[Field, float, (COARSE.feature_knots, COARSE.feature_knots)]
+    order: Annotated[Field, int, COARSE.feature_knots]
+    count: int
+    first: int
+    end: int
 
 
-def _sizes(kind: int) -> tuple[int, int, int]:
-    """Lengths of covariance, numbers and places."""
-    size, knots, coarse = _lengths(kind)
-    factors = 1 if kind else 2  # a part that is reached in full at once needs no factors
-    numbers = 2 * size + _ACTIVE + factors * (knots * knots + coarse * coarse)
-    return size * size, numbers, _WEIGHT_AT + 2 * size + knots + coarse
+class CoarseRegression(Record):
+    """State of the regression of the coarse map besides the weights themselves."""
+
+    covariance: Annotated[Field, float, (COARSE.size, COARSE.size)]  # P of the reached weights, in the first rows
+    rows: int  # number of reached weights
+    weight_at: Annotated[Field, int, COARSE.size]  # weight of each row
+    row_of: Annotated[Field, int, COARSE.size]  # row of each weight, -1 for one not reached
+    elastic_prior: Annotated[Field, float, (COARSE.knots, COARSE.knots)]
+    feature_prior: Annotated[Field, float, (COARSE.feature_knots, COARSE.feature_knots)]
+    elastic: Elastic
+    feature: Feature
+    gain: Annotated[Field, float, COARSE.size]  # scratch
+    share: Annotated[Field, float, COARSE.size]  # scratch: c of a new knot, or a row of the prior
+    regressor: Annotated[Field, float, ACTIVE]  # splines of the newest sample
+    active: Annotated[Field, int, ACTIVE]  # and their rows
 
 
-def regression_size(kind: int) -> int:
-    """Length of the array of a regression, of the coarse (0) or the fine map (1)."""
-    return sum(_sizes(kind))
+class FineRegression(Record):
+    """The same of the fine map."""
+
+    covariance: Annotated[Field, float, (FINE.size, FINE.size)]
+    rows: int
+    weight_at: Annotated[Field, int, FINE.size]
+    row_of: Annotated[Field, int, FINE.size]
+    elastic_prior: Annotated[Field, float, (FINE.knots, FINE.knots)]
+    feature_prior: Annotated[Field, float, (FINE.feature_knots, FINE.feature_knots)]
+    gain: Annotated[Field, float, FINE.size]
+    share: Annotated[Field, float, FINE.size]
+    regressor: Annotated[Field, float, ACTIVE]
+    active: Annotated[Field, int, ACTIVE]
 
 
-_SIZES = np.array([_sizes(0), _sizes(1)])
+def begin_regressions(coarse: CoarseRegression, fine: FineRegression) -> None:
+    """Set the priors of new regressions, and forget."""
+    coarse.elastic_prior[:], coarse.feature_prior[:] = elastic_prior(0), feature_prior(0)
+    fine.elastic_prior[:], fine.feature_prior[:] = elastic_prior(1), feature_prior(1)
+    fine.rows = FINE.size
+    fine.weight_at[:] = fine.row_of[:] = np.arange(FINE.size)
+    forget_coarse(coarse)
+    forget_fine(fine)
 
 
-@inlined
-def regression(part: Array, kind: int) -> MapRegression:
-    """View a part of a longer array as a regression.
-
-    Args:
-        part: Shape (regression_size(kind),); whole numbers are stored in it as they are.
-        kind: 0 for the coarse, 1 for the fine map.
-    """
-    size = _LAYOUTS[kind, 6] - _LAYOUTS[kind, 1]
-    one, two = _SIZES[kind, 0], _SIZES[kind, 0] + _SIZES[kind, 1]
-    return MapRegression(kind, part[:one].reshape((size, size)), part[one:two], part[two:].view(np.int64))
+@compiled
+def forget_coarse(regression: CoarseRegression) -> None:
+    """Begin again without samples."""
+    regression.rows = regression.elastic.count = regression.feature.count = 0
+    regression.row_of[:] = -1
 
 
-def make_regression(kind: int, part: Array | None = None) -> MapRegression:
-    """Make a regression without samples, of the coarse (0) or the fine map (1).
-
-    Args:
-        kind: 0 for the coarse, 1 for the fine map.
-        part: Array that holds it, shape (regression_size(kind),).
-    """
-    found = regression(np.zeros(regression_size(kind)) if part is None else part, kind)
-    size, knots, coarse = _lengths(kind)
-    begin, end = 2 * size + _ACTIVE, 2 * size + _ACTIVE + knots * knots
-    found.numbers[begin:end] = elastic_prior(kind).ravel()
-    found.numbers[end : end + coarse * coarse] = feature_prior(kind).ravel()
-    forget(found)
-    return found
-
-
-@compiled(error_model="numpy")
-def part_of(state: MapRegression, elastic: bool) -> tuple[int, Array, Array, Ints]:
-    """Knots, prior and factor row by row, and order of reaching, of the elastic part or of a feature."""
-    _, begin, knots, _, coarse, _, end = _LAYOUTS[state.kind]
-    size = end - begin
-    first = 2 * size + _ACTIVE
-    second = first + knots * knots
-    third = second + coarse * coarse
-    order = _WEIGHT_AT + 2 * size
-    if elastic:
-        return knots, state.numbers[first:second], state.numbers[third:], state.places[order : order + knots]
-    return coarse, state.numbers[second:third], state.numbers[third + knots * knots :], state.places[order + knots :]
+@compiled
+def forget_fine(regression: FineRegression) -> None:
+    """Begin again without samples."""
+    covariance, elastic, feature = regression.covariance, regression.elastic_prior, regression.feature_prior
+    covariance[:] = 0.0
+    for i in range(FINE.knots):  # a slice of an array into another takes seconds to compile
+        for j in range(FINE.knots):
+            covariance[i, j] = elastic[i, j]
+    for f in range(FINE.features):
+        begin = FINE.knots + f * FINE.feature_knots
+        for i in range(FINE.feature_knots):
+            for j in range(FINE.feature_knots):
+                covariance[begin + i, begin + j] = feature[i, j]
 
 
 @compiled(error_model="numpy")
-def conditional(state: MapRegression, elastic: bool, knot: int) -> float:
-    """Write c of a knot into the second scratch and return d; the factor and the order grow by this knot."""
-    knots, prior, factor, order = part_of(state, elastic)
-    size = state.covariance.shape[0]
-    share, count = state.numbers[size : 2 * size], state.places[1 if elastic else 2]
-    new = count * knots
-    rest = prior[knot * knots + knot]
+def conditional(prior: Array, part: Elastic | Feature, share: Array, knot: int) -> float:
+    """Write c of a knot and return d; the factor and the order grow by this knot."""
+    factor, order, count = part.factor, part.order, part.count
+    rest = prior[knot, knot]
     for i in range(count):
-        value = prior[knot * knots + order[i]]
+        value = prior[knot, order[i]]
         for k in range(i):
-            value -= factor[i * knots + k] * factor[new + k]
-        value /= factor[i * knots + i]
-        factor[new + i] = value
+            value -= factor[i, k] * factor[count, k]
+        value /= factor[i, i]
+        factor[count, i] = value
         rest -= value * value
     rest = max(rest, 0.0)
     order[count] = knot
-    factor[new + count] = math.sqrt(rest)
+    factor[count, count] = math.sqrt(rest)
     for i in range(count):
-        share[i] = factor[new + i]
+        share[i] = factor[count, i]
     for i in range(count - 1, -1, -1):
-        share[i] /= factor[i * knots + i]
+        share[i] /= factor[i, i]
         for k in range(i):
-            share[k] -= factor[i * knots + k] * share[i]
+            share[k] -= factor[i, k] * share[i]
     return float(rest)
 
 
 @compiled(error_model="numpy")
-def append(weights: Array, state: MapRegression, begin: int, order: Ints, count: int, rest: float) -> None:
-    """Add one row: for the weight `begin + order[count]`, whose part begins at `begin`."""
-    covariance, size = state.covariance, state.covariance.shape[0]
-    new, share = state.numbers[:size], state.numbers[size : 2 * size]
-    weight_at = state.places[_WEIGHT_AT : _WEIGHT_AT + size]
-    row_of = state.places[_WEIGHT_AT + size : _WEIGHT_AT + 2 * size]
-    rows, weight = state.places[REACHED_WEIGHTS], begin + order[count]
+def append(weights: Array, regression: CoarseRegression, begin: int, part: Elastic | Feature, rest: float) -> None:
+    """Add the row of a part's newest knot; the part's weights begin at an index."""
+    covariance, new, share, row_of = regression.covariance, regression.gain, regression.share, regression.row_of
+    order, count, rows = part.order, part.count, regression.rows
     new[:rows] = 0.0
     value = 0.0
     for i in range(count):
@@ -172,138 +163,91 @@ def append(weights: Array, state: MapRegression, begin: int, order: Ints, count:
     for k in range(rows):
         covariance[rows, k] = new[k]
         covariance[k, rows] = new[k]
+    weight = begin + order[count]
     covariance[rows, rows] = rest
     weights[weight] = value
-    weight_at[rows], row_of[weight] = weight, rows
-    state.places[REACHED_WEIGHTS] = rows + 1
+    regression.weight_at[rows] = weight
+    row_of[weight] = rows
+    regression.rows = rows + 1
 
 
 @compiled(error_model="numpy")
-def reach_knot(weights: Array, state: MapRegression, elastic: bool, knot: int) -> None:
-    """Reach one more knot, of the elastic part or of every feature."""
-    rest = conditional(state, elastic, knot)
-    order = part_of(state, elastic)[3]
-    if elastic:
-        append(weights, state, 0, order, state.places[REACHED_ELASTIC], rest)
-        state.places[REACHED_ELASTIC] += 1
-        return
-    _, _, knots, _, coarse, features, _ = _LAYOUTS[state.kind]
-    for f in range(features):
-        append(weights, state, knots + f * coarse, order, state.places[REACHED_FEATURE], rest)
-    state.places[REACHED_FEATURE] += 1
+def reach_elastic(weights: Array, regression: CoarseRegression, knot: int) -> None:
+    """Reach one more knot of the elastic part."""
+    part = regression.elastic
+    rest = conditional(regression.elastic_prior[:], part, regression.share[:], knot)
+    append(weights, regression, 0, part, rest)
+    part.count += 1
 
 
 @compiled(error_model="numpy")
-def reach(weights: Array, state: MapRegression, elastic: int, feature: int) -> None:
+def reach_feature(weights: Array, regression: CoarseRegression, knot: int) -> None:
+    """Reach one more knot of every feature."""
+    part = regression.feature
+    rest = conditional(regression.feature_prior[:], part, regression.share[:], knot)
+    for f in range(COARSE.features):
+        append(weights, regression, COARSE.knots + f * COARSE.feature_knots, part, rest)
+    part.count += 1
+
+
+@compiled(error_model="numpy")
+def reach(weights: Array, regression: CoarseRegression, knot: int, feature_knot: int) -> None:
     """Reach four knots from each of these on, of the elastic part and the features, and all between them and others."""
-    counts = state.places
-    if counts[REACHED_WEIGHTS] == 0:
-        counts[FROM_ELASTIC] = counts[TO_ELASTIC] = elastic
-        counts[FROM_FEATURE] = counts[TO_FEATURE] = feature
-    while counts[TO_ELASTIC] < elastic + 4:
-        reach_knot(weights, state, True, counts[TO_ELASTIC])
-        counts[TO_ELASTIC] += 1
-    while counts[FROM_ELASTIC] > elastic:
-        counts[FROM_ELASTIC] -= 1
-        reach_knot(weights, state, True, counts[FROM_ELASTIC])
-    while counts[TO_FEATURE] < feature + 4:
-        reach_knot(weights, state, False, counts[TO_FEATURE])
-        counts[TO_FEATURE] += 1
-    while counts[FROM_FEATURE] > feature:
-        counts[FROM_FEATURE] -= 1
-        reach_knot(weights, state, False, counts[FROM_FEATURE])
-
-
-@compiled(error_model="numpy")
-def reach_all(state: MapRegression) -> None:
-    """Reach all weights of a map that has reached none, in their order.
-
-    This spares a map that is soon reached in full the rows one by one: one step of the hand may span many of its knots.
-    """
-    _, _, knots, _, coarse, features, _ = _LAYOUTS[state.kind]
-    size = state.covariance.shape[0]
-    state.covariance[:] = 0.0
-    elastic, prior = part_of(state, True)[1], part_of(state, False)[1]
-    for i in range(knots):  # a slice of an array into another takes seconds to compile
-        for j in range(knots):
-            state.covariance[i, j] = elastic[i * knots + j]
-    for f in range(features):
-        begin = knots + f * coarse
-        for i in range(coarse):
-            for j in range(coarse):
-                state.covariance[begin + i, begin + j] = prior[i * coarse + j]
-    for i in range(size):
-        state.places[_WEIGHT_AT + i] = state.places[_WEIGHT_AT + size + i] = i
-    state.places[REACHED_WEIGHTS] = size
-    state.places[FROM_ELASTIC], state.places[TO_ELASTIC] = 0, knots
-    state.places[FROM_FEATURE], state.places[TO_FEATURE] = 0, coarse
-
-
-@compiled(error_model="numpy")
-def forget(state: MapRegression) -> None:
-    """Begin again without samples. The fine map is reached in full at once."""
-    size = state.covariance.shape[0]
-    state.places[:COUNTS] = 0
-    state.places[_WEIGHT_AT + size : _WEIGHT_AT + 2 * size] = -1
-    if state.kind == 1:
-        reach_all(state)
+    elastic, feature = regression.elastic, regression.feature
+    if regression.rows == 0:
+        elastic.first = elastic.end = knot
+        feature.first = feature.end = feature_knot
+    while elastic.end < knot + 4:
+        reach_elastic(weights, regression, elastic.end)
+        elastic.end += 1
+    while elastic.first > knot:
+        elastic.first -= 1
+        reach_elastic(weights, regression, elastic.first)
+    while feature.end < feature_knot + 4:
+        reach_feature(weights, regression, feature.end)
+        feature.end += 1
+    while feature.first > feature_knot:
+        feature.first -= 1
+        reach_feature(weights, regression, feature.first)
 
 
 @inlined
-def look(weights: Array, state: MapRegression, place: float, values: Array) -> int:
-    """Write rows and splines of a sample into the scratch and return their number, reaching them first."""
-    length = _COARSE_LENGTH if state.kind == 0 else _FINE_LENGTH
-    below = BELOW[0] if state.kind == 0 else BELOW[1]
-    _, _, knots, _, coarse, features, _ = _LAYOUTS[state.kind]
-    elastic, a, b, c, d = cubic(place, length, below, knots)
-    feature, p, q, r, s = cubic(place, COARSENESS * length, -(-below // COARSENESS), coarse)
-    counts, size = state.places, state.covariance.shape[0]
-    new = elastic < counts[FROM_ELASTIC] or elastic + 4 > counts[TO_ELASTIC]
-    if new or feature < counts[FROM_FEATURE] or feature + 4 > counts[TO_FEATURE]:
-        reach(weights, state, elastic, feature)
-    regressor, active = state.numbers[2 * size : 2 * size + _ACTIVE], state.places[COUNTS:_WEIGHT_AT]
-    row_of = state.places[_WEIGHT_AT + size : _WEIGHT_AT + 2 * size]
+def look(regression: CoarseRegression | FineRegression, grid: Grid, position: float, values: Array) -> int:
+    """Write splines and rows of a sample, which are reached, and return their number."""
+    regressor, active, row_of = regression.regressor, regression.active, regression.row_of
+    knot, a, b, c, d = cubic(position, grid.spacing, grid.below, grid.knots)
+    first, p, q, r, s = cubic(position, grid.feature_spacing, grid.feature_below, grid.feature_knots)
     regressor[0], regressor[1], regressor[2], regressor[3] = a, b, c, d
     for j in range(4):
-        active[j] = row_of[elastic + j]
-    at, first = 4, knots + feature
-    for f in range(features):
+        active[j] = row_of[knot + j]
+    at = 4
+    first += grid.knots
+    for f in range(grid.features):
         value = values[f]
         regressor[at], regressor[at + 1] = p * value, q * value
         regressor[at + 2], regressor[at + 3] = r * value, s * value
         for j in range(4):
             active[at + j] = row_of[first + j]
         at += 4
-        first += coarse
+        first += grid.feature_knots
     return at
 
 
 @inlined
-def in_fine_reach(place: float) -> bool:
+def in_fine_reach(position: float) -> bool:
     """Whether the fine map learns at a position [m from the origin]."""
-    return _FINE_FROM <= place <= _FINE_TO
+    return -FINE.below * FINE.spacing <= position <= FINE.above * FINE.spacing
 
 
-@compiled(error_model="numpy")
-def fit(weights: Array, state: MapRegression, place: float, values: Array, force: float) -> float:
-    """Learn one sample by recursive least squares; returns the error before [N], inf outside the range of the map.
+@inlined
+def learn_rows(weights: Array, regression: CoarseRegression | FineRegression, count: int, force: float) -> float:
+    """Learn one sample of which `look` was called by recursive least squares; returns the error before [N].
 
     The new covariance P - P h h' P / (h' P h + r) is symmetric to rounding as it is computed; the error is NaN where
     the old one was not a covariance.
-
-    Args:
-        weights: Weights of the map, a part of the flat array.
-        state: State of their regression.
-        place: Position from the origin [m].
-        values: Features of the sample.
-        force: Measured force, plus what the map gives without contact [N].
     """
-    if state.kind == 1 and not in_fine_reach(place):
-        return math.inf
-    count = look(weights, state, place, values)
-    covariance, size, rows = state.covariance, state.covariance.shape[0], state.places[REACHED_WEIGHTS]
-    gain, regressor = state.numbers[:size], state.numbers[2 * size : 2 * size + _ACTIVE]
-    active, weight_at = state.places[COUNTS:_WEIGHT_AT], state.places[_WEIGHT_AT : _WEIGHT_AT + size]
+    covariance, rows, weight_at = regression.covariance, regression.rows, regression.weight_at
+    gain, regressor, active = regression.gain, regression.regressor, regression.active
     error, variance = force, NOISE * NOISE
     for k in range(rows):
         gain[k] = 0.0
@@ -328,43 +272,69 @@ def fit(weights: Array, state: MapRegression, place: float, values: Array, force
 
 
 @compiled(error_model="numpy")
-def fade(state: MapRegression, share: float) -> None:
+def fit_coarse(weights: Array, regression: CoarseRegression, position: float, values: Array, force: float) -> float:
+    """Learn one sample and return the error before [N].
+
+    Args:
+        weights: Weights of the map.
+        regression: State of their regression.
+        position: Position from the origin [m].
+        values: Features of the sample.
+        force: Measured force, plus what the map gives without contact [N].
+    """
+    elastic, feature = regression.elastic, regression.feature
+    knot = cubic(position, COARSE.spacing, COARSE.below, COARSE.knots)[0]
+    feature_knot = cubic(position, COARSE.feature_spacing, COARSE.feature_below, COARSE.feature_knots)[0]
+    new = regression.rows == 0 or knot < elastic.first or knot + 4 > elastic.end
+    if new or feature_knot < feature.first or feature_knot + 4 > feature.end:
+        reach(weights, regression, knot, feature_knot)
+    return float(learn_rows(weights, regression, look(regression, COARSE, position, values), force))
+
+
+@compiled(error_model="numpy")
+def fit_fine(weights: Array, regression: FineRegression, position: float, values: Array, force: float) -> float:
+    """The same with the fine map; inf outside its range."""
+    if not in_fine_reach(position):
+        return math.inf
+    return float(learn_rows(weights, regression, look(regression, FINE, position, values), force))
+
+
+@compiled(error_model="numpy")
+def fade(regression: CoarseRegression | FineRegression, share: float) -> None:
     """Move the covariance back towards the prior by a fraction."""
-    _, _, knots, _, coarse, _, _ = _LAYOUTS[state.kind]
-    size, rows = state.covariance.shape[0], state.places[REACHED_WEIGHTS]
-    before, weight_at = state.numbers[size : 2 * size], state.places[_WEIGHT_AT : _WEIGHT_AT + size]
-    elastic, feature = part_of(state, True)[1], part_of(state, False)[1]
+    covariance, rows, weight_at = regression.covariance, regression.rows, regression.weight_at
+    elastic, feature, before = regression.elastic_prior[:], regression.feature_prior[:], regression.share
+    knots, feature_knots = elastic.shape[0], feature.shape[0]
     for i in range(rows):
         weight = weight_at[i]
         inside = weight < knots
-        begin = 0 if inside else knots + (weight - knots) // coarse * coarse
-        length, prior = (knots, elastic) if inside else (coarse, feature)
-        at = (weight - begin) * length
+        begin = 0 if inside else knots + (weight - knots) // feature_knots * feature_knots
+        length, prior = (knots, elastic) if inside else (feature_knots, feature)
         for k in range(rows):
-            place = weight_at[k] - begin
-            before[k] = prior[at + place] if 0 <= place < length else 0.0
+            other = weight_at[k] - begin
+            before[k] = prior[weight - begin, other] if 0 <= other < length else 0.0
         for k in range(rows):
-            state.covariance[i, k] += share * (before[k] - state.covariance[i, k])
+            covariance[i, k] += share * (before[k] - covariance[i, k])
 
 
-def whole_covariance(weights: Array, state: MapRegression) -> tuple[Array, Array]:
-    """All weights of a map and their covariance, including those not reached, in the order of the flat array.
+def whole_covariance(weights: Array, regressions: NDArray[np.void]) -> tuple[Array, Array]:
+    """All weights of a map and their covariance, including those not reached, in the order of the map's weights.
 
     Args:
         weights: Weights of the map; left as they are.
-        state: State of their regression; left as it is.
+        regressions: State of their regression, an array of one; left as it is.
 
     Returns:
         Shapes (n,) and (n, n).
     """
     weights = weights.copy()
-    state = MapRegression(state.kind, state.covariance.copy(), state.numbers.copy(), state.places.copy())
-    if not state.places[REACHED_WEIGHTS]:
-        reach_all(state)
-    size, knots, coarse = _lengths(state.kind)
-    for knot in (0, knots - 4):
-        reach(weights, state, knot, int(state.places[FROM_FEATURE]))
-    for knot in (0, coarse - 4):
-        reach(weights, state, 0, knot)
-    row_of = state.places[_WEIGHT_AT + size : _WEIGHT_AT + 2 * size]
-    return weights, state.covariance[np.ix_(row_of, row_of)]
+    if regressions.dtype == FineRegression.layout:
+        return weights, regressions[0].covariance.copy()
+    regression = regressions.copy()[0]
+    if not regression.rows:
+        return weights, prior(0)
+    for knot in (0, COARSE.knots - 4):
+        reach(weights, regression, knot, int(regression.feature.first))
+    for knot in (0, COARSE.feature_knots - 4):
+        reach(weights, regression, 0, knot)
+    return weights, regression.covariance[np.ix_(regression.row_of, regression.row_of)]

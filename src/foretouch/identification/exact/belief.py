@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.core.compiling import compiled, inlined
-from foretouch.identification.exact import law as at
-from foretouch.identification.exact.law import UNKNOWNS
+from foretouch.core.records import Record
+from foretouch.identification.exact.law import REFERENCE_TIME, UNKNOWNS
 
 Array = NDArray[np.float64]
+Field = NDArray[Any]
 
 
 FEWEST_UPDATES = 20
@@ -24,29 +26,91 @@ LARGEST_FORCE = 1e12
 """Bounds of D in F0, of the surface in x0, and of F0 [N]."""
 
 
+class Settings(Record):
+    """What `ExactOptions` and the law say."""
+
+    priors: Annotated[Field, float, UNKNOWNS]  # standard deviations of the unknowns at the beginning; strengths in F0
+    s_bounds: Annotated[Field, float, 2]
+    alpha_bounds: Annotated[Field, float, 2]
+    drift: float
+    least_noise: float
+    first_noise: float
+    largest_noise: float
+    ignorance_time: float
+    noise_memory: float
+    correlation_time: float
+    first_correlation_time: float
+    clip: float
+    gate: float
+    hold_time: float
+    hold_share: float
+    surface_noise: float
+
+
+class Belief(Record):
+    """What was learnt; all 0 before the first sample. Only 64-bit numbers, so that it is one flat array, too."""
+
+    theta: Annotated[Field, float, UNKNOWNS]  # F0 [N], D [N], s, alpha, zeta
+    covariance: Annotated[Field, float, (UNKNOWNS, UNKNOWNS)]  # of these
+    reference: float  # x0 [m], 0 before the first sample
+    largest_reference: float  # the largest so far [m]
+    last_time: float  # of the newest moving sample [s]
+    anchor_depth: float  # where movement was last seen [m]
+    anchor_time: float  # and when [s]
+    count: float  # moving samples, at most the noise memory
+    moving_time: float  # [s]
+    log_depth: float  # running mean of ln x
+    power: float  # running mean of F^2 [N^2]
+    constant_noise: float  # variance of the force that does not grow with it [N^2]
+    share_noise: float  # variance of the force as a multiple of its square
+    moments: Annotated[Field, float, 5]  # weighted means: 1, F^2, F^4, r^2, r^2 F^2
+    product: float  # mean product of successive normalised residuals
+    square: float  # and their mean square
+    last_residual: float
+    alarm: float  # mean of the last squared normalised innovations
+    pause: float  # samples for which no change can be called
+    excess: float  # the mean as in `alarm` over a longer time
+    learnt_from: float  # samples since the beginning
+    log_reference: float  # ln x0
+    slope: Annotated[Field, float, UNKNOWNS]  # scratch of one step: H
+    projected: Annotated[Field, float, UNKNOWNS]  # P H'
+    gain: Annotated[Field, float, UNKNOWNS]  # K
+
+
 @inlined
-def lower_bound(settings: Array, index: int) -> float:
+def clear(beliefs: NDArray[np.void]) -> None:
+    """Forget all samples."""
+    beliefs.view(np.float64)[:] = 0.0
+
+
+@inlined
+def lower_bound(settings: Settings, index: int) -> float:
     """Smallest value of an unknown."""
     if index == 0:
         return SMALLEST_FORCE
     if index == 1:
         return 0.0
-    return -LARGEST_SURFACE if index == 4 else float(settings[at.S_LOWER + 2 * (index - 2)])
+    if index == 4:
+        return -LARGEST_SURFACE
+    return float(settings.s_bounds[0] if index == 2 else settings.alpha_bounds[0])
 
 
 @inlined
-def upper_bound(theta: Array, settings: Array, index: int) -> float:
+def upper_bound(theta: Array, settings: Settings, index: int) -> float:
     """Largest value of an unknown."""
     if index == 0:
         return LARGEST_FORCE
     if index == 1:
         return LARGEST_DAMPING * float(max(theta[0], SMALLEST_FORCE))
-    return LARGEST_SURFACE if index == 4 else float(settings[at.S_LOWER + 1 + 2 * (index - 2)])
+    if index == 4:
+        return LARGEST_SURFACE
+    return float(settings.s_bounds[1] if index == 2 else settings.alpha_bounds[1])
 
 
 @inlined
-def project(theta: Array, covariance: Array, settings: Array) -> None:
+def project(belief: Belief, settings: Settings) -> None:
     """Into the bounds: nearest in the metric of the covariance, one bound after the other, and at last plainly."""
+    theta, covariance = belief.theta, belief.covariance
     for attempt in range(3):
         moved = False
         for i in range(UNKNOWNS):
@@ -64,40 +128,40 @@ def project(theta: Array, covariance: Array, settings: Array) -> None:
 
 
 @compiled(error_model="numpy")
-def restart(theta: Array, covariance: Array, settings: Array, force: float) -> None:
-    """The covariance of the beginning: shares of the force scale for the strengths."""
-    covariance[:] = 0.0
+def restart(belief: Belief, settings: Settings, force: float) -> None:
+    """The covariance of the beginning: multiples of the force scale for the strengths."""
+    belief.covariance[:] = 0.0
     for i in range(UNKNOWNS):
-        scale = max(theta[0], force) if i < 2 else 1.0
-        covariance[i, i] = (settings[i] * scale) ** 2
+        scale = max(belief.theta[0], force) if i < 2 else 1.0
+        belief.covariance[i, i] = (settings.priors[i] * scale) ** 2
 
 
 @compiled(error_model="numpy")
-def begin(
-    theta: Array, covariance: Array, memory: Array, settings: Array, time: float, depth: float, force: float
-) -> None:
+def begin(beliefs: NDArray[np.void], settings: Settings, time: float, depth: float, force: float) -> None:
     """Start from one sample: its force at its depth, exponents as is usual."""
-    memory[:] = 0.0
-    memory[at.REFERENCE] = memory[at.LARGEST_REFERENCE] = memory[at.ANCHOR_DEPTH] = depth
-    memory[at.LAST_TIME] = memory[at.ANCHOR_TIME] = time
-    memory[at.LOG_DEPTH] = memory[at.LOG_REFERENCE] = math.log(depth)
-    memory[at.POWER] = force * force
-    memory[at.SHARE_NOISE] = settings[at.FIRST_NOISE] ** 2
-    memory[at.EXCESS] = 1.0
-    theta[0] = force
-    theta[1] = 0.1 * force
-    theta[2] = settings[at.S_LOWER] + 0.4 * (settings[at.S_LOWER + 1] - settings[at.S_LOWER])
-    theta[3] = 0.5 * (settings[at.ALPHA_LOWER] + settings[at.ALPHA_LOWER + 1])
-    theta[4] = 0.0
-    restart(theta, covariance, settings, force)
+    clear(beliefs)
+    belief = beliefs[0]
+    belief.reference = belief.largest_reference = belief.anchor_depth = depth
+    belief.last_time = belief.anchor_time = time
+    belief.log_depth = belief.log_reference = math.log(depth)
+    belief.power = force * force
+    belief.share_noise = settings.first_noise**2
+    belief.excess = 1.0
+    s_bounds, alpha_bounds = settings.s_bounds, settings.alpha_bounds
+    belief.theta[0] = force
+    belief.theta[1] = 0.1 * force
+    belief.theta[2] = s_bounds[0] + 0.4 * (s_bounds[1] - s_bounds[0])
+    belief.theta[3] = 0.5 * (alpha_bounds[0] + alpha_bounds[1])
+    restart(belief, settings, force)
 
 
 @compiled(error_model="numpy")
-def move_reference(theta: Array, covariance: Array, memory: Array, settings: Array, ratio: float) -> None:
+def move_reference(belief: Belief, settings: Settings, ratio: float) -> None:
     """Express the same law at another reference depth, exactly; the covariance by the Jacobian.
 
-    A reference deeper than ever widens the uncertainty about the surface: it is known to a share of the depth.
+    A reference deeper than ever widens the uncertainty about the surface: it is known to a fraction of the depth.
     """
+    theta, covariance = belief.theta, belief.covariance
     log_ratio = math.log(ratio)
     elastic, viscous = ratio ** theta[2], ratio ** (theta[2] - theta[3] + 1.0)
     theta[0] *= elastic
@@ -114,24 +178,25 @@ def move_reference(theta: Array, covariance: Array, memory: Array, settings: Arr
         covariance[k, 4] /= ratio
         for j in range(k):
             covariance[j, k] = covariance[k, j]  # rounding differs
-    memory[at.REFERENCE] *= ratio
-    memory[at.LOG_REFERENCE] = math.log(memory[at.REFERENCE])
-    before = memory[at.LARGEST_REFERENCE] / memory[at.REFERENCE]
+    belief.reference *= ratio
+    belief.log_reference = math.log(belief.reference)
+    before = belief.largest_reference / belief.reference
     if before < 1.0:
-        covariance[4, 4] += settings[4] ** 2 * (1.0 - before * before)
-        memory[at.LARGEST_REFERENCE] = memory[at.REFERENCE]
-    project(theta, covariance, settings)
+        covariance[4, 4] += settings.priors[4] ** 2 * (1.0 - before * before)
+        belief.largest_reference = belief.reference
+    project(belief, settings)
 
 
 @inlined
-def drift(theta: Array, covariance: Array, memory: Array, settings: Array, period: float) -> None:
+def drift(belief: Belief, settings: Settings, period: float) -> None:
     """Random walk of the law (not of the surface), and the covariance held to that of the beginning."""
-    force = math.sqrt(memory[at.POWER])
+    theta, covariance = belief.theta, belief.covariance
+    force = math.sqrt(belief.power)
     for i in range(UNKNOWNS):
         scale = max(theta[0], force) if i < 2 else 1.0
-        bound = (settings[i] * scale) ** 2
+        bound = (settings.priors[i] * scale) ** 2
         if i < 4:
-            covariance[i, i] += settings[at.DRIFT] ** 2 * period * bound
+            covariance[i, i] += settings.drift**2 * period * bound
         if i < 2:
             bound *= 100.0  # a change may have found a force ten times larger
         if covariance[i, i] > bound:
@@ -142,32 +207,19 @@ def drift(theta: Array, covariance: Array, memory: Array, settings: Array, perio
 
 
 @compiled(error_model="numpy")
-def move_surface(theta: Array, covariance: Array, memory: Array, settings: Array, change: float) -> None:
-    """The given surface has moved deeper by a change [m]: the same law above it, or none if it moved far."""
-    if memory[at.REFERENCE] > 0.0:
-        if abs(change) > LARGEST_SURFACE * memory[at.REFERENCE]:
-            memory[at.REFERENCE] = 0.0
-        else:
-            theta[4] += change / memory[at.REFERENCE]
-            memory[at.ANCHOR_DEPTH] -= change
-            project(theta, covariance, settings)
-
-
-@compiled(error_model="numpy")
-def law_numbers(theta: Array, memory: Array, settings: Array, numbers: Array) -> bool:
+def law_numbers(belief: Belief, numbers: Array) -> bool:
     """k, lambda, n and alpha of law (4) as `ExactLaw.model` has them; False, and nothing written, where they are none.
 
     Args:
-        theta: The unknowns.
-        memory: Of the estimator.
-        settings: Of the estimator.
+        belief: Of the estimator.
         numbers: Of shape (4,), written.
     """
-    depth, s, alpha = memory[at.REFERENCE], theta[2], theta[3]
-    if not (memory[at.LEARNT_FROM] >= FEWEST_UPDATES and depth > 0.0):
+    theta = belief.theta
+    depth, s, alpha = belief.reference, theta[2], theta[3]
+    if not (belief.learnt_from >= FEWEST_UPDATES and depth > 0.0):
         return False
     n = s - alpha
-    stiffness, damping = theta[0] * depth**-s, theta[1] * depth ** -(n + 1.0) * settings[at.REFERENCE_TIME_AT]
+    stiffness, damping = theta[0] * depth**-s, theta[1] * depth ** -(n + 1.0) * REFERENCE_TIME
     good = 0.0 < stiffness < math.inf and 0.0 <= damping < math.inf and n >= 0.0 and alpha >= 0.0
     if not (good and n + alpha > 0.0):
         return False

@@ -3,14 +3,26 @@
 from __future__ import annotations
 
 import math
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.core.compiling import compiled, inlined
-from foretouch.identification.exact import law as at
-from foretouch.identification.exact.belief import SMALLEST_FORCE, begin, drift, move_reference, project, restart
-from foretouch.identification.exact.law import UNKNOWNS
+from foretouch.core.records import Record
+from foretouch.identification.exact.belief import (
+    LARGEST_SURFACE,
+    SMALLEST_FORCE,
+    Belief,
+    Settings,
+    begin,
+    clear,
+    drift,
+    move_reference,
+    project,
+    restart,
+)
+from foretouch.identification.exact.law import REFERENCE_TIME, UNKNOWNS
 
 Array = NDArray[np.float64]
 
@@ -40,20 +52,26 @@ LARGEST_GAP = 1.0
 """Longest time for which a pause adds to the random walk [s]."""
 
 
+class Filter(Record):
+    """State of an estimator."""
+
+    settings: Settings
+    belief: Annotated[NDArray[Any], Belief, 1]
+
+
 @inlined
-def learn_noise(memory: Array, settings: Array, squared: float, size: float, variance: float) -> None:
+def learn_noise(belief: Belief, settings: Settings, squared: float, size: float, variance: float) -> None:
     """Learn the variance of the force, a constant plus a multiple of its square, from squared residuals."""
-    rate = 1.0 / (1.0 + memory[at.COUNT])
+    rate = 1.0 / (1.0 + belief.count)
     weight = rate / (variance * variance)
     square, kept = size * size, 1.0 - rate
-    m0 = kept * memory[at.MOMENTS] + weight
-    m2 = kept * memory[at.MOMENTS + 1] + weight * square
-    m4 = kept * memory[at.MOMENTS + 2] + weight * (square * square)
-    b0 = kept * memory[at.MOMENTS + 3] + weight * squared
-    b2 = kept * memory[at.MOMENTS + 4] + weight * (squared * square)
-    memory[at.MOMENTS], memory[at.MOMENTS + 1], memory[at.MOMENTS + 2] = m0, m2, m4
-    memory[at.MOMENTS + 3], memory[at.MOMENTS + 4] = b0, b2
-    if memory[at.COUNT] < 20.0 or not m4 > 0.0:
+    moments = belief.moments
+    m0 = moments[0] = kept * moments[0] + weight
+    m2 = moments[1] = kept * moments[1] + weight * square
+    m4 = moments[2] = kept * moments[2] + weight * (square * square)
+    b0 = moments[3] = kept * moments[3] + weight * squared
+    b2 = moments[4] = kept * moments[4] + weight * (squared * square)
+    if belief.count < 20.0 or not m4 > 0.0:
         return
     determinant = m0 * m4 - m2 * m2
     constant, share = 0.0, b2 / m4
@@ -64,20 +82,19 @@ def learn_noise(memory: Array, settings: Array, squared: float, size: float, var
             constant, share = 0.0, b2 / m4
         elif share < 0.0:
             constant, share = b0 / m0, 0.0
-    largest = settings[at.LARGEST_NOISE] ** 2
-    memory[at.CONSTANT_NOISE] = min(constant, largest * memory[at.POWER])
-    memory[at.SHARE_NOISE] = min(share, largest)
+    largest = settings.largest_noise**2
+    belief.constant_noise = min(constant, largest * belief.power)
+    belief.share_noise = min(share, largest)
 
 
 @inlined
-def expect(
-    theta: Array, memory: Array, settings: Array, u: float, velocity: float, slope: Array
-) -> tuple[float, float]:
-    """Force of the law and that of a unit of F0 [-]; the slopes by all unknowns are written into `slope`."""
+def expect(belief: Belief, u: float, velocity: float) -> tuple[float, float]:
+    """Force of the law and that of a unit of F0 [-]; the slopes by all unknowns are written."""
+    theta, slope = belief.theta, belief.slope
     log_u = math.log(u)
     n = theta[2] - theta[3]
     slope[0] = math.exp(theta[2] * log_u)
-    slope[1] = math.exp(n * log_u) * velocity * settings[at.REFERENCE_TIME_AT] / memory[at.REFERENCE]
+    slope[1] = math.exp(n * log_u) * velocity * REFERENCE_TIME / belief.reference
     elastic, viscous = theta[0] * slope[0], theta[1] * slope[1]
     slope[2] = (elastic + viscous) * log_u
     slope[3] = -viscous * log_u
@@ -86,8 +103,9 @@ def expect(
 
 
 @inlined
-def project_slope(covariance: Array, slope: Array, projected: Array) -> float:
-    """Write P H' into `projected`; return H P H'."""
+def project_slope(belief: Belief) -> float:
+    """Write P H' and return H P H'."""
+    covariance, slope, projected = belief.covariance, belief.slope, belief.projected
     uncertainty = 0.0
     for i in range(UNKNOWNS):
         total = 0.0
@@ -99,10 +117,9 @@ def project_slope(covariance: Array, slope: Array, projected: Array) -> float:
 
 
 @inlined
-def correct(
-    theta: Array, covariance: Array, projected: Array, gains: Array, innovation: float, noise: float, uncertainty: float
-) -> None:
+def correct(belief: Belief, innovation: float, noise: float, uncertainty: float) -> None:
     """Kalman update with one measurement, the covariance in Joseph's form (I - K H) P (I - K H)' + R K K'."""
+    theta, covariance, projected, gains = belief.theta, belief.covariance, belief.projected, belief.gain
     total = noise + uncertainty
     remaining = noise / total
     for i in range(UNKNOWNS):
@@ -119,125 +136,129 @@ def correct(
 
 @inlined
 def update(
-    theta: Array,
-    covariance: Array,
-    memory: Array,
-    settings: Array,
-    time: float,
-    depth: float,
-    velocity: float,
-    force: float,
+    beliefs: NDArray[np.void], settings: Settings, time: float, depth: float, velocity: float, force: float
 ) -> int:
     """Process one sample in contact, in place; return the result. See `ExactContinuousSwitching`."""
+    belief = beliefs[0]
     if not (1e-9 < depth < 1e6 and abs(velocity) < 1e6 and abs(force) < 1e9 and math.isfinite(time)):
         return UNUSABLE
-    if memory[at.REFERENCE] == 0.0:
+    if belief.reference == 0.0:
         if not force > SMALLEST_FORCE:
             return UNUSABLE
-        begin(theta, covariance, memory, settings, time, depth, force)
+        begin(beliefs, settings, time, depth, force)
 
     # While the probe is held, nothing is distinguishable.
-    away = abs(depth - memory[at.ANCHOR_DEPTH])
-    if away > settings[at.HOLD_SHARE] * memory[at.REFERENCE] or time < memory[at.ANCHOR_TIME]:
-        memory[at.ANCHOR_DEPTH], memory[at.ANCHOR_TIME] = depth, time
-    elif time - memory[at.ANCHOR_TIME] >= settings[at.HOLD_TIME]:
+    away = abs(depth - belief.anchor_depth)
+    if away > settings.hold_share * belief.reference or time < belief.anchor_time:
+        belief.anchor_depth, belief.anchor_time = depth, time
+    elif time - belief.anchor_time >= settings.hold_time:
         return HELD
-    since = min(max(time - memory[at.LAST_TIME], 0.0), LARGEST_GAP)
+    since = min(max(time - belief.last_time, 0.0), LARGEST_GAP)
     period = min(since, 0.1)
-    memory[at.LAST_TIME] = time
+    belief.last_time = time
 
-    rate = 1.0 / (1.0 + memory[at.COUNT])
-    memory[at.LOG_DEPTH] += rate * (math.log(depth) - memory[at.LOG_DEPTH])
-    log_ratio = memory[at.LOG_DEPTH] - memory[at.LOG_REFERENCE]
+    rate = 1.0 / (1.0 + belief.count)
+    belief.log_depth += rate * (math.log(depth) - belief.log_depth)
+    log_ratio = belief.log_depth - belief.log_reference
     if abs(log_ratio) > REFERENCE_STEP:
-        move_reference(theta, covariance, memory, settings, math.exp(log_ratio))
-    drift(theta, covariance, memory, settings, since)
-    u = depth / memory[at.REFERENCE] + theta[4]
+        move_reference(belief, settings, math.exp(log_ratio))
+    drift(belief, settings, since)
+    u = depth / belief.reference + belief.theta[4]
     if u < SMALLEST_DEPTH:
         return UNUSABLE
 
-    slope, projected = memory[at.SLOPE : at.SLOPE + UNKNOWNS], memory[at.PROJECTED : at.PROJECTED + UNKNOWNS]
-    expected, per_strength = expect(theta, memory, settings, u, velocity, slope)
+    expected, per_strength = expect(belief, u, velocity)
     innovation = force - expected
-    uncertainty = project_slope(covariance, slope, projected)
+    uncertainty = project_slope(belief)
 
     # Variance of a sample: the noise as learnt, its initial uncertainty, and a surface that is never exact.
-    memory[at.POWER] += rate * (force * force - memory[at.POWER])
-    size = max(math.sqrt(abs(expected * force)), 0.1 * math.sqrt(memory[at.POWER]), SMALLEST_FORCE)
-    ignorance = math.exp(-memory[at.MOVING_TIME] / settings[at.IGNORANCE_TIME])
-    share = max(memory[at.SHARE_NOISE], settings[at.LEAST_NOISE] ** 2)
-    share += ignorance * (settings[at.FIRST_NOISE] ** 2 - share)
-    variance = memory[at.CONSTANT_NOISE] + share * size * size + (settings[at.SURFACE_NOISE] * slope[4]) ** 2
+    belief.power += rate * (force * force - belief.power)
+    size = max(math.sqrt(abs(expected * force)), 0.1 * math.sqrt(belief.power), SMALLEST_FORCE)
+    ignorance = math.exp(-belief.moving_time / settings.ignorance_time)
+    share = max(belief.share_noise, settings.least_noise**2)
+    share += ignorance * (settings.first_noise**2 - share)
+    variance = belief.constant_noise + share * size * size + (settings.surface_noise * belief.slope[4]) ** 2
     normalised = innovation * innovation / (variance + uncertainty)
 
     # A sudden change: several large innovations in a row. The law is forgotten, but not the noise.
     code = LEARNT
-    memory[at.PAUSE] = max(0.0, memory[at.PAUSE] - 1.0)
+    belief.pause = max(0.0, belief.pause - 1.0)
     if u > ALARM_DEPTH:
-        memory[at.ALARM] += (min(normalised, ALARM_CLIP) - memory[at.ALARM]) / ALARM_SAMPLES
-    if memory[at.ALARM] > settings[at.GATE] and memory[at.PAUSE] == 0.0:
+        belief.alarm += (min(normalised, ALARM_CLIP) - belief.alarm) / ALARM_SAMPLES
+    if belief.alarm > settings.gate and belief.pause == 0.0:
         code = CHANGED
-        memory[at.ALARM], memory[at.PAUSE], memory[at.EXCESS] = 0.0, ALARM_PAUSE, 1.0
-        scale = max(theta[0], math.sqrt(memory[at.POWER]))
-        restart(theta, covariance, settings, max(scale, min(abs(innovation) / per_strength, 10.0 * scale)))
-        memory[at.POWER] = max(memory[at.POWER], force * force)
-        uncertainty = project_slope(covariance, slope, projected)
+        belief.alarm, belief.pause, belief.excess = 0.0, ALARM_PAUSE, 1.0
+        scale = max(belief.theta[0], math.sqrt(belief.power))
+        restart(belief, settings, max(scale, min(abs(innovation) / per_strength, 10.0 * scale)))
+        belief.power = max(belief.power, force * force)
+        uncertainty = project_slope(belief)
         normalised = innovation * innovation / (variance + uncertainty)
 
     # Correlated residuals count as fewer, and a single outlier for little.
-    likeness = min(max(memory[at.PRODUCT] / memory[at.SQUARE], 0.0), 0.999) if memory[at.SQUARE] > 0.0 else 0.0
+    likeness = min(max(belief.product / belief.square, 0.0), 0.999) if belief.square > 0.0 else 0.0
     inverse_period = 1.0 / max(period, 1e-6)
-    correlation = min((1.0 + likeness) / (1.0 - likeness), max(1.0, settings[at.CORRELATION_TIME] * inverse_period))
-    correlation += ignorance * (max(1.0, settings[at.FIRST_CORRELATION_TIME] * inverse_period) - correlation)
+    correlation = min((1.0 + likeness) / (1.0 - likeness), max(1.0, settings.correlation_time * inverse_period))
+    correlation += ignorance * (max(1.0, settings.first_correlation_time * inverse_period) - correlation)
     noise = variance * correlation
-    if normalised > settings[at.CLIP] ** 2:
-        noise += (math.sqrt(normalised) / settings[at.CLIP] - 1.0) * (noise + uncertainty)
-    correct(theta, covariance, projected, memory[at.GAIN : at.GAIN + UNKNOWNS], innovation, noise, uncertainty)
-    project(theta, covariance, settings)
+    if normalised > settings.clip**2:
+        noise += (math.sqrt(normalised) / settings.clip - 1.0) * (noise + uncertainty)
+    correct(belief, innovation, noise, uncertainty)
+    project(belief, settings)
 
     # Only residuals that the unknowns cannot explain show the noise.
-    memory[at.COUNT] = min(memory[at.COUNT] + 1.0, settings[at.NOISE_MEMORY])
-    memory[at.MOVING_TIME] += period
+    belief.count = min(belief.count + 1.0, settings.noise_memory)
+    belief.moving_time += period
     unexplained = variance / (variance + uncertainty)
     squared = min(innovation * innovation, 25.0 * (variance + uncertainty)) * unexplained
-    learn_noise(memory, settings, squared, size, variance)
+    learn_noise(belief, settings, squared, size, variance)
     residual = min(max(innovation / math.sqrt(variance + uncertainty), -5.0), 5.0) * unexplained
-    rate = 1.0 / (1.0 + memory[at.COUNT])
-    memory[at.PRODUCT] += rate * (residual * memory[at.LAST_RESIDUAL] - memory[at.PRODUCT])
-    memory[at.SQUARE] += rate * (residual * residual - memory[at.SQUARE])
-    memory[at.LAST_RESIDUAL] = residual
+    rate = 1.0 / (1.0 + belief.count)
+    belief.product += rate * (residual * belief.last_residual - belief.product)
+    belief.square += rate * (residual * residual - belief.square)
+    belief.last_residual = residual
 
     # Innovations larger than the covariance allows for a long time: it is too small.
     fading = min(1.0, period / FADE_TIME)
-    memory[at.EXCESS] += fading * (min(normalised, 25.0) - memory[at.EXCESS])
-    if memory[at.EXCESS] > FADE_FROM:
-        covariance *= 1.0 + fading * (memory[at.EXCESS] - 1.0)
+    belief.excess += fading * (min(normalised, 25.0) - belief.excess)
+    if belief.excess > FADE_FROM:
+        belief.covariance[:] *= 1.0 + fading * (belief.excess - 1.0)
     total = 0.0
     for i in range(UNKNOWNS):
-        total += theta[i] + covariance[i, i]
-        if covariance[i, i] < 0.0:
+        total += belief.theta[i] + belief.covariance[i, i]
+        if belief.covariance[i, i] < 0.0:
             return FAILED
     if not math.isfinite(total):
         return FAILED
-    memory[at.LEARNT_FROM] += 1.0
+    belief.learnt_from += 1.0
     return code
 
 
-@compiled(error_model="numpy")
-def take(state: Array, settings: Array, time: float, depth: float, velocity: float, force: float) -> int:
-    """`update` on one array that holds the whole state; a state that has failed is reset."""
-    covariance = state[at.COVARIANCE : at.NOTES].reshape((UNKNOWNS, UNKNOWNS))
-    theta, memory = state[at.THETA : at.COVARIANCE], state[at.NOTES :]
-    code = update(theta, covariance, memory, settings, time, depth, velocity, force)
+@compiled("void(Filter[::1], f8)", error_model="numpy")
+def move_surface(filters: NDArray[np.void], change: float) -> None:
+    """The given surface has moved deeper by a change [m]: the same law above it, or none if it moved far."""
+    belief = filters[0].belief[0]
+    if belief.reference > 0.0:
+        if abs(change) > LARGEST_SURFACE * belief.reference:
+            belief.reference = 0.0
+        else:
+            belief.theta[4] += change / belief.reference
+            belief.anchor_depth -= change
+            project(belief, filters[0].settings)
+
+
+@compiled("i8(Filter[::1], f8, f8, f8, f8)", error_model="numpy")
+def take(filters: NDArray[np.void], time: float, depth: float, velocity: float, force: float) -> int:
+    """`update` on the whole state; one that has failed is reset."""
+    beliefs = filters[0].belief
+    code = update(beliefs, filters[0].settings, time, depth, velocity, force)
     if code == FAILED:
-        state[:] = 0.0
+        clear(beliefs)
     return code
 
 
-@compiled(error_model="numpy")
+@compiled("void(Filter[::1], f8[::1], f8[::1], f8[::1], f8[::1], b1[::1], i1[::1])", error_model="numpy")
 def run(
-    state: Array,
-    settings: Array,
+    filters: NDArray[np.void],
     time: Array,
     depth: Array,
     velocity: Array,
@@ -249,4 +270,4 @@ def run(
     for i in range(time.size):
         codes[i] = FREE_AIR
         if in_contact[i]:
-            codes[i] = take(state, settings, time[i], depth[i], velocity[i], force[i])
+            codes[i] = take(filters, time[i], depth[i], velocity[i], force[i])

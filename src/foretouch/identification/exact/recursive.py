@@ -13,10 +13,20 @@ from foretouch.errors import SettingError
 from foretouch.errors.checks import require
 from foretouch.identification.conditioning.conditioner import ContactSample, ContactSamples
 from foretouch.identification.estimator import Estimator, Status, status_indices
-from foretouch.identification.exact import law as at
-from foretouch.identification.exact.belief import FEWEST_UPDATES, move_surface
-from foretouch.identification.exact.kernel import CHANGED, FAILED, FREE_AIR, HELD, LEARNT, UNUSABLE, run, take
-from foretouch.identification.exact.law import EXACT_LAWS, REFERENCE_TIME, SETTINGS, STATE_SIZE, UNKNOWNS
+from foretouch.identification.exact.belief import FEWEST_UPDATES, Settings, clear
+from foretouch.identification.exact.kernel import (
+    CHANGED,
+    FAILED,
+    FREE_AIR,
+    HELD,
+    LEARNT,
+    UNUSABLE,
+    Filter,
+    move_surface,
+    run,
+    take,
+)
+from foretouch.identification.exact.law import EXACT_LAWS
 from foretouch.models import ContactModel
 
 Array = NDArray[np.float64]
@@ -103,37 +113,27 @@ class _ExactFilter(Estimator):
     def __init__(self, options: ExactOptions | None = None) -> None:
         self.options = ExactOptions() if options is None else options
         self._law = EXACT_LAWS[self.model_name]
-        (s_lower, s_upper), (alpha_lower, alpha_upper) = self._law.s_bounds, self._law.alpha_bounds
-        bounds = {"s_lower": s_lower, "s_upper": s_upper, "alpha_lower": alpha_lower, "alpha_upper": alpha_upper}
-        known = {field.name: getattr(self.options, field.name) for field in fields(self.options)}
-        values = {**known, **bounds, "reference_time": REFERENCE_TIME}
-        self._settings = np.array([values[name] for name in SETTINGS])
-        for index, (lower, upper) in ((2, self._law.s_bounds), (3, self._law.alpha_bounds)):
-            if lower == upper:
-                self._settings[index] = 0.0
-        self.place_in(np.zeros(STATE_SIZE), self._settings)
-        self.reset()
+        options, s_bounds, alpha_bounds = self.options, self._law.s_bounds, self._law.alpha_bounds
+        strength, fixed = options.strength_prior, (s_bounds[0] == s_bounds[1], alpha_bounds[0] == alpha_bounds[1])
+        s_prior, alpha_prior = 0.0 if fixed[0] else options.s_prior, 0.0 if fixed[1] else options.alpha_prior
+        same = {name: getattr(options, name) for name in Settings.layout.names or () if hasattr(options, name)}
+        priors = (strength, strength, s_prior, alpha_prior, options.surface_prior)
+        settings = Settings.new(**same, priors=priors, s_bounds=s_bounds, alpha_bounds=alpha_bounds)
+        self._filters = Filter.new(settings=settings[0])
+        self.place_in(self._filters)
         # Compiled here, before any loop.
-        take(self._state, self._settings, 0.0, 0.0, 0.0, 0.0)
-        move_surface(self._theta, self._covariance, self._memory, self._settings, 0.0)
+        take(self._filters, 0.0, 0.0, 0.0, 0.0)
+        move_surface(self._filters, 0.0)
+        self.reset()
 
-    def place_in(self, state: Array, settings: Array) -> None:
-        """Keep state and settings in these arrays from now on, as one part of a larger array.
-
-        Args:
-            state: Shape (STATE_SIZE,), written.
-            settings: Shape (len(SETTINGS),), written.
-        """
-        settings[:] = self._settings
-        self._settings = settings
-        self._state = state
-        self._theta = state[at.THETA : at.COVARIANCE]
-        self._covariance = state[at.COVARIANCE : at.NOTES].reshape((UNKNOWNS, UNKNOWNS))
-        self._memory = state[at.NOTES :]
+    def place_in(self, filters: NDArray[np.void]) -> None:
+        """Keep the state in an array of one `Filter` from now on, a field of a larger record."""
+        filters[:] = self._filters
+        self._filters, self._settings, self._belief = filters, filters[0].settings, filters[0].belief[0]
 
     def reset(self) -> None:
         """Forget all samples."""
-        self._state[:] = 0.0
+        clear(self._filters[0].belief)
         self.updates = 0
         self.changes = 0
 
@@ -142,7 +142,7 @@ class _ExactFilter(Estimator):
         time, depth, velocity, force, in_contact = sample
         if not in_contact:
             return Status.FREE_AIR
-        code = take(self._state, self._settings, time, depth, velocity, force)
+        code = take(self._filters, time, depth, velocity, force)
         if code <= CHANGED:
             self.updates += 1
             self.changes += code
@@ -153,7 +153,7 @@ class _ExactFilter(Estimator):
     def run(self, samples: ContactSamples) -> NDArray[np.int8]:
         """See `Estimator.run`; one compiled loop."""
         codes = np.empty(len(samples), np.int8)
-        run(self._state, self._settings, *samples.columns, codes)
+        run(self._filters, *samples.columns, codes)
         failed = np.flatnonzero(codes == FAILED)
         learnt = codes <= CHANGED
         self.changes += int((codes == CHANGED).sum())
@@ -162,46 +162,46 @@ class _ExactFilter(Estimator):
 
     def trust_surface(self, trusted: bool) -> None:
         """See `Estimator.trust_surface`: a surface that is known is not corrected."""
-        self._settings[SETTINGS.index("surface_prior")] = 0.0 if trusted else self.options.surface_prior
+        self._settings.priors[4] = 0.0 if trusted else self.options.surface_prior
 
     def move_surface(self, change: float) -> None:
         """See `Estimator.move_surface`."""
         if math.isfinite(change):
-            move_surface(self._theta, self._covariance, self._memory, self._settings, change)
+            move_surface(self._filters, change)
 
     @property
     def surface_correction(self) -> float:
         """See `Estimator.surface_correction`."""
-        return float(self._theta[4] * self._memory[at.REFERENCE])
+        return float(self._belief.theta[4] * self._belief.reference)
 
     @property
     def surface_error(self) -> float:
         """Standard error of `surface_correction` [m]."""
-        return math.sqrt(self._covariance[4, 4]) * float(self._memory[at.REFERENCE])
+        return math.sqrt(self._belief.covariance[4, 4]) * float(self._belief.reference)
 
     @property
     def reference_depth(self) -> float:
         """x0 [m], 0 before the first sample."""
-        return float(self._memory[at.REFERENCE])
+        return float(self._belief.reference)
 
     @property
     def unknowns(self) -> Array:
         """A copy of (F0, D, s, alpha, zeta), shape (5,)."""
-        return self._theta.copy()
+        return np.array(self._belief.theta)
 
     @property
     def covariance(self) -> Array:
         """A copy of P, that of `unknowns`, shape (5, 5)."""
-        return self._covariance.copy()
+        return np.array(self._belief.covariance)
 
     @property
     def model(self) -> ContactModel | None:
         """The law, None before 20 samples."""
-        if self._memory[at.LEARNT_FROM] < FEWEST_UPDATES or self._memory[at.REFERENCE] == 0.0:
+        if self._belief.learnt_from < FEWEST_UPDATES or self._belief.reference == 0.0:
             return None
         try:
-            elastic, viscous, s, alpha, _ = self._theta.tolist()
-            return self._law.model(elastic, viscous, s, alpha, float(self._memory[at.REFERENCE]))
+            elastic, viscous, s, alpha, _ = self._belief.theta.tolist()
+            return self._law.model(elastic, viscous, s, alpha, float(self._belief.reference))
         except (SettingError, OverflowError):  # depths and forces so extreme that k leaves the floating point numbers
             return None
 
@@ -235,9 +235,9 @@ class _ExactFilter(Estimator):
 
     def _errors(self) -> dict[str, float]:
         """Standard errors of all the law's numbers."""
-        elastic, viscous, s, alpha, _ = self._theta.tolist()
-        sensitivities = np.array(self._law.sensitivities(elastic, viscous, s, alpha, float(self._memory[at.REFERENCE])))
-        variances = np.diag(sensitivities @ self._covariance[:4, :4] @ sensitivities.T)
+        elastic, viscous, s, alpha, _ = self._belief.theta.tolist()
+        sensitivities = np.array(self._law.sensitivities(elastic, viscous, s, alpha, float(self._belief.reference)))
+        variances = np.diag(sensitivities @ self._belief.covariance[:4, :4] @ sensitivities.T)
         return dict(zip(self._law.parameter_names, np.sqrt(np.maximum(variances, 0.0)).tolist(), strict=True))
 
 

@@ -1,7 +1,7 @@
-"""The contact map, compiled: the memory of the material, and the force.
+"""The contact map, compiled: the memory of the material, and the force; the same calls on follower and leader.
 
-Follower and leader call the same functions on the same flat array (`foretouch.models.contact_map.layout`). The
-equations are given by `foretouch.models.ContactMapModel`.
+The equations are in `foretouch.models.ContactMapModel`. The memory crosses from Python as plain numbers: a call into
+compiled code takes 0.3 us in any case, and each array made of a tuple for it as much again.
 """
 
 from __future__ import annotations
@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 from foretouch.core.compiling import compiled, inlined
 from foretouch.models.contact_map import layout
+from foretouch.models.contact_map.layout import COARSE, FINE, CoarseMap, FineMap, Grid, Map
+from foretouch.models.contact_model import EXIT_SPEED, SLICE_BEYOND, SLICES, SLICES_BEYOND, SPEED_STEP, ContactState
 
 Array = NDArray[np.float64]
 
@@ -28,26 +30,17 @@ Values: TypeAlias = Features | Array
 """Features as numbers or as an array, in which an estimator keeps them."""
 
 
-_COARSE_LENGTH, _FINE_LENGTH = layout.LENGTHS
-
-
 @inlined
-def length(kind: int) -> float:
-    """Spacing of the knots of the coarse map, which is kind 0, or of the fine one [m]."""
-    return _COARSE_LENGTH if kind == 0 else _FINE_LENGTH
-
-
-@inlined
-def cubic(place: float, spacing: float, below: int, knots: int) -> tuple[int, float, float, float, float]:
+def cubic(position: float, spacing: float, below: int, knots: int) -> tuple[int, float, float, float, float]:
     """Cubic B-splines on even knots: the first of the four that are not zero, and their values.
 
     Args:
-        place: Position [m]; clamped to the range of the knots.
+        position: Position [m]; clamped to the range of the knots.
         spacing: Spacing of the knots [m].
-        below: Number of knots above the origin.
+        below: Number of knots outside the origin.
         knots: Number of all knots, three more than there are intervals.
     """
-    at = min(max(place / spacing + below + 1.0, 1.0), knots - 2.0 - 1e-9)
+    at = min(max(position / spacing + below + 1.0, 1.0), knots - 2.0 - 1e-9)
     first = int(at)
     x = at - first
     y = 1.0 - x
@@ -61,15 +54,15 @@ def cubic(place: float, spacing: float, below: int, knots: int) -> tuple[int, fl
 
 
 @compiled(error_model="numpy")
-def locate(place: float, spacing: float, below: int, knots: int, values: Array) -> int:
+def locate(position: float, spacing: float, below: int, knots: int, values: Array) -> int:
     """`cubic` with its values in an array of shape (4,), which is written."""
-    first, values[0], values[1], values[2], values[3] = cubic(place, spacing, below, knots)
+    first, values[0], values[1], values[2], values[3] = cubic(position, spacing, below, knots)
     return first
 
 
 @inlined
 def rate_of(period: float) -> Rates:
-    """Fraction of the way to the depth that each average goes in one period."""
+    """Fraction of the distance to the depth that each average goes in one period."""
     return (
         1.0 - math.exp(-period / layout.TIMES[0]),
         1.0 - math.exp(-period / layout.TIMES[1]),
@@ -78,212 +71,231 @@ def rate_of(period: float) -> Rates:
 
 
 @inlined
-def rates(period: float, values: Array) -> None:
-    """`rate_of` in an array of shape (3,), which is written."""
-    values[0], values[1], values[2] = rate_of(period)
-
-
-@inlined
-def moved(memory: Memory, place: float, shares: Rates) -> Memory:
-    """Memory after one sample of motion: plays follow where pushed, averages follow in their time.
-
-    Args:
-        memory: Memory before the sample.
-        place: Position of the probe, from the origin [m], positive inside.
-        shares: `rate_of` the time since the previous sample.
-    """
+def moved(memory: Memory, position: float, rates: Rates) -> Memory:
+    """Memory after one sample at a position [m from the origin]: plays follow where pushed, averages in their time."""
     near, far, short, middle, long = memory
-    inside = max(place, 0.0)
+    inside = max(position, 0.0)
     if math.isnan(near):
-        return place, place, inside, inside, inside
+        return position, position, inside, inside, inside
     return (
-        min(max(near, place - layout.PLAYS[0]), place + layout.PLAYS[0]),
-        min(max(far, place - layout.PLAYS[1]), place + layout.PLAYS[1]),
-        short + shares[0] * (inside - short),
-        middle + shares[1] * (inside - middle),
-        long + shares[2] * (inside - long),
+        min(max(near, position - layout.PLAYS[0]), position + layout.PLAYS[0]),
+        min(max(far, position - layout.PLAYS[1]), position + layout.PLAYS[1]),
+        short + rates[0] * (inside - short),
+        middle + rates[1] * (inside - middle),
+        long + rates[2] * (inside - long),
     )
 
 
 @inlined
 def numbers_of(memory: Array) -> Memory:
-    """Convert memory from an array of shape (`MEMORY`,) to numbers."""
+    """Memory as numbers, of an array of shape (`MEMORY`,)."""
     return memory[0], memory[1], memory[2], memory[3], memory[4]
 
 
 @inlined
 def write(numbers: Memory, memory: Array) -> None:
-    """Write memory into an array of shape (`MEMORY`,)."""
+    """The reverse of `numbers_of`."""
     memory[0], memory[1], memory[2], memory[3], memory[4] = numbers
 
 
 @inlined
-def remember(memory: Array, place: float, shares: Array) -> None:
+def remember(memory: Array, position: float, period: float) -> None:
     """Update a memory in an array by `moved`, in place."""
-    write(moved(numbers_of(memory), place, (shares[0], shares[1], shares[2])), memory)
+    write(moved(numbers_of(memory), position, rate_of(period)), memory)
 
 
-@compiled(error_model="numpy")
-def run(flat: Array, memory: Array, depths: Array, periods: Array) -> None:
+@compiled("void(Map[::1], f8[::1], f8[::1], f8[::1])", error_model="numpy")
+def run(maps: NDArray[np.void], memory: Array, depths: Array, periods: Array) -> None:
     """Update the memory by `moved` for one sample after the other, in place."""
-    now, period = numbers_of(memory), -1.0
-    shares = rate_of(period)
+    now, period, origin = numbers_of(memory), -1.0, maps[0].origin
+    rates = rate_of(period)
     for index in range(depths.size):
         if periods[index] != period:
             period = periods[index]
-            shares = rate_of(period)
-        now = moved(now, depths[index] - flat[layout.ORIGIN], shares)
+            rates = rate_of(period)
+        now = moved(now, depths[index] - origin, rates)
     write(now, memory)
 
 
 @inlined
-def features_of(memory: Memory, place: float, velocity: float) -> Features:
+def features_of(memory: Memory, position: float, velocity: float) -> Features:
     """What the force depends on besides depth, each about one in a press by hand: velocity, plays, averages."""
     near, far, short, middle, long = memory
-    inside = max(place, 0.0)
+    inside = max(position, 0.0)
     return (
         velocity / layout.SPEED,
-        (place - near) / layout.PLAYS[0],
-        (place - far) / layout.PLAYS[1],
-        (inside - short) / (2.0 * _COARSE_LENGTH),
-        (inside - middle) / (2.0 * _COARSE_LENGTH),
-        (inside - long) / (2.0 * _COARSE_LENGTH),
+        (position - near) / layout.PLAYS[0],
+        (position - far) / layout.PLAYS[1],
+        (inside - short) / (2.0 * COARSE.spacing),
+        (inside - middle) / (2.0 * COARSE.spacing),
+        (inside - long) / (2.0 * COARSE.spacing),
     )
 
 
 @inlined
-def features(memory: Array, place: float, velocity: float, values: Array) -> None:
+def features(memory: Array, position: float, velocity: float, values: Array) -> None:
     """`features_of` a memory in an array, in an array of shape (`LARGEST_FEATURES`,), which is written."""
-    values[0], values[1], values[2], values[3], values[4], values[5] = features_of(numbers_of(memory), place, velocity)
+    values[0], values[1], values[2], values[3], values[4], values[5] = features_of(
+        numbers_of(memory), position, velocity
+    )
 
 
 @inlined
-def blend(flat: Array, at: int, a: float, b: float, c: float, d: float) -> float:
+def blend(weights: Array, at: int, a: float, b: float, c: float, d: float) -> float:
     """Sum of four splines times the four weights from this index on."""
-    return float(a * flat[at] + b * flat[at + 1] + c * flat[at + 2] + d * flat[at + 3])
+    return float(a * weights[at] + b * weights[at + 1] + c * weights[at + 2] + d * weights[at + 3])
 
 
 @inlined
-def mapped(flat: Array, kind: int, place: float, values: Values) -> float:
+def mapped(part: CoarseMap | FineMap, grid: Grid, position: float, values: Values) -> float:
     """Force of a map [N] at a position within the visited range, for features within their range."""
-    start = layout.STARTS[kind]
-    spacing = length(kind)
-    below = layout.BELOW[0] if kind == 0 else layout.BELOW[1]
-    first, a, b, c, d = cubic(place, spacing, below, start[layout.KNOTS])
-    force = blend(flat, start[layout.WEIGHTS] + first, a, b, c, d)
-    knots = start[layout.FEATURE_KNOTS]
-    first, a, b, c, d = cubic(place, layout.COARSENESS * spacing, -(-below // layout.COARSENESS), knots)
-    at = start[layout.FEATURE_WEIGHTS] + first
-    for f in range(start[layout.FEATURE_COUNT]):
-        lower, upper = flat[start[layout.RANGES] + 2 * f], flat[start[layout.RANGES] + 2 * f + 1]
-        value = min(max(values[f], layout.REACH * lower), layout.REACH * upper)
-        force += value * blend(flat, at, a, b, c, d)
-        at += knots
+    weights, ranges = part.weights, part.ranges
+    first, a, b, c, d = cubic(position, grid.spacing, grid.below, grid.knots)
+    force = blend(weights, first, a, b, c, d)
+    first, a, b, c, d = cubic(position, grid.feature_spacing, grid.feature_below, grid.feature_knots)
+    at = grid.knots + first
+    for f in range(grid.features):
+        value = min(max(values[f], layout.REACH * ranges[f, 0]), layout.REACH * ranges[f, 1])
+        force += value * blend(weights, at, a, b, c, d)
+        at += grid.feature_knots
     return float(force)
 
 
 @inlined
-def map_force(flat: Array, kind: int, place: float, values: Values) -> float:
+def map_force(learnt: Map, part: CoarseMap | FineMap, grid: Grid, position: float, values: Values) -> float:
     """Force of a map [N]; outside the visited range it is extrapolated along the slope at its end."""
-    lowest, reached = flat[layout.LOWEST], flat[layout.REACHED]
-    step = 0.25 * length(kind)
-    if place < lowest:
-        force = mapped(flat, kind, lowest, values)
-        slope = (mapped(flat, kind, min(lowest + step, reached), values) - force) / step
-        force = max(force - flat[layout.ZERO], 0.0)
-        return float(max(force + max(slope, force / layout.LETTING_GO) * (place - lowest), 0.0))
-    force = max(mapped(flat, kind, min(place, reached), values) - flat[layout.ZERO], 0.0)
-    if place > reached:
-        before = max(mapped(flat, kind, max(reached - step, lowest), values) - flat[layout.ZERO], 0.0)
-        chord = force / max(reached + flat[layout.ORIGIN], step, layout.LEAST_DEPTH)
-        force += (place - reached) * min(max((force - before) / step, chord), layout.STEEPEST * chord)
+    lowest, reached, zero = learnt.lowest, learnt.reached, learnt.zero
+    step = 0.25 * grid.spacing
+    if position < lowest:
+        force = mapped(part, grid, lowest, values)
+        slope = (mapped(part, grid, min(lowest + step, reached), values) - force) / step
+        force = max(force - zero, 0.0)
+        return float(max(force + max(slope, force / layout.LETTING_GO) * (position - lowest), 0.0))
+    force = max(mapped(part, grid, min(position, reached), values) - zero, 0.0)
+    if position > reached:
+        before = max(mapped(part, grid, max(reached - step, lowest), values) - zero, 0.0)
+        chord = force / max(reached + learnt.origin, step, layout.LEAST_DEPTH)
+        force += (position - reached) * min(max((force - before) / step, chord), layout.STEEPEST * chord)
     return float(force)
 
 
 @inlined
-def law_force(flat: Array, place: float, velocity: float) -> float:
+def law_force(learnt: Map, position: float, velocity: float) -> float:
     """Force of the law [N]: beyond the greatest depth in proportion, above the largest speed as at that speed."""
-    shift = flat[layout.ORIGIN] + flat[layout.LAW_SURFACE]
-    depth = place + shift
-    if not (depth > 0.0 and flat[layout.LAW] > 0.0):
+    shift = learnt.origin + learnt.law_surface
+    depth = position + shift
+    k, damping, n, alpha = learnt.law[0], learnt.law[1], learnt.law[2], learnt.law[3]
+    if not (depth > 0.0 and k > 0.0):
         return 0.0
-    known = min(depth, max(flat[layout.REACHED] + shift, layout.LEAST_DEPTH))
-    speed = layout.SPEED_REACH * flat[layout.LAW_SPEED]
+    known = min(depth, max(learnt.reached + shift, layout.LEAST_DEPTH))
+    speed = layout.SPEED_REACH * learnt.law_speed
     velocity = min(max(velocity, -speed), speed)
-    k, damping, n, alpha = flat[layout.LAW], flat[layout.LAW + 1], flat[layout.LAW + 2], flat[layout.LAW + 3]
     return float(max(known**n * (k * known**alpha * depth / known + damping * velocity), 0.0))
 
 
 @inlined
 def experts(
-    flat: Array, values: Values, place: float, velocity: float, everything: bool
+    learnt: Map, values: Values, position: float, velocity: float, everything: bool
 ) -> tuple[float, float, float, float]:
-    """Force of each expert, and their weighted mean [N].
+    """Force of law, coarse and fine map, and their weighted mean [N], of the features of this sample.
 
-    Args:
-        flat: The model.
-        values: `features_of` this sample.
-        place: Position from the origin [m].
-        velocity: Velocity [m/s].
-        everything: Whether an expert is evaluated even where its weight is zero.
-
-    Returns:
-        Forces of law, coarse and fine map, and their mean: numbers, which compiled code keeps in registers; written to
-            an array they take three times as long.
+    Numbers, which compiled code keeps in registers; written to an array they take three times as long. Without
+    `everything`, an expert is not evaluated where its weight is zero.
     """
-    coarse = map_force(flat, 0, place, values)
+    shares = learnt.shares
+    coarse = map_force(learnt, learnt.coarse, COARSE, position, values)
     # Further out than the visited range the law, which knows one surface, has no weight.
-    asked = everything or flat[layout.SHARES] > 0.0
-    law = law_force(flat, place, velocity) if asked and place >= flat[layout.LOWEST] else coarse
+    asked = everything or shares[0] > 0.0
+    law = law_force(learnt, position, velocity) if asked and position >= learnt.lowest else coarse
     # Deeper than its knots the fine map has no weight either.
-    asked = everything or flat[layout.SHARES + 2] > 0.0
-    fine = map_force(flat, 1, place, values) if asked and place < layout.FINE_REACH else coarse
-    force = flat[layout.SHARES] * law + flat[layout.SHARES + 1] * coarse + flat[layout.SHARES + 2] * fine
-    if place > flat[layout.REACHED]:
-        force = min(force, layout.MOST * flat[layout.FELT])
+    asked = everything or shares[2] > 0.0
+    fine = map_force(learnt, learnt.fine, FINE, position, values) if asked and position < layout.FINE_REACH else coarse
+    force = shares[0] * law + shares[1] * coarse + shares[2] * fine
+    if position > learnt.reached:
+        force = min(force, layout.MOST * learnt.felt)
     return law, coarse, fine, min(force, layout.LARGEST_FORCE) if force >= 0.0 else 0.0  # 0 where it is no number
 
 
 @inlined
-def judge(flat: Array, values: Array, place: float, velocity: float, everything: bool, forces: Array) -> float:
-    """The weighted mean of `experts` [N]; the force of each is written to an array of shape (3,)."""
-    forces[0], forces[1], forces[2], force = experts(flat, values, place, velocity, everything)
-    return force
-
-
-@inlined
-def force_at(flat: Array, memory: Memory, place: float, velocity: float) -> float:
+def force_at(learnt: Map, memory: Memory, position: float, velocity: float) -> float:
     """Force for this state of the memory [N]."""
-    return experts(flat, features_of(memory, place, velocity), place, velocity, False)[3]
+    return experts(learnt, features_of(memory, position, velocity), position, velocity, False)[3]
 
 
 @inlined
-def uncertainty(flat: Array, force: float, velocity: float) -> float:
+def uncertainty(learnt: Map, force: float, velocity: float) -> float:
     """Variance of a late prediction [N^2]."""
-    speed = velocity / layout.SPEED
-    return float(
-        flat[layout.UNCERTAINTY]
-        + flat[layout.UNCERTAINTY + 1] * force * force
-        + flat[layout.UNCERTAINTY + 2] * speed * speed
-    )
+    speed, parts = velocity / layout.SPEED, learnt.uncertainty
+    return float(parts[0] + parts[1] * force * force + parts[2] * speed * speed)
 
 
 @inlined
-def advanced(flat: Array, memory: Memory, depth: float, velocity: float, period: float) -> tuple[Memory, float, float]:
+def advanced(learnt: Map, memory: Memory, depth: float, velocity: float, period: float) -> tuple[Memory, float, float]:
     """One sample of motion: the memory after it, the force and its standard deviation [N]."""
-    place = depth - flat[layout.ORIGIN]
-    memory = moved(memory, place, rate_of(period))
-    force = force_at(flat, memory, place, velocity)
-    variance = uncertainty(flat, force, velocity)
-    if place > flat[layout.REACHED]:  # extrapolation along the slope is uncertain
-        share = (place - flat[layout.REACHED]) / max(place + flat[layout.ORIGIN], 1e-9)
+    position = depth - learnt.origin
+    memory = moved(memory, position, rate_of(period))
+    force = force_at(learnt, memory, position, velocity)
+    variance = uncertainty(learnt, force, velocity)
+    if position > learnt.reached:  # extrapolation along the slope is uncertain
+        share = (position - learnt.reached) / max(position + learnt.origin, 1e-9)
         variance += (min(share, 1.0) * force) ** 2
     return memory, force, math.sqrt(variance)
 
 
-@compiled(error_model="numpy")
-def step(flat: Array, memory: Array, depth: float, velocity: float, period: float) -> tuple[float, float]:
-    """`advanced` of a memory in an array, which is written: force and its standard deviation [N]."""
-    after, force, deviation = advanced(flat, numbers_of(memory), depth, velocity, period)
-    write(after, memory)
-    return force, deviation
+@compiled
+def memory_of(state: ContactState) -> Memory:
+    """A state of `MEMORY` numbers; one with a number that is not finite counts as untouched."""
+    for number in state:
+        if not math.isfinite(number):
+            return math.nan, math.nan, math.nan, math.nan, math.nan
+    return state[0], state[1], state[2], state[3], state[4]
+
+
+@compiled("Tuple((UniTuple(f8, 5), f8, f8))(Map[::1], UniTuple(f8, 5), f8, f8, f8)")
+def advance(
+    maps: NDArray[np.void], state: ContactState, depth: float, velocity: float, period: float
+) -> tuple[ContactState, float, float]:
+    """`ContactMapModel.advance` of a state of `MEMORY` numbers."""
+    return advanced(maps[0], memory_of(state), depth, velocity, period)
+
+
+@compiled("UniTuple(f8, 2)(Map[::1], UniTuple(f8, 5), f8, f8, f8)")
+def local_slopes(
+    maps: NDArray[np.void], state: ContactState, depth: float, velocity: float, reach: float
+) -> tuple[float, float]:
+    """`ContactMapModel.local_slopes` of a state of `MEMORY` numbers."""
+    learnt, memory = maps[0], memory_of(state)
+    position = depth - learnt.origin
+    here = force_at(learnt, memory, position, velocity)
+    deeper = force_at(learnt, memory, position + reach, velocity)
+    shallower = force_at(learnt, memory, position - reach, velocity)
+    faster = force_at(learnt, memory, position, velocity + SPEED_STEP)
+    slower = force_at(learnt, memory, position, velocity - SPEED_STEP)
+    return max(abs(deeper - here), abs(here - shallower)) / reach, (faster - slower) / (2.0 * SPEED_STEP)
+
+
+@compiled("UniTuple(f8, 2)(Map[::1], UniTuple(f8, 5), f8, f8, f8)")
+def leaving_work(
+    maps: NDArray[np.void], state: ContactState, depth: float, offset: float, largest: float
+) -> tuple[float, float]:
+    """`ContactMapModel.leaving_work` of a state of `MEMORY` numbers."""
+    learnt, memory = maps[0], memory_of(state)
+    position = depth - learnt.origin
+    before = max(min(force_at(learnt, memory, position, 0.0), largest) + offset, 0.0)
+    energy = distance = 0.0
+    for beyond in (False, True):
+        count = SLICES_BEYOND if beyond else SLICES
+        length = SLICE_BEYOND if beyond else max(depth, 0.0) / SLICES
+        if not length > 0.0:
+            continue
+        rates = rate_of(length / EXIT_SPEED)
+        for _ in range(count):
+            if beyond and not before > 0.0:
+                break
+            position -= length
+            memory = moved(memory, position, rates)
+            after = max(min(force_at(learnt, memory, position, 0.0), largest) + offset, 0.0)
+            energy += 0.5 * (before + after) * length
+            distance += length
+            before = after
+    return energy, distance

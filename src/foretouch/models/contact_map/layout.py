@@ -1,19 +1,17 @@
-"""Layout of the numbers of a contact map in the one flat array that holds it.
+"""Constants of a contact map, and the record of its numbers, which follower and leader hold alike.
 
-The header comes first, then the coarse and the fine map: ranges of the features, weights of the elastic part, weights
-of the features. Follower and leader hold the same array; the equations are in `foretouch.models.ContactMapModel`.
+The equations are in `foretouch.models.ContactMapModel`.
 """
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Annotated, Any, NamedTuple
 
-LENGTHS = (1e-3, 3e-5)
-"""Distance between the knots of the elastic part of the coarse and of the fine map [m]."""
+from numpy.typing import NDArray
 
-BELOW = (10, 50)
-ABOVE = (40, 60)
-"""Number of knots above and below the origin, in that length: the coarse map reaches 10 mm out and 40 mm in."""
+from foretouch.core.records import Record
+
+Field = NDArray[Any]
 
 COARSENESS = 3
 """Ratio of the knots' distances of features and elastic part: features vary more slowly over depth."""
@@ -30,10 +28,45 @@ SPEED = 0.05
 MEMORY = len(PLAYS) + len(TIMES)
 """Number of values of memory: positions of the plays, then the averages [m]; all NaN before the first sample."""
 
-FEATURES = (1 + MEMORY, 1)
-"""Number of features of the coarse map (velocity, plays, averages) and of the fine one (velocity)."""
+LARGEST_FEATURES = 1 + MEMORY
+"""Number of features of the coarse map: velocity, plays, averages."""
 
-LARGEST_FEATURES = max(FEATURES)
+
+class Grid(NamedTuple):
+    """Even knots of a map: those of the elastic part, and the fewer ones of each feature.
+
+    Attributes:
+        spacing: Distance between two knots of the elastic part [m].
+        below: Number of knots outside the origin.
+        above: Number of knots inside it.
+        features: Number of features.
+        knots: Number of knots, and of weights, of the elastic part.
+        feature_spacing: Distance between two knots of a feature [m].
+        feature_below: Number of its knots outside the origin.
+        feature_knots: Number of its knots.
+        size: Number of all weights: those of the elastic part, then of each feature.
+    """
+
+    spacing: float
+    below: int
+    above: int
+    features: int
+    knots: int
+    feature_spacing: float
+    feature_below: int
+    feature_knots: int
+    size: int
+
+
+def _grid(spacing: float, below: int, above: int, features: int) -> Grid:
+    knots, feature_below = below + above + 3, -(-below // COARSENESS)
+    feature_knots = feature_below - (-above // COARSENESS) + 3
+    size = knots + features * feature_knots
+    return Grid(spacing, below, above, features, knots, COARSENESS * spacing, feature_below, feature_knots, size)
+
+
+GRIDS = COARSE, FINE = _grid(1e-3, 10, 40, LARGEST_FEATURES), _grid(3e-5, 50, 60, 1)
+"""The coarse map reaches 10 mm out and 40 mm in, and has all features; the fine one has velocity only."""
 
 REACH = 1.0
 """Factor on the range of the features so far, beyond which they are clamped."""
@@ -48,7 +81,7 @@ SPEED_REACH = 1.5
 LARGEST_FORCE = 1e6
 """Largest force of a model [N]."""
 
-FINE_REACH = ABOVE[1] * LENGTHS[1]
+FINE_REACH = FINE.above * FINE.spacing
 """Depth at which the knots of the fine map end [m]."""
 
 MOST = 20.0
@@ -60,36 +93,43 @@ LETTING_GO = 5e-3
 LEAST_DEPTH = 1e-4
 """Least depth to which a law is used [m], also if it was learnt from less."""
 
-# --- the flat array --------------------------------------------------------------------------------------------------
-
-ORIGIN = 0  # of the maps, below the published surface [m]
-ZERO = 1  # what the maps give without contact [N]
-LAW = 2  # k, lambda, n, alpha
-LAW_SURFACE = 6  # height of the law's surface above the published one [m]
-LAW_SPEED = 7  # largest in contact so far [m/s]
-LOWEST, REACHED = 8, 9  # smallest and largest place of learning [m], from the origin
-UNCERTAINTY = 10  # variance of the force: constant [N^2], share of the force's square, share of the speed's [N^2]
-UNCERTAINTIES = 3
-SHARES = 13  # of the law, the coarse map and the fine map
 EXPERTS = 3
-FELT = 16  # largest force so far [N]
-HEADER = 17
+UNCERTAINTIES = 3
 
 
-def _layout(kind: int, start: int) -> tuple[int, ...]:
-    """Where a map stands: ranges of its features, first weight, number of knots, the same for features, end."""
-    knots = BELOW[kind] + ABOVE[kind] + 3
-    coarse = -(-BELOW[kind] // COARSENESS) + -(-ABOVE[kind] // COARSENESS) + 3
-    features = FEATURES[kind]
-    ranges, weights = start, start + 2 * features
-    return ranges, weights, knots, weights + knots, coarse, features, weights + knots + features * coarse
+class CoarseMap(Record):
+    """The coarse map of splines."""
+
+    ranges: Annotated[Field, float, (COARSE.features, 2)]  # least and largest value of each feature so far
+    weights: Annotated[Field, float, COARSE.size]  # of the elastic part [N], then of each feature
 
 
-COARSE = _layout(0, HEADER)
-FINE = _layout(1, COARSE[-1])
-SIZE = FINE[-1]
-"""Length of the flat array."""
+class FineMap(Record):
+    """The fine map of splines."""
 
-STARTS = np.array([COARSE[:6], FINE[:6]])
-RANGES, WEIGHTS, KNOTS, FEATURE_WEIGHTS, FEATURE_KNOTS, FEATURE_COUNT = range(6)
-"""Rows: coarse and fine map; columns: where `_layout` says that its parts begin, and how many there are."""
+    ranges: Annotated[Field, float, (FINE.features, 2)]
+    weights: Annotated[Field, float, FINE.size]
+
+
+class Map(Record):
+    """A contact map. All of it are 64-bit floats, so that it is one flat array, too: `numbers` of an array of one."""
+
+    origin: float  # of the maps, below the published surface [m]
+    zero: float  # force that the maps give without contact [N]
+    law: Annotated[Field, float, 4]  # k, lambda, n, alpha
+    law_surface: float  # height of the law's surface above the published one [m]
+    law_speed: float  # largest in contact so far [m/s]
+    lowest: float  # smallest position that was learnt [m], from the origin
+    reached: float  # and the largest
+    uncertainty: Annotated[Field, float, UNCERTAINTIES]  # variance: constant [N^2], multiples of force^2 and speed^2
+    shares: Annotated[Field, float, EXPERTS]  # weights of the law, the coarse map and the fine map
+    felt: float  # largest force so far [N]
+    coarse: CoarseMap
+    fine: FineMap
+
+
+SIZE = Map.layout.itemsize // 8
+"""Number of all numbers of a map."""
+
+HEADER = Map.layout.fields["coarse"][1] // 8  # type: ignore[index]
+"""Number of those before the coarse map."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import cache
+from importlib import import_module
 from types import ModuleType
 from typing import ClassVar
 
@@ -15,6 +16,9 @@ from foretouch.errors import SettingError
 from foretouch.errors.checks import require
 from foretouch.models.contact_model import NO_STATE, ContactModel, ContactState, advance
 from foretouch.quantities import Brief
+
+UNTOUCHED: ContactState = (math.nan,) * 5
+"""Memory of a material before the first sample: positions of the two plays, then the three averages [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,74 +63,56 @@ class ContactMapModel(Brief, ContactModel):
     exponent: float
     switching: float
     map: bytes = field(repr=False)
-    _flat: NDArray[np.float64] = field(init=False, repr=False, compare=False)
+    _maps: NDArray[np.void] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        from foretouch.models.contact_map.layout import LAW
-        from foretouch.models.contact_map.wire import unpack  # compiled code is loaded when it is needed
-
         for name in self.parameter_names:
             require(name, getattr(self, name), at_least=0.0)
-        flat = unpack(self.map)
-        if flat is None:
+        maps = _compiled("wire").unpack(self.map)
+        if maps is None:
             raise SettingError("map", f"{len(self.map)} bytes", "is no contact map")
-        flat[LAW : LAW + 4] = self.parameters  # the map carries them rounded
-        object.__setattr__(self, "_flat", flat)
+        maps[0].law[:] = self.parameters  # the map carries them rounded
+        object.__setattr__(self, "_maps", maps)
 
     @property
     def shares(self) -> tuple[float, float, float]:
         """Weights of the law, the coarse map and the fine map in the force; they sum to 1."""
-        from foretouch.models.contact_map.layout import EXPERTS, SHARES
-
-        law, coarse, fine = self._flat[SHARES : SHARES + EXPERTS].tolist()
+        law, coarse, fine = self._maps[0].shares.tolist()
         return law, coarse, fine
 
     def advance(
         self, state: ContactState, depth: float, velocity: float, sample_period: float
     ) -> tuple[ContactState, float, float]:
         """One step: see `foretouch.models.advance`."""
-        calls = _calls()
-        state = state if len(state) == calls.MEMORY else calls.UNTOUCHED
-        return calls.advance(self._flat, state, depth, velocity, sample_period)  # type: ignore[no-any-return]
+        state = state if len(state) == len(UNTOUCHED) else UNTOUCHED
+        return _compiled("kernel").advance(self._maps, state, depth, velocity, sample_period)  # type: ignore[no-any-return]
 
     def local_slopes(self, state: ContactState, depth: float, velocity: float, reach: float) -> tuple[float, float]:
         """See `ContactModel.local_slopes`."""
-        calls = _calls()
-        state = state if len(state) == calls.MEMORY else calls.UNTOUCHED
-        return calls.local_slopes(self._flat, state, depth, velocity, reach)  # type: ignore[no-any-return]
+        state = state if len(state) == len(UNTOUCHED) else UNTOUCHED
+        return _compiled("kernel").local_slopes(self._maps, state, depth, velocity, reach)  # type: ignore[no-any-return]
 
     def leaving_work(
         self, state: ContactState, depth: float, offset: float = 0.0, largest: float = math.inf
     ) -> tuple[float, float]:
         """See `ContactModel.leaving_work`."""
-        calls = _calls()
-        state = state if len(state) == calls.MEMORY else calls.UNTOUCHED
-        return calls.leaving_work(self._flat, state, depth, offset, largest)  # type: ignore[no-any-return]
+        state = state if len(state) == len(UNTOUCHED) else UNTOUCHED
+        return _compiled("kernel").leaving_work(self._maps, state, depth, offset, largest)  # type: ignore[no-any-return]
 
     def remember(
         self, state: ContactState, depth: NDArray[np.float64], sample_period: NDArray[np.float64]
     ) -> ContactState:
         """See `ContactModel.remember`."""
-        from foretouch.models.contact_map.kernel import run
-
-        memory = _memory(state)
-        run(self._flat, memory, depth, sample_period)
+        usable = len(state) == len(UNTOUCHED) and all(map(math.isfinite, state))
+        memory = np.array(state if usable else UNTOUCHED)
+        _compiled("kernel").run(self._maps, memory, depth, sample_period)
         return tuple(memory.tolist())
 
 
 @cache
-def _calls() -> ModuleType:
-    """Compiled code, loaded when it is needed."""
-    from foretouch.models.contact_map import calls as contact_map_calls
-
-    return contact_map_calls
-
-
-def _memory(state: ContactState) -> NDArray[np.float64]:
-    from foretouch.models.contact_map.layout import MEMORY
-
-    usable = len(state) == MEMORY and all(map(math.isfinite, state))
-    return np.array(state) if usable else np.full(MEMORY, math.nan)
+def _compiled(name: str) -> ModuleType:
+    """A module of compiled code, loaded when it is needed."""
+    return import_module(f"foretouch.models.contact_map.{name}")
 
 
 DEPTH_SHARES = (0.25, 0.5, 0.9)
@@ -191,19 +177,15 @@ def summarise_map(model: ContactMapModel) -> MapSummary:
     Args:
         model: The map.
     """
-    from foretouch.models.contact_map.layout import LAW_SPEED, ORIGIN, REACHED
-    from foretouch.models.contact_map.wire import unpack
-
-    flat = unpack(model.map)
-    assert flat is not None  # invalid models cannot be constructed
-    depth = max(float(flat[REACHED] + flat[ORIGIN]), 0.0)
+    learnt = model._maps[0]
+    depth = max(float(learnt.reached + learnt.origin), 0.0)
     law, coarse, fine = model.shares
     depths = tuple(share * depth for share in DEPTH_SHARES) if depth > 0.0 else ()
     step = STEP * depth
     return MapSummary(
         {"law": law, "coarse": coarse, "fine": fine},
         depth,
-        float(flat[LAW_SPEED]),
+        float(learnt.law_speed),
         depths,
         tuple(_at_rest(model, place) for place in depths),
         tuple((_at_rest(model, place + step) - _at_rest(model, place - step)) / (2.0 * step) for place in depths),

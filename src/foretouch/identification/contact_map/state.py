@@ -1,0 +1,60 @@
+"""All that a contact map's learner remembers, in one record: each array that a call takes costs like a short step."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from numpy.typing import NDArray
+
+from foretouch.core.records import Record
+from foretouch.identification.contact_map.regression import CoarseRegression, FineRegression
+from foretouch.identification.exact.kernel import Filter
+from foretouch.models.contact_map.layout import EXPERTS, LARGEST_FEATURES, MEMORY, UNCERTAINTIES, Map
+
+Field = NDArray[Any]
+
+RING = 128
+"""Number of snapshots of the map that are kept to be scored on later samples."""
+
+
+class Notes(Record):
+    """What is noted beside the map; a reset sets all to 0. Only 64-bit numbers, so that it is one flat array, too."""
+
+    learnt_at: float  # time of the newest sample learnt from [s]
+    peak: float  # largest force since the beginning or the last change [N]
+    contact: float  # time in contact since the beginning or the last change [s]
+    scores: Annotated[Field, float, EXPERTS]  # sum of squared late errors of each expert, fading [N^2 s]
+    scored: float  # time over which they were summed, fading [s]
+    alarms: Annotated[Field, float, 2]  # mean squared present errors of coarse and fine map [N^2]
+    moments: Annotated[Field, float, (UNCERTAINTIES, UNCERTAINTIES)]  # sums over late predictions, fading, of products
+    # of what the uncertainty depends on, in pairs
+    targets: Annotated[Field, float, UNCERTAINTIES]  # and their products with the squared error
+    spread: float  # factor on the standard deviation from the moments
+    faded: float  # time in contact since the covariance faded last [s]
+    snapshots: int  # taken so far
+    snapped_at: float  # time of the newest snapshot [s]
+    patience: float  # time in contact without a change before the next can be detected [s]
+    in_a_row: float  # time for which no map explained the force [s]
+    before: float  # force at the previous sample [N]
+    time: float  # of the newest sample [s], NaN before the first
+    touched: int  # 1 from the first contact on
+    updates: int  # samples learnt from since the last reset
+    begun: int  # value of `updates` when the map began
+
+
+class Bank(Record):
+    """The map as it is learnt, its regressions, the law's estimator, and snapshots of the map."""
+
+    map: Annotated[Field, Map, 1]
+    memory: Annotated[Field, float, MEMORY]  # of the material
+    notes: Annotated[Field, Notes, 1]
+    horizon: float  # delay of the predictions that are scored [s]
+    changes: int  # sudden changes since the last reset from outside
+    values: Annotated[Field, float, LARGEST_FEATURES]  # scratch: the features
+    law: Annotated[Field, Filter, 1]  # the exact estimator
+    times: Annotated[Field, float, RING]  # of the snapshots [s], together for the search
+    contacts: Annotated[Field, float, RING]  # their times in contact [s]
+    ring: Annotated[Field, Map, RING]  # the snapshots
+    coarse: CoarseRegression
+    fine: FineRegression
+    absent: Annotated[Field, int, EXPERTS]  # 1 for the experts that are not used
