@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, TypeVar
 
 Kind = TypeVar("Kind")
+Owner = Literal["leader", "follower"]
 
 LAWS_HELP = (
     "Contact law: contact-map, or continuous-switching (the paper's), hunt-crossley, kelvin-voigt, "
@@ -62,20 +63,33 @@ class Setting:
 
     sentence: str
     group: str
-    owner: Literal["leader", "follower"] = "follower"
+    owner: Owner = "follower"
     bounds: Mapping[str, float] = dataclasses.field(default_factory=dict)
     choices: tuple[str, ...] = ()
     limit: str = ""
 
 
-def _of(default: Any, sentence: str, group: str, **more: Any) -> Any:
-    """A field with its default and what is declared of it; further arguments are those of `Setting`."""
-    return dataclasses.field(default=default, metadata={"setting": Setting(sentence, group, **more)})
+def _group(group: str, owner: Owner = "follower") -> Callable[..., Any]:
+    """Makes fields of one group, each of its default, its sentence, what `Setting` has besides, and bounds."""
+
+    def setting(
+        default: Any,
+        sentence: str,
+        *,
+        owner: Owner = owner,
+        choices: tuple[str, ...] = (),
+        limit: str = "",
+        **bounds: float,
+    ) -> Any:
+        return dataclasses.field(
+            default=default, metadata={"setting": Setting(sentence, group, owner, bounds, choices, limit)}
+        )
+
+    return setting
 
 
-def _limit(default: float, sentence: str, limit: str, **bounds: float) -> Any:
-    """A field that becomes a safety limit: above 0."""
-    return _of(default, sentence, SAFETY, bounds={"above": 0.0, **bounds}, limit=limit)
+_pressed, _robot, _scene, _safety, _network = map(_group, (PRESSED, ROBOT, SCENE, SAFETY, NETWORK))
+_hand, _given = _group(HAND, "leader"), _group(GIVEN, "leader")
 
 
 DELAY = {"at_least": 0.0, "at_most": 10.0}
@@ -89,198 +103,168 @@ SCALE = {"at_least": 0.01, "at_most": 100.0}
 class Declared:
     """Fields of `foretouch.session.SessionSettings` that are chosen."""
 
-    material: str = _of(
-        "foam-measured", "What the simulated robot presses: `foretouch materials list`, or a plug-in's.", PRESSED
+    material: str = _pressed(
+        "foam-measured", "What the simulated robot presses: `foretouch materials list`, or a plug-in's."
     )
-    model: str = _of("contact-map", LAWS_HELP, PRESSED)
-    estimator: str = _of("", "Estimator; without it the law's own. A wrong name lists them all.", PRESSED)
-    model_rate: float = _of(
-        50.0,
-        "Models a second while nothing changes [1/s], up to 1000.",
-        PRESSED,
-        bounds={"above": 0.0, "at_most": 1000.0},
+    model: str = _pressed("contact-map", LAWS_HELP)
+    estimator: str = _pressed("", "Estimator; without it the law's own. A wrong name lists them all.")
+    model_rate: float = _pressed(
+        50.0, "Models a second while nothing changes [1/s], up to 1000.", above=0.0, at_most=1000.0
     )
-    seed: int = _of(0, "Seed of all that is random: sensors, operator and network.", PRESSED, bounds={"at_least": 0})
-    operator: str = _of(
-        "scripted",
-        "Who moves the robot: scripted, recorded, browser, gamepad, force-dimension, or a plug-in.",
-        HAND,
-        owner="leader",
+    seed: int = _pressed(0, "Seed of all that is random: sensors, operator and network.", at_least=0)
+    operator: str = _hand(
+        "scripted", "Who moves the robot: scripted, recorded, browser, gamepad, force-dimension, or a plug-in."
     )
-    grip: str = _of(
+    grip: str = _hand(
         NO_GRIP,
         "Hand that holds the device and is moved by the force: soft, normal or stiff; none for the operator's motion "
         "as it is, whatever the force.",
-        HAND,
-        owner="leader",
     )
-    device_mass: float = _of(0.1, "Mass of the device in the hand [kg].", HAND, owner="leader")
-    device_damping: float | None = _of(
+    device_mass: float = _hand(0.1, "Mass of the device in the hand [kg].")
+    device_damping: float | None = _hand(
         None,
         "Viscous friction of the device [N s/m], on which depends how much stiffness it can carry; without it 2 in a "
         "simulated hand, and 0.1 in a person's.",
-        HAND,
-        owner="leader",
     )
-    device_friction: float = _of(0.1, "Coulomb friction of the device [N].", HAND, owner="leader")
-    device_resolution: float = _of(1e-5, "Count of the device's encoder [m].", HAND, owner="leader")
-    device_delay: float | None = _of(
+    device_friction: float = _hand(0.1, "Coulomb friction of the device [N].")
+    device_resolution: float = _hand(1e-5, "Count of the device's encoder [m].")
+    device_delay: float | None = _hand(
         None,
-        "Time from reading a position until its force acts [s]; without it 0.0005 in a simulated hand, and one tick in "
-        "a person's.",
-        HAND,
-        owner="leader",
+        "Time from reading a position until its force acts [s]; without it 0.0005 in a simulated hand, and one tick "
+        "in a person's.",
     )
-    device_watchdog: float = _of(
-        0.02, "Time after which the device drops a force that is not renewed [s]; 0 for never.", HAND, owner="leader"
+    device_watchdog: float = _hand(
+        0.02, "Time after which the device drops a force that is not renewed [s]; 0 for never."
     )
-    clutch: str = _of(
-        "", "When the hand presses its clutch [s since it met the follower]: START:END,START:END.", HAND, owner="leader"
+    clutch: str = _hand("", "When the hand presses its clutch [s since it met the follower]: START:END,START:END.")
+    leader_frame: str = _hand("0,1", "ORIGIN,DIRECTION: where the device has 0 [m], and -1 if it counts outwards.")
+    position_scale: float = _given(1.0, "Follower's motion for the hand's, 0.01 to 100.", **SCALE)
+    force_scale: float = _given(1.0, "Hand's force for the follower's, 0.01 to 100.", **SCALE)
+    largest_stiffness: float = _given(
+        0.0, "Largest local stiffness that is rendered [N/m]; 0 for what the device carries.", at_least=0.0
     )
-    leader_frame: str = _of(
-        "0,1",
-        "ORIGIN,DIRECTION: where the device has 0 [m], and -1 if it counts outwards.",
-        HAND,
-        owner="leader",
-    )
-    position_scale: float = _of(
-        1.0, "Follower's motion for the hand's, 0.01 to 100.", GIVEN, owner="leader", bounds=SCALE
-    )
-    force_scale: float = _of(1.0, "Hand's force for the follower's, 0.01 to 100.", GIVEN, owner="leader", bounds=SCALE)
-    largest_stiffness: float = _of(
-        0.0,
-        "Largest local stiffness that is rendered [N/m]; 0 for what the device carries.",
-        GIVEN,
-        owner="leader",
-        bounds={"at_least": 0.0},
-    )
-    baseline: str = _of(
+    baseline: str = _given(
         "none",
         "Render the delayed force instead, for comparison: delayed, or delayed-tdpa with a passivity controller.",
-        GIVEN,
-        owner="leader",
         choices=BASELINES,
     )
-    robot: str = _of(SIMULATED, "The follower's robot: simulated, or a plug-in's (`foretouch plugins`).", ROBOT)
-    calibration: str = _of(
-        "", "TOML file of `foretouch calibrate` for the robot's force sensor, on the robot's machine.", ROBOT
+    robot: str = _robot(SIMULATED, "The follower's robot: simulated, or a plug-in's (`foretouch plugins`).")
+    calibration: str = _robot(
+        "", "TOML file of `foretouch calibrate` for the robot's force sensor, on the robot's machine."
     )
-    first_touch: str = _of(
+    first_touch: str = _robot(
         "auto",
-        "What the follower does at a surface that the leader does not know: guarded or follow; auto guards with a grip "
-        "or a real robot.",
-        ROBOT,
+        "What the follower does at a surface that the leader does not know: guarded or follow; auto guards with a "
+        "grip or a real robot.",
         owner="leader",
         choices=("auto", "guarded", "follow"),
     )
-    approach_speed: float = _of(
-        0.02,
-        "Speed of a guarded follower before it knows a surface [m/s], up to 0.5.",
-        ROBOT,
-        bounds={"above": 0.0, "at_most": 0.5},
+    approach_speed: float = _robot(
+        0.02, "Speed of a guarded follower before it knows a surface [m/s], up to 0.5.", above=0.0, at_most=0.5
     )
-    guarded_force: float = _of(2.0, "Force at which a guarded follower holds [N], 0.5 to 15.", ROBOT)
-    follower_frame: str = _of(
-        "0,1", "ORIGIN,DIRECTION: where the robot has 0 [m], and -1 if it counts outwards.", ROBOT
+    guarded_force: float = _robot(2.0, "Force at which a guarded follower holds [N], 0.5 to 15.")
+    follower_frame: str = _robot("0,1", "ORIGIN,DIRECTION: where the robot has 0 [m], and -1 if it counts outwards.")
+    sensor_fault: str = _robot(
+        "", "KIND:BEGIN:END [s]: the simulated robot's sensors fail meanwhile, such as stuck:5:8."
     )
-    sensor_fault: str = _of(
-        "", "KIND:BEGIN:END [s]: the simulated robot's sensors fail meanwhile, such as stuck:5:8.", ROBOT
-    )
-    scene: str = _of(
+    scene: str = _scene(
         "",
         "What is touched in three dimensions: plane, hill, phantom, or the file of a mesh (.stl, .obj, .ply); without "
         "it a session is along a line.",
-        SCENE,
     )
-    fusion: str = _of(
+    fusion: str = _scene(
         "full",
         "What the pose of the fixture is estimated from: full (images and touches), image, contact or none.",
-        SCENE,
         choices=("full", "image", "contact", "none"),
     )
-    displacement: float = _of(
+    displacement: float = _scene(
         0.02,
         "Largest distance of a simulated fixture from where it is believed at first [m], up to 0.05.",
-        SCENE,
-        bounds={"at_least": 0.0, "at_most": 0.05},
+        at_least=0.0,
+        at_most=0.05,
     )
-    turn: float = _of(
+    turn: float = _scene(
         0.175,
         "Largest angle of a simulated fixture from how it is believed at first [rad], up to 0.35.",
-        SCENE,
-        bounds={"at_least": 0.0, "at_most": 0.35},
+        at_least=0.0,
+        at_most=0.35,
     )
-    bump: float = _of(0.0, "When the fixture is bumped [s]; 0 for never.", SCENE, bounds={"at_least": 0.0})
-    camera_delay: float = _of(
-        0.06,
-        "Time from an image's exposure until it has been read [s], up to 1.",
-        SCENE,
-        bounds={"at_least": 0.0, "at_most": 1.0},
+    bump: float = _scene(0.0, "When the fixture is bumped [s]; 0 for never.", at_least=0.0)
+    camera_delay: float = _scene(
+        0.06, "Time from an image's exposure until it has been read [s], up to 1.", at_least=0.0, at_most=1.0
     )
-    image_fault: str = _of("", "KIND:BEGIN:END [s]: hand, glare, frozen or dropped images meanwhile.", SCENE)
-    force_ceiling: float = _limit(
-        15.0, "Contact force that the follower never holds more than [N], up to 1000.", "force", at_most=1000.0
+    image_fault: str = _scene("", "KIND:BEGIN:END [s]: hand, glare, frozen or dropped images meanwhile.")
+    force_ceiling: float = _safety(
+        15.0,
+        "Contact force that the follower never holds more than [N], up to 1000.",
+        limit="force",
+        above=0.0,
+        at_most=1000.0,
     )
-    stiffest: float = _limit(
-        1e5, "Stiffness at which the follower takes what it has not gone through yet [N/m].", "stiffest"
+    stiffest: float = _safety(
+        1e5,
+        "Stiffness at which the follower takes what it has not gone through yet [N/m].",
+        limit="stiffest",
+        above=0.0,
     )
-    most_damped: float = _limit(
+    most_damped: float = _safety(
         500.0,
         "Damping at which it takes the same [N s/m]; the more, the slower it goes in.",
-        "most_damped",
+        limit="most_damped",
+        above=0.0,
     )
-    largest_depth: float = _limit(0.05, "Depth below a felt surface to which the follower goes at most [m].", "depth")
-    largest_speed: float = _limit(0.25, "Largest speed of the follower [m/s].", "speed")
-    largest_acceleration: float = _limit(40.0, "Largest acceleration of the follower [m/s^2].", "acceleration")
-    largest_jerk: float = _limit(1e5, "Largest jerk of the follower [m/s^3].", "jerk")
-    return_speed: float = _limit(
+    largest_depth: float = _safety(
+        0.05, "Depth below a felt surface to which the follower goes at most [m].", limit="depth", above=0.0
+    )
+    largest_speed: float = _safety(0.25, "Largest speed of the follower [m/s].", limit="speed", above=0.0)
+    largest_acceleration: float = _safety(
+        40.0, "Largest acceleration of the follower [m/s^2].", limit="acceleration", above=0.0
+    )
+    largest_jerk: float = _safety(1e5, "Largest jerk of the follower [m/s^3].", limit="jerk", above=0.0)
+    return_speed: float = _safety(
         0.05,
         "Largest speed inwards on the follower's way back to commands that it did not follow [m/s].",
-        "return_speed",
+        limit="return_speed",
+        above=0.0,
     )
-    queueing_allowance: float = _of(
+    queueing_allowance: float = _safety(
+        0.5, "Time on its way after which a command is stale [s], up to 10.", above=0.0, at_most=10.0
+    )
+    hold_after: float = _safety(
+        0.05, "Time without a fresh command after which the follower holds [s].", limit="hold_after", above=0.0
+    )
+    unload_after: float = _safety(
         0.5,
-        "Time on its way after which a command is stale [s], up to 10.",
-        SAFETY,
-        bounds={"above": 0.0, "at_most": 10.0},
+        "Time without a fresh command after which it does what --on-silence says [s].",
+        limit="unload_after",
+        above=0.0,
     )
-    hold_after: float = _limit(0.05, "Time without a fresh command after which the follower holds [s].", "hold_after")
-    unload_after: float = _limit(
-        0.5, "Time without a fresh command after which it does what --on-silence says [s].", "unload_after"
-    )
-    on_silence: str = _of(
+    on_silence: str = _safety(
         "unload",
         "What a follower does without commands: unload (go back until next to nothing is felt, and stay) or retreat "
         "(go out the way in).",
-        SAFETY,
         choices=("unload", "retreat"),
     )
-    position_delay: float = _of(
-        0.08,
-        "One-way delay of positions, leader to follower [s], 0 to 10; 0.08 is the paper's.",
-        NETWORK,
-        bounds=DELAY,
+    position_delay: float = _network(
+        0.08, "One-way delay of positions, leader to follower [s], 0 to 10; 0.08 is the paper's.", **DELAY
     )
-    force_delay: float = _of(
+    force_delay: float = _network(
         0.3,
         "One-way delay of models and telemetry, follower to leader [s], 0 to 10; 0.3 is the paper's.",
-        NETWORK,
         owner="leader",
-        bounds=DELAY,
+        **DELAY,
     )
-    jitter: float = _of(0.0, "Largest change of either delay, up or down [s], 0 to 10.", NETWORK)
-    loss: float = _of(0.0, "Ratio of messages lost in either direction, 0 to 1.", NETWORK)
-    burst: float = _of(
-        1.0, "Mean length of a burst of losses [messages], 1 to 10,000; with 1 each is lost by itself.", NETWORK
+    jitter: float = _network(0.0, "Largest change of either delay, up or down [s], 0 to 10.")
+    loss: float = _network(0.0, "Ratio of messages lost in either direction, 0 to 1.")
+    burst: float = _network(
+        1.0, "Mean length of a burst of losses [messages], 1 to 10,000; with 1 each is lost by itself."
     )
-    reorder: float = _of(0.0, "Ratio of messages that later ones overtake, 0 to 1.", NETWORK)
-    duplicate: float = _of(0.0, "Ratio of messages that come twice, 0 to 1.", NETWORK)
-    stall: float = _of(
-        0.0,
-        "Length of one stall in every 10 s, at whose end all that was held comes at once [s], 0 to 10.",
-        NETWORK,
+    reorder: float = _network(0.0, "Ratio of messages that later ones overtake, 0 to 1.")
+    duplicate: float = _network(0.0, "Ratio of messages that come twice, 0 to 1.")
+    stall: float = _network(
+        0.0, "Length of one stall in every 10 s, at whose end all that was held comes at once [s], 0 to 10."
     )
-    outage: float = _of(0.0, "Length of one outage in every 10 s, in either direction [s], 0 to 10.", NETWORK)
+    outage: float = _network(0.0, "Length of one outage in every 10 s, in either direction [s], 0 to 10.")
 
 
 SETTINGS: dict[str, Setting] = {one.name: one.metadata["setting"] for one in dataclasses.fields(Declared)}

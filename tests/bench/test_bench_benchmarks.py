@@ -28,10 +28,9 @@ from foretouch.bench.benchmarks.loops import CAUSES, LATE_NS, PERIOD_NS, causes,
 from foretouch.bench.benchmarks.steps import TapedSession
 from foretouch.bench.benchmarks.streams import Streamed, slope
 from foretouch.bench.benchmarks.updates import CALLED, SIDES, memory_growth, sheet, slide
-from foretouch.bench.children import measure_process
 from foretouch.bench.peers import press, samples
 from foretouch.bench.timing import Scope
-from foretouch.errors import ForetouchError
+from foretouch.files.children import measure_process
 from foretouch.identification import ContactSample, Estimator, Status
 from foretouch.messages.session_log import FOLLOWER_DTYPE
 from foretouch.recordings import read_recording
@@ -183,7 +182,7 @@ def test_processes_are_timed_and_failures_said() -> None:
     assert hog.output == "200000000\n"
     assert slim.peak < 100e6 < len(held)
     failing = "import sys; sys.stderr.write('no luck\\n'); sys.exit(3)"
-    with pytest.raises(ForetouchError, match=r"x1 x2 and 38 arguments more: exit code 3: no luck$"):
+    with pytest.raises(RuntimeError, match=r"x1 x2 and 38 arguments more: exit code 3: no luck$"):
         measure_process(["-c", failing, *(f"x{number}" for number in range(1, 41))])
 
 

@@ -17,9 +17,9 @@ import pytest
 from typer.testing import CliRunner
 
 from foretouch.bench import BENCHMARKS, benchmark, read_baseline
-from foretouch.bench.children import children
 from foretouch.cli.app import app
 from foretouch.errors import ForetouchError, install_command
+from foretouch.files.children import children
 
 ROW = {"what": str, "figure": float, "unit": str, "reach": float | None, "reached": bool | None}
 

@@ -139,9 +139,7 @@ def test_every_exit_code_in_the_code_is_listed() -> None:
                 if isinstance(argument, ast.Constant):
                     found.add(int(argument.value))
                 else:
-                    assert ast.unparse(argument) in ("code", "RECORDING_INCOMPLETE", "INTERRUPTED"), (
-                        f"{path}: {ast.unparse(node)}"
-                    )
+                    assert ast.unparse(argument) in ("code", "self.code", "INTERRUPTED"), f"{path}: {ast.unparse(node)}"
     from foretouch.session import RECORDING_INCOMPLETE
 
     assert found | {0, RECORDING_INCOMPLETE, INTERRUPTED} == set(EXIT_CODES)

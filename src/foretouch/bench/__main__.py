@@ -7,9 +7,9 @@ import sys
 import msgspec
 
 from foretouch.bench.benchmarks import benchmark
-from foretouch.bench.children import interruptible
 from foretouch.bench.timing import Row, Scope
 from foretouch.errors import MissingExtraError
+from foretouch.files.children import interruptible
 
 
 def main(name: str, *options: str) -> None:

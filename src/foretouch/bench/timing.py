@@ -57,13 +57,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Contestant:
-    """What is timed.
-
-    Attributes:
-        run: Does the work once.
-        count: Number of units of work in it: samples, calls.
-        prepare: Called before each run, untimed.
-    """
+    """What is timed: does the work once, of a number of units such as samples; called before each run, untimed."""
 
     run: Callable[[], object]
     count: int = 1
@@ -72,15 +66,7 @@ class Contestant:
 
 @dataclass(frozen=True, slots=True)
 class Spread:
-    """Median and quartiles over rounds.
-
-    Attributes:
-        median: Half of the rounds are below.
-        lower: Lower quartile.
-        upper: Upper quartile.
-        least: The smallest.
-        rounds: Number of rounds.
-    """
+    """Median, lower and upper quartile and the least over a number of rounds."""
 
     median: float
     lower: float

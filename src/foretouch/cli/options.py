@@ -1,4 +1,4 @@
-"""Options that several commands share, how they are printed, and arguments that a command takes without naming them."""
+"""What several commands share: their options, what they refuse, and how they print."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import math
 import shlex
 import sys
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -26,27 +26,54 @@ if TYPE_CHECKING:
     from foretouch.session import SessionSettings
 
 
-Command = Callable[..., None]
+@dataclass(frozen=True)
+class Answer:
+    """What a command prints: one JSON object for programs or lines for people; and its exit code."""
+
+    content: object
+    lines: str | Iterable[str] = ()
+    code: int = 0
+
+    def give(self, as_json: bool) -> None:
+        """Print it, and end the command where its exit code is not 0."""
+        if as_json and self.content is not None:
+            typer.echo(json.dumps(_bounded(self.content), allow_nan=False))
+        if not as_json:
+            for line in [self.lines] if isinstance(self.lines, str) else self.lines:
+                show(line)
+        if self.code:
+            raise typer.Exit(self.code)
 
 
-def with_options(**makers: Callable[..., Any]) -> Callable[[Command], Command]:
-    """Give a command groups of options that it receives as one argument each.
+def command(
+    *, json_help: str = "Print one JSON object instead of text.", **makers: Callable[..., Any]
+) -> Callable[[Callable[..., Answer | None]], Callable[..., None]]:
+    """Make a command of a function whose `Answer` is printed, as JSON with the option --json, which this adds.
 
     Args:
-        **makers: By the name of the command's parameter, the class or function that makes its argument, whose
-            parameters are the options, with their defaults and annotations. They replace that parameter in order.
+        json_help: Help of that option.
+        **makers: By the name of the function's parameter, the class or function that makes its argument, whose
+            parameters are options, with their defaults and annotations. They replace that parameter in order. A
+            parameter ``json_output`` is given whether JSON is wanted.
     """
 
-    def decorate(command: Command) -> Command:
+    def decorate(function: Callable[..., Answer | None]) -> Callable[..., None]:
         groups = {name: _parameters(maker) for name, maker in makers.items()}
+        answers = "Answer" in str(function.__annotations__["return"])
+        own = {one.name: one for one in _parameters(function, *makers)}
+        wants_json = own.pop("json_output", None) is not None
 
-        @functools.wraps(command)
-        def run(**given: Any) -> None:
+        @functools.wraps(function)
+        def run(json_output: bool = False, **given: Any) -> None:
             made = {name: makers[name](**{one.name: given.pop(one.name) for one in groups[name]}) for name in makers}
-            command(**made, **given)
+            answer = function(**made, **given, **({"json_output": json_output} if wants_json else {}))
+            if answer is not None:
+                answer.give(json_output)
 
-        own = _parameters(command, *makers)
-        return _taking(run, [each for one in own for each in groups.get(one.name, [one])])
+        taken = [each for name, one in own.items() for each in groups.get(name, [one])]
+        if answers or wants_json:
+            taken.append(_parameter("json_output", False, bool, typer.Option("--json", help=json_help)))
+        return _taking(run, taken)
 
     return decorate
 
@@ -59,6 +86,10 @@ def _parameters(function: Callable[..., Any], *made: str) -> list[inspect.Parame
     return [one.replace(kind=inspect.Parameter.KEYWORD_ONLY) for one in taken]
 
 
+def _parameter(name: str, default: object, kind: Any, option: Any) -> inspect.Parameter:
+    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[kind, option])
+
+
 def _taking(function: Callable[..., Any], parameters: Sequence[inspect.Parameter]) -> Callable[..., Any]:
     """The function, with its parameters where `inspect.signature` and Typer look for them."""
     vars(function)["__signature__"] = inspect.Signature(parameters)
@@ -68,24 +99,11 @@ def _taking(function: Callable[..., Any], parameters: Sequence[inspect.Parameter
 
 Duration = Annotated[float | None, typer.Option(help="End after so long [s]; without it, Ctrl-C ends.")]
 ReportDirectory = Annotated[Path | None, typer.Option("--report", help="Folder for the page with the figures.")]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")]
-Listen = Annotated[
-    list[str] | None,
-    typer.Option(help="Endpoint to listen on, such as tcp/127.0.0.1:7447; between machines tls/HOST:PORT."),
-]
-Connect = Annotated[list[str] | None, typer.Option(help="Endpoint to connect to; may be given more than once.")]
-Insecure = Annotated[
-    bool, typer.Option("--insecure", help="Allow tcp endpoints off this machine: anybody may listen and command.")
-]
 KeysFolder = Annotated[
     Path | None,
     typer.Option("--keys", help="Folder of keys; without it FORETOUCH_KEYS, or ~/.config/foretouch/keys."),
 ]
 Parent = Annotated[int | None, typer.Option(hidden=True)]
-ScoreTo = Annotated[float | None, typer.Option(help="Scoring ends [s after the first sample].")]
-ContactFloor = Annotated[
-    float | None, typer.Option(help="Least force that counts as contact [N]; TU/e 0.3, Aurora 0.005, others 0.05.")
-]
 
 
 def make_folder(path: Path | None) -> None:
@@ -135,6 +153,12 @@ def require_writable(folder: Path) -> None:
         raise SettingError("folder", str(folder), f"cannot be written: {error.strerror}") from None
 
 
+def require_elsewhere(output: Path | None, *read: Path | None, name: str, why: str = "is the recording itself") -> None:
+    """Refuse an output in the place of what is read, where both are given."""
+    if output is not None and output.resolve() in [path.resolve() for path in read if path is not None]:
+        raise SettingError(name, str(output), f"{why}: name another file")
+
+
 def require_duration(duration: float | None) -> None:
     """Raise `SettingError` unless it is above 0, or not given."""
     if duration is not None and not 0.0 < duration < math.inf:
@@ -161,18 +185,13 @@ def say(line: str) -> None:
     typer.echo(printable(line, lines=True), err=True)
 
 
-def show(text: str, *, end: bool = True) -> None:
+def show(text: str) -> None:
     """Text with names of others in it, such as topics of a file, as output."""
-    typer.echo(printable(text, lines=True), nl=end)
-
-
-def print_json(content: Mapping[str, Any]) -> None:
-    """One JSON object, the whole output; a figure without bound is null, for JSON has no other word for it."""
-    typer.echo(json.dumps(_bounded(content), allow_nan=False))
+    typer.echo(printable(text, lines=True))
 
 
 def _bounded(value: Any) -> Any:
-    """The same with null for every number that is not finite."""
+    """The same with null for every number that is not finite: JSON has no other word for it."""
     if isinstance(value, Mapping):
         return {name: _bounded(part) for name, part in value.items()}
     if isinstance(value, list | tuple):
@@ -202,9 +221,8 @@ def changed_settings(panel: str, *names: str) -> Callable[..., dict[str, Any]]:
 
 def _option(name: str, panel: str, default: object) -> inspect.Parameter:
     """A setting as an argument of a command."""
-    kind: Any = {"str": str, "int": int}.get(KINDS[name], float)
-    option = Annotated[kind, typer.Option(help=SETTINGS[name].sentence, rich_help_panel=panel)]
-    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=option)
+    kind = {"str": str, "int": int}.get(KINDS[name], float)
+    return _parameter(name, default, kind, typer.Option(help=SETTINGS[name].sentence, rich_help_panel=panel))
 
 
 ENDED = "the session was ended"
@@ -217,9 +235,17 @@ ANY_USER = "every user of this machine may command there"
 class Endpoints:
     """Endpoints of a process by the options; without `keys` its keys are in the usual folder."""
 
-    listen: Listen = None
-    connect: Connect = None
-    insecure: Insecure = False
+    listen: Annotated[
+        list[str] | None,
+        typer.Option(help="Endpoint to listen on, such as tcp/127.0.0.1:7447; between machines tls/HOST:PORT."),
+    ] = None
+    connect: Annotated[list[str] | None, typer.Option(help="Endpoint to connect to; may be given more than once.")] = (
+        None
+    )
+    insecure: Annotated[
+        bool,
+        typer.Option("--insecure", help="Allow tcp endpoints off this machine: anybody may listen and command."),
+    ] = False
     keys: KeysFolder = None
 
     def __str__(self) -> str:
@@ -265,7 +291,7 @@ def open_link(
 
 
 def unchecked(endpoints: Endpoints) -> str:
-    """One line for a follower that may be commanded without a certificate, from its own machine; "" for others."""
+    """One line on a follower that may be commanded without a certificate, from its own machine; "" for others."""
     from foretouch.link import is_encrypted, is_exposed
 
     here = [endpoint for endpoint in endpoints.all if not is_encrypted(endpoint) and not is_exposed(endpoint)]

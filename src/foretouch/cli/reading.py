@@ -13,6 +13,7 @@ from foretouch.cli.progress import pulsing
 from foretouch.errors import ForetouchError, SettingError
 
 if TYPE_CHECKING:
+    from foretouch.messages import SessionLog
     from foretouch.quantities import Recording
     from foretouch.recordings import RecordingOptions
 
@@ -80,6 +81,19 @@ class Source:
         return excerpt(self.dataset)
 
 
+@dataclass(frozen=True)
+class Scored:
+    """Which part of a recording is scored; the recording says what is not given."""
+
+    score_from: Annotated[
+        float | None, typer.Option(help="Scoring begins [s after the first sample]: 1.5, simulated recordings 3.")
+    ] = None
+    score_to: Annotated[float | None, typer.Option(help="Scoring ends [s after the first sample].")] = None
+    contact_floor: Annotated[
+        float | None, typer.Option(help="Least force that counts as contact [N]; TU/e 0.3, Aurora 0.005, others 0.05.")
+    ] = None
+
+
 def read_and_say(path: Path, options: RecordingOptions) -> Recording:
     """A recording as `foretouch.recordings.read_recording` reads it, and its notes on the error stream."""
     from foretouch.recordings import read_with_notes
@@ -100,3 +114,28 @@ def say_how_it_is_read(path: Path, options: RecordingOptions) -> None:
         read_and_say(path, options)
     except ForetouchError:
         return
+
+
+def say_what_is_left_out(path: Path, log: SessionLog | None = None) -> None:
+    """One line on each thing that is left out of a session's recording by those who learn from it; else nothing."""
+    from foretouch.recordings import follower_samples, is_session, read_follower_samples
+    from foretouch.report import left_out
+
+    if not is_session(path):
+        return
+    say_if_cut(path)
+    for sentence in left_out(read_follower_samples(path) if log is None else follower_samples(log)):
+        say(f"{path}: {sentence}")
+
+
+def say_if_cut(path: Path, log: SessionLog | None = None) -> None:
+    """One line on a session's recording that was read and ends before its session did: what can be done about it."""
+    from foretouch.recordings import is_whole
+
+    if path.suffix.lower() != ".mcap":
+        return
+    if not is_whole(path):
+        mend = f"`foretouch recordings repair {path}` makes it whole"
+        say(f"{path}: was not ended by its recorder; read as far as it goes; {mend}")
+    elif log is not None and log.counts.get("truncated"):
+        say(f"{path}: ends before its session did")

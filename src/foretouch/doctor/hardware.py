@@ -16,6 +16,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from foretouch.doctor.finding import Finding, Verdict
+from foretouch.files.children import last_line
 
 FEWEST_CORES = 2
 """A session has two loops at 1 kHz, and each wants a processor when its tick is due."""
@@ -140,8 +141,8 @@ def check_graphics() -> Finding:
     try:
         drawn = json.loads(child.stdout.splitlines()[-1])
     except (ValueError, IndexError):
-        last = (child.stderr.strip().splitlines() or ["without a word"])[-1]
-        found = f"drawing ended with exit code {child.returncode}: {last}"
+        why = last_line(child.stderr, "without a word")
+        found = f"drawing ended with exit code {child.returncode}: {why}"
         mend = "sudo apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri libopengl0"
         return Finding(name, Verdict.WARNING, found, mend)
     if "problem" in drawn:

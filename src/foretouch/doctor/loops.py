@@ -16,10 +16,11 @@ import select
 import struct
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from typing import Any
 
 from foretouch.doctor.finding import Finding, Verdict
+from foretouch.files.children import children, last_line
 
 GET_ATTRIBUTES = {"x86_64": 315, "aarch64": 275}
 """Number of the system call `sched_getattr`, for which the C library has no function."""
@@ -57,41 +58,30 @@ PRESS_FREQUENCY, PRESS_DEPTH, STIFFNESS, SURFACE = 1.0, 2e-3, 500.0, 0.01
 
 def run_loops(seconds: float) -> dict[str, LoopReport]:
     """Run both loops side by side for a time [s]; a RuntimeError says which did not end, and its last line."""
-    with _processes(seconds) as children:
-        for kind, child in children.items():
-            _line(kind, child, READY_PATIENCE)
-        for child in children.values():
-            if child.stdin is not None:
-                child.stdin.write("go\n")
-                child.stdin.flush()
-        return {kind: json.loads(_line(kind, child, 3.0 * seconds + 30.0)) for kind, child in children.items()}
-
-
-@contextmanager
-def _processes(seconds: float) -> Iterator[dict[str, subprocess.Popen[str]]]:
-    """The two processes; none of them is left behind."""
     pipe = subprocess.PIPE
-    children: dict[str, subprocess.Popen[str]] = {}
-    try:
+    with children(grace=0.0) as started:
+        running = {}
         for kind in KINDS:
             command = [sys.executable, "-m", "foretouch.doctor.loops", kind, str(seconds)]
-            children[kind] = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, text=True)
-        yield children
-    finally:
-        for child in children.values():
-            child.kill()
-            child.communicate()
+            running[kind] = started.start(command, stdin=pipe, stdout=pipe, stderr=pipe, text=True)
+        for kind, child in running.items():
+            _line(kind, child, READY_PATIENCE)
+        for child in running.values():
+            assert child.stdin is not None
+            child.stdin.write("go\n")
+            child.stdin.flush()
+        return {kind: json.loads(_line(kind, child, 3.0 * seconds + 30.0)) for kind, child in running.items()}
 
 
-def _line(kind: str, child: subprocess.Popen[str], patience: float) -> str:
+def _line(kind: str, child: subprocess.Popen[Any], patience: float) -> str:
     """The next line that a process says."""
-    if child.stdout is None or not select.select([child.stdout], [], [], patience)[0]:
+    assert child.stdout is not None
+    assert child.stderr is not None
+    if not select.select([child.stdout], [], [], patience)[0]:
         raise RuntimeError(f"the {kind} loop said nothing for {patience:g} s")
-    line = child.stdout.readline()
-    if not line:
-        last = (child.stderr.read().strip().splitlines() if child.stderr else []) or ["without a word"]
-        raise RuntimeError(f"the {kind} loop ended: {last[-1]}")
-    return line
+    if line := child.stdout.readline():
+        return str(line)
+    raise RuntimeError(f"the {kind} loop ended: {last_line(child.stderr.read(), 'without a word')}")
 
 
 def check_loops(reports: dict[str, LoopReport] | str) -> Finding:
@@ -132,7 +122,8 @@ def _in_ms(report: LoopReport) -> str:
 
 def main(kind: str, seconds: str) -> None:
     """Say that all is ready, wait for a line, run a ``session`` or ``bare`` loop, and print its report."""
-    from foretouch.session import be_prompt
+    from foretouch.session import SAMPLE_PERIOD, be_prompt
+    from foretouch.session.runners.loop_timer import measure_loop
 
     be_prompt()
     work = _press() if kind == "session" else lambda time: None
@@ -140,22 +131,15 @@ def main(kind: str, seconds: str) -> None:
     sys.stdout.flush()
     if not sys.stdin.readline():  # the parent has gone
         return
-    sys.stdout.write(json.dumps(_run(float(seconds), work)) + "\n")
-
-
-def _run(seconds: float, work: Callable[[float], None]) -> LoopReport:
-    """The figures of a loop at the sample period."""
-    from foretouch.session import SAMPLE_PERIOD
-    from foretouch.session.runners.loop_timer import measure_loop
-
-    loop = measure_loop(SAMPLE_PERIOD, max(10, round(seconds / SAMPLE_PERIOD)), work)
-    return {
+    loop = measure_loop(SAMPLE_PERIOD, max(10, round(float(seconds) / SAMPLE_PERIOD)), work)
+    report: LoopReport = {
         **_percentiles("late", loop.late_ns),
         **_percentiles("compute", loop.compute_ns),
         "ticks": float(len(loop.late_ns)),
         "missed": float(loop.missed),
         "slice_s": 1e-9 * granted_slice_ns(),
     }
+    sys.stdout.write(json.dumps(report) + "\n")
 
 
 def _percentiles(name: str, values_ns: list[int]) -> dict[str, float]:

@@ -319,11 +319,14 @@ def _judge_asked(name: str, heard: RoundTrips) -> Finding:
         "round_trip_p99_s": p99,
         "round_trip_max_s": most,
     }
-    if heard.loss >= LOSING_MUCH:
-        return Finding(name, Verdict.BAD, found, _rehearse(p50, unsteady, heard.loss), figures)
-    if heard.loss >= LOSING or unsteady >= UNSTEADY or p50 >= FAR:
-        return Finding(name, Verdict.WARNING, found, _rehearse(p50, unsteady, heard.loss), figures)
-    return Finding(name, Verdict.GOOD, found, figures=figures)
+    if heard.loss < LOSING and unsteady < UNSTEADY and p50 < FAR:
+        return Finding(name, Verdict.GOOD, found, figures=figures)
+    # Such a network cannot be mended from here; what a session makes of it can be tried.
+    mend = (
+        f"foretouch simulate --position-delay {0.5 * p50:.3g} --force-delay {0.5 * p50:.3g} "
+        f"--jitter {0.5 * unsteady:.2g} --loss {heard.loss:.2g}"
+    )
+    return Finding(name, Verdict.BAD if heard.loss >= LOSING_MUCH else Verdict.WARNING, found, mend, figures)
 
 
 def _judge_session(name: str, heard: RoundTrips, there: str) -> Finding:
@@ -344,15 +347,6 @@ def _judge_session(name: str, heard: RoundTrips, there: str) -> Finding:
     if heard.loss >= LOSING or heard.longest_gap >= UNSTEADY:
         return Finding(name, Verdict.BAD if bad else Verdict.WARNING, found, there, figures)
     return Finding(name, Verdict.GOOD, found, figures=figures)
-
-
-def _rehearse(round_trip: float, unsteady: float, loss: float) -> str:
-    """Such a network cannot be mended from here; what a session makes of it can be tried."""
-    half = 0.5 * round_trip
-    return (
-        f"foretouch simulate --position-delay {half:.3g} --force-delay {half:.3g} --jitter {0.5 * unsteady:.2g} "
-        f"--loss {loss:.2g}"
-    )
 
 
 def _ms(seconds: float) -> str:

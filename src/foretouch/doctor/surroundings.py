@@ -171,9 +171,8 @@ def check_disk(
         try:
             free[str(folder)] = shutil.disk_usage(folder).free
         except OSError as error:
-            return Finding(
-                "disk", Verdict.BAD, f"{folder}: {error.strerror}", f"mkdir -p {folder}", {"free_bytes": free}
-            )
+            found, figures = f"{folder}: {error.strerror}", {"free_bytes": free}
+            return Finding("disk", Verdict.BAD, found, f"mkdir -p {folder}", figures)
     least = min(free, key=free.__getitem__)
     found = ", ".join(f"{folder} {size / 1e9:.1f} GB" for folder, size in free.items()) + " free"
     verdict = Verdict.BAD if free[least] < too_little else Verdict.WARNING if free[least] < little else Verdict.GOOD

@@ -185,10 +185,8 @@ class SessionSettings(Declared, Brief):
                 rule = f"is for sessions along a line; with a scene it must be {' or '.join(map(repr, only))}"
                 raise SettingError(name, _text(getattr(self, name)), rule)
         for name in ("leader_frame", "follower_frame"):
-            if getattr(self, name) != NO_FRAME:
-                raise SettingError(
-                    name, str(getattr(self, name)), "is of a line; in a scene both sides count in the world"
-                )
+            if (frame := getattr(self, name)) != NO_FRAME:
+                raise SettingError(name, str(frame), "is of a line; in a scene both sides count in the world")
         for name, (of_line, of_scene) in SCENE_DEFAULTS.items():
             if getattr(self, name) == of_line:
                 object.__setattr__(self, name, of_scene)
@@ -215,7 +213,7 @@ class SessionSettings(Declared, Brief):
         return texts | {f"device_{name}": str(getattr(self.device, name)) for name in ("damping", "delay")}
 
     def _check_baseline(self) -> None:
-        """A baseline renders no model: what is said of models would have no effect, or none that is meant."""
+        """A baseline renders no model: settings of models would have no effect, or an unintended one."""
         if self.baseline == "none":
             return
         if self.largest_stiffness:
@@ -305,11 +303,7 @@ def _intervals(given: str | Sequence[tuple[float, float]] | None) -> tuple[tuple
 
 
 def shadow_settings(settings: SessionSettings) -> SessionSettings:
-    """The settings of a shadow, which has nobody's hand: no commands, force, clutch, scales or frame of the leader.
-
-    Args:
-        settings: Session settings.
-    """
+    """The settings of a shadow, which has nobody's hand: no commands, force, clutch, scales or frame of the leader."""
     return replace(
         settings,
         position_delay=0.0,

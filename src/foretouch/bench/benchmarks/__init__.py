@@ -12,9 +12,9 @@ from collections.abc import Callable, Sequence
 
 import msgspec
 
-from foretouch.bench.children import GRACE, children
 from foretouch.bench.timing import Row, Scope
 from foretouch.errors import UnknownNameError
+from foretouch.files.children import GRACE, children
 
 __all__ = ["BENCHMARKS", "Measure", "benchmark", "run_benchmarks"]
 

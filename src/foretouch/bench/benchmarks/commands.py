@@ -20,9 +20,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.bench.children import Ended, measure_process
 from foretouch.bench.timing import Contestant, Row, Scope, interleave, ratio, spread
 from foretouch.errors import MissingExtraError
+from foretouch.files.children import Ended, measure_process
 from foretouch.messages import VERSION, Hello, Telemetry
 from foretouch.recordings import SessionWriter, write_columns
 

@@ -25,9 +25,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.bench.children import children
 from foretouch.bench.timing import Row, Scope, spread
 from foretouch.errors import ForetouchError, MissingExtraError
+from foretouch.files.children import children
 from foretouch.link import Faults, FaultStage, KeyFolder, ZenohLink, free_endpoint, load_credentials
 from foretouch.link.certificates import utc_now
 from foretouch.messages import VERSION, Command, decode, encode

@@ -25,9 +25,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.bench.children import children, last_line, measure_process
 from foretouch.bench.timing import Row, Scope, spread
 from foretouch.errors import ForetouchError
+from foretouch.files.children import children, last_line, measure_process
 from foretouch.link import free_endpoint
 from foretouch.quantities import Rows
 
@@ -96,12 +96,7 @@ def causes(ticks: Ticks, collections: Sequence[tuple[int, int]]) -> dict[str, in
 
 
 class Notes(msgspec.Struct):
-    """What a process noted; times by the monotonic clock [ns].
-
-    Attributes:
-        collections: Begin and end of each run of the collector.
-        late_ns: Lateness of each tick of a bare loop [ns].
-    """
+    """Begin and end of each run of the collector, by the monotonic clock [ns]; lateness of a bare loop's ticks [ns]."""
 
     collections: list[tuple[int, int]] = []
     late_ns: list[int] = []
@@ -131,19 +126,14 @@ def _noting(path: Path) -> Iterator[Notes]:
         path.write_bytes(msgspec.json.encode(notes))
 
 
-def _bare(seconds: float) -> list[int]:
-    """A loop at 1 kHz with nothing to do: how late each tick woke [ns]."""
-    from foretouch.session.runners.loop_timer import be_prompt, measure_loop
-
-    be_prompt()
-    return measure_loop(PERIOD_NS * 1e-9, round(seconds * 1e9 / PERIOD_NS)).late_ns
-
-
 def side(notes: str, what: str, *arguments: str) -> None:
-    """Run the command or, for `seconds`, the bare loop, and write the notes at the end."""
+    """Run the command or, for `seconds`, a loop at 1 kHz with nothing to do, and write the notes at the end."""
     with _noting(Path(notes)) as noted:
         if what == "bare":
-            noted.late_ns = _bare(float(arguments[0]))
+            from foretouch.session.runners.loop_timer import be_prompt, measure_loop
+
+            be_prompt()
+            noted.late_ns = measure_loop(PERIOD_NS * 1e-9, round(float(arguments[0]) * 1e9 / PERIOD_NS)).late_ns
         else:
             sys.argv = ["foretouch", *arguments]
             runpy.run_module("foretouch", run_name="__main__")  # as `python -m foretouch` does

@@ -57,12 +57,7 @@ def replaced(functions: Mapping[Target, Callable[[Any], Any]]) -> Iterator[None]
 
 
 class Cost(NamedTuple):
-    """What a clock around a function takes.
-
-    Attributes:
-        inside: What the clock shows of a function that takes no time [ns].
-        whole: What a call takes longer with its clock [ns].
-    """
+    """What a clock shows of a function that takes no time, and what a call takes longer with its clock [ns]."""
 
     inside: float
     whole: float
@@ -139,10 +134,8 @@ class Clocks:
 
 
 class _Nothing:
-    """Does nothing."""
-
     def call(self, one: float, other: float) -> None:
-        """Take two numbers, as most methods of a step do."""
+        """Do nothing with two numbers, as most methods of a step take."""
 
 
 def without_cost(took: Array, spent: Array, calls: Array, cost: Cost, inner: Mapping[int, int]) -> tuple[Array, Array]:
@@ -166,13 +159,7 @@ STEP, WITHOUT, ELSE = "the whole step", "the whole step, without clocks in it", 
 
 
 class Part(NamedTuple):
-    """A part of a step.
-
-    Attributes:
-        name: What it does.
-        targets: Its functions; none of them calls another.
-        within: Name of the part that calls it; empty where the step itself does.
-    """
+    """A part of a step: what it does, its functions, none of which calls another, and the part that calls it."""
 
     name: str
     targets: tuple[Target, ...] = ()
@@ -181,82 +168,27 @@ class Part(NamedTuple):
 
 PARTS: dict[str, tuple[Part, ...]] = {
     "leader": (
-        Part(
-            "hearing the follower",
-            ((FollowerView, "take_telemetry"), (FollowerView, "is_for_us")),
-        ),
-        Part(
-            "letting a model in",
-            ((leader, "_adopt"),),
-        ),
-        Part(
-            "placing the proxy",
-            ((Proxy, "follow"),),
-        ),
-        Part(
-            "predicting the force",
-            ((Predictor, "update"),),
-        ),
-        Part(
-            "mediating",
-            ((Mediation, "update"),),
-        ),
-        Part(
-            "predicting the work to leave contact",
-            ((Renderer, "_leaving_work"),),
-            within="mediating",
-        ),
-        Part(
-            "keeping the energy account",
-            ((Ledger, "observe"), (Ledger, "bound_with")),
-        ),
-        Part(
-            "limiting",
-            ((ForceLimiter, "update"),),
-        ),
-        Part(
-            "making command and record",
-            ((leader, "Command"), (leader, "LeaderState")),
-        ),
+        Part("hearing the follower", ((FollowerView, "take_telemetry"), (FollowerView, "is_for_us"))),
+        Part("letting a model in", ((leader, "_adopt"),)),
+        Part("placing the proxy", ((Proxy, "follow"),)),
+        Part("predicting the force", ((Predictor, "update"),)),
+        Part("mediating", ((Mediation, "update"),)),
+        Part("predicting the work to leave contact", ((Renderer, "_leaving_work"),), within="mediating"),
+        Part("keeping the energy account", ((Ledger, "observe"), (Ledger, "bound_with"))),
+        Part("limiting", ((ForceLimiter, "update"),)),
+        Part("making command and record", ((leader, "Command"), (leader, "LeaderState"))),
         Part(ELSE),
     ),
     "follower": (
-        Part(
-            "taking commands",
-            ((FaultStage, "pop_due"), (follower, "_take")),
-        ),
-        Part(
-            "playing them evenly",
-            ((Playout, "advance"),),
-        ),
-        Part(
-            "watching the sensors",
-            ((SensorWatch, "update"),),
-        ),
-        Part(
-            "conditioning",
-            ((Conditioner, "update"),),
-        ),
-        Part(
-            "learning",
-            ((ContactMap, "update"),),
-        ),
-        Part(
-            "measuring the sensor's lag",
-            ((SensorLag, "update"),),
-        ),
-        Part(
-            "sending the model",
-            ((ModelSender, "due"),),
-        ),
-        Part(
-            "keeping safe",
-            ((follower, "_allowed"),),
-        ),
-        Part(
-            "making the telemetry",
-            ((follower, "Telemetry"),),
-        ),
+        Part("taking commands", ((FaultStage, "pop_due"), (follower, "_take"))),
+        Part("playing them evenly", ((Playout, "advance"),)),
+        Part("watching the sensors", ((SensorWatch, "update"),)),
+        Part("conditioning", ((Conditioner, "update"),)),
+        Part("learning", ((ContactMap, "update"),)),
+        Part("measuring the sensor's lag", ((SensorLag, "update"),)),
+        Part("sending the model", ((ModelSender, "due"),)),
+        Part("keeping safe", ((follower, "_allowed"),)),
+        Part("making the telemetry", ((follower, "Telemetry"),)),
         Part(ELSE),
     ),
 }
@@ -264,12 +196,7 @@ PARTS: dict[str, tuple[Part, ...]] = {
 
 
 class Timed(NamedTuple):
-    """Steps of one side in contact, as they are without clocks.
-
-    Attributes:
-        took: The whole step [us], shape (ticks,).
-        parts: Its parts in the order of `PARTS` [us], what is left last, shape (ticks, parts).
-    """
+    """Steps of one side in contact, as they are without clocks [us]: shape (ticks,), and of `PARTS` (ticks, parts)."""
 
     took: Array
     parts: Array
@@ -306,31 +233,22 @@ def _between_steps(
 ) -> dict[Target, Callable[[Any], Any]]:
     """Look at the clocks where the runner times nothing: at the robot after a follower's step, at the device."""
 
-    def exchange(function: Any) -> Any:
-        def exchanged(robot: RobotOnTape, desired_position: float) -> Any:
-            booked["follower"].append(clocks.take())
-            return function(robot, desired_position)
+    def before(look: Callable[[], object]) -> Callable[[Any], Any]:
+        """Look at the clocks before each call of a method."""
 
-        return exchanged
+        def make(method: Any) -> Any:
+            def looked_at(self: Any, argument: Any) -> Any:
+                look()
+                return method(self, argument)
 
-    def read(function: Any) -> Any:
-        def was_read(device: ScriptedOperator, now_ns: int) -> Any:
-            clocks.clear()
-            return function(device, now_ns)
+            return looked_at
 
-        return was_read
-
-    def render(function: Any) -> Any:
-        def rendered(device: ScriptedOperator, force: float) -> Any:
-            booked["leader"].append(clocks.take())
-            return function(device, force)
-
-        return rendered
+        return make
 
     return {
-        (RobotOnTape, "exchange"): exchange,
-        (ScriptedOperator, "read"): read,
-        (ScriptedOperator, "render"): render,
+        (RobotOnTape, "exchange"): before(lambda: booked["follower"].append(clocks.take())),
+        (ScriptedOperator, "read"): before(clocks.clear),
+        (ScriptedOperator, "render"): before(lambda: booked["leader"].append(clocks.take())),
     }
 
 

@@ -106,13 +106,7 @@ LARGEST_SLOPE, LARGEST_GROWTH = 1.05, 1.0
 
 
 class Streamed(NamedTuple):
-    """What a stream cost.
-
-    Attributes:
-        size: Number of samples.
-        seconds: Time that learning took [s].
-        memory: Memory that this process held afterwards [bytes]; 0 where the system gives none.
-    """
+    """Samples of a stream, time that learning took [s], and memory held afterwards [bytes], 0 where unknown."""
 
     size: int
     seconds: float

@@ -3,26 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from foretouch.cli.options import (
-    Json,
-    ReportDirectory,
-    made_by,
-    make_folder,
-    print_json,
-    say,
-    show,
-    with_options,
-)
+from foretouch.cli.options import Answer, ReportDirectory, command, made_by, make_folder, require_elsewhere, say
 from foretouch.cli.reading import read_and_say, recording_options
 from foretouch.errors import SettingError, plural
 
 if TYPE_CHECKING:
-    from foretouch.identification import SeriesCompliance, ToolWeight
+    from foretouch.identification import ToolWeight
     from foretouch.quantities import SensorCalibration
     from foretouch.recordings import RecordingOptions
 
@@ -34,7 +26,7 @@ Output = Annotated[
 
 
 @calibrate.command("sensor")
-@with_options(options=recording_options)
+@command(options=recording_options)
 def sensor(
     *,
     poses: Annotated[Path, typer.Argument(help="CSV of static poses: wrench and orientation, a row a measurement.")],
@@ -50,8 +42,7 @@ def sensor(
     ] = 9.80665,
     options: RecordingOptions,
     report_directory: ReportDirectory = None,
-    json_output: Json = False,
-) -> None:
+) -> Answer:
     """Estimate force bias, tool mass and centre of mass from six or more static poses, and the sensor's lag.
 
     Units and direction are those of the recording of `--motion`.
@@ -86,24 +77,24 @@ def sensor(
         found["sensor_lag"], found["sensor_lag_error"] = find_sensor_lag(recording)
     calibration = msgspec.structs.replace(before, **found)
     content = _weight_figures(weight, calibration)
-    _finish(f"{poses}: {plural(weight.poses, 'pose')}", output, calibration, content, json_output)
+    _write(output, calibration)
     if report_directory is not None:
         from foretouch.report import write_calibration_page
 
         made = made_by([poses] if motion is None else [poses, motion], axis=axis)
         say(f"report: {write_calibration_page(report_directory, poses.name, weight, content, made)}")
+    return Answer(content, _lines(f"{poses}: {plural(weight.poses, 'pose')}", content))
 
 
 @calibrate.command("compliance")
-@with_options(options=recording_options)
+@command(options=recording_options)
 def compliance(
     *,
     recording: Annotated[Path, typer.Argument(help="Recording of presses on a rigid block.")],
     output: Output = None,
     options: RecordingOptions,
     report_directory: ReportDirectory = None,
-    json_output: Json = False,
-) -> None:
+) -> Answer:
     """Estimate the series stiffness of arm, sensor and tip, and the lost motion, from presses on a rigid block.
 
     A sensor lag that the output file already has is taken into account.
@@ -114,7 +105,7 @@ def compliance(
 
     from foretouch.identification import fit_series_compliance
 
-    before = _before(output, recording, None)
+    before = _before(output, recording)
     make_folder(report_directory)
     data = read_and_say(recording, options)
     found = fit_series_compliance(data, sensor_lag=before.sensor_lag or 0.0)
@@ -124,16 +115,26 @@ def compliance(
         series_stiffness_error=found.stiffness_error,
         lost_motion=found.lost_motion,
     )
-    content = _compliance_figures(found)
-    _finish(f"{recording}: {plural(found.force.size, 'sample')}", output, calibration, content, json_output)
+    content = {
+        "series_stiffness_N_per_m": found.stiffness,
+        "series_stiffness_error_N_per_m": found.stiffness_error,
+        "lost_motion_m": found.lost_motion,
+        "lost_motion_error_m": found.lost_motion_error,
+        "force_offset_N": found.force_offset,
+        "from_force_N": found.contact_floor,
+        "to_force_N": float(found.force.max()),
+        "residual_rms_m": _rms(found.residual),
+    }
+    _write(output, calibration)
     if report_directory is not None:
         from foretouch.report import write_calibration_page
 
         made = made_by([recording], sensor_lag=f"{before.sensor_lag or 0.0:g} s")
         say(f"report: {write_calibration_page(report_directory, recording.name, found, content, made)}")
+    return Answer(content, _lines(f"{recording}: {plural(found.force.size, 'sample')}", content))
 
 
-def _before(output: Path | None, source: Path, motion: Path | None) -> SensorCalibration:
+def _before(output: Path | None, *read: Path | None) -> SensorCalibration:
     """What the output file already holds; refused where it is what is read, or could not be written."""
     from foretouch.quantities import SensorCalibration
     from foretouch.recordings import read_calibration
@@ -142,9 +143,7 @@ def _before(output: Path | None, source: Path, motion: Path | None) -> SensorCal
         return SensorCalibration()
     if output.suffix.lower() != ".toml":
         raise SettingError("output", str(output), "must end with .toml")
-    for path in (source, motion):
-        if path is not None and output.resolve() == path.resolve():
-            raise SettingError("output", str(output), "is what is read: name another file")
+    require_elsewhere(output, *read, name="output", why="is what is read")
     return read_calibration(output) if output.exists() else SensorCalibration()
 
 
@@ -163,63 +162,45 @@ def _triple(values: Any) -> tuple[float, ...] | None:
     return None if values is None else tuple(float(value) for value in values)
 
 
+WEIGHT_UNITS = {
+    **dict.fromkeys(("force_bias", "force_bias_error", "force_noise"), "N"),
+    **dict.fromkeys(("tool_mass", "tool_mass_error"), "kg"),
+    **dict.fromkeys(("torque_bias", "torque_bias_error"), "Nm"),
+    **dict.fromkeys(("centre_of_mass", "centre_of_mass_error"), "m"),
+}
+"""Units of what is printed of a calibration, by field of `SensorCalibration`."""
+
+
 def _weight_figures(weight: ToolWeight, calibration: SensorCalibration) -> dict[str, Any]:
     """The calibration's numbers under names with units, and the residuals."""
-    import numpy as np
-
-    def rms(residual: Any) -> float | None:
-        return None if residual is None else float(np.sqrt(np.mean(np.square(residual))))
-
     return {
-        "force_bias_N": calibration.force_bias,
-        "force_bias_error_N": calibration.force_bias_error,
-        "force_noise_N": calibration.force_noise,
-        "tool_mass_kg": calibration.tool_mass,
-        "tool_mass_error_kg": calibration.tool_mass_error,
-        "torque_bias_Nm": calibration.torque_bias,
-        "torque_bias_error_Nm": calibration.torque_bias_error,
-        "centre_of_mass_m": calibration.centre_of_mass,
-        "centre_of_mass_error_m": calibration.centre_of_mass_error,
+        **{f"{name}_{unit}": getattr(calibration, name) for name, unit in WEIGHT_UNITS.items()},
         "free_air_force_N": calibration.force_offset,
         "sensor_lag_s": calibration.sensor_lag,
         "sensor_lag_error_s": calibration.sensor_lag_error,
         "poses": weight.poses,
         "gravity_spread": _triple(weight.spread),
-        "force_residual_rms_N": rms(weight.force_residual),
-        "force_residual_largest_N": float(np.abs(weight.force_residual).max()),
-        "torque_residual_rms_Nm": rms(weight.torque_residual),
+        "force_residual_rms_N": _rms(weight.force_residual),
+        "force_residual_largest_N": float(abs(weight.force_residual).max()),
+        "torque_residual_rms_Nm": None if weight.torque_residual is None else _rms(weight.torque_residual),
     }
 
 
-def _compliance_figures(found: SeriesCompliance) -> dict[str, Any]:
-    import numpy as np
-
-    return {
-        "series_stiffness_N_per_m": found.stiffness,
-        "series_stiffness_error_N_per_m": found.stiffness_error,
-        "lost_motion_m": found.lost_motion,
-        "lost_motion_error_m": found.lost_motion_error,
-        "force_offset_N": found.force_offset,
-        "from_force_N": found.contact_floor,
-        "to_force_N": float(found.force.max()),
-        "residual_rms_m": float(np.sqrt(np.mean(np.square(found.residual)))),
-    }
+def _rms(residual: Any) -> float:
+    return math.sqrt((residual**2).mean())
 
 
-def _finish(
-    title: str, output: Path | None, calibration: SensorCalibration, content: dict[str, Any], json_output: bool
-) -> None:
-    """Write the file and print the figures."""
+def _write(output: Path | None, calibration: SensorCalibration) -> None:
     from foretouch.recordings import write_calibration
 
     if output is not None:
         write_calibration(output, calibration)
         say(f"calibration: {output}")
-    if json_output:
-        print_json(content)
-        return
-    show(title)
+
+
+def _lines(title: str, content: dict[str, Any]) -> Iterator[str]:
+    yield title
     for name, value in content.items():
         values = value if isinstance(value, tuple) else (value,)
         shown = ", ".join("-" if part is None else f"{part:.5g}" for part in values)
-        show(f"  {name:<32} {shown}")
+        yield f"  {name:<32} {shown}"

@@ -5,6 +5,7 @@ A robot is released at its own machine and nowhere else.
 
 from __future__ import annotations
 
+import itertools
 import os
 import signal
 import sys
@@ -14,11 +15,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foretouch.cli.options import Json, KeysFolder, print_json, say, show
+from foretouch.cli.options import Answer, KeysFolder, command, say
 from foretouch.errors import InputError, one_line
 
 if TYPE_CHECKING:
-    from foretouch.link import Identity, KeyFolder
+    from foretouch.link import Identity
 
 
 keys = typer.Typer(help="Keys for sessions between machines: a private authority.", no_args_is_help=True)
@@ -27,43 +28,47 @@ Days = Annotated[float, typer.Option(help="How long a certificate lasts; never l
 
 
 @keys.command("init")
-def init_keys(folder: KeysFolder = None, json_output: Json = False) -> None:
+@command()
+def init_keys(folder: KeysFolder = None) -> Answer:
     """Make a private authority, on one machine that you trust.
 
     Example: foretouch keys init
     """
+    from foretouch.link import KeyFolder
     from foretouch.link.certificates import utc_now
 
-    opened = _open(folder)
+    opened = KeyFolder(folder)
     authority = opened.init(utc_now())
     if opened.tightened:
         say(f"{opened.path}: others could look into it; it has mode 700 now")
-    _print({opened.path / "authority.key": authority}, json_output)
     say("Next: foretouch keys issue leader, foretouch keys issue follower. authority.key stays on this machine.")
+    return _made({opened.path / "authority.key": authority})
 
 
 @keys.command("issue")
+@command()
 def issue_keys(
     role: Annotated[str, typer.Argument(help="leader, follower or watcher (recorder and console).")],
     name: Annotated[str, typer.Argument(help="Tells several of a role apart: a-z, 0-9 and -.")] = "",
     folder: KeysFolder = None,
     days: Days = 365.0,
-    json_output: Json = False,
-) -> None:
+) -> Answer:
     """Make the key and the certificate of one process.
 
     Example: foretouch keys issue follower
     """
+    from foretouch.link import KeyFolder
     from foretouch.link.certificates import utc_now
 
-    opened = _open(folder)
+    opened = KeyFolder(folder)
     identity = opened.issue(role, name, utc_now(), days)
     path = opened.path / f"{identity.common_name}.pem"
-    _print({path: identity}, json_output)
     say(f"Copy to the machine of the {role}: authority.crt, allowed.txt, {path.name}")
+    return _made({path: identity})
 
 
 @keys.command("rotate")
+@command()
 def rotate_keys(
     common_name: Annotated[str | None, typer.Argument(help="ROLE or ROLE.NAME; without it, all that are here.")] = None,
     authority: Annotated[
@@ -71,88 +76,60 @@ def rotate_keys(
     ] = False,
     folder: KeysFolder = None,
     days: Days = 365.0,
-    json_output: Json = False,
-) -> None:
+) -> Answer:
     """Make new keys and certificates in place of those here; if anything fails, all stay as they were.
 
     Example: foretouch keys rotate
     """
+    from foretouch.link import KeyFolder
     from foretouch.link.certificates import utc_now
 
-    opened = _open(folder)
+    opened = KeyFolder(folder)
     made = opened.rotate(common_name, utc_now(), days, authority=authority)
-    _print({opened.path / f"{identity.common_name}.pem": identity for identity in made}, json_output)
     if authority:
         say("Copy authority.crt and the new keys to every machine: the old ones are let in nowhere that has it.")
     elif not made:
         say(f"no certificate in {opened.path}: foretouch keys issue makes one")
+    return _made({opened.path / f"{identity.common_name}.pem": identity for identity in made})
 
 
 @keys.command("show")
-def show_keys(folder: KeysFolder = None, json_output: Json = False) -> None:
+@command()
+def show_keys(folder: KeysFolder = None) -> Answer:
     """The keys here, until when they last, and who is let in.
 
     Example: foretouch keys show
     """
-    from foretouch.link import WARNING_DAYS
+    from foretouch.link import WARNING_DAYS, KeyFolder
     from foretouch.link.certificates import utc_now
 
-    opened, now = _open(folder), utc_now()
+    opened, now = KeyFolder(folder), utc_now()
     authority, here, allowed = opened.read()
     shown = {opened.path / f"{name}.pem": identity for name, identity in here.items()}
     shown = {opened.path / "authority.crt": authority, **shown}
-    if json_output:
-        print_json(
-            {
-                "folder": str(opened.path),
-                "allowed": list(allowed),
-                "certificates": {
-                    path.name: {
-                        "common_name": identity.common_name,
-                        "expires": identity.expires.isoformat(),
-                        "days_left": identity.days_left(now),
-                        "sha256": identity.fingerprint,
-                        "of_this_authority": identity.issued_by(authority),
-                    }
-                    for path, identity in shown.items()
-                },
-            }
-        )
-        return
     for path, identity in shown.items():
-        show(_line(path, identity))
         if not identity.issued_by(authority):
             say(f"{path} is from another authority: it is let in nowhere")
         if identity.days_left(now) <= WARNING_DAYS:
             say(f"{path} {'ends soon' if identity.days_left(now) > 0 else 'has expired'}: foretouch keys rotate")
-    show(f"let in: {', '.join(allowed)}")
+    certificates = {
+        path.name: _row(identity)
+        | {"days_left": identity.days_left(now), "of_this_authority": identity.issued_by(authority)}
+        for path, identity in shown.items()
+    }
+    content = {"folder": str(opened.path), "allowed": list(allowed), "certificates": certificates}
+    return Answer(content, [*itertools.starmap(_line, shown.items()), f"let in: {', '.join(allowed)}"])
 
 
-def _open(folder: Path | None) -> KeyFolder:
-    from foretouch.link import KeyFolder
+def _made(made: dict[Path, Identity]) -> Answer:
+    """The certificates that were made."""
+    certificates = {path.name: _row(identity) | {"path": str(path)} for path, identity in made.items()}
+    return Answer({"certificates": certificates}, itertools.starmap(_line, made.items()))
 
-    return KeyFolder(folder)
 
-
-def _print(made: dict[Path, Identity], json_output: bool) -> None:
-    """The certificates that were made, one a line or as one JSON object."""
-    if not json_output:
-        for path, identity in made.items():
-            show(_line(path, identity))
-        return
-    print_json(
-        {
-            "certificates": {
-                path.name: {
-                    "path": str(path),
-                    "common_name": identity.common_name,
-                    "expires": identity.expires.isoformat(),
-                    "sha256": identity.fingerprint,
-                }
-                for path, identity in made.items()
-            }
-        }
-    )
+def _row(identity: Identity) -> dict[str, object]:
+    expires = identity.expires.isoformat()
+    return {"common_name": identity.common_name, "expires": expires, "sha256": identity.fingerprint}
 
 
 def _line(path: Path, identity: Identity) -> str:
@@ -169,13 +146,13 @@ SAID = 1.0
 """Time after which a follower that was stopped has reported it [s]."""
 
 
+@command()
 def release(
     process: Annotated[
         int | None,
         typer.Argument(help="Number of the follower's process, where there are several.", show_default=False),
     ] = None,
-    json_output: Json = False,
-) -> None:
+) -> Answer:
     """Let a robot of this machine that was stopped follow commands again; asked twice, at the robot itself.
 
     A robot whose sensors were not to be trusted, too, once that is mended. Only at rest: slower than 10 mm/s, with less
@@ -198,14 +175,11 @@ def release(
     while _waits(now) and time.monotonic() < end:
         time.sleep(LOOK)
         now = followers().get(chosen, "")
-    if json_output:
-        print_json({"released": not _waits(now), "follower": chosen})
-    if not _waits(now):
-        if not json_output:
-            show("the robot follows again, slowly at first")
-        return
-    say(f"foretouch: NOT released (after {PATIENCE:g} s): {one_line(now)}")
-    raise typer.Exit(1)
+    released = not _waits(now)
+    if not released:
+        say(f"foretouch: NOT released (after {PATIENCE:g} s): {one_line(now)}")
+    lines = "the robot follows again, slowly at first" if released else ()
+    return Answer({"released": released, "follower": chosen}, lines, code=int(not released))
 
 
 def _ask(question: str, *wanted: str) -> None:
@@ -241,14 +215,12 @@ def _the_one(process: int | None) -> tuple[int, str]:
         if time.monotonic() > end:
             break
         time.sleep(LOOK)
-    raise InputError(_none_or_several(process, sorted(stopped)))
-
-
-def _none_or_several(process: int | None, stopped: list[int]) -> str:
-    """Why nothing is released: no follower waits, a different one waits, or several wait and none of them was named."""
+    numbers = ", ".join(map(str, sorted(stopped)))
     if not stopped:
-        return "no follower of yours on this machine waits to be released"
-    numbers = ", ".join(map(str, stopped))
-    if process is None:
-        return f"followers {numbers} of yours wait to be released: say which, such as `foretouch release {stopped[0]}`"
-    return f"process {process} is no follower of yours that waits to be released; these are: {numbers}"
+        why = "no follower of yours on this machine waits to be released"
+    elif process is None:
+        which = f"say which, such as `foretouch release {min(stopped)}`"
+        why = f"followers {numbers} of yours wait to be released: {which}"
+    else:
+        why = f"process {process} is no follower of yours that waits to be released; these are: {numbers}"
+    raise InputError(why)

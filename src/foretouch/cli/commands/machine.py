@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -12,22 +11,21 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from foretouch.cli.options import (
+    Answer,
     Duration,
     Endpoints,
-    Json,
+    command,
     open_link,
-    print_json,
     require_duration,
     say,
-    show,
-    with_options,
 )
 from foretouch.cli.progress import compile_first, progress_bar
 from foretouch.errors import ForetouchError, LinkError, SettingError
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from foretouch.bench import Row
-    from foretouch.doctor import Finding
     from foretouch.link import ZenohLink
     from foretouch.messages import Message
 
@@ -36,7 +34,9 @@ WIDTH = 130
 """Width in columns of tables that go into a file or a pipe."""
 
 
+@command(json_help="Print the rows as a JSON array, at the end.")
 def bench(
+    *,
     only: Annotated[list[str] | None, typer.Option(help="One benchmark; may be given more than once.")] = None,
     full: Annotated[
         bool, typer.Option("--full", help="All that is asked for, which takes hours; else scaled down, and said so.")
@@ -47,8 +47,8 @@ def bench(
     write_baseline: Annotated[
         Path | None, typer.Option(help="Instead: keep the ratios that --check compares, in this file.")
     ] = None,
-    json_output: Annotated[bool, typer.Option("--json", help="Print the rows as a JSON array, at the end.")] = False,
-) -> None:
+    json_output: bool,
+) -> Answer | None:
     """How fast everything is on this machine, beside others that do the same, and beside what is asked for.
 
     Example: foretouch bench --only fprls --only call
@@ -57,11 +57,11 @@ def bench(
     if write_baseline is not None:
         _refuse("--write-baseline", given)
         _keep_ratios(write_baseline)
-    elif check:
+        return None
+    if check:
         _refuse("--check", {name: given[name] for name in ("--only", "--full")})
-        _judge_ratios(json_output)
-    else:
-        _measure(only or [], full, json_output)
+        return _judge_ratios()
+    return _measure(only or [], full, json_output)
 
 
 def _refuse(option: str, others: dict[str, bool]) -> None:
@@ -71,10 +71,10 @@ def _refuse(option: str, others: dict[str, bool]) -> None:
             raise ForetouchError(f"{option} and {other} do not go together: leave out one of them")
 
 
-def _measure(only: list[str], full: bool, json_output: bool) -> None:
+def _measure(only: list[str], full: bool, json_output: bool) -> Answer:
     """Run benchmarks; the table of each as soon as it has ended, JSON at the end, however that comes."""
-    from foretouch.bench import BENCHMARKS, run_benchmarks
-    from foretouch.bench.children import interruptible
+    from foretouch.bench import BENCHMARKS, render_table, run_benchmarks
+    from foretouch.files.children import interruptible
 
     names = list(dict.fromkeys(only or BENCHMARKS))
     done: dict[str, list[Row]] = {}
@@ -85,7 +85,7 @@ def _measure(only: list[str], full: bool, json_output: bool) -> None:
         bar.say(f"{len(done):2} of {len(names)}  {name}: {BENCHMARKS[name][1]}")
         if rows and not json_output:
             with bar.aside():
-                _print_table(name, rows)
+                _console().print(render_table({name: rows}))
 
     interrupted = False
     with interruptible(), progress_bar("measuring", refreshing=False) as bar:
@@ -94,23 +94,22 @@ def _measure(only: list[str], full: bool, json_output: bool) -> None:
             run_benchmarks(names, full=full, say=bar.say, progress=progress)
         except KeyboardInterrupt:
             interrupted = True
-    if json_output:
-        show(json.dumps([row.as_row() for rows in done.values() for row in rows], allow_nan=False))
+    answer = Answer([row.as_row() for rows in done.values() for row in rows])
     if interrupted:
+        answer.give(json_output)
         say(f"{len(done)} of {len(names)} benchmarks were done")
         raise KeyboardInterrupt
-    if len(done) < len(names):  # reported when it happened
-        raise typer.Exit(1)
+    return replace(answer, code=int(len(done) < len(names)))  # what failed was reported when it did
 
 
-def _print_table(name: str, rows: list[Row]) -> None:
+def _console() -> Console:
+    """The output, at least `WIDTH` wide where it is a file or a pipe."""
     from rich.console import Console
 
-    from foretouch.bench import render_table
-
-    console = Console()
-    console.width = max(console.width, WIDTH) if not console.is_terminal else console.width
-    console.print(render_table({name: rows}))
+    console = Console(highlight=False)
+    if not console.is_terminal:
+        console.width = max(console.width, WIDTH)
+    return console
 
 
 def _keep_ratios(path: Path) -> None:
@@ -121,35 +120,26 @@ def _keep_ratios(path: Path) -> None:
     say(f"baseline: {path}")
 
 
-def _judge_ratios(json_output: bool) -> None:
+def _judge_ratios() -> Answer:
     from foretouch.bench.check import check
 
     checked = check()
-    if json_output:
-        rows = [{"what": c.name, "figure": c.ratio, "baseline": c.baseline, "passed": c.passed} for c in checked]
-        show(json.dumps(rows, allow_nan=False))
-    else:
-        for one in checked:
-            show(one.sentence)
-    if not all(one.passed for one in checked):
-        raise typer.Exit(1)
+    rows = [{"what": c.name, "figure": c.ratio, "baseline": c.baseline, "passed": c.passed} for c in checked]
+    return Answer(rows, (one.sentence for one in checked), code=int(not all(one.passed for one in checked)))
 
-
-WIDE = 120
-"""Width of the table in columns where no terminal gives its width."""
 
 LONGEST = 600.0
 """The longest examination of loops and peers [s]."""
 
 
-@with_options(endpoints=Endpoints)
+@command(endpoints=Endpoints)
 def doctor(
     *,
     endpoints: Endpoints,
     seconds: Annotated[float, typer.Option(help="That the loops run, and that a peer is asked [s].")] = 5.0,
     duration: Duration = None,
-    json_output: Json = False,
-) -> None:
+    json_output: bool,
+) -> Answer:
     """Is this machine fit for a session, and the way to another? Each check with a verdict and what mends it.
 
     With --connect a peer is asked too: a `foretouch doctor --listen` there answers, and a session that runs there is
@@ -164,26 +154,25 @@ def doctor(
     if endpoints.listen:
         if endpoints.connect:
             raise LinkError("give --listen on one machine and --connect on the other")
-        _answer(endpoints, duration, json_output)
-        return
-    from foretouch.doctor import Verdict, examine, worst
+        return _answer(endpoints, duration)
+    from foretouch.doctor import Verdict, examine, render_findings, worst
 
     ways = tuple(_way(endpoints, each) for each in endpoints.connect or ())
-    findings: list[Finding] = []
     with progress_bar("looking at this machine", refreshing=False) as bar:
-        for finding in examine(
-            seconds=seconds, keys=endpoints.keys, ways=ways, say=lambda what: bar.update(0.0, None, what)
-        ):
-            findings.append(finding)
-    verdict = worst(findings)
-    if json_output:
-        print_json({"verdict": verdict.value, "findings": [finding.as_row() for finding in findings]})
-    else:
-        _print(findings)
-    if verdict is Verdict.BAD:
-        raise typer.Exit(1)
+        findings = list(
+            examine(seconds=seconds, keys=endpoints.keys, ways=ways, say=lambda what: bar.update(0.0, None, what))
+        )
+    verdict, lines = worst(findings), ""
+    if not json_output:
+        _console().print(render_findings(findings))
+        counts = {each: sum(finding.verdict is each for finding in findings) for each in Verdict}
+        said = ", ".join(f"{count} {each.value}" for each, count in counts.items() if count)
+        lines = f"{said}; all in all: {verdict.value}"
+    content = {"verdict": verdict.value, "findings": [finding.as_row() for finding in findings]}
+    return Answer(content, lines, code=int(verdict is Verdict.BAD))
 
 
+@command()
 def warm_up() -> None:
     """Compile what sessions and estimators run, once on this machine, in about a minute; `make setup` does it.
 
@@ -197,20 +186,6 @@ def warm_up() -> None:
     say("everything is compiled")
 
 
-def _print(findings: list[Finding]) -> None:
-    from rich.console import Console
-
-    from foretouch.doctor import Verdict, render_findings, worst
-
-    console = Console(highlight=False)
-    if not console.is_terminal:
-        console.width = max(console.width, WIDE)
-    console.print(render_findings(findings))
-    counts = {verdict: sum(finding.verdict is verdict for finding in findings) for verdict in Verdict}
-    said = ", ".join(f"{count} {verdict.value}" for verdict, count in counts.items() if count)
-    console.print(f"{said}; all in all: {worst(findings).value}")
-
-
 def _way(endpoints: Endpoints, endpoint: str) -> tuple[str, str, int, Callable[[Callable[[Message], None]], ZenohLink]]:
     """To one peer; a malformed endpoint, or one that is not allowed, is refused before anything is checked."""
     from foretouch.doctor.network import DOCTOR_CHANNELS
@@ -222,7 +197,7 @@ def _way(endpoints: Endpoints, endpoint: str) -> tuple[str, str, int, Callable[[
     return endpoint, host.strip("[]"), int(port), lambda watch: open_link("doctor", one, DOCTOR_CHANNELS, watch)
 
 
-def _answer(endpoints: Endpoints, duration: float | None, json_output: bool) -> None:
+def _answer(endpoints: Endpoints, duration: float | None) -> Answer:
     """Answer the questions of other doctors."""
     from foretouch.doctor.network import DOCTOR_CHANNELS, Answerer
 
@@ -235,7 +210,4 @@ def _answer(endpoints: Endpoints, duration: float | None, json_output: bool) -> 
         pass
     finally:
         answerer.close()
-    if json_output:
-        print_json({"answered": answerer.answered})
-    else:
-        show(f"{answerer.answered} questions answered")
+    return Answer({"answered": answerer.answered}, f"{answerer.answered} questions answered")

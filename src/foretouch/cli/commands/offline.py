@@ -4,33 +4,21 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from foretouch.cli.commands.recordings import say_what_is_left_out
-from foretouch.cli.options import (
-    ContactFloor,
-    Json,
-    ReportDirectory,
-    ScoreTo,
-    made_by,
-    make_folder,
-    print_json,
-    say,
-    show,
-    with_options,
-)
+from foretouch.cli.options import Answer, ReportDirectory, command, made_by, make_folder, require_elsewhere, say
 from foretouch.cli.progress import compile_first, pulsing
-from foretouch.cli.reading import Source, read_and_say, recording_options
+from foretouch.cli.reading import Scored, Source, read_and_say, recording_options, say_what_is_left_out
 from foretouch.errors import SettingError, plural
 from foretouch.settings import LAWS_HELP
 
 if TYPE_CHECKING:
-    from foretouch.identification import Identification, Learner
+    from foretouch.identification import Learner
     from foretouch.quantities import Recording
     from foretouch.recordings import RecordingOptions
 
@@ -108,18 +96,16 @@ class Learning:
 
 
 @dataclass(frozen=True)
-class Scored:
-    """Which part of a recording is scored."""
+class ScoredOne(Scored):
+    """Which part of one recording is scored."""
 
     score_from: Annotated[float, typer.Option(help="Scoring begins [s after the first sample].")] = 1.5
-    score_to: ScoreTo = None
-    contact_floor: ContactFloor = None
 
     def __str__(self) -> str:
         return f"from {self.score_from:g} s" + (f" to {self.score_to:g} s" if self.score_to is not None else "")
 
 
-@with_options(source=Source, learning=Learning, options=recording_options)
+@command(source=Source, learning=Learning, options=recording_options)
 def identify(
     *,
     source: Source,
@@ -129,18 +115,18 @@ def identify(
     ] = None,
     options: RecordingOptions,
     out: Annotated[Path | None, typer.Option(help="CSV or Parquet file for the parameters at every sample.")] = None,
-    json_output: Json = False,
-) -> None:
+) -> Answer:
     """Identify a contact model from a recording, sample by sample.
 
     Example: foretouch identify press.csv --position-unit mm --json
     """
     from foretouch import identification
+    from foretouch.models import ContactMapModel, summarise_map
     from foretouch.recordings import write_columns
     from foretouch.report.numbers import finite_or_none
 
     recording = source.path()
-    _refuse_to_replace(recording, out)
+    require_elsewhere(out, recording, name="out")
     learning = learning.with_estimator()
     data = read_and_say(recording, options)
     if options.map_file is None:
@@ -158,11 +144,13 @@ def identify(
     )
     residual, contact = result.residual_rms, result.contact_force_rms
     percent = finite_or_none(100.0 * residual / contact) if contact > 0.0 else None
+    status, hint = _verdict(data, percent)
+    model = result.model
     content = {
         "model": learning.model,
         "estimator": learning.estimator,
         "parameters": result.parameters,
-        "map": _map_of(result),
+        "map": summarise_map(model).figures(result.standard_deviation) if isinstance(model, ContactMapModel) else None,
         "standard_errors": result.standard_errors,
         "standard_errors_with_surface": result.standard_errors_with_surface,
         "surface_m": result.surface,
@@ -174,29 +162,32 @@ def identify(
         "contact_samples": int(result.in_contact.sum()),
         "residual_rms_N": finite_or_none(residual),
         "residual_percent": percent,
-        "status": _identified(data) if math.isfinite(residual) else "no_residual",
-        "hint": _hint(data, percent),
+        "status": status if math.isfinite(residual) else "no_residual",
+        "hint": hint,
     }
     if out is not None:
         write_columns(out, {"time_s": data.time, "in_contact": result.in_contact, **result.history})
-    if json_output:
-        print_json(content)
-    else:
-        _print_lines(f"{source.name}: {learning.title}", content)
+    return Answer(content, _lines(f"{source.name}: {learning.title}", content))
 
 
-@with_options(source=Source, learning=Learning, options=recording_options, scored=Scored)
+SCORES = (
+    *("samples", "scored_samples", "contact_force_rms_N", "prediction_rmse_N", "prediction_error_percent"),
+    *("delayed_force_error_percent", "within_jnd_percent", "phantom_force_rms_N", "missed_contact_percent"),
+)
+"""Scores of a prediction that are printed."""
+
+
+@command(source=Source, learning=Learning, options=recording_options, scored=ScoredOne)
 def predict(
     *,
     source: Source,
     delay: Annotated[float, typer.Option(help="Of the forces [s].")] = 0.3,
     learning: Learning,
     options: RecordingOptions,
-    scored: Scored,
+    scored: ScoredOne,
     out: Annotated[Path | None, typer.Option(help="CSV or Parquet file for the forces.")] = None,
     report_directory: ReportDirectory = None,
-    json_output: Json = False,
-) -> None:
+) -> Answer:
     """Predict the force of a recorded motion as a leader would, whose forces arrive late.
 
     Example: foretouch predict press.csv --delay 0.3 --json
@@ -207,20 +198,18 @@ def predict(
 
     require("delay", delay, at_least=0.0)
     recording = source.path()
-    _refuse_to_replace(recording, out)
+    require_elsewhere(out, recording, name="out")
     make_folder(report_directory)
     learning = learning.with_estimator()
     compile_first()
     learner = learning.learner()
-    log = None
     if options.map_file is None and is_session(recording):
         log = read_session(recording)
         found = pulsing("predicting", forces_under_delay, log, learner(), delay)
+        say_what_is_left_out(recording, log)
     else:
         data = read_and_say(recording, options)
         found = pulsing("predicting", forces_under_delay, data, learner(contact_floor=data.contact_floor), delay)
-    if log is not None:
-        say_what_is_left_out(recording, log)
     floor = found.contact_floor if scored.contact_floor is None else scored.contact_floor
     scores = score_prediction(
         found.time,
@@ -234,20 +223,9 @@ def predict(
         delayed_offset=0.0,
         skipped=found.skipped,
     )
-    names = (
-        "samples",
-        "scored_samples",
-        "contact_force_rms_N",
-        "prediction_rmse_N",
-        "prediction_error_percent",
-        "delayed_force_error_percent",
-        "within_jnd_percent",
-        "phantom_force_rms_N",
-        "missed_contact_percent",
-    )
     content = {
         "delay_s": delay,
-        **{name: getattr(scores, name) for name in names},
+        **{name: getattr(scores, name) for name in SCORES},
         **found.perception(scores),
         "status": scores.status,
         "remarks": remarks(found, scores, delay, scored.score_from),
@@ -283,67 +261,44 @@ def predict(
         )
         write_prediction_page(report_directory, source.dataset or recording.name, forces, content, made)
         say(f"report: {report_directory / 'index.html'}")
-    if json_output:
-        print_json(content)
-    else:
-        _print_lines(f"{source.name}: {learning.title}", content)
+    return Answer(content, _lines(f"{source.name}: {learning.title}", content))
 
 
+@command()
 def report(
     recording: Annotated[Path, typer.Argument(help="MCAP of a session.")],
     directory: ReportDirectory = None,
-    json_output: Json = False,
-) -> None:
+) -> Answer:
     """Print the report of a recorded session again, and write its page.
 
     Example: foretouch report session.mcap --report out
     """
-    from foretouch.cli.commands.sessions import print_report
+    from foretouch.cli.commands.sessions import report_of
     from foretouch.recordings import read_session
 
-    print_report(read_session(recording), recording, directory, json_output)
+    return report_of(read_session(recording), recording, directory)
 
 
-def _map_of(result: Identification) -> dict[str, object] | None:
-    """A contact map in a few numbers, None for other models."""
-    from foretouch.models import ContactMapModel, summarise_map
+def _verdict(data: Recording, residual_percent: float | None) -> tuple[str, str | None]:
+    """Status of an identification that has a residual, and what to try; None where there is nothing to mend.
 
-    if not isinstance(result.model, ContactMapModel):
-        return None
-    return summarise_map(result.model).figures(result.standard_deviation)
-
-
-def _identified(data: Recording) -> str:
-    """Status of an identification: whether the recording's signs can be right, and its force has a zero to be known."""
+    The recording's signs may be wrong, its force may have no zero that can be known, or the law describes it badly.
+    """
     from foretouch.identification.force_calibration import is_zero_unobservable
     from foretouch.recordings import falls_with_depth
 
     if falls_with_depth(data):
-        return "falls_with_depth"
-    return "offset_unobservable" if is_zero_unobservable(data) else "ok"
-
-
-def _hint(data: Recording, residual_percent: float | None) -> str | None:
-    """What to try where a sign is wrong, or the law describes next to nothing of a recording; None elsewhere."""
-    from foretouch.recordings import falls_with_depth
-
-    if falls_with_depth(data):
-        return (
+        return "falls_with_depth", (
             "the force falls where it is pressed deeper, and what was learnt is no material: give --flip-force if "
             "forces are negative under load, --flip if positions shrink with depth; in a map, sign = -1"
         )
-    if residual_percent is None or residual_percent <= WORTHLESS:
-        return None
-    return (
-        f"the law does not describe this recording: its residual is {residual_percent:.0f} % of the force in contact; "
-        "check the signs of force and position (--flip-force, --flip), or try another law (--model)"
-    )
-
-
-def _refuse_to_replace(recording: Path, out: Path | None) -> None:
-    """Results never take the place of what they come from."""
-    if out is not None and out.resolve() == recording.resolve():
-        raise SettingError("out", str(out), "is the recording itself: name another file")
+    hint = None
+    if residual_percent is not None and residual_percent > WORTHLESS:
+        hint = (
+            f"the law does not describe this recording: its residual is {residual_percent:.0f} % of the force in "
+            "contact; check the signs of force and position (--flip-force, --flip), or try another law (--model)"
+        )
+    return "offset_unobservable" if is_zero_unobservable(data) else "ok", hint
 
 
 def _number_or_auto(name: str, text: str) -> float | None:
@@ -358,29 +313,25 @@ def _number_or_auto(name: str, text: str) -> float | None:
     return value
 
 
-def _print_lines(title: str, content: dict[str, Any]) -> None:
+def _lines(title: str, content: dict[str, Any]) -> Iterator[str]:
     """A result as aligned lines: what is known with an error has as many digits as that allows."""
     from foretouch.quantities import in_words, measured
     from foretouch.report import IDLE_LAW, law_is_idle, map_lines
     from foretouch.report.numbers import parameter_text
 
-    show(title)
+    yield title
     for name, value in content.items():
         partner = name.rpartition("_")  # for instance surface_m and surface_error_m
         error = f"{partner[0]}_error_{partner[2]}"
         if name.startswith("standard_errors") or ("_error_" in name and name.replace("_error_", "_") in content):
             continue  # stands behind what it is of
-        if name == "hint":
-            if value is not None:
-                show(f"  {value}")
-            continue
-        if name == "remarks":
-            show("".join(f"  {remark}\n" for remark in value), end=False)
+        if name in ("hint", "remarks"):
+            yield from (f"  {line}" for line in ([value] if isinstance(value, str) else value or ()))
             continue
         if name == "map":
-            for line in () if value is None else map_lines(value):
-                show(f"  {'map':<28} {line}")
+            yield from (f"  {'map':<28} {line}" for line in (() if value is None else map_lines(value)))
             continue
+        words, unit = in_words(name)
         if name == "parameters":
             errors, alone = content["standard_errors_with_surface"], content["standard_errors"]
             text = parameter_text(value, errors or alone)
@@ -390,9 +341,9 @@ def _print_lines(title: str, content: dict[str, Any]) -> None:
             if content["map"] is not None and law_is_idle(content["map"]):
                 text += f"\n  {'':<28} ({IDLE_LAW})"
         elif error in content:
-            text = measured(value, content[error], in_words(name)[1])
+            text = measured(value, content[error], unit)
         elif value is None:
             text = "-"
         else:
-            text = f"{value:.4g} {in_words(name)[1]}" if isinstance(value, float) else str(value)
-        show(f"  {in_words(name)[0]:<28} {text}")
+            text = f"{value:.4g} {unit}" if isinstance(value, float) else str(value)
+        yield f"  {words:<28} {text}"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foretouch.cli.options import Json, print_json, show
+from foretouch.cli.options import Answer, command, show
 from foretouch.errors import plural, was_or_were
 
 if TYPE_CHECKING:
@@ -21,36 +21,37 @@ MARKS = {True: "kept", False: "BROKEN", None: "not seen"}
 
 
 @plugins.callback(invoke_without_command=True)
-def list_plugins(context: typer.Context, json_output: Json = False) -> None:
+@command()
+def list_plugins(context: typer.Context) -> Answer | None:
     """Robots, devices, materials and estimators, of foretouch and of other packages; the broken ones with the reason.
 
     Example: foretouch plugins --json
     """
     if context.invoked_subcommand is not None:
-        return
+        return None
     from foretouch.session.conformance import catalogue
 
-    entries = catalogue()
-    if json_output:
-        rows = [dataclasses.asdict(entry) | {"status": BROKEN if entry.problem else "ok"} for entry in entries]
-        print_json({"plugins": rows})
-        return
-    for entry in entries:
+    rows, lines = [], []
+    for entry in catalogue():
+        rows.append(dataclasses.asdict(entry) | {"status": BROKEN if entry.problem else "ok"})
         laws = f"  of {', '.join(entry.laws)}" if entry.laws else ""
-        show(f"{entry.kind:<10} {entry.name:<20} {entry.package} {entry.version}{laws}")
+        lines.append(f"{entry.kind:<10} {entry.name:<20} {entry.package} {entry.version}{laws}")
         if entry.problem:
-            show(f"{'':<10} {BROKEN}: {entry.problem}")
+            lines.append(f"{'':<10} {BROKEN}: {entry.problem}")
+    return Answer({"plugins": rows}, lines)
 
 
 @plugins.command("check")
+@command()
 def check(
+    *,
     name: Annotated[str, typer.Argument(help="Of a robot, device, material or estimator.")],
     group: Annotated[
         str, typer.Option(help="robot, device, material or estimator; needed where two of them have the name.")
     ] = "",
     move: Annotated[bool, typer.Option("--move", help="Let a real robot move, 5 mm in and back, in free air.")] = False,
-    json_output: Json = False,
-) -> None:
+    json_output: bool,
+) -> Answer:
     """Check that a robot, device, material or estimator keeps to what sessions count on. Exit code 1 where not.
 
     Example: foretouch plugins check hunt-crossley --group material
@@ -71,14 +72,9 @@ def check(
 
     titled = check_named(name, kind=kind, move=move, tell=(lambda of, finding: None) if json_output else tell)
     found = [finding for findings in titled.values() for finding in findings]
-    broken = failed(found)
-    if json_output:
-        rows = [dataclasses.asdict(finding) | {"of": of} for of, findings in titled.items() for finding in findings]
-        print_json({"name": name, "passed": not broken, "checks": rows})
-    else:
-        show(_summary(found))
-    if broken:
-        raise typer.Exit(1)
+    broken = bool(failed(found))
+    rows = [dataclasses.asdict(finding) | {"of": of} for of, findings in titled.items() for finding in findings]
+    return Answer({"name": name, "passed": not broken, "checks": rows}, _summary(found), code=int(broken))
 
 
 def _summary(found: Sequence[Finding]) -> str:

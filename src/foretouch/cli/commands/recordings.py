@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -10,23 +10,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foretouch.cli.options import (
-    Json,
-    print_json,
-    require_recording,
-    require_writable,
-    say,
-    show,
-    with_options,
-)
+from foretouch.cli.options import Answer, command, require_recording, require_writable, say
 from foretouch.cli.progress import progress_bar, pulsing
 from foretouch.cli.reading import RECORDING_HELP, read_and_say, recording_options
 from foretouch.errors import RecordingError, SettingError, plural, printable
 
 if TYPE_CHECKING:
-    from foretouch.messages import SessionLog
     from foretouch.recordings import Contents, RecordingOptions
-    from foretouch.recordings.source import Column
 
 
 datasets = typer.Typer(help="Measured recordings: what is here, and fetching the originals.", no_args_is_help=True)
@@ -34,7 +24,8 @@ materials = typer.Typer(help="What the simulated follower can press.", no_args_i
 
 
 @datasets.command("list")
-def list_datasets(json_output: Json = False) -> None:
+@command()
+def list_datasets() -> Answer:
     """The measured recordings, and whose they are; time, position and force of all of them are here.
 
     Example: foretouch datasets list
@@ -42,29 +33,25 @@ def list_datasets(json_output: Json = False) -> None:
     from foretouch import recordings
 
     entries = recordings.list_datasets()
-    if json_output:
-        print_json(
-            {
-                entry.name: {
-                    "kind": entry.kind,
-                    "licence": entry.origin.licence,
-                    "url": entry.url,
-                    "excerpt": str(recordings.excerpt(entry.name)),
-                    "seen": entry.seen,
-                }
-                for entry in entries
-            }
-        )
-        return
-    for entry in entries:
-        show(f"{entry.name:<20} {entry.kind:<8} {entry.file:<34} {entry.origin.licence}")
+    content = {
+        entry.name: {
+            "kind": entry.kind,
+            "licence": entry.origin.licence,
+            "url": entry.url,
+            "excerpt": str(recordings.excerpt(entry.name)),
+            "seen": entry.seen,
+        }
+        for entry in entries
+    }
+    lines = (f"{entry.name:<20} {entry.kind:<8} {entry.file:<34} {entry.origin.licence}" for entry in entries)
+    return Answer(content, lines)
 
 
 @datasets.command("fetch")
+@command()
 def fetch_dataset(
     name: Annotated[str, typer.Argument(help="A name from `foretouch datasets list`, or all.")],
-    json_output: Json = False,
-) -> None:
+) -> Answer:
     """Make the originals of measured recordings available here, with all that they hold, and print where they lie.
 
     They come from the folder that FORETOUCH_DATA_DIR names, from the cache, or from their public origin.
@@ -80,15 +67,12 @@ def fetch_dataset(
         for done, each in enumerate(names):
             bar.update(done, len(names), f"fetching {each}")
             paths[each] = str(recordings.fetch_dataset(each))
-    if json_output:
-        print_json({"files": paths})
-        return
-    for path in paths.values():
-        show(str(path))
+    return Answer({"files": paths}, paths.values())
 
 
 @materials.command("list")
-def list_materials(json_output: Json = False) -> None:
+@command()
+def list_materials() -> Answer:
     """The materials, and where their numbers come from.
 
     Example: foretouch materials list
@@ -102,28 +86,20 @@ def list_materials(json_output: Json = False) -> None:
             entries.setdefault(name, make_material(name))
         except PluginError as error:
             say(f"left out: {error}")
-    if json_output:
-        print_json(
-            {
-                name: {
-                    "description": entry.description,
-                    "provenance": entry.provenance,
-                    "press_depth_m": entry.press_depth,
-                }
-                for name, entry in entries.items()
-            }
-        )
-        return
-    for name, entry in entries.items():
-        show(f"{name:<16} to {1e3 * entry.press_depth:.1f} mm   {entry.description}")
+    content = {
+        name: {"description": one.description, "provenance": one.provenance, "press_depth_m": one.press_depth}
+        for name, one in entries.items()
+    }
+    lines = (f"{name:<16} to {1e3 * one.press_depth:.1f} mm   {one.description}" for name, one in entries.items())
+    return Answer(content, lines)
 
 
 @materials.command("fit")
+@command()
 def fit_material(
     name: Annotated[str, typer.Argument(help="foam-measured: the material that comes from measured files.")],
     out: Annotated[Path | None, typer.Option(help="JSON file for the coefficients.")] = None,
-    json_output: Json = False,
-) -> None:
+) -> Answer:
     """Fit a measured material again from its recordings, and print how well the law describes each.
 
     Example: foretouch materials fit foam-measured --out foam.json
@@ -140,11 +116,8 @@ def fit_material(
         require_writable(out.parent)
         with atomic_path(out) as part:
             part.write_bytes(foam_fit_json(fit))
-    if json_output:
-        print_json({file.name: {"residual_percent": file.residual_percent} for file in fit.files})
-        return
-    for file in fit.files:
-        show(f"{file.name:<16} residual {file.residual_percent:5.1f} % of the contact-force RMS")
+    lines = (f"{one.name:<16} residual {one.residual_percent:5.1f} % of the contact-force RMS" for one in fit.files)
+    return Answer({one.name: {"residual_percent": one.residual_percent} for one in fit.files}, lines)
 
 
 MOST_SHOWN = 40
@@ -156,13 +129,13 @@ recordings = typer.Typer(
 
 
 @recordings.command("repair")
+@command()
 def repair(
     path: Annotated[Path, typer.Argument(metavar="FILE", help="MCAP of a session.")],
     output: Annotated[
         Path | None, typer.Option("--output", help="Where the whole recording goes; without it, in FILE's place.")
     ] = None,
-    json_output: Json = False,
-) -> None:
+) -> Answer:
     """Make a recording whole whose recorder was killed, or whose disk was full, and say what it holds.
 
     Every block that can be read stays as it is, byte by byte; the index is written anew.
@@ -173,19 +146,17 @@ def repair(
 
     require_recording(output)
     found = repair_session(path, output)
-    if json_output:
-        print_json({**asdict(found), "path": str(found.path)})
-        return
-    if found.was_whole:
-        show(f"{path}: is whole")
-    else:
+    first = "is whole"
+    if not found.was_whole:
         left_out = f"{found.damaged_blocks} damaged blocks left out" if found.damaged_blocks else "no block was damaged"
-        show(f"{path}: {found.bytes_cut} bytes cut behind the last whole block; {left_out}")
+        first = f"{found.bytes_cut} bytes cut behind the last whole block; {left_out}"
     held = ", ".join(f"{count} {topic}" for topic, count in found.messages.items())
-    show(f"{found.path}: holds {found.duration:.3f} s in {found.bytes_kept} bytes: {held}")
+    second = f"{found.path}: holds {found.duration:.3f} s in {found.bytes_kept} bytes: {held}"
+    return Answer(asdict(found) | {"path": str(found.path)}, [f"{path}: {first}", second])
 
 
 @recordings.command("inspect")
+@command()
 def inspect(
     path: Annotated[Path, typer.Argument(metavar="FILE", help=RECORDING_HELP)],
     save: Annotated[
@@ -196,8 +167,7 @@ def inspect(
     ] = False,
     topic: Annotated[str | None, typer.Option("--topic", help="Show the fields of this topic's messages.")] = None,
     show_all: Annotated[bool, typer.Option("--all", help=f"Show all topics, not the first {MOST_SHOWN}.")] = False,
-    json_output: Json = False,
-) -> None:
+) -> Answer:
     """Show what a recording holds, topics or columns, and the map that can be guessed.
 
     Example: foretouch recordings inspect press.csv --save map.toml
@@ -213,23 +183,18 @@ def inspect(
         if found.guess is None:
             raise SettingError("save", str(save), f"{path} is {found.stated}")
         _save_map(save, found.guess.text(), overwrite)
-    if json_output:
-        print_json(found.as_json())
-    else:
-        _print_contents(found, topic, show_all)
-    if save is not None:
         say(f"map: {save}")
+    return Answer(found.as_json(), _lines(found, topic, show_all))
 
 
 @recordings.command("convert")
-@with_options(options=recording_options)
+@command(options=recording_options)
 def convert(
     *,
     path: Annotated[Path, typer.Argument(metavar="IN", help=RECORDING_HELP)],
     output: Annotated[Path, typer.Argument(metavar="OUT", help="Ends with .mcap, .parquet or .csv.")],
     options: RecordingOptions,
-    json_output: Json = False,
-) -> None:
+) -> Answer:
     """Write position and force of a recording in another format, in SI units.
 
     Example: foretouch recordings convert press.csv press.mcap
@@ -243,11 +208,9 @@ def convert(
     for note in pulsing(f"writing {output.name}", write_recording, output, recording):
         say(f"{output}: {note}")
     seconds = float(recording.time[-1] - recording.time[0])
-    if json_output:
-        velocity = recording.velocity is not None
-        print_json({"path": str(output), "samples": len(recording), "duration_s": seconds, "velocity": velocity})
-    else:
-        show(f"{output}: {plural(len(recording), 'sample')} in {seconds:.3f} s")
+    content = {"path": str(output), "samples": len(recording), "duration_s": seconds}
+    content["velocity"] = recording.velocity is not None
+    return Answer(content, f"{output}: {plural(len(recording), 'sample')} in {seconds:.3f} s")
 
 
 def _save_map(path: Path, text: str, overwrite: bool) -> None:
@@ -267,58 +230,49 @@ def _require_elsewhere(name: str, output: Path, path: Path) -> None:
         raise SettingError(name, str(output), "is the recording itself, or within it: name another file")
 
 
-def _print_contents(found: Contents, topic: str | None, show_all: bool) -> None:
+def _lines(found: Contents, topic: str | None, show_all: bool) -> Iterator[str]:
     """What a recording holds, as aligned lines."""
     span = "" if found.duration_s is None else f", {found.duration_s:.3f} s"
     rate = "" if found.rate is None else f", {found.rate:.5g} samples a second"
     begin = "" if not found.begin_ns else f", from {_date(found.begin_ns)}"
     what = plural(len(found.topics), "topic") if found.topics else plural(len(found.columns), "column")
-    show(f"{found.path}: {found.format}, {what}{span}{rate}{begin}")
+    yield f"{found.path}: {found.format}, {what}{span}{rate}{begin}"
     beside_the_map = () if found.guess is None else found.guess.notes
-    for note in found.notes:
-        if note not in beside_the_map:
-            show(f"  {note}")
+    yield from (f"  {note}" for note in found.notes if note not in beside_the_map)
     most = None if show_all else MOST_SHOWN
-    rows = [
-        (one.name, one.type_name, str(one.count), "" if (hz := found.rate_of(one)) is None else f"{hz:.5g} /s")
-        for one in found.topics[:most]
-    ]
-    if rows:
-        _print_table(("topic", "type", "messages", "rate"), rows)
-        if len(found.topics) > len(rows):
-            more = plural(len(found.topics) - len(rows), "topic")
-            show(f"  ... and {more} more: --all shows them, --topic NAME its fields")
-    if found.columns:
-        title, columns = _table_of(found.columns[:most], topic is not None)
-        _print_table(title, columns)
-        if len(found.columns) > len(columns):
-            show(f"  ... and {len(found.columns) - len(columns)} more: --all shows them")
+    topics, columns = found.topics[:most], found.columns[:most]
+    if topics:
+        rates = ["" if (hz := found.rate_of(one)) is None else f"{hz:.5g} /s" for one in topics]
+        rows = [(one.name, one.type_name, str(one.count), hz) for one, hz in zip(topics, rates, strict=True)]
+        yield from _table(("topic", "type", "messages", "rate"), rows)
+    if left := len(found.topics) - len(topics):
+        yield f"  ... and {plural(left, 'topic')} more: --all shows them, --topic NAME its fields"
+    if columns:
+        counts = ["" if one.count is None else str(one.count) for one in columns]
+        cells = [(one.name, one.kind, count) for one, count in zip(columns, counts, strict=True)]
+        if topic is None:
+            rows_of = [(*cell, one.unit) for one, cell in zip(columns, cells, strict=True)]
+            yield from _table(("column", "type", "values", "unit"), rows_of)
+        else:
+            ranges = [map(_number, (one.example, one.smallest, one.largest)) for one in columns]
+            title = ("field", "type", "messages", "first", "smallest", "largest")
+            yield from _table(title, [(*cell, *three) for cell, three in zip(cells, ranges, strict=True)])
+    if left := len(found.columns) - len(columns):
+        yield f"  ... and {left} more: --all shows them"
     if found.stated:
-        show(f"  {found.stated}")
+        yield f"  {found.stated}"
     elif found.guess is not None:
         whole = "the map as guessed" if not found.guess.open else "the map as far as it can be guessed"
-        show(f"\n# {whole}: --save FILE.toml writes it, --map FILE.toml reads by it\n{found.guess.text()}", end=False)
+        yield f"\n# {whole}: --save FILE.toml writes it, --map FILE.toml reads by it"
+        yield found.guess.text().removesuffix("\n")
 
 
-def _table_of(shown: Sequence[Column], of_topic: bool) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-    """Title and lines of the columns of a table, or of the fields of a topic's messages."""
-    counts = ["" if one.count is None else str(one.count) for one in shown]
-    if not of_topic:
-        return ("column", "type", "values", "unit"), [
-            (one.name, one.kind, count, one.unit) for one, count in zip(shown, counts, strict=True)
-        ]
-    return ("field", "type", "messages", "first", "smallest", "largest"), [
-        (one.name, one.kind, count, _number(one.example), _number(one.smallest), _number(one.largest))
-        for one, count in zip(shown, counts, strict=True)
-    ]
-
-
-def _print_table(title: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> None:
+def _table(title: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> Iterator[str]:
     """Columns as wide as they must be; an empty last one leaves no blanks."""
-    rows = [tuple(map(printable, row)) for row in rows]
-    widths = [max(len(row[place]) for row in (title, *rows)) for place in range(len(title))]
-    for row in (title, *rows):
-        show("  " + "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip())
+    rows = [title, *(tuple(map(printable, row)) for row in rows)]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for row in rows:
+        yield "  " + "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip()
 
 
 def _number(value: float | None) -> str:
@@ -331,28 +285,3 @@ def _date(time_ns: int) -> str:
     if not 3e8 < seconds < 4e9:
         return f"{seconds:.3f} s"
     return datetime.fromtimestamp(seconds, tz=UTC).isoformat(timespec="milliseconds")
-
-
-def say_what_is_left_out(path: Path, log: SessionLog | None = None) -> None:
-    """One line on each thing that is left out of a session's recording by those who learn from it; else nothing."""
-    from foretouch.recordings import follower_samples, is_session, read_follower_samples
-    from foretouch.report import left_out
-
-    if not is_session(path):
-        return
-    say_if_cut(path)
-    for sentence in left_out(read_follower_samples(path) if log is None else follower_samples(log)):
-        say(f"{path}: {sentence}")
-
-
-def say_if_cut(path: Path, log: SessionLog | None = None) -> None:
-    """One line on a session's recording that was read and ends before its session did: what can be done about it."""
-    from foretouch.recordings import is_whole
-
-    if path.suffix.lower() != ".mcap":
-        return
-    if not is_whole(path):
-        mend = f"`foretouch recordings repair {path}` makes it whole"
-        say(f"{path}: was not ended by its recorder; read as far as it goes; {mend}")
-    elif log is not None and log.counts.get("truncated"):
-        say(f"{path}: ends before its session did")

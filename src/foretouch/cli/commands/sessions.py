@@ -7,28 +7,28 @@ from __future__ import annotations
 
 import importlib.util
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from foretouch.cli.commands.recordings import say_if_cut
 from foretouch.cli.options import (
+    Answer,
     Duration,
-    Json,
     ReportDirectory,
     changed_settings,
+    command,
     made_by,
     make_folder,
-    print_json,
     require_duration,
+    require_elsewhere,
     require_recording,
     say,
     session_settings,
-    show,
-    with_options,
 )
 from foretouch.cli.progress import compile_first, progress_bar, pulsing
+from foretouch.cli.reading import say_if_cut
 from foretouch.errors import MissingExtraError, RecordingError, SettingError
 from foretouch.settings import FAULTS
 
@@ -51,7 +51,7 @@ def require_extras(*extras: str) -> None:
 RecordingFile = Annotated[Path | None, typer.Option("--recording", help="MCAP file to write.")]
 
 
-@with_options(settings=session_settings(operator="browser"))
+@command(settings=session_settings(operator="browser"))
 def teleop(
     *,
     duration: Duration = None,
@@ -59,20 +59,21 @@ def teleop(
     port: Annotated[int, typer.Option(help="Of the console, on 127.0.0.1.")] = 8080,
     recording: RecordingFile = None,
     report: ReportDirectory = None,
-    json_output: Json = False,
+    json_output: bool,
     settings: SessionSettings,
-) -> None:
+) -> Answer:
     """The main job: leader, follower, console and recorder on this machine, joined by a real network connection.
 
     Example: foretouch teleop --headless --duration 20 --operator recorded --report out
     """
-    from foretouch.session import RECORDING_INCOMPLETE, StopFlag, run_processes, session_calibration
+    from foretouch.robot import make_material
+    from foretouch.session import StopFlag, run_processes, session_calibration
 
     require_duration(duration)
     require_extras("sim", "link", *(() if headless else ("console",)), "recordings")
-    _check_material(settings.material)
+    make_material(settings.material)
     session_calibration(settings)  # the follower reads it again; here, the user gets the error before anything starts
-    path = recording or _default_recording(report)
+    path = recording or (Path(time.strftime("foretouch-%Y%m%d-%H%M%S.mcap")) if report is None else report / RECORDED)
     require_recording(recording)
     make_folder(report)
     require_recording(path)
@@ -89,20 +90,17 @@ def teleop(
         stop=StopFlag().on_signals(),
         say=say,
     )
-    _report_recorded(path, report, json_output, all_of_it=code != RECORDING_INCOMPLETE, failed=code == 1)
-    if code:
-        raise typer.Exit(code)
+    return _recorded(path, report, json_output, code)
 
 
-@with_options(settings=session_settings())
+@command(settings=session_settings())
 def simulate(
     *,
     duration: Annotated[float, typer.Option(help="Simulated time [s].")] = 20.0,
     recording: RecordingFile = None,
     report: ReportDirectory = None,
-    json_output: Json = False,
     settings: SessionSettings,
-) -> None:
+) -> Answer:
     """The same session in simulated time: one process, seeded network, the same result every time.
 
     With --scene it runs in three dimensions: a fixture that a camera sees, and what it is made of, place by place.
@@ -125,28 +123,20 @@ def simulate(
             with SessionWriter(recording) as writer:
                 session = start(writer.write)
                 writer.close(session.log.counts)
-    print_report(session.log, recording, report, json_output, elapsed=session.elapsed)
+    return report_of(session.log, recording, report, elapsed=session.elapsed)
 
 
-def _check_material(name: str) -> None:
-    from foretouch.robot import make_material
-
-    make_material(name)
-
-
-def _default_recording(report: Path | None) -> Path:
-    if report is not None:
-        return report / "session.mcap"
-    return Path(time.strftime("foretouch-%Y%m%d-%H%M%S.mcap"))
-
+RECORDED = "session.mcap"
+"""Name of the recording in the folder of its report."""
 
 LARGE = 5.0
 """Reading a larger recording takes more than a second [MB]."""
 
 
-def _report_recorded(path: Path, directory: Path | None, json_output: bool, *, all_of_it: bool, failed: bool) -> None:
-    """Print the report of a session that was recorded, as far as it was, and say what was kept where it was not."""
+def _recorded(path: Path, directory: Path | None, json_output: bool, code: int) -> Answer:
+    """The report of a session that was recorded, as far as it was; says what was kept where it was not."""
     from foretouch.recordings import read_session
+    from foretouch.session import RECORDING_INCOMPLETE
 
     size = path.stat().st_size * 1e-6 if path.is_file() else 0.0
     if size >= LARGE:
@@ -155,22 +145,20 @@ def _report_recorded(path: Path, directory: Path | None, json_output: bool, *, a
         log = pulsing("reading the recording for the report", read_session, path)
     except RecordingError as error:
         say(f"no report: {error}")
-        return
+        return Answer(None, code=code)
     if not log.leader.size and not json_output:  # a reader of JSON always gets the object
-        why = "the session failed for what stands above" if failed else "the session never began"
+        why = "the session failed for what stands above" if code == 1 else "the session never began"
         say(f"no report: {why}, and {path} holds no tick of a leader")
-        return
-    if not all_of_it:
+        return Answer(None, code=code)
+    if code == RECORDING_INCOMPLETE:
         ticks = [table["time_ns"] for table in (log.leader, log.follower) if table.size]
         kept = max((float(times[-1] - times[0]) * 1e-9 for times in ticks), default=0.0)
         say(f"the recording is not all there: {kept:.1f} s of the session are kept in {path}")
-    print_report(log, path, directory, json_output)
+    return replace(report_of(log, path, directory), code=code)
 
 
-def print_report(
-    log: SessionLog, path: Path | None, directory: Path | None, json_output: bool, *, elapsed: float | None = None
-) -> None:
-    """Print a session's report, and write its page where one is asked for."""
+def report_of(log: SessionLog, path: Path | None, directory: Path | None, *, elapsed: float | None = None) -> Answer:
+    """A session's report; its page is written where one is asked for."""
     from foretouch.report import render_text, session_figures, write_page
 
     if path is not None:
@@ -179,20 +167,17 @@ def print_report(
     content["recording"] = None if path is None else str(path)
     if elapsed is not None:
         content["timing"]["elapsed_s"] = elapsed
-    if json_output:
-        print_json(content)
-    else:
-        show(render_text(content))
     if directory is not None:
         pulsing("drawing the page", write_page, directory, log, content, made_by([] if path is None else [path]))
         say(f"report: {directory / 'index.html'}")
+    return Answer(content, render_text(content))
 
 
 CHANGES = ("position_delay", "force_delay", *FAULTS, "seed", "model", "estimator", "model_rate", "grip")
 """Settings under which a session can be run again."""
 
 
-@with_options(changes=changed_settings("Otherwise than recorded", *CHANGES))
+@command(changes=changed_settings("Otherwise than recorded", *CHANGES))
 def replay(
     *,
     recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="MCAP of a session.")],
@@ -201,9 +186,8 @@ def replay(
     ] = False,
     output: Annotated[Path | None, typer.Option("--recording", help="MCAP file to write the replay to.")] = None,
     report: ReportDirectory = None,
-    json_output: Json = False,
     changes: dict[str, Any],
-) -> None:
+) -> Answer:
     """Run a recorded session again, under other delays, faults, laws or estimators, and compare both.
 
     What is not given is as it was recorded. The operator's motion is fixed, unless --closed-loop lets the force move
@@ -216,10 +200,8 @@ def replay(
 
     if "grip" in changes and not closed_loop:
         raise SettingError("grip", changes["grip"], "in an open loop no force moves the hand: give --closed-loop too")
-    if output is not None:
-        require_recording(output)
-        if output.resolve() == recording.resolve():
-            raise SettingError("recording", str(output), "is the recording itself: name another file")
+    require_recording(output)
+    require_elsewhere(output, recording, name="recording")
     make_folder(report)
     log = _session(recording)
     settings, told = recorded_settings(log.longest().settings, changes)
@@ -229,13 +211,10 @@ def replay(
         _write(output, again)
     content = compare_replay(log, again, (*replay_notes(log, settings, closed_loop), *told))
     content["recording"] = str(recording)
-    if json_output:
-        print_json(content)
-    else:
-        show(f"{recording}\n{render_replay(content)}")
     if report is not None:
         page = write_replay_page(report, recording.name, log, again, content, made_by([recording]))
         say(f"report: {page}")
+    return Answer(content, f"{recording}\n{render_replay(content)}")
 
 
 def _session(path: Path) -> SessionLog:
@@ -254,7 +233,6 @@ def _write(path: Path, log: SessionLog) -> None:
     from foretouch.messages import VERSION, FollowerSpace, Hello, LeaderSpace, LeaderState, Message, Telemetry
     from foretouch.recordings import SessionWriter
 
-    texts = log.settings
     said: list[Message] = [Telemetry(VERSION, *row) for row in log.follower.tolist()]
     said += [FollowerSpace(VERSION, *row) for row in log.follower_space.tolist()]
     said += [*log.models, *log.fields, *log.images, *log.beliefs]
@@ -262,7 +240,7 @@ def _write(path: Path, log: SessionLog) -> None:
     said += [LeaderSpace(VERSION, *row) for row in log.leader_space.tolist()]
     said.sort(key=lambda message: message.time_ns)  # of those of one tick, the follower's first
     with SessionWriter(path) as writer:
-        writer.write(Hello.of("simulation", 1, 0, texts), 0)
+        writer.write(Hello.of("simulation", 1, 0, log.settings), 0)
         for message in said:
             writer.write(message, message.time_ns)
         writer.close(log.counts)

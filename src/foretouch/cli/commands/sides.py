@@ -15,19 +15,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from foretouch.cli.options import (
+    Answer,
     Duration,
     Endpoints,
-    Json,
     Parent,
+    command,
     insecurity,
     open_link,
-    print_json,
     require_duration,
     say,
     session_settings,
-    show,
     unchecked,
-    with_options,
 )
 from foretouch.errors import LinkError, SettingError, one_line
 from foretouch.settings import LEADER_SETTINGS
@@ -55,7 +53,7 @@ LONGEST_REACH = 0.1
 """Largest surface position and press depth [m] that a leader takes from a follower."""
 
 
-@with_options(endpoints=Endpoints, settings=session_settings())
+@command(endpoints=Endpoints, settings=session_settings())
 def follower(
     *,
     endpoints: Endpoints,
@@ -63,10 +61,9 @@ def follower(
     shadow: Annotated[
         bool, typer.Option("--shadow", help="Estimate and predict, command nothing: somebody else moves the robot.")
     ] = False,
-    json_output: Json = False,
     parent: Parent = None,
     settings: SessionSettings,
-) -> None:
+) -> Answer:
     """The follower's side alone: the robot, what it presses, and the identification.
 
     With --shadow no leader is needed; the robot of the simulation is then moved by the operator's motion.
@@ -80,14 +77,11 @@ def follower(
     be_prompt()
     stop = StopFlag().on_signals()
     # Before the robot is opened: a driver's watchdog does not wait for the compiler.
-    ran: Mapping[str, Any] = {"ended": prepare(settings, stop, say, parent)}
-    if not ran["ended"]:
-        ran = _follow(settings, endpoints, shadow, stop, duration, parent)
-    if json_output:
-        print_json(ran)
+    ended = prepare(settings, stop, say, parent)
+    return Answer({"ended": ended} if ended else _follow(settings, endpoints, shadow, stop, duration, parent))
 
 
-@with_options(endpoints=Endpoints, settings=session_settings())
+@command(endpoints=Endpoints, settings=session_settings())
 def leader(
     *,
     endpoints: Endpoints,
@@ -99,10 +93,9 @@ def leader(
         str | None,
         typer.Option(help="Who holds control, as others are told; else USER@HOST, with keys the certificate's."),
     ] = None,
-    json_output: Json = False,
     parent: Parent = None,
     settings: SessionSettings,
-) -> None:
+) -> Answer:
     """The leader's side alone: the operator and the virtual environment. Waits for a follower.
 
     Example: foretouch leader --connect tcp/127.0.0.1:7447 --duration 5
@@ -131,19 +124,18 @@ def leader(
             say("leader: waiting for a follower")
         hello = wait_for_hello(link, {"follower"}, stop, parent=parent).get("follower", {})
         if stop.reason:
-            if json_output:
-                print_json({"ended": stop.reason})
-            return
+            return Answer({"ended": stop.reason})
         moved_by = _operator(settings, hello)
         try:
+            description = {name: text for name, text in settings.as_text().items() if name in LEADER_SETTINGS}
+            description |= {"operator": moved_by.name} | insecurity(link)
+            if isinstance(moved_by, Device):
+                description |= felt_texts(moved_by, settings)
             ran = run_leader(
                 Process(link, stop, say, parent),
                 moved_by,
                 settings,
-                description={name: text for name, text in settings.as_text().items() if name in LEADER_SETTINGS}
-                | {"operator": moved_by.name}
-                | (felt_texts(moved_by, settings) if isinstance(moved_by, Device) else {})
-                | insecurity(link),
+                description=description,
                 duration=duration,
                 wait_for_recorder=wait_for_recorder,
                 name=_leader_name(name, link.name),
@@ -151,12 +143,11 @@ def leader(
         finally:  # a device that is felt gives no force after its session, however that ended
             if isinstance(moved_by, Device):
                 close_operator(moved_by)
-    if json_output:
-        print_json(ran)
+    return Answer(ran)
 
 
-@with_options(endpoints=Endpoints)
-def stop(*, endpoints: Endpoints, json_output: Json = False) -> None:
+@command(endpoints=Endpoints)
+def stop(*, endpoints: Endpoints) -> Answer:
     """Stop the robot: an emergency stop, asked for again and again until the follower says that it has stopped.
 
     Without --listen or --connect it stops your followers on this machine. The robot goes back until it feels next to
@@ -168,23 +159,19 @@ def stop(*, endpoints: Endpoints, json_output: Json = False) -> None:
     from foretouch.messages import STATUS_SENTENCES, Status
 
     if not endpoints.all:
-        _stop_those_here(json_output)
-        return
+        return _stop_those_here()
     with open_link("stop", endpoints, STOPPING_CHANNELS) as link:
         heard = ask_to_stop(link, f"asked for by {_own_name()}", patience=PATIENCE)
-    if json_output:
-        print_json({"stopped": heard == Status.STOPPED, "status": None if heard is None else int(heard)})
+    content = {"stopped": heard == Status.STOPPED, "status": None if heard is None else int(heard)}
     if heard == Status.STOPPED:
-        if not json_output:
-            show("the robot has stopped: it unloads, and stays so until it is released at the follower")
-        return
+        return Answer(content, "the robot has stopped: it unloads, and stays so until it is released at the follower")
     sentence = next((sentence for status, sentence in STATUS_SENTENCES.items() if status == heard), "")
     doing = f"the robot {sentence}" if sentence else f"no follower is heard at {endpoints}"
     say(f"foretouch: NOT stopped (after {PATIENCE:g} s): {doing}; {BY_SWITCH}")
-    raise typer.Exit(1)
+    return Answer(content, code=1)
 
 
-def _stop_those_here(json_output: bool) -> None:
+def _stop_those_here() -> Answer:
     """Stop the robots of all of this user's followers on this machine, by signal."""
     from foretouch.link import followers
 
@@ -197,23 +184,18 @@ def _stop_those_here(json_output: bool) -> None:
         time.sleep(LOOK)
         now = followers()
         said = {process: now.get(process, "it has ended") for process in asked}
-    stopped = {process: _has_stopped(sentence) for process, sentence in said.items()}
-    if json_output:
-        print_json({"stopped": bool(stopped) and all(stopped.values()), "followers": sorted(asked)})
+    lines, failed = [], not asked
     for process, sentence in said.items():
-        if stopped[process]:
-            if not json_output:
-                show(f"follower {process} has stopped: {one_line(sentence)}")
+        if _has_stopped(sentence):
+            lines.append(f"follower {process} has stopped: {one_line(sentence)}")
         else:
+            failed = True
             doing = one_line(sentence) or "it has not said that it stops"
             say(f"foretouch: follower {process} NOT stopped (after {PATIENCE:g} s): {doing}; {BY_SWITCH}")
     if not asked:
-        say(
-            "foretouch: NOT stopped: no follower of yours runs on this machine; give --connect for one elsewhere, or "
-            + BY_SWITCH
-        )
-    if not asked or not all(stopped.values()):
-        raise typer.Exit(1)
+        what = "no follower of yours runs on this machine; give --connect for one elsewhere"
+        say(f"foretouch: NOT stopped: {what}, or {BY_SWITCH}")
+    return Answer({"stopped": not failed, "followers": sorted(asked)}, lines, code=int(failed))
 
 
 def _has_stopped(sentence: str) -> bool:

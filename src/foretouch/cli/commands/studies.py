@@ -3,35 +3,23 @@
 from __future__ import annotations
 
 import shutil
-import sys
 import textwrap
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foretouch.cli.options import (
-    ContactFloor,
-    Json,
-    ReportDirectory,
-    ScoreTo,
-    made_by,
-    make_folder,
-    print_json,
-    say,
-    show,
-    with_options,
-)
+from foretouch.cli.options import Answer, ReportDirectory, command, made_by, make_folder, say
 from foretouch.cli.progress import compile_first, progress_bar
-from foretouch.cli.reading import RECORDING_HELP, recording_options, say_how_it_is_read
+from foretouch.cli.reading import RECORDING_HELP, Scored, recording_options, say_how_it_is_read
 from foretouch.errors import SettingError, plural
 
 if TYPE_CHECKING:
     from foretouch.comparison import Case
     from foretouch.recordings import RecordingOptions
+    from foretouch.reproduction import Section
     from foretouch.sweep import Outcome, Plan
 
 
@@ -87,17 +75,6 @@ class Compared:
 
 
 @dataclass(frozen=True)
-class Scored:
-    """Which part of each recording is scored; the recording says what is not given."""
-
-    score_from: Annotated[
-        float | None, typer.Option(help="Scoring begins [s after the first sample]: 1.5, simulated recordings 3.")
-    ] = None
-    score_to: ScoreTo = None
-    contact_floor: ContactFloor = None
-
-
-@dataclass(frozen=True)
 class Workers:
     """Which processes share the work."""
 
@@ -108,7 +85,7 @@ class Workers:
     ] = None
 
 
-@with_options(on=ComparedOn, compared=Compared, options=recording_options, scored=Scored, workers=Workers)
+@command(on=ComparedOn, compared=Compared, options=recording_options, scored=Scored, workers=Workers)
 def compare(
     *,
     on: ComparedOn,
@@ -117,8 +94,7 @@ def compare(
     scored: Scored,
     workers: Workers,
     report_directory: ReportDirectory = None,
-    json_output: Json = False,
-) -> None:
+) -> Answer:
     """Compare contact laws and estimators on recordings: every law by every estimator that it has.
 
     Example: foretouch compare press.csv session.mcap --delay 0.1 --delay 0.3 --report comparison
@@ -148,10 +124,6 @@ def compare(
             progress=progress,
             say=bar.say,
         )
-    if json_output:
-        print_json({"results": [result.as_row() for result in results]})
-    else:
-        show(comparison.render_table(results))
     if report_directory is not None:
         said = made_by(
             on.recordings or [],
@@ -163,8 +135,9 @@ def compare(
             **{name: value or None for name, value in asdict(options).items()},
         )
         say(f"report: {comparison.write_comparison_page(report_directory, results, said)}")
-    if all(result.status != "ok" for result in results):
-        raise typer.Exit(1)
+    content = {"results": [result.as_row() for result in results]}
+    failed = all(result.status != "ok" for result in results)
+    return Answer(content, comparison.render_table(results), code=int(failed))
 
 
 LINES = 20
@@ -192,7 +165,7 @@ class Sessions:
         return Plan(self.sessions, compared, self.duration, self.seed)
 
 
-@with_options(which=Sessions, workers=Workers)
+@command(which=Sessions, workers=Workers)
 def sweep(
     *,
     out: Annotated[Path, typer.Option(help="Folder for the rows and the page; what it has is not run again.")] = Path(
@@ -205,15 +178,13 @@ def sweep(
         int | None, typer.Option(help="Run the session with this number again and compare it with its row.")
     ] = None,
     baseline: Annotated[str, typer.Option(help="Of the session to replay: none, delayed or delayed-tdpa.")] = "none",
-    json_output: Json = False,
-) -> None:
+) -> Answer:
     """Many simulated sessions over delays, losses, materials, grips and model rates: are all stable, how do they feel.
 
     Example: foretouch sweep --out sweep --sessions 100 --baselines 20
     """
     if replay is not None:
-        _replay(out, replay, baseline, json_output)
-        return
+        return _replay(out, replay, baseline)
     if baseline != "none":
         raise SettingError("baseline", baseline, "is of the session to replay: give its number by --replay")
     from foretouch.sweep import render_table, run_sweep, summary, write_sweep_page
@@ -221,79 +192,42 @@ def sweep(
     make_folder(out)
     plan = which.plan(quick)
     compile_first()
-    with _progress() as progress:
+    with progress_bar("sessions") as bar:
+
+        def progress(done: int, total: int, row: Outcome) -> None:
+            bar.update(done, total, f"sessions, {done} of {total}")
+            for text in row.objections if row.baseline == "none" else ():  # a baseline may fail where theory says so
+                bar.say(f"session {row.number}: {text}")
+            if not bar.shown and (done == total or done * LINES // total > (done - 1) * LINES // total):
+                bar.say(f"{done} of {total} sessions")
+
         rows = run_sweep(out, plan, processes=workers.jobs, cluster=workers.cluster, progress=progress, say=say)
     made = made_by(plan=", ".join(f"{name} {value:g}" for name, value in asdict(plan).items()))
     page = write_sweep_page(out, rows, made)
     content = summary(rows)
-    if json_output:
-        print_json({**content, "page": str(page)})
-    else:
-        show(render_table(content))
-        say(f"page: {page}")
-    if content["objections"]:
-        raise typer.Exit(1)
+    say(f"page: {page}")
+    return Answer(content | {"page": str(page)}, render_table(content), code=int(bool(content["objections"])))
 
 
-def _replay(folder: Path, number: int, baseline: str, json_output: bool) -> None:
+def _replay(folder: Path, number: int, baseline: str) -> Answer:
     from foretouch.sweep import replay_session
 
     replayed = replay_session(folder, number, baseline=baseline)
-    if json_output:
-        print_json({"number": number, "baseline": baseline, **replayed.as_row()})
-    else:
-        show(replayed.sentence)
-        show(replayed.stored.command)
-    if not replayed.identical:
-        raise typer.Exit(1)
+    content = {"number": number, "baseline": baseline, **replayed.as_row()}
+    return Answer(content, [replayed.sentence, replayed.stored.command], code=int(not replayed.identical))
 
 
-@contextmanager
-def _progress() -> Iterator[Callable[[int, int, Outcome], None]]:
-    """A bar on a terminal; elsewhere a line now and then. What is wrong with a session is said at once on both."""
-    if not sys.stderr.isatty():
-        yield _say_some
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns = (TextColumn("sessions"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True)) as bar:
-        task = bar.add_task("sessions", total=None)
-
-        def show(done: int, total: int, row: Outcome) -> None:
-            bar.update(task, completed=done, total=total)
-            for line in _wrong(row):
-                bar.console.print(line, highlight=False)
-
-        yield show
-
-
-def _say_some(done: int, total: int, row: Outcome) -> None:
-    for line in _wrong(row):
-        say(line)
-    if done == total or done * LINES // total > (done - 1) * LINES // total:
-        say(f"{done} of {total} sessions")
-
-
-def _wrong(row: Outcome) -> list[str]:
-    """A baseline is expected to fail where theory says so; ours is not."""
-    return [f"session {row.number}: {text}" for text in row.objections] if row.baseline == "none" else []
-
-
+@command(json_help="Print the claims as a JSON array.")
 def reproduce(
     out: Annotated[Path | None, typer.Option(help="Folder for the page, the figures and the data.")] = None,
     only: Annotated[list[str] | None, typer.Option(help="One section; may be given more than once.")] = None,
-    json_output: Annotated[bool, typer.Option("--json", help="Print the claims as a JSON array.")] = False,
-) -> None:
+) -> Answer:
     """Make the figures of the paper again and say which of its claims hold.
 
     What was measured, and under which setting, is on the page, in --json, and here where sections are named by --only.
 
     Example: foretouch reproduce --out paper
     """
-    import json
-
     from foretouch.reproduction import PAPER, SECTIONS, counted, write_report
     from foretouch.reproduction import reproduce as run
 
@@ -322,28 +256,29 @@ def reproduce(
     if out is not None:
         say(f"report: {page}")
     claims = [claim for section in sections for claim in section.claims]
-    if json_output:
-        show(json.dumps([claim.as_row() for claim in claims], allow_nan=False))
-        return
-    for section in sections:
-        show(f"\n{section.title}")
-        for claim in section.claims:
-            show(_lines(WORDS[claim.verdict], claim.claim))
-            if only:
-                for name, text in (("paper", claim.paper), ("measured", claim.measured), ("setting", claim.setting)):
-                    show(_lines("", f"{name}: {text}"))
+    rows = [claim.as_row() for claim in claims]
     counts = counted(claims)
-    show(
+    end = (
         f"\nOf {plural(len(claims), 'claim')}: {counts['holds']} hold as printed, "
         f"{counts['holds under stated choice']} under a stated choice, {counts['does not hold']} not."
     )
+    return Answer(rows, [*(line for section in sections for line in _section_lines(section, bool(only))), end])
+
+
+def _section_lines(section: Section, all_of_it: bool) -> Iterator[str]:
+    yield f"\n{section.title}"
+    for claim in section.claims:
+        yield _wrapped(WORDS[claim.verdict], claim.claim)
+        if all_of_it:
+            for name, text in (("paper", claim.paper), ("measured", claim.measured), ("setting", claim.setting)):
+                yield _wrapped("", f"{name}: {text}")
 
 
 WORDS = {"holds": "holds", "holds under stated choice": "by choice", "does not hold": "does not"}
 """Verdicts in a narrow column."""
 
 
-def _lines(first: str, text: str) -> str:
+def _wrapped(first: str, text: str) -> str:
     """A row of two columns that is no wider than the terminal, nor than a page."""
     width = min(shutil.get_terminal_size((100, 24)).columns, 120)
     return textwrap.fill(text, max(width, 40), initial_indent=f"  {first:<11}", subsequent_indent=" " * 13)

@@ -10,16 +10,15 @@ import typer
 
 from foretouch.cli.options import (
     ENDED,
+    Answer,
     Endpoints,
-    Json,
     Parent,
+    command,
     insecurity,
     open_link,
-    print_json,
     require_recording,
     say,
     session_settings,
-    with_options,
 )
 from foretouch.errors import LinkError, SettingError, plural
 
@@ -37,7 +36,7 @@ def _bridge() -> None:
 
 
 @bridge.command("ros2")
-@with_options(endpoints=Endpoints)
+@command(endpoints=Endpoints)
 def ros2(
     *,
     endpoints: Endpoints,
@@ -47,9 +46,8 @@ def ros2(
     domain: Annotated[int, typer.Option(envvar="ROS_DOMAIN_ID", help="Of the ROS 2 graph, 0 to 232.")] = 0,
     namespace: Annotated[str, typer.Option(help="Before the names of the topics, such as /robot1.")] = "/",
     rate: Annotated[float, typer.Option(help="Messages a second of each topic at most.")] = 100.0,
-    json_output: Json = False,
     parent: Parent = None,
-) -> None:
+) -> Answer:
     """Publish a session's wrench, joint states, pose and contact model for ROS 2, which need not be installed here.
 
     Example: foretouch bridge ros2 --connect tcp/127.0.0.1:7451 --connect tcp/127.0.0.1:7452
@@ -70,10 +68,9 @@ def ros2(
                 raise error
     finally:
         graph.close()
-    if json_output:
-        print_json({"ended": stop.reason or ENDED, "sent": graph.sent, "unsent": graph.unsent})
     for name, count in sorted(graph.sent.items()):
         say(f"bridge: {name} {plural(count, 'message')}")
+    return Answer({"ended": stop.reason or ENDED, "sent": graph.sent, "unsent": graph.unsent})
 
 
 WATCHED_CHANNELS = (
@@ -82,14 +79,13 @@ WATCHED_CHANNELS = (
 """What the console's link receives."""
 
 
-@with_options(endpoints=Endpoints)
+@command(endpoints=Endpoints)
 def record(
     *,
     path: Annotated[Path, typer.Argument(help="MCAP file to write.")],
     endpoints: Endpoints,
-    json_output: Json = False,
     parent: Parent = None,
-) -> None:
+) -> Answer:
     """Record a session that runs elsewhere, until it ends or Ctrl-C.
 
     Where the disk is full or the file is removed meanwhile it says so at once, stays, and ends with exit code 3.
@@ -103,16 +99,12 @@ def record(
     stop = StopFlag().on_signals()
     with open_link("recorder", endpoints, RECORDER_CHANNELS) as link:
         problem = run_recorder(link, path, stop=stop, say=say, parent=parent)
-    if json_output:
-        print_json({"ended": stop.reason or ENDED, "recording": str(path), "problem": problem or None})
-    if problem:
-        raise typer.Exit(RECORDING_INCOMPLETE)
+    content = {"ended": stop.reason or ENDED, "recording": str(path), "problem": problem or None}
+    return Answer(content, code=RECORDING_INCOMPLETE if problem else 0)
 
 
-@with_options(endpoints=Endpoints, settings=session_settings())
-def camera(
-    *, endpoints: Endpoints, json_output: Json = False, parent: Parent = None, settings: SessionSettings
-) -> None:
+@command(endpoints=Endpoints, settings=session_settings())
+def camera(*, endpoints: Endpoints, parent: Parent = None, settings: SessionSettings) -> Answer:
     """The camera at the follower of a scene: simulated images, and where they and the touches show the fixture.
 
     It stands beside the follower, on the same machine, in a process of its own.
@@ -142,20 +134,11 @@ def camera(
 
     with open_link("camera", endpoints, (*CAMERA_CHANNELS, "hello")) as link:
         texts = {"camera": "there is none" if drawn is None else "there is one", "camera_missing": "".join(missing)}
-        ran = run_camera(
-            link,
-            scene,
-            drawn,
-            settings,
-            stop=StopFlag().on_signals(),
-            parent=parent,
-            description=describe,
-        )
-    if json_output:
-        print_json(ran)
+        stop = StopFlag().on_signals()
+        return Answer(run_camera(link, scene, drawn, settings, stop=stop, parent=parent, description=describe))
 
 
-@with_options(endpoints=Endpoints)
+@command(endpoints=Endpoints)
 def console(
     *,
     endpoints: Endpoints,
@@ -167,9 +150,8 @@ def console(
     host_name: Annotated[
         list[str] | None, typer.Option(help="Another name by which browsers reach it, beside 127.0.0.1 and localhost.")
     ] = None,
-    json_output: Json = False,
     parent: Parent = None,
-) -> None:
+) -> Answer:
     """Watch a session in the browser, take its handle, and look at recordings.
 
     With --recordings and no endpoint it shows recordings alone.
@@ -210,5 +192,4 @@ def console(
         shown.close(ended=heard_end or (parent is not None and bool(stop.reason)))
         if (error := differ()) is not None:
             raise error
-    if json_output:
-        print_json({"ended": stop.reason or ENDED, "url": shown.base})
+    return Answer({"ended": stop.reason or ENDED, "url": shown.base})

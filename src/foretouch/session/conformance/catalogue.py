@@ -15,14 +15,14 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from types import FrameType
 
-from foretouch.devices import HARDWARE_OPERATORS, OPERATORS, UNKNOWN_REACH, Device
+from foretouch.devices import HARDWARE_OPERATORS, OPERATORS, UNKNOWN_REACH
 from foretouch.errors import SettingError, UnknownNameError
 from foretouch.identification import BUILT_IN_ESTIMATORS, ESTIMATORS, all_estimators, load_estimator, make_estimator
 from foretouch.plugins import GROUPS, PluginError, all_plugins, load_plugin, plugin_names, plugins_named, problem_of
 from foretouch.robot import DEFAULT_MATERIAL, MATERIALS, make_material
 from foretouch.session.conformance.device_checks import check_device
 from foretouch.session.conformance.estimator_checks import check_estimator
-from foretouch.session.conformance.finding import Finding, told
+from foretouch.session.conformance.finding import Finding
 from foretouch.session.conformance.material_checks import check_material
 from foretouch.session.conformance.robot_checks import check_robot
 from foretouch.session.operators import make_operator
@@ -53,13 +53,10 @@ def watched(
     The whole check runs on one thread, for some drivers must be called by the thread that made them.
 
     Args:
-        check: Called with the function that takes its findings.
+        check: Called with the function that takes its findings; what it raises is raised here.
         tell: Called with each finding on the calling thread as soon as it is known; the last is of the hanging call.
         longest: Longest duration of a call [s].
         making: Longest duration of the first one, before there is any finding [s].
-
-    Raises:
-        Exception: Whatever the check raises.
     """
     found: queue.SimpleQueue[Finding | BaseException | None] = queue.SimpleQueue()
 
@@ -92,11 +89,7 @@ def watched(
 
 
 class _Calls:
-    """Measures how long a thread has been in one call of what is checked.
-
-    Args:
-        thread: Thread of the check.
-    """
+    """Measures how long a thread has been in one call of what is checked."""
 
     def __init__(self, thread: threading.Thread) -> None:
         self._thread = thread
@@ -137,10 +130,6 @@ BUILT_IN: dict[str, tuple[str, ...]] = {
 """Names of this package by kind; no other package may take one."""
 
 
-Tell = Callable[[str, Finding], None]
-"""Function called with a title and a finding."""
-
-
 @dataclass(frozen=True, slots=True)
 class Entry:
     """One robot, device, material or estimator.
@@ -168,7 +157,7 @@ def catalogue() -> list[Entry]:
     """All entries, those of foretouch first; other packages' are imported to see whether they can be."""
     own = version("foretouch")
     entries = [
-        Entry(kind, name, "foretouch", own, laws=_laws(name) if kind == "estimator" else ())
+        Entry(kind, name, "foretouch", own, laws=tuple(law for law, kinds in ESTIMATORS.items() if name in kinds))
         for kind, names in BUILT_IN.items()
         for name in names
     ]
@@ -217,69 +206,45 @@ def check_named(
         raise SettingError("name", name, f"is a {' and a '.join(kinds)}: say which with --group")
     of = kinds[0]
     load_plugin(of, name, built_in=BUILT_IN[of])  # a name that is taken twice is nobody's
-    return _CHECKS[of](name, move, tell)
+    findings: dict[str, list[Finding]] = {}
+    for title, check in _checks(of, name, move).items():
+        found = findings[title] = []
+
+        def hear(finding: Finding, title: str = title, found: list[Finding] = found) -> None:
+            found.append(finding)
+            tell(title, finding)
+
+        if of in ("robot", "device"):
+            watched(check, hear)
+        else:
+            check(hear)
+    return findings
 
 
 def _names(kind: str) -> tuple[str, ...]:
     return (*BUILT_IN[kind], *plugin_names(kind))
 
 
-def _laws(estimator: str) -> tuple[str, ...]:
-    return tuple(model for model, kinds in ESTIMATORS.items() if estimator in kinds)
+Check = Callable[[Callable[[Finding], None]], object]
 
 
-def _check_robot(name: str, move: bool, tell: Tell) -> dict[str, list[Finding]]:
-    settings = SessionSettings(robot=name)
-    return _watched(
-        f"robot {name}", lambda to: check_robot(lambda: make_session_robot(settings)[0], move=move, tell=to), tell
-    )
-
-
-def _check_device(name: str, _: bool, tell: Tell) -> dict[str, list[Finding]]:
-    settings = SessionSettings(operator=name)
-    material = make_material(DEFAULT_MATERIAL)
+def _checks(kind: str, name: str, move: bool) -> dict[str, Check]:
+    """By title, what checks an entry and passes its findings on."""
+    title = f"{kind} {name}"
+    if kind == "robot":
+        settings = SessionSettings(robot=name)
+        return {title: lambda tell: check_robot(lambda: make_session_robot(settings)[0], move=move, tell=tell)}
+    if kind == "material":
+        return {title: lambda tell: check_material(lambda: make_material(name), name=name, tell=tell)}
+    if kind == "estimator":
+        load_estimator(name)
+        laws = [law for law, kinds in all_estimators().items() if name in kinds]
+        return {f"{title} of {law}": functools.partial(_check_estimator, law, name) for law in laws}
+    settings, material = SessionSettings(operator=name), make_material(DEFAULT_MATERIAL)
     surface, depth = UNKNOWN_REACH if name in HARDWARE_OPERATORS else (material.surface, material.press_depth)
-
-    def make() -> Device:
-        return make_operator(settings, surface=surface, press_depth=depth, say=lambda _: None)
-
-    return _watched(f"device {name}", lambda to: check_device(make, name=name, tell=to), tell)
+    make = functools.partial(make_operator, settings, surface=surface, press_depth=depth, say=lambda line: None)
+    return {title: lambda tell: check_device(make, name=name, tell=tell)}
 
 
-def _watched(
-    title: str, check: Callable[[Callable[[Finding], None]], list[Finding]], tell: Tell
-) -> dict[str, list[Finding]]:
-    """Findings of an entry that may hang, by title."""
-    found: list[Finding] = []
-
-    def hear(finding: Finding) -> None:
-        found.append(finding)
-        tell(title, finding)
-
-    watched(check, hear)
-    return {title: found}
-
-
-def _check_material(name: str, _: bool, tell: Tell) -> dict[str, list[Finding]]:
-    title = f"material {name}"
-    found = check_material(lambda: make_material(name), name=name)
-    return {title: told(found, functools.partial(tell, title))}
-
-
-def _check_estimator(name: str, _: bool, tell: Tell) -> dict[str, list[Finding]]:
-    load_estimator(name)
-    laws = [model for model, kinds in all_estimators().items() if name in kinds]
-    found = {}
-    for law in laws:
-        title = f"estimator {name} of {law}"
-        findings = check_estimator(functools.partial(make_estimator, law, name), name=name)
-        found[title] = told(findings, functools.partial(tell, title))
-    return found
-
-
-_CHECKS: dict[str, Callable[[str, bool, Tell], dict[str, list[Finding]]]] = {
-    "robot": _check_robot,
-    "device": _check_device,
-    "material": _check_material,
-    "estimator": _check_estimator,
-}
+def _check_estimator(law: str, name: str, tell: Callable[[Finding], None]) -> None:
+    check_estimator(functools.partial(make_estimator, law, name), name=name, tell=tell)

@@ -6,11 +6,12 @@ import functools
 import itertools
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.errors import ForetouchError, InputError
+from foretouch.errors import InputError
 from foretouch.identification import Conditioner, ContactSample, Estimator, Identification, Learner, identify
 from foretouch.models import (
     LAWS,
@@ -22,7 +23,7 @@ from foretouch.models import (
     make_model,
 )
 from foretouch.quantities import Recording
-from foretouch.session.conformance.finding import Finding, guarded, percentile_time
+from foretouch.session.conformance.finding import Checks, Finding, Result, name_result, nobody, percentile_time
 from foretouch.session.settings import SAMPLE_PERIOD
 
 OWN_LAWS: dict[str, ContactModel] = {
@@ -43,7 +44,41 @@ LONGEST_UPDATE = 1e-4
 NONSENSE = (math.nan, math.inf, -math.inf, 0.0, -1.0, 1e300, 1e-300)
 
 
-def check_estimator(make: Callable[[], Estimator], *, name: str = "") -> list[Finding]:
+@dataclass(frozen=True)
+class Subject:
+    """An estimator, how to make a fresh one, and the name that it is to have; without one, any."""
+
+    estimator: Estimator
+    make: Callable[[], Estimator]
+    name: str
+
+    @property
+    def law(self) -> ContactModel:
+        """Law whose presses it is to learn."""
+        return OWN_LAWS.get(self.estimator.model_name, SOFT)
+
+    @functools.cached_property
+    def learnt(self) -> tuple[Estimator, Identification]:
+        """A fresh estimator that has learnt presses of its own law, and what came of it."""
+        estimator = self.make()
+        found = _learn(estimator, self.law)
+        if found.model.law not in LAWS:
+            estimator = self.make()
+            found = _learn(estimator, found.model)
+        return estimator, found
+
+    @property
+    def model(self) -> ContactModel:
+        """What it has learnt."""
+        return self.learnt[1].model
+
+
+checked = Checks(Estimator, "foretouch.identification.Estimator", Subject)
+
+
+def check_estimator(
+    make: Callable[[], Estimator], *, name: str = "", tell: Callable[[Finding], None] = nobody
+) -> list[Finding]:
     """Check an estimator: it learns, predicts, never raises, forgets, is quick, and its uncertainty is finite.
 
     An estimator of a law that is not foretouch's learns presses of `SOFT`, then presses of what it has learnt: those it
@@ -52,6 +87,7 @@ def check_estimator(make: Callable[[], Estimator], *, name: str = "") -> list[Fi
     Args:
         make: Makes a fresh one.
         name: That it is to have; without one, any.
+        tell: Called with each finding as soon as it is known.
 
     Returns:
         One finding a check.
@@ -59,40 +95,12 @@ def check_estimator(make: Callable[[], Estimator], *, name: str = "") -> list[Fi
     Raises:
         ForetouchError: It cannot be made here, for the reason in its message.
     """
-    try:
-        estimator: object = make()
-    except ForetouchError:
-        raise
-    except Exception as error:
-        return [Finding("made", False, f"raises {type(error).__name__}: {error}", "it can be made")]
-    if not isinstance(estimator, Estimator):
-        return [Finding("made", False, f"a {type(estimator).__name__}", "it is a foretouch.identification.Estimator")]
-    learnt = functools.cache(lambda: _learnt(make))
-    return guarded(
-        [
-            ("name", lambda: _name(estimator, name)),
-            ("knows nothing at first", lambda: _nothing(make())),
-            ("free air teaches nothing", lambda: _free_air(make())),
-            ("learns its own law", lambda: _learns(learnt()[1])),
-            ("its model predicts", lambda: _predicts(learnt()[1].model)),
-            ("its model crosses the network", lambda: _crosses(learnt()[1].model)),
-            ("standard errors", lambda: _errors(learnt()[0])),
-            ("covariance", lambda: _covariance(learnt()[0])),
-            ("nonsense does no harm", lambda: _nonsense(make())),
-            ("reset forgets", lambda: _reset(make())),
-            ("update time", lambda: _timing(make())),
-        ]
-    )
+    return checked.run(make, tell, name=name)
 
 
-def press(law: ContactModel, duration: float = 4.0) -> Recording:
-    """A second in free air, then presses of two frequencies, out of contact in between, with an offset of the sensor.
-
-    Args:
-        law: That gives the force.
-        duration: [s], above 2.
-    """
-    time = np.arange(0.0, duration, SAMPLE_PERIOD)
+def press(law: ContactModel) -> Recording:
+    """A second in free air, then presses of two frequencies, out of contact in between; the sensor has an offset."""
+    time = np.arange(0.0, 4.0, SAMPLE_PERIOD)
     t = np.maximum(time - 1.0, 0.0)
     depth = DEEPEST * (np.sin(1.6 * math.pi * t) * (0.7 + 0.3 * np.sin(0.62 * math.pi * t)) - 0.05)
     return Recording(time, SURFACE + depth, _forces(law, depth, np.gradient(depth, time)) + OFFSET, name="simulated")
@@ -109,80 +117,72 @@ def _learn(estimator: Estimator, law: ContactModel) -> Identification:
     return identify(press(law), Learner(estimator, surface=SURFACE, force_offset=OFFSET))
 
 
-def _learnt(make: Callable[[], Estimator]) -> tuple[Estimator, Identification]:
-    """A fresh estimator that has learnt presses of its own law, and what came of it."""
-    estimator = make()
-    law = OWN_LAWS.get(estimator.model_name, SOFT)
-    found = _learn(estimator, law)
-    if found.model.law not in LAWS:
-        estimator = make()
-        found = _learn(estimator, found.model)
-    return estimator, found
+@checked("name")
+def _name(it: Subject) -> Result:
+    own, law = getattr(it.estimator, "name", None), getattr(it.estimator, "model_name", None)
+    kept, found, rule = name_result(own, it.name, ", model_name is that of its law")
+    return bool(kept and isinstance(law, str) and law), f"{found}, model_name = {law!r}", rule
 
 
-def _name(estimator: Estimator, name: str) -> Finding:
-    own, law = getattr(estimator, "name", None), getattr(estimator, "model_name", None)
-    kept = all(isinstance(text, str) and text for text in (own, law)) and (not name or own == name)
-    rule = (f"name is {name!r}" if name else "name is a text") + ", model_name is that of its law"
-    return Finding("name", kept, f"name = {own!r}, model_name = {law!r}", rule)
+@checked("knows nothing at first", "before the first sample: model None, no parameters, updates 0")
+def _nothing(it: Subject) -> Result:
+    fresh = it.make()
+    kept = fresh.model is None and fresh.parameters == {} and fresh.updates == 0
+    return kept, f"model = {type(fresh.model).__name__}, updates = {fresh.updates}"
 
 
-def _nothing(estimator: Estimator) -> Finding:
-    kept = estimator.model is None and estimator.parameters == {} and estimator.updates == 0
-    found = f"model = {type(estimator.model).__name__}, updates = {estimator.updates}"
-    return Finding(
-        "knows nothing at first", kept, found, "before the first sample: model None, no parameters, updates 0"
-    )
-
-
-def _free_air(estimator: Estimator) -> Finding:
+@checked("free air teaches nothing", "samples that are not in contact teach nothing")
+def _free_air(it: Subject) -> Result:
+    fresh = it.make()
     for index in range(200):
-        estimator.update(ContactSample(index * SAMPLE_PERIOD, -0.01, 0.0, 0.0, False))
-    kept = estimator.model is None and estimator.updates == 0
-    rule = "samples that are not in contact teach nothing"
-    return Finding("free air teaches nothing", kept, f"{estimator.updates} updates of 200 samples", rule)
+        fresh.update(ContactSample(index * SAMPLE_PERIOD, -0.01, 0.0, 0.0, False))
+    return fresh.model is None and fresh.updates == 0, f"{fresh.updates} updates of 200 samples"
 
 
-def _learns(found: Identification) -> Finding:
-    error = found.residual_rms / found.contact_force_rms
-    rule = f"on clean presses of its own law the residual is at most {100.0 * LARGEST_ERROR:g} % of the force"
-    return Finding("learns its own law", bool(error <= LARGEST_ERROR), f"{100.0 * error:.4g} %", rule)
+@checked(
+    "learns its own law",
+    f"on clean presses of its own law the residual is at most {100.0 * LARGEST_ERROR:g} % of the force",
+)
+def _learns(it: Subject) -> Result:
+    error = it.learnt[1].residual_rms / it.learnt[1].contact_force_rms
+    return error <= LARGEST_ERROR, f"{100.0 * error:.4g} %"
 
 
-def _predicts(model: object) -> Finding:
-    rule = "model is a ContactModel, whose force is finite, grows with depth, and is next to nothing outside"
+@checked(
+    "its model predicts",
+    "model is a ContactModel, whose force is finite, grows with depth, and is next to nothing outside",
+)
+def _predicts(it: Subject) -> Result:
+    model: object = it.model
     if not isinstance(model, ContactModel):
-        return Finding("its model predicts", False, f"a {type(model).__name__}", rule)
+        return False, f"a {type(model).__name__}"
     depth = np.arange(0.0, DEEPEST, 1e-5)
     force = _forces(model, depth, np.full(depth.size, 0.01))
     outside = advance(model, model.initial_state(), -0.01, 0.0, SAMPLE_PERIOD)[1]
     kept = bool(np.isfinite(force).all() and outside <= LEAST_FORCE and 0.0 <= force[100] < force[-1])
-    found = f"{force[100]:.4g} N at 1 mm, {force[-1]:.4g} N at {1e3 * DEEPEST:g} mm, {outside:.4g} N outside"
-    return Finding("its model predicts", kept, found, rule)
+    return kept, f"{force[100]:.4g} N at 1 mm, {force[-1]:.4g} N at {1e3 * DEEPEST:g} mm, {outside:.4g} N outside"
 
 
-def _crosses(model: ContactModel) -> Finding:
-    check, rule = (
-        "its model crosses the network",
-        "a model of a law of foretouch.models.LAWS, made again from its numbers",
-    )
+@checked("its model crosses the network", "a model of a law of foretouch.models.LAWS, made again from its numbers")
+def _crosses(it: Subject) -> Result:
+    model = it.model
     if model.law not in LAWS:
-        why = f"the law {model.law!r} is not foretouch's: identify and predict take it, a session does not"
-        return Finding(check, None, why, rule)
+        return None, f"the law {model.law!r} is not foretouch's: identify and predict take it, a session does not"
     try:
         again = make_model(model.law, model.parameters, getattr(model, "map", b""))
     except InputError as error:
-        return Finding(check, False, str(error), rule)
-    return Finding(check, again == model, f"law {model.law!r}", rule)
+        return False, str(error)
+    return again == model, f"law {model.law!r}"
 
 
-def _errors(estimator: Estimator) -> Finding:
-    errors, parameters = estimator.standard_errors, estimator.parameters
-    rule = (
-        "standard_errors is None, or has one for each parameter: None where that is undetermined, else finite and >= 0"
-    )
+@checked(
+    "standard errors",
+    "standard_errors is None, or has one for each parameter: None where that is undetermined, else finite and >= 0",
+)
+def _errors(it: Subject) -> Result:
+    errors, parameters = it.learnt[0].standard_errors, it.learnt[0].parameters
     if errors is None:
-        return Finding("standard errors", True, "it gives none", rule)
+        return True, "it gives none"
     undetermined = [name for name, value in parameters.items() if value is None]
     bad = [
         name
@@ -190,56 +190,57 @@ def _errors(estimator: Estimator) -> Finding:
         if value is not None and (name in undetermined or not 0.0 <= value < math.inf)
     ]
     kept = errors.keys() == parameters.keys() and not bad
-    return Finding(
-        "standard errors", kept, f"of {', '.join(errors)}" + (f"; not {', '.join(bad)}" if bad else ""), rule
-    )
+    return kept, f"of {', '.join(errors)}" + (f"; not {', '.join(bad)}" if bad else "")
 
 
-def _covariance(estimator: Estimator) -> Finding:
-    rule = "unscaled_covariance or covariance, where it has one, is finite and symmetric"
+@checked("covariance", "unscaled_covariance or covariance, where it has one, is finite and symmetric")
+def _covariance(it: Subject) -> Result:
     for name in ("unscaled_covariance", "covariance"):
-        given = getattr(estimator, name, None)
+        given = getattr(it.learnt[0], name, None)
         if given is None or callable(given):
             continue
         matrix = np.asarray(given, dtype=float)
         if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
-            return Finding("covariance", False, f"{name} has the shape {matrix.shape}", rule)
+            return False, f"{name} has the shape {matrix.shape}"
         if not np.isfinite(matrix).all():
-            return Finding("covariance", False, f"{name} is not finite", rule)
+            return False, f"{name} is not finite"
         skew = float(np.abs(matrix - matrix.T).max() / max(np.abs(matrix).max(), 1e-300))
-        return Finding("covariance", skew <= 1e-12, f"{name} is symmetric to {skew:.1g}", rule)
-    return Finding("covariance", True, "it gives none", rule)
+        return skew <= 1e-12, f"{name} is symmetric to {skew:.1g}"
+    return True, "it gives none"
 
 
-def _nonsense(estimator: Estimator) -> Finding:
+@checked(
+    "nonsense does no harm",
+    "samples with NaN, infinities, negative, huge or tiny numbers never raise and leave finite parameters",
+)
+def _nonsense(it: Subject) -> Result:
+    fresh = it.make()
     for depth, velocity, force in itertools.product(NONSENSE, repeat=3):
-        estimator.update(ContactSample(0.0, depth, velocity, force, True))
-    model = estimator.model
-    kept = model is None or all(map(math.isfinite, model.parameters))
-    rule = "samples with NaN, infinities, negative, huge or tiny numbers never raise and leave finite parameters"
-    found = "no model" if model is None else ", ".join(f"{value:.4g}" for value in model.parameters)
-    return Finding("nonsense does no harm", kept, found, rule)
+        fresh.update(ContactSample(0.0, depth, velocity, force, True))
+    if fresh.model is None:
+        return True, "no model"
+    values = fresh.model.parameters
+    return all(map(math.isfinite, values)), ", ".join(f"{value:.4g}" for value in values)
 
 
-def _reset(estimator: Estimator) -> Finding:
-    law = OWN_LAWS.get(estimator.model_name, SOFT)
-    first = _learn(estimator, law).parameters
+@checked("reset forgets", "after reset it knows nothing, and the same samples teach the same again")
+def _reset(it: Subject) -> Result:
+    estimator = it.make()
+    first = _learn(estimator, it.law).parameters
     estimator.reset()
     empty = estimator.model is None and estimator.updates == 0
-    again = _learn(estimator, law).parameters
-    rule = "after reset it knows nothing, and the same samples teach the same again"
-    found = f"{'nothing' if empty else 'something'} known; the same taught again: {again == first}"
-    return Finding("reset forgets", empty and again == first, found, rule)
+    same = _learn(estimator, it.law).parameters == first
+    return empty and same, f"{'nothing' if empty else 'something'} known; the same taught again: {same}"
 
 
-def _timing(estimator: Estimator) -> Finding:
-    recording = press(OWN_LAWS.get(estimator.model_name, SOFT), duration=4.0)
+@checked("update time", f"half of all updates take at most {1e3 * LONGEST_UPDATE:g} ms")
+def _timing(it: Subject) -> Result:
+    estimator, recording = it.make(), press(it.law)
     conditioner = Conditioner(surface=SURFACE, force_offset=OFFSET)
     columns = (recording.time.tolist(), recording.position.tolist(), recording.force.tolist())
     samples = [conditioner.update(*row) for row in zip(*columns, strict=True)]
     count = len(samples) // 2
     for sample in samples[:count]:
         estimator.update(sample)
-    taken = percentile_time(lambda index: estimator.update(samples[count + index]), count // 3, 50.0, rounds=3)
-    rule = f"half of all updates take at most {1e3 * LONGEST_UPDATE:g} ms"
-    return Finding("update time", taken <= LONGEST_UPDATE, f"{1e3 * taken:.4g} ms", rule)
+    taken = percentile_time(lambda index: estimator.update(samples[count + index]), count // 3, 50.0)
+    return taken <= LONGEST_UPDATE, f"{1e3 * taken:.4g} ms"

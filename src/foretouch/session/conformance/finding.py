@@ -1,13 +1,17 @@
-"""Findings of conformance checks."""
+"""Checks of conformance, how they are declared and run, and what they find."""
 
 from __future__ import annotations
 
+import contextlib
 import math
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
 
 import numpy as np
+
+from foretouch.errors import ForetouchError
 
 LONGEST_LOOK = 2.0
 """Time over which slow calls are timed, at least ten of them [s]."""
@@ -34,11 +38,6 @@ class Finding:
             object.__setattr__(self, "passed", bool(self.passed))
 
 
-def skipped(check: str, why: str, rule: str) -> Finding:
-    """A check that could not be made."""
-    return Finding(check, None, why, rule)
-
-
 def failed(findings: Iterable[Finding]) -> list[Finding]:
     """Findings whose rule is not kept."""
     return [finding for finding in findings if finding.passed is False]
@@ -48,33 +47,86 @@ def nobody(finding: Finding) -> None:
     """Ignore a finding."""
 
 
-def told(findings: list[Finding], tell: Callable[[Finding], None]) -> list[Finding]:
-    """Pass the findings to `tell`, and return them."""
-    for finding in findings:
-        tell(finding)
-    return findings
+Subject = TypeVar("Subject")
+Result = tuple[bool | None, str] | tuple[bool | None, str, str] | None
+"""`Finding.passed`, `Finding.found` and, where it depends on what is checked, `Finding.rule`; None for no finding."""
+Look = Callable[[Subject], Result]
 
 
-def guarded(
-    checks: Sequence[tuple[str, Callable[[], Finding | list[Finding]]]], tell: Callable[[Finding], None] = nobody
-) -> list[Finding]:
-    """Run each check; one in which what is checked raises has failed.
+class Checks(Generic[Subject]):
+    """The checks of one kind, in the order in which they are declared: each a function of a subject.
 
     Args:
-        checks: Name and check.
-        tell: Called with each finding as soon as it is known.
+        kind: Class of what is checked.
+        public: Name by which authors import that class.
+        subject: Makes the subject of the object, the function that made it and options; or a finding, where it cannot
+            be checked at all.
+        slow: Findings of a subject so slow that nothing else of it is checked, given the names of all checks.
     """
-    findings: list[Finding] = []
-    for name, check in checks:
-        try:
-            made = check()
-        except Exception as error:
-            said = " ".join(f"{type(error).__name__}: {error}".split())
-            made = Finding(name, False, f"raises {said}", "nothing raises while a session runs")
-        for finding in made if isinstance(made, list) else [made]:
+
+    def __init__(
+        self,
+        kind: type[Any],
+        public: str,
+        subject: Callable[..., Subject | Finding],
+        slow: Callable[[Subject, list[str]], list[Finding]] = lambda subject, names: [],
+    ) -> None:
+        self._kind, self._public, self._subject, self._slow = kind, public, subject, slow
+        self._checks: list[tuple[str, str, Look[Subject]]] = []
+
+    def __call__(self, name: str, rule: str = "") -> Callable[[Look[Subject]], Look[Subject]]:
+        """Declare a check."""
+
+        def declare(look: Look[Subject]) -> Look[Subject]:
+            self._checks.append((name, rule, look))
+            return look
+
+        return declare
+
+    def run(self, make: Callable[[], Any], tell: Callable[[Finding], None] = nobody, **options: Any) -> list[Finding]:
+        """All findings, each told as soon as it is known; what was made is closed at the end."""
+        findings: list[Finding] = []
+        for finding in self._findings(make, options):
             findings.append(finding)
             tell(finding)
-    return findings
+        return findings
+
+    def _findings(self, make: Callable[[], Any], options: Mapping[str, Any]) -> Iterator[Finding]:
+        try:
+            made: Any = make()
+        except ForetouchError:
+            raise  # its message states what is missing
+        except Exception as error:
+            yield Finding("made", False, f"raises {type(error).__name__}: {error}", "it can be made")
+            return
+        if not isinstance(made, self._kind):
+            yield Finding("made", False, f"a {type(made).__name__}", f"it is a {self._public}")
+            return
+        subject = self._subject(made, make, **options)
+        if isinstance(subject, Finding):
+            yield subject
+            return
+        try:
+            if slow := self._slow(subject, [name for name, _, _ in self._checks]):
+                yield from slow
+                return
+            for name, rule, look in self._checks:
+                try:
+                    result = look(subject)
+                except Exception as error:
+                    said = " ".join(f"{type(error).__name__}: {error}".split())
+                    result = (False, f"raises {said}", "nothing raises while a session runs")
+                if result is not None:
+                    yield Finding(name, *result) if len(result) == 3 else Finding(name, *result, rule)
+        finally:
+            with contextlib.suppress(Exception):  # what it raises has been found; some have nothing to close
+                made.close()
+
+
+def name_result(own: object, name: str, more: str = "") -> tuple[bool, str, str]:
+    """Whether a name is a text, and the one that is asked for, if any."""
+    kept = isinstance(own, str) and bool(own) and (not name or own == name)
+    return kept, f"name = {own!r}", (f"name is {name!r}" if name else "name is a text") + more
 
 
 def too_slow(
@@ -101,7 +153,7 @@ def too_slow(
         return []
     found = f"{1e3 * median:.4g} ms at the median of {len(taken)}, {median / limit:.0f} times as long"
     why = f"not looked at, for a call takes {1e3 * median:.4g} ms"
-    return [Finding(check, False, found, rule), *(skipped(name, why, "mend the time first") for name in others)]
+    return [Finding(check, False, found, rule), *(Finding(name, None, why, "mend the time first") for name in others)]
 
 
 def percentile_time(call: Callable[[int], object], calls: int, percentile: float, rounds: int = 3) -> float:

@@ -7,13 +7,13 @@ import functools
 import math
 import time
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.errors import ForetouchError
 from foretouch.robot import Robot, RobotSample, RobotSpecification
-from foretouch.session.conformance.finding import Finding, guarded, nobody, percentile_time, skipped, told, too_slow
+from foretouch.session.conformance.finding import Checks, Finding, Result, nobody, percentile_time, too_slow
 from foretouch.session.settings import SAMPLE_PERIOD
 
 RANGES: dict[str, tuple[float, float]] = {
@@ -54,6 +54,47 @@ HELD = 1.05
 """Largest ratio of the force held in the end to the limit: sensors have noise."""
 
 
+@dataclass(frozen=True)
+class Subject:
+    """A robot, how to make another, and whether a real one may be moved."""
+
+    robot: Robot
+    make: Callable[[], Robot]
+    move: bool
+
+    @functools.cached_property
+    def pressed(self) -> NDArray[np.float64]:
+        """Contact force of a press to the workspace's end, from rest in free air on [N], shape (n,)."""
+        robot = self.make()
+        here, (_, end) = robot.read().position, robot.specification.workspace
+        way = np.minimum(here + np.arange(0.0, min(end - here, 0.2), SPEED * SAMPLE_PERIOD), end)
+        samples = _drive(robot, [here] * 200 + way.tolist() + [end] * 700)
+        tool = robot.specification.tool_force
+        force = np.array([sample.sensor_force - tool(sample.acceleration) for sample in samples])
+        robot.close()
+        return np.asarray(force - force[50:200].mean())
+
+
+def _subject(robot: Robot, make: Callable[[], Robot], move: bool) -> Subject | Finding:
+    own = getattr(robot, "specification", None)
+    if isinstance(own, RobotSpecification):
+        return Subject(robot, make, move)
+    rule = "it has a RobotSpecification from the beginning"
+    return Finding("specification", False, f"a {type(own).__name__}", rule)
+
+
+def _slow(it: Subject, checks: list[str]) -> list[Finding]:
+    """Findings of a robot whose exchange is far too slow; it is commanded no motion."""
+    others = [other for other in checks if other != TIME]
+    with contextlib.suppress(Exception):  # exceptions are reported by the checks themselves
+        return too_slow(TIME, lambda: it.robot.exchange(math.nan), SAMPLE_PERIOD, FAR_TOO_LONG, TIME_RULE, others)
+    return []
+
+
+TIME = "exchange time"
+checked = Checks(Robot, "foretouch.robot.Robot", _subject, _slow)
+
+
 def check_robot(
     make: Callable[[], Robot], *, move: bool = False, tell: Callable[[Finding], None] = nobody
 ) -> list[Finding]:
@@ -73,67 +114,27 @@ def check_robot(
     Raises:
         ForetouchError: It cannot be made here, for the reason in its message.
     """
-    try:
-        robot: object = make()
-    except ForetouchError:
-        raise
-    except Exception as error:
-        return told([Finding("made", False, f"raises {type(error).__name__}: {error}", "it can be made")], tell)
-    if not isinstance(robot, Robot):
-        return told([Finding("made", False, f"a {type(robot).__name__}", "it is a foretouch.robot.Robot")], tell)
-    specification = getattr(robot, "specification", None)
-    if not isinstance(specification, RobotSpecification):
-        rule = "it has a RobotSpecification from the beginning"
-        return told([Finding("specification", False, f"a {type(specification).__name__}", rule)], tell)
-    checks = _checks(robot, make, move)
-    try:
-        return told(_slow(robot, [check for check, _ in checks]), tell) or guarded(checks, tell)
-    finally:
-        with contextlib.suppress(Exception):  # what it raises has been found
-            robot.close()
+    return checked.run(make, tell, move=move)
 
 
-def _checks(
-    robot: Robot, make: Callable[[], Robot], move: bool
-) -> list[tuple[str, Callable[[], Finding | list[Finding]]]]:
-    simulated = robot.specification.simulated
-    pressed = functools.cache(lambda: _pressed(make))
-
-    def if_moved(check: str, make_it: Callable[[], Finding]) -> tuple[str, Callable[[], Finding]]:
-        why = "it is a real one: --move lets it move"
-        return check, make_it if simulated or move else lambda: skipped(check, why, "see docs/plugins.md")
-
-    def if_simulated(check: str, make_it: Callable[[], Finding]) -> tuple[str, Callable[[], Finding]]:
-        why = "it is a real one, which no check drives into anything"
-        return check, make_it if simulated else lambda: skipped(check, why, "see docs/plugins.md")
-
-    return [
-        ("specification", lambda: _specification(robot.specification)),
-        ("units", lambda: _units(robot)),
-        ("reading moves nothing", lambda: _reading(robot)),
-        ("no command, no motion", lambda: _nonsense(robot)),
-        ("exchange time", lambda: _timing(robot)),
-        if_moved("sign of position", lambda: _follows(robot)),
-        if_moved("sign of acceleration", lambda: _swing(robot)),
-        if_simulated("workspace", lambda: _workspace(make)),
-        if_simulated("sign of force", lambda: _force_sign(pressed())),
-        if_simulated("force limit", lambda: _force_limit(robot, pressed())),
-        ("close", lambda: _close(robot)),
-    ]
+def _if_moved(look: Callable[[Subject], Result]) -> Callable[[Subject], Result]:
+    """The check where the robot may be moved."""
+    unseen = (None, "it is a real one: --move lets it move", "see docs/plugins.md")
+    return lambda it: look(it) if it.move or it.robot.specification.simulated else unseen
 
 
-def _slow(robot: Robot, checks: list[str]) -> list[Finding]:
-    """Findings of a robot whose exchange is far too slow; it is commanded no motion."""
-    others = [other for other in checks if other != "exchange time"]
-    with contextlib.suppress(Exception):  # exceptions are reported by the checks themselves
-        return too_slow(
-            "exchange time", lambda: robot.exchange(math.nan), SAMPLE_PERIOD, FAR_TOO_LONG, TIME_RULE, others
-        )
-    return []
+def _if_simulated(look: Callable[[Subject], Result]) -> Callable[[Subject], Result]:
+    """The check where the robot is simulated."""
+    unseen = (None, "it is a real one, which no check drives into anything", "see docs/plugins.md")
+    return lambda it: look(it) if it.robot.specification.simulated else unseen
 
 
-def _specification(own: RobotSpecification) -> Finding:
-    rule = f"SI units, sample_period = {SAMPLE_PERIOD:g} s, workspace from a smaller to a larger place within 2 m"
+@checked(
+    "specification",
+    f"SI units, sample_period = {SAMPLE_PERIOD:g} s, workspace from a smaller to a larger place within 2 m",
+)
+def _specification(it: Subject) -> Result:
+    own = it.robot.specification
     wrong = [
         f"{name} = {getattr(own, name):g}"
         for name, (least, most) in RANGES.items()
@@ -144,142 +145,136 @@ def _specification(own: RobotSpecification) -> Finding:
     low, high = own.workspace
     if not -FARTHEST <= low < high <= FARTHEST:
         wrong.append(f"workspace = {own.workspace}")
-    return Finding("specification", not wrong, ", ".join(wrong) or "all within their ranges", rule)
+    return not wrong, ", ".join(wrong) or "all within their ranges"
 
 
-def _units(robot: Robot) -> Finding:
-    sample: object = robot.read()
-    rule = "a RobotSample in m, N and m/s^2 that is finite, at rest about 0 m/s^2, and within the workspace"
+@checked("units", "a RobotSample in m, N and m/s^2 that is finite, at rest about 0 m/s^2, and within the workspace")
+def _units(it: Subject) -> Result:
+    sample: object = it.robot.read()
     if not isinstance(sample, RobotSample):
-        return Finding("units", False, f"a {type(sample).__name__}", rule)
+        return False, f"a {type(sample).__name__}"
     position, force, acceleration = sample.position, sample.sensor_force, sample.acceleration
-    low, high = robot.specification.workspace
+    own = it.robot.specification
+    low, high = own.workspace
     kept = (
         low - STILL <= position <= high + STILL
         and abs(force) <= MOST_FORCE
-        and abs(acceleration) <= 2.0 + 6.0 * robot.specification.accelerometer_noise
+        and abs(acceleration) <= 2.0 + 6.0 * own.accelerometer_noise
         and low - STILL <= sample.commanded_position <= high + STILL
     )
-    return Finding("units", kept, f"{position:.4g} m, {force:.4g} N, {acceleration:.4g} m/s^2", rule)
+    return kept, f"{position:.4g} m, {force:.4g} N, {acceleration:.4g} m/s^2"
 
 
-def _noise(own: RobotSpecification) -> float:
-    """Largest difference of two readings of one position [m]."""
-    return 12.0 * own.encoder_noise + 2.0 * own.encoder_resolution + 1e-6
+@checked("reading moves nothing", "read lets no time pass: positions differ by no more than the encoder's noise")
+def _reading(it: Subject) -> Result:
+    own = it.robot.specification
+    moved = float(np.ptp([it.robot.read().position for _ in range(50)]))
+    most = 12.0 * own.encoder_noise + 2.0 * own.encoder_resolution + 1e-6
+    return moved <= most, f"50 reads differ by {1e3 * moved:.4g} mm"
 
 
-def _reading(robot: Robot) -> Finding:
-    positions = [robot.read().position for _ in range(50)]
-    moved = max(positions) - min(positions)
-    return Finding(
-        "reading moves nothing",
-        moved <= _noise(robot.specification),
-        f"50 reads differ by {1e3 * moved:.4g} mm",
-        "read lets no time pass: positions differ by no more than the encoder's noise",
-    )
-
-
-def _nonsense(robot: Robot) -> Finding:
-    before = robot.read().position
-    samples = [robot.exchange(value) for value in (math.nan, math.inf, -math.inf) * 30]
+@checked(
+    "no command, no motion",
+    "a command that is no finite number is left out: the robot stays where it was told to be",
+)
+def _nonsense(it: Subject) -> Result:
+    before = it.robot.read().position
+    samples = _drive(it.robot, (math.nan, math.inf, -math.inf) * 30)
     moved = max(abs(sample.position - before) for sample in samples)
-    rule = "a command that is no finite number is left out: the robot stays where it was told to be"
-    return Finding("no command, no motion", moved <= STILL, f"moves by {1e3 * moved:.4g} mm", rule)
+    return moved <= STILL, f"moves by {1e3 * moved:.4g} mm"
 
 
-def _timing(robot: Robot) -> Finding:
-    taken = percentile_time(lambda _: robot.exchange(math.nan), 300, 99.0)
+@checked(TIME, TIME_RULE)
+def _timing(it: Subject) -> Result:
+    taken = percentile_time(lambda _: it.robot.exchange(math.nan), 300, 99.0)
     if taken <= SAMPLE_PERIOD:
-        return Finding("exchange time", True, f"{1e3 * taken:.4g} ms", TIME_RULE)
+        return True, f"{1e3 * taken:.4g} ms"
+
+    def work_and_exchange(_: int) -> None:
+        """A round of a loop: something that takes as long as a step, and an exchange."""
+        end = time.perf_counter() + STEP_TIME
+        while time.perf_counter() < end:
+            pass
+        it.robot.exchange(math.nan)
+
     # A driver that waits for its cycle takes the whole of it by itself, and no longer with a step before it.
-    found, round_time = f"{1e3 * taken:.4g} ms", percentile_time(lambda _: _work_and_exchange(robot), 300, 99.0)
-    return Finding("exchange time", round_time <= ROUND, f"{found}, {1e3 * round_time:.4g} ms with a step", TIME_RULE)
+    in_all = percentile_time(work_and_exchange, 300, 99.0)
+    return in_all <= ROUND, f"{1e3 * taken:.4g} ms, {1e3 * in_all:.4g} ms with a step"
 
 
-def _work_and_exchange(robot: Robot) -> None:
-    """A round of a loop: something that takes as long as a step, and an exchange."""
-    end = time.perf_counter() + STEP_TIME
-    while time.perf_counter() < end:
-        pass
-    robot.exchange(math.nan)
-
-
-def _follows(robot: Robot) -> Finding:
-    here = robot.read().position
-    step = min(STEP, 0.5 * (robot.specification.workspace[1] - here))
+@checked("sign of position")
+@_if_moved
+def _follows(it: Subject) -> Result:
+    here = it.robot.read().position
+    step = min(STEP, 0.5 * (it.robot.specification.workspace[1] - here))
     ramp = np.arange(0.0, step, SPEED * SAMPLE_PERIOD)
-    _drive(robot, (here + ramp).tolist())
-    there = _drive(robot, [here + step] * 200)[-1].position
-    _drive(robot, (here + ramp[::-1]).tolist() + [here] * 200)
+    _drive(it.robot, (here + ramp).tolist())
+    moved = _drive(it.robot, [here + step] * 200)[-1].position - here
+    _drive(it.robot, (here + ramp[::-1]).tolist() + [here] * 200)
     rule = f"positions grow into the material, in metres: told to go {1e3 * step:g} mm in, it does"
-    return Finding("sign of position", 0.7 * step <= there - here <= 1.3 * step, f"{1e3 * (there - here):.4g} mm", rule)
+    return 0.7 * step <= moved <= 1.3 * step, f"{1e3 * moved:.4g} mm", rule
 
 
-def _swing(robot: Robot) -> Finding:
-    own = robot.specification
-    rule = "acceleration is in m/s^2, positive into the material, and one exchange is one sample period"
-    if own.tool_mass == 0.0:
-        return skipped("sign of acceleration", "no tool that would have to be weighed out", rule)
+@checked(
+    "sign of acceleration",
+    "acceleration is in m/s^2, positive into the material, and one exchange is one sample period",
+)
+@_if_moved
+def _swing(it: Subject) -> Result:
+    if it.robot.specification.tool_mass == 0.0:
+        return None, "no tool that would have to be weighed out"
     moment = np.arange(1000) * SAMPLE_PERIOD
     phase = 2.0 * math.pi * SWINGS * moment
     # Begun and ended softly: a jerk would be measured as well.
-    path = robot.read().position + SWING * np.sin(phase) * np.sin(math.pi * moment) ** 2
-    measured = np.array([sample.acceleration for sample in _drive(robot, path.tolist())])
+    path = it.robot.read().position + SWING * np.sin(phase) * np.sin(math.pi * moment) ** 2
+    measured = np.array([sample.acceleration for sample in _drive(it.robot, path.tolist())])
     asked = np.gradient(np.gradient(path, SAMPLE_PERIOD), SAMPLE_PERIOD)
     # In and out of phase, so that a lag of some ticks does not count.
     late = np.roll(asked, round(0.25 / SWINGS / SAMPLE_PERIOD))
     basis = np.stack([asked, late, np.ones_like(asked)], axis=1)
     in_phase, quadrature, _ = np.linalg.lstsq(basis, measured, rcond=None)[0]
     size = math.hypot(in_phase, quadrature)
-    kept = in_phase > 0.0 and 0.6 <= size <= 1.5
-    return Finding("sign of acceleration", kept, f"{in_phase:.3g} in phase, {size:.3g} in all, of 1", rule)
+    return in_phase > 0.0 and 0.6 <= size <= 1.5, f"{in_phase:.3g} in phase, {size:.3g} in all, of 1"
 
 
-def _workspace(make: Callable[[], Robot]) -> Finding:
+@checked("workspace", "commands beyond the workspace are limited to it, and commanded_position says so")
+@_if_simulated
+def _workspace(it: Subject) -> Result:
     worst = 0.0
     for end, beyond in ((0, -0.05), (1, 0.05)):
-        robot = make()
+        robot = it.make()
         low, high = robot.specification.workspace
         samples = _drive(robot, [robot.specification.workspace[end] + beyond] * 1500)
         robot.close()
         for sample in samples:
             worst = max(worst, low - sample.commanded_position, sample.commanded_position - high)
             worst = max(worst, low - sample.position - STILL, sample.position - high - STILL)
-    rule = "commands beyond the workspace are limited to it, and commanded_position says so"
-    return Finding("workspace", worst <= 1e-9, f"at most {1e3 * max(worst, 0.0):.4g} mm beyond", rule)
+    return worst <= 1e-9, f"at most {1e3 * worst:.4g} mm beyond"
 
 
-def _pressed(make: Callable[[], Robot]) -> NDArray[np.float64]:
-    """Contact force of a press to the workspace's end, from rest in free air on [N], shape (n,)."""
-    robot = make()
-    here, (_, end) = robot.read().position, robot.specification.workspace
-    way = np.minimum(here + np.arange(0.0, min(end - here, 0.2), SPEED * SAMPLE_PERIOD), end)
-    samples = _drive(robot, [here] * 200 + way.tolist() + [end] * 700)
-    tool = robot.specification.tool_force
-    force = np.array([sample.sensor_force - tool(sample.acceleration) for sample in samples])
-    robot.close()
-    return np.asarray(force - force[50:200].mean())
-
-
-def _force_sign(force: NDArray[np.float64]) -> Finding:
-    rule = "the sensor's force is positive in compression"
-    pressed = float(force[-200:].mean())
+@checked("sign of force", "the sensor's force is positive in compression")
+@_if_simulated
+def _force_sign(it: Subject) -> Result:
+    pressed = float(it.pressed[-200:].mean())
     if abs(pressed) < TOUCH:
-        return skipped("sign of force", f"nothing was touched: {pressed:.4g} N at the workspace's end", rule)
-    return Finding("sign of force", pressed > 0.0, f"{pressed:.4g} N pressed at the workspace's end", rule)
+        return None, f"nothing was touched: {pressed:.4g} N at the workspace's end"
+    return pressed > 0.0, f"{pressed:.4g} N pressed at the workspace's end"
 
 
-def _force_limit(robot: Robot, force: NDArray[np.float64]) -> Finding:
-    limit = robot.specification.force_limit
-    held = float(force[-200:].mean())
+@checked("force limit")
+@_if_simulated
+def _force_limit(it: Subject) -> Result:
+    limit = it.robot.specification.force_limit
+    held = float(it.pressed[-200:].mean())
     rule = f"the force that it holds in the end is at most its force_limit, {limit:g} N"
-    return Finding("force limit", held <= HELD * limit, f"{held:.4g} N", rule)
+    return held <= HELD * limit, f"{held:.4g} N", rule
 
 
-def _close(robot: Robot) -> Finding:
-    robot.close()
-    robot.close()
-    return Finding("close", True, "closed twice", "a second close does nothing")
+@checked("close", "a second close does nothing")
+def _close(it: Subject) -> Result:
+    it.robot.close()
+    it.robot.close()
+    return True, "closed twice"
 
 
 def _drive(robot: Robot, path: Iterable[float]) -> list[RobotSample]:

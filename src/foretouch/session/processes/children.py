@@ -34,16 +34,7 @@ LATCHING = 2.0
 
 
 def choose(settings: SessionSettings, choice: Choice) -> SessionSettings:
-    """Settings with the console's choice applied; a field that is "" stays.
-
-    Args:
-        settings: Settings of the session as it runs.
-        choice: From a console.
-
-    Raises:
-        SettingError: A choice that other settings forbid.
-        UnknownNameError: No such material, operator or grip.
-    """
+    """Settings with the console's choice applied, whose "" change nothing; errors where other settings forbid it."""
     named = {name: getattr(choice, name) for name in ("material", "operator", "grip")}
     chosen = dataclasses.replace(settings, **{name: value for name, value in named.items() if value})
     make_material(chosen.material)
@@ -51,12 +42,7 @@ def choose(settings: SessionSettings, choice: Choice) -> SessionSettings:
 
 
 def with_faults(settings: SessionSettings, faults: Settings) -> SessionSettings:
-    """Settings with the delays and faults set at a console since, for processes that start now.
-
-    Args:
-        settings: Settings of the session as it was started.
-        faults: From a console; what other settings forbid leaves them as they were.
-    """
+    """Settings with the delays and faults set at a console since, unless other settings forbid them."""
     names = ("position_delay", "force_delay", "jitter", "loss", "outage")
     try:
         return dataclasses.replace(settings, **{name: getattr(faults, name) for name in names})
@@ -73,8 +59,8 @@ class Desk:
     Attributes:
         refused: Why the newest choice was not followed; "" where it was.
         recording: File that is being written; "" for none.
-        faults: Delays and faults that a console has set, None before the first.
         compiling: Progress of compiling before the session can begin, "" while nothing is compiled.
+        faults: Delays and faults that a console has set, None before the first.
         ended: Time at which the session's end was requested [s], infinite before.
     """
 
@@ -180,9 +166,7 @@ class Child:
         pipe, now = self.process.stdout, time.monotonic()
         if pipe is None or pipe.closed:
             return
-        said = b""
-        while part := _read(pipe.fileno()):
-            said += part
+        said = pipe.read() or b""  # None where nothing is there: it does not wait
         self.silence += min(now - self.listened, LONGEST_LOOK)
         self.listened = now
         if BEAT in said or self.begun is None or _stopped(self.process.pid):
@@ -227,26 +211,13 @@ class Child:
 
 
 def start(role: str, arguments: Sequence[str]) -> Child:
-    """Start one process of the session; Ctrl-C reaches only the caller, which then ends the others in order.
-
-    Args:
-        role: The `foretouch` command.
-        arguments: Options of the command.
-    """
+    """Start a `foretouch` command with options; Ctrl-C reaches only the caller, which then ends the others in order."""
     command = [sys.executable, "-m", "foretouch", role, *arguments]
     heard = subprocess.PIPE if role in SIDES else subprocess.DEVNULL
-    process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=heard, start_new_session=True)
+    process = subprocess.Popen(command, bufsize=0, stdin=subprocess.DEVNULL, stdout=heard, start_new_session=True)
     if process.stdout is not None:
         os.set_blocking(process.stdout.fileno(), False)
     return Child(role, process)
-
-
-def _read(descriptor: int) -> bytes:
-    """Read what is available, without waiting for more."""
-    try:
-        return os.read(descriptor, 65536)
-    except BlockingIOError:
-        return b""
 
 
 def _stopped(process: int) -> bool:
@@ -260,13 +231,7 @@ def _stopped(process: int) -> bool:
 def wait_for(
     children: Iterable[Child], *, patience: float | None = None, meanwhile: Callable[[], None] = lambda: None
 ) -> None:
-    """Wait until all have ended.
-
-    Args:
-        children: Processes to wait for.
-        patience: Longest wait [s]; None for `PATIENCE`.
-        meanwhile: Called in every round.
-    """
+    """Wait until all have ended, or for `patience` [s], by default `PATIENCE`; `meanwhile` is called in every round."""
     waited = list(children)
     end = time.monotonic() + (PATIENCE if patience is None else patience)
     while time.monotonic() < end and any(child.running for child in waited):
@@ -277,31 +242,18 @@ def wait_for(
 
 
 def retire(children: Iterable[Child], *, meanwhile: Callable[[], None] = lambda: None) -> None:
-    """End processes whose session goes on: they send no `Stop`.
-
-    Args:
-        children: Processes to end.
-        meanwhile: Called in every round of waiting.
-    """
+    """End processes whose session goes on: they send no `Stop`."""
     leaving = [child for child in children if child.running]
     for child in leaving:
         child.process.send_signal(signal.SIGHUP)
     wait_for(leaving, meanwhile=meanwhile)
-    for child in leaving:
-        if child.running:
-            child.process.kill()
-    wait_for(leaving)
+    _kill(leaving)
 
 
 def end_session(children: Sequence[Child], *, meanwhile: Callable[[], None] = lambda: None) -> list[Child]:
     """End all processes: the leader first, whose final message ends the others; then, or if it sends none, by signal.
 
-    Args:
-        children: Processes of the session.
-        meanwhile: Called in every round of waiting.
-
-    Returns:
-        Processes that had to be killed.
+    Returns those that had to be killed; `meanwhile` is called in every round of waiting.
     """
     leading = next((child for child in children if child.role == "leader" and child.running), None)
     spoken, killed = all(child.process.poll() in (None, 0) for child in children), []

@@ -176,12 +176,10 @@ class PlayedRobot(Robot):
     are NaN, so that they are rejected again. Before the first sample and after the last that one is repeated.
 
     Args:
-        rows: Rows of `foretouch.messages.SessionLog.follower`, of one process, at least 1.
+        rows: Rows of `foretouch.messages.SessionLog.follower`, of one process, at least 1; as an attribute, the newest
+            at each tick, shape (ticks,).
         time_ns: Time at which each of them is felt, from the replay's first tick [ns], increasing, shape of `rows`.
         ticks: Number of ticks of the replay.
-
-    Attributes:
-        rows: The newest row at each tick, shape (ticks,).
     """
 
     def __init__(self, rows: Rows, time_ns: NDArray[np.int64], ticks: int) -> None:

@@ -152,11 +152,8 @@ def _told_before(told: Array, believed: NDArray[np.bool_]) -> Array:
 
 
 def _arrivals(clock: Array, newest: NDArray[np.int64], sequences: NDArray[np.int64]) -> Array:
-    """Time at which each message, or a newer one, had arrived [s]; inf where none did.
+    """Time at which each message of increasing number, or a newer one, had arrived [s]; inf where none did.
 
-    Args:
-        clock: Clock at the receiver's ticks [s].
-        newest: Newest sequence number that had arrived at each tick.
-        sequences: Sequence numbers of the messages, increasing.
+    The receiver's ticks have a clock [s] and the newest number that had arrived.
     """
     return np.append(clock, np.inf)[np.searchsorted(np.maximum.accumulate(newest), sequences)]

@@ -39,10 +39,7 @@ _STILL = "holds no place of the operator's hand: there is no motion to run again
 class PlayedSpatialOperator(SpatialDevice):
     """A hand that moves through the world as it did in a recorded session, whatever it feels or sees.
 
-    Args:
-        name: Name of the recorded operator.
-        space: Rows of `SessionLog.leader_space` of one process, with some position of the hand in them.
-        position_scale: Position scale of the session: the recorded positions are the follower's.
+    The rows are of one process; their positions, some of which are known, are the follower's, by the position scale.
     """
 
     def __init__(self, name: str, space: Rows, *, position_scale: float = 1.0) -> None:
@@ -69,29 +66,17 @@ class PlayedSpatialOperator(SpatialDevice):
         return self._place
 
 
-def replay_scene(
+def _replay_scene(
     log: SessionLog,
     settings: SessionSettings,
     closed_loop: bool,
     description: Mapping[str, str],
     progress: Callable[[float], None] | None = None,
 ) -> SessionLog:
-    """Run a session in three dimensions again; see `foretouch.session.replay.under`.
+    """Run one segment of a simulated session in three dimensions again; see `replay_under`.
 
     World, robot and camera are simulated again from the settings and their seed. In an open loop the hand follows its
     recorded path; in a closed loop the script is played again to a hand that the force moves.
-
-    Args:
-        log: One segment of a simulated session.
-        settings: All settings.
-        closed_loop: Whether the force moves the hand.
-        description: Further texts for the log.
-        progress: Called now and then with the time that has been replayed [s].
-
-    Raises:
-        RecordingError: The robot was real, the material is of a package that is not installed, or a camera was used and
-            none is available here. In an open loop: the hand felt something. In a closed loop: the hand did not follow
-            a script.
     """
     if not np.isfinite(log.follower_space["exact_x"]).any():
         raise RecordingError("session", _REAL)
@@ -193,7 +178,7 @@ def replay_under(
         raise RecordingError("session", problem)
     if settings.scene:
         _require_grip(settings, closed_loop)
-        return replay_scene(log, settings, closed_loop, _told(log, settings, closed_loop), progress)
+        return _replay_scene(log, settings, closed_loop, _told(log, settings, closed_loop), progress)
     operator = _operator(log, leader, settings, closed_loop)
     ticks = round(int(leader["time_ns"][-1] - leader["time_ns"][0]) / _PERIOD_NS) + 1
     if material_answers(log):

@@ -11,19 +11,14 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
-
-from foretouch.errors import ForetouchError
 
 ONE_THREAD = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1"
 )
 """No pool of threads takes a core that another contestant has."""
-
-LAUNCHER = Path(__file__).with_name("launcher.py")
-"""Program that times a process and asks for its memory."""
 
 GRACE = 5.0
 """Time after which a process that was asked to end is killed [s]."""
@@ -36,13 +31,7 @@ SHOWN = 4
 
 
 class Ended(NamedTuple):
-    """A process that has ended well.
-
-    Attributes:
-        seconds: Time from its start to its end, start-up included [s].
-        peak: Most memory that it held at once [bytes].
-        output: What it printed.
-    """
+    """A process that has ended well: how long it took [s], the most memory it held at once [bytes], its output."""
 
     seconds: float
     peak: int
@@ -57,7 +46,7 @@ class Children:
 
     def start(self, command: Sequence[str], **options: Any) -> subprocess.Popen[Any]:
         """Start a command, with nothing to read and one thread a pool, and with options of `subprocess.Popen`."""
-        given = {"stdin": subprocess.DEVNULL, "env": environment(), "start_new_session": True, **options}
+        given = {"stdin": subprocess.DEVNULL, "env": os.environ | ONE_THREAD, "start_new_session": True, **options}
         self._running.append(subprocess.Popen(command, **given))
         return self._running[-1]
 
@@ -73,7 +62,7 @@ class Children:
         for process in self._running:
             _signal(process, signal.SIGKILL)
             process.wait()
-            for pipe in (process.stdout, process.stderr):
+            for pipe in (process.stdin, process.stdout, process.stderr):
                 if pipe is not None:
                     pipe.close()
 
@@ -90,49 +79,33 @@ def children(grace: float = GRACE) -> Iterator[Children]:
     try:
         yield started
     finally:
-        with _undisturbed():
+        with _handled((signal.SIGINT, *ENDINGS), signal.SIG_IGN):  # an impatient Ctrl-C leaves no processes behind
             started.end(grace)
 
 
 @contextlib.contextmanager
-def _undisturbed() -> Iterator[None]:
-    """Ignore signals, so that an impatient Ctrl-C leaves no processes behind."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = {number: signal.signal(number, signal.SIG_IGN) for number in (signal.SIGINT, *ENDINGS)}
+def _handled(numbers: Iterable[int], handler: Any) -> Iterator[None]:
+    """Handle signals in another way meanwhile; only a main thread can."""
+    main = threading.current_thread() is threading.main_thread()
+    before = {number: signal.signal(number, handler) for number in numbers} if main else {}
     try:
         yield
     finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+        for number, kept in before.items():
+            signal.signal(number, kept)
 
 
-@contextlib.contextmanager
-def interruptible() -> Iterator[None]:
+def interruptible() -> contextlib.AbstractContextManager[None]:
     """Treat SIGTERM and SIGHUP like Ctrl-C meanwhile: `KeyboardInterrupt`, so that all cleaning up is done."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-
-    def interrupt(number: int, frame: object) -> None:
-        raise KeyboardInterrupt
-
-    before = {number: signal.signal(number, interrupt) for number in ENDINGS}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-
-def environment() -> dict[str, str]:
-    """Environment of this process, with one thread a pool."""
-    return {**os.environ, **ONE_THREAD}
+    return _handled(ENDINGS, signal.default_int_handler)
 
 
 def measure_process(arguments: Sequence[str]) -> Ended:
-    """Run Python with these arguments and wait for its end; a ForetouchError where it did not end well."""
+    """Run Python with these arguments and wait for its end; a RuntimeError where it did not end well.
+
+    Another process, which runs this file, starts it: what the parent holds at the start counts as the memory of a
+    process, so the parent must be small, and this file imports nothing of the package before it needs it.
+    """
     with (
         tempfile.TemporaryDirectory() as folder,
         tempfile.TemporaryFile("w+") as out,
@@ -140,23 +113,33 @@ def measure_process(arguments: Sequence[str]) -> Ended:
         children() as started,
     ):
         result = Path(folder) / "result.json"
-        command = [sys.executable, "-I", str(LAUNCHER), str(result), sys.executable, *arguments]
+        command = [sys.executable, "-I", __file__, str(result), sys.executable, *arguments]
         code = started.start(command, stdout=out, stderr=err).wait()
         measured = json.loads(result.read_text()) if code == 0 else {"code": code}
         out.seek(0)
         err.seek(0)
         output, said = out.read(), err.read()
     if measured["code"]:
-        raise ForetouchError(f"{_named(arguments)}: exit code {measured['code']}: {last_line(said)}")
+        left = len(arguments) - SHOWN
+        named = " ".join(arguments[:SHOWN]) + (f" and {left} arguments more" if left > 0 else "")
+        raise RuntimeError(f"{named}: exit code {measured['code']}: {last_line(said)}")
     return Ended(measured["seconds"], measured["peak"] * (1 if sys.platform == "darwin" else 1024), output)
 
 
-def last_line(said: str) -> str:
+def last_line(said: str, nothing: str = "it said nothing") -> str:
     """The last line of a process's output, which is why it failed."""
-    return (said.strip().splitlines() or ["it said nothing"])[-1]
+    return (said.strip().splitlines() or [nothing])[-1]
 
 
-def _named(arguments: Sequence[str]) -> str:
-    """A command in a line: not all of its files."""
-    left = len(arguments) - SHOWN
-    return " ".join(arguments[:SHOWN]) + (f" and {left} arguments more" if left > 0 else "")
+def _launch(result: str, *command: str) -> None:
+    """Run a command and write seconds, most memory (as the system counts it) and exit code into the file `result`."""
+    start = time.perf_counter()
+    child = subprocess.Popen(command)
+    _, status, used = os.wait4(child.pid, 0)
+    seconds = time.perf_counter() - start
+    child.returncode = os.waitstatus_to_exitcode(status)
+    Path(result).write_text(json.dumps({"seconds": seconds, "peak": used.ru_maxrss, "code": child.returncode}))
+
+
+if __name__ == "__main__":
+    _launch(*sys.argv[1:])
