@@ -17,7 +17,7 @@ from foretouch.session.network.lease import (
     MOST_ENDED,
     TOLD_NS,
     Contest,
-    ContestHeard,
+    ContestPrinter,
     ControlLease,
     make_epoch,
 )
@@ -240,8 +240,8 @@ def test_the_operator_is_told_what_the_follower_tells_of_a_contest(trouble: str)
 
 def test_who_listens_says_a_contest_once_each_time_it_changes() -> None:
     said: list[str] = []
-    heard, child = ContestHeard("recorder", said.append), ContestHeard("recorder", said.append, parent=1)
+    heard, child = ContestPrinter("recorder", said.append), ContestPrinter("recorder", said.append, parent=1)
     for role, contest in (("leader", "x"), ("follower", "A"), ("follower", "A"), ("follower", ""), ("follower", "A")):
         for one in (heard, child):
-            one.hear(Hello.of(role, 1, 0, {"contest": contest}))
+            one.take(Hello.of(role, 1, 0, {"contest": contest}))
     assert said == ["recorder: A", "recorder: A"]

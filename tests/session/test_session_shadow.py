@@ -111,9 +111,11 @@ def test_it_predicts_as_a_session_does(day: tuple[SessionLog, shadow.State]) -> 
     assert report["prediction_error_percent"] < 1.2 * session["equal_position"]["prediction_error_percent"] + 1.0
     assert report["delayed_force_error_percent"] > 5.0 * report["prediction_error_percent"]
     score = state.score
-    assert score.contact_force_rms == pytest.approx(report["contact_force_rms_N"], rel=0.1)
-    assert score.prediction_error_percent == pytest.approx(report["prediction_error_percent"], abs=2.0)
-    assert score.delayed_force_error_percent == pytest.approx(report["delayed_force_error_percent"], rel=0.1)
+    assert score.figures()["contact_force_rms_N"] == pytest.approx(report["contact_force_rms_N"], rel=0.1)
+    assert score.figures()["prediction_error_percent"] == pytest.approx(report["prediction_error_percent"], abs=2.0)
+    assert score.figures()["delayed_force_error_percent"] == pytest.approx(
+        report["delayed_force_error_percent"], rel=0.1
+    )
     assert "s in contact at" in score.sentence(0.3)
 
 
@@ -176,15 +178,15 @@ def test_the_score_is_what_the_arrays_give(ticks: list[tuple[float, float, float
     force, predicted, delayed, touching = map(np.array, zip(*ticks, strict=True))
     contact = touching.astype(bool)
     if not contact.any() or not force[contact].any():
-        assert math.isnan(score.prediction_error_percent)
+        assert math.isnan(score.figures()["prediction_error_percent"])
         return
     scored = contact | (predicted > 0.05)
     rms = np.sqrt(np.mean(force[contact] ** 2))
-    assert score.contact_force_rms == pytest.approx(rms)
-    assert score.prediction_error_percent == pytest.approx(
+    assert score.figures()["contact_force_rms_N"] == pytest.approx(rms)
+    assert score.figures()["prediction_error_percent"] == pytest.approx(
         100.0 * np.sqrt(np.mean((predicted - force)[scored] ** 2)) / rms
     )
-    assert score.delayed_force_error_percent == pytest.approx(
+    assert score.figures()["delayed_force_error_percent"] == pytest.approx(
         100.0 * np.sqrt(np.mean((delayed - force)[scored] ** 2)) / rms
     )
 

@@ -170,7 +170,7 @@ class Gamepad(Device):
         self._base = self._trigger = 0.0
         self._tracker = Tracker(TRACKING_RATE)
         self._clutched = self._closed = self._gone = False
-        self._told, self._told_ns = 0.0, 0
+        self._rumble, self._rumble_ns = 0.0, 0
 
     @property
     def clutched(self) -> bool:
@@ -204,10 +204,10 @@ class Gamepad(Device):
         force = 0.0 if self._closed else limit_force(force)
         strength = 0.0 if self._gone else min(force / FULL_RUMBLE, 1.0)
         now_ns = self._now_ns or 0
-        changed = abs(strength - self._told) >= RUMBLE_STEP or (strength == 0.0) != (self._told == 0.0)
-        if changed and (now_ns - self._told_ns >= RUMBLE_PERIOD_NS or strength == 0.0) and not self._closed:
+        changed = abs(strength - self._rumble) >= RUMBLE_STEP or (strength == 0.0) != (self._rumble == 0.0)
+        if changed and (now_ns - self._rumble_ns >= RUMBLE_PERIOD_NS or strength == 0.0) and not self._closed:
             self._pad.rumble(strength)
-            self._told, self._told_ns = strength, now_ns
+            self._rumble, self._rumble_ns = strength, now_ns
         return force
 
     def close(self) -> None:

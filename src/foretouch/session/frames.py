@@ -44,21 +44,9 @@ def device_inside(device: Device) -> Device:
 class FramedDevice(Device):
     """A device whose positions are translated; forces are not, for they push the hand out on either side."""
 
-    __slots__ = ("_frame", "device")
-
     def __init__(self, device: Device, frame: Frame) -> None:
-        self.device = device
-        self._frame = frame
-
-    @property
-    def name(self) -> str:  # type: ignore[override]  # the device's own
-        """Name of the device."""
-        return self.device.name
-
-    @property
-    def closed_loop(self) -> bool:  # type: ignore[override]  # the device's own
-        """Whether the rendered force moves the hand."""
-        return self.device.closed_loop
+        self.device, self._frame = device, frame
+        self.name, self.closed_loop = device.name, device.closed_loop  # type: ignore[misc]  # the device's own
 
     @property
     def specification(self) -> DeviceSpecification | None:

@@ -112,7 +112,7 @@ def camera(*, endpoints: Endpoints, parent: Parent = None, settings: SessionSett
     Example: foretouch camera --scene hill --listen tcp/127.0.0.1:7449 --connect tcp/127.0.0.1:7447
     """
     from foretouch.session import StopFlag, give_way
-    from foretouch.session.network.lease import ContestHeard
+    from foretouch.session.network.lease import ContestPrinter
     from foretouch.session.runners.camera import CAMERA_CHANNELS, run_camera
     from foretouch.session.spatial import make_camera, make_scene
 
@@ -125,11 +125,11 @@ def camera(*, endpoints: Endpoints, parent: Parent = None, settings: SessionSett
     drawn = make_camera(settings, scene, say=missing.append) if sees else None
     for line in missing:
         say(line)
-    contest = ContestHeard("camera", say, parent)
+    contest = ContestPrinter("camera", say, parent)
 
     def describe() -> dict[str, str]:  # called twice a second, as hellos come
         for _, hello in link.take("hello"):
-            contest.hear(hello)
+            contest.take(hello)
         return texts | insecurity(link)
 
     with open_link("camera", endpoints, (*CAMERA_CHANNELS, "hello")) as link:

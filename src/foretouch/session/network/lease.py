@@ -186,7 +186,7 @@ class Contest:
         self._contender, self._collides, self._former, self._since_ns = contender, collides, "", now_ns
 
 
-class ContestHeard:
+class ContestPrinter:
     """Prints in a listener's terminal what the follower reports of a contest, once per change.
 
     Args:
@@ -195,17 +195,17 @@ class ContestHeard:
         parent: Process id of a parent, whose other children print it in the same terminal: then nothing is printed.
     """
 
-    __slots__ = ("_role", "_say", "_told")
+    __slots__ = ("_printed", "_role", "_say")
 
     def __init__(self, role: str, say: Callable[[str], None], parent: int | None = None) -> None:
-        self._role, self._told = role, ""
+        self._role, self._printed = role, ""
         self._say = say if parent is None else None
 
-    def hear(self, hello: Hello) -> None:
+    def take(self, hello: Hello) -> None:
         """Take a `Hello` of any role; only the follower's reports a contest."""
         if hello.role != "follower":
             return
         contest = hello.texts.get("contest", "")
-        if contest and contest != self._told and self._say is not None:
+        if contest and contest != self._printed and self._say is not None:
             self._say(f"{self._role}: {contest}")
-        self._told = contest
+        self._printed = contest

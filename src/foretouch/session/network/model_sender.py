@@ -76,7 +76,8 @@ class RoundTrip:
         while commands and commands[0] <= command:
             self.current = self._acknowledged.pop(heappop(commands))
             if self.current in self._sent:  # else it was heard of before, or is of another process of the follower
-                self._hear(self.current, now_ns)
+                self._smallest_ns = min(self._smallest_ns, now_ns - self._sent[self.current])
+                self._sent = {model: sent_ns for model, sent_ns in self._sent.items() if model > self.current}
         if self._due_ns is None:
             self._due_ns = now_ns + PERIOD_NS
         if now_ns < self._due_ns:
@@ -84,11 +85,6 @@ class RoundTrip:
         self._due_ns = now_ns + PERIOD_NS
         smallest, self._smallest_ns = self._smallest_ns, math.inf
         return smallest * 1e-9 if smallest < math.inf else None
-
-    def _hear(self, model: int, now_ns: int) -> None:
-        """The first command was applied whose leader had this model."""
-        self._smallest_ns = min(self._smallest_ns, now_ns - self._sent[model])
-        self._sent = {number: sent for number, sent in self._sent.items() if number > model}
 
 
 SURFACE_CHANGE = 1e-4
@@ -117,25 +113,6 @@ class ModelSender:
         round_trip: Learns how late models are used.
         remembers: Whether surfaces are remembered until the leader is known to have them.
     """
-
-    __slots__ = (
-        "_allowance",
-        "_changed",
-        "_changed_ns",
-        "_changes",
-        "_errors",
-        "_errors_ns",
-        "_known_model",
-        "_known_surface",
-        "_period_ns",
-        "_run",
-        "_sent",
-        "_sent_ns",
-        "_surfaces",
-        "remembers",
-        "round_trip",
-        "sequence",
-    )
 
     def __init__(self, period_ns: int, run: int) -> None:
         self._period_ns = period_ns

@@ -22,7 +22,7 @@ from foretouch.messages import (
     Telemetry,
 )
 from foretouch.recordings import SessionWriter
-from foretouch.session.network.lease import ContestHeard
+from foretouch.session.network.lease import ContestPrinter
 from foretouch.session.runners.housekeeping import ORPHANED, StopFlag, orphaned
 
 RECORDER_CHANNELS = (
@@ -192,7 +192,7 @@ def _listen(
 ) -> None:
     """Record until the end; report a problem as soon as it occurs."""
     said, hellos = "", 0
-    contest = ContestHeard("recorder", say, parent)
+    contest = ContestPrinter("recorder", say, parent)
     flushed, spoken = time.monotonic(), -math.inf
     end = math.inf
     while not stop.reason and (now := time.monotonic()) <= end:
@@ -200,7 +200,7 @@ def _listen(
             arrivals = link.take(name)
             recorder.take(name, arrivals)
             for _, message in arrivals if name == "hello" else ():
-                contest.hear(message)
+                contest.take(message)
             if name == "stop" and arrivals:
                 end = min(end, now + GRACE)
         if now - flushed >= FLUSH_PERIOD:

@@ -157,14 +157,14 @@ class Housekeeper(threading.Thread):
         self._over = over
         self._met = process.parent is not None  # a parent process prints that itself
         self.loop = LoopWatch(HELLO_PERIOD)
-        self._told = ""
+        self._newest_news = ""
         self._repeats = Repeats()
         self._note: WaitingNote | None = None
-        self._heard: dict[str, dict[str, str]] = {}
+        self._texts_of: dict[str, dict[str, str]] = {}
         self._hellos = 0
         self._greetings = WELCOME  # of the newest leader, since one left
         self._reported = self._foreign = 0
-        self._told_too_large = False
+        self._reported_too_large = False
         self._ended = threading.Event()
 
     def run(self) -> None:
@@ -192,7 +192,7 @@ class Housekeeper(threading.Thread):
         """Print why the session ended, where no parent process does."""
         if self._parent is None:
             self._say(f"{self.role}: the session has ended: {reason}")
-            if "recorder" not in self._heard:
+            if "recorder" not in self._texts_of:
                 self._say(f"{self.role}: {NOT_RECORDED}")
 
     @property
@@ -240,20 +240,20 @@ class Housekeeper(threading.Thread):
     def _tell_news(self) -> None:
         """Take the texts of others, and print changed news."""
         for _, hello in self._link.take("hello"):
-            self._heard[hello.role] = hello.texts
+            self._texts_of[hello.role] = hello.texts
             if hello.role == "leader":
                 self._greetings = 0 if LEAVES in hello.texts else self._greetings + 1
-        if not self._met and (sentence := connected(self.role, self._heard)):
+        if not self._met and (sentence := connected(self.role, self._texts_of)):
             self._met = True
             self._say(f"{self.role}: {sentence}")
-        news = "" if self._news is None else self._news(self._heard)
+        news = "" if self._news is None else self._news(self._texts_of)
         for line in self._repeats.lines(news, time.monotonic()):
             self._say(f"{self.role}: {line}")
-        if self._told and not news and self._repeats.spoke and self._parent is None:
+        if self._newest_news and not news and self._repeats.spoke and self._parent is None:
             self._say(f"{self.role}: {self._over()}")
-        if self._note is not None and news != self._told:
+        if self._note is not None and news != self._newest_news:
             self._note.say(news)
-        self._told = news
+        self._newest_news = news
 
     def _report_link(self) -> None:
         """Print dropped messages of the link: undecodable ones whenever there are more, oversized ones once."""
@@ -266,6 +266,6 @@ class Housekeeper(threading.Thread):
             lost = f"{plural(new, 'message')} did not decode and {was_or_were(new)} dropped"
             self._say(f"{self.role}: {lost}{versions}{because}")
             self._reported, self._foreign = link.undecodable, link.foreign
-        if link.too_large and not self._told_too_large:
-            self._told_too_large = True
+        if link.too_large and not self._reported_too_large:
+            self._reported_too_large = True
             self._say(f"{self.role}: {link.too_large}; it is counted as unsent, and others like it")

@@ -74,34 +74,29 @@ class ShadowScore:
             self._predicted += (predicted - force) ** 2
             self._delayed += ((delayed if math.isfinite(delayed) else 0.0) - force) ** 2
 
-    @property
-    def contact_force_rms(self) -> float:
-        """RMS of the force in contact [N]; NaN without contact."""
-        return math.sqrt(self._felt / self._contact) if self._contact else math.nan
+    def figures(self) -> dict[str, float]:
+        """Time [s] and RMS force [N] in contact, and errors of the predicted and the delayed force [%]; NaN without."""
+        felt = math.sqrt(self._felt / self._contact) if self._contact else math.nan
 
-    @property
-    def prediction_error_percent(self) -> float:
-        """Error of the predicted force [%]; NaN without contact."""
-        return self._error(self._predicted)
+        def error(squares: float) -> float:
+            return 100.0 * math.sqrt(squares / self._scored) / felt if felt > 0.0 else math.nan
 
-    @property
-    def delayed_force_error_percent(self) -> float:
-        """Error of the delayed force [%]; NaN without contact."""
-        return self._error(self._delayed)
+        return {
+            "contact_time_s": self.contact_time,
+            "contact_force_rms_N": felt,
+            "prediction_error_percent": error(self._predicted),
+            "delayed_force_error_percent": error(self._delayed),
+        }
 
     def sentence(self, delay: float) -> str:
         """Figures in one line, for this delay of the models [s]."""
         if not self.contact_time > 0.0:
             return f"nothing was touched after the first {SCORED_AFTER:g} s: there is nothing to compare"
+        seconds, felt, predicted, delayed = self.figures().values()
         return (
-            f"{self.contact_time:.1f} s in contact at {self.contact_force_rms:.2f} N RMS; the predicted force was "
-            f"wrong by {self.prediction_error_percent:.1f} % of that, the force {delay:g} s late by "
-            f"{self.delayed_force_error_percent:.1f} %"
+            f"{seconds:.1f} s in contact at {felt:.2f} N RMS; the predicted force was "
+            f"wrong by {predicted:.1f} % of that, the force {delay:g} s late by {delayed:.1f} %"
         )
-
-    def _error(self, squares: float) -> float:
-        felt = self.contact_force_rms
-        return 100.0 * math.sqrt(squares / self._scored) / felt if felt > 0.0 else math.nan
 
 
 SHADOW_CHANNELS = ("settings", "stop", "emergency", "hello")
@@ -250,11 +245,5 @@ def run_shadow(
                 link.publish(outputs.model)
     score, delay = state.score, state.returned.delay
     say(f"shadow: {score.sentence(delay)}")
-    figures = {
-        "force_delay_s": delay,
-        "contact_time_s": score.contact_time,
-        "contact_force_rms_N": score.contact_force_rms,
-        "prediction_error_percent": score.prediction_error_percent,
-        "delayed_force_error_percent": score.delayed_force_error_percent,
-    }
+    figures = {"force_delay_s": delay} | score.figures()
     return {"ended": stop.reason} | figures | follower_counts(state.following) | link_counts("follower", link)

@@ -78,11 +78,11 @@ class FeltSurface:
         tick: Tick in which that was known.
     """
 
-    __slots__ = ("_onset", "_told", "place", "tick", "ticks")
+    __slots__ = ("_known", "_onset", "place", "tick", "ticks")
 
     def __init__(self) -> None:
         self._onset = 0.0, 0.0  # force at which this contact began [N], and the position along the normal then [m]
-        self._told = False
+        self._known = False
         self.place: Vector = NAN3
         self.tick = self.ticks = 0
 
@@ -95,12 +95,12 @@ class FeltSurface:
         """Feel a force along the normal [N] at a place of the probe [m] in a tick."""
         self.ticks += 1
         if self.ticks == 1:
-            self._onset, self._told = (force, closest.along), False
+            self._onset, self._known = (force, closest.along), False
         began, at = self._onset
         way = closest.along - at
-        if self._told or way < FELT_WAY:
+        if self._known or way < FELT_WAY:
             return
-        self._told = True
+        self._known = True
         ratio = (began / force) ** (1.0 / TOUCH_EXPONENT) if 0.0 < began < force else 1.0
         if ratio * way <= LATEST * (1.0 - ratio):  # else it hardly grew: its onset is unknown
             self.place, self.tick = add(place, scaled(closest.normal, way / (1.0 - ratio))), tick

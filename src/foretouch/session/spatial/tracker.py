@@ -26,7 +26,7 @@ REMEMBERED = 3000
 """Number of ticks whose times are remembered: images come late."""
 
 SECOND = 1e-9
-TELLING_PERIOD = 0.03
+SENDING_PERIOD = 0.03
 """Time after which the belief is sent again, for its uncertainty grows [s]."""
 
 
@@ -39,7 +39,7 @@ class State:
         touch_tick: Tick of the newest touch that was taken.
         gone: Runs of the follower processes before the current one.
         pose_seen: Pose in the newest image that showed the board.
-        told: Time of the newest belief [s].
+        sent: Time of the newest belief [s].
     """
 
     filter: FixtureFilter
@@ -52,7 +52,7 @@ class State:
     gone: set[int] = field(default_factory=set)
     pose_seen: tuple[float, ...] = ()
     sequence: int = 0
-    told: float = -math.inf
+    sent: float = -math.inf
     images: int = 0
     contacts: int = 0
     refused: int = 0
@@ -97,9 +97,9 @@ def step(
     for image in images:
         news = _take_image(state, image) or news
     now = now_ns * SECOND
-    if not news and now - state.told < TELLING_PERIOD:
+    if not news and now - state.sent < SENDING_PERIOD:
         return None
-    state.told = now
+    state.sent = now
     state.sequence += 1
     known = state.filter.state(now)
     return FixtureBelief(
