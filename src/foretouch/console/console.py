@@ -34,7 +34,8 @@ from foretouch.console.views.line import LineView
 from foretouch.console.views.space import SPACE_INSTRUCTION, SpaceView
 from foretouch.console.watched import Watched
 from foretouch.errors import MissingExtraError, one_line
-from foretouch.link import free_port, new_press
+from foretouch.link import new_press
+from foretouch.link.access import free_port
 from foretouch.messages import Choice, EmergencyStop, Message, Settings, Status, Stop, Telemetry
 
 ROUND_PERIOD, PLOT_PERIOD, TEXT_PERIOD, LIST_PERIOD = 1 / 30, 1 / 12, 1 / 6, 2.0

@@ -9,8 +9,7 @@ A `Hello` names its sender, and a `Command` its leader. Between machines a hello
 speaker's role and a command under one of the common name, which the access list checks, so that no peer can speak in
 another's name: control is held by a certificate, and what others read of it is of no use to them.
 
-An endpoint is ``tcp/HOST:PORT`` or ``tls/HOST:PORT``. What a process shows to its peers, and whom it lets in, stands
-here too.
+An endpoint is ``tcp/HOST:PORT`` or ``tls/HOST:PORT``.
 """
 
 from __future__ import annotations
@@ -59,12 +58,11 @@ def is_exposed(endpoint: str) -> bool:
         LinkError: The endpoint is malformed.
     """
     kind, host, _ = _parse(endpoint)
-    if kind == "tls" or host == "localhost":
-        return False
     try:
-        return not ipaddress.ip_address(host).is_loopback
+        here = host == "localhost" or ipaddress.ip_address(host).is_loopback
     except ValueError:
-        return True  # a name may resolve to anything
+        here = False  # a name may resolve to anything
+    return kind != "tls" and not here
 
 
 def check_endpoint(endpoint: str, *, insecure: bool = False) -> None:
@@ -180,17 +178,9 @@ def load_credentials(
         if each.days_left(now) <= 0.0:
             rule = f"expired on {each.expires:%Y-%m-%d}: foretouch keys {remedy}, and copy the new files"
             raise SettingError("keys", each.common_name, rule)
-    return Credentials(identity, authority, allowed, _warning(identity, now))
-
-
-def _warning(identity: Identity, now: datetime) -> str:
-    left = identity.days_left(now)
-    if left > WARNING_DAYS:
-        return ""
-    return (
-        f"the certificate of {identity.common_name} ends in {left:.0f} days, on {identity.expires:%Y-%m-%d}: "
-        "foretouch keys rotate"
-    )
+    left, ends = identity.days_left(now), f"{identity.expires:%Y-%m-%d}"
+    soon = f"the certificate of {identity.common_name} ends in {left:.0f} days, on {ends}: foretouch keys rotate"
+    return Credentials(identity, authority, allowed, soon if left <= WARNING_DAYS else "")
 
 
 PREFIX = "foretouch/"
@@ -200,8 +190,7 @@ HELLO, COMMAND = "hello", "command"
 NAMED = (HELLO, COMMAND)
 """Channels whose keys end, between machines, with the sender's name."""
 
-_SENDER = {"leader": "leader", "follower": "follower", "watcher": "console"}
-_MORE = {"leader": ("settings",)}
+_SENDERS = {"leader": ("any", "leader"), "follower": ("any", "follower"), "watcher": ("any", "console")}
 
 
 def may_publish(role: str) -> tuple[str, ...]:
@@ -210,8 +199,8 @@ def may_publish(role: str) -> tuple[str, ...]:
     Args:
         role: ``"leader"``, ``"follower"`` or ``"watcher"``.
     """
-    own = tuple(name for name, channel in CHANNELS.items() if channel.sender in ("any", _SENDER[role]))
-    return own + tuple(name for name in _MORE.get(role, ()) if name not in own)
+    own = tuple(name for name, channel in CHANNELS.items() if channel.sender in _SENDERS[role])
+    return (*own, "settings") if role == "leader" else own
 
 
 def key_to_send(name: str, common_name: str = "") -> str:
@@ -244,7 +233,7 @@ def may_say(key: str, message: Message) -> bool:
     """
     if isinstance(message, Hello):
         return may_claim(key, message.role)
-    return not isinstance(message, Command) or _shown(key) in ("", message.holder)
+    return not isinstance(message, Command) or _sender(key) in ("", message.holder)
 
 
 def may_claim(key: str, role: str) -> bool:
@@ -254,10 +243,10 @@ def may_claim(key: str, role: str) -> bool:
         key: As for `may_say`.
         role: Leader, follower, or what is a watcher.
     """
-    return _shown(key) in ("", role if role in ROLES else "watcher")
+    return _sender(key) in ("", role if role in ROLES else "watcher")
 
 
-def _shown(key: str) -> str:
+def _sender(key: str) -> str:
     """The sender, as the access list has checked it; "" where nothing was checked."""
     return key.removeprefix(PREFIX).partition("/")[2]
 
@@ -271,20 +260,19 @@ def access_list(allowed: Iterable[str], receive: Iterable[str]) -> dict[str, obj
     """
     received = set(receive)
     everything = [key for name in CHANNELS for key in keys_to_receive(name)]
-    rules: list[dict[str, object]] = [
+    rules = [
         _rule("speak", ["put"], ["egress"], everything),
         _rule("listen", ["declare_subscriber"], ["ingress", "egress"], everything),
         _rule("local", ["put"], ["ingress"], everything),
     ]
     subjects: list[dict[str, object]] = [{"id": "local", "link_protocols": ["tcp"]}]
-    policies: list[dict[str, object]] = [{"rules": ["speak", "listen", "local"], "subjects": ["local"]}]
+    policies = [{"rules": ["speak", "listen", "local"], "subjects": ["local"]}]
     for name in allowed:
         subjects.append({"id": name, "cert_common_names": [name], "link_protocols": ["tls"]})
-        granted = ["speak", "listen"]
-        if heard := [key_to_send(channel, name) for channel in may_publish(role_of(name)) if channel in received]:
-            rules.append(_rule(name, ["put"], ["ingress"], heard))
-            granted.append(name)
-        policies.append({"rules": granted, "subjects": [name]})
+        keys = [key_to_send(channel, name) for channel in may_publish(role_of(name)) if channel in received]
+        if keys:
+            rules.append(_rule(name, ["put"], ["ingress"], keys))
+        policies.append({"rules": ["speak", "listen", *([name] if keys else [])], "subjects": [name]})
     return {
         "enabled": True,
         "default_permission": "deny",

@@ -7,12 +7,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING, Any
+from types import SimpleNamespace
+from typing import Any
 
 from foretouch.errors import MissingExtraError, SettingError
-
-if TYPE_CHECKING:
-    from cryptography import x509
 
 AUTHORITY_DAYS = 3650
 """Lifetime of an authority [days]; no certificate outlasts it."""
@@ -60,21 +58,23 @@ class Identity:
             SettingError: It is none, or its key belongs to another certificate.
             MissingExtraError: cryptography is not installed.
         """
-        x509, _, serialization, _ = _cryptography()
+        c = _cryptography()
         try:
-            certificate = x509.load_pem_x509_certificate(content)
-            name = _common_name(certificate)
-            key = serialization.load_pem_private_key(content, None) if with_key else None
+            certificate = c.x509.load_pem_x509_certificate(content)
+            names = certificate.subject.get_attributes_for_oid(c.x509.NameOID.COMMON_NAME)
+            if len(names) != 1:
+                raise ValueError(f"{len(names)} common names")
+            key = c.serialization.load_pem_private_key(content, None) if with_key else None
         except Exception as error:  # the package has no error of its own for all that can be wrong
             reason = " ".join(str(error).split())[:120] or type(error).__name__
             raise SettingError("keys", str(source), f"is no key with a certificate ({reason})") from None
         if key is not None and key.public_key() != certificate.public_key():
             raise SettingError("keys", str(source), "holds a key and the certificate of another key: issue it again")
         return cls(
-            name,
+            str(names[0].value),
             certificate.not_valid_after_utc,
-            certificate.public_bytes(serialization.Encoding.PEM),
-            certificate.fingerprint(_cryptography()[3].SHA256()).hex(),
+            certificate.public_bytes(c.serialization.Encoding.PEM),
+            certificate.fingerprint(c.hashes.SHA256()).hex(),
             b"" if key is None else _key_pem(key),
         )
 
@@ -89,13 +89,11 @@ class Identity:
 
     def issued_by(self, authority: Identity) -> bool:
         """Whether the authority signed it."""
-        x509 = _cryptography()[0]
+        load = _cryptography().x509.load_pem_x509_certificate
         from cryptography.exceptions import InvalidSignature
 
         try:
-            x509.load_pem_x509_certificate(self.certificate).verify_directly_issued_by(
-                x509.load_pem_x509_certificate(authority.certificate)
-            )
+            load(self.certificate).verify_directly_issued_by(load(authority.certificate))
         except (InvalidSignature, ValueError, TypeError):
             return False
         return True
@@ -110,11 +108,7 @@ def make_authority(now: datetime) -> Identity:
     Raises:
         MissingExtraError: cryptography is not installed.
     """
-    x509, ed25519, _, _ = _cryptography()
-    key = ed25519.Ed25519PrivateKey.generate()
-    name = x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, AUTHORITY_NAME)])
-    builder = _builder(name, name, key, now, now + timedelta(days=AUTHORITY_DAYS), authority=True)
-    return _identity(builder.sign(key, None), key)
+    return _issue(AUTHORITY_NAME, now, now + timedelta(days=AUTHORITY_DAYS), None)
 
 
 def make_identity(authority: Identity, common_name: str, now: datetime, days: float = CERTIFICATE_DAYS) -> Identity:
@@ -132,16 +126,7 @@ def make_identity(authority: Identity, common_name: str, now: datetime, days: fl
     """
     if not 0.0 < days <= AUTHORITY_DAYS:
         raise SettingError("days", days, f"must be above 0 and at most {AUTHORITY_DAYS}")
-    x509, ed25519, serialization, _ = _cryptography()
-    key = ed25519.Ed25519PrivateKey.generate()
-    name = x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, common_name)])
-    issuer = x509.load_pem_x509_certificate(authority.certificate)
-    end = min(now + timedelta(days=days), authority.expires)
-    builder = _builder(name, issuer.subject, key, now, end, authority=False).add_extension(
-        x509.AuthorityKeyIdentifier.from_issuer_public_key(issuer.public_key()), critical=False
-    )
-    signing = serialization.load_pem_private_key(authority.key, None)
-    return _identity(builder.sign(signing, None), key)
+    return _issue(common_name, now, min(now + timedelta(days=days), authority.expires), authority)
 
 
 def utc_now() -> datetime:
@@ -149,7 +134,7 @@ def utc_now() -> datetime:
     return datetime.now(UTC)
 
 
-def _cryptography() -> tuple[Any, Any, Any, Any]:
+def _cryptography() -> Any:
     """The parts of the package that are used here, loaded when they are needed."""
     try:
         from cryptography import x509
@@ -157,31 +142,27 @@ def _cryptography() -> tuple[Any, Any, Any, Any]:
         from cryptography.hazmat.primitives.asymmetric import ed25519
     except ImportError:
         raise MissingExtraError("cryptography", "security") from None
-    return x509, ed25519, serialization, hashes
+    return SimpleNamespace(x509=x509, hashes=hashes, serialization=serialization, ed25519=ed25519)
 
 
-def _common_name(certificate: x509.Certificate) -> str:
-    x509 = _cryptography()[0]
-    names = certificate.subject.get_attributes_for_oid(x509.NameOID.COMMON_NAME)
-    if len(names) != 1:
-        raise ValueError(f"{len(names)} common names")
-    return str(names[0].value)
+_OTHER_USES = ("content_commitment", "key_encipherment", "data_encipherment", "key_agreement", "crl_sign")
+_NO_USES = dict.fromkeys((*_OTHER_USES, "encipher_only", "decipher_only"), False)
 
 
-def _builder(subject: Any, issuer: Any, key: Any, now: datetime, end: datetime, *, authority: bool) -> Any:
-    """The part that both kinds of certificate have in common."""
-    x509 = _cryptography()[0]
-    signs = x509.KeyUsage(
-        digital_signature=not authority,
-        content_commitment=False,
-        key_encipherment=False,
-        data_encipherment=False,
-        key_agreement=False,
-        key_cert_sign=authority,
-        crl_sign=False,
-        encipher_only=False,
-        decipher_only=False,
-    )
+def _issue(common_name: str, now: datetime, end: datetime, authority: Identity | None) -> Identity:
+    """A key and its certificate, signed by an authority; by itself, as an authority, where there is none."""
+    c = _cryptography()
+    x509, alone = c.x509, authority is None
+    key = signing = c.ed25519.Ed25519PrivateKey.generate()
+    subject = issuer = x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, common_name)])
+    more = []
+    if authority is not None:
+        signer = x509.load_pem_x509_certificate(authority.certificate)
+        issuer, signing = signer.subject, c.serialization.load_pem_private_key(authority.key, None)
+        more = [
+            x509.ExtendedKeyUsage([x509.ExtendedKeyUsageOID.SERVER_AUTH, x509.ExtendedKeyUsageOID.CLIENT_AUTH]),
+            x509.AuthorityKeyIdentifier.from_issuer_public_key(signer.public_key()),
+        ]
     builder = (
         x509.CertificateBuilder()
         .subject_name(subject)
@@ -190,25 +171,16 @@ def _builder(subject: Any, issuer: Any, key: Any, now: datetime, end: datetime, 
         .serial_number(x509.random_serial_number())
         .not_valid_before(now - CLOCK_SKEW)
         .not_valid_after(end)
-        .add_extension(x509.BasicConstraints(ca=authority, path_length=0 if authority else None), critical=True)
-        .add_extension(signs, critical=True)
+        .add_extension(x509.BasicConstraints(ca=alone, path_length=0 if alone else None), critical=True)
+        .add_extension(x509.KeyUsage(digital_signature=not alone, key_cert_sign=alone, **_NO_USES), critical=True)
         .add_extension(x509.SubjectKeyIdentifier.from_public_key(key.public_key()), critical=False)
     )
-    if authority:
-        return builder
-    uses = x509.ExtendedKeyUsage([x509.ExtendedKeyUsageOID.SERVER_AUTH, x509.ExtendedKeyUsageOID.CLIENT_AUTH])
-    return builder.add_extension(uses, critical=False)
-
-
-def _identity(certificate: x509.Certificate, key: Any) -> Identity:
-    _, _, serialization, _ = _cryptography()
-    return Identity.read(
-        _key_pem(key) + certificate.public_bytes(serialization.Encoding.PEM), "new certificate", with_key=True
-    )
+    for extension in more:
+        builder = builder.add_extension(extension, critical=False)
+    certificate = builder.sign(signing, None).public_bytes(c.serialization.Encoding.PEM)
+    return Identity.read(_key_pem(key) + certificate, "new certificate", with_key=True)
 
 
 def _key_pem(key: Any) -> bytes:
-    _, _, serialization, _ = _cryptography()
-    return bytes(
-        key.private_bytes(serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption())
-    )
+    form = _cryptography().serialization
+    return bytes(key.private_bytes(form.Encoding.PEM, form.PrivateFormat.PKCS8, form.NoEncryption()))

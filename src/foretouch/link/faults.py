@@ -12,7 +12,7 @@ import math
 import random
 from collections import deque
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 from foretouch.errors import SettingError
 
@@ -78,17 +78,13 @@ class Faults:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        lengths = {"delay": LONGEST_DELAY, "jitter": LONGEST_DELAY, "outage": SPELL_SPACING, "stall": SPELL_SPACING}
-        for name, largest in lengths.items():
-            value = getattr(self, name)
-            if not 0.0 <= value <= largest:
-                raise SettingError(name, value, f"must lie between 0 and {largest:g} s")
-        for name in ("loss", "reorder", "duplicate"):
-            value = getattr(self, name)
-            if not 0.0 <= value <= 1.0:
-                raise SettingError(name, value, "is a share and must lie between 0 and 1")
-        if not 1.0 <= self.burst <= LONGEST_BURST:
-            raise SettingError("burst", self.burst, f"must lie between 1 and {LONGEST_BURST:g} messages")
+        lengths = dict.fromkeys(("delay", "jitter"), LONGEST_DELAY) | dict.fromkeys(("outage", "stall"), SPELL_SPACING)
+        ranges = {name: (0.0, most, f"must lie between 0 and {most:g} s") for name, most in lengths.items()}
+        ranges |= dict.fromkeys(("loss", "reorder", "duplicate"), (0.0, 1.0, "is a share and must lie between 0 and 1"))
+        ranges["burst"] = (1.0, LONGEST_BURST, f"must lie between 1 and {LONGEST_BURST:g} messages")
+        for name, (least, most, rule) in ranges.items():
+            if not least <= getattr(self, name) <= most:
+                raise SettingError(name, getattr(self, name), rule)
         most = self.most_loss
         if self.loss > most:
             # Rounded down, so that the value we name works.
@@ -104,23 +100,6 @@ class Faults:
         """Largest fraction of losses that bursts of this length can make."""
         return 1.0 if self.burst == 1.0 else self.burst / (1.0 + self.burst)
 
-    def changed(self, *, delay: float, jitter: float, loss: float, outage: float) -> Faults:
-        """These faults with four others in their place, each held within its range; one that is no number is 0.
-
-        Args:
-            delay: One-way delay [s].
-            jitter: Largest change of the delay [s].
-            loss: Fraction of messages lost.
-            outage: Length of an outage [s].
-        """
-        return dataclasses.replace(
-            self,
-            delay=_within(delay, LONGEST_DELAY),
-            jitter=_within(jitter, LONGEST_DELAY),
-            loss=_within(loss, self.most_loss),
-            outage=_within(outage, SPELL_SPACING),
-        )
-
     @property
     def loss_transitions(self) -> tuple[float, float]:
         """Probabilities of losing a message after one that arrived, `p`, and after one that was lost, `1 - r`."""
@@ -129,19 +108,11 @@ class Faults:
         return min(1.0, self.loss / ((1.0 - self.loss) * self.burst)), 1.0 - 1.0 / self.burst
 
 
-def _within(value: float, largest: float) -> float:
-    return min(max(value, 0.0), largest) if math.isfinite(value) else 0.0
-
-
 T = TypeVar("T")
 
-HELD_BACK = (0.005, 0.05)
-"""Range of the time by which a message that others are to overtake is held back [s], uniformly distributed."""
-
-COPY_LATER = (0.001, 0.02)
-"""Range of the time by which the copy of a message comes later than the first [s], uniformly distributed."""
-
-
+HELD_BACK, COPY_LATER = (0.005, 0.05), (0.001, 0.02)
+"""Ranges of the time by which a message that others are to overtake is held back, and by which the copy of a message
+comes later than the first [s], uniformly distributed."""
 MOST_HELD = 2**18
 """Messages that wait, of one direction; more are dropped. With the longest delay, jitter and stall that there are, a
 session's own are fewer than 100,000."""
@@ -195,7 +166,11 @@ class FaultStage(Generic[T]):
             loss: Fraction of messages lost.
             outage: As in `Faults` [s].
         """
-        faults = self.faults.changed(delay=delay, jitter=jitter, loss=loss, outage=outage)
+        most = {"delay": LONGEST_DELAY, "jitter": LONGEST_DELAY, "loss": self.faults.most_loss, "outage": SPELL_SPACING}
+        asked: dict[str, Any] = {"delay": delay, "jitter": jitter, "loss": loss, "outage": outage}
+        for name, value in asked.items():
+            asked[name] = min(max(value, 0.0), most[name]) if math.isfinite(value) else 0.0
+        faults = dataclasses.replace(self.faults, **asked)
         if faults.outage != self.faults.outage:
             self._outage = self._spells("outage", faults.outage)
         if faults.loss != self.faults.loss:
@@ -216,8 +191,10 @@ class FaultStage(Generic[T]):
         if self._reorder is not None:
             delay += self._reorder.draw()
         copied = self._duplicate.draw() if self._duplicate is not None else 0.0
-        if not (lost or self._begun):
-            self._begin(now_ns)
+        if not (lost or self._begun):  # outages and stalls count their time from here
+            self._begun, self._epoch_ns = True, now_ns
+            for spells in filter(None, (self._outage, self._stall)):
+                spells.epoch_ns = now_ns
         if lost or (self._outage is not None and self._outage.end_ns(now_ns) is not None):
             self.dropped += 1
             return
@@ -237,13 +214,6 @@ class FaultStage(Generic[T]):
         while waiting and waiting[0][0] <= now_ns:
             due.append(waiting.popleft()[2])
         return due
-
-    def _begin(self, now_ns: int) -> None:
-        """Outages and stalls count their time from the first message that is not lost by chance."""
-        self._begun, self._epoch_ns = True, now_ns
-        for spells in (self._outage, self._stall):
-            if spells is not None:
-                spells.epoch_ns = now_ns
 
     def _hold(self, due_ns: int, message: T) -> None:
         if len(self._waiting) + len(self._overtaking) >= MOST_HELD:

@@ -13,7 +13,7 @@ import os
 import re
 import shutil
 import stat
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
@@ -90,9 +90,7 @@ class KeyFolder:
             raise SettingError("keys", str(self.path), f"cannot be made: {error.strerror}") from None
         with self._locked():
             for name in (_AUTHORITY_KEY, _AUTHORITY):
-                if (self.path / name).exists():
-                    rule = "is there already and is not overwritten: foretouch keys rotate --authority makes a new one"
-                    raise SettingError("keys", str(self.path / name), rule)
+                self._require_new(name, "--authority")
             authority = make_authority(now)
             self._commit(_authority_files(authority) | {_ALLOWED: _as_text(ROLES)})
         return authority
@@ -113,14 +111,10 @@ class KeyFolder:
         role_of(common_name)
         with self._locked():
             authority = self._authority(now)
-            target = self.path / f"{common_name}.pem"
-            if target.exists():
-                rule = f"is there already and is not overwritten: foretouch keys rotate {common_name} makes a new one"
-                raise SettingError("keys", str(target), rule)
+            self._require_new(f"{common_name}.pem", common_name)
             identity = make_identity(authority, common_name, now, days)
-            allowed = self._allowed()
-            more = () if common_name in allowed else (common_name,)
-            self._commit({target.name: identity.pem, _ALLOWED: _as_text((*allowed, *more))})
+            allowed = dict.fromkeys((*self._allowed(), common_name))
+            self._commit({f"{common_name}.pem": identity.pem, _ALLOWED: _as_text(allowed)})
         return identity
 
     def rotate(
@@ -151,15 +145,12 @@ class KeyFolder:
                     rule = "cannot be made again alone: with a new authority all certificates are"
                     raise SettingError("keys", common_name, rule)
                 here = [common_name]
-            files: dict[str, bytes] = {}
             if authority:
                 self._read(_AUTHORITY_KEY)  # a new one takes the place of the old one, which must be here
-                signing = make_authority(now)
-                files = _authority_files(signing)
-            else:
-                signing = self._authority(now)
+            signing = make_authority(now) if authority else self._authority(now)
             made = [make_identity(signing, each, now, days) for each in here]
-            self._commit(files | {f"{identity.common_name}.pem": identity.pem for identity in made})
+            files = {f"{identity.common_name}.pem": identity.pem for identity in made}
+            self._commit(_authority_files(signing) | files if authority else files)
         return made
 
     def read(self) -> tuple[Identity, dict[str, Identity], tuple[str, ...]]:
@@ -172,6 +163,11 @@ class KeyFolder:
             authority = Identity.read(self._read(_AUTHORITY), self.path / _AUTHORITY, with_key=False)
             here = {name: self._identity(name) for name in self._names()}
             return authority, here, self._allowed()
+
+    def _require_new(self, name: str, rotated: str) -> None:
+        if (self.path / name).exists():
+            rule = f"is there already and is not overwritten: foretouch keys rotate {rotated} makes a new one"
+            raise SettingError("keys", str(self.path / name), rule)
 
     def _authority(self, now: datetime) -> Identity:
         """The authority with its key."""
@@ -213,7 +209,9 @@ class KeyFolder:
                     raise SettingError("keys", str(path), f"can be {verb} by others than its owner: chmod 600 {path}")
                 content = file.read(LARGEST_FILE + 1)
         except FileNotFoundError:
-            raise SettingError("keys", str(path), _missing(name)) from None
+            remedy = "run this" if name == _AUTHORITY_KEY else "copy it from the machine"
+            rule = f"is not here: {remedy} where the authority was made, or foretouch keys init"
+            raise SettingError("keys", str(path), rule) from None
         except OSError as error:
             raise SettingError("keys", str(path), f"cannot be read: {error.strerror}") from None
         if len(content) > LARGEST_FILE:
@@ -270,14 +268,8 @@ def _authority_files(authority: Identity) -> dict[str, bytes]:
     return {_AUTHORITY_KEY: authority.pem, _AUTHORITY: authority.certificate}
 
 
-def _as_text(names: tuple[str, ...]) -> bytes:
+def _as_text(names: Iterable[str]) -> bytes:
     return "".join(f"{name}\n" for name in names).encode()
-
-
-def _missing(name: str) -> str:
-    if name == _AUTHORITY_KEY:
-        return "is not here: run this where the authority was made, or foretouch keys init"
-    return "is not here: copy it from the machine where the authority was made, or foretouch keys init"
 
 
 def _sync(folder: Path) -> None:

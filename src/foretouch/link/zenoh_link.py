@@ -2,8 +2,8 @@
 
 Between machines both ends show a certificate of the private authority, and an access list permits sending by role.
 
-`ask_to_stop`, which asks for an emergency stop until it is known that the robot has stopped, stands here because it
-needs no more than a link: the command does not wait until laws and robots are imported.
+`ask_to_stop` stands here because it needs no more than a link: an emergency stop does not wait until laws and robots
+are imported.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ import secrets
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
-from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from foretouch.errors import DecodeError, LinkError, MissingExtraError, PeerVersionError
@@ -35,7 +34,6 @@ from foretouch.messages import (
     LARGEST_MESSAGE,
     SIDES,
     VERSION,
-    Channel,
     EmergencyStop,
     Hello,
     Message,
@@ -49,12 +47,9 @@ if TYPE_CHECKING:
     import zenoh
 
 
-KEPT = 20.0
-"""Time [s] for which an inbox holds what comes at its channel's rate; beyond it the oldest are dropped, so that a
-reader that stopped costs no more memory than that."""
-
-SHORTEST_QUEUE = 64
-"""Messages that an inbox holds where they come rarely."""
+KEPT, SHORTEST_QUEUE = 20.0, 64
+"""An inbox holds what comes at its channel's rate for this time [s], and at least this many messages; beyond it the
+oldest are dropped, so that a reader that stopped costs no more memory than that."""
 
 PATIENCE = 1.5
 """Time [s] without a hello in this version after which a peer of another version counts as one: each peer says hello
@@ -115,10 +110,7 @@ class ZenohLink:
         for endpoint in listen:
             check_port_free(endpoint)
         self.inboxes: dict[str, deque[tuple[int, Message]]] = {}
-        self.undecodable = 0
-        self.foreign = 0
-        self.dropped = 0
-        self.unsent = 0
+        self.undecodable = self.foreign = self.dropped = self.unsent = 0
         self.too_large = ""
         self._send_error = zenoh.ZError
         self._greeted: set[str] = set()  # both of roles that there are, and so bounded
@@ -141,7 +133,7 @@ class ZenohLink:
 
     def _subscribe(self, name: str) -> list[Any]:
         kind = CHANNELS[name].kind
-        inbox = self.inboxes[name] = deque(maxlen=_length(CHANNELS[name]))
+        inbox = self.inboxes[name] = deque(maxlen=max(SHORTEST_QUEUE, round(KEPT * CHANNELS[name].rate)))
 
         def receive(sample: zenoh.Sample) -> None:
             arrival = time.monotonic_ns()
@@ -175,8 +167,8 @@ class ZenohLink:
     def other_version(self, roles: Iterable[str] = SIDES) -> PeerVersionError | None:
         """The error where this process's peers send hellos, but in another version; else None.
 
-        It takes a hello in one of these roles, under a permitted key, and only if none has come in
-        this version by the time that `PATIENCE` is over. Whatever else is of another version is counted, no more.
+        It takes a hello in one of these roles, under a permitted key, and only if none has come in this version within
+        `PATIENCE`. Whatever else is of another version is counted, no more.
 
         Args:
             roles: Roles of its peers; the sides of a session where none are named. The link receives
@@ -186,15 +178,16 @@ class ZenohLink:
         if wanted & self._greeted:
             return None
         latest = time.monotonic_ns() - round(PATIENCE * 1e9)
-        said = [error for role, (first, error) in self._foreigners.items() if role in wanted and first <= latest]
-        return said[0] if said else None
+        errors = (error for role, (first, error) in self._foreigners.items() if role in wanted and first <= latest)
+        return next(errors, None)
 
     def publish(self, message: Message) -> None:
         """Send a message on its channel; never waits and never raises: what cannot be sent is dropped."""
         data = encode(message)
         if len(data) > LARGEST_MESSAGE:
             self.unsent += 1
-            self.too_large = self.too_large or _too_large(message, len(data))
+            kind, most = type(message).__name__, f"at most {LARGEST_MESSAGE} go over the network"
+            self.too_large = self.too_large or f"a {kind} of {len(data)} bytes was not sent: {most}"
             return
         try:
             self._publishers[type(message)].put(data)
@@ -213,19 +206,8 @@ class ZenohLink:
     def __enter__(self) -> ZenohLink:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
-
-
-def _length(channel: Channel) -> int:
-    """Messages that the inbox of a channel holds."""
-    return max(SHORTEST_QUEUE, round(KEPT * channel.rate))
-
-
-def _too_large(message: Message, size: int) -> str:
-    return f"a {type(message).__name__} of {size} bytes was not sent: at most {LARGEST_MESSAGE} go over the network"
 
 
 def _config(listen: Sequence[str], connect: Sequence[str], secured: dict[str, object]) -> zenoh.Config:
@@ -266,15 +248,12 @@ def _secured(credentials: Credentials, receive: Iterable[str]) -> dict[str, obje
     Certificates name roles, not hosts: a listener is known by its certificate's common name, which
     the access list is about, so that names need not be known when certificates are made.
     """
-    own = {"private_key": credentials.identity.key, "certificate": credentials.identity.certificate}
-    files = {f"{end}_{name}": content for end in ("listen", "connect") for name, content in own.items()}
-    files["root_ca_certificate"] = credentials.authority.certificate
+    own, files = credentials.identity, {"root_ca_certificate": credentials.authority.certificate}
+    for end in ("listen", "connect"):
+        files |= {f"{end}_private_key": own.key, f"{end}_certificate": own.certificate}
+    contents = {f"{name}_base64": base64.b64encode(content).decode() for name, content in files.items()}
     return {
-        "transport/link/tls": {
-            "enable_mtls": True,
-            "verify_name_on_connect": False,
-            **{f"{name}_base64": base64.b64encode(content).decode() for name, content in files.items()},
-        },
+        "transport/link/tls": {"enable_mtls": True, "verify_name_on_connect": False, **contents},
         "access_control": access_list(credentials.allowed, receive),
     }
 

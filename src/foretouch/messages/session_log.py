@@ -29,10 +29,12 @@ Epochs = NDArray[np.int64]
 
 def split_session(log: SessionLog) -> tuple[SessionLog, ...]:
     """The segments of a session: see `SessionLog.segments`."""
-    leads, heard = log.leader["epoch"], _filled(log.leader["epoch"], log.leader["run"])
-    runs, obeyed = log.follower["run"], _filled(log.follower["run"], log.follower["epoch"])
+    leads, runs = log.leader["epoch"], log.follower["run"]
+    heard = _filled(leads, log.leader["run"], leads, log.leader["run"])
+    obeyed = _filled(runs, log.follower["epoch"], runs, log.follower["epoch"])
     # A process that never received the other side may have been received by it.
-    heard, obeyed = _as_heard(leads, heard, obeyed, runs), _as_heard(runs, obeyed, heard, leads)
+    by_robot, by_leader = (np.where(epochs > 0, epochs, -1) for epochs in (obeyed, heard))
+    heard, obeyed = _filled(leads, heard, by_robot, runs), _filled(runs, obeyed, by_leader, leads)
     keys = list(dict.fromkeys([*_pairs(obeyed, runs), *_pairs(leads, heard)]))
     strangers = not (heard.any() or obeyed.any()) and all(np.unique(own).size <= 1 for own in (leads, runs))
     if len(keys) <= 1 or strangers:
@@ -40,26 +42,24 @@ def split_session(log: SessionLog) -> tuple[SessionLog, ...]:
         return (_with_own_settings(log, epoch, run),)
     first = {run: epoch for epoch, run in reversed(_pairs(obeyed, runs))}
     of_model = [(model.epoch or first.get(model.run, 0), model.run) for model in log.models]
-    return tuple(
-        _with_own_settings(
-            replace(
-                log,
-                leader=log.leader[(leads == epoch) & (heard == run)],
-                follower=log.follower[(obeyed == epoch) & (runs == run)],
-                models=tuple(model for model, key in zip(log.models, of_model, strict=True) if key == (epoch, run)),
-            ),
-            epoch,
-            run,
+    parts = []
+    for epoch, run in keys:
+        leader, follower = (
+            log.leader[(leads == epoch) & (heard == run)],
+            log.follower[(obeyed == epoch) & (runs == run)],
         )
-        for epoch, run in keys
-    )
+        models = tuple(model for model, key in zip(log.models, of_model, strict=True) if key == (epoch, run))
+        parts.append(_with_own_settings(replace(log, leader=leader, follower=follower, models=models), epoch, run))
+    return tuple(parts)
 
 
 def split_by_settings(segment: SessionLog) -> tuple[SessionLog, ...]:
     """The parts of a segment in which no setting changed: see `SessionLog.phases`."""
     if not segment.said:
         return (segment,)
-    epoch, run = _processes(segment)
+    # The leader's and the follower's process, 0 for a side that is not there.
+    epoch = int(segment.leader["epoch"][0]) if segment.leader.size else 0
+    run = int(segment.follower["run"][0]) if segment.follower.size else 0
     first = settings_at(segment.said, epoch, run, _first_ns(segment.leader), _first_ns(segment.follower))
     changes = _changes(segment, epoch, run)
     if not changes:
@@ -79,28 +79,19 @@ def _with_own_settings(log: SessionLog, epoch: int, run: int) -> SessionLog:
     return log if settings == log.settings else replace(log, settings=settings)
 
 
-def _processes(segment: SessionLog) -> tuple[int, int]:
-    """The leader's and the follower's process of a segment, 0 for a side that is not there."""
-    epoch = int(segment.leader["epoch"][0]) if segment.leader.size else 0
-    return epoch, int(segment.follower["run"][0]) if segment.follower.size else 0
-
-
 def _changes(segment: SessionLog, epoch: int, run: int) -> list[tuple[int, int, int]]:
     """Changes of settings: the first command after each, and the newest change of the leader and of the follower."""
     leader, follower = segment.leader, segment.follower
-    found: list[tuple[int, str, int]] = []
-    sides = (
-        ("leader", epoch, leader, "sequence", 0),
-        ("follower", run, follower, "command_sequence", 1),
-    )
-    for role, process, rows, column, after in sides:
-        for one in segment.said:
-            if (one.role, one.process) == (role, process) and rows.size and one.since_ns > rows["time_ns"][0]:
-                row = min(int(np.searchsorted(rows["time_ns"], one.since_ns)), rows.size - 1)
-                found.append((int(rows[column][row]) + after, role, one.since_ns))
+    sides = {("leader", epoch): (leader, "sequence", 0), ("follower", run): (follower, "command_sequence", 1)}
+    every: list[tuple[int, str, int]] = []
+    for one in segment.said:
+        rows, column, after = sides.get((one.role, one.process), (leader[:0], "", 0))
+        if rows.size and one.since_ns > rows["time_ns"][0]:
+            row = min(int(np.searchsorted(rows["time_ns"], one.since_ns)), rows.size - 1)
+            every.append((int(rows[column][row]) + after, one.role, one.since_ns))
     changes: list[tuple[int, int, int]] = []
     newest, began_ns = {"leader": _first_ns(leader), "follower": _first_ns(follower)}, 0
-    for sequence, role, since_ns in sorted(found):
+    for sequence, role, since_ns in sorted(every):
         newest[role] = since_ns
         row = min(int(np.searchsorted(leader["sequence"], sequence)), leader.size - 1)
         time_ns = int(leader["time_ns"][row]) if leader.size else since_ns
@@ -132,23 +123,13 @@ def side_seconds(rows: Rows) -> float:
     return float(np.ptp(rows["time_ns"])) * 1e-9 if rows.size else 0.0
 
 
-def _filled(own: Epochs, other: Epochs) -> Epochs:
-    """Give ticks before the first reception from the other side the epoch that was received first."""
+def _filled(own: Epochs, other: Epochs, theirs: Epochs, epochs: Epochs) -> Epochs:
+    """Give ticks of a process before its first reception the first of `epochs` that `theirs` pairs with the process."""
     filled = other.copy()
     for process in np.unique(own[other == 0]):
-        known = other[(own == process) & (other > 0)]
+        known = epochs[(theirs == process) & (epochs > 0)]
         if known.size:
             filled[(own == process) & (other == 0)] = known[0]
-    return filled
-
-
-def _as_heard(own: Epochs, other: Epochs, theirs: Epochs, who: Epochs) -> Epochs:
-    """Give a process that received nothing the epoch in `who` that received it first, as `theirs` shows."""
-    filled = other.copy()
-    for process in np.unique(own[other == 0]):
-        hearing = who[theirs == process]
-        if process and hearing.size:
-            filled[(own == process) & (other == 0)] = hearing[0]
     return filled
 
 
@@ -159,23 +140,13 @@ def _pairs(epochs: Epochs, runs: Epochs) -> list[tuple[int, int]]:
     return list(dict.fromkeys(zip(epochs[changes].tolist(), runs[changes].tolist(), strict=True)))
 
 
-_ENERGIES = ("energy", "energy_bound", "late_energy")
-_NUMBERS = ("model_jump", "standard_deviation", "update_step", "rendered_share", *_ENERGIES)
-_COUNTS = ("sequence", "time_ns", "touch_tick", "run", "epoch")
-_TYPES = dict.fromkeys(_NUMBERS, "f8") | dict.fromkeys(("clipped", "in_contact", "guarded", "engaged"), "?")
+_CODES = {float: "f8", bool: "?"}
 
 
-def _dtype(kind: type[Message], otherwise: str = "i8") -> np.dtype[np.void]:
-    """Structured dtype with the fields of a message class, its version left out."""
-
-    def column(name: str) -> str:
-        if name in _TYPES:
-            return _TYPES[name]
-        if name.endswith(("force", "position", "velocity")):
-            return "f8"
-        return "i8" if name in _COUNTS else otherwise
-
-    return np.dtype([(name, column(name)) for name in kind.__struct_fields__ if name != "version"])
+def _dtype(kind: type[Message]) -> np.dtype[np.void]:
+    """Structured dtype with the fields of a message class, its version left out; counts are whole numbers."""
+    fields = msgspec.structs.fields(kind)
+    return np.dtype([(field.name, _CODES.get(field.type, "i8")) for field in fields if field.name != "version"])
 
 
 _SHOWN = {
@@ -195,10 +166,10 @@ LEADER_DTYPE = _dtype(LeaderState)
 FOLLOWER_DTYPE = _dtype(Telemetry)
 """Columns of `SessionLog.follower`: the fields of `Telemetry`."""
 
-LEADER_SPACE_DTYPE = _dtype(LeaderSpace, "f8")
+LEADER_SPACE_DTYPE = _dtype(LeaderSpace)
 """Columns of `SessionLog.leader_space`: the fields of `LeaderSpace`."""
 
-FOLLOWER_SPACE_DTYPE = _dtype(FollowerSpace, "f8")
+FOLLOWER_SPACE_DTYPE = _dtype(FollowerSpace)
 """Columns of `SessionLog.follower_space`: the fields of `FollowerSpace`."""
 
 

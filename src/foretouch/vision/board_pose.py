@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -135,8 +136,7 @@ class BoardDetector:
         """
         numbers, corners = self.find(image)
         if len(numbers) < self.least_markers:
-            reason = f"{len(numbers)} of 4 markers are seen, {self.least_markers} are needed"
-            return BoardPose(None, None, len(numbers), float("nan"), reason)
+            return _refused(len(numbers), f"{len(numbers)} of 4 markers are seen, {self.least_markers} are needed")
         return self.fit(numbers, corners)
 
     def fit(self, numbers: Array, corners: Array) -> BoardPose:
@@ -150,11 +150,11 @@ class BoardDetector:
         ideal = self.camera.ideal
         pixels = ideal.project(self.camera.unproject(self._outwards(corners)))
         if not np.isfinite(pixels).all():
-            return BoardPose(None, None, len(numbers), float("nan"), "corners lie where the lens cannot be undone")
+            return _refused(len(numbers), "corners lie where the lens cannot be undone")
         cv2 = opencv()
         good, turn, shift = cv2.solvePnP(points, pixels, ideal.matrix, None, flags=cv2.SOLVEPNP_SQPNP)
         if not good:
-            return BoardPose(None, None, len(numbers), float("nan"), "no pose fits the corners")
+            return _refused(len(numbers), "no pose fits the corners")
         turn, shift = cv2.solvePnPRefineLM(points, pixels, ideal.matrix, None, turn, shift)
         pose = Pose.from_rotation_vector(turn.ravel(), shift.ravel())
         return self._judge(pose, points, pixels, len(numbers))
@@ -173,16 +173,14 @@ class BoardDetector:
     def _judge(self, pose: Pose, points: Array, pixels: Array, markers: int) -> BoardPose:
         residual = self._residual(pose, points, pixels)
         if not residual <= self.largest_residual:  # NaN too: a point behind the camera
-            reason = (
-                f"the corners miss the pose by {residual:.2f} pixels, at most {self.largest_residual:g} are allowed"
-            )
-            return BoardPose(None, None, markers, residual, reason)
+            missed = f"the corners miss the pose by {residual:.2f} pixels"
+            return _refused(markers, f"{missed}, at most {self.largest_residual:g} are allowed", residual)
         if pose.rotation[:, 2] @ pose.translation >= 0.0:
-            return BoardPose(None, None, markers, residual, "the pose shows the back of the board")
+            return _refused(markers, "the pose shows the back of the board", residual)
         mirrored = self._mirrored(points, pixels, pose)
         if mirrored < self.ambiguity * max(residual, self.corner_noise):
             reason = f"a mirrored pose fits as well: {mirrored:.2f} against {residual:.2f} pixels"
-            return BoardPose(None, None, markers, residual, reason)
+            return _refused(markers, reason, residual)
         derivative = projection_derivative(self.camera.ideal, pose, points)
         noise = max(self.corner_noise, residual * np.sqrt(pixels.size / max(1, pixels.size - 6)))
         covariance = noise**2 * np.linalg.inv(derivative.T @ derivative)
@@ -194,10 +192,12 @@ class BoardDetector:
         _, turns, shifts, _ = cv2.solvePnPGeneric(
             points, pixels, self.camera.ideal.matrix, None, flags=cv2.SOLVEPNP_IPPE
         )
-        least = float("inf")
-        for turn, shift in zip(turns, shifts, strict=True):
-            other = Pose.from_rotation_vector(turn.ravel(), shift.ravel())
-            if pose.distance(other)[1] > np.radians(3.0):
-                residual = self._residual(other, points, pixels)
-                least = min(least, residual) if np.isfinite(residual) else least
-        return least
+        poses = [
+            Pose.from_rotation_vector(turn.ravel(), shift.ravel()) for turn, shift in zip(turns, shifts, strict=True)
+        ]
+        others = [other for other in poses if pose.distance(other)[1] > np.radians(3.0)]
+        return min(filter(np.isfinite, (self._residual(other, points, pixels) for other in others)), default=math.inf)
+
+
+def _refused(markers: int, reason: str, residual: float = math.nan) -> BoardPose:
+    return BoardPose(None, None, markers, residual, reason)

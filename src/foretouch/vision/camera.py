@@ -78,11 +78,10 @@ class Board:
         the paper.
         """
         near, far = 0.5 * self.gap, 0.5 * self.gap + self.marker_length
-        corners = []
-        for left, top in ((-far, far), (near, far), (-far, -near), (near, -near)):
-            right, bottom = left + self.marker_length, top - self.marker_length
-            corners.append([(left, top, 0.0), (right, top, 0.0), (right, bottom, 0.0), (left, bottom, 0.0)])
-        return np.array(corners)
+        first = np.array([(-far, far, 0.0), (near, far, 0.0), (-far, -near, 0.0), (near, -near, 0.0)])
+        others = self.marker_length * np.array([(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, -1.0, 0.0), (0.0, -1.0, 0.0)])
+        corners: Array = first[:, None] + others
+        return corners
 
 
 def make_board_image(board: Board, pixels: int = 840) -> NDArray[np.uint8]:
@@ -170,16 +169,15 @@ class CameraModel:
         for name, size in (("centre_x", self.width), ("centre_y", self.height)):
             if getattr(self, name) is None:
                 object.__setattr__(self, name, (size - 1) / 2.0)
-            self._require(name, 0.0, size - 1.0, "must lie in the image")
-        for name in ("focal_x", "focal_y"):
-            self._require(name, 1.0, 1e6, "must be 1 to 1e6 pixels")
-        for name in ("k1", "k2", "p1", "p2", "k3"):
-            self._require(name, -10.0, 10.0, "must be -10 to 10")
+            self._require(0.0, size - 1.0, "must lie in the image", name)
+        self._require(1.0, 1e6, "must be 1 to 1e6 pixels", "focal_x", "focal_y")
+        self._require(-10.0, 10.0, "must be -10 to 10", "k1", "k2", "p1", "p2", "k3")
 
-    def _require(self, name: str, least: float, most: float, rule: str) -> None:
-        value = getattr(self, name)
-        if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value <= most:
-            raise SettingError(name, value, rule)
+    def _require(self, least: float, most: float, rule: str, *names: str) -> None:
+        for name in names:
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value <= most:
+                raise SettingError(name, value, rule)
 
     @classmethod
     def from_field_of_view(cls, width: int, height: int, vertical: float) -> CameraModel:
@@ -201,7 +199,8 @@ class CameraModel:
     @property
     def matrix(self) -> Array:
         """K, (3, 3) [pixel]."""
-        return np.array([[self.focal_x, 0.0, self._centre[0]], [0.0, self.focal_y, self._centre[1]], [0.0, 0.0, 1.0]])
+        (x, y), (u, v) = self._focal, self._centre
+        return np.array([[x, 0.0, u], [0.0, y, v], [0.0, 0.0, 1.0]])
 
     @property
     def distortion(self) -> Array:
@@ -214,8 +213,12 @@ class CameraModel:
         return CameraModel(self.width, self.height, self.focal_x, self.focal_y, self.centre_x, self.centre_y)
 
     @property
-    def _centre(self) -> tuple[float, float]:
-        return float(self.centre_x or 0.0), float(self.centre_y or 0.0)
+    def _focal(self) -> Array:
+        return np.array([self.focal_x, self.focal_y])
+
+    @property
+    def _centre(self) -> Array:
+        return np.array([self.centre_x, self.centre_y], float)
 
     def project(self, points: ArrayLike) -> Array:
         """Pixels (n, 2) of points (n, 3) [m] in the camera's frame; NaN for what is not before the camera."""
@@ -234,20 +237,13 @@ class CameraModel:
         plane[~(missed < 1e-9)] = np.nan
         return np.column_stack([plane, np.ones(len(plane))])
 
-    @property
-    def _focal(self) -> Array:
-        return np.array([self.focal_x, self.focal_y])
-
     def _distort(self, plane: Array) -> Array:
         a, b = plane.T
         square = a * a + b * b
         radial = 1.0 + square * (self.k1 + square * (self.k2 + square * self.k3))
-        return np.column_stack(
-            [
-                a * radial + 2.0 * self.p1 * a * b + self.p2 * (square + 2.0 * a * a),
-                b * radial + self.p1 * (square + 2.0 * b * b) + 2.0 * self.p2 * a * b,
-            ]
-        )
+        across = a * radial + 2.0 * self.p1 * a * b + self.p2 * (square + 2.0 * a * a)
+        down = b * radial + self.p1 * (square + 2.0 * b * b) + 2.0 * self.p2 * a * b
+        return np.column_stack([across, down])
 
     def _newton(self, plane: Array, target: Array) -> Array:
         """One step of Newton's method on two equations with a symmetric derivative, in closed form."""
@@ -265,11 +261,10 @@ class CameraModel:
 
     def write(self, path: Path) -> None:
         """Write it as TOML, whole or not at all."""
-        lines = [f"{name} = {value!r}\n" for name, value in asdict(self).items()]
         beside = path.with_name(f".{path.name}.{os.getpid()}")
         try:
-            beside.write_text("".join(lines))
-            os.replace(beside, path)
+            beside.write_text("".join(f"{name} = {value!r}\n" for name, value in asdict(self).items()))
+            beside.replace(path)
         finally:
             beside.unlink(missing_ok=True)
 
@@ -280,9 +275,8 @@ class CameraModel:
         Raises:
             InputError: No such file, no TOML, a key that is missing or unknown, or a number out of its range.
         """
-        known = set(cls.__dataclass_fields__)
         values = read_toml(path, dict, "camera")
-        unknown = sorted(set(values) - known)
+        unknown = sorted(set(values) - set(cls.__dataclass_fields__))
         missing = sorted({"width", "height", "focal_x", "focal_y"} - set(values))
         if unknown or missing:
             what = f"unknown key {unknown[0]!r}" if unknown else f"{missing[0]!r} is missing"

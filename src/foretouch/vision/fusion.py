@@ -12,15 +12,7 @@ from numpy.typing import NDArray
 
 from foretouch.errors import SettingError
 from foretouch.quantities.pose import Pose
-from foretouch.vision.seen import (
-    ContactSeen,
-    ImageSeen,
-    Seen,
-    TouchedSurface,
-    bend,
-    height_derivative,
-    is_finite,
-)
+from foretouch.vision.seen import ContactSeen, ImageSeen, Seen, TouchedSurface, bend, height_derivative, is_finite
 
 Array = NDArray[np.float64]
 
@@ -277,7 +269,10 @@ class FixtureFilter:
         innovation, derivative, noise = self._innovation(state, seen)
         if isinstance(seen, ContactSeen) and not self.fixture.holds(state.pose.inverse().apply(seen.point)):
             return False
-        spread = derivative @ state.covariance @ derivative.T + noise
+        return self._within(innovation, derivative @ state.covariance @ derivative.T + noise)
+
+    def _within(self, innovation: Array, spread: Array) -> bool:
+        """Whether an innovation passes the gate."""
         gate = self._gates[0] if len(innovation) == 1 else self._gates[1]
         return float(innovation @ np.linalg.solve(spread, innovation)) <= gate
 
@@ -287,9 +282,7 @@ class FixtureFilter:
             return False
         first, _, noise = self._innovation(state, one)
         second, _, more = self._innovation(state, other)
-        between = first - second
-        gate = self._gates[0] if len(between) == 1 else self._gates[1]
-        return float(between @ np.linalg.solve(noise + more, between)) <= gate
+        return self._within(first - second, noise + more)
 
     def _correct(self, state: FixtureState, seen: Seen) -> FixtureState:
         innovation, derivative, noise = self._innovation(state, seen)
@@ -299,15 +292,11 @@ class FixtureFilter:
         change = gain @ innovation
         rest = np.eye(12) - gain @ derivative
         covariance = rest @ covariance @ rest.T + gain @ noise @ gain.T
-        image = isinstance(seen, ImageSeen)
-        return FixtureState(
-            time=state.time,
-            pose=state.pose @ Pose.exp(change[:6]),
-            bias=state.bias + change[6:],
-            covariance=_bounded(covariance),
-            image_time=seen.time if image else state.image_time,
-            contact_time=state.contact_time if image else seen.time,
-        )
+        pose, bias = state.pose @ Pose.exp(change[:6]), state.bias + change[6:]
+        state = replace(state, pose=pose, bias=bias, covariance=_bounded(covariance), refused=())
+        if isinstance(seen, ImageSeen):
+            return replace(state, image_time=seen.time)
+        return replace(state, contact_time=seen.time)
 
     def _reopen(self, state: FixtureState) -> FixtureState:
         """Reset the pose to its uncertainty at the start; measurements that agree are then taken in, oldest first."""

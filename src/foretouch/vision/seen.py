@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol, TypeAlias
 
@@ -54,15 +53,11 @@ def is_finite(seen: Seen) -> bool:
     if not math.isfinite(seen.time):
         return False
     if isinstance(seen, ContactSeen):
-        return _all_finite(seen.point) and math.isfinite(seen.deviation) and seen.deviation > 0.0
+        return len(seen.point) == 3 and all(map(math.isfinite, seen.point)) and 0.0 < seen.deviation < math.inf
     covariance = seen.covariance
     if covariance.shape != (6, 6) or not np.isfinite(covariance).all():
         return False
     return bool(np.abs(covariance - covariance.T).max() < 1e-9 and np.linalg.eigvalsh(covariance)[0] > 0.0)
-
-
-def _all_finite(values: Sequence[float]) -> bool:
-    return len(values) == 3 and all(math.isfinite(value) for value in values)
 
 
 class TouchedSurface(Protocol):

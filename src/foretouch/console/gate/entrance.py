@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from urllib.parse import parse_qsl
 
 from foretouch.errors import LinkError, SettingError
-from foretouch.link import bind_error
+from foretouch.link.access import bind_error
 
 
 def require_free_port(port: int, host: str = "127.0.0.1") -> None:
