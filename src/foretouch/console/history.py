@@ -10,7 +10,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.messages import CHANNELS, COUNT_PREFIX, WITH_THE_COMMANDS, LeaderState, Telemetry
+from foretouch.messages import (
+    CHANNELS,
+    COUNT_PREFIX,
+    FOLLOWER_DTYPE,
+    LEADER_DTYPE,
+    WITH_THE_COMMANDS,
+    LeaderState,
+    Telemetry,
+    as_row,
+)
+from foretouch.quantities import Rows
 
 Array = NDArray[np.float64]
 NAN = math.nan
@@ -18,6 +28,8 @@ CONTACT_FLOOR = 0.05
 """True force [N] above which a sample counts for the errors shown."""
 LARGEST_GAP = 50
 """Commands in a row without a true force that a line may bridge."""
+KNOWN = ("delayed_force", "standard_deviation", "rendered_force", "energy", "energy_bound", "late_energy")
+"""Columns of a leader's tick that stay as they are."""
 
 
 class Window(NamedTuple):
@@ -233,49 +245,24 @@ class History:
     """
 
     def __init__(self, length: int = 8192) -> None:
+        self._leader, self._follower = np.zeros(length, LEADER_DTYPE), np.zeros(length, FOLLOWER_DTYPE)
         self._length = length
-        self._newest = self._applied = 0
-        # Of each row the sequence of what it holds: a leader's tick, what a command felt, a telemetry.
-        self._sequence, self._true_sequence, self._position_sequence = np.zeros((3, length), np.int64)
-        self._rows = np.full((length, 9), NAN)  # the first columns of `window_of`, and the telemetry heard last
-        self._true = np.full((length, 2), NAN)  # force, and whether the robot then did something else than follow
-        self._position = np.full(length, NAN)
-        self._applied_in = np.zeros(length, np.int64)  # the command that one telemetry answers, 0 for none of ours
+        self._newest = 0
 
     def add_leader(self, state: LeaderState) -> None:
         """Store one leader tick."""
-        row = state.sequence % self._length
-        predicted = state.predicted_force if math.isfinite(state.position) else NAN  # of no motion there is none
-        self._rows[row] = (
-            state.time_ns * 1e-9,
-            predicted,
-            state.delayed_force,
-            state.standard_deviation,
-            state.rendered_force,
-            state.energy,
-            state.energy_bound,
-            state.late_energy,
-            state.telemetry_sequence,
-        )
-        self._sequence[row] = self._newest = state.sequence
+        self._leader[state.sequence % self._length] = as_row(state)
+        self._newest = state.sequence
 
-    def add_telemetry(self, telemetry: Telemetry, *, applies: bool = True) -> None:
-        """Store a follower tick, unless another leader's command applies; of several for one command, the first."""
-        applied = telemetry.command_sequence if applies else 0
-        row = telemetry.sequence % self._length
-        self._position[row], self._applied_in[row] = telemetry.position, applied
-        self._position_sequence[row] = telemetry.sequence
-        if applied not in (0, self._applied):
-            self._applied = applied
-            row = applied % self._length
-            self._true[row] = telemetry.force, telemetry.status not in WITH_THE_COMMANDS
-            self._true_sequence[row] = applied
+    def add_telemetry(self, telemetry: Telemetry) -> None:
+        """Store a follower tick."""
+        self._follower[telemetry.sequence % self._length] = as_row(telemetry)
 
     def follower_position(self, telemetry_sequence: int) -> float:
         """Position [m] in one telemetry, NaN where it is not here."""
-        row = telemetry_sequence % self._length
-        known = telemetry_sequence > 0 and self._position_sequence[row] == telemetry_sequence
-        return float(self._position[row]) if known else NAN
+        row = self._follower[telemetry_sequence % self._length]
+        known = telemetry_sequence > 0 and row["sequence"] == telemetry_sequence
+        return float(row["position"]) if known else NAN
 
     def window(self, seconds: float = 6.0, points: int = 400, newest: int = 0) -> Window:
         """The newest `seconds` in at most `points` points, always the same ticks while they stay in the window.
@@ -287,20 +274,41 @@ class History:
         """
         newest = newest or self._newest
         sequence = np.arange(max(1, newest - self._length + 2), newest + 1)
-        sequence = sequence[self._sequence[sequence % self._length] == sequence]
-        if len(sequence) == 0:
+        leader = self._leader[sequence % self._length]
+        leader = leader[leader["sequence"] == sequence]
+        if not len(leader):
             return empty_window()
-        place = sequence % self._length
-        rows, known = self._rows[place], self._true_sequence[place] == sequence
-        true = np.where(known[:, None], self._true[place], (NAN, 0.0))
-        columns = np.column_stack([rows[:, :-1], self._round_trips(rows), true])
-        return window_of(sequence, columns, float(rows[-1, 0]), seconds, points)
+        follower = self._follower[self._follower["sequence"] > 0]
+        follower = follower[np.lexsort((follower["sequence"], follower["run"]))]
+        columns = columns_of(leader, follower, "force")
+        return window_of(leader["sequence"], columns, float(columns[-1, 0]), seconds, points)
 
-    def _round_trips(self, rows: Array) -> Array:
-        """How old the motion is that the newest telemetry at each tick answers [s]; NaN where it is not here."""
-        telemetry = rows[:, -1].astype(np.int64)
-        place = telemetry % self._length
-        applied = np.where(self._position_sequence[place] == telemetry, self._applied_in[place], 0)
-        here = (applied > 0) & (self._sequence[applied % self._length] == applied)
-        trips: Array = np.where(here, rows[:, 0] - self._rows[applied % self._length, 0], NAN)
-        return trips
+
+def columns_of(leader: Rows, follower: Rows, force: str) -> Array:
+    """The columns of `window_of` at ticks of one leader's process.
+
+    Args:
+        leader: Rows of `SessionLog.leader`, by sequence, shape (n,).
+        follower: Rows of `SessionLog.follower`, by process and sequence.
+        force: Column of the follower that is the true force; of several ticks for one command the first counts.
+    """
+    seconds = leader["time_ns"] * 1e-9
+    predicted = np.where(np.isfinite(leader["position"]), leader["predicted_force"], NAN)  # of no motion there is none
+    true, trips, away = np.full(leader.size, NAN), np.full(leader.size, NAN), np.zeros(leader.size)
+    ours = (follower["command_sequence"] > 0) & np.isin(follower["epoch"], (0, leader["epoch"][-1]))
+    applied = follower[ours]
+    commands, first = np.unique(applied["command_sequence"], return_index=True)
+    _, at, which = np.intersect1d(leader["sequence"], commands, assume_unique=True, return_indices=True)
+    true[at] = applied[force][first[which]]
+    away[at] = ~np.isin(applied["status"][first[which]], WITH_THE_COMMANDS)
+    # How old the motion is that the newest telemetry at each tick answers.
+    answers = np.where(ours, follower["command_sequence"], 0)[follower["run"] == follower["run"][-1:]]
+    if answers.size:
+        sequence = follower["sequence"][-answers.size :]
+        row = np.searchsorted(sequence, leader["telemetry_sequence"], side="right") - 1
+        at = np.minimum(np.searchsorted(leader["sequence"], answers[row]), leader.size - 1)
+        here = (row >= 0) & (leader["telemetry_sequence"] > 0) & (leader["sequence"][at] == answers[row])
+        trips[here] = (seconds - seconds[at])[here]
+    known = (leader[name] for name in KNOWN)
+    columns: Array = np.column_stack([seconds, predicted, *known, trips, true, away])
+    return columns

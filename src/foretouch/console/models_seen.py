@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -85,41 +84,16 @@ def _stiffness(model: ContactModel, depth: float) -> tuple[float, float]:
     return stiffness, abs(stiffness) * uncertainty / force if force > 0.0 else NAN
 
 
-def trace_of(
-    adopted: Iterable[tuple[float, int]], figures: Callable[[int], ModelFigures | None], now: float, seconds: float
-) -> ModelTrace:
-    """The models of the last seconds, one every `SPACING`.
+class ModelsSeen:
+    """The models of a session: stored in a step, read as a trace. One thread stores, another reads.
 
     Args:
-        adopted: When the leader began to render from which model: time [s] and sequence, in order.
-        figures: Of a model by its sequence.
-        now: The moment, on the same time [s].
-        seconds: How far back.
-    """
-    times: list[float] = []
-    shown: list[ModelFigures] = []
-    for time, sequence in adopted:
-        if not now - seconds <= time <= now or (times and time - times[-1] < SPACING):
-            continue
-        if (one := figures(sequence)) is not None:
-            times.append(time)
-            shown.append(one)
-    names = shown[-1].names if shown else ()
-    unknown = ((NAN,) * len(names),) * 2
-    laws = [(one.parameters, one.errors) if one.names == names else unknown for one in shown]
-    parameters, errors = np.array(laws).reshape(len(shown), 2, len(names)).transpose(1, 0, 2)
-    stiffness, deviation = np.array([(one.stiffness, one.deviation) for one in shown]).reshape(-1, 2).T
-    return ModelTrace(np.array(times) - now, stiffness, deviation, names, parameters, errors)
-
-
-class ModelsSeen:
-    """The models of a session that runs: stored in a step, read as a trace.
-
-    One thread stores, another reads.
+        most: Largest number of models that are remembered, the newest; None for no bound.
     """
 
-    def __init__(self) -> None:
-        self._adopted: deque[tuple[float, int]] = deque(maxlen=MOST)
+    def __init__(self, most: int | None = MOST) -> None:
+        self._most = most
+        self._adopted: deque[tuple[float, int]] = deque(maxlen=most)
         self._updates: dict[int, ModelUpdate] = {}
         self._figures: dict[tuple[int, float], ModelFigures | None] = {}
         self._newest = self._run = 0
@@ -130,7 +104,7 @@ class ModelsSeen:
             self._run = update.run
             self._updates, self._figures = {}, {}
         self._updates[update.sequence] = update
-        if len(self._updates) > MOST:
+        if self._most is not None and len(self._updates) > self._most:
             self._updates.pop(next(iter(self._updates)))
 
     def adopt(self, time: float, sequence: int) -> None:
@@ -140,17 +114,29 @@ class ModelsSeen:
             self._adopted.append((time, sequence))
 
     def trace(self, depth: float, seconds: float, now: float) -> ModelTrace:
-        """The last seconds before a moment [s] at a depth [m]; those that the leader rendered from."""
+        """The last seconds before a moment [s] at a depth [m]; those that the leader rendered from, by `SPACING`."""
+        times: list[float] = []
+        shown: list[ModelFigures] = []
+        for time, sequence in tuple(self._adopted):
+            if not now - seconds <= time <= now or (times and time - times[-1] < SPACING):
+                continue
+            if (one := self._figures_at(sequence, depth)) is not None:
+                times.append(time)
+                shown.append(one)
+        names = shown[-1].names if shown else ()
+        unknown = ((NAN,) * len(names),) * 2
+        laws = [(one.parameters, one.errors) if one.names == names else unknown for one in shown]
+        parameters, errors = np.array(laws).reshape(len(shown), 2, len(names)).transpose(1, 0, 2)
+        stiffness, deviation = np.array([(one.stiffness, one.deviation) for one in shown]).reshape(-1, 2).T
+        return ModelTrace(np.array(times) - now, stiffness, deviation, names, parameters, errors)
 
-        def figures(sequence: int) -> ModelFigures | None:
-            key = (sequence, depth)
-            if key not in self._figures:
-                update = self._updates.get(sequence)
-                if update is None:
-                    return None
-                if len(self._figures) > MOST:
-                    self._figures.clear()
-                self._figures[key] = figures_of(update, depth)
-            return self._figures[key]
-
-        return trace_of(tuple(self._adopted), figures, now, seconds)
+    def _figures_at(self, sequence: int, depth: float) -> ModelFigures | None:
+        key = (sequence, depth)
+        if key not in self._figures:
+            update = self._updates.get(sequence)
+            if update is None:
+                return None
+            if len(self._figures) > MOST:
+                self._figures.clear()
+            self._figures[key] = figures_of(update, depth)
+        return self._figures[key]

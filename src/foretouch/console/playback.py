@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import bisect
 import contextlib
-import functools
 import math
 import stat
 import threading
@@ -14,12 +12,12 @@ from pathlib import Path
 
 import numpy as np
 
-from foretouch.console.history import NAN, Array, LossTrace, Window, empty_window, window_of
-from foretouch.console.models_seen import ModelFigures, ModelTrace, figures_of, trace_of
+from foretouch.console.history import NAN, Array, LossTrace, Window, columns_of, empty_window, window_of
+from foretouch.console.models_seen import ModelsSeen
 from foretouch.console.space_state import RecordedSpace
 from foretouch.console.watched import Watched
 from foretouch.errors import ForetouchError, RecordingError, one_line
-from foretouch.messages import VERSION, WITH_THE_COMMANDS, LeaderState, SessionLog, Telemetry, settings_at
+from foretouch.messages import VERSION, LeaderState, SessionLog, Telemetry, settings_at
 
 TOLERANCE = 1e-6
 """A tick counts as being at a moment that is at most this much before it [s]."""
@@ -46,16 +44,15 @@ class RecordedWatch(Watched):
         self._seconds: Array = (leader["time_ns"] - leader["time_ns"][0]) * 1e-9
         self.duration = float(self._seconds[-1])
         self.space = self._recorded_space = RecordedSpace(segment)
-        # The follower's row of the telemetry that each leader tick had received last; -1 before the first.
-        telemetry = leader["telemetry_sequence"]
-        rows = np.searchsorted(follower["sequence"], telemetry, side="right") - 1
-        self._row_of = np.where(telemetry > 0, rows, -1)
-        self._columns = self._all_columns(segment)
+        exact = bool(follower.size) and bool(np.isfinite(follower["exact_force"]).all())
+        self._columns = columns_of(leader, follower, "exact_force" if exact else "force")
         run = int(follower["run"][-1]) if follower.size else 0
         self._by_sequence = {model.sequence: model for model in log.models if run in (0, model.run)}
-        self._figures = functools.cache(self._figures_of)
-        changes = np.flatnonzero(np.diff(leader["model_sequence"], prepend=0) > 0)
-        self._adoptions = [(float(self._seconds[row]), int(leader["model_sequence"][row])) for row in changes]
+        self._models = ModelsSeen(most=None)
+        for model in self._by_sequence.values():
+            self._models.add(model)
+        for row in np.flatnonzero(np.diff(leader["model_sequence"], prepend=0) > 0):
+            self._models.adopt(int(leader["time_ns"][row]) * 1e-9, int(leader["model_sequence"][row]))
         self.go_to(0.0)
 
     def go_to(self, now: float) -> None:
@@ -63,7 +60,8 @@ class RecordedWatch(Watched):
         self.now = min(max(now, 0.0), self.duration) if math.isfinite(now) else 0.0
         row = int(np.searchsorted(self._seconds, self.now + TOLERANCE, side="right")) - 1
         self.leader = LeaderState(VERSION, *self._leader[row].tolist())
-        telemetry = int(self._row_of[row])
+        heard = self.leader.telemetry_sequence
+        telemetry = int(np.searchsorted(self._follower["sequence"], heard, side="right")) - 1 if heard else -1
         self.telemetry = Telemetry(VERSION, *self._follower[telemetry].tolist()) if telemetry >= 0 else None
         self.settings = self._settings_at(row, telemetry)
         self.model = self._by_sequence.get(int(self._leader["model_sequence"][row]))
@@ -80,15 +78,8 @@ class RecordedWatch(Watched):
         part = slice(int(first), int(last))
         if part.stop <= part.start:
             return empty_window()
-        now = float(self._seconds[part.stop - 1])
-        return window_of(self._leader["sequence"][part], self._columns[part], now, seconds, 400)
-
-    def model_trace(self, seconds: float) -> ModelTrace:
-        """Models of the seconds before `now`, compared at `model_depth`."""
-        first = bisect.bisect_left(self._adoptions, (self.now - seconds, 0))
-        last = bisect.bisect_right(self._adoptions, (self.now, 1 << 63))
-        depth = self.model_depth
-        return trace_of(self._adoptions[first:last], lambda model: self._figures(model, depth), self.now, seconds)
+        columns = self._columns[part]
+        return window_of(self._leader["sequence"][part], columns, float(columns[-1, 0]), seconds, 400)
 
     def loss_trace(self, seconds: float, now: float) -> LossTrace:
         """Nothing: a recording has its losses in all, and not over time."""
@@ -104,30 +95,6 @@ class RecordedWatch(Watched):
         felt_ns = int(self._follower["time_ns"][max(telemetry, 0)]) if self._follower.size else None
         run = int(self._follower["run"][0]) if self._follower.size else 0
         return settings_at(segment.said, int(leader["epoch"]), run, int(leader["time_ns"]), felt_ns)
-
-    def _figures_of(self, sequence: int, depth: float) -> ModelFigures | None:
-        update = self._by_sequence.get(sequence)
-        return None if update is None else figures_of(update, depth)
-
-    def _all_columns(self, segment: SessionLog) -> Array:
-        """The columns of `window_of`, over the whole recording, with the simulator's true force where there is one."""
-        leader, follower = self._leader, self._follower
-        predicted = np.where(np.isfinite(leader["position"]), leader["predicted_force"], NAN)
-        true, trips, away = np.full(leader.size, NAN), np.full(leader.size, NAN), np.zeros(leader.size)
-        rows = segment.rows()
-        exact = bool(rows.follower.size) and bool(np.isfinite(rows.follower["exact_force"]).all())
-        at = np.searchsorted(leader["sequence"], rows.leader["sequence"])
-        true[at] = rows.follower["exact_force" if exact else "force"]
-        away[at] = ~np.isin(rows.follower["status"], WITH_THE_COMMANDS)
-        if follower.size:
-            answered = follower["command_sequence"][np.maximum(self._row_of, 0)]
-            at = np.minimum(np.searchsorted(leader["sequence"], answered), leader.size - 1)
-            here = (self._row_of >= 0) & (leader["sequence"][at] == answered)
-            trips[here] = (self._seconds - self._seconds[at])[here]
-        names = ("delayed_force", "standard_deviation", "rendered_force", "energy", "energy_bound", "late_energy")
-        known = [leader[name] for name in names]
-        columns: Array = np.column_stack([self._seconds, predicted, *known, trips, true, away])
-        return columns
 
 
 class Playback:

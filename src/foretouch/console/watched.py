@@ -263,8 +263,7 @@ class Watched:
     def _take_telemetry(self, telemetry: Telemetry, now: float) -> None:
         if self.status not in (None, telemetry.status):
             self.trouble = ""
-        applies = self.leader is None or telemetry.epoch in (0, self.leader.epoch)
-        self.history.add_telemetry(telemetry, applies=applies)
+        self.history.add_telemetry(telemetry)
         self.lateness.take("follower", telemetry.period_ns)
         self.telemetry, self._telemetry_received = telemetry, now
 

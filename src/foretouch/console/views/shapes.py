@@ -43,13 +43,15 @@ def lathe(profile: list[tuple[float, float]], segments: int = 24) -> Mesh:
 def grid(rows: int, columns: int) -> NDArray[np.uint32]:
     """Triangles over a grid of vertices in row order."""
     first = (columns * np.arange(rows - 1)[:, None] + np.arange(columns - 1)).reshape(-1, 1, 1)
-    return (first + np.array([(0, columns, columns + 1), (0, columns + 1, 1)])).reshape(-1, 3).astype(np.uint32)
+    triangles: NDArray[np.int64] = first + np.array([(0, columns, columns + 1), (0, columns + 1, 1)])
+    return triangles.reshape(-1, 3).astype(np.uint32)
 
 
 def triangles_of(quads: ArrayLike) -> NDArray[np.uint32]:
     """Two triangles for each quad, given by its corners in turn."""
-    triangles: NDArray[np.uint32] = np.asarray(quads, np.uint32)[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
-    return triangles
+    corners: NDArray[np.uint32] = np.asarray(quads, np.uint32)
+    triangles = np.stack([corners[:, :3], corners[:, [0, 2, 3]]], axis=1)
+    return triangles.reshape(-1, 3)
 
 
 def probe(growth: float = 0.0) -> Mesh:
