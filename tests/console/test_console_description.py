@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from foretouch.console.panels.figures import Numbers, describe, numbers_html
+from foretouch.console.panels.figures import describe, numbers_html
 from foretouch.console.sentences import INSECURE
+from foretouch.console.watched import Watched
 from foretouch.identification import Learner, make_estimator
-from foretouch.messages import VERSION, ModelUpdate
+from foretouch.messages import VERSION, LeaderState, ModelUpdate
 from foretouch.models import ContactMapModel
 
 
@@ -57,9 +58,14 @@ def test_what_cannot_be_run_is_described_by_its_reason(message: ModelUpdate) -> 
 
 
 def test_the_predicted_force_stands_with_its_deviation() -> None:
-    numbers = Numbers(3.512, 3.0, 3.4, 0.1, 3.5, 0.006, 3.0, 20.0, "", "", 0.118)
-    assert "3.51 ± 0.12 N" in numbers_html(numbers)
-    assert "±" not in numbers_html(numbers._replace(deviation=float("nan")))
-    assert "over 1000000 N" in numbers_html(numbers._replace(predicted=1e7))
-    assert "INSECURE" not in numbers_html(numbers)
-    assert f">{INSECURE}</b>" in numbers_html(numbers._replace(warnings=(INSECURE,)))
+    def written(predicted: float, deviation: float, *warnings: str) -> str:
+        watched = Watched()
+        numbers = (0.006, 0.0, predicted, 3.5, 3.0, 1, 1, 0.0, False, 1, 1)
+        watched.take(LeaderState(VERSION, 1, 1, *numbers, standard_deviation=deviation), 0.0)
+        return numbers_html(watched, watched.window(6.0), None, status="", warnings=warnings)
+
+    assert "3.51 ± 0.12 N" in written(3.512, 0.118)
+    assert "±" not in written(3.512, float("nan"))
+    assert "over 1000000 N" in written(1e7, 0.118)
+    assert "INSECURE" not in written(3.512, 0.118)
+    assert f">{INSECURE}</b>" in written(3.512, 0.118, INSECURE)

@@ -11,7 +11,7 @@ import pytest
 from console_driver import PRESS_DEPTH, SURFACE
 
 from foretouch.console import Console
-from foretouch.console.panels.figures import RENDERED, numbers_html, numbers_of
+from foretouch.console.panels.figures import RENDERED, numbers_html
 from foretouch.console.panels.panel import felt
 from foretouch.console.views.hold import STROKE
 from foretouch.console.views.probes import UNITS
@@ -141,7 +141,7 @@ def test_a_hand_that_is_apart_from_the_probe_is_a_ring_in_the_picture_and_no_num
     ring, probe = console._line._hand, console._line._probes.probe
     assert ring.visible
     assert (ring.position[2] - probe.position[2]) / UNITS == pytest.approx(0.0023)  # so much further out
-    said = numbers_html(numbers_of(moment, moment.window(6.0), None, status="", warnings=()))
+    said = numbers_html(moment, moment.window(6.0), None, status="", warnings=())
     assert "hand " not in re.sub(RENDERED.name, "", said)
 
 

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from foretouch.console import Console
-from foretouch.console.panels.figures import numbers_html, numbers_of
+from foretouch.console.panels.figures import numbers_html
 from foretouch.console.panels.space import NO_IMAGE, can_draw, missing_image
 from foretouch.console.plots import number
 from foretouch.console.views import shapes as shape
@@ -151,8 +151,8 @@ def test_nothing_is_not_negative(console: Console) -> None:
     assert number(-2e6, "N") == "over -1000000 N"
     say(console, "plane")
     watched = console._watched
-    numbers = numbers_of(watched, watched.window(6.0), None, status="", warnings=())
-    assert "-0.00" not in numbers_html(numbers._replace(true=0.0, true_age=-0.0, delayed=-1e-4))
+    console.watch(msgspec.structs.replace(state(console), delayed_force=-1e-4))
+    assert "-0.00" not in numbers_html(watched, watched.window(6.0), None, status="", warnings=())
 
 
 @pytest.mark.parametrize(("low", "high"), [(344.0, 400.0), (1.0, 1.0), (4990.0, 5010.0), (300.0, 1750.0)])

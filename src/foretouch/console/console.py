@@ -12,7 +12,7 @@ from typing import Any
 
 from foretouch.console.gate import Entrance, make_gated_server
 from foretouch.console.gate.entrance import require_free_port
-from foretouch.console.panels.figures import describe, numbers_of
+from foretouch.console.panels.figures import describe, numbers_html
 from foretouch.console.panels.panel import CHOOSE_RECORDING, INSTRUCTION, WATCH_RECORDING, Actions, Panel, felt
 from foretouch.console.panels.session import CHOICES, NetworkFaults, Publisher
 from foretouch.console.panels.stop import ASKING, LATCHED, READY, UNABLE, EmergencyCall
@@ -320,7 +320,7 @@ class Console:
         status = self._status(now) if playback is None else "A recording is shown; see the tab Recordings."
         unseen = (self._space.problem,) if shown.in_space and self._space.problem else ()
         notes = (*unseen, *warnings(self._watched, now))
-        panel.forces.write(numbers_of(shown, window, other, status=status, warnings=notes))
+        panel.forces.write(numbers_html(shown, window, other, status=status, warnings=notes))
         panel.network.draw(window, shown.loss_trace(SECONDS, now))
         panel.energy.draw(window)
         lines = () if shown.model is None else describe(shown.model)

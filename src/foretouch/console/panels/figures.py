@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 import math
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -61,27 +61,6 @@ PREDICTED_AGAIN = Curve("Predicted, run again", SKY, 2.0)
 DELAYED_AGAIN = Curve("Delayed, run again", ORANGE, 2.0, "dashed")
 
 
-class Numbers(NamedTuple):
-    """Numbers beside the plot: forces [N], depth [m], times [s], errors [%]; NaN where one is unknown."""
-
-    predicted: float
-    delayed: float
-    true: float
-    true_age: float
-    rendered: float
-    depth: float
-    prediction_error: float
-    delayed_error: float
-    status: str
-    names: str
-    deviation: float
-    warnings: tuple[str, ...] = ()
-    again: tuple[float, float] | None = None
-    again_errors: tuple[float, float] = (NAN, NAN)
-    away: float = 0.0
-    rendered_error: float = NAN
-
-
 class ForcePanel:
     """Forces over time, and as numbers."""
 
@@ -102,77 +81,59 @@ class ForcePanel:
         values = (true, window.predicted, window.delayed, window.rendered, away, *again)
         self._plot.draw(window.time, values, (window.deviation,), LARGEST_DRAWN)
 
-    def write(self, numbers: Numbers) -> None:
-        """Write the numbers."""
-        put(self._text, content=numbers_html(numbers))
-
-
-def numbers_html(n: Numbers) -> str:
-    """The table of numbers, and the lines around it."""
-    age = f", {abs(n.true_age):.2f} s ago" if math.isfinite(n.true_age) else ""
-    uncertainty = f"{n.predicted:.2f} ± " if math.isfinite(n.deviation) and abs(n.predicted) < 1000.0 else ""
-    predicted = uncertainty + number(n.deviation if uncertainty else n.predicted, "N")
-    rows = [
-        Row(PREDICTED.name, predicted, PREDICTED, number(n.prediction_error, "%", 1)),
-        Row(DELAYED.name, number(n.delayed, "N"), DELAYED, number(n.delayed_error, "%", 1)),
-        Row(f"True force{age}", number(n.true, "N"), TRUE),
-        Row(RENDERED.name, number(n.rendered, "N"), RENDERED, number(n.rendered_error, "%", 1)),
-    ]
-    if n.again is not None:
-        curves = (PREDICTED_AGAIN, DELAYED_AGAIN)
-        again = zip(curves, n.again, n.again_errors, strict=True)
-        rows += [Row(curve.name, number(force, "N"), curve, number(error, "%", 1)) for curve, force, error in again]
-    rows.append(Row("Depth of the probe", number(max(n.depth, 0.0) * 1e3, "mm", 1)))
-    followed = n.away < 0.05  # 0.0 s as written
-    first = Row("", "") if followed else Row(f"{AWAY.name}: {number(n.away, 's', 1)}", "", AWAY)
-    heads = (first, "value", f"error, last {SECONDS:.0f} s")
-    warnings = "".join(
-        f'<div style="color:{css(VERMILLION)};overflow-wrap:anywhere;padding-bottom:4px">'
-        f"<b>{html.escape(warning)}</b></div>"
-        for warning in n.warnings
-    )
-    return inset(
-        f"{warnings}{table(rows, heads)}"
-        '<div style="color:#555;padding-top:2px;line-height:1.3;font-size:0.93em;overflow-wrap:anywhere">'
-        f'<div style="min-height:3.9em">{html.escape(n.status)}</div>'
-        f'<span style="font-size:0.9em">{html.escape(n.names)}</span></div>'
-    )
+    def write(self, content: str) -> None:
+        """Write the numbers, of `numbers_html`."""
+        put(self._text, content=content)
 
 
 NAMES = ("material", "model", "estimator")
 """Settings that stand in the panel."""
 
 
-def numbers_of(
+def numbers_html(
     shown: Watched, window: Window, other: Watched | None, *, status: str, warnings: tuple[str, ...]
-) -> Numbers:
-    """The numbers of the last seconds of a session or recording, and of a second run of that."""
+) -> str:
+    """The table of numbers of the last seconds of a session or recording, and of a second run of that, with remarks."""
     leader = shown.leader
+    predicted, delayed, rendered, deviation = NAN, NAN, NAN, NAN
+    if leader is not None:
+        predicted = NAN if math.isnan(leader.position) else leader.predicted_force
+        delayed, rendered, deviation = leader.delayed_force, leader.rendered_force, leader.standard_deviation
     known = np.flatnonzero(np.isfinite(window.true))
-    true, age = (window.true[known[-1]], -window.time[known[-1]]) if len(known) else (NAN, NAN)
-    away = float(np.mean(window.away) * np.ptp(window.time)) if len(window.time) else 0.0
-    again, errors = None, (NAN, NAN)
+    true, age = (float(window.true[known[-1]]), -float(window.time[known[-1]])) if len(known) else (NAN, NAN)
+    ago = f", {abs(age):.2f} s ago" if math.isfinite(age) else ""
+    force = number(predicted, "N")
+    if math.isfinite(deviation) and abs(predicted) < 1000.0:
+        force = f"{predicted:.2f} ± {number(deviation, 'N')}"
+    rendered_error = window.rendered_error if shown.setting("force_scale", 1.0) == 1.0 else NAN
+    rows = [
+        Row(PREDICTED.name, force, PREDICTED, number(window.prediction_error, "%", 1)),
+        Row(DELAYED.name, number(delayed, "N"), DELAYED, number(window.delayed_error, "%", 1)),
+        Row(f"True force{ago}", number(true, "N"), TRUE),
+        Row(RENDERED.name, number(rendered, "N"), RENDERED, number(rendered_error, "%", 1)),
+    ]
     if other is not None and other.leader is not None:
-        again = (other.leader.predicted_force, other.leader.delayed_force)
-        second = other.window(SECONDS)
-        errors = (second.prediction_error, second.delayed_error)
-    return Numbers(
-        predicted=NAN if leader is None or math.isnan(leader.position) else leader.predicted_force,
-        delayed=NAN if leader is None else leader.delayed_force,
-        true=float(true),
-        true_age=float(age),
-        rendered=NAN if leader is None else leader.rendered_force,
-        depth=shown.depth,
-        prediction_error=window.prediction_error,
-        delayed_error=window.delayed_error,
-        status=status,
-        names=" · ".join(_names(shown.settings)),
-        deviation=NAN if leader is None else leader.standard_deviation,
-        warnings=warnings,
-        again=again,
-        again_errors=errors,
-        away=away,
-        rendered_error=window.rendered_error if shown.setting("force_scale", 1.0) == 1.0 else NAN,
+        again, second = other.leader, other.window(SECONDS)
+        for curve, value, error in (
+            (PREDICTED_AGAIN, again.predicted_force, second.prediction_error),
+            (DELAYED_AGAIN, again.delayed_force, second.delayed_error),
+        ):
+            rows.append(Row(curve.name, number(value, "N"), curve, number(error, "%", 1)))
+    rows.append(Row("Depth of the probe", number(max(shown.depth, 0.0) * 1e3, "mm", 1)))
+    away = float(np.mean(window.away) * np.ptp(window.time)) if len(window.time) else 0.0
+    followed = away < 0.05  # 0.0 s as written
+    first = Row("", "") if followed else Row(f"{AWAY.name}: {number(away, 's', 1)}", "", AWAY)
+    heads = (first, "value", f"error, last {SECONDS:.0f} s")
+    urgent = "".join(
+        f'<div style="color:{css(VERMILLION)};overflow-wrap:anywhere;padding-bottom:4px">'
+        f"<b>{html.escape(warning)}</b></div>"
+        for warning in warnings
+    )
+    return inset(
+        f"{urgent}{table(rows, heads)}"
+        '<div style="color:#555;padding-top:2px;line-height:1.3;font-size:0.93em;overflow-wrap:anywhere">'
+        f'<div style="min-height:3.9em">{html.escape(status)}</div>'
+        f'<span style="font-size:0.9em">{html.escape(" · ".join(_names(shown.settings)))}</span></div>'
     )
 
 
