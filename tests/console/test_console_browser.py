@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 import threading
 import time
@@ -328,14 +329,14 @@ def test_a_bar_that_a_page_shows_elsewhere_is_put_where_the_recording_is(bench, 
     from viser._messages import GuiUpdateMessage
 
     page, panel = bench.page, bench.console._panel.recordings
-    bar, seek = panel._bar, panel._on_seek
+    bar, actions = panel._bar, panel._actions
     older = GuiUpdateMessage(bar._impl.uuid, {"value": 0.4})
 
     def crossed(now: float) -> None:
         bar._impl.gui_api._websock_interface.queue_message(older)
-        seek(now)
+        actions.seek(now)
 
-    monkeypatch.setattr(panel, "_on_seek", crossed)
+    monkeypatch.setattr(panel, "_actions", dataclasses.replace(actions, seek=crossed))
     simulated_session(bench.recordings / "short.mcap", 3.0)
     open_tab(page, "Recordings")
     page.get_by_text(f"Of {bench.recordings}, the newest first.").wait_for()
