@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from foretouch.console import Console
 from foretouch.console.views.hold import HOME
 from foretouch.console.views.line import CAMERA, FIELD_OF_VIEW
 from foretouch.console.views.probes import UNITS
@@ -46,17 +47,10 @@ ARROW_SHARE = 0.7
 # --- the browser ------------------------------------------------------------------------------------------------------
 
 CHROMIUM_ARGUMENTS = [
-    "--no-sandbox",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-default-apps",
-    "--disable-domain-reliability",
-    "--disable-sync",
-    "--no-first-run",
-    "--no-pings",
-]
+    "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-background-networking",
+    "--disable-component-update", "--disable-default-apps", "--disable-domain-reliability", "--disable-sync",
+    "--no-first-run", "--no-pings",
+]  # fmt: skip
 
 
 def chromium() -> str | None:
@@ -281,8 +275,7 @@ class Session:
         self._thread.join()
 
     def _run(self) -> None:
-        tick, taken = 0, 0
-        before = 0.0
+        tick, taken, before = 0, 0, 0.0
         arrived: Telemetry | None = None
         under_way: list[tuple[float, int, Telemetry]] = []
         commands: list[tuple[float, int, int, float, float]] = []
@@ -324,22 +317,8 @@ class Session:
         if tick % 20 == 1:
             self._say_model(tick, now_ns)
         delayed, sequence = (arrived.force, arrived.sequence) if arrived else (0.0, 0)
-        return LeaderState(
-            VERSION,
-            tick,
-            now_ns,
-            x,
-            v,
-            force,
-            min(force, 10.0),
-            delayed,
-            sequence,
-            tick - (tick - 1) % 20,
-            0.0,
-            False,
-            1_000_000,
-            50_000,
-        )
+        numbers = (x, v, force, min(force, 10.0), delayed, sequence, tick - (tick - 1) % 20, 0.0)
+        return LeaderState(VERSION, tick, now_ns, *numbers, False, 1_000_000, 50_000)
 
     def _say_hello(self, tick: int, now_ns: int) -> None:
         values = {
@@ -350,25 +329,29 @@ class Session:
             "surface": str(SURFACE),
             "press_depth": str(PRESS_DEPTH),
         }
-        self._watch(Hello(VERSION, tick, now_ns, "leader", tuple(values), tuple(values.values())))
+        self._watch(Hello.of("leader", tick, now_ns, values))
         if self.supervised:
-            names, texts = ("supervised", "recording"), ("yes", self.recording)
-            self._watch(Hello(VERSION, tick, now_ns, "supervisor", names, texts))
+            self._watch(Hello.of("supervisor", tick, now_ns, {"supervised": "yes", "recording": self.recording}))
 
     def _say_model(self, tick: int, now_ns: int) -> None:
-        self._watch(
-            ModelUpdate(
-                VERSION,
-                tick,
-                now_ns,
-                tick,
-                self._model.law,
-                self._model.parameters,
-                (),
-                SURFACE,
-                True,
-                "",
-                "given",
-                b"",
-            )
-        )
+        law = (self._model.law, self._model.parameters, ())
+        self._watch(ModelUpdate(VERSION, tick, now_ns, tick, *law, SURFACE, True, "", "given", b""))
+
+
+@contextlib.contextmanager
+def drawn(**options: Any) -> Iterator[tuple[Console, Session]]:
+    """A console that draws, and the session that it watches; with ``publish`` it is not heard there."""
+    sessions: list[Session] = []
+    publish = options.pop("publish", lambda message: sessions[0].publish(message))
+    console = Console(0, publish, **options)
+    sessions.append(Session(console.watch))
+    end = threading.Event()
+    drawing = threading.Thread(target=console.run, args=(end.is_set,))
+    drawing.start()
+    try:
+        yield console, sessions[0]
+        assert drawing.is_alive()
+    finally:
+        end.set()
+        drawing.join()
+        console.close()

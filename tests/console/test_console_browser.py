@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import re
-import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,6 +18,7 @@ from console_driver import (
     choose,
     chromium,
     drag_handle,
+    drawn,
     held_handle,
     open_page,
     open_tab,
@@ -64,20 +64,9 @@ class Bench(NamedTuple):
 
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
-    sessions: list[Session] = []
     folder = tmp_path_factory.mktemp("recordings")
-    console = Console(0, lambda message: sessions[0].publish(message), recordings=folder)
-    sessions.append(Session(console.watch))
-    stop = threading.Event()
-    drawing = threading.Thread(target=console.run, args=(stop.is_set,))
-    drawing.start()
-    try:
-        with sessions[0], open_page(console.url) as (page, requests):
-            yield Bench(console, page, requests, sessions[0], folder, page.evaluate("performance.now()") / 1000.0)
-    finally:
-        stop.set()
-        drawing.join()
-        console.close()
+    with drawn(recordings=folder) as (console, session), session, open_page(console.url) as (page, requests):
+        yield Bench(console, page, requests, session, folder, page.evaluate("performance.now()") / 1000.0)
 
 
 def test_page_comes_up_and_says_what_to_do(bench):
@@ -295,11 +284,7 @@ def test_a_recording_is_played_and_its_bar_is_dragged_while_the_stop_stays_the_r
 def test_with_recordings_alone_nothing_pretends_to_stop_or_move_a_robot(bench, tmp_path):
     simulated_session(tmp_path / "pressed.mcap")
     sent: list[Message] = []
-    console = Console(0, sent.append, recordings=tmp_path, live=False)
-    ended = threading.Event()
-    drawing = threading.Thread(target=console.run, args=(ended.is_set,))
-    drawing.start()
-    try:
+    with drawn(publish=sent.append, recordings=tmp_path, live=False) as (console, _):
         page = bench.page.context.browser.new_page(viewport={"width": 1280, "height": 720})
         page.goto(console.url)
         page.get_by_text(NOTHING_LIVE).wait_for()
@@ -311,10 +296,6 @@ def test_with_recordings_alone_nothing_pretends_to_stop_or_move_a_robot(bench, t
         assert page.get_by_text("stop", exact=False).count() == 0
         assert handle_says(page) == ""
         page.close()
-    finally:
-        ended.set()
-        drawing.join()
-        console.close()
     assert sent == []
 
 

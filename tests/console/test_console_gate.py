@@ -10,12 +10,12 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from urllib.parse import urlsplit
 
 import msgspec
 import pytest
-from console_driver import Session, simulated_session
+from console_driver import Session, drawn, simulated_session
 from hostile import HARMFUL, HOSTS, ORIGINS, malformed
 
 pytest.importorskip("viser")
@@ -33,20 +33,16 @@ from foretouch.errors import LinkError
 from foretouch.messages import VERSION, Choice, EmergencyStop, Hello, Settings, Status, Telemetry
 
 
-class Bench:
+class Bench(NamedTuple):
     """A console that draws a session, and what it says to people."""
 
-    def __init__(self, console: Console, session: Session, lines: list[str], folder: Path) -> None:
-        self.console, self.session, self.lines, self.folder = console, session, lines, folder
+    console: Console
+    session: Session
+    lines: list[str]
+    folder: Path
 
     def pressed(self) -> int:
         return len(self.session.of(EmergencyStop))
-
-    def drawing(self) -> bool:
-        """Whether the console still draws and has drawn all."""
-        return self.thread.is_alive() and self.console.trouble == ""
-
-    thread: threading.Thread
 
 
 @pytest.fixture(scope="module")
@@ -54,20 +50,8 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
     folder = tmp_path_factory.mktemp("recordings")
     simulated_session(folder / "mine.mcap", seconds=1.0)
     lines: list[str] = []
-    sessions: list[Session] = []
-    console = Console(0, lambda message: sessions[0].publish(message), recordings=folder, say=lines.append)
-    sessions.append(Session(console.watch))
-    bench = Bench(console, sessions[0], lines, folder)
-    end = threading.Event()
-    bench.thread = threading.Thread(target=console.run, args=(end.is_set,))
-    bench.thread.start()
-    try:
-        with sessions[0]:
-            yield bench
-    finally:
-        end.set()
-        bench.thread.join()
-        console.close()
+    with drawn(recordings=folder, say=lines.append) as (console, session), session:
+        yield Bench(console, session, lines, folder)
     assert console.trouble == ""
 
 
@@ -233,7 +217,7 @@ def test_no_message_takes_the_emergency_button_away_and_the_honest_click_stops(b
         attacker.say({"type": "RunJavascriptMessage", "source": "1"})
         attacker.hear(0.5)
     assert bench.pressed() == 0
-    assert bench.drawing()
+    assert bench.console.trouble == ""
     with page_of(bench.console.url) as honest:
         assert honest.control("GuiButtonMessage", READY) == button
         honest.update(button, value=True)
@@ -243,8 +227,6 @@ def test_no_message_takes_the_emergency_button_away_and_the_honest_click_stops(b
 
 def finish_emergency(bench: Bench) -> None:
     """The robot says that it has stopped, and is released."""
-    from foretouch.messages import Status
-
     bench.session.status = Status.STOPPED
     wait_until(lambda: not bench.console._emergency.asking)
     bench.session.status = Status.FOLLOWING
@@ -269,7 +251,7 @@ def test_controls_take_values_of_their_own_alone(bench: Bench) -> None:
         wait_until(lambda: [said.material for said in bench.session.of(Choice)] == ["bone"])
         hidden = page.control("GuiButtonMessage", "Back to live")  # disabled until a recording is looked at
         page.update(hidden, value=True)
-    assert bench.drawing()
+    assert bench.console.trouble == ""
 
 
 def test_malformed_messages_end_neither_the_page_s_connection_nor_the_console(
@@ -283,7 +265,7 @@ def test_malformed_messages_end_neither_the_page_s_connection_nor_the_console(
         page.say({"type": "CommandTriggerMessage", "uuid": command})
         wait_until(lambda: bench.pressed() > 0)
     finish_emergency(bench)
-    assert bench.drawing()
+    assert bench.console.trouble == ""
     assert capfd.readouterr().err == ""
 
 
@@ -331,7 +313,7 @@ def test_an_oversized_frame_and_a_flood_of_frames_are_cut_off_and_the_others_do_
         wait_until(lambda: bench.pressed() > 0)
         assert time.monotonic() - begin < 1.0
     finish_emergency(bench)
-    assert bench.drawing()
+    assert bench.console.trouble == ""
     assert len(caplog.records) < 10  # nor is the terminal filled
 
 
@@ -480,22 +462,12 @@ def test_the_pages_of_a_session_that_has_ended_say_so_and_those_of_a_console_tha
 
 
 def test_a_picture_that_cannot_be_drawn_leaves_the_emergency_stop(monkeypatch: pytest.MonkeyPatch) -> None:
-    published: list[Any] = []
-    console = Console(0, published.append)
-    monkeypatch.setattr(console, "_plot", lambda shown: 1 / 0)
-    end = threading.Event()
-    drawing = threading.Thread(target=console.run, args=(end.is_set,))
-    drawing.start()
-    try:
-        with page_of(console.url) as page:
-            button = page.control("GuiButtonMessage", READY)
-            wait_until(lambda: "division by zero" in str(page.hear(0.2)))
-            page.update(button, value=True)
-            wait_until(lambda: any(isinstance(said, EmergencyStop) for said in published))
-    finally:
-        end.set()
-        drawing.join()
-        console.close()
+    monkeypatch.setattr(Console, "_plot", lambda console, shown: 1 / 0)
+    with drawn() as (console, session), page_of(console.url) as page:
+        button = page.control("GuiButtonMessage", READY)
+        wait_until(lambda: "division by zero" in str(page.hear(0.2)))
+        page.update(button, value=True)
+        wait_until(lambda: session.of(EmergencyStop))
     assert "division by zero" in console.trouble
 
 

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import pytest
-from console_driver import CHROMIUM_ARGUMENTS, Session, chromium, wait_until_shown
+from console_driver import CHROMIUM_ARGUMENTS, Session, chromium, drawn, wait_until_shown
 
 pytest.importorskip("viser")
 pytest.importorskip("playwright")
@@ -48,25 +48,14 @@ class Inside(NamedTuple):
 def inside() -> Iterator[Inside]:
     from playwright.sync_api import sync_playwright
 
-    sessions: list[Session] = []
-    console = Console(0, lambda message: sessions[0].publish(message))
-    sessions.append(Session(console.watch))
-    end = threading.Event()
-    drawing = threading.Thread(target=console.run, args=(end.is_set,))
-    drawing.start()
     rules = "--host-resolver-rules=MAP evil.test 127.0.0.1"
-    try:
-        with sessions[0], sync_playwright() as playwright:
-            browser = playwright.chromium.launch(executable_path=chromium(), args=[*CHROMIUM_ARGUMENTS, rules])
-            page = browser.new_context().new_page()
-            page.goto(console.url)
-            wait_until_shown(page)
-            yield Inside(console, sessions[0], page)
-            browser.close()
-    finally:
-        end.set()
-        drawing.join()
-        console.close()
+    with drawn() as (console, session), session, sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=chromium(), args=[*CHROMIUM_ARGUMENTS, rules])
+        page = browser.new_context().new_page()
+        page.goto(console.url)
+        wait_until_shown(page)
+        yield Inside(console, session, page)
+        browser.close()
 
 
 def until(locator: Any, seconds: float, state: str = "visible") -> float:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import contextlib
-import threading
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from console_driver import Session, chromium, on_screen, open_page, open_tab, wait_until_shown
+from console_driver import Session, chromium, drawn, on_screen, open_page, open_tab, wait_until_shown
 
 pytest.importorskip("viser")
 
@@ -52,19 +51,8 @@ class Bench(NamedTuple):
 
 @pytest.fixture(scope="module")
 def bench() -> Iterator[Bench]:
-    sessions: list[Session] = []
-    console = Console(0, lambda message: sessions[0].publish(message))
-    sessions.append(Session(console.watch))
-    end = threading.Event()
-    drawing = threading.Thread(target=console.run, args=(end.is_set,))
-    drawing.start()
-    try:
-        with sessions[0], open_page(console.url, *LARGE) as (page, _):
-            yield Bench(console, sessions[0], page)
-    finally:
-        end.set()
-        drawing.join()
-        console.close()
+    with drawn() as (console, session), session, open_page(console.url, *LARGE) as (page, _):
+        yield Bench(console, session, page)
 
 
 def box_of(locator: Any) -> dict[str, float]:

@@ -181,7 +181,6 @@ class Console:
             raise
 
     def _draw(self, now: float) -> None:
-        """The scene, and of the rest what is due: all of one moment."""
         live = self._library.playback is None
         shown = self._shown.at_once()
         names = None
@@ -282,13 +281,11 @@ class Console:
 
     @property
     def _shown(self) -> Watched:
-        """What is drawn: the session, or the recording that is looked at."""
         playback = self._library.playback
         return self._watched if playback is None else playback.shown
 
     @property
     def _holding(self) -> Hold:
-        """The handle along a line, or that in space."""
         return self._space.hold if self._watched.in_space else self._line.hold
 
     @property
@@ -296,7 +293,6 @@ class Console:
         return self._live and self._watched.operator == "browser"
 
     def _hindrance(self, now: float) -> str:
-        """Why pressing cannot help now, "" where it can."""
         return self._ending or (hindrance(self._watched, now) if self._live else CHOOSE_RECORDING)
 
     def _draw_scene(self, shown: Watched, live: bool, *, useful: bool = True) -> None:
@@ -365,14 +361,12 @@ class Console:
         self._panel.instruct(instruction if live else WATCH_RECORDING, felt(watched.grip, by_mouse))
 
     def _show_alarm(self, now: float) -> None:
-        """How far an emergency stop is, and what is urgent."""
         status = self._watched.status
         label = LATCHED if status == Status.STOPPED else UNABLE if status == Status.SHADOW else READY
         alerts = (*(robot_alerts(self._watched, now) if self._live else ()), self._standing)
         self._panel.alarm.show(ASKING if self._emergency.asking else label, tuple(filter(None, alerts)))
 
     def _status(self, now: float) -> str:
-        """One line: what the session is doing."""
         if self._ending or not self._live:
             return self._ending or NOTHING_LIVE
         return session_status(self._watched, now, held=self._holding.held, clutched=self._holding.clutched)

@@ -80,16 +80,7 @@ def empty_window() -> Window:
 
 
 def window_of(sequence: NDArray[np.int64], columns: Array, now: float, seconds: float, points: int) -> Window:
-    """The seconds before a moment, thinned for drawing.
-
-    Args:
-        sequence: Sequence of the leader's ticks, increasing, shape (n,).
-        columns: Leader time [s], predicted, delayed force, deviation, rendered force [N], energy, its bound, late
-            energy [J], round trip [s], true force [N] and whether the robot was away then (1 or 0), shape (n, 11).
-        now: The moment, on the leader's time [s].
-        seconds: Length of the window [s].
-        points: Largest number of points.
-    """
+    """The seconds before a moment on the leader's time [s], of `columns_of`, thinned to a number of points."""
     time = columns[:, 0] - now
     inside = (time >= -seconds) & (time <= 0.0)
     sequence, columns, time = sequence[inside], columns[inside], time[inside]
@@ -111,7 +102,6 @@ def window_of(sequence: NDArray[np.int64], columns: Array, now: float, seconds: 
 
 
 def _error(force: Array, true: Array) -> float:
-    """RMSE in % of the true force's RMS; NaN without samples."""
     if len(true) == 0:
         return NAN
     return float(100.0 * np.sqrt(np.mean((force - true) ** 2) / np.mean(true**2)))
@@ -134,18 +124,13 @@ def _bridged(sequence: NDArray[np.int64], true: Array) -> tuple[Array, NDArray[n
     return np.where(between & near, lines, np.where(finite, true, NAN)), between & ~near
 
 
-OVER = 2.5
-"""Time over which a percentage of lost messages is taken [s]."""
-KEPT = 10.0
-"""Percentages are kept for this time [s]."""
-MOST = 1024
-"""Number of counters kept per side, the newest; each side sends them twice a second."""
+OVER, KEPT, MOST = 2.5, 10.0, 1024
+"""Time over which a percentage of lost messages is taken and for which it is kept [s], and the number of counters kept
+per side; each side sends them twice a second."""
 COUNTERS = {"follower": ("commands_lost", CHANNELS["command"].rate), "leader": ("telemetry_lost", 1000.0)}
 """By the side that counts: the counter, and the messages a second of which it counts the lost ones."""
-LATE_NS = 1_500_000
-"""A tick is late if it begins more than this after the one before [ns]."""
-LOOKS = 6
-"""The percentage of late ticks is taken over this many looks."""
+LATE_NS, LOOKS = 1_500_000, 6
+"""A tick is late if it begins more than this after the one before [ns]; percentages are over this many looks."""
 LATE = 5.0
 """Fraction of late ticks from which a machine is reported as late [%]; a quiet one has about 1 %."""
 GIVE_WAY, TAKE_BACK = 0.6, 1.15
@@ -155,7 +140,7 @@ SLOWEST, FASTEST = 4.0, 30.0
 
 
 class LossTrace(NamedTuple):
-    """Losses of commands there, of telemetry back [%], over seconds before now; all arrays have one length."""
+    """Losses of commands there, of telemetry back [%], over seconds before now."""
 
     time: Array
     there: Array
@@ -274,13 +259,7 @@ class History:
         return float(row["position"]) if known else NAN
 
     def window(self, seconds: float = 6.0, points: int = 400, newest: int = 0) -> Window:
-        """The newest `seconds` in at most `points` points, always the same ticks while they stay in the window.
-
-        Args:
-            seconds: Length of the window [s].
-            points: Largest number of points.
-            newest: Sequence of the leader's tick at which the window ends; 0 for the newest that is here.
-        """
+        """The seconds before the leader's newest tick, or another, always the same ticks while they stay within."""
         newest = newest or self._newest
         sequence = np.arange(max(1, newest - self._length + 2), newest + 1)
         here = self._leader["sequence"][sequence % self._length] == sequence
@@ -299,12 +278,15 @@ def _taken(rows: Rows, where: NDArray[Any]) -> Rows:
 
 
 def columns_of(leader: Rows, follower: Rows, force: str) -> Array:
-    """The columns of `window_of` at ticks of one leader's process.
+    """What a window shows of each tick of one leader's process, shape (n, 11).
+
+    Leader time [s], predicted, delayed force, deviation, rendered force [N], energy, its bound, late energy [J], round
+    trip [s], true force [N] and whether the robot was away then (1 or 0).
 
     Args:
-        leader: Rows of `SessionLog.leader`, by sequence, shape (n,).
-        follower: Rows of `SessionLog.follower`, by process and sequence.
-        force: Column of the follower that is the true force; of several ticks for one command the first counts.
+        leader: Rows of `SessionLog.leader`, by sequence.
+        follower: Rows of `SessionLog.follower`, by process and sequence; of several for one command the first counts.
+        force: Column of the follower that is the true force.
     """
     seconds = leader["time_ns"] * 1e-9
     predicted = np.where(np.isfinite(leader["position"]), leader["predicted_force"], NAN)  # of no motion there is none

@@ -12,13 +12,10 @@ from foretouch.errors import InputError
 from foretouch.messages import ModelUpdate
 from foretouch.models import ContactModel, advance, make_model
 
-STEP = 0.1
-"""Half the distance over which a local stiffness is taken, as a fraction of the depth."""
-PERIOD = 1e-3
-MOST = 512
-"""Models whose figures are remembered."""
-SPACING = 0.1
-"""Between two models that are drawn [s]."""
+STEP, PERIOD = 0.1, 1e-3
+"""Half the distance over which a local stiffness is taken, as a fraction of the depth; the period of a step [s]."""
+MOST, SPACING = 512, 0.1
+"""Models whose figures are remembered, and the time between two that are drawn [s]."""
 
 
 class ModelFigures(NamedTuple):
@@ -50,6 +47,16 @@ class ModelTrace(NamedTuple):
     errors: Array
 
 
+def model_of(update: ModelUpdate) -> ContactModel | None:
+    """The model of an update; None of one that cannot be run."""
+    if not update.valid:
+        return None
+    try:
+        return make_model(update.law, update.parameters, update.map)
+    except InputError:
+        return None
+
+
 def figures_of(update: ModelUpdate, depth: float) -> ModelFigures | None:
     r"""The numbers of one model; None of one that cannot be run.
 
@@ -62,11 +69,8 @@ def figures_of(update: ModelUpdate, depth: float) -> ModelFigures | None:
         update: Update as received.
         depth: x, below the model's surface [m].
     """
-    if not update.valid:
-        return None
-    try:
-        model = make_model(update.law, update.parameters, update.map)
-    except InputError:
+    model = model_of(update)
+    if model is None:
         return None
     stiffness, deviation = _stiffness(model, depth)
     parameters, errors = model.parameters, update.standard_errors
@@ -75,7 +79,6 @@ def figures_of(update: ModelUpdate, depth: float) -> ModelFigures | None:
 
 
 def _stiffness(model: ContactModel, depth: float) -> tuple[float, float]:
-    """Local stiffness and its standard deviation [N/m]."""
     step = STEP * depth
     (_, force, uncertainty), (_, more, _), (_, less, _) = (
         advance(model, model.initial_state(), x, 0.0, PERIOD) for x in (depth, depth + step, depth - step)

@@ -184,7 +184,6 @@ class Library:
         return f"Of {' and '.join(str(folder.resolve()) for folder in self._folders)}, the newest first."
 
     def _listed(self) -> dict[str, Path]:
-        """The recordings by name, the newest first."""
         listed = []
         for folder in self._folders:
             with contextlib.suppress(OSError):

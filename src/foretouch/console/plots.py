@@ -62,16 +62,10 @@ class Row(NamedTuple):
 
 
 class TimePlot:
-    """A plot of the last seconds.
+    """A plot of the last seconds, of curves from the back to the front.
 
-    Args:
-        gui: The viewer's user interface.
-        title: With the unit.
-        curves: From the back to the front.
-        height: [pixel].
-        lowest: Lower end of the drawn range; None to fit it to the curves.
-        least: What the drawn range reaches at least, so that noise does not fill the plot; None for no such end.
-        time: What stands below the time axis.
+    It is drawn from `lowest` on, where that is None as far as the curves reach, and at least up to `least`, so that
+    noise does not fill the plot. `time` stands below its time axis.
     """
 
     def __init__(
@@ -163,9 +157,7 @@ def inset(content: str, looks: str = "") -> str:
 def table(rows: Sequence[Row], heads: tuple[Row, str, str] | None = None) -> str:
     """A table of numbers, with the curves' lines before their names: it is the plot's legend too.
 
-    Args:
-        rows: Rows from above.
-        heads: Heads of the three columns; without them there are two.
+    It has three columns with heads, and two without.
     """
     right = 'td style="text-align:right;white-space:nowrap"'
     head = ""
@@ -186,7 +178,6 @@ def table(rows: Sequence[Row], heads: tuple[Row, str, str] | None = None) -> str
 
 
 def _line(curve: Curve | None) -> str:
-    """A piece of a curve."""
     if curve is None:
         return '<svg width="26" height="8"></svg>'
     dash = f' stroke-dasharray="{" ".join(f"{part:g}" for part in DASHES[curve.dash])}"' if DASHES[curve.dash] else ""

@@ -92,7 +92,6 @@ def session_status(watched: Watched, now: float, *, held: bool, clutched: bool) 
 
 
 def _withheld(watched: Watched) -> str:
-    """That the hand is not given all of the model's force, how much, why, and what to do; "" where it is."""
     if not watched.withheld:
         return ""
     less = round(10.0 * (1.0 - watched.given)) * 10
@@ -139,7 +138,6 @@ def _recording(watched: Watched, now: float) -> str:
 
 
 def _silence(watched: Watched, now: float) -> str:
-    """Which of the sides is silent."""
     robot, leader = watched.robot_silence(now), watched.leader_silence(now)
     if watched.received == -math.inf:
         return NOBODY_YET
@@ -185,7 +183,6 @@ def _control(watched: Watched, telemetry: Telemetry, now: float) -> str:
 
 
 def _of_status(status: int) -> str:
-    """The sentence of a status."""
     sentence = _SENTENCES.get(status, "says a status that is not known here")
     alone = status in (Status.STOPPED, Status.SENSOR_FAULT)
     return _sentence(sentence if alone else f"the robot {sentence}")

@@ -15,16 +15,13 @@ from foretouch.messages import Hello, LeaderState, Message, ModelUpdate, Telemet
 from foretouch.rendering.withheld import LEAST_FORCE, OWED, REDUCED_BELOW, UNPAID, Withheld, due_force
 from foretouch.settings import NO_BASELINE, NO_GRIP
 
-SILENT = 0.3
-"""A side that sends every millisecond is silent when nothing has come for this time [s]."""
-GONE = 1.0
-"""Time without a message of the leader shown after which another one is shown [s]."""
+SILENT, GONE = 0.3, 1.0
+"""A side that sends every millisecond is silent when nothing has come for this time [s]; after the second one another
+leader than the one shown is shown [s]."""
 SURFACE, PRESS_DEPTH = 0.012, 0.01
 """Surface position and depth of presses [m] until the session sends its values."""
-DEEPEST = 1.2
-"""How far the handle goes below the surface, in press depths."""
-SMALLEST_SCALE = 1e-3
-"""A bound on the position scale."""
+DEEPEST, SMALLEST_SCALE = 1.2, 1e-3
+"""How far the handle goes below the surface, in press depths; a bound on the position scale."""
 SUPERVISOR_SILENT = 3.0
 """The supervisor, which can start the sides again with another choice, speaks twice a second; it is gone when nothing
 has come for this time [s]."""

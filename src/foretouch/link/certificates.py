@@ -135,7 +135,6 @@ def utc_now() -> datetime:
 
 
 def _cryptography() -> Any:
-    """The parts of the package that are used here, loaded when they are needed."""
     try:
         from cryptography import x509
         from cryptography.hazmat.primitives import hashes, serialization

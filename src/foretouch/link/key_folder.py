@@ -170,7 +170,6 @@ class KeyFolder:
             raise SettingError("keys", str(self.path / name), rule)
 
     def _authority(self, now: datetime) -> Identity:
-        """The authority with its key."""
         authority = Identity.read(self._read(_AUTHORITY_KEY), self.path / _AUTHORITY_KEY, with_key=True)
         if authority.days_left(now) <= 0.0:
             rule = "has expired: foretouch keys rotate --authority makes a new one"
@@ -185,7 +184,6 @@ class KeyFolder:
         return identity
 
     def _names(self) -> list[str]:
-        """Common names whose certificates are here."""
         return sorted(path.stem for path in self.path.glob("*.pem"))
 
     def _allowed(self) -> tuple[str, ...]:

@@ -137,7 +137,6 @@ def as_printed(message: M) -> M:
 
 
 def _holds_text(kind: msgspec.inspect.Type) -> bool:
-    """Whether a field is a text, or several."""
     element = kind.item_type if isinstance(kind, msgspec.inspect.VarTupleType) else kind
     return isinstance(element, msgspec.inspect.StrType)
 

@@ -164,7 +164,6 @@ class Hellos:
 
 
 def _length(said: Said) -> int:
-    """Characters of its settings."""
     return sum(len(name) + len(value) for name, value in said.settings.items())
 
 

@@ -272,12 +272,10 @@ class FixtureFilter:
         return self._within(innovation, derivative @ state.covariance @ derivative.T + noise)
 
     def _within(self, innovation: Array, spread: Array) -> bool:
-        """Whether an innovation passes the gate."""
         gate = self._gates[0] if len(innovation) == 1 else self._gates[1]
         return float(innovation @ np.linalg.solve(spread, innovation)) <= gate
 
     def _agree(self, state: FixtureState, one: Seen, other: Seen) -> bool:
-        """Whether two that were refused tell the same."""
         if type(one) is not type(other):
             return False
         first, _, noise = self._innovation(state, one)

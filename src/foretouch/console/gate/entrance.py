@@ -119,7 +119,6 @@ class Entrance:
 
 
 def _only(values: Sequence[str]) -> str:
-    """The value of a header that is there once."""
     return values[0] if len(values) == 1 else ""
 
 

@@ -45,8 +45,7 @@ some of the usual 1,024."""
 class Wait:
     """How long the next message of a page has to wait (a leaky bucket)."""
 
-    def __init__(self) -> None:
-        self._due = 0.0
+    _due = 0.0
 
     def next(self, now: float) -> float:
         """Count one message at a time [s]; how long it has to wait [s], not positive where it need not."""
@@ -57,8 +56,7 @@ class Wait:
 class Volume:
     """What a page has sent in the second that runs."""
 
-    def __init__(self) -> None:
-        self._since, self._bytes = 0.0, 0
+    _since, _bytes = 0.0, 0
 
     def too_much(self, now: float, size: int) -> bool:
         """Count bytes that have come at a time [s], and whether they are too many."""
@@ -152,7 +150,6 @@ class _Gate:
         return None
 
     def _with_headers(self, response: Response) -> Response:
-        """The viewer's response, the page in it with its watch."""
         if response.headers.get("Content-Type", "").startswith("text/html") and response.body:
             if self._watched[0] != response.body:
                 self._watched = (bytes(response.body), with_watch(bytes(response.body)))

@@ -10,12 +10,11 @@ from typing import Any
 import numpy as np
 
 from foretouch.console.history import NAN, Window
-from foretouch.console.models_seen import ModelTrace
+from foretouch.console.models_seen import ModelTrace, model_of
 from foretouch.console.plots import SECONDS, Curve, Row, TimePlot, inset, number, put, table
 from foretouch.console.watched import Watched
-from foretouch.errors import InputError
 from foretouch.messages import ModelUpdate
-from foretouch.models import ContactMapModel, make_model, summarise_map
+from foretouch.models import ContactMapModel, summarise_map
 from foretouch.quantities import measured, parameter_unit
 from foretouch.quantities.colours import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, SKY, VERMILLION, css
 from foretouch.settings import SIMULATED
@@ -150,11 +149,8 @@ SYMBOLS = {"stiffness": "k", "damping": "λ", "exponent": "n", "switching": "α"
 def describe(update: ModelUpdate) -> tuple[str, ...]:
     """The law's numbers, a contact map's weights, visited region and stiffness; else the reason."""
     reason = (update.reason,) if update.reason else ()
-    if not update.valid:
-        return reason
-    try:
-        model = make_model(update.law, update.parameters, update.map)
-    except InputError:
+    model = model_of(update)
+    if model is None:
         return reason
     named = zip(model.parameter_names, model.parameters, strict=True)
     numbers = "law: " + ", ".join(f"{SYMBOLS.get(name, name)} {measured(value, None)}" for name, value in named)

@@ -110,13 +110,10 @@ class Actions:
 class Panel:
     """The viewer's panel. Each part is a class.
 
-    Args:
-        server: The viewer's server.
-        actions: Functions called for actions of a person.
-        live: Whether a session may be received; else recordings come first, and nothing offers to act on a robot.
+    Where no session may be received, recordings come first, and nothing offers to act on a robot.
     """
 
-    def __init__(self, server: Any, actions: Actions, *, live: bool = True) -> None:
+    def __init__(self, server: Any, actions: Actions, *, live: bool) -> None:
         gui = self._gui = server.gui
         gui.set_panel_label("foretouch")
         gui.configure_theme(control_width="large", show_logo=False, show_share_button=False, brand_color=BLUE)
@@ -188,7 +185,6 @@ def _help_html(text: str) -> str:
 
 
 def _head_html(instruction: str, note: str) -> str:
-    """What to do, and what it is about."""
     return (
         f'<div style="padding:0 12px 2px 12px;font-size:1.15em;line-height:1.3"><b style="color:{css(BLUE)}">'
         f'{html.escape(instruction)}</b><br><span style="font-size:0.78em;color:#555"><span class="foretouch-about">A '
@@ -262,7 +258,6 @@ class RecordingsPanel:
         put(self._note, content=_quiet(note))
 
     def _place_bar(self, now: float) -> None:
-        """Put the bar where the recording is [s]."""
         if time.monotonic() - self._moved > SETTLED:
             self._moved = math.nan
             self._bar.value = round(now, 2) + SLIGHTLY
@@ -270,7 +265,6 @@ class RecordingsPanel:
             self._bar.value = round(now, 2)
 
     def _put(self, playback: Playback) -> None:
-        """A new one: its length, and the delays that it had."""
         self._bar.max = max(round(playback.duration, 2), 0.01)
         for name, slider in self._delays.items():
             slider.value = min(max(playback.shown.setting(name, 0.0), 0.0), LONGEST_DELAY)
@@ -290,5 +284,4 @@ class RecordingsPanel:
 
 
 def _quiet(text: str) -> str:
-    """What explains itself once it is read."""
     return f'<div style="padding:2px 12px;color:#555;overflow-wrap:anywhere">{html.escape(text)}</div>'

@@ -46,14 +46,10 @@ def can_draw() -> bool:
 def draw_over(
     jpeg: bytes, camera: Sequence[float], probe: Vector, pose: Sequence[float], corners: Array
 ) -> bytes | None:
-    """An image with the virtual probe and the fixture's outline in it; None where it cannot be read.
+    """A JPEG with the virtual probe [m] and the fixture's outline in it; None where it cannot be read.
 
-    Args:
-        jpeg: The image.
-        camera: As `foretouch.messages.CameraImage.camera` has it.
-        probe: Position of the virtual probe [m].
-        pose: Pose of the fixture as it is rendered: a position [m] and a rotation vector [rad].
-        corners: Corners of the outline in the fixture's frame [m], shape (n, 3).
+    The camera is that of `foretouch.messages.CameraImage`; the pose is the rendered one, a position [m] and a rotation
+    vector [rad], and the corners of the outline are in the fixture's frame [m], shape (n, 3).
     """
     cv2 = opencv()
     image = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
@@ -74,7 +70,6 @@ def draw_over(
 
 
 def _draw_tip(image: np.ndarray, camera: Sequence[float], probe: Vector) -> None:
-    """A disc as large as the tip would be."""
     middle, right = _pixels(camera, np.array(probe) + np.outer((0.0, TIP_RADIUS), (1.0, 0.0, 0.0)))
     if np.isfinite(middle).all() and np.isfinite(right).all():
         cv2, at = opencv(), np.rint(middle).astype(int).tolist()
@@ -94,7 +89,6 @@ def _draw_line(image: np.ndarray, points: Array, colour: Colour, width: int) -> 
 
 
 def _divided(corners: Array) -> Array:
-    """Points along the sides of a closed outline."""
     share = np.arange(PARTS)[:, None] / PARTS
     sides = [a + share * (b - a) for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)]
     return np.concatenate(sides)

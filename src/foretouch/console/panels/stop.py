@@ -100,7 +100,6 @@ def _box_html(alerts: tuple[str, ...]) -> str:
 
 
 def _with_command(alert: str) -> str:
-    """The sentence with the command in it as one that can be copied."""
     command = '<code style="pointer-events:auto;user-select:all;cursor:copy" title="Click, then copy">\\g<0></code>'
     return re.sub(r"foretouch release \d+", command, html.escape(alert))
 

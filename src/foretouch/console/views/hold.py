@@ -110,7 +110,6 @@ class Hold:
         self._publisher.send(Handle, held=self.held, clutched=self.clutched, **self._requested())
 
     def _requested(self) -> dict[str, Any]:
-        """Where the hand is to be."""
         return {"position": self._hand}
 
 

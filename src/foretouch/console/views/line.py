@@ -151,11 +151,9 @@ class LineView:
             self._rail.vertices = shapes.rail(max(bottom + HANDLE_HEIGHT, LOWEST_RAIL), top + HANDLE_HEIGHT)[0]
 
     def _handle_height(self) -> float:
-        """Height of the handle as drawn [scene units]."""
         return (self._watched.surface - self.hold.position) * UNITS + HANDLE_HEIGHT
 
     async def _dragged(self, event: Any) -> None:
-        """A drag of the handle: async, so that the viewer keeps the order of start, moves and end."""
         height = height_on_axis(np.asarray(event.client.camera.position), np.asarray(event.end_position))
         if event.phase == "start":  # from where the handle is now, wherever on it or on its rail the mouse is
             self.hold.follow()

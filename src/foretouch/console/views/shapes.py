@@ -111,14 +111,8 @@ def sinking(square: Array, depth: float, width: float, reach: float, tip: float)
 
     .. math:: u(r) = d \left(1 + r^2 / w^2\right)^{-3/2} \left(1 - r^2 / W^2\right)^2, \quad w^2 = w_0^2 + 3 d R
 
-    which follows the tip. It is a picture, not a solution.
-
-    Args:
-        square: Square of the distance r from the tip.
-        depth: d, not negative.
-        width: w_0, that of a shallow dent.
-        reach: W, where every dent ends.
-        tip: R, radius of the tip.
+    at distances r from the tip, whose radius is R, with the width w_0 of a shallow dent and the reach W of every dent.
+    It follows the tip; it is a picture, not a solution.
     """
     edge = np.maximum(1.0 - square / reach**2, 0.0) ** 2
     sunk: Array = depth * edge * (1.0 + square / (width**2 + 3.0 * depth * tip)) ** -1.5
@@ -169,11 +163,6 @@ def thinned(vertices: Array, faces: Faces, most: int) -> tuple[Array, Faces]:
     """Fewer triangles: vertices in one cube become one, in cubes as large as it takes.
 
     A browser is sent what is drawn thirty times a second; what is felt is the whole mesh.
-
-    Args:
-        vertices: [m], shape (n, 3).
-        faces: Indices, shape (m, 3).
-        most: Triangles that are left.
 
     References:
         Rossignac and Borrel (1993), Multi-resolution 3D approximations for rendering complex scenes, in Modeling in

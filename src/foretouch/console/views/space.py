@@ -59,14 +59,7 @@ SCREEN = {"thickness_units": "screen"}
 
 
 def sunk(vertices: Array, point: Sequence[float], normal: Sequence[float], depth: float) -> tuple[Array, Array]:
-    """Vertices under a probe, and by how much each has sunk along the normal: see `shapes.sinking`.
-
-    Args:
-        vertices: [m], shape (n, 3).
-        point: The proxy [m].
-        normal: Outward, of length 1.
-        depth: d [m]; nothing sinks where it is not positive.
-    """
+    """Vertices [m] under a proxy [m] at a depth [m], and by how much each has sunk along the outward normal."""
     if not depth > 0.0:
         return vertices, np.zeros(len(vertices))
     square = ((vertices - np.asarray(point)) ** 2).sum(axis=1)
@@ -162,7 +155,6 @@ class FixtureView:
         return sunk(self._vertices, self._dent[:3], self._normal, self._dent[3])
 
     def _paint(self) -> None:
-        """Give each colour its triangles."""
         vertices, _ = self._bent()
         self._parts = []
         for level, node in enumerate(self._nodes):
@@ -273,12 +265,10 @@ class SpaceScene:
             self._tether.scale = (1.0, 1.0, max(math.hypot(*way), 1e-3))
 
     async def _dragged(self, event: Any) -> None:
-        """A drag of the handle: async, so that the viewer keeps the order of start, moves and end."""
         self._hold.drag_to([float(value) / UNITS for value in event.target.position], str(event.phase))
 
 
 def _scene(place: Vector) -> Vector | None:
-    """A position in the world [m] in scene units; None where it is not finite."""
     x, y, z = place
     return (UNITS * x, UNITS * y, UNITS * z) if math.isfinite(x + y + z) else None
 
