@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import itertools
 import logging
 import os
 import random
@@ -92,14 +93,8 @@ class Target:
 def strangers(target: Target) -> Iterator[Tally]:
     visitor = target.visitor
     tally = Tally("page without token and cookie")
-    for path in (
-        "/",
-        "/index.html",
-        "/?token=",
-        "/..%2f..%2fetc/passwd",
-        f"{visitor.path}/",
-        f"{visitor.path}/?token=",
-    ):
+    own = (f"{visitor.path}/", f"{visitor.path}/?token=")
+    for path in ("/", "/index.html", "/?token=", "/..%2f..%2fetc/passwd", *own):
         for host in (visitor.address, f"localhost:{_port(visitor)}", *_hosts(visitor)):
             tally.count(ask(visitor.address, path, Host=host).status != 403)
     yield tally
@@ -223,7 +218,7 @@ def browser(target: Target) -> Iterator[Tally]:
         yield tally
 
 
-def honest_stop(target: Target) -> Tally:
+def honest_stop(target: Target) -> Iterator[Tally]:
     from foretouch.console.panels.stop import READY
 
     target.heard()
@@ -232,7 +227,7 @@ def honest_stop(target: Target) -> Tally:
         page.update(page.control("GuiButtonMessage", READY), value=True)
         page.hear(1.0)
     tally.got_in = int(not any(type(message).__name__ == "EmergencyStop" for message in target.heard()))
-    return tally
+    yield tally
 
 
 def main() -> int:
@@ -244,20 +239,12 @@ def main() -> int:
         target = Target(folder)
         try:
             before = target.memory()
-            for attack in (
-                strangers(target),
-                browser(target),
-                pages(target),
-                recordings(target, folder),
-                floods(target),
-            ):
-                for tally in attack:
-                    done.append(tally)
-                    print(f"{tally.tried:6d} tried {tally.got_in:4d} got in   {tally.what}", flush=True)
-            last = honest_stop(target)
+            attacks = (strangers(target), browser(target), pages(target), recordings(target, folder), floods(target))
+            for tally in itertools.chain(*attacks, honest_stop(target)):
+                done.append(tally)
+                print(f"{tally.tried:6d} tried {tally.got_in:4d} got in   {tally.what}", flush=True)
             grown = target.memory() - before
-            done += [last, Tally("memory", 1, int(grown > MOST_GROWTH))]
-            print(f"{last.tried:6d} tried {last.got_in:4d} got in   {last.what}")
+            done.append(Tally("memory", 1, int(grown > MOST_GROWTH)))
             print(f"The console runs: {target.alive}; its memory grew by {grown / 1e6:.0f} MB.")
             done.append(Tally("alive", 1, int(not target.alive)))
         finally:

@@ -52,10 +52,6 @@ def of_46_kb(role: str, number: object) -> tuple[str, bytes]:
     return "foretouch/hello/watcher", encode(Hello(VERSION, 1, 1, role, names, ("v" * 380,) * 120))
 
 
-def another_role(number: int) -> tuple[str, bytes]:
-    return of_46_kb(f"r{number}", "")
-
-
 def other_names(number: int) -> tuple[str, bytes]:
     return of_46_kb("recorder", number)
 
@@ -68,13 +64,7 @@ def other_version(number: int) -> tuple[str, bytes]:
 def garbage(number: int) -> tuple[str, bytes]:
     """Noise, and heads that claim to be as long as can be said."""
     draw = random.Random(number)
-    heads = (
-        b"\xdd\xff\xff\xff\xff",
-        b"\xdf\xff\xff\xff\xff",
-        b"\xdb\xff\xff\xff\xff",
-        b"\xc6\xff\xff\xff\xff",
-        b"\x91" * 9000,
-    )
+    heads = (*(bytes((head, 255, 255, 255, 255)) for head in (0xDD, 0xDF, 0xDB, 0xC6)), b"\x91" * 9000)
     key = draw.choice(("hello/watcher", "stop", "emergency", "settings"))
     return f"foretouch/{key}", draw.choice(heads) + draw.randbytes(draw.choice((0, 20, 45_000)))
 
@@ -96,7 +86,10 @@ def starts_all_the_same(target: Target, folder: Path) -> tuple[int, bool]:
             "--material",
             "hunt-crossley",
         )
-        leader = Process(folder, "leader", "--connect", target.at_follower, "--listen", endpoint, *options)
+        leader = Process(
+            folder, "leader", "--connect", target.at_follower, "--listen", endpoint,
+            "--keys", target.keys.path, *options,
+        )  # fmt: skip
         try:
             end = time.monotonic() + STARTING
             while leader.running and "control" not in leader.said and time.monotonic() < end:
@@ -160,7 +153,7 @@ def main() -> int:
         print("peers: a watcher's certificate, over TLS")
         with session(folder) as target:
             rows: tuple[tuple[str, Words, int], ...] = (
-                ("hellos of 46 kB, each in another role", another_role, 4000),
+                ("hellos of 46 kB, each in another role", lambda number: of_46_kb(f"r{number}", ""), 4000),
                 ("hellos of 46 kB, each with other names", other_names, 2000),
                 ("hellos of another version, or two bytes of it", other_version, 2000),
                 ("garbage of up to 45 kB", garbage, 4000),

@@ -6,7 +6,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -15,7 +15,7 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "link"))
 
-from intruders import hello_of, intruder, listen, sample, say_everything  # noqa: F401
+from intruders import hello_of, intruder, listen, sample, say_everything, until  # noqa: F401
 
 from foretouch.link import Identity, KeyFolder, ZenohLink, free_endpoint, load_credentials
 from foretouch.messages import Status, split_texts
@@ -111,14 +111,6 @@ class Target:
             for name, count in sorted(counts.items())
             if name.endswith(counted)
         }
-
-
-def until(condition: Callable[[], object], seconds: float, what: str) -> None:
-    end = time.monotonic() + seconds
-    while not condition():
-        if time.monotonic() > end:
-            raise TimeoutError(f"not within {seconds:g} s: {what}")
-        time.sleep(0.02)
 
 
 def keys_in(folder: Path) -> KeyFolder:

@@ -13,7 +13,7 @@ import pytest
 from console_driver import simulated_session
 
 from foretouch.console.models_seen import figures_of
-from foretouch.console.playback import NOT_YET, Library, Playback, RecordedWatch
+from foretouch.console.playback import NOT_YET, Library, Playback
 from foretouch.errors import RecordingError
 from foretouch.messages import LEADER_DTYPE, Said, SessionLog
 
@@ -30,7 +30,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, SessionLog
 @pytest.mark.parametrize("moment", [0.0, 0.777, 2.5, 4.999, 99.0, -1.0, float("nan")])
 def test_a_moment_shows_the_tick_that_was_recorded_at_it(recorded: tuple[Path, SessionLog], moment: float) -> None:
     log = recorded[1]
-    shown = RecordedWatch(log)
+    shown = Playback(log)
     shown.go_to(moment)
     within = min(max(moment, 0.0), shown.duration) if np.isfinite(moment) else 0.0
     assert shown.now == within
@@ -52,7 +52,7 @@ def test_a_moment_shows_the_tick_that_was_recorded_at_it(recorded: tuple[Path, S
 
 def test_the_window_has_the_recorded_forces_and_the_exact_true_one(recorded: tuple[Path, SessionLog]) -> None:
     log = recorded[1]
-    shown = RecordedWatch(log)
+    shown = Playback(log)
     shown.go_to(4.0)
     window = shown.window(3.0)
     assert (window.time >= -3.0).all()
@@ -74,7 +74,7 @@ def test_the_window_has_the_recorded_forces_and_the_exact_true_one(recorded: tup
 
 def test_models_over_time_are_those_that_the_leader_had(recorded: tuple[Path, SessionLog]) -> None:
     log = recorded[1]
-    shown = RecordedWatch(log)
+    shown = Playback(log)
     shown.go_to(4.5)
     trace = shown.model_trace(3.0)
     assert len(trace.time) > 10
@@ -207,7 +207,7 @@ def test_a_second_run_under_another_delay_stands_beside_the_recorded_one(recorde
     assert library.playback.other is not None, library.note
     assert "0.05 s back; the hand's motion is the recorded one" in library.note
     library.playback.go_to(4.0)
-    shown, other = library.playback.shown.window(3.0), library.playback.other.window(3.0)
+    shown, other = library.playback.window(3.0), library.playback.other.window(3.0)
     np.testing.assert_allclose(other.time, shown.time, atol=1e-6)
     assert np.nanmedian(other.round_trip) < 0.06
     assert other.delayed_error < shown.delayed_error
@@ -230,9 +230,7 @@ def test_playback_shows_what_was_set_then(recorded: tuple[Path, SessionLog]) -> 
         Said("follower", 109, 0, {"material": "sponge", "position_delay": "0.08"}),
         Said("leader", 9, 0, {"grip": "normal", "force_delay": "0.6"}),
     )
-    shown = RecordedWatch(
-        dataclasses.replace(log, leader=leader, follower=follower, said=said, settings={"grip": "normal"})
-    )
+    shown = Playback(dataclasses.replace(log, leader=leader, follower=follower, said=said, settings={"grip": "normal"}))
     for moment, delay in ((1.0, 0.3), (2.9, 0.3), (3.1, 0.6), (1.0, 0.3)):
         shown.go_to(moment)
         assert shown.settings["material"] == "foam"

@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from foretouch.console.panels.session import Publisher
 from foretouch.console.panels.space import MARKERS, draw_over, pose_sentence
-from foretouch.console.playback import RecordedWatch
+from foretouch.console.playback import Playback
 from foretouch.console.space_state import SpaceState, newest_image
 from foretouch.console.views import shapes as shape
 from foretouch.console.views.hold import HOME, REACH, SpaceHold
@@ -108,7 +108,7 @@ def test_a_session_along_a_line_has_nothing_in_space() -> None:
 @pytest.mark.parametrize("moment", [0.5, 2.0, 4.321, 5.9])
 def test_a_recording_shows_the_places_of_its_moment(moment: float) -> None:
     log = recorded(LONG)
-    shown = RecordedWatch(log)
+    shown = Playback(log)
     shown.go_to(moment)
     row = log.leader_space[round(moment * 1000)]
     leader = shown.space.leader
@@ -130,7 +130,7 @@ def test_a_recording_shows_the_places_of_its_moment(moment: float) -> None:
 @pytest.mark.long
 def test_a_recording_shows_what_the_live_console_showed() -> None:
     log, moment = recorded(LONG), 7.2
-    live, shown = heard_until(log, moment), RecordedWatch(log)
+    live, shown = heard_until(log, moment), Playback(log)
     shown.go_to(moment)
     assert live.in_space
     assert live.telemetry_sequence == shown.telemetry_sequence
@@ -346,7 +346,7 @@ def test_strokes_move_the_hand_and_let_go() -> None:
 
 def test_beliefs_are_told_by_the_clock_of_the_robot() -> None:
     log = recorded(SHORT)
-    shown = RecordedWatch(log)
+    shown = Playback(log)
     shown.go_to(1.0)
     belief, robot = shown.space.belief, shown.space.follower
     assert isinstance(belief, FixtureBelief)
@@ -362,7 +362,7 @@ def test_recordings_on_disk_hold_it_all(tmp_path: Path) -> None:
         for message in messages_of(log):
             writer.write(message, message.time_ns)
         writer.close(log.counts)
-    ours, theirs = RecordedWatch(read_session(path)), RecordedWatch(log)
+    ours, theirs = Playback(read_session(path)), Playback(log)
     for one in (ours, theirs):
         one.go_to(1.0)
     assert_same(ours.space.leader, theirs.space.leader)

@@ -28,14 +28,11 @@ def intruder(
 ) -> Iterator[Any]:
     import zenoh
 
-    tls: dict[str, object] = {"verify_name_on_connect": False}
-    if trusts is not None:
-        tls["root_ca_certificate_base64"] = base64.b64encode(trusts.certificate).decode()
-    if identity is not None:
-        for end in ("connect", "listen"):
-            tls[f"{end}_certificate_base64"] = base64.b64encode(identity.certificate).decode()
-            tls[f"{end}_private_key_base64"] = base64.b64encode(identity.key).decode()
-        tls["enable_mtls"] = connect is not None
+    files = {} if trusts is None else {"root_ca_certificate": trusts.certificate}
+    for end in ("connect", "listen") if identity is not None else ():
+        files |= {f"{end}_certificate": identity.certificate, f"{end}_private_key": identity.key}
+    tls: dict[str, object] = {f"{name}_base64": base64.b64encode(content).decode() for name, content in files.items()}
+    tls |= {"verify_name_on_connect": False} | ({} if identity is None else {"enable_mtls": connect is not None})
     settings = {
         "mode": "peer",
         "connect/endpoints": [connect] if connect else [],
@@ -96,8 +93,8 @@ def say_everything(session: Any) -> None:
     session.put("elsewhere", b"x")
 
 
-def until(condition: Callable[[], object], seconds: float = 15.0) -> None:
+def until(condition: Callable[[], object], seconds: float = 15.0, what: str = "it did not happen") -> None:
     end = time.monotonic() + seconds
     while not condition():
-        assert time.monotonic() < end, "it did not happen in time"
+        assert time.monotonic() < end, f"not within {seconds:g} s: {what}"
         time.sleep(0.01)

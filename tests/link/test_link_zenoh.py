@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import socket
 import time
-from contextlib import nullcontext
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
+from typing import Any
 
 import msgspec
 import pytest
@@ -22,9 +24,26 @@ def command(sequence: int) -> Command:
     return Command(VERSION, sequence, time.monotonic_ns(), 0.01, 0)
 
 
-def test_messages_arrive_whole_and_in_order() -> None:
+def hello(version: int, role: str) -> bytes:
+    return encode(Hello(version, 1, 1, role, (), ()))
+
+
+@contextmanager
+def joined(*channels: str) -> Iterator[tuple[ZenohLink, ZenohLink]]:
     endpoint = free_endpoint()
-    with ZenohLink(listen=[endpoint], subscribe=["command"]) as near, ZenohLink(connect=[endpoint]) as far:
+    with ZenohLink(listen=[endpoint], subscribe=channels) as near, ZenohLink(connect=[endpoint]) as far:
+        yield near, far
+
+
+@contextmanager
+def visited(*channels: str) -> Iterator[tuple[ZenohLink, Any]]:
+    endpoint = free_endpoint()
+    with ZenohLink(listen=[endpoint], subscribe=channels) as link, intruder(connect=endpoint) as stranger:
+        yield link, stranger
+
+
+def test_messages_arrive_whole_and_in_order() -> None:
+    with joined("command") as (near, far):
         until(lambda: far.publish(command(1)) or near.take("command"))
         time.sleep(0.2)
         near.take("command")
@@ -47,8 +66,7 @@ def test_a_link_waits_for_a_peer_that_comes_later() -> None:
 
 
 def test_what_does_not_decode_is_counted_and_dropped() -> None:
-    endpoint = free_endpoint()
-    with ZenohLink(listen=[endpoint], subscribe=["stop", "hello"]) as link, intruder(connect=endpoint) as stranger:
+    with visited("stop", "hello") as (link, stranger):
         until(lambda: stranger.put("foretouch/stop", b"garbage") or link.undecodable)
         assert link.foreign == 0
         other = Stop(VERSION + 1, 1, 1, "from the future")
@@ -58,35 +76,28 @@ def test_what_does_not_decode_is_counted_and_dropped() -> None:
 
 def test_a_stranger_of_another_version_is_counted_and_ends_nothing() -> None:
     """Two bytes count as another version; so does an old recorder, on its own key, and a side that spoke too late."""
-    endpoint = free_endpoint()
-    with ZenohLink(listen=[endpoint], subscribe=["hello"]) as link, intruder(connect=endpoint) as stranger:
-        strangers = [b"\x91\x07", encode(Hello(VERSION + 1, 1, 1, "recorder", (), ())), b"\x94\x07\x01\x01\x07"]
-        end = time.monotonic() + PATIENCE + 0.5
-        while time.monotonic() < end:
-            for said in strangers:
-                stranger.put("foretouch/hello", said)
-            time.sleep(0.02)
+    with visited("hello") as (link, stranger):
+
+        def say_for_long(*words: bytes) -> None:
+            end = time.monotonic() + PATIENCE + 0.5
+            while time.monotonic() < end:
+                for said in words:
+                    stranger.put("foretouch/hello", said)
+                time.sleep(0.02)
+
+        say_for_long(b"\x91\x07", hello(VERSION + 1, "recorder"), b"\x94\x07\x01\x01\x07")
         assert link.foreign > 30
         assert link.other_version() is None
-        until(
-            lambda: (
-                stranger.put("foretouch/hello", encode(Hello(VERSION, 1, 1, "leader", (), ()))) or link.take("hello")
-            )
-        )
-        forged = encode(Hello(VERSION + 1, 1, 1, "leader", (), ()))
-        foreign, end = link.foreign, time.monotonic() + PATIENCE + 0.5
-        while time.monotonic() < end:
-            stranger.put("foretouch/hello", forged)
-            time.sleep(0.02)
+        until(lambda: stranger.put("foretouch/hello", hello(VERSION, "leader")) or link.take("hello"))
+        foreign = link.foreign
+        say_for_long(hello(VERSION + 1, "leader"))
         assert link.foreign > foreign
         assert link.other_version() is None
 
 
 def test_a_side_of_another_version_is_told_of_once_nobody_else_has_spoken() -> None:
-    endpoint = free_endpoint()
-    with ZenohLink(listen=[endpoint], subscribe=["hello"]) as link, intruder(connect=endpoint) as old:
-        hello = encode(Hello(VERSION + 1, 1, 1, "follower", (), ()))
-        until(lambda: old.put("foretouch/hello", hello) or link.foreign)
+    with visited("hello") as (link, old):
+        until(lambda: old.put("foretouch/hello", hello(VERSION + 1, "follower")) or link.foreign)
         assert link.other_version({"follower"}) is None, "a moment is left for the true one to speak"
         until(lambda: link.other_version({"follower"}))
         assert isinstance(link.other_version(), PeerVersionError)
@@ -95,9 +106,8 @@ def test_a_side_of_another_version_is_told_of_once_nobody_else_has_spoken() -> N
 
 @pytest.mark.parametrize("size", [LARGEST_MESSAGE - 5, LARGEST_MESSAGE])
 def test_what_is_as_large_as_allowed_arrives(size: int) -> None:
-    endpoint = free_endpoint()
     message = update_of(size)
-    with ZenohLink(listen=[endpoint], subscribe=["model"]) as near, ZenohLink(connect=[endpoint]) as far:
+    with joined("model") as (near, far):
         until(lambda: far.publish(message) or near.inboxes["model"])
         near.take("model")
         arrived: list[Message] = []
@@ -108,15 +118,13 @@ def test_what_is_as_large_as_allowed_arrives(size: int) -> None:
 
 
 def test_what_is_too_large_is_said_at_the_sender() -> None:
-    endpoint = free_endpoint()
-    with ZenohLink(listen=[endpoint], subscribe=["model"]) as near, ZenohLink(connect=[endpoint]) as far:
+    with joined("model") as (near, far):
         until(lambda: far.publish(update_of(100)) or near.take("model"))
         for size in (LARGEST_MESSAGE + 1, 60_000, 100_000):
             far.publish(update_of(size))
         assert far.unsent == 3
-        assert far.too_large == (
-            f"a ModelUpdate of {LARGEST_MESSAGE + 1} bytes was not sent: at most {LARGEST_MESSAGE} go over the network"
-        )
+        first = f"a ModelUpdate of {LARGEST_MESSAGE + 1} bytes was not sent"
+        assert far.too_large == f"{first}: at most {LARGEST_MESSAGE} go over the network"
         until(lambda: far.publish(update_of(100)) or near.take("model"))  # the connection is none the worse
 
 
@@ -148,15 +156,10 @@ def test_a_port_in_use_is_refused_in_one_line() -> None:
 @pytest.mark.parametrize(
     ("endpoint", "message"),
     [
-        *(
-            (f"tcp/{host}:7447", r"off this machine .*--insecure")
-            for host in ("192.0.2.1", "0.0.0.0", "[::]", "robot.lab")
-        ),
+        *((f"tcp/{host}:7447", "off this .*--insecure") for host in ("192.0.2.1", "0.0.0.0", "[::]", "robot.lab")),
         *((f"tcp/{host}:7447", "") for host in ("127.0.0.1", "localhost", "[::1]", "127.5.5.5")),
-        *(
-            (endpoint, "write it as tcp/HOST:PORT")
-            for endpoint in ("127.0.0.1:7447", "udp/127.0.0.1:7447", "tcp/127.0.0.1", "tcp/127.0.0.1:0", "")
-        ),
+        *((wrong, "write it as tcp/HOST:PORT") for wrong in ("127.0.0.1:7447", "udp/127.0.0.1:7447", "tcp/127.0.0.1")),
+        *((wrong, "write it as tcp/HOST:PORT") for wrong in ("tcp/127.0.0.1:0", "")),
     ],
 )
 def test_endpoints_are_on_this_machine_or_insecure_and_written_as_they_should_be(endpoint: str, message: str) -> None:

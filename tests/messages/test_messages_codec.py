@@ -89,10 +89,8 @@ HOSTILE = "\x1b]0;mine\x07\x1b[2J\r\nfollower: released \u202eDETIUQ\u2066\x9b31
 
 
 def texts_of(message: Message) -> list[str]:
-    values = msgspec.structs.astuple(message)
-    return [
-        text for value in values for text in (value if isinstance(value, tuple) else (value,)) if isinstance(text, str)
-    ]
+    values = [value if isinstance(value, tuple) else (value,) for value in msgspec.structs.astuple(message)]
+    return [text for value in values for text in value if isinstance(text, str)]
 
 
 @pytest.mark.parametrize(
@@ -167,13 +165,8 @@ def test_another_version_another_channel_and_too_long_a_message_are_told_apart_f
 
 
 def test_tables_and_rows_hold_the_fields_of_their_messages() -> None:
-    tables = {
-        LeaderState: LEADER_DTYPE,
-        Telemetry: FOLLOWER_DTYPE,
-        LeaderSpace: LEADER_SPACE_DTYPE,
-        FollowerSpace: FOLLOWER_SPACE_DTYPE,
-    }
-    for kind, dtype in tables.items():
+    line, space = {LeaderState: LEADER_DTYPE, Telemetry: FOLLOWER_DTYPE}, {LeaderSpace: LEADER_SPACE_DTYPE}
+    for kind, dtype in (line | space | {FollowerSpace: FOLLOWER_SPACE_DTYPE}).items():
         assert dtype.names == kind.__struct_fields__[1:]
     model = ModelUpdate(VERSION, 3, 4, 5, "law", (1.0,), (), 0.0, True, "", "fprls", b"map", 6, 7)
     along_a_line = ((), (), math.inf, ())  # no fixture, no friction
@@ -218,9 +211,7 @@ def model(sequence: int, epoch: int, run: int) -> ModelUpdate:
 
 def session() -> SessionLog:
     leader = [led(tick, tick, 5, 1 if tick > 10 else 0) for tick in range(1, 101)]
-    for tick in range(101, 401):
-        run = 0 if tick <= 110 else 1 if tick < 290 else 2
-        leader.append(led(tick, tick - 100, 7, run))
+    leader += [led(tick, tick - 100, 7, 0 if tick <= 110 else 1 if tick < 290 else 2) for tick in range(101, 401)]
     follower = []
     for tick in (*range(1, 251), *range(280, 401)):
         run = 1 if tick <= 250 else 2

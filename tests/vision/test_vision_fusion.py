@@ -24,6 +24,14 @@ def contact(random: np.random.Generator, true: Pose, time: float) -> ContactSeen
     return ContactSeen(time, tuple(true.apply((x, y, random.normal(0.0, 2e-4)))), 2e-4)
 
 
+def settled(random: np.random.Generator, bias: np.ndarray | None = None, images: int = 29) -> FixtureFilter:
+    """After as many images of a fixture that stands where it is believed."""
+    known = FixtureFilter(Fixture(), Pose.identity())
+    for tick in range(1, images + 1):
+        known.update(image(random, Pose.identity(), 0.033 * tick, bias))
+    return known
+
+
 def displaced(random: np.random.Generator) -> Pose:
     return Pose.exp(random.normal(size=6) * np.repeat([S.start_position, S.start_angle], 3))
 
@@ -35,9 +43,8 @@ def test_the_error_is_as_large_as_the_filter_says() -> None:
         bias = random.normal(size=6) * np.repeat([S.bias_position, S.bias_angle], 3)
         known = FixtureFilter(Fixture(), Pose.identity())
         for tick in range(1, 20):
-            true = true @ Pose.exp(
-                random.normal(size=6) * np.repeat([S.drift_position, S.drift_angle], 3) * math.sqrt(0.1)
-            )
+            drift = np.repeat([S.drift_position, S.drift_angle], 3) * math.sqrt(0.1)
+            true = true @ Pose.exp(random.normal(size=6) * drift)
             known.update(image(random, true, 0.1 * tick, bias))
             if tick % 5 == 0:
                 known.update(contact(random, true, 0.1 * tick))
@@ -65,9 +72,7 @@ def test_the_order_of_arrival_makes_no_difference() -> None:
 def test_contacts_take_away_along_the_normal_what_all_images_share() -> None:
     random = np.random.default_rng(2)
     bias = np.array([0.0, 0.0, 1e-3, 0.0, 0.0, 0.0])
-    known = FixtureFilter(Fixture(), Pose.identity())
-    for tick in range(1, 40):
-        known.update(image(random, Pose.identity(), 0.033 * tick, bias))
+    known = settled(random, bias, 39)
     before = abs(known.state(1.4).pose.translation[2])
     for tick in range(10):
         assert known.update(contact(random, Pose.identity(), 1.4 + 0.05 * tick)) is Verdict.USED
@@ -77,9 +82,7 @@ def test_contacts_take_away_along_the_normal_what_all_images_share() -> None:
 
 def test_one_wrong_image_is_refused_and_a_bump_opens_the_filter() -> None:
     random = np.random.default_rng(4)
-    known = FixtureFilter(Fixture(), Pose.identity())
-    for tick in range(1, 30):
-        known.update(image(random, Pose.identity(), 0.033 * tick))
+    known = settled(random)
     moved = Pose.exp([0.012, -0.008, 0.0, 0.0, 0.0, 0.12])
     before = known.state(1.0).pose
     assert known.update(image(random, moved, 1.0)) is Verdict.REFUSED
@@ -95,9 +98,7 @@ def test_one_wrong_image_is_refused_and_a_bump_opens_the_filter() -> None:
 
 def test_wrong_images_that_do_not_agree_never_open_it() -> None:
     random = np.random.default_rng(6)
-    known = FixtureFilter(Fixture(), Pose.identity())
-    for tick in range(1, 30):
-        known.update(image(random, Pose.identity(), 0.033 * tick))
+    known = settled(random)
     for tick in range(30, 60):
         wrong = Pose.exp(random.uniform(0.02, 0.3, 6) * random.choice([-1, 1], 6))
         assert known.update(image(random, wrong, 0.033 * tick)) is Verdict.REFUSED

@@ -13,8 +13,8 @@ from typing import Any
 from foretouch.console.gate import Entrance, make_gated_server
 from foretouch.console.gate.entrance import require_free_port
 from foretouch.console.panels.figures import describe, numbers_html
-from foretouch.console.panels.panel import CHOOSE_RECORDING, INSTRUCTION, WATCH_RECORDING, Actions, Panel, felt
-from foretouch.console.panels.session import CHOICES, NetworkFaults, Publisher
+from foretouch.console.panels.panel import CHOOSE_RECORDING, INSTRUCTION, WATCH_RECORDING, Panel, felt
+from foretouch.console.panels.session import CHOICES, Actions, NetworkFaults, Publisher
 from foretouch.console.panels.stop import ASKING, LATCHED, READY, UNABLE, EmergencyCall
 from foretouch.console.playback import Library
 from foretouch.console.plots import SECONDS
@@ -118,7 +118,7 @@ class Console:
         space_hold = SpaceHold(self._watched, self._publisher)
         self._space = SpaceView(self._server, self._panel.image, self._panel.tabs, space_hold)
         self._server.on_client_disconnect(self._browser_gone)
-        self._next_scene = self._next_plot = self._next_text = self._next_list = self._next_look = 0.0
+        self._next: dict[str, float] = {}  # when each is due again
 
     @property
     def url(self) -> str:
@@ -155,11 +155,9 @@ class Console:
         try:
             self._holding.keep_alive(now)
             self._play_on(now)
-            if now >= self._next_look:
-                self._next_look = now + LOOK_PERIOD
+            if self._due("look", now, LOOK_PERIOD):
                 self._watched.lateness.look()
-            if due and now >= self._next_scene:
-                self._next_scene = now + 1.0 / self._watched.lateness.pictures - 0.5 * ROUND_PERIOD
+            if due and self._due("scene", now, 1.0 / self._watched.lateness.pictures - 0.5 * ROUND_PERIOD):
                 self._draw(now)
         except Exception as error:
             self.trouble = f"{type(error).__name__}: {one_line(error)}"
@@ -167,6 +165,13 @@ class Console:
             self._show_alarm(now)
         if due:
             self._panel.alarm.beat(now, self._watched.lateness.pictures)
+
+    def _due(self, what: str, now: float, period: float) -> bool:
+        """Whether something is to be done now, and then after a period [s] again."""
+        due = now >= self._next.get(what, 0.0)
+        if due:
+            self._next[what] = now + period
+        return due
 
     def _play_on(self, now: float) -> None:
         """Let the recording that is looked at go on; one that cannot be shown is looked at no more."""
@@ -183,19 +188,14 @@ class Console:
     def _draw(self, now: float) -> None:
         live = self._library.playback is None
         shown = self._shown.at_once()
-        names = None
-        if now >= self._next_list:
-            self._next_list = now + LIST_PERIOD
-            names = self._library.names()
+        names = self._library.names() if self._due("list", now, LIST_PERIOD) else None
         with self._server.atomic():
             self._draw_scene(shown, live, useful=not self._hindrance(now))
             if names is not None:
                 self._panel.recordings.list(names, self._library.where)
-            if now >= self._next_plot:
-                self._next_plot = now + PLOT_PERIOD
+            if self._due("plot", now, PLOT_PERIOD):
                 self._plot(shown)
-            if now >= self._next_text:
-                self._next_text = now + TEXT_PERIOD
+            if self._due("text", now, TEXT_PERIOD):
                 self._write(shown, now)
 
     def close(self, *, ended: bool = False) -> None:
@@ -281,8 +281,7 @@ class Console:
 
     @property
     def _shown(self) -> Watched:
-        playback = self._library.playback
-        return self._watched if playback is None else playback.shown
+        return self._library.playback or self._watched
 
     @property
     def _holding(self) -> Hold:

@@ -23,20 +23,24 @@ TOLERANCE = 1e-6
 """A tick counts as being at a moment that is at most this much before it [s]."""
 
 
-class RecordedWatch(Watched):
-    """State of a recorded session as received at `now`; see `Watched`.
+class Playback(Watched):
+    """State of a recorded session as received at `now`, which goes on while it is played; see `Watched`.
 
     For a session in which a side began again, the longest segment.
 
     Attributes:
         duration: From the leader's first tick to its last [s].
+        other: A second run of it, which is shown beside it at the same moment.
 
     Raises:
         RecordingError: Nothing was recorded of the leader.
     """
 
-    def __init__(self, log: SessionLog) -> None:
+    def __init__(self, log: SessionLog, other: SessionLog | None = None, *, name: str = "") -> None:
         super().__init__()
+        self.log, self.name = log, name
+        self.other = None if other is None else Playback(other)
+        self.playing, self._clock = False, math.nan
         segment = self._segment = log.longest()
         leader, follower = self._leader, self._follower = segment.leader, segment.follower
         if not leader.size:
@@ -66,6 +70,25 @@ class RecordedWatch(Watched):
         self.settings = self._settings_at(row, telemetry)
         self.model = self._by_sequence.get(int(self._leader["model_sequence"][row]))
         self._recorded_space.go_to(self.leader.sequence, self.leader.telemetry_sequence)
+        self._clock = math.nan
+        if self.other is not None:
+            self.other.go_to(now)
+
+    def play(self, playing: bool) -> None:
+        """Go on, or pause; at the end, go on from the beginning."""
+        if playing and self.now >= self.duration:
+            self.go_to(0.0)
+        self.playing, self._clock = playing, math.nan
+
+    def tick(self, clock: float) -> None:
+        """Let the recording's time go on as the clock [s] did since the last tick."""
+        if not self.playing:
+            return
+        if math.isfinite(since := clock - self._clock):
+            self.go_to(self.now + since)
+        self._clock = clock
+        if self.now >= self.duration:
+            self.playing = False
 
     @property
     def robot_position(self) -> float:
@@ -95,55 +118,6 @@ class RecordedWatch(Watched):
         felt_ns = int(self._follower["time_ns"][max(telemetry, 0)]) if self._follower.size else None
         run = int(self._follower["run"][0]) if self._follower.size else 0
         return settings_at(segment.said, int(leader["epoch"]), run, int(leader["time_ns"]), felt_ns)
-
-
-class Playback:
-    """A recording that is played, and perhaps a second run of it beside it.
-
-    Raises:
-        RecordingError: Nothing was recorded of a leader.
-    """
-
-    def __init__(self, log: SessionLog, other: SessionLog | None = None, *, name: str = "") -> None:
-        self.log, self.name = log, name
-        self.shown = RecordedWatch(log)
-        self.other = None if other is None else RecordedWatch(other)
-        self.playing = False
-        self._clock = math.nan
-
-    @property
-    def now(self) -> float:
-        """The moment that is shown, since the leader's first tick [s]."""
-        return self.shown.now
-
-    @property
-    def duration(self) -> float:
-        """Duration of the recording [s]."""
-        return self.shown.duration
-
-    def play(self, playing: bool) -> None:
-        """Go on, or pause; at the end, go on from the beginning."""
-        if playing and self.now >= self.duration:
-            self.go_to(0.0)
-        self.playing, self._clock = playing, math.nan
-
-    def go_to(self, now: float) -> None:
-        """Show another moment [s]."""
-        self.shown.go_to(now)
-        if self.other is not None:
-            self.other.go_to(now)
-        self._clock = math.nan
-
-    def tick(self, clock: float) -> None:
-        """Let the recording's time go on as the clock [s] did since the last tick."""
-        if not self.playing:
-            return
-        since, now = clock - self._clock, self.now
-        if math.isfinite(since):
-            self.go_to(now + since)
-        self._clock = clock
-        if self.now >= self.duration:
-            self.playing = False
 
 
 PATTERN = "*.mcap"

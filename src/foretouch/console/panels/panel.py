@@ -5,12 +5,10 @@ from __future__ import annotations
 import html
 import math
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 from foretouch.console.panels.figures import EnergyPanel, ForcePanel, ModelPanel
-from foretouch.console.panels.session import LONGEST_DELAY, SLIDERS, NetworkFaults, NetworkPanel, SessionPanel
+from foretouch.console.panels.session import LONGEST_DELAY, SLIDERS, Actions, NetworkPanel, SessionPanel
 from foretouch.console.panels.space import ImagePanel
 from foretouch.console.panels.stop import HELP, SPACE_HELP, STEP, Alarm, add_keys
 from foretouch.console.playback import Playback
@@ -89,24 +87,6 @@ _LAYOUT = (
 )
 
 
-@dataclass(frozen=True)
-class Actions:
-    """Functions called for actions of a person, from the viewer's thread; moments and delays are in s, steps in m."""
-
-    faults: Callable[[NetworkFaults], None]
-    clutch: Callable[[int | None], None]
-    end: Callable[[], None]
-    emergency: Callable[[], None]
-    choose: Callable[[str, str], None]
-    record: Callable[[], None]
-    open: Callable[[str], None]
-    play: Callable[[], None]
-    seek: Callable[[float], None]
-    live: Callable[[], None]
-    again: Callable[[float, float, bool], None]
-    step: Callable[[float], None]
-
-
 class Panel:
     """The viewer's panel. Each part is a class.
 
@@ -137,7 +117,7 @@ class Panel:
         with tabs.add_tab("Energy"):
             self.energy = EnergyPanel(gui)
         with tabs.add_tab("Session"):
-            self.session = SessionPanel(gui, actions.choose, actions.record, actions.end, live=live)
+            self.session = SessionPanel(gui, actions, live=live)
         if live:
             self._add_recordings(actions, live)
         self._help = gui.add_html(_help_html(HELP), visible=live)
@@ -267,7 +247,7 @@ class RecordingsPanel:
     def _put(self, playback: Playback) -> None:
         self._bar.max = max(round(playback.duration, 2), 0.01)
         for name, slider in self._delays.items():
-            slider.value = min(max(playback.shown.setting(name, 0.0), 0.0), LONGEST_DELAY)
+            slider.value = min(max(playback.setting(name, 0.0), 0.0), LONGEST_DELAY)
 
     def _chosen(self, event: Any) -> None:
         if self._list.value != CHOOSE:

@@ -9,6 +9,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -131,19 +132,29 @@ CLOSED = 0.3
 closed, the browser would hear of neither, and the focus would stay in it, where no key stops the robot."""
 
 
+@dataclass(frozen=True)
+class Actions:
+    """Functions called for actions of a person, from the viewer's thread; moments and delays are in s, steps in m."""
+
+    faults: Callable[[NetworkFaults], None]
+    clutch: Callable[[int | None], None]
+    end: Callable[[], None]
+    emergency: Callable[[], None]
+    choose: Callable[[str, str], None]
+    record: Callable[[], None]
+    open: Callable[[str], None]
+    play: Callable[[], None]
+    seek: Callable[[float], None]
+    live: Callable[[], None]
+    again: Callable[[float, float, bool], None]
+    step: Callable[[float], None]
+
+
 class SessionPanel:
     """Dropdowns, the recording's button, and the end."""
 
-    def __init__(
-        self,
-        gui: Any,
-        on_choice: Callable[[str, str], None],
-        on_record: Callable[[], None],
-        on_end: Callable[[], None],
-        *,
-        live: bool,
-    ) -> None:
-        self._on_choice = on_choice
+    def __init__(self, gui: Any, actions: Actions, *, live: bool) -> None:
+        self._actions = actions
         self._unsupervised = BY_HAND if live else NOTHING_LIVE
         self._waiting: dict[str, tuple[str, float]] = {}  # what was chosen, and when [s]
         self._dropdowns = {
@@ -155,8 +166,8 @@ class SessionPanel:
         self._record = gui.add_button(START_RECORDING, color=GREY, disabled=True)
         self._note = gui.add_html("")
         self._end = gui.add_button(END, color=GREY, disabled=not live)
-        self._record.on_click(handler(lambda event: on_record()))
-        self._end.on_click(handler(lambda event: on_end()))
+        self._record.on_click(handler(lambda event: actions.record()))
+        self._end.on_click(handler(lambda event: actions.end()))
 
     def show(self, runs: Mapping[str, str], *, offered: bool, recording: str, refused: str) -> None:
         """Show what runs: choices, the file that is written, and why the newest choice was refused; "" for none."""
@@ -190,4 +201,4 @@ class SessionPanel:
         value = str(event.target.value)
         event.target.disabled = True  # it lets go of the focus too, in which no key would stop the robot
         self._waiting[name] = (value, time.monotonic())
-        self._on_choice(name, value)
+        self._actions.choose(name, value)
