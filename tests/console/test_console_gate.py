@@ -462,8 +462,8 @@ def test_the_pages_of_a_session_that_has_ended_say_so_and_those_of_a_console_tha
 
 
 def test_a_picture_that_cannot_be_drawn_leaves_the_emergency_stop(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Console, "_plot", lambda console, shown: 1 / 0)
     with drawn() as (console, session), page_of(console.url) as page:
+        monkeypatch.setattr(console, "_plot", lambda shown: 1 / 0)
         button = page.control("GuiButtonMessage", READY)
         wait_until(lambda: "division by zero" in str(page.hear(0.2)))
         page.update(button, value=True)
