@@ -1,6 +1,8 @@
 """Bags and presses for tests, written by `rosbags`: real files of another implementation."""
 
 import numpy as np
+from mcap.reader import make_reader
+from mcap.writer import Writer as McapWriter
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
@@ -36,6 +38,14 @@ def header(ns, frame="tool"):
     return TYPES["std_msgs/msg/Header"](stamp=stamp, frame_id=frame)
 
 
+POSE = "geometry_msgs/msg/PoseStamped"
+
+
+def pose(ns, x=0.0, y=0.0, z=0.0):
+    point, turn = TYPES["geometry_msgs/msg/Point"](x, y, z), TYPES["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0)
+    return TYPES[POSE](header(ns), TYPES["geometry_msgs/msg/Pose"](point, turn))
+
+
 def joint(ns, positions, names=("lever",), velocities=(), frame="tool"):
     arrays = (np.array(values, dtype=np.float64) for values in (positions, velocities, ()))
     return TYPES[JOINT](header(ns, frame), list(names), *arrays)
@@ -69,3 +79,18 @@ def press_messages(seconds=1.0, *, every=1, stamps_off=0, late=0):
         if tick % every == 0:
             yield "/joint_states", JOINT, ns + late, joint(ns + stamps_off, [position[tick] / LEVER])
         yield "/ft", WRENCH, ns + late, wrench(ns, force[tick])
+
+
+def copy_of(path, target, **options):
+    """The same messages by the MCAP library itself, as another recorder writes them."""
+    with path.open("rb") as source, target.open("wb") as file:
+        reader, writer = make_reader(source), McapWriter(file, **options)
+        writer.start()
+        channels = {}
+        for schema, channel, message in reader.iter_messages(log_time_order=False):
+            if channel.topic not in channels:
+                number = writer.register_schema(schema.name, schema.encoding, schema.data)
+                channels[channel.topic] = writer.register_channel(channel.topic, channel.message_encoding, number)
+            writer.add_message(channels[channel.topic], message.log_time, message.data, message.publish_time)
+        writer.finish()
+    return target

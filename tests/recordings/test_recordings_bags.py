@@ -5,7 +5,22 @@ import shutil
 
 import numpy as np
 import pytest
-from made_bags import BEGIN, JOINT, LEVER, MAP, TYPES, WRENCH, joint, press, press_messages, wrench, write_bag
+from made_bags import (
+    BEGIN,
+    JOINT,
+    LEVER,
+    MAP,
+    POSE,
+    TYPES,
+    WRENCH,
+    copy_of,
+    joint,
+    pose,
+    press,
+    press_messages,
+    wrench,
+    write_bag,
+)  # fmt: skip
 from mcap.writer import Writer as McapWriter
 from refusals import refused
 from rosbags.rosbag2 import StoragePlugin
@@ -160,11 +175,7 @@ def test_a_guess_needs_no_map_where_types_tell(tmp_path):
     def messages():
         for tick in range(100):
             ns = BEGIN + tick * 10**6
-            point = TYPES["geometry_msgs/msg/Point"](0.0, 0.0, tick * 1e-4)
-            turn = TYPES["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0)
-            pose = TYPES["geometry_msgs/msg/Pose"](point, turn)
-            made = TYPES["geometry_msgs/msg/PoseStamped"](wrench(ns, 0).header, pose)
-            yield "/tool", "geometry_msgs/msg/PoseStamped", ns, made
+            yield "/tool", POSE, ns, pose(ns, z=tick * 1e-4)
             yield "/ft", WRENCH, ns, wrench(ns, -float(tick > 80))
 
     read = read_with_notes(write_bag(tmp_path / "bag", messages()))
@@ -210,23 +221,6 @@ def test_a_bag_cut_anywhere_gives_one_line_or_a_recording(tmp_path, by_map, plug
         assert "\n" not in outcome(bag, map_file)
     (bag / "metadata.yaml").write_text("{")
     assert "is no rosbag2 that can be read" in refused(bag, map_file=map_file)
-
-
-def copy_of(path, target, **options):
-    """The same messages by the MCAP library itself, as another recorder writes them."""
-    from mcap.reader import make_reader
-
-    with path.open("rb") as source, target.open("wb") as file:
-        reader, writer = make_reader(source), McapWriter(file, **options)
-        writer.start()
-        channels = {}
-        for schema, channel, message in reader.iter_messages(log_time_order=False):
-            if channel.topic not in channels:
-                number = writer.register_schema(schema.name, schema.encoding, schema.data)
-                channels[channel.topic] = writer.register_channel(channel.topic, channel.message_encoding, number)
-            writer.add_message(channels[channel.topic], message.log_time, message.data, message.publish_time)
-        writer.finish()
-    return target
 
 
 @pytest.mark.parametrize("options", [{}, {"use_chunking": False}, {"chunk_size": 1000}], ids=str)

@@ -82,12 +82,8 @@ def test_two_other_readers_find_the_numbers(tmp_path):
     path, expected = tmp_path / "press.mcap", made()
     write_recording(path, expected)
     with path.open("rb") as file:
-        got = [
-            (channel.topic, message)
-            for _, channel, _, message in make_reader(
-                file, decoder_factories=[DecoderFactory()]
-            ).iter_decoded_messages()
-        ]
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        got = [(channel.topic, message) for _, channel, _, message in reader.iter_decoded_messages()]
     with AnyReader([path]) as reader:
         also = [(one.topic, reader.deserialize(raw, one.msgtype)) for one, _, raw in reader.messages()]
     for messages in (got, also):

@@ -106,16 +106,8 @@ def test_unknown_units_are_refused_with_those_there_are(table, option):
             r"the unit of depth is not known \(m, .*\); the unit of force is not known \(N, .*\): "
             "give --position-unit mm and --force-unit N, say; or .*--map",
         ),
-        (
-            "time_s,position_m,force\n0,0,0\n",
-            None,
-            "the unit of force is not known.*: give --force-unit N, say; or ",
-        ),
-        (
-            "time_s,position,force_N\n0,0,0\n1,0,0\n",
-            None,
-            "the unit of position is not known.*--position-unit mm, say",
-        ),
+        ("time_s,position_m,force\n0,0,0\n", None, "the unit of force is not known.*: give --force-unit N, say; or "),
+        ("time_s,position,force_N\n0,0,0\n1,0,0\n", None, "unit of position is not known.*--position-unit mm, say"),
         ("time_s;position_m;force_N\n0;0;0\n", None, "1 sample: at least 2"),
         ("time_s;position_m;force_N\n0;0;0\n1;0\n", 3, "2 values, the header names 3 columns"),
         ("0,0.001,0.5\n0.001,0.002,0.75\n", None, r"columns have no names but numbers \(0, 0.001, 0.5\): write"),

@@ -158,18 +158,18 @@ def test_bytes_that_changed_give_one_line_or_a_whole_file(session, tmp_path_fact
     for place, value in changes:
         changed[place % len(changed)] = value
     path.write_bytes(changed)
+    said, found = "", None
     try:
         found = repair_session(path)
     except RecordingError as error:
         said = str(error)
-    else:
-        said = ""
     assert "\n" not in said
-    if not said and not found.was_whole:
+    if found is None:
+        return
+    if not found.was_whole:
         by_topic(path)
         assert is_whole(path)
-    if not said:
-        read_session(path)
+    read_session(path)
 
 
 def test_refusals_say_what_and_leave_everything_as_it_was(session, tmp_path):
@@ -188,24 +188,28 @@ def test_refusals_say_what_and_leave_everything_as_it_was(session, tmp_path):
     assert cut.read_bytes() == session[: len(session) // 2]
 
 
+def limited(limit, call, path):
+    """What a call prints of its error under a real limit on the size of files, in a process of its own."""
+    code = (
+        "import resource, sys\n"
+        f"sys.path.insert(0, {str(Path(made.__file__).parent)!r})\n"
+        "from foretouch.recordings import repair_session\n"
+        "from session_messages import write_session\n"
+        f"resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit}))\n"
+        f"try:\n    {call}\n"
+        "except Exception as error:\n    print(type(error).__name__, error)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=True)
+    return done.stdout
+
+
 def test_no_room_for_the_mended_file_leaves_the_cut_one(tmp_path):
-    """A real limit on the size of files, in a process of its own."""
     path = tmp_path / "session.mcap"
     made.write_session(path, 2000)
     content = path.read_bytes()[:-3000]
     path.write_bytes(content)
-    code = (
-        "import resource, sys\n"
-        "from foretouch.errors import RecordingError\n"
-        "from foretouch.recordings import repair_session\n"
-        "resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))\n"
-        "try:\n"
-        "    repair_session(sys.argv[1])\n"
-        "except RecordingError as error:\n"
-        "    print(error)\n"
-    )
-    done = subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=True)
-    assert done.stdout == f"{path}: cannot be written: File too large\n"
+    said = limited(100_000, "repair_session(sys.argv[1])", path)
+    assert said == f"RecordingError {path}: cannot be written: File too large\n"
     assert path.read_bytes() == content
     assert list(tmp_path.iterdir()) == [path]
 
@@ -215,19 +219,9 @@ def test_no_room_for_the_mended_file_leaves_the_cut_one(tmp_path):
 
 @pytest.mark.parametrize("limit", [50_000, 100_001, pytest.param(200_000, marks=pytest.mark.long)])
 def test_a_full_disk_leaves_a_whole_file(tmp_path, limit):
-    code = (
-        "import resource, sys\n"
-        f"sys.path.insert(0, {str(Path(made.__file__).parent)!r})\n"
-        "from session_messages import write_session\n"
-        f"resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit}))\n"
-        "try:\n"
-        "    write_session(sys.argv[1], 2000)\n"
-        "except Exception as error:\n"
-        "    print(type(error).__name__, error)\n"
-    )
     path = tmp_path / "session.mcap"
-    done = subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=True)
-    assert done.stdout == f"RecordingError {path}: cannot be written: File too large\n"
+    said = limited(limit, "write_session(sys.argv[1], 2000)", path)
+    assert said == f"RecordingError {path}: cannot be written: File too large\n"
     log = read_session(path)
     assert log.counts == {"truncated": 1}
     expected = [made.telemetry(tick).time_ns for tick in range(1, 2001)]

@@ -11,6 +11,7 @@ import pytest
 import session_messages as made
 from hypothesis import given
 from hypothesis import strategies as st
+from made_bags import copy_of
 from mcap.reader import make_reader
 from mcap.writer import Writer
 from mcap_ros2.decoder import DecoderFactory
@@ -233,20 +234,16 @@ def foreign(path, topic, type_name, schema):
 
 def test_other_mcap_files_are_refused(tmp_path):
     path = tmp_path / "other.mcap"
-    foreign(path, "/chatter", "std_msgs/msg/Int64", "int64 data\n")
-    with pytest.raises(RecordingError, match="holds no foretouch session; its topics: /chatter"):
-        read_session(path)
-    foreign(path, "/follower/state", "foretouch_msgs/msg/FollowerState", "int64 version\n")
-    with pytest.raises(RecordingError, match="/follower/state has other fields than this version"):
-        read_session(path)
-    ours = TOPICS[Telemetry]
-    foreign(path, ours.name, ours.type_name, ours.layout.schema)
-    with pytest.raises(RecordingError, match=r"/follower/state: a message is not \d+ bytes long"):
-        read_session(path)
-    ours = TOPICS[ModelUpdate]
-    foreign(path, ours.name, ours.type_name, ours.layout.schema)
-    with pytest.raises(RecordingError, match="/follower/model: not a ModelUpdate"):
-        read_session(path)
+    state, model = TOPICS[Telemetry], TOPICS[ModelUpdate]
+    for topic, type_name, schema, said in (
+        ("/chatter", "std_msgs/msg/Int64", "int64 data\n", "holds no foretouch session; its topics: /chatter"),
+        (state.name, state.type_name, "int64 version\n", "/follower/state has other fields than this version"),
+        (state.name, state.type_name, state.layout.schema, r"/follower/state: a message is not \d+ bytes long"),
+        (model.name, model.type_name, model.layout.schema, "/follower/model: not a ModelUpdate"),
+    ):
+        foreign(path, topic, type_name, schema)
+        with pytest.raises(RecordingError, match=said):
+            read_session(path)
     with pytest.raises(RecordingError, match="cannot be read: No such file"):
         read_session(tmp_path / "absent.mcap")
 
@@ -254,17 +251,7 @@ def test_other_mcap_files_are_refused(tmp_path):
 def test_a_session_copied_without_blocks_reads_the_same(tmp_path):
     path, copy = tmp_path / "session.mcap", tmp_path / "copy.mcap"
     made.write_session(path, 60)
-    with path.open("rb") as source, copy.open("wb") as target:
-        reader, writer = make_reader(source), Writer(target, use_chunking=False)
-        writer.start()
-        channels = {}
-        for schema, channel, message in reader.iter_messages(log_time_order=False):
-            if channel.topic not in channels:
-                number = writer.register_schema(schema.name, schema.encoding, schema.data)
-                channels[channel.topic] = writer.register_channel(channel.topic, channel.message_encoding, number)
-            writer.add_message(channels[channel.topic], message.log_time, message.data, message.publish_time)
-        writer.finish()
-    assert_same(read_session(copy), expected_log(60))
+    assert_same(read_session(copy_of(path, copy, use_chunking=False)), expected_log(60))
 
 
 def test_a_session_with_nothing_said(tmp_path):
@@ -369,12 +356,9 @@ def test_text_and_sequences_pack_as_another_reader_expects(tmp_path_factory, mes
 def test_a_file_that_cannot_be_written_gives_one_line(tmp_path):
     with pytest.raises(RecordingError, match="cannot be written: No such file or directory"):
         SessionWriter(tmp_path / "absent" / "session.mcap")
-
-
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
-def test_a_full_disk_gives_one_line():
-    with pytest.raises(RecordingError, match="/dev/full: cannot be written: No space left on device"):
-        SessionWriter("/dev/full")
+    if Path("/dev/full").exists():
+        with pytest.raises(RecordingError, match="/dev/full: cannot be written: No space left on device"):
+            SessionWriter("/dev/full")
 
 
 def test_a_missing_package_is_named(tmp_path, monkeypatch):

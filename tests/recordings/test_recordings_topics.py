@@ -4,20 +4,27 @@ import re
 
 import numpy as np
 import pytest
-from made_bags import BEGIN, JOINT, MAP, STORE, TYPES, WRENCH, header, joint, press, press_messages, wrench, write_bag
+from made_bags import (
+    BEGIN,
+    JOINT,
+    MAP,
+    POSE,
+    STORE,
+    TYPES,
+    WRENCH,
+    header,
+    joint,
+    pose,
+    press,
+    press_messages,
+    wrench,
+    write_bag,
+)  # fmt: skip
 from refusals import refused
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag2 import Reader, StoragePlugin, Writer, reader, storage_mcap, storage_sqlite3
 
 from foretouch.recordings import inspect_recording, inspection, open_source, read_with_notes
-
-POSE = "geometry_msgs/msg/PoseStamped"
-POINT = "geometry_msgs/msg/Point"
-
-
-def pose(ns, x=0.0, y=0.0, z=0.0):
-    turn = TYPES["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0)
-    return TYPES[POSE](header(ns), TYPES["geometry_msgs/msg/Pose"](TYPES[POINT](x, y, z), turn))
 
 
 def wrench_along(ns, x, y, z):
