@@ -29,11 +29,7 @@ from foretouch.robot import MATERIALS, RcmArm, make_robot
 from foretouch.robot.materials.catalogue import LinearResponse, Material
 from foretouch.robot.materials.contacts import RelaxingContact
 from foretouch.session import SessionSettings, simulate
-from foretouch.session.safety.safety import Safety, SafetyLimits
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "session"))  # as the tests press
-
-from pressed import safe_position
+from foretouch.session.safety.safety import Safety, SafetyLimits, Sensed
 
 PAGE = Path(__file__).parent / "safety.md"
 IMAGE = Path(__file__).parent / "images" / "safety-impacts.png"
@@ -84,8 +80,11 @@ class Guarded:
         self.ticks += 1
         self.silence = self.silence + TICK if silent else 0.0
         if not self.raw:
-            layers, now = (self.conditioner, self.safety), TICK * self.ticks
-            wanted, _ = safe_position(self.arm, self.sample, layers, wanted, now, silence=self.silence)
+            position, force = self.sample.position, self.sample.sensor_force
+            force -= self.arm.specification.tool_force(self.sample.acceleration)
+            felt = self.conditioner.update(TICK * self.ticks, position, force)
+            sensed = Sensed(position, felt.force, felt.in_contact)
+            wanted = self.safety.update(wanted, sensed, surface=self.conditioner.surface, silence=self.silence)
         self.sample = self.arm.exchange(wanted)
         return self.sample.exact_force
 

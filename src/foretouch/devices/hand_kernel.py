@@ -33,14 +33,9 @@ class Held(Record):
 TERMS = 14
 """Number of terms of the series; a step is so short that each is less than half as large as the one before it."""
 
-LONGEST = 1e-3
-"""Bound on a step [s]."""
-
-EVENTS = 8
-"""Largest number of starts and stops in one step; after these the hand rests until the next one."""
-
-HALVINGS = 60
-"""Halvings that find the time of zero velocity: to the last digit."""
+LONGEST = 1e-3  # Bound on a step [s]
+EVENTS = 8  # Largest number of starts and stops in one step; after these the hand rests until the next one
+HALVINGS = 60  # Halvings that find the time of zero velocity: to the last digit
 
 
 @compiled

@@ -16,11 +16,8 @@ from foretouch.robot.engine import ROD_LENGTH, ROD_RADIUS, TIP_RADIUS, load_mujo
 MESA_PACKAGES = "libegl1 libegl-mesa0 libgl1-mesa-dri libopengl0"
 """Debian packages that let MuJoCo draw without a display."""
 
-THICKNESS = 2e-3
-"""Thickness of a specimen that is drawn [m]."""
-
-NEAREST, FARTHEST = 0.02, 5.0
-"""Nearest and farthest distance from the camera that is drawn [m]."""
+THICKNESS = 2e-3  # Thickness of a specimen that is drawn [m]
+NEAREST, FARTHEST = 0.02, 5.0  # Nearest and farthest distance from the camera that is drawn [m]
 
 
 class MissingGraphicsError(MissingExtraError):

@@ -16,8 +16,7 @@ from foretouch.errors import MissingExtraError, SettingError
 from foretouch.errors.checks import require
 from foretouch.robot.robot import RobotSpecification
 
-CHOICE, NOTHING = "MUJOCO_GL", "disable"
-"""The variable that names what draws, and its value for nothing."""
+CHOICE, NOTHING = "MUJOCO_GL", "disable"  # The variable that names what draws, and its value for nothing
 
 
 def load_mujoco() -> Any:
@@ -55,27 +54,18 @@ TIP_RADIUS = 0.006
 REMOTE_CENTRE_HEIGHT = 0.08
 """Remote centre of motion above the tip at position 0 [m]; the two rotations turn about this point."""
 
-CARRIAGE_MASS = 0.3
-"""Mass that the insertion joint moves before the force sensor [kg]."""
-
-TOOL_MASS = 0.1
-"""Mass beyond the force sensor: rod and tip [kg]."""
-
-GRAVITY = 9.81
-"""Gravity along the approach, which points straight down [m/s^2]."""
+CARRIAGE_MASS = 0.3  # Mass that the insertion joint moves before the force sensor [kg]
+TOOL_MASS = 0.1  # Mass beyond the force sensor: rod and tip [kg]
+GRAVITY = 9.81  # Gravity along the approach, which points straight down [m/s^2]
 
 
-MOVED_MASS = CARRIAGE_MASS + TOOL_MASS
-"""Mass that a drive moves [kg]."""
-
-RAIL_DAMPING = 1.0
-"""Damping of a driven joint [N s/m]."""
+MOVED_MASS = CARRIAGE_MASS + TOOL_MASS  # Mass that a drive moves [kg]
+RAIL_DAMPING = 1.0  # Damping of a driven joint [N s/m]
 
 LARGEST_CONTACT_FORCE = 1000.0
 """Bound to which a contact force that is more, or no number, is cut, so that the physics stay finite [N]."""
 
-OFFSET_UNCERTAINTY = 0.2
-"""Part of the force sensor's largest offset beyond its mean one, ten times its noise [N]."""
+OFFSET_UNCERTAINTY = 0.2  # Part of the force sensor's largest offset beyond its mean one, ten times its noise [N]
 
 LONGEST_STEP, NOISE_BLOCK = 6e-4, 4096
 

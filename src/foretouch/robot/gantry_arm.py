@@ -23,8 +23,7 @@ from foretouch.robot.engine import (
 )
 from foretouch.robot.robot import SpatialRobot, SpatialSample, Vector
 
-LEAST_STEPS = 2
-"""Smallest number of physics steps in a sample period: of 1 ms they are 0.5 ms long."""
+LEAST_STEPS = 2  # Smallest number of physics steps in a sample period: of 1 ms they are 0.5 ms long
 
 TouchedWorld = Callable[[Vector, Vector, float], Vector]
 """What is touched: place [m] and velocity [m/s] of the tip and the time since the call before [s] to the contact force

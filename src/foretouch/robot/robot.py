@@ -127,23 +127,18 @@ class Robot(ABC):
         return None
 
 
-class MovedRobot(Robot):
-    """Any robot, moved by a motion of its own; commands it leaves out.
-
-    Its time is its own and begins at 0; an exchange is one sample period.
+class WrappedRobot(Robot):
+    """A robot with another inside, which changes what it is told or what it shows.
 
     Args:
-        robot: Robot that moves.
-        position_at: Position [m] that it is moved to at a time [s]; asked once for each exchange, in order.
+        robot: The robot inside.
 
     Attributes:
         robot: The robot inside.
     """
 
-    def __init__(self, robot: Robot, position_at: Callable[[float], float]) -> None:
-        self.robot = robot
-        self.specification = robot.specification
-        self._position_at = position_at
+    def __init__(self, robot: Robot) -> None:
+        self.robot, self.specification = robot, robot.specification
         self._exchanges = 0
 
     @property
@@ -155,6 +150,25 @@ class MovedRobot(Robot):
         """What the sensors show now; no time passes and nothing moves."""
         return self.robot.read()
 
+    def close(self) -> None:
+        """Give back what the robot holds; a second call does nothing."""
+        self.robot.close()
+
+
+class MovedRobot(WrappedRobot):
+    """Any robot, moved by a motion of its own; commands it leaves out.
+
+    Its time is its own and begins at 0; an exchange is one sample period.
+
+    Args:
+        robot: Robot that moves.
+        position_at: Position [m] that it is moved to at a time [s]; asked once for each exchange, in order.
+    """
+
+    def __init__(self, robot: Robot, position_at: Callable[[float], float]) -> None:
+        super().__init__(robot)
+        self._position_at = position_at
+
     def exchange(self, desired_position: float) -> RobotSample:
         """Let one sample period pass and return what the sensors show then.
 
@@ -164,10 +178,6 @@ class MovedRobot(Robot):
         time = self._exchanges * self.specification.sample_period
         self._exchanges += 1
         return self.robot.exchange(self._position_at(time))
-
-    def close(self) -> None:
-        """Give back what the robot holds; a second call does nothing."""
-        self.robot.close()
 
 
 Vector: TypeAlias = tuple[float, float, float]

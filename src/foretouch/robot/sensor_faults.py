@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from foretouch.errors import SettingError, UnknownNameError
 from foretouch.errors.checks import require
 from foretouch.quantities import shortest
-from foretouch.robot.robot import Robot, RobotSample
+from foretouch.robot.robot import Robot, RobotSample, WrappedRobot
 
 SENSOR_FAULTS: Final[dict[str, str]] = {
     "nan": "the force is no number",
@@ -24,20 +24,11 @@ SENSOR_FAULTS: Final[dict[str, str]] = {
 }
 """Faults by name, and what the sensors show then."""
 
-OFFSET = 3.0
-"""Size of an offset step [N]."""
-
-JUMP = 5e-3
-"""Size of an encoder jump [m]."""
-
-SPIKE_INTERVAL = 0.05
-"""Mean time between two spikes [s]; they are at least 3 samples apart."""
-
-SPIKE_SIZES = (5.0, 20.0)
-"""Smallest and largest spike [N]."""
-
-UNKNOWN_RANGE = 50.0
-"""Force that a saturated sensor of unknown range shows [N]."""
+OFFSET = 3.0  # Size of an offset step [N]
+JUMP = 5e-3  # Size of an encoder jump [m]
+SPIKE_INTERVAL = 0.05  # Mean time between two spikes [s]; they are at least 3 samples apart
+SPIKE_SIZES = (5.0, 20.0)  # Smallest and largest spike [N]
+UNKNOWN_RANGE = 50.0  # Force that a saturated sensor of unknown range shows [N]
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +79,7 @@ class SensorFault:
             raise SettingError(name, text, rule) from None
 
 
-class FaultySensor(Robot):
+class FaultySensor(WrappedRobot):
     """A robot whose sensors fail for a while; what it does is as before.
 
     Only what is reported changes: force, position, and with a dropout the acceleration. The robot's own drive has
@@ -100,8 +91,7 @@ class FaultySensor(Robot):
         seed: Seed of the spikes, not negative.
 
     Attributes:
-        robot: The robot inside.
-        fault: The fault and its times.
+        fault: As given.
         faulty: Whether the newest sample was changed.
 
     Raises:
@@ -110,19 +100,10 @@ class FaultySensor(Robot):
 
     def __init__(self, robot: Robot, fault: SensorFault, *, seed: int = 0) -> None:
         require("seed", seed, at_least=0)
-        self.robot = robot
-        self.fault = fault
-        self.specification = robot.specification
-        self.faulty = False
-        self._random = np.random.default_rng(seed)
-        self._exchanges = 0
-        self._next_spike = 0
+        super().__init__(robot)
+        self.fault, self.faulty = fault, False
+        self._random, self._next_spike = np.random.default_rng(seed), 0
         self._sample = self._last_good = robot.read()
-
-    @property
-    def fresh(self) -> bool:
-        """Whether no exchange has been yet."""
-        return self.robot.fresh
 
     def read(self) -> RobotSample:
         """What the sensors show now; no time passes and nothing moves."""
@@ -140,29 +121,20 @@ class FaultySensor(Robot):
             self._last_good = sample
         return self._sample
 
-    def close(self) -> None:
-        """Give back what the robot holds; a second call does nothing."""
-        self.robot.close()
-
     def _changed(self, sample: RobotSample) -> RobotSample:
         """A sample as the fault shows it."""
-        kind, last = self.fault.kind, self._last_good
-        if kind == "nan":
-            return sample._replace(sensor_force=math.nan)
-        if kind == "dropout":
-            return sample._replace(
-                position=last.position, sensor_force=last.sensor_force, acceleration=last.acceleration
-            )
-        if kind == "stuck":
-            return sample._replace(sensor_force=last.sensor_force)
-        if kind == "saturated":
-            largest = self.specification.sensor_range
-            return sample._replace(sensor_force=largest if math.isfinite(largest) else UNKNOWN_RANGE)
-        if kind == "offset-step":
-            return sample._replace(sensor_force=sample.sensor_force + OFFSET)
-        if kind == "encoder-jump":
-            return sample._replace(position=sample.position + JUMP)
-        return self._spiked(sample)
+        last, largest = self._last_good, self.specification.sensor_range
+        dropped = {"position": last.position, "sensor_force": last.sensor_force, "acceleration": last.acceleration}
+        changes: dict[str, dict[str, Any]] = {
+            "nan": {"sensor_force": math.nan},
+            "dropout": dropped,
+            "stuck": {"sensor_force": last.sensor_force},
+            "saturated": {"sensor_force": largest if math.isfinite(largest) else UNKNOWN_RANGE},
+            "offset-step": {"sensor_force": sample.sensor_force + OFFSET},
+            "encoder-jump": {"position": sample.position + JUMP},
+        }
+        kind = self.fault.kind
+        return sample._replace(**changes[kind]) if kind in changes else self._spiked(sample)
 
     def _spiked(self, sample: RobotSample) -> RobotSample:
         if self._exchanges < self._next_spike:

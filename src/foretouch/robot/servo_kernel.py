@@ -198,8 +198,7 @@ def show(
 
 
 DOWN = 2
-WAYS = (1.0, 1.0, -1.0)
-"""Direction of each axis in which its servo counts: the third goes in as it goes down."""
+WAYS = (1.0, 1.0, -1.0)  # Direction of each axis in which its servo counts: the third goes in as it goes down
 
 Numbers3 = Annotated[Array, float, 3]
 

@@ -29,11 +29,8 @@ from foretouch.identification.conditioning.kernel import (
 )
 from foretouch.quantities import ByValue
 
-LONGEST_LAG = 0.05
-"""Largest lag of a sensor [s]."""
-
-LEAST_TIME = 0.2
-"""Least time of moving contact for an estimate [s]."""
+LONGEST_LAG = 0.05  # Largest lag of a sensor [s]
+LEAST_TIME = 0.2  # Least time of moving contact for an estimate [s]
 
 
 class SensorLag:

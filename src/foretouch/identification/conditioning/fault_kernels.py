@@ -62,29 +62,17 @@ GOOD, NOT_FINITE, DROPOUT, STUCK, SATURATED, OFFSET_STEP, SPIKE, ENCODER_JUMP, C
 SPAN, PLACES = 8e-3, 16
 """Age [s] of the force that the newest is compared with, and the largest number of samples in that time."""
 
-LONGEST_PERIOD = 4e-3
-"""Samples that are further apart than this [s] show nothing sudden."""
-
-WINDOW = 4
-"""Number of samples for a mean speed or position: the force follows later than these means show the motion."""
-
-KEPT = 0.4
-"""Fraction of a force that remains for a moment in every material while the probe stays."""
-
-LEAST = 0.2
-"""Least missing force [N] that counts, above noise and zero error of the sensor."""
-
-TOUCHING = 1.0
-"""Least expected remaining force [N] that is judged: less may be the sensor's zero."""
+LONGEST_PERIOD = 4e-3  # Samples that are further apart than this [s] show nothing sudden
+WINDOW = 4  # Number of samples for a mean speed or position: the force follows later than these means show the motion
+KEPT = 0.4  # Fraction of a force that remains for a moment in every material while the probe stays
+LEAST = 0.2  # Least missing force [N] that counts, above noise and zero error of the sensor
+TOUCHING = 1.0  # Least expected remaining force [N] that is judged: less may be the sensor's zero
 
 DAMPED, STIFF = 500.0, 2e5
 """Largest damping [N s/m] and unloading stiffness [N/m] of any material: twice the largest assumed in loading."""
 
-SLACK = 5e-6
-"""Distance that the probe may have gone out beyond what an encoder shows [m]."""
-
-LOSS_CONFIRMED = 3
-"""Number of samples in a row that must show a loss: one alone may be a spike."""
+SLACK = 5e-6  # Distance that the probe may have gone out beyond what an encoder shows [m]
+LOSS_CONFIRMED = 3  # Number of samples in a row that must show a loss: one alone may be a spike
 
 EFFORT_TIME, EFFORT_WAIT = 0.004, 0.03
 """Time constant of the low-passes, and time for which they must differ [s]: longer than any impact."""
@@ -200,35 +188,16 @@ def find_loss(loss: Loss, time: float, position: float, force: float, zero: floa
     return FORCE_DISAGREES if _disagrees(loss, force - zero, effort, period) else GOOD
 
 
-NOISE_FACTOR = 15.0
-"""Least step, as a multiple of the standard deviation of the force before it."""
-
-LEVEL_SHARE = 0.3
-"""Largest deviation after a step, as a fraction of its size: 4.5 standard deviations of the smallest."""
-
-LONGEST_RISE = 3e-3
-"""Longest time between the two samples of a step [s]: in more time a stiff contact rises as much."""
-
-LEVEL_TIME = 0.01
-"""Time constant of level and variance [s]."""
-
-QUIET_BEFORE = 0.03
-"""Time before a step without another step [s]."""
-
-CONFIRMING = 5
-"""Number of level samples that confirm a step."""
-
-HOLD = 0.05
-"""Time after which a level has stayed [s]."""
-
-STILL = 5e-5
-"""A probe that stays within this [m] is still."""
-
-FREE_WAY = 1e-3
-"""Distance outwards [m] over which a level force is that of free air: a material would give way."""
-
-TURN = 1e-4
-"""A probe that goes deeper by this distance [m] no longer goes outwards."""
+NOISE_FACTOR = 15.0  # Least step, as a multiple of the standard deviation of the force before it
+LEVEL_SHARE = 0.3  # Largest deviation after a step, as a fraction of its size: 4.5 standard deviations of the smallest
+LONGEST_RISE = 3e-3  # Longest time between the two samples of a step [s]: in more time a stiff contact rises as much
+LEVEL_TIME = 0.01  # Time constant of level and variance [s]
+QUIET_BEFORE = 0.03  # Time before a step without another step [s]
+CONFIRMING = 5  # Number of level samples that confirm a step
+HOLD = 0.05  # Time after which a level has stayed [s]
+STILL = 5e-5  # A probe that stays within this [m] is still
+FREE_WAY = 1e-3  # Distance outwards [m] over which a level force is that of free air: a material would give way
+TURN = 1e-4  # A probe that goes deeper by this distance [m] no longer goes outwards
 
 FREE_FACTOR = 2.0
 """Multiple of the least step from which free air shows a wrong zero: friction of the mechanism is in it."""
@@ -236,8 +205,7 @@ FREE_FACTOR = 2.0
 FREE_SHARE = 0.5
 """A motion outwards was certainly free where its level is above the zero by at most this fraction of the least step."""
 
-DRIFT_TIME = 60.0
-"""Time constant in which the zero follows what free air shows [s of free motion]."""
+DRIFT_TIME = 60.0  # Time constant in which the zero follows what free air shows [s of free motion]
 
 
 class Step(Record):

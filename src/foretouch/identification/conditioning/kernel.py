@@ -17,11 +17,8 @@ from foretouch.models.predictor import VELOCITY_CUTOFF
 
 Array = NDArray[np.float64]
 
-MEMORY = 5.0
-"""Time in moving contact over which samples are remembered [s]."""
-
-SLOWEST = 2e-3
-"""Least speed [m/s] at which the lag can be estimated."""
+MEMORY = 5.0  # Time in moving contact over which samples are remembered [s]
+SLOWEST = 2e-3  # Least speed [m/s] at which the lag can be estimated
 
 
 class Lag(Record):
@@ -68,35 +65,30 @@ def take_lagged(lags: NDArray[np.void], position: float, velocity: float, force:
         products[index] = kept * (products[index] + share * product)
 
 
-OFFSET_WINDOW = 0.05
-"""Length [s] of the window whose lowest mean so far is taken for the force in free air."""
+OFFSET_WINDOW = 0.05  # Length [s] of the window whose lowest mean so far is taken for the force in free air
 
 CONTACT_FLOOR = 0.05
 """Least force [N] that counts as contact where nothing better is known of the sensor."""
 
-SMALLEST_SPREAD = 0.005
-"""Windows with less spread than this [N] are quiet, however quiet the quietest was."""
+SMALLEST_SPREAD = 0.005  # Windows with less spread than this [N] are quiet, however quiet the quietest was
 
 QUIET_FACTOR = 4.0
 """A window shows the force in free air only if its spread is at most this many times that of the quietest so far: when
 the tool is jerked, the sensor may show less than nothing for a moment."""
 
-NOISE_FACTOR = 6.0
-"""Threshold of contact above the free-air force, in standard deviations of that force."""
+NOISE_FACTOR = 6.0  # Threshold of contact above the free-air force, in standard deviations of that force
 
 QUIET_SPREAD = 1.5
 """Largest ratio of the noise to the spread of the quietest window so far: what chatters in free air is not the sensor's
 noise."""
 
-PEAK_TIME = 0.005
-"""Length of a block [s]; the largest force is the lowest in two of them."""
+PEAK_TIME = 0.005  # Length of a block [s]; the largest force is the lowest in two of them
 
 PEAK_SHARE = 0.05
 """Least threshold of contact above free air, as a fraction of the largest force so far: friction of the mechanism grows
 with what presses it, and is no contact."""
 
-RELEASE_SHARE = 0.5
-"""Threshold of leaving contact, as a fraction of the threshold at which it began."""
+RELEASE_SHARE = 0.5  # Threshold of leaving contact, as a fraction of the threshold at which it began
 
 UNCERTAINTY_FACTOR = 2.0
 """Ratio of the threshold at which the surface was detected to that of now, from which on it is looked for again."""

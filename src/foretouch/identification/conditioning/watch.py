@@ -33,14 +33,9 @@ from foretouch.identification.conditioning.fault_kernels import (
     restart_steps,
 )
 
-LEAST_STEP = 0.3
-"""Smaller steps of the offset than this [N] are not looked for."""
-
-LEAST_SPIKE = 0.5
-"""Smaller spikes than this [N] are not looked for."""
-
-END_SHARE = 0.02
-"""An end of the range begins so much before it, as a share of it."""
+LEAST_STEP = 0.3  # Smaller steps of the offset than this [N] are not looked for
+LEAST_SPIKE = 0.5  # Smaller spikes than this [N] are not looked for
+END_RATIO = 0.02  # Distance from an end of the range that counts as at it, as a fraction of it
 
 SENSOR_SENTENCES: Final[dict[SensorState, str]] = {
     SensorState.GOOD: "the sensors are as they should be",
@@ -61,38 +56,20 @@ TRANSIENT_STATES: Final = frozenset({SensorState.NOT_FINITE, SensorState.DROPOUT
 
 PASSING = tuple(sorted(map(int, TRANSIENT_STATES)))
 
-QUIET_TIME = 0.5
-"""Time without another finding after which a transient fault is over [s]."""
-
-DROPOUT_TIME = 0.02
-"""Time after which force and position that both repeat exactly are not new values [s]."""
-
-STUCK_TIME = 0.1
-"""Time after which a force that alone repeats exactly is stuck [s]."""
+QUIET_TIME = 0.5  # Time without another finding after which a transient fault is over [s]
+DROPOUT_TIME = 0.02  # Time after which force and position that both repeat exactly are not new values [s]
+STUCK_TIME = 0.1  # Time after which a force that alone repeats exactly is stuck [s]
 
 REPEAT_FACTOR = 4.0
 """Least ratio of a repetition to the longest so far to be unusual: converters with few bits repeat too."""
 
-NOISY_SHARE = 0.2
-"""Least fraction of reversing changes of a force with noise, which cannot repeat; white noise has 2/3."""
-
-NOISE_SAMPLES = 50
-"""Number of changes over which noise is judged, about."""
-
-SPIKE_FACTOR = 10.0
-"""Least size of a spike, as a multiple of the mean change between samples."""
-
-ACTIVITY_TIME = 0.02
-"""Time constant of the mean change between samples [s]."""
-
-LARGEST_IMPEDANCE = 600.0
-"""Largest ratio of the force of an impact to its speed [N s/m]."""
-
-LONGEST_GAP = 0.1
-"""Longest gap in time [s] across which samples are compared."""
-
-LARGEST_VALUE = 1e6
-"""Largest magnitude of a valid measurement [m, N, s: times up to 1e12]."""
+NOISY_RATIO = 0.2  # Least fraction of reversing changes of a force with noise, which cannot repeat; white noise has 2/3
+NOISE_SAMPLES = 50  # Number of changes over which noise is judged, about
+SPIKE_FACTOR = 10.0  # Least size of a spike, as a multiple of the mean change between samples
+ACTIVITY_TIME = 0.02  # Time constant of the mean change between samples [s]
+LARGEST_IMPEDANCE = 600.0  # Largest ratio of the force of an impact to its speed [N s/m]
+LONGEST_GAP = 0.1  # Longest gap in time [s] across which samples are compared
+LARGEST_VALUE = 1e6  # Largest magnitude of a valid measurement [m, N, s: times up to 1e12]
 
 Array = NDArray[np.float64]
 
@@ -169,7 +146,7 @@ def _repeats(watch: Watch, position: float, force: float, period: float) -> int:
         watch.both_repeat = 0.0
     else:
         watch.both_repeat += period
-    if watch.changes < NOISE_SAMPLES or watch.noisy < NOISY_SHARE:
+    if watch.changes < NOISE_SAMPLES or watch.noisy < NOISY_RATIO:
         return GOOD
     slack = 0.5 * min(period, DROPOUT_TIME / 10.0)  # sums of periods are not exact
     if watch.both_repeat + slack > max(DROPOUT_TIME, REPEAT_FACTOR * watch.longest_both):
@@ -331,7 +308,7 @@ class SensorWatch:
         require("least_step", least_step, above=0.0)
         require("least_spike", least_spike, above=0.0)
         require("moving_mass", moving_mass, above=0.0)
-        near = [0.0 if math.isinf(end) else END_SHARE * abs(end) for end in (low, high)]
+        near = [0.0 if math.isinf(end) else END_RATIO * abs(end) for end in (low, high)]
         self._settings = {
             "lowest": low + near[0],
             "highest": high - near[1],

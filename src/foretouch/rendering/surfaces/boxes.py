@@ -12,11 +12,8 @@ from foretouch.rendering.surfaces.triangle_kernel import crossing, nearest
 Array = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
-LEAF = 4
-"""Number of triangles in a box that is not divided."""
-
-STACK = 64
-"""Largest number of boxes waiting in a search: two for each level of the tree."""
+LEAF = 4  # Number of triangles in a box that is not divided
+STACK = 64  # Largest number of boxes waiting in a search: two for each level of the tree
 
 
 def build_boxes(corners: Array) -> tuple[Array, Ints]:

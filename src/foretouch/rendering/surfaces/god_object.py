@@ -76,8 +76,7 @@ class Proxy(Record):
 ROUNDS = 100
 """Largest number of triangles that the proxy passes in one tick; then it waits there, in contact, for the next."""
 
-PASSES = 3
-"""Largest number of entries tested in one tick: a fast probe may cut a corner and come in behind it."""
+PASSES = 3  # Largest number of entries tested in one tick: a fast probe may cut a corner and come in behind it
 
 NUDGE = 1e-9
 """Distance outside the former position at which an entry begins [m]: rounding may have put it below the surface."""

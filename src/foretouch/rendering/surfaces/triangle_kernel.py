@@ -11,9 +11,7 @@ from foretouch.core import Record, compiled
 from foretouch.quantities import pose
 from foretouch.quantities.pose import Vector
 
-FACE = 6
-"""Index of the feature that is neither corner nor edge."""
-
+FACE = 6  # Index of the feature that is neither corner nor edge
 OVERLAP = 1e-9  # a segment through the very edge of two triangles is seen by both: no gap to fall through
 
 

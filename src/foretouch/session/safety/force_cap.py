@@ -9,21 +9,17 @@ from foretouch.session.safety.force_guard import PATIENCE, ForceGuard, guarded_s
 from foretouch.session.safety.kernel import AIMED
 from foretouch.session.safety.motion import Bound
 
-SLOWED = 0.6
-"""Fraction of the force ceiling above which sliding slows down, until it stops at `AIMED`."""
+SLOWED = 0.6  # Fraction of the force ceiling above which sliding slows down, until it stops at `AIMED`
 
-AHEAD, RATE_SHARE = 0.02, 0.2
+AHEAD, RATE_WEIGHT = 0.02, 0.2
 """Look-ahead time of the force for sliding [s], and weight of a tick in the smoothing of the force's rate."""
 
 RECOVERY = 0.002
 """Fraction of its speed by which a slide that was slowed may grow per tick: a probe that slips after it has stuck would
 otherwise reach full speed before its force is felt."""
 
-CONE = 0.8
-"""Cosine of the largest angle between force and normal that friction explains."""
-
-FELT = 1.0
-"""Smallest force that counts as a contact that matters [N]."""
+CONE = 0.8  # Cosine of the largest angle between force and normal that friction explains
+FELT = 1.0  # Smallest force that counts as a contact that matters [N]
 
 
 class ForceCap:
@@ -76,7 +72,7 @@ class ForceCap:
         damping = self._most_damped if unexplained else 0.0
         deeper = guarded_speed(self._guard, self._way, size, felt, AIMED * self._ceiling, damping)
         self.fastest = deeper if felt else math.inf
-        self._rate += RATE_SHARE * ((size - self._force) / self._period - self._rate)
+        self._rate += RATE_WEIGHT * ((size - self._force) / self._period - self._rate)
         self._force = size
         coming = size + max(self._rate, 0.0) * AHEAD
         allowed = (AIMED * self._ceiling - coming) / ((AIMED - SLOWED) * self._ceiling)

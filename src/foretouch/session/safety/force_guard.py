@@ -16,20 +16,14 @@ from foretouch.errors.checks import require
 PATIENCE = 0.01
 """Time constant with which a force is brought to its limit [s]: longer than the delay of sensor and drive."""
 
-STEEPER = 2.0
-"""Factor by which a material is assumed stiffer than its secant and its tangent: it may stiffen."""
-
-SHORTEST_DEPTH = 2e-5
-"""Least distance over which the secant is computed [m]."""
-
-SOFTEST = 50.0
-"""Least stiffness that is assumed [N/m]."""
+STEEPER = 2.0  # Factor by which a material is assumed stiffer than its secant and its tangent: it may stiffen
+SHORTEST_DEPTH = 2e-5  # Least distance over which the secant is computed [m]
+SOFTEST = 50.0  # Least stiffness that is assumed [N/m]
 
 STRIDE, KEPT = 1e-4, 0.5
 """Least distance over which the tangent is computed [m], and fraction of a steeper one before that is kept after it."""
 
-AWAY = 1e-3
-"""Distance outside its onset at which a contact is over [m]."""
+AWAY = 1e-3  # Distance outside its onset at which a contact is over [m]
 
 
 class ForceGuard(Record):
@@ -106,8 +100,7 @@ def guarded_speed(
     return allowed_speed(guard, limit, damping)
 
 
-UNKNOWN_FROM = 1e-3
-"""Distance outside the surface known to the leader above which a contact is with something else [m]."""
+UNKNOWN_FROM = 1e-3  # Distance outside the surface known to the leader above which a contact is with something else [m]
 
 
 class FirstTouch:

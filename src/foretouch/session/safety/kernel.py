@@ -19,7 +19,7 @@ AIMED = 0.88
 and an arm that leaves a damped contact and stops swings back into it. At 0.95 a search led to 15.1 N in
 Kelvin-Voigt."""
 
-PROVEN_SHARE = 0.75
+PROVEN_FRACTION = 0.75
 """Fraction of the ceiling up to which a crossing at one speed permits a higher one: a robot that sets out overshoots
 its speed."""
 
@@ -30,15 +30,13 @@ START_BACK = 3e-5
 """Distance outside its measured position at which a robot that presses begins [m]: an encoder's count may show it
 deeper than it is, and it would press on."""
 
-UNLOADED, REST_FORCE = 0.5, 1.0
-"""Force to which a robot unloads, and largest force that counts as unloaded [N]."""
+UNLOADED, REST_FORCE = 0.5, 1.0  # Force to which a robot unloads, and largest force that counts as unloaded [N]
 
 REJOINED_FOR = 0.3
 """Time for which a robot keeps up with the commands before it follows them again [s]: longer than the playout takes to
 lead from where it was held to where they are."""
 
-CLEARANCE = 5e-3
-"""Distance by which a retreating robot leaves the contact that it was in [m]."""
+CLEARANCE = 5e-3  # Distance by which a retreating robot leaves the contact that it was in [m]
 
 
 class Limits(Record):
@@ -150,7 +148,7 @@ def _approach(memory: Memory, free: float) -> float:
         # A robot that has left a material does not feel how hard it presses at that depth.
         hidden = max(felt, proven_force(way, middle - CELL), proven_force(way, middle))
         unproven = max(max(AIMED * limits.force - hidden, 0.0) / memory.impedance - memory.nearing, 0.0)
-        allowed = max(proven_speed(way, middle, PROVEN_SHARE * limits.force), unproven) + late
+        allowed = max(proven_speed(way, middle, PROVEN_FRACTION * limits.force), unproven) + late
         fastest = min(fastest, math.sqrt(allowed * allowed + limits.acceleration * away) - late)
     return float(fastest)
 

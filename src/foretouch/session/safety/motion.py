@@ -23,24 +23,16 @@ Array = NDArray[np.float64]
 Bound = tuple[float, float, float, float]
 """A direction of length 1 and the largest speed of the path that way [m/s], not negative."""
 
-UNBOUNDED: Bound = (0.0, 0.0, 0.0, math.inf)
-"""Bound that limits nothing."""
-
-RATE = 100.0
-"""Lambda: decay rate of a lag [rad/s]."""
-
-LOCKING = 0.1
-"""Fraction of the largest change of velocity in a tick within which the path locks onto the stream."""
+UNBOUNDED: Bound = (0.0, 0.0, 0.0, math.inf)  # Bound that limits nothing
+RATE = 100.0  # Lambda: decay rate of a lag [rad/s]
+LOCKING = 0.1  # Fraction of the largest change of velocity in a tick within which the path locks onto the stream
 
 EMERGENCY = 5.0
 """Largest braking as a multiple of the largest acceleration, for a path that would pass the stream in the direction of
 a bound, or is too fast."""
 
-BRAKING = 0.7
-"""Fraction of the largest acceleration assumed for braking in time."""
-
-FARTHEST = 1e3
-"""Largest coordinate of a valid position [m]: beyond it nothing can be computed to a micrometre."""
+BRAKING = 0.7  # Fraction of the largest acceleration assumed for braking in time
+FARTHEST = 1e3  # Largest coordinate of a valid position [m]: beyond it nothing can be computed to a micrometre
 
 Numbers3 = Annotated[Array, float, 3]
 

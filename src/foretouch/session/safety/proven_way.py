@@ -15,8 +15,7 @@ Array = NDArray[np.float64]
 CELL = 2.5e-4
 """Length of a cell of the path [m]: a count of 15 um that flickers is 6 % of it, and a millimetre has four."""
 
-CELLS = 1024
-"""Number of cells remembered, 256 mm; the newest replace those as far away as the whole memory."""
+CELLS = 1024  # Number of cells remembered, 256 mm; the newest replace those as far away as the whole memory
 
 MEAN = 10
 """Number of ticks over which positions are averaged and the largest force is taken: noise is no motion, and sensors
@@ -28,11 +27,8 @@ LARGEST_STEP = 2e-3
 GROWTH = 4.0
 """Largest ratio of the allowed speed to that of the crossing that is kept, the fastest: no law is trusted further."""
 
-CONTRADICTED = 1.2
-"""Ratio of a force to the proven one above which it replaces it."""
-
-LEAST_FORCE = 0.25
-"""Least force with which damping is computed [N]: the sensor's zero errs."""
+CONTRADICTED = 1.2  # Ratio of a force to the proven one above which it replaces it
+LEAST_FORCE = 0.25  # Least force with which damping is computed [N]: the sensor's zero errs
 
 
 class ProvenWay(Record):
@@ -72,8 +68,7 @@ class ProvenWay(Record):
     lowest: Annotated[Array, float, CELLS]  # its E [N]
 
 
-FARTHEST = 1e6
-"""Largest distance of a robot for which cells are numbered [m]."""
+FARTHEST = 1e6  # Largest distance of a robot for which cells are numbered [m]
 
 
 @compiled

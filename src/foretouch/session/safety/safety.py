@@ -24,8 +24,7 @@ LEFT = 0.6
 REST_SPEED, SEEN_AT_REST = 5e-3, 1e-2
 """Largest speed of the path, and largest velocity of the robot by its encoder, of a robot at rest [m/s]."""
 
-STATES = tuple(Status)
-"""The statuses by value."""
+STATES = tuple(Status)  # The statuses by value
 
 
 @dataclass(frozen=True, slots=True)

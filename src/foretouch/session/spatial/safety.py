@@ -56,23 +56,20 @@ def variances(
     return height_variance(covariance, a, b, c, x, y, z), place, inclined
 
 
-FACTOR = 3.0
-"""Number of standard deviations taken as the largest error."""
+FACTOR = 3.0  # Number of standard deviations taken as the largest error
 
 SHARED = 5e-4
 """Error common to all touches, which their number does not reduce [m]: the onset of a contact is computed with one
 exponent for all materials, which for a spring or Hertz's ball errs by up to 0.3 mm."""
 
-LARGEST_UNCERTAINTY = 0.1
-"""Largest uncertainty of the surface that is assumed [m]."""
+LARGEST_UNCERTAINTY = 0.1  # Largest uncertainty of the surface that is assumed [m]
 
 LARGEST_TURN, LEAST_TURN = 0.2, 0.1
 """Largest and least inclination assumed of a surface against its belief, and of a robot's motion against its command,
 for the drives differ in delay [rad]."""
 
 NUMBERS = 6
-ROUNDING = 1e-12
-"""Rounding error of a sum of variances that may be zero [rad^2]."""
+ROUNDING = 1e-12  # Rounding error of a sum of variances that may be zero [rad^2]
 
 
 class PoseUncertainty:
