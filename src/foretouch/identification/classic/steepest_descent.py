@@ -14,12 +14,9 @@ from foretouch.core.records import Record
 from foretouch.errors import SettingError
 from foretouch.errors.checks import require
 from foretouch.identification.conditioning.conditioner import ContactSample
-from foretouch.identification.estimator import Estimator, Status
+from foretouch.identification.estimator import FEWEST_UPDATES, Estimator, Status
 from foretouch.identification.exact.law import EXACT_LAWS, REFERENCE_TIME
 from foretouch.models import ContactModel
-
-FEWEST_UPDATES = 20
-"""No force is rendered from fewer samples."""
 
 DEPTH_MEMORY = 1000.0
 """Samples over which the reference depth and the force scale are taken."""

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from foretouch.errors import SettingError
 from foretouch.identification.conditioning.conditioner import ContactSample, ContactSamples
-from foretouch.identification.estimator import Estimator, Status, status_indices
+from foretouch.identification.estimator import FEWEST_UPDATES, Estimator, Status, status_indices
 from foretouch.identification.linear.lanes import (
     COUNTS,
     RESULT_SIZE,
@@ -46,9 +46,6 @@ STATUSES = (Status.LEARNT, Status.FREE_AIR, Status.UNUSABLE, Status.GATED, Statu
 
 LEARNT_FROM = (LEARNT, PERTURBED)
 _INDICES = status_indices(STATUSES)
-
-FEWEST_UPDATES = 20
-"""No force is rendered from fewer samples; the paper's simulations settle at the 20th."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
