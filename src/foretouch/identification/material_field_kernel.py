@@ -37,11 +37,7 @@ class Node(Record):
 def carry_over(nodes: NDArray[np.void], before: Ints, after: Ints, joint: Array) -> Array:
     """Joint covariance of the nodes about a new place: what is known of each, and of two that were together before.
 
-    Args:
-        nodes: All nodes, of shape (n,).
-        before: Nodes that `joint` is of; below zero none.
-        after: Nodes that it is to be of.
-        joint: Of shape (3 m, 3 m).
+    `joint`, of shape (3 m, 3 m), is of the nodes `before` and becomes one of `after`; below zero there is none.
     """
     count = after.shape[0]
     out = np.zeros((UNKNOWNS * count, UNKNOWNS * count))
@@ -111,17 +107,10 @@ def learn(
     noise: float,
     forgetting: float,
 ) -> float:
-    """One sample for the nodes about it.
+    """One sample for the nodes about it, which are written.
 
-    Args:
-        nodes: All nodes, of shape (n,); their unknowns and covariances are written.
-        at: Which nodes are about the sample, of shape (m,); below zero none.
-        weights: Of these.
-        joint: Covariance of these, of shape (3 m, 3 m); written.
-        regressor: Of one node of weight 1.
-        force: Measured force [N].
-        noise: Its variance [N^2].
-        forgetting: Fraction of the information at a node that one sample there forgets.
+    They are `at`, below zero none, with `weights`, of shape (m,), and `joint` covariance, of shape (3 m, 3 m); the
+    regressor is that of one node of weight 1, and noise the force's variance [N^2].
 
     Returns:
         The innovation's square over its variance.
@@ -163,13 +152,7 @@ def learn(
 def laws_of(nodes: NDArray[np.void], at: Ints, scales: Array, depth: float, largest: Array, out: Array) -> None:
     """Laws of nodes in SI units: none negative, each bound met by the rest that fits best with it.
 
-    Args:
-        nodes: All nodes, of shape (n,).
-        at: Which nodes, of shape (m,).
-        scales: What turns unknowns into a, b, c, of shape (3,).
-        depth: At which local stiffness is meant [m].
-        largest: Of a, b, c, of shape (3,).
-        out: a, b, c and the standard deviation of a + 2 b depth, of shape (m, 4), written.
+    Rows of `out`, of shape (m, 4): a, b, c, at most `largest`, and the standard deviation of a + 2 b depth.
     """
     law = np.empty(UNKNOWNS)
     for row in range(at.shape[0]):

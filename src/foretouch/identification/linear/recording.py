@@ -194,17 +194,7 @@ def run(
     status: NDArray[np.int8],
     every: Array,
 ) -> None:
-    """Process all samples of a recording, as `foretouch.identification.linear.sample.update` one after the other.
-
-    Args:
-        recordings: An array of one `Recording`; changed in place.
-        depth: Depths [m], shape (m,).
-        velocity: Velocities [m/s], shape (m,).
-        force: Forces [N], shape (m,).
-        in_contact: Whether each sample is in contact, shape (m,).
-        status: Status of each sample, shape (m,); filled.
-        every: Theta after each sample, shape (m, 4), filled; or shape (0, 4), left alone.
-    """
+    """Process all samples of a recording, as `foretouch.identification.linear.sample.update` one after the other."""
     blocks = np.empty(1, _BLOCK)
     state, options = recordings[0].state, recordings[0].options
     for start in range(0, depth.size, BLOCK):

@@ -66,13 +66,6 @@ def count_depth(state: State, log_depth: float, velocity: float, inverse_mu: flo
 def update(recordings: NDArray[np.void], depth: float, velocity: float, force: float, in_contact: bool) -> int:
     """One sample, in place.
 
-    Args:
-        recordings: An array of one `Recording`, after `begin`.
-        depth: [m].
-        velocity: [m/s].
-        force: [N].
-        in_contact: Whether the probe touches.
-
     Returns:
         What was done, LEARNT to PERTURBED.
     """
