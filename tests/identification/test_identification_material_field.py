@@ -11,7 +11,7 @@ import pytest
 
 from foretouch.identification import ContactSample, MaterialFieldLearner, Status
 from foretouch.identification.material_field import FEWEST_UPDATES, FORCE_NOISE, SHARE_NOISE
-from foretouch.identification.material_field_kernel import UNKNOWNS, carry_over, learn
+from foretouch.identification.material_field_kernel import UNKNOWNS, Node, carry_over, learn
 from foretouch.models import MOST_NODES, MaterialField
 
 Law = Callable[[float, float], tuple[float, float, float]]
@@ -89,21 +89,20 @@ def test_one_node_is_batch_least_squares() -> None:
     random = np.random.default_rng(1)
     rows = random.uniform((0.05, 0.0, -1.0), (1.0, 1.0, 1.0), (300, 3))
     forces = rows @ (3.0, 5.0, 0.4) + random.normal(0.0, 0.05, 300)
-    theta, covariance = np.zeros((1, 3)), 100.0 * np.eye(3)[None]
-    joint, limits = covariance[0].copy(), np.array([1e9])
+    nodes, joint = Node.new(covariance=100.0 * np.eye(3), limit=1e9), 100.0 * np.eye(3)
     at, weights = np.zeros(1, np.int64), np.ones(1)
     for row, force in zip(rows.tolist(), forces.tolist(), strict=True):
-        learn(theta, covariance, limits, at, weights, joint, (row[0], row[1], row[2]), force, 0.04, 0.0)
+        learn(nodes, at, weights, joint, (row[0], row[1], row[2]), force, 0.04, 0.0)
     information = rows.T @ rows / 0.04 + np.eye(3) / 100.0
-    np.testing.assert_allclose(covariance[0], np.linalg.inv(information), rtol=1e-6)
-    np.testing.assert_allclose(theta[0], np.linalg.solve(information, rows.T @ forces / 0.04), rtol=1e-6)
+    np.testing.assert_allclose(nodes[0].covariance, np.linalg.inv(information), rtol=1e-6)
+    np.testing.assert_allclose(nodes[0].theta, np.linalg.solve(information, rows.T @ forces / 0.04), rtol=1e-6)
 
 
 def test_eight_nodes_are_batch_least_squares_and_their_pairs_go_along() -> None:
     random = np.random.default_rng(2)
-    theta, covariance = np.zeros((12, 3)), np.tile(np.eye(3), (12, 1, 1))
+    nodes = Node.new(12, covariance=np.eye(3), limit=1e9)
     at, other = np.arange(8), np.array([4, 5, 6, 7, 8, 9, 10, -1])
-    joint = carry_over(covariance, np.zeros(0, np.int64), at, np.zeros((24, 24)))
+    joint = carry_over(nodes, np.zeros(0, np.int64), at, np.zeros((24, 24)))
     np.testing.assert_array_equal(joint, np.eye(24))
     information, right = np.eye(24), np.zeros(24)
     for _ in range(100):
@@ -112,11 +111,11 @@ def test_eight_nodes_are_batch_least_squares_and_their_pairs_go_along() -> None:
         h = np.outer(weights, row).ravel()
         information += np.outer(h, h) / 100.0
         right += h * force / 100.0
-        learn(theta, covariance, np.full(12, 1e9), at, weights, joint, tuple(row.tolist()), force, 100.0, 0.0)
+        learn(nodes, at, weights, joint, tuple(row.tolist()), force, 100.0, 0.0)
     np.testing.assert_allclose(joint, np.linalg.inv(information), atol=1e-9)
-    np.testing.assert_allclose(theta[:8].ravel(), np.linalg.solve(information, right), atol=1e-9)
-    np.testing.assert_array_equal(covariance[3], joint[9:12, 9:12])
-    moved = carry_over(covariance, at, other, joint)
+    np.testing.assert_allclose(nodes["theta"][:8].ravel(), np.linalg.solve(information, right), atol=1e-9)
+    np.testing.assert_array_equal(nodes[3].covariance, joint[9:12, 9:12])
+    moved = carry_over(nodes, at, other, joint)
     np.testing.assert_array_equal(moved[:12, :12], joint[12:, 12:])
     np.testing.assert_array_equal(moved[12:, :12], 0.0)
     np.testing.assert_array_equal(moved[-UNKNOWNS:], 0.0)

@@ -126,7 +126,7 @@ def test_its_buffer_is_bounded_and_covers_everything() -> None:
     data = samples(BETWEEN, duration=4.0) + samples((9000.0, 1000.0, 0.7, 0.5), duration=4.0)
     for repeat in range(3):
         feed(estimator, data)
-        assert len(estimator._buffer) < LARGEST_BUFFER
+        assert len(estimator._rows) < LARGEST_BUFFER
         assert estimator.updates == (repeat + 1) * len(data)
     model = estimator.model
     assert model is not None

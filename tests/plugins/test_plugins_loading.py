@@ -23,7 +23,7 @@ from foretouch.session.conformance import catalogue
 
 GOOD = """
 from foretouch.devices import ScriptedOperator
-from foretouch.identification.classic.kelvin_voigt import KelvinVoigtRLS
+from foretouch.identification.classic.least_squares import KelvinVoigtRLS
 from foretouch.robot import Material, make_robot
 from foretouch.models import HuntCrossley
 

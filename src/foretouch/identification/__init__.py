@@ -3,13 +3,14 @@
 Nothing here sees a robot or a file: the same code runs on recordings, simulations and hardware.
 """
 
-from foretouch.identification.classic.hunt_crossley import (
+from foretouch.identification.classic.least_squares import (
     HuntCrossleyLogOptions,
     HuntCrossleyLogRLS,
     HuntCrossleyTwoStage,
+    KelvinVoigtOptions,
+    KelvinVoigtRLS,
     TwoStageOptions,
 )
-from foretouch.identification.classic.kelvin_voigt import KelvinVoigtOptions, KelvinVoigtRLS
 from foretouch.identification.classic.steepest_descent import (
     SteepestDescent,
     SteepestDescentHuntCrossley,

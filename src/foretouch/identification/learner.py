@@ -199,12 +199,6 @@ class LearnerRun(ByValue):
 class RawSamples:
     """Columns of raw samples.
 
-    Args:
-        time: Sample times [s], shape (n,).
-        position: Positions [m], shape (n,).
-        force: Forces of the sensor [N], shape (n,).
-        velocity: Velocities [m/s], shape (n,), or None to estimate them from the positions.
-
     Raises:
         InputError: The columns differ in shape.
     """
@@ -254,13 +248,7 @@ class _Columns:
 
 
 def run_compiled(learner: Learner, bank: ContactMap, samples: RawSamples) -> LearnerRun:
-    """See `Learner.run`.
-
-    Args:
-        learner: The learner, changed in place.
-        bank: Its estimator.
-        samples: Raw samples.
-    """
+    """See `Learner.run`."""
     from foretouch.identification.contact_map.kernel import Run
 
     conditioner, runs, columns = learner.conditioner, Run.new(time=learner.sample.time), _Columns(samples.size)
@@ -282,13 +270,7 @@ def run_compiled(learner: Learner, bank: ContactMap, samples: RawSamples) -> Lea
 
 
 def run_by_sample(learner: Learner, samples: RawSamples, note: Callable[[int], None] | None = None) -> LearnerRun:
-    """See `Learner.run`.
-
-    Args:
-        learner: The learner, changed in place.
-        samples: Raw samples.
-        note: Called after each sample from which on there is a model, with its index.
-    """
+    """See `Learner.run`; `note` is called after each sample from which on there is a model, with its index."""
     columns = _Columns(samples.size)
     estimator, conditioner = learner.estimator, learner.conditioner
     model, state, deviation = estimator.model, estimator.state, math.nan

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from foretouch.errors.checks import require
 from foretouch.identification.conditioning.conditioner import ContactSample
 from foretouch.identification.estimator import Estimator, Status
-from foretouch.identification.material_field_kernel import UNKNOWNS, carry_over, laws_of, learn
+from foretouch.identification.material_field_kernel import UNKNOWNS, Node, carry_over, laws_of, learn
 from foretouch.models import FIELD_DEPTH, MOST_NODES, NODE_SPACING, MaterialField, QuadraticContact
 from foretouch.models.material_field import LARGEST_DEVIATION, LARGEST_LAW
 from foretouch.models.material_field_kernel import CORNERS, HALF, NUMBERS, cell_of
@@ -118,14 +118,8 @@ class MaterialFieldLearner(Estimator):
     def reset(self) -> None:
         """Forget all samples and all nodes."""
         self._places: dict[int, int] = {}
-        self._codes = np.zeros(MOST_NODES, np.int64)
-        self._theta = np.zeros((MOST_NODES, UNKNOWNS))
-        self._covariance = np.zeros((MOST_NODES, UNKNOWNS, UNKNOWNS))
-        self._limits = np.zeros(MOST_NODES)
-        self._touched = np.zeros(MOST_NODES, np.int64)
-        self._mean = np.zeros((1, UNKNOWNS))
-        self._mean_covariance = FIRST_DEVIATION**2 * np.eye(UNKNOWNS)[None]
-        self._mean_limit = np.array([UNKNOWNS * FIRST_DEVIATION**2])
+        self._nodes = Node.new(MOST_NODES)
+        self._mean = Node.new(covariance=FIRST_DEVIATION**2 * np.eye(UNKNOWNS), limit=UNKNOWNS * FIRST_DEVIATION**2)
         self._about = np.zeros(CORNERS, np.int64)
         self._weights = np.zeros(CORNERS)
         self._at = np.full(CORNERS, -1, np.int64)
@@ -157,11 +151,9 @@ class MaterialFieldLearner(Estimator):
         noise = FORCE_NOISE**2 + (SHARE_NOISE * force) ** 2
         learn(
             self._mean,
-            self._mean_covariance,
-            self._mean_limit,
             _FIRST,
             _ALL,
-            self._mean_covariance[0],
+            self._mean[0].covariance,
             regressor,
             force,
             noise,
@@ -169,16 +161,14 @@ class MaterialFieldLearner(Estimator):
         )
         self._field = None
         self.updates += 1
-        if not abs(float(self._mean[0, 0])) + abs(float(self._mean[0, 1])) < LARGEST_UNKNOWN:
+        if not float(np.abs(self._mean[0].theta[:2]).sum()) < LARGEST_UNKNOWN:
             self.reset()
             return Status.RESTARTED
         if not (self._places or self._mean_is_known()):
             return Status.LEARNT
         self._find_nodes()
         ratio = learn(
-            self._theta,
-            self._covariance,
-            self._limits,
+            self._nodes,
             self._at,
             self._weights,
             self._joint,
@@ -187,7 +177,7 @@ class MaterialFieldLearner(Estimator):
             noise * max(self._misfit, 1.0),
             FORGETTING,
         )
-        self._touched[self._at[self._at >= 0]] = self.updates
+        self._nodes["touched"][self._at[self._at >= 0]] = self.updates
         return self._judge(ratio)
 
     def _refuse(self, sample: ContactSample) -> Status | None:
@@ -220,26 +210,25 @@ class MaterialFieldLearner(Estimator):
                 node = self._room_for(code)
                 self._begin(node, fresh, spread, trace)
                 begun.append(corner)
-            elif node >= 0 and node not in before and float(np.trace(self._covariance[node])) > trace:
+            elif node >= 0 and node not in before and float(np.trace(self._nodes[node].covariance)) > trace:
                 self._begin(node, fresh, spread, trace)
                 begun.append(corner)
             self._at[corner] = node
-        self._joint = carry_over(self._covariance, before, self._at, self._joint)
+        self._joint = carry_over(self._nodes, before, self._at, self._joint)
         self._tie(begun, fresh, 1.0)
 
     def _room_for(self, code: int) -> int:
         """Row for a new node: a free one, or that of the node touched longest ago."""
         node = len(self._places)
         if node == MOST_NODES:
-            node = int(np.argmin(self._touched))
-            del self._places[int(self._codes[node])]
+            node = int(np.argmin(self._nodes["touched"]))
+            del self._places[int(self._nodes[node].code)]
         self._places[code] = node
-        self._codes[node] = code
-        self._touched[node] = self.updates
+        self._nodes[["code", "touched"]][node] = code, self.updates
         return node
 
     def _begin(self, node: int, fresh: Array, spread: Array, trace: float) -> None:
-        self._theta[node], self._covariance[node], self._limits[node] = fresh, spread, trace
+        self._nodes[["theta", "covariance", "limit"]][node] = fresh, spread, trace
 
     def _tie(self, corners: list[int], fresh: Array, factor: float) -> None:
         """Correlate nodes that begin together: they are likely to be all stiffer than the mean, or all softer."""
@@ -252,7 +241,7 @@ class MaterialFieldLearner(Estimator):
 
     def _fresh(self) -> tuple[Array, Array]:
         """Prior mean of a node that has not been touched, and its covariance."""
-        mean = np.maximum(self._mean[0], 0.0)
+        mean = np.maximum(self._mean[0].theta, 0.0)
         force = max(float(mean[0] + mean[1]), FORCE_NOISE)
         own = np.square(FREEDOM * force * np.array([1.0, 1.0, FREEDOM]))
         return mean, SPREAD**2 * np.outer(mean, mean) + np.diag(own)
@@ -262,7 +251,7 @@ class MaterialFieldLearner(Estimator):
         if self.updates < FEWEST_UPDATES:
             return False
         return self.updates >= MEAN_UPDATES or bool(
-            np.trace(self._mean_covariance[0]) < FREEDOM**2 * np.trace(self._fresh()[1])
+            np.trace(self._mean[0].covariance) < FREEDOM**2 * np.trace(self._fresh()[1])
         )
 
     def _judge(self, ratio: float) -> Status:
@@ -281,23 +270,23 @@ class MaterialFieldLearner(Estimator):
         corners = np.flatnonzero(self._at >= 0).tolist()
         for corner in corners:
             self._begin(int(self._at[corner]), fresh, spread, float(np.trace(spread)))
-        self._joint = carry_over(self._covariance, _NONE, self._at, self._joint)
+        self._joint = carry_over(self._nodes, _NONE, self._at, self._joint)
         self._tie(corners, fresh, CHANGED_SPREAD)
         return Status.CHANGED
 
     def _laws(self, at: NDArray[np.int64]) -> Array:
         """Laws of nodes, none negative, and their standard deviations, of shape (m, 4)."""
         out = np.empty((len(at), NUMBERS))
-        laws_of(self._theta, self._covariance, at, SCALES, FIELD_DEPTH, _LARGEST, out)
+        laws_of(self._nodes, at, SCALES, FIELD_DEPTH, _LARGEST, out)
         return out
 
     def _mean_law(self) -> Array:
         """The mean law, none of it negative, and the standard deviation of an untouched position, of shape (4,)."""
         out = np.empty((1, NUMBERS))
-        laws_of(self._mean, self._mean_covariance, _FIRST, SCALES, FIELD_DEPTH, _LARGEST, out)
+        laws_of(self._mean, _FIRST, SCALES, FIELD_DEPTH, _LARGEST, out)
         _, spread = self._fresh()
         slope = np.array([SCALES[0], 2.0 * FIELD_DEPTH * SCALES[1], 0.0])
-        out[0, 3] = min(math.sqrt(float(slope @ (spread + self._mean_covariance[0]) @ slope)), LARGEST_DEVIATION)
+        out[0, 3] = min(math.sqrt(float(slope @ (spread + self._mean[0].covariance) @ slope)), LARGEST_DEVIATION)
         row: Array = out[0]
         return row
 
@@ -306,7 +295,7 @@ class MaterialFieldLearner(Estimator):
         """The field as learnt so far; without nodes before 20 samples."""
         if self._field is None:
             count = len(self._places)
-            codes = self._codes[:count]
+            codes = self._nodes["code"][:count]
             keys = np.stack([codes >> 32, (codes >> 16) & 0xFFFF, codes & 0xFFFF], axis=1) - HALF
             mean = self._mean_law()
             self._field = MaterialField(
@@ -342,7 +331,7 @@ class MaterialFieldLearner(Estimator):
             return None
         nodes, weights = self._here()
         known = nodes >= 0
-        variances = np.einsum("nii->ni", self._covariance[nodes[known]])
+        variances = np.einsum("nii->ni", self._nodes["covariance"][nodes[known]])
         missing = 1.0 - float(weights[known].sum())
         errors = np.sqrt(
             np.maximum(np.square(weights[known]) @ variances + missing**2 * np.diag(self._fresh()[1]), 0.0)

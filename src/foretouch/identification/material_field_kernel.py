@@ -5,10 +5,13 @@ Unknowns are forces at the reference depth and speed [N]: a node's three numbers
 
 from __future__ import annotations
 
+from typing import Annotated, Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.core.compiling import compiled
+from foretouch.core.records import Record
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -20,15 +23,21 @@ OUTLIER = 9.0
 """Ratio of a squared innovation to its variance beyond which it weighs less."""
 
 
+class Node(Record):
+    """What was learnt at a position."""
+
+    theta: Annotated[NDArray[Any], float, UNKNOWNS]  # the unknowns
+    covariance: Annotated[NDArray[Any], float, (UNKNOWNS, UNKNOWNS)]  # of the node by itself
+    limit: float  # of the trace of the covariance
+    code: int  # packed key
+    touched: int  # number of the newest sample there
+
+
 @compiled
-def carry_over(covariance: Array, before: Ints, after: Ints, joint: Array) -> Array:
+def carry_over(nodes: NDArray[np.void], before: Ints, after: Ints, joint: Array) -> Array:
     """Joint covariance of the nodes about a new place: what is known of each, and of two that were together before.
 
-    Args:
-        covariance: Of all nodes, of shape (n, 3, 3).
-        before: Nodes that `joint` is of; below zero none.
-        after: Nodes that it is to be of.
-        joint: Of shape (3 m, 3 m).
+    `joint`, of shape (3 m, 3 m), is of the nodes `before` and becomes one of `after`; below zero there is none.
     """
     count = after.shape[0]
     out = np.zeros((UNKNOWNS * count, UNKNOWNS * count))
@@ -41,7 +50,7 @@ def carry_over(covariance: Array, before: Ints, after: Ints, joint: Array) -> Ar
                 old[n] = m
         for i in range(UNKNOWNS):
             for j in range(UNKNOWNS):
-                out[UNKNOWNS * n + i, UNKNOWNS * n + j] = covariance[after[n], i, j]
+                out[UNKNOWNS * n + i, UNKNOWNS * n + j] = nodes[after[n]].covariance[i, j]
     for n in range(count):
         for m in range(count):
             if n == m or old[n] < 0 or old[m] < 0:
@@ -53,11 +62,11 @@ def carry_over(covariance: Array, before: Ints, after: Ints, joint: Array) -> Ar
 
 
 @compiled
-def _forget(joint: Array, at: Ints, weights: Array, limits: Array, share: float) -> None:
+def _forget(joint: Array, at: Ints, weights: Array, nodes: NDArray[np.void], share: float) -> None:
     """Enlarge the covariance of each node by a fraction times its weight, as far as its limit allows."""
     for n in range(at.shape[0]):
         k = UNKNOWNS * n
-        if at[n] < 0 or joint[k, k] + joint[k + 1, k + 1] + joint[k + 2, k + 2] >= limits[at[n]]:
+        if at[n] < 0 or joint[k, k] + joint[k + 1, k + 1] + joint[k + 2, k + 2] >= nodes[at[n]].limit:
             continue
         growth = 1.0 + 0.5 * share * weights[n]
         for i in range(k, k + UNKNOWNS):
@@ -89,9 +98,7 @@ def _update_covariance(joint: Array, h: Array, gain: Array, noise: float) -> Non
 
 @compiled
 def learn(
-    theta: Array,
-    covariance: Array,
-    limits: Array,
+    nodes: NDArray[np.void],
     at: Ints,
     weights: Array,
     joint: Array,
@@ -100,25 +107,16 @@ def learn(
     noise: float,
     forgetting: float,
 ) -> float:
-    """One sample for the nodes about it.
+    """One sample for the nodes about it, which are written.
 
-    Args:
-        theta: Unknowns of all nodes, of shape (n, 3); written.
-        covariance: Covariance of each node by itself, of shape (n, 3, 3); written.
-        limits: Limits of their traces, of shape (n,).
-        at: Which nodes are about the sample, of shape (m,); below zero none.
-        weights: Of these.
-        joint: Covariance of these, of shape (3 m, 3 m); written.
-        regressor: Of one node of weight 1.
-        force: Measured force [N].
-        noise: Its variance [N^2].
-        forgetting: Fraction of the information at a node that one sample there forgets.
+    They are `at`, below zero none, with `weights`, of shape (m,), and `joint` covariance, of shape (3 m, 3 m); the
+    regressor is that of one node of weight 1, and noise the force's variance [N^2].
 
     Returns:
         The innovation's square over its variance.
     """
     size = joint.shape[0]
-    _forget(joint, at, weights, limits, forgetting)
+    _forget(joint, at, weights, nodes, forgetting)
     h, gain = np.zeros(size), np.zeros(size)
     predicted, expected = 0.0, noise
     for n in range(at.shape[0]):
@@ -126,7 +124,7 @@ def learn(
             continue
         for i in range(UNKNOWNS):
             h[UNKNOWNS * n + i] = weights[n] * regressor[i]
-            predicted += weights[n] * regressor[i] * theta[at[n], i]
+            predicted += weights[n] * regressor[i] * nodes[at[n]].theta[i]
     for i in range(size):
         for j in range(size):
             gain[i] += joint[i, j] * h[j]
@@ -142,31 +140,25 @@ def learn(
     for n in range(at.shape[0]):
         if at[n] < 0:
             continue
+        node = nodes[at[n]]
         for i in range(UNKNOWNS):
-            theta[at[n], i] += gain[UNKNOWNS * n + i] * error
+            node.theta[i] += gain[UNKNOWNS * n + i] * error
             for j in range(UNKNOWNS):
-                covariance[at[n], i, j] = joint[UNKNOWNS * n + i, UNKNOWNS * n + j]
+                node.covariance[i, j] = joint[UNKNOWNS * n + i, UNKNOWNS * n + j]
     return ratio
 
 
 @compiled
-def laws_of(theta: Array, covariance: Array, at: Ints, scales: Array, depth: float, largest: Array, out: Array) -> None:
+def laws_of(nodes: NDArray[np.void], at: Ints, scales: Array, depth: float, largest: Array, out: Array) -> None:
     """Laws of nodes in SI units: none negative, each bound met by the rest that fits best with it.
 
-    Args:
-        theta: Of all nodes, of shape (n, 3).
-        covariance: Of shape (n, 3, 3).
-        at: Which nodes, of shape (m,).
-        scales: What turns unknowns into a, b, c, of shape (3,).
-        depth: At which local stiffness is meant [m].
-        largest: Of a, b, c, of shape (3,).
-        out: a, b, c and the standard deviation of a + 2 b depth, of shape (m, 4), written.
+    Rows of `out`, of shape (m, 4): a, b, c, at most `largest`, and the standard deviation of a + 2 b depth.
     """
     law = np.empty(UNKNOWNS)
     for row in range(at.shape[0]):
-        node = at[row]
-        p = covariance[node]
-        law[:] = theta[node]
+        node = nodes[at[row]]
+        p = node.covariance
+        law[:] = node.theta
         for i in (2, 1, 0):
             if law[i] < 0.0 and p[i, i] > 0.0:
                 share = law[i] / p[i, i]

@@ -25,9 +25,6 @@ LARGEST_BUFFER = 4096
 """Largest number of samples that the estimator holds; when it is reached, every second one is dropped and only every
 second one of those to come is taken, so that the buffer always covers the whole recording evenly."""
 
-REFIT_SHARE = 0.1
-"""Fraction of new samples after which the estimator fits again: a fit takes milliseconds."""
-
 STARTS = 3
 """Number of local searches, from the best points of a grid over s and alpha."""
 
@@ -205,23 +202,24 @@ class _Problem:
         """Covariance of the free unknowns."""
         jacobian = self.jacobian(unknowns)[:, self.free]
         variance = float(residual @ residual) / max(1, residual.size - len(self.free))
-        likeness = float(residual[1:] @ residual[:-1]) / max(float(residual @ residual), 1e-300)
-        likeness = min(max(likeness, 0.0), 0.999)
+        likeness = likeness_of(residual)
         variance = max(variance * (1.0 + likeness) / (1.0 - likeness), 1e-24)
         known = np.array([0.0, 0.0, UNIFORM_INFORMATION, UNIFORM_INFORMATION])[self.free]
         return np.asarray(np.linalg.pinv(jacobian.T @ jacobian / variance + np.diag(known), hermitian=True))
 
 
-class _Offline(Estimator):
-    """Stores samples and fits them when asked: see `fit_offline`.
+def likeness_of(residual: Array) -> float:
+    """Correlation of successive residuals, 0 to 0.999."""
+    likeness = float(residual[1:] @ residual[:-1]) / max(float(residual @ residual), 1e-300)
+    return min(max(likeness, 0.0), 0.999)
 
-    Samples in contact go into a buffer of at most 4,096 that covers all of them evenly; `model` fits when 10 % of new
-    samples have come since the last fit. Each model is causal, but a fit takes milliseconds: this is the reference for
-    recordings, not an estimator for a control loop.
-    """
 
-    name: ClassVar[str] = "offline"
+class StoringEstimator(Estimator):
+    """Stores samples in a buffer that covers all of them evenly, and fits them when asked, not at every sample."""
+
     offline: ClassVar[bool] = True
+    refit_share: ClassVar[float]
+    """Fraction of new samples after which the estimator fits again."""
 
     def __init__(self) -> None:
         self.reset()
@@ -230,9 +228,45 @@ class _Offline(Estimator):
         """Forget all samples."""
         self.updates = 0
         self._stride = 1
-        self._buffer: list[tuple[float, float, float]] = []
-        self._fit: OfflineFit | None = None
+        self._rows: list[tuple[float, ...]] = []
         self._next_fit = FEWEST_SAMPLES
+
+    def _store(self, row: tuple[float, ...]) -> None:
+        if self.updates % self._stride == 0:
+            self._rows.append(row)
+            if len(self._rows) >= LARGEST_BUFFER:
+                self._rows = self._rows[::2]
+                self._stride *= 2
+        self.updates += 1
+
+    def finish(self) -> None:
+        """Fit to the newest samples too."""
+        if self.updates >= FEWEST_SAMPLES:
+            self._next_fit = self.updates
+
+    def _is_fit_due(self) -> bool:
+        """Whether to fit now; the caller does."""
+        due = self.updates >= self._next_fit
+        if due:
+            self._next_fit = self.updates + max(1, round(self.refit_share * self.updates))
+        return due
+
+
+class _Offline(StoringEstimator):
+    """Stores samples and fits them when asked: see `fit_offline`.
+
+    Samples in contact go into a buffer of at most 4,096 that covers all of them evenly; `model` fits when 10 % of new
+    samples have come since the last fit. Each model is causal, but a fit takes milliseconds: this is the reference for
+    recordings, not an estimator for a control loop.
+    """
+
+    name: ClassVar[str] = "offline"
+    refit_share: ClassVar[float] = 0.1  # a fit takes milliseconds
+
+    def reset(self) -> None:
+        """Forget all samples."""
+        super().reset()
+        self._fit: OfflineFit | None = None
 
     def update(self, sample: ContactSample) -> Status:
         """Store one sample; see `Estimator.update`."""
@@ -241,26 +275,15 @@ class _Offline(Estimator):
         _, depth, velocity, force, _ = sample
         if not (1e-9 < depth < 1e6 and abs(velocity) < 1e6 and abs(force) < 1e9):
             return Status.UNUSABLE
-        if self.updates % self._stride == 0:
-            self._buffer.append((depth, velocity, force))
-            if len(self._buffer) >= LARGEST_BUFFER:
-                self._buffer = self._buffer[::2]
-                self._stride *= 2
-        self.updates += 1
+        self._store((depth, velocity, force))
         return Status.LEARNT
-
-    def finish(self) -> None:
-        """Fit to the newest samples too."""
-        if self.updates >= FEWEST_SAMPLES:
-            self._next_fit = self.updates
 
     @property
     def fit(self) -> OfflineFit | None:
         """The newest fit, None before 20 samples or while none is possible."""
-        if self.updates >= self._next_fit:
-            self._next_fit = self.updates + max(1, round(REFIT_SHARE * self.updates))
+        if self._is_fit_due():
             try:
-                depth, velocity, force = np.array(self._buffer).T
+                depth, velocity, force = np.array(self._rows).T
                 self._fit = fit_offline(depth, velocity, force, self.model_name)
             except InputError:  # a parameter out of range, or no force: no usable fit
                 self._fit = None
@@ -283,7 +306,7 @@ class _Offline(Estimator):
         fit = self.fit
         if fit is None:
             return None
-        depth, velocity, force = np.array(self._buffer).T
+        depth, velocity, force = np.array(self._rows).T
         try:
             moved = [
                 fit_offline(depth + shift, velocity, force, self.model_name).model.parameters

@@ -14,17 +14,14 @@ from foretouch.identification.conditioning.conditioner import ContactSample
 from foretouch.identification.contact_map.learning import PERIOD
 from foretouch.identification.contact_map.prior import NOISE, prior
 from foretouch.identification.contact_map.scores import SHARPNESS
-from foretouch.identification.estimator import Estimator, Status
-from foretouch.identification.offline import FEWEST_SAMPLES, LARGEST_BUFFER, OfflineFit, fit_offline
+from foretouch.identification.estimator import Status
+from foretouch.identification.offline import OfflineFit, StoringEstimator, fit_offline
 from foretouch.models import ContactMapModel, ContactModel, ContactState
 from foretouch.models.contact_map.kernel import experts, features, locate, remember
 from foretouch.models.contact_map.layout import GRIDS, LARGEST_FEATURES, MEMORY, Grid, Map
 from foretouch.models.contact_map.wire import pack
 
 Array = NDArray[np.float64]
-
-REFIT_SHARE = 0.25
-"""Fraction of new samples after which the estimator fits again: a fit takes a tenth of a second."""
 
 
 class _Samples(NamedTuple):
@@ -37,7 +34,7 @@ class _Samples(NamedTuple):
     features: Array
 
 
-class OfflineContactMap(Estimator):
+class OfflineContactMap(StoringEstimator):
     r"""The experts of a `foretouch.models.ContactMapModel`, each by least squares over all samples at once.
 
     For each map, with the prior covariance P and the noise that `ContactMap` learns with,
@@ -58,21 +55,15 @@ class OfflineContactMap(Estimator):
 
     name: ClassVar[str] = "offline"
     model_name: ClassVar[str] = "contact-map"
-    offline: ClassVar[bool] = True
-
-    def __init__(self) -> None:
-        self.reset()
+    refit_share: ClassVar[float] = 0.25  # a fit takes a tenth of a second
 
     def reset(self) -> None:
         """Forget all samples."""
-        self.updates = 0
+        super().reset()
         self._origin = self._zero = 0.0
         self._memory = np.full(MEMORY, math.nan)
         self._time = self._learnt_at = math.nan
         self._touched = False
-        self._stride = 1
-        self._rows: list[tuple[float, ...]] = []
-        self._next_fit = FEWEST_SAMPLES
         self._model: ContactMapModel | None = None
         self._law: OfflineFit | None = None
 
@@ -94,18 +85,8 @@ class OfflineContactMap(Estimator):
         self._learnt_at = time
         values = np.empty(LARGEST_FEATURES)
         features(self._memory, place, velocity, values)
-        if self.updates % self._stride == 0:
-            self._rows.append((place, velocity, force + self._zero, float(in_contact), *values.tolist()))
-            if len(self._rows) >= LARGEST_BUFFER:
-                self._rows = self._rows[::2]
-                self._stride *= 2
-        self.updates += 1
+        self._store((place, velocity, force + self._zero, float(in_contact), *values.tolist()))
         return Status.LEARNT if in_contact else Status.FREE_AIR
-
-    def finish(self) -> None:
-        """Fit to the newest samples too."""
-        if self.updates >= FEWEST_SAMPLES:
-            self._next_fit = self.updates
 
     def move_surface(self, change: float) -> None:
         """See `Estimator.move_surface`: the map stays where it is."""
@@ -125,8 +106,7 @@ class OfflineContactMap(Estimator):
     @property
     def model(self) -> ContactModel | None:
         """The fitted map, None before 20 samples or without contact among them."""
-        if self.updates >= self._next_fit:
-            self._next_fit = self.updates + max(1, round(REFIT_SHARE * self.updates))
+        if self._is_fit_due():
             self._model = self._fit()
         return self._model
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from foretouch.errors import SettingError, UnknownNameError
 from foretouch.errors.checks import require_type
-from foretouch.identification.classic.hunt_crossley import HuntCrossleyLogRLS, HuntCrossleyTwoStage
-from foretouch.identification.classic.kelvin_voigt import KelvinVoigtRLS
+from foretouch.identification.classic.least_squares import HuntCrossleyLogRLS, HuntCrossleyTwoStage, KelvinVoigtRLS
 from foretouch.identification.classic.steepest_descent import (
     SteepestDescent,
     SteepestDescentHuntCrossley,

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from foretouch.errors import RecordingError, plural
 from foretouch.errors.checks import require
 from foretouch.identification.conditioning.conditioner import LONGEST_LAG, Conditioner, SensorLag
+from foretouch.identification.offline import likeness_of
 from foretouch.quantities import ByValue, Recording, SensorCalibration
 
 FLOOR_SHARE = 0.1
@@ -111,8 +112,7 @@ def _fit(
     solution: Array = np.linalg.lstsq(design, place - zero, rcond=None)[0]
     residual = place - zero - design @ solution
     variance = float(residual @ residual) / (felt.size - 3)
-    likeness = float(residual[1:] @ residual[:-1]) / max(float(residual @ residual), 1e-300)
-    likeness = min(max(likeness, 0.0), 0.999)
+    likeness = likeness_of(residual)
     inverse = np.linalg.inv(design.T @ design)
     errors = np.sqrt(variance * np.diag(inverse) * (1.0 + likeness) / (1.0 - likeness))
     compliance, error = float(solution[1]), float(errors[1])

@@ -27,16 +27,7 @@ HALF = 32768
 
 @compiled
 def cell_of(x: float, y: float, z: float, spacing: float, codes: Codes, weights: Array) -> None:
-    """Find the eight nodes about a point, and their trilinear weights, which sum to 1.
-
-    Args:
-        x: Coordinate of the point [m]; beyond the lattice it counts as at its end.
-        y: Coordinate of the point [m].
-        z: Coordinate of the point [m].
-        spacing: Spacing of the nodes [m].
-        codes: Codes of the nodes, of shape (8,), written.
-        weights: Weights of the nodes, of shape (8,), written.
-    """
+    """Find the eight nodes about a point, and their trilinear weights, which sum to 1."""
     limit = HALF - 2.0
     u, v, w = (
         min(max(x / spacing, -limit), limit),
@@ -56,17 +47,7 @@ def cell_of(x: float, y: float, z: float, spacing: float, codes: Codes, weights:
 def blend(
     codes: Codes, values: Array, unknown: Array, spacing: float, x: float, y: float, z: float
 ) -> tuple[float, float, float, float, float]:
-    """The law at a point: a, b, c, the standard deviation of its local stiffness, and the weight of the known nodes.
-
-    Args:
-        codes: Codes of the nodes, ascending, of shape (n,).
-        values: Numbers of the nodes, of shape (n, 4).
-        unknown: Numbers for a node that does not exist, of shape (4,).
-        spacing: Spacing of the nodes [m].
-        x: Coordinate of the point [m].
-        y: Coordinate of the point [m].
-        z: Coordinate of the point [m].
-    """
+    """The law at a point: a, b, c, the standard deviation of its local stiffness, and the weight of the known nodes."""
     about, weights = np.empty(CORNERS, np.int64), np.empty(CORNERS)
     cell_of(x, y, z, spacing, about, weights)
     a = b = c = variance = known = 0.0

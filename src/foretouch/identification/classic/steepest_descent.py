@@ -4,23 +4,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.core.compiling import compiled
+from foretouch.core.records import Record
 from foretouch.errors import SettingError
 from foretouch.errors.checks import require
 from foretouch.identification.conditioning.conditioner import ContactSample
-from foretouch.identification.estimator import Estimator, Status
+from foretouch.identification.estimator import FEWEST_UPDATES, Estimator, Status
 from foretouch.identification.exact.law import EXACT_LAWS, REFERENCE_TIME
 from foretouch.models import ContactModel
-
-Array = NDArray[np.float64]
-
-FEWEST_UPDATES = 20
-"""No force is rendered from fewer samples."""
 
 DEPTH_MEMORY = 1000.0
 """Samples over which the reference depth and the force scale are taken."""
@@ -61,34 +57,40 @@ class SteepestDescentOptions:
         require("initial_damping", self.initial_damping, at_least=0.0, at_most=LARGEST_DAMPING)
 
 
-@compiled
-def _update(
-    theta: Array, memory: Array, bounds: Array, step: float, depth: float, velocity: float, force: float
-) -> bool:
-    """One step in place: theta is (ln F0, D / F0, s, alpha); memory is (x0, mean ln x, mean F^2, samples).
+class Descent(Record):
+    """What is known of the law; all but the bounds 0 before the first sample."""
 
-    The mean of ln x is weighted by F^2: with x0 there, steps along ln F0 and along s disturb each other least.
+    bounds: Annotated[NDArray[Any], float, (4, 2)]  # of theta
+    theta: Annotated[NDArray[Any], float, 4]  # ln F0, D / F0, s, alpha
+    reference: float  # x0 [m]
+    log_depth: float  # mean of ln x, weighted by F^2: with x0 there, steps along ln F0 and s disturb each other least
+    power: float  # mean of F^2 [N^2]
+    samples: float
 
-    Returns False where the sample cannot be used; then nothing but the reference depth has changed.
-    """
-    memory[3] = min(memory[3] + 1.0, DEPTH_MEMORY)
-    memory[2] += (force * force - memory[2]) / memory[3]
-    weight = min(force * force / memory[2], memory[3]) if memory[2] > 0.0 else 1.0
-    memory[1] += weight * (math.log(depth) - memory[1]) / memory[3]
-    log_ratio = memory[1] - math.log(memory[0])
+
+@compiled("b1(Descent[::1], f8, f8, f8, f8)")
+def _update(descents: NDArray[np.void], step: float, depth: float, velocity: float, force: float) -> bool:
+    """One step in place; False where the sample cannot be used: nothing but the reference depth has changed then."""
+    descent = descents[0]
+    theta, bounds = descent.theta, descent.bounds
+    descent.samples = min(descent.samples + 1.0, DEPTH_MEMORY)
+    descent.power += (force * force - descent.power) / descent.samples
+    weight = min(force * force / descent.power, descent.samples) if descent.power > 0.0 else 1.0
+    descent.log_depth += weight * (math.log(depth) - descent.log_depth) / descent.samples
+    log_ratio = descent.log_depth - math.log(descent.reference)
     if abs(log_ratio) > REFERENCE_STEP:  # the same law at another reference depth
-        memory[0] *= math.exp(log_ratio)
+        descent.reference *= math.exp(log_ratio)
         theta[0] += theta[2] * log_ratio
         theta[1] *= math.exp((1.0 - theta[3]) * log_ratio)
-    u = depth / memory[0]
+    u = depth / descent.reference
     if u < SMALLEST_DEPTH:
         return False
     log_u = math.log(u)
     elastic = math.exp(theta[0] + theta[2] * log_u)
-    per_damping = elastic * math.exp(-theta[3] * log_u) * velocity * REFERENCE_TIME / memory[0]
+    per_damping = elastic * math.exp(-theta[3] * log_u) * velocity * REFERENCE_TIME / descent.reference
     expected = elastic + theta[1] * per_damping
     slope = (expected, per_damping, expected * log_u, -theta[1] * per_damping * log_u)
-    scale = max(math.sqrt(memory[2]), abs(expected))
+    scale = max(math.sqrt(descent.power), abs(expected))
     power = 1e-2 * scale * scale
     for i in range(4):
         if bounds[i, 0] < bounds[i, 1]:
@@ -110,14 +112,12 @@ class _SteepestDescent(Estimator):
         self._law = EXACT_LAWS[self.model_name]
         strengths = ((-LARGEST_LOG_FORCE, LARGEST_LOG_FORCE), (0.0, LARGEST_DAMPING))
         self._bounds = np.array([*strengths, self._law.s_bounds, self._law.alpha_bounds])
-        self.reset()
-        # Compiled here, before any loop.
-        _update(np.zeros(4), np.array([1.0, 0.0, 1.0, 0.0]), self._bounds, 0.5, 1.0, 0.0, 1.0)
+        self.reset()  # compiled when this module was loaded, before any loop
 
     def reset(self) -> None:
         """Forget all samples."""
-        self._theta = np.zeros(4)
-        self._memory = np.zeros(4)
+        self._states = Descent.new(bounds=self._bounds)
+        self._state = self._states[0]
         self._seen = 0
         self.updates = 0
 
@@ -128,10 +128,10 @@ class _SteepestDescent(Estimator):
         _, depth, velocity, force, _ = sample
         if not (1e-9 < depth < 1e6 and abs(velocity) < 1e6 and abs(force) < 1e9):
             return Status.UNUSABLE
-        if self._memory[0] == 0.0:
+        if self._state.reference == 0.0:
             self._begin(depth, velocity, force)
             return Status.GATED
-        if not _update(self._theta, self._memory, self._bounds, self.options.step, depth, velocity, force):
+        if not _update(self._states, self.options.step, depth, velocity, force):
             return Status.GATED
         self.updates += 1
         return Status.LEARNT
@@ -146,18 +146,18 @@ class _SteepestDescent(Estimator):
         options = self.options
         damped = 1.0 + options.initial_damping * max(velocity, 0.0) * REFERENCE_TIME / depth
         start = (math.log(force / damped), options.initial_damping, options.initial_s, options.initial_alpha)
-        self._theta[:] = np.clip(start, self._bounds[:, 0], self._bounds[:, 1])
-        self._memory[0] = depth
+        self._state.theta[:] = np.clip(start, self._bounds[:, 0], self._bounds[:, 1])
+        self._state.reference = depth
 
     @property
     def model(self) -> ContactModel | None:
         """The law, None before 20 samples."""
         if self.updates < FEWEST_UPDATES:
             return None
-        log_elastic, damping, s, alpha = self._theta.tolist()
+        log_elastic, damping, s, alpha = self._state.theta.tolist()
         elastic = math.exp(log_elastic)
         try:
-            return self._law.model(elastic, damping * elastic, s, alpha, float(self._memory[0]))
+            return self._law.model(elastic, damping * elastic, s, alpha, float(self._state.reference))
         except (SettingError, OverflowError):  # depths and forces so extreme that k leaves the floating point numbers
             return None
 

@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.errors.checks import require
-from foretouch.identification.classic.hunt_crossley import (
+from foretouch.identification.classic.least_squares import (
     HuntCrossleyLogOptions,
     HuntCrossleyLogRLS,
     HuntCrossleyTwoStage,
+    KelvinVoigtOptions,
+    KelvinVoigtRLS,
     TwoStageOptions,
 )
-from foretouch.identification.classic.kelvin_voigt import KelvinVoigtOptions, KelvinVoigtRLS
 from foretouch.identification.conditioning.conditioner import ContactSample
 from foretouch.identification.estimator import Estimator, Status
 from foretouch.identification.linear.options import require_choice
@@ -94,10 +95,9 @@ class ThresholdSwitching(Estimator):
     @property
     def unscaled_covariance(self) -> NDArray[np.float64]:
         """P of the Kelvin-Voigt and of the Hunt-Crossley estimator in one, shape (5, 5); they share nothing."""
-        covariance = np.zeros((5, 5))
-        covariance[:2, :2] = self._stiff.unscaled_covariance
-        covariance[2:, 2:] = self._soft.unscaled_covariance
-        return covariance
+        from scipy.linalg import block_diag
+
+        return np.asarray(block_diag(self._stiff.unscaled_covariance, self._soft.unscaled_covariance))
 
     @property
     def model(self) -> KelvinVoigt | HuntCrossley | None:

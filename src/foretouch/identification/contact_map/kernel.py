@@ -1,6 +1,6 @@
 """One sample for the whole bank of experts, and whole recordings of raw samples, compiled.
 
-What the bank does and why is told by `foretouch.identification.ContactMap`. A recording is one compiled loop, in
+Method and reasons: `foretouch.identification.ContactMap`. A recording is one compiled loop, in
 which each sample is conditioned, compared with the model before it and learnt from: what `Learner.update` does, in its
 order and with the same functions; the residual is that of `identify`.
 """
@@ -92,16 +92,7 @@ def move_offset(banks: Banks, change: float) -> None:
 
 @compiled("i8(Bank[::1], f8, f8, f8, f8, b1)", error_model="numpy")
 def take(banks: Banks, time: float, depth: float, velocity: float, force: float, in_contact: bool) -> int:
-    """Process one sample, in place; returns its result.
-
-    Args:
-        banks: The state, an array of one.
-        time: [s].
-        depth: Below the surface [m], NaN before that is known.
-        velocity: [m/s].
-        force: Less the offset [N].
-        in_contact: The conditioner's judgement.
-    """
+    """Process one sample, in place; returns its result."""
     bank, learnt, notes = banks[0], banks[0].map[0], banks[0].notes[0]
     if in_contact:
         take_law(bank.law[:], time, depth, velocity, force)
@@ -197,15 +188,7 @@ def adopt(learnt: NDArray[np.void], run: Run) -> bool:
 
 @compiled(error_model="numpy")
 def expect(run: Run, bank: Bank, depth: float, velocity: float, period: float) -> float:
-    """Force of the model at a sample, `foretouch.models.advance` from the state before it [N]; NaN without a model.
-
-    Args:
-        run: Its state.
-        bank: State of the bank before it takes the sample.
-        depth: Below the surface that was known before [m].
-        velocity: [m/s].
-        period: Since the sample before [s].
-    """
+    """Force of the model at a sample, `foretouch.models.advance` from the state before it [N]; NaN without a model."""
     if run.stale:
         notes = bank.notes[0]
         run.known = notes.updates - notes.begun >= FEWEST_UPDATES and adopt(bank.map, run)

@@ -137,16 +137,7 @@ def snap(bank: Bank, time: float) -> None:
 
 @inlined
 def learn(bank: Bank, time: float, position: float, velocity: float, force: float, contact: bool) -> int:
-    """Learn one sample, in place; return the result.
-
-    Args:
-        bank: State of the learner, up to and with this sample's motion.
-        time: Time of the sample [s].
-        position: Position from the origin [m].
-        velocity: Velocity [m/s].
-        force: Force less the offset [N].
-        contact: The conditioner's judgement.
-    """
+    """Learn one sample, in place; return the result."""
     learnt, notes, values = bank.map[0], bank.notes[0], bank.values[:]
     period = time - notes.learnt_at
     period = PERIOD if math.isinf(period) else min(period, LONGEST_PERIOD)

@@ -208,12 +208,7 @@ def drift(belief: Belief, settings: Settings, period: float) -> None:
 
 @compiled(error_model="numpy")
 def law_numbers(belief: Belief, numbers: Array) -> bool:
-    """k, lambda, n and alpha of law (4) as `ExactLaw.model` has them; False, and nothing written, where they are none.
-
-    Args:
-        belief: Of the estimator.
-        numbers: Of shape (4,), written.
-    """
+    """k, lambda, n and alpha of law (4) as `ExactLaw.model` has them; False, without writing, where they are none."""
     theta = belief.theta
     depth, s, alpha = belief.reference, theta[2], theta[3]
     if not (belief.learnt_from >= FEWEST_UPDATES and depth > 0.0):

@@ -22,7 +22,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.core.compiling import inlined
-from foretouch.identification.linear import options as at
 from foretouch.identification.linear.options import (
     GATED,
     LEARNT,
@@ -31,6 +30,7 @@ from foretouch.identification.linear.options import (
     SMALLEST_DEPTH,
     SMALLEST_FORCE,
     UNUSABLE,
+    Packed,
 )
 from foretouch.identification.linear.recursion import LARGEST_LOG, LARGEST_TRACE, exponential
 
@@ -236,13 +236,7 @@ def write(numbers: Array, theta: Four, p: Triangle, residuals: tuple[float, floa
 
 
 @inlined
-def rules_of(options: Array) -> tuple[float, float, bool, bool, bool, float]:
+def rules_of(options: Packed) -> tuple[float, float, bool, bool, bool, float]:
     """The rules of `learn` that options ask for."""
-    return (
-        options[at.SENSITIVITY],
-        options[at.PERTURBATION],
-        options[at.NEWTONS] > 0.0,
-        options[at.BEFORE] > 0.0,
-        options[at.RESETTING] > 0.0,
-        options[at.TRACE_LIMIT],
-    )
+    sensitivity, perturbation, limit = options.sensitivity, options.perturbation, options.trace_limit
+    return sensitivity, perturbation, options.newtons, options.before, options.resetting, limit

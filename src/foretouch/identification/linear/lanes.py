@@ -8,16 +8,16 @@ all cores is slower on one.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numba import prange
 from numpy.typing import NDArray
 
 from foretouch.core.compiling import compiled, entry_point, inlined
-from foretouch.identification.linear import options as at
+from foretouch.core.records import Record
 from foretouch.identification.linear.kernel import bounded_rate, forgetting, learn, read, refusal, rules_of, weight_of
-from foretouch.identification.linear.options import LEARNT, PERTURBED, RESTARTED
+from foretouch.identification.linear.options import LEARNT, PERTURBED, RESTARTED, Packed
 from foretouch.identification.linear.recursion import logarithm
 
 Array = NDArray[np.float64]
@@ -28,167 +28,183 @@ LANES = 128
 RESULT_SIZE = 19
 COUNTS = 16
 """Of a recording: theta, triangle of P, two sums of residuals, then samples learnt from since the last restart,
-restarts, perturbations. One row of the buffer each, by the same numbers; further rows follow."""
+restarts, perturbations."""
 
-LAST = 19 * LANES  # depth that the next sample moves from
-IN_DEPTH, IN_VELOCITY, IN_FORCE, IN_CONTACT = 20 * LANES, 21 * LANES, 22 * LANES, 23 * LANES
-TAKEN = 24 * LANES  # 1 where the sample is learnt from
-LOG_DEPTH, RATE_SEEN, LOG_FORCE = 25 * LANES, 26 * LANES, 27 * LANES
-MEMORY, INVERSE_MEMORY, NOISE, SPEED = 28 * LANES, 29 * LANES, 30 * LANES, 31 * LANES
-BUFFER = 32 * LANES
+
+class Lanes(Record):
+    """One sample of each recording of a block, and what is known of the recording."""
+
+    numbers: Annotated[NDArray[Any], float, RESULT_SIZE * LANES]  # rows of `LANES` numbers each; see `COUNTS`
+    last: Annotated[NDArray[Any], float, LANES]  # depth that the next sample moves from [m]
+    depth: Annotated[NDArray[Any], float, LANES]
+    velocity: Annotated[NDArray[Any], float, LANES]
+    force: Annotated[NDArray[Any], float, LANES]
+    in_contact: Annotated[NDArray[Any], float, LANES]
+    taken: Annotated[NDArray[Any], float, LANES]  # 1 where the sample is learnt from, 2 where that broke P
+    log_depth: Annotated[NDArray[Any], float, LANES]
+    rate: Annotated[NDArray[Any], float, LANES]
+    log_force: Annotated[NDArray[Any], float, LANES]
+    memory: Annotated[NDArray[Any], float, LANES]  # mu
+    inverse_memory: Annotated[NDArray[Any], float, LANES]
+    noise: Annotated[NDArray[Any], float, LANES]  # mu over the weight
+    speed: Annotated[NDArray[Any], float, LANES]
+
+
+_LANES = Lanes.layout
 
 
 @compiled(error_model="numpy")
-def set_first(buffer: Array, options: Array, lane: int) -> None:
+def set_first(lanes: Lanes, options: Packed, lane: int) -> None:
     """One lane at theta_0 and P_0, all that it counted forgotten."""
     for i in range(RESULT_SIZE):
-        buffer[i * LANES + lane] = 0.0
+        lanes.numbers[i * LANES + lane] = 0.0
     for i in range(4):
-        buffer[i * LANES + lane] = options[at.FIRST_THETA + i]
+        lanes.numbers[i * LANES + lane] = options.first_theta[i]
     for i in (4, 6, 9, 13):
-        buffer[i * LANES + lane] = options[at.FIRST_COVARIANCE]
-    buffer[LAST + lane] = np.nan
+        lanes.numbers[i * LANES + lane] = options.first_covariance
+    lanes.last[lane] = np.nan
 
 
 @compiled(error_model="numpy")
-def begin(buffer: Array, options: Array) -> None:
-    """All lanes at theta_0 and P_0."""
-    buffer[:LOG_DEPTH] = 0.0
-    buffer[LOG_DEPTH:] = 1.0
+def begin(buffers: NDArray[np.void], options: Packed) -> None:
+    """All lanes at theta_0 and P_0, without a sample."""
+    lanes = buffers[0]
+    buffers.view(np.float64)[:] = 1.0
+    lanes.in_contact[:], lanes.taken[:] = 0.0, 0.0
     for lane in range(LANES):
-        set_first(buffer, options, lane)
+        set_first(lanes, options, lane)
 
 
 @compiled(error_model="numpy")
 def load(
-    buffer: Array, depth: Array, velocity: Array, force: Array, in_contact: NDArray[np.bool_], row: int, first: int
+    lanes: Lanes, depth: Array, velocity: Array, force: Array, in_contact: NDArray[np.bool_], row: int, first: int
 ) -> None:
     """One sample of each recording of a block; lanes beyond the last recording stay in free air."""
     for lane in range(min(LANES, depth.shape[1] - first)):
-        buffer[IN_DEPTH + lane] = depth[row, first + lane]
-        buffer[IN_VELOCITY + lane] = velocity[row, first + lane]
-        buffer[IN_FORCE + lane] = force[row, first + lane]
-        buffer[IN_CONTACT + lane] = in_contact[row, first + lane]
+        lanes.depth[lane] = depth[row, first + lane]
+        lanes.velocity[lane] = velocity[row, first + lane]
+        lanes.force[lane] = force[row, first + lane]
+        lanes.in_contact[lane] = in_contact[row, first + lane]
 
 
 @inlined
-def _features(buffer: Array, options: Array, factor: float) -> None:
+def _features(lanes: Lanes, options: Packed, factor: float) -> None:
     """Logarithms, rates, forgetting factors of one sample of each lane; those of depth 1 m and 1 N where refused."""
-    gate_depth, gate_force, largest = options[at.GATE_DEPTH], options[at.GATE_FORCE], options[at.LARGEST_RATE]
-    floor, share, rate = options[at.FLOOR], options[at.SHARE], options[at.RATE]
-    log_scale = options[at.LOG_SCALE]
-    velocity_factor, rate_factor = options[at.VELOCITY_FACTOR], options[at.RATE_FACTOR]
+    gate_depth, gate_force, largest = options.gate_depth, options.gate_force, options.largest_rate
+    floor, share, rate = options.floor, options.share, options.rate
+    log_scale = options.log_scale
+    velocity_factor, rate_factor = options.velocity_factor, options.rate_factor
     for lane in range(LANES):
-        depth, velocity, force = buffer[IN_DEPTH + lane], buffer[IN_VELOCITY + lane], buffer[IN_FORCE + lane]
-        touching = buffer[IN_CONTACT + lane] > 0.0
+        depth, velocity, force = lanes.depth[lane], lanes.velocity[lane], lanes.force[lane]
+        touching = lanes.in_contact[lane] > 0.0
         taken = touching & (refusal(depth, velocity, force, gate_depth, gate_force) == LEARNT)
-        last = buffer[LAST + lane]
+        last = lanes.last[lane]
         moved = abs(depth - last)
         moved = moved if moved >= 0.0 else 0.0
         last = last if touching else np.nan
-        buffer[LAST + lane] = depth if taken else last
-        buffer[TAKEN + lane] = 1.0 if taken else 0.0
+        lanes.last[lane] = depth if taken else last
+        lanes.taken[lane] = 1.0 if taken else 0.0
         depth, velocity, force = depth if taken else 1.0, velocity if taken else 0.0, force if taken else 1.0
         mu = forgetting(moved, floor, share, rate)
-        buffer[MEMORY + lane] = mu
-        buffer[INVERSE_MEMORY + lane] = 1.0 / mu
-        buffer[NOISE + lane] = mu / weight_of(force, factor)
-        buffer[LOG_DEPTH + lane] = logarithm(depth) - log_scale
-        buffer[SPEED + lane] = velocity * velocity_factor
-        buffer[RATE_SEEN + lane] = bounded_rate(depth, velocity, largest) * rate_factor
-        buffer[LOG_FORCE + lane] = logarithm(force)
+        lanes.memory[lane] = mu
+        lanes.inverse_memory[lane] = 1.0 / mu
+        lanes.noise[lane] = mu / weight_of(force, factor)
+        lanes.log_depth[lane] = logarithm(depth) - log_scale
+        lanes.speed[lane] = velocity * velocity_factor
+        lanes.rate[lane] = bounded_rate(depth, velocity, largest) * rate_factor
+        lanes.log_force[lane] = logarithm(force)
 
 
 @inlined
-def _recur(buffer: Array, rules: Any) -> int:
+def _recur(lanes: Lanes, rules: Any) -> int:
     """One step of (20) in each lane whose sample is taken; how many broke.
 
-    Those are marked by a `TAKEN` of 2, and left as the step left them.
+    Those are marked by a `taken` of 2, and left as the step left them.
     """
-    broken = 0
+    numbers, broken = lanes.numbers, 0
     for lane in range(LANES):
-        theta, p, residuals = read(buffer, lane, LANES)
+        theta, p, residuals = read(numbers, lane, LANES)
         done, theta, p, residuals = learn(
             theta,
             p,
             residuals,
-            (buffer[LOG_DEPTH + lane], buffer[SPEED + lane], buffer[RATE_SEEN + lane]),
-            buffer[LOG_FORCE + lane],
-            (buffer[MEMORY + lane], buffer[INVERSE_MEMORY + lane], buffer[NOISE + lane]),
+            (lanes.log_depth[lane], lanes.speed[lane], lanes.rate[lane]),
+            lanes.log_force[lane],
+            (lanes.memory[lane], lanes.inverse_memory[lane], lanes.noise[lane]),
             rules,
         )
-        taken = buffer[TAKEN + lane] > 0.0
-        buffer[0 * LANES + lane] = theta[0] if taken else buffer[0 * LANES + lane]
-        buffer[1 * LANES + lane] = theta[1] if taken else buffer[1 * LANES + lane]
-        buffer[2 * LANES + lane] = theta[2] if taken else buffer[2 * LANES + lane]
-        buffer[3 * LANES + lane] = theta[3] if taken else buffer[3 * LANES + lane]
-        buffer[4 * LANES + lane] = p[0] if taken else buffer[4 * LANES + lane]
-        buffer[5 * LANES + lane] = p[1] if taken else buffer[5 * LANES + lane]
-        buffer[6 * LANES + lane] = p[2] if taken else buffer[6 * LANES + lane]
-        buffer[7 * LANES + lane] = p[3] if taken else buffer[7 * LANES + lane]
-        buffer[8 * LANES + lane] = p[4] if taken else buffer[8 * LANES + lane]
-        buffer[9 * LANES + lane] = p[5] if taken else buffer[9 * LANES + lane]
-        buffer[10 * LANES + lane] = p[6] if taken else buffer[10 * LANES + lane]
-        buffer[11 * LANES + lane] = p[7] if taken else buffer[11 * LANES + lane]
-        buffer[12 * LANES + lane] = p[8] if taken else buffer[12 * LANES + lane]
-        buffer[13 * LANES + lane] = p[9] if taken else buffer[13 * LANES + lane]
-        buffer[14 * LANES + lane] = residuals[0] if taken else buffer[14 * LANES + lane]
-        buffer[15 * LANES + lane] = residuals[1] if taken else buffer[15 * LANES + lane]
-        buffer[16 * LANES + lane] += 1.0 if taken else 0.0
-        buffer[18 * LANES + lane] += 1.0 if taken & (done == PERTURBED) else 0.0
+        taken = lanes.taken[lane] > 0.0
+        numbers[0 * LANES + lane] = theta[0] if taken else numbers[0 * LANES + lane]
+        numbers[1 * LANES + lane] = theta[1] if taken else numbers[1 * LANES + lane]
+        numbers[2 * LANES + lane] = theta[2] if taken else numbers[2 * LANES + lane]
+        numbers[3 * LANES + lane] = theta[3] if taken else numbers[3 * LANES + lane]
+        numbers[4 * LANES + lane] = p[0] if taken else numbers[4 * LANES + lane]
+        numbers[5 * LANES + lane] = p[1] if taken else numbers[5 * LANES + lane]
+        numbers[6 * LANES + lane] = p[2] if taken else numbers[6 * LANES + lane]
+        numbers[7 * LANES + lane] = p[3] if taken else numbers[7 * LANES + lane]
+        numbers[8 * LANES + lane] = p[4] if taken else numbers[8 * LANES + lane]
+        numbers[9 * LANES + lane] = p[5] if taken else numbers[9 * LANES + lane]
+        numbers[10 * LANES + lane] = p[6] if taken else numbers[10 * LANES + lane]
+        numbers[11 * LANES + lane] = p[7] if taken else numbers[11 * LANES + lane]
+        numbers[12 * LANES + lane] = p[8] if taken else numbers[12 * LANES + lane]
+        numbers[13 * LANES + lane] = p[9] if taken else numbers[13 * LANES + lane]
+        numbers[14 * LANES + lane] = residuals[0] if taken else numbers[14 * LANES + lane]
+        numbers[15 * LANES + lane] = residuals[1] if taken else numbers[15 * LANES + lane]
+        numbers[16 * LANES + lane] += 1.0 if taken else 0.0
+        numbers[18 * LANES + lane] += 1.0 if taken & (done == PERTURBED) else 0.0
         again = taken & (done == RESTARTED)
-        buffer[TAKEN + lane] = 2.0 if again else buffer[TAKEN + lane]
+        lanes.taken[lane] = 2.0 if again else lanes.taken[lane]
         broken += again
     return broken
 
 
 @compiled(error_model="numpy")
-def begin_again(buffer: Array, options: Array) -> None:
+def begin_again(lanes: Lanes, options: Packed) -> None:
     """The lanes that broke, at theta_0 and P_0."""
+    numbers = lanes.numbers
     for lane in range(LANES):
-        if buffer[TAKEN + lane] == 2.0:
-            restarts, trips = buffer[17 * LANES + lane], buffer[18 * LANES + lane]
-            set_first(buffer, options, lane)
-            buffer[17 * LANES + lane], buffer[18 * LANES + lane] = restarts + 1.0, trips
+        if lanes.taken[lane] == 2.0:
+            restarts, trips = numbers[17 * LANES + lane], numbers[18 * LANES + lane]
+            set_first(lanes, options, lane)
+            numbers[17 * LANES + lane], numbers[18 * LANES + lane] = restarts + 1.0, trips
 
 
 # Two of each: what equal weights and the printed choices do not need is known to the compiler, and not computed.
 @compiled(error_model="numpy")
-def _features_weighted(buffer: Array, options: Array) -> None:
-    _features(buffer, options, options[at.WEIGHT])
+def _features_weighted(lanes: Lanes, options: Packed) -> None:
+    _features(lanes, options, options.weight)
 
 
 @compiled(error_model="numpy")
-def _features_equal(buffer: Array, options: Array) -> None:
-    _features(buffer, options, 0.0)
+def _features_equal(lanes: Lanes, options: Packed) -> None:
+    _features(lanes, options, 0.0)
 
 
 @compiled(error_model="numpy")
-def _recur_generally(buffer: Array, options: Array) -> int:
-    return _recur(buffer, rules_of(options))
+def _recur_generally(lanes: Lanes, options: Packed) -> int:
+    return _recur(lanes, rules_of(options))
 
 
 @compiled(error_model="numpy")
-def _recur_as_printed(buffer: Array, options: Array) -> int:
-    rules = (options[at.SENSITIVITY], options[at.PERTURBATION], False, False, False, np.inf)
-    return _recur(buffer, rules)
+def _recur_as_printed(lanes: Lanes, options: Packed) -> int:
+    rules = (options.sensitivity, options.perturbation, False, False, False, np.inf)
+    return _recur(lanes, rules)
 
 
 @compiled(error_model="numpy")
-def step(buffer: Array, options: Array) -> None:
+def step(lanes: Lanes, options: Packed) -> None:
     """One step of the lanes that take their sample, by the quicker of the two where the options allow it."""
-    choices = options[at.NEWTONS] + options[at.BEFORE] + options[at.RESETTING]
-    if choices > 0.0 or options[at.TRACE_LIMIT] < np.inf:
-        broken = _recur_generally(buffer, options)
+    if options.newtons or options.before or options.resetting or options.trace_limit < np.inf:
+        broken = _recur_generally(lanes, options)
     else:
-        broken = _recur_as_printed(buffer, options)
+        broken = _recur_as_printed(lanes, options)
     if broken > 0:
-        begin_again(buffer, options)
+        begin_again(lanes, options)
 
 
 @compiled(error_model="numpy")
 def load_regressors(
-    buffer: Array, log_depth: Array, velocity: Array, rate: Array, log_force: Array, memory: Array, row: int, first: int
+    lanes: Lanes, log_depth: Array, velocity: Array, rate: Array, log_force: Array, memory: Array, row: int, first: int
 ) -> None:
     """Regressors, target and forgetting factor of one sample of each recording of a block; taken where finite."""
     for lane in range(min(LANES, memory.shape[1] - first)):
@@ -197,65 +213,67 @@ def load_regressors(
         finite = (((a + b) + (c + target)) + mu) * 0.0 == 0.0
         taken = finite & (mu > 0.0) & (mu <= 1.0)
         mu = mu if taken else 1.0
-        buffer[LOG_DEPTH + lane] = a if taken else 0.0
-        buffer[SPEED + lane] = b if taken else 0.0
-        buffer[RATE_SEEN + lane] = c if taken else 0.0
-        buffer[LOG_FORCE + lane] = target if taken else 0.0
-        buffer[MEMORY + lane] = mu
-        buffer[INVERSE_MEMORY + lane] = 1.0 / mu
-        buffer[NOISE + lane] = mu
-        buffer[TAKEN + lane] = 1.0 if taken else 0.0
+        lanes.log_depth[lane] = a if taken else 0.0
+        lanes.speed[lane] = b if taken else 0.0
+        lanes.rate[lane] = c if taken else 0.0
+        lanes.log_force[lane] = target if taken else 0.0
+        lanes.memory[lane] = mu
+        lanes.inverse_memory[lane] = 1.0 / mu
+        lanes.noise[lane] = mu
+        lanes.taken[lane] = 1.0 if taken else 0.0
 
 
 @compiled(error_model="numpy")
 def block(
+    buffers: NDArray[np.void],
     depth: Array,
     velocity: Array,
     force: Array,
     in_contact: NDArray[np.bool_],
-    options: Array,
+    options: Packed,
     first: int,
     result: Array,
     every: Array,
 ) -> None:
     """All samples of the recordings from `first` on, `LANES` at most."""
-    buffer = np.empty(BUFFER)
-    begin(buffer, options)
+    begin(buffers, options)
+    lanes = buffers[0]
     width = min(LANES, depth.shape[1] - first)
     for row in range(depth.shape[0]):
-        load(buffer, depth, velocity, force, in_contact, row, first)
-        if options[at.WEIGHT] == 0.0:
-            _features_equal(buffer, options)
+        load(lanes, depth, velocity, force, in_contact, row, first)
+        if options.weight == 0.0:
+            _features_equal(lanes, options)
         else:
-            _features_weighted(buffer, options)
-        step(buffer, options)
+            _features_weighted(lanes, options)
+        step(lanes, options)
         if row < every.shape[0]:
             for i in range(4):
-                every[row, i, first : first + width] = buffer[i * LANES : i * LANES + width]
+                every[row, i, first : first + width] = lanes.numbers[i * LANES : i * LANES + width]
     for i in range(RESULT_SIZE):
-        result[i, first : first + width] = buffer[i * LANES : i * LANES + width]
+        result[i, first : first + width] = lanes.numbers[i * LANES : i * LANES + width]
 
 
 @compiled(error_model="numpy")
 def block_of_regressors(
+    buffers: NDArray[np.void],
     log_depth: Array,
     velocity: Array,
     rate: Array,
     log_force: Array,
     memory: Array,
-    options: Array,
+    options: Packed,
     first: int,
     result: Array,
 ) -> None:
     """`block` of regressors that are known."""
-    buffer = np.empty(BUFFER)
-    begin(buffer, options)
+    begin(buffers, options)
+    lanes = buffers[0]
     width = min(LANES, memory.shape[1] - first)
     for row in range(memory.shape[0]):
-        load_regressors(buffer, log_depth, velocity, rate, log_force, memory, row, first)
-        step(buffer, options)
+        load_regressors(lanes, log_depth, velocity, rate, log_force, memory, row, first)
+        step(lanes, options)
     for i in range(RESULT_SIZE):
-        result[i, first : first + width] = buffer[i * LANES : i * LANES + width]
+        result[i, first : first + width] = lanes.numbers[i * LANES : i * LANES + width]
 
 
 @entry_point
@@ -264,7 +282,7 @@ def run_serial(
     velocity: Array,
     force: Array,
     in_contact: NDArray[np.bool_],
-    options: Array,
+    options: NDArray[np.void],
     result: Array,
     every: Array,
 ) -> None:
@@ -275,12 +293,13 @@ def run_serial(
         velocity: [m/s], shape (m, n).
         force: [N], shape (m, n).
         in_contact: Shape (m, n).
-        options: Of all, shape (OPTIONS_SIZE,).
+        options: Of all, an array of one `Packed`.
         result: Filled, shape (RESULT_SIZE, n); see `COUNTS`.
         every: Theta after each sample, filled, shape (m, 4, n); or left alone, shape (0, 4, n).
     """
+    buffers = np.empty(1, _LANES)
     for first in range(0, depth.shape[1], LANES):
-        block(depth, velocity, force, in_contact, options, first, result, every)
+        block(buffers, depth, velocity, force, in_contact, options[0], first, result, every)
 
 
 @entry_point(parallel=True)
@@ -289,18 +308,25 @@ def run_parallel(
     velocity: Array,
     force: Array,
     in_contact: NDArray[np.bool_],
-    options: Array,
+    options: NDArray[np.void],
     result: Array,
     every: Array,
 ) -> None:
     """The same on all cores."""
     for number in prange((depth.shape[1] + LANES - 1) // LANES):
-        block(depth, velocity, force, in_contact, options, number * LANES, result, every)
+        buffers = np.empty(1, _LANES)
+        block(buffers, depth, velocity, force, in_contact, options[0], number * LANES, result, every)
 
 
 @entry_point
 def regressors_serial(
-    log_depth: Array, velocity: Array, rate: Array, log_force: Array, memory: Array, options: Array, result: Array
+    log_depth: Array,
+    velocity: Array,
+    rate: Array,
+    log_force: Array,
+    memory: Array,
+    options: NDArray[np.void],
+    result: Array,
 ) -> None:
     """As `run_serial`, of regressors that are known.
 
@@ -310,17 +336,25 @@ def regressors_serial(
         rate: v / x, shape (m, n).
         log_force: ln F, shape (m, n).
         memory: Forgetting factors mu, shape (m, n).
-        options: Of all, shape (OPTIONS_SIZE,).
+        options: Of all, an array of one `Packed`.
         result: Filled, shape (RESULT_SIZE, n).
     """
+    buffers = np.empty(1, _LANES)
     for first in range(0, memory.shape[1], LANES):
-        block_of_regressors(log_depth, velocity, rate, log_force, memory, options, first, result)
+        block_of_regressors(buffers, log_depth, velocity, rate, log_force, memory, options[0], first, result)
 
 
 @entry_point(parallel=True)
 def regressors_parallel(
-    log_depth: Array, velocity: Array, rate: Array, log_force: Array, memory: Array, options: Array, result: Array
+    log_depth: Array,
+    velocity: Array,
+    rate: Array,
+    log_force: Array,
+    memory: Array,
+    options: NDArray[np.void],
+    result: Array,
 ) -> None:
     """The same on all cores."""
     for number in prange((memory.shape[1] + LANES - 1) // LANES):
-        block_of_regressors(log_depth, velocity, rate, log_force, memory, options, number * LANES, result)
+        buffers = np.empty(1, _LANES)
+        block_of_regressors(buffers, log_depth, velocity, rate, log_force, memory, options[0], number * LANES, result)

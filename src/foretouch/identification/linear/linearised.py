@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from foretouch.errors import SettingError
 from foretouch.identification.conditioning.conditioner import ContactSample, ContactSamples
-from foretouch.identification.estimator import Estimator, Status, status_indices
+from foretouch.identification.estimator import FEWEST_UPDATES, Estimator, Status, status_indices
 from foretouch.identification.linear.lanes import (
     COUNTS,
     RESULT_SIZE,
@@ -21,22 +21,20 @@ from foretouch.identification.linear.lanes import (
     run_serial,
 )
 from foretouch.identification.linear.options import (
-    BIN,
     LEARNT,
     NOTHING_FORGOTTEN,
     PERTURBED,
-    RESIDUALS,
     RESTARTED,
-    STATE_SIZE,
     Forgetting,
     FPRLSOptions,
+    Recording,
     full_covariance,
     pack,
 )
 from foretouch.identification.linear.recording import run
 from foretouch.identification.linear.recovery import DepthSummary, Recovered, recover
 from foretouch.identification.linear.recursion import LARGEST_TRACE, error_along
-from foretouch.identification.linear.sample import restart, update, warm
+from foretouch.identification.linear.sample import begin, update, warm
 from foretouch.models import LinearisedContinuousSwitching
 from foretouch.quantities import ByValue
 
@@ -48,9 +46,6 @@ STATUSES = (Status.LEARNT, Status.FREE_AIR, Status.UNUSABLE, Status.GATED, Statu
 
 LEARNT_FROM = (LEARNT, PERTURBED)
 _INDICES = status_indices(STATUSES)
-
-FEWEST_UPDATES = 20
-"""No force is rendered from fewer samples; the paper's simulations settle at the 20th."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -123,7 +118,7 @@ def as_recordings(depth: ArrayLike, velocity: ArrayLike, force: ArrayLike, in_co
 
 
 def run_columns(
-    samples: Samples, packed: Array, scales: tuple[float, float], *, every: bool, parallel: bool
+    samples: Samples, packed: NDArray[np.void], scales: tuple[float, float], *, every: bool, parallel: bool
 ) -> LinearRuns:
     """Each column from the beginning with the same packed options; see `LinearisedEstimator.run_many`."""
     rows, columns = samples[0].shape
@@ -133,7 +128,9 @@ def run_columns(
     return _runs(result, scales, np.moveaxis(trace, 1, 2) if every else None)
 
 
-def run_regressors(arrays: list[Array], packed: Array, scales: tuple[float, float], *, parallel: bool) -> LinearRuns:
+def run_regressors(
+    arrays: list[Array], packed: NDArray[Any], scales: tuple[float, float], *, parallel: bool
+) -> LinearRuns:
     """The same of ln x, v, v / x, ln F and mu, shape (m, n) each; see `LinearisedEstimator.run_regressors`."""
     log_depth, velocity, rate, log_force, memory = arrays
     result = np.empty((RESULT_SIZE, memory.shape[1]))
@@ -146,8 +143,8 @@ def _runs(result: Array, scales: tuple[float, float], every: Array | None) -> Li
     updates, restarts, perturbations = result[COUNTS:].astype(np.int64)
     return LinearRuns(
         to_metres(result[:4].T, *scales),
-        np.moveaxis(full_covariance(result[4:RESIDUALS]), 2, 0),
-        residual_variance(result[RESIDUALS], result[RESIDUALS + 1]),
+        np.moveaxis(full_covariance(result[4:14]), 2, 0),
+        residual_variance(result[14], result[15]),
         updates,
         restarts,
         perturbations,
@@ -188,14 +185,15 @@ class LinearisedEstimator(Estimator):
         self._to_metres[0, 1] = -math.log(depth)
         theta = np.asarray(np.linalg.solve(self._to_metres, options.initial_parameters), np.float64)
         self._packed = pack(options, forgetting, theta)
-        self._state = np.empty(STATE_SIZE)
-        self._depths = DepthSummary(self._state[BIN:])
+        self._recordings = Recording.new(options=self._packed)
+        self._state = self._recordings[0].state
+        self._depths = DepthSummary(self._state.bins)
         self.reset()
-        warm(self._state, self._packed)
+        warm(self._recordings)
 
     def reset(self) -> None:
         """Forget all samples."""
-        restart(self._state, self._packed)
+        begin(self._recordings)
         self.updates = self.perturbations = 0
 
     def forgetting_factor(self, depth_change: float) -> float:
@@ -205,7 +203,7 @@ class LinearisedEstimator(Estimator):
     def update(self, sample: ContactSample) -> Status:
         """One step; see `Estimator.update`."""
         _, depth, velocity, force, in_contact = sample
-        done = update(self._state, self._packed, depth, velocity, force, in_contact)
+        done = update(self._recordings, depth, velocity, force, in_contact)
         if done in LEARNT_FROM:
             self.updates += 1
             self.perturbations += done == PERTURBED
@@ -226,7 +224,7 @@ class LinearisedEstimator(Estimator):
     def _run(self, samples: ContactSamples, trace: Array) -> NDArray[np.int8]:
         """What the kernel did with each sample; theta after each goes into the trace, if that has rows."""
         codes = np.empty(len(samples), np.int8)
-        run(self._state, self._packed, *samples.columns[1:], codes, trace)
+        run(self._recordings, *samples.columns[1:], codes, trace)
         self.perturbations += int(np.count_nonzero(codes == PERTURBED))
         restarts = np.flatnonzero(codes == RESTARTED)
         learnt = (codes == LEARNT) | (codes == PERTURBED)
@@ -307,7 +305,7 @@ class LinearisedEstimator(Estimator):
     @property
     def unscaled_covariance(self) -> Array:
         """A copy of P, shape (4, 4), of the unknowns in the units of the regressors."""
-        return full_covariance(self._state[4:14])
+        return full_covariance(self._state.numbers[4:14])
 
     @property
     def covariance(self) -> Array | None:
@@ -365,11 +363,11 @@ class LinearisedEstimator(Estimator):
 
     def _linear(self) -> tuple[float, float, float, float]:
         """Theta in metres."""
-        return _tuple(to_metres(self._state[:4], *self.options.scales))
+        return _tuple(to_metres(self._state.numbers[:4], *self.options.scales))
 
     @property
     def _variance(self) -> float | None:
-        variance = float(residual_variance(*self._state[RESIDUALS : RESIDUALS + 2]))
+        variance = float(residual_variance(*self._state.numbers[14:]))
         return None if math.isnan(variance) else variance
 
     def _covariance(self) -> Array | None:

@@ -1,19 +1,18 @@
 """What least squares on the linearised law (18) leave open: how they forget, and what mends them on measured contact.
 
-Each part of what mends them stands on its own, and all of it is off by default. For the compiled estimators options are
-packed into one array, and what is kept of a recording into another: a call from Python costs about 0.1 us for each
-array that it hands over.
+Each part of what mends them stands on its own, and all of it is off by default.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from foretouch.core.records import Record
 from foretouch.errors import SettingError
 from foretouch.errors.checks import require
 from foretouch.identification.conditioning.conditioner import ContactSample
@@ -117,26 +116,46 @@ Array = NDArray[np.float64]
 LEARNT, FREE_AIR, UNUSABLE, GATED, RESTARTED, PERTURBED = range(6)
 """What was done with a sample; the last one learnt from it too."""
 
-# The state of one recording: theta is 0 to 3, the triangle of P 4 to 13.
-RESIDUALS = 14  # sum of the squared residuals, and of their weights
-LAST_DEPTH = 16  # of the newest sample that was not refused [m], NaN after free air
-GAIN = 17  # what a new sample weighs in the histogram of depths; grows instead of shrinking all bins
-BIN = 18
 BINS = BINS_PER_DECADE * DECADES
-STATE_SIZE = BIN + BINS
 
-# The options of one recording, in the units of the regressors.
-LOG_SCALE = 0  # ln of the depth that regressors are measured by
-VELOCITY_FACTOR, RATE_FACTOR = 1, 2  # what v and v / x are multiplied by
-LARGEST_RATE = 3  # [1/s], inf for none
-FLOOR, SHARE, RATE = 4, 5, 6  # mu = floor + share exp(-rate dx)
-GATE_FORCE, GATE_DEPTH = 7, 8
-WEIGHT = 9  # 1 / weight_force [1/N], 0 for equal weights
-SENSITIVITY, PERTURBATION = 10, 11
-NEWTONS, BEFORE, RESETTING = 12, 13, 14  # 1 or 0
-TRACE_LIMIT = 15
-FIRST_THETA, FIRST_COVARIANCE = 16, 20
-OPTIONS_SIZE = 21
+
+class State(Record):
+    """State of one recording."""
+
+    numbers: Annotated[NDArray[Any], float, 16]  # theta; P's lower triangle; sums of squared residuals and of weights
+    last_depth: float  # of the newest sample that was not refused [m], NaN after free air
+    gain: float  # weight of a new sample in the histogram of depths; grows instead of shrinking all bins
+    bins: Annotated[NDArray[Any], float, BINS]
+
+
+class Packed(Record):
+    """Options of one recording, in the units of the regressors."""
+
+    log_scale: float  # ln of the depth that regressors are measured by
+    velocity_factor: float  # what v is multiplied by
+    rate_factor: float  # what v / x is multiplied by
+    largest_rate: float  # [1/s], inf for none
+    floor: float  # mu = floor + share exp(-rate dx)
+    share: float
+    rate: float
+    gate_force: float  # [N]
+    gate_depth: float  # [m]
+    weight: float  # 1 / weight_force [1/N], 0 for equal weights
+    sensitivity: float
+    perturbation: float
+    trace_limit: float
+    first_theta: Annotated[NDArray[Any], float, 4]
+    first_covariance: float
+    newtons: bool
+    before: bool
+    resetting: bool
+
+
+class Recording(Record):
+    """What one call needs of a recording: a call with one array is quick."""
+
+    state: State
+    options: Packed
 
 
 def full_covariance(triangle: Array) -> Array:
@@ -235,30 +254,25 @@ class Forgetting(NamedTuple):
 NOTHING_FORGOTTEN = Forgetting()
 
 
-def pack(options: FPRLSOptions, forgetting: Forgetting, theta: Array) -> Array:
-    """The options as the kernel takes them, in its order."""
+def pack(options: FPRLSOptions, forgetting: Forgetting, theta: Array) -> NDArray[np.void]:
+    """The options as the kernel takes them, with theta_0 in the units of the regressors: an array of one `Packed`."""
     depth, velocity = options.scales
     robust = options.robust
-    packed = np.array(
-        [
-            math.log(depth),
-            1.0 / velocity,
-            depth / velocity,
-            math.inf if robust.largest_rate is None else robust.largest_rate,
-            *forgetting,
-            robust.gate_force,
-            robust.gate_depth,
-            0.0 if robust.weight_force is None else 1.0 / robust.weight_force,
-            options.sensitivity,
-            options.perturbation,
-            options.perturbation_error == "newton",
-            options.perturbation_moment == "before",
-            options.perturbation_form == "reset",
-            robust.trace_limit,
-            *theta,
-            options.initial_covariance,
-        ],
-        np.float64,
+    return Packed.new(
+        **forgetting._asdict(),
+        log_scale=math.log(depth),
+        velocity_factor=1.0 / velocity,
+        rate_factor=depth / velocity,
+        largest_rate=math.inf if robust.largest_rate is None else robust.largest_rate,
+        gate_force=robust.gate_force,
+        gate_depth=robust.gate_depth,
+        weight=0.0 if robust.weight_force is None else 1.0 / robust.weight_force,
+        sensitivity=options.sensitivity,
+        perturbation=options.perturbation,
+        trace_limit=robust.trace_limit,
+        first_theta=theta,
+        first_covariance=options.initial_covariance,
+        newtons=options.perturbation_error == "newton",
+        before=options.perturbation_moment == "before",
+        resetting=options.perturbation_form == "reset",
     )
-    assert packed.size == OPTIONS_SIZE
-    return packed

@@ -6,11 +6,13 @@ loops that become vector instructions, then the recursion with theta and P in re
 
 from __future__ import annotations
 
+from typing import Annotated, Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.core.compiling import compiled, entry_point
-from foretouch.identification.linear import options as at
+from foretouch.core.records import Record
 from foretouch.identification.linear.kernel import (
     bounded_rate,
     forgetting,
@@ -21,7 +23,7 @@ from foretouch.identification.linear.kernel import (
     weight_of,
     write,
 )
-from foretouch.identification.linear.options import FREE_AIR, LEARNT, PERTURBED, RESTARTED
+from foretouch.identification.linear.options import FREE_AIR, LEARNT, PERTURBED, RESTARTED, Packed, State
 from foretouch.identification.linear.recursion import logarithm
 from foretouch.identification.linear.sample import count_depth, forget_depths, restart
 
@@ -29,28 +31,43 @@ Array = NDArray[np.float64]
 
 BLOCK = 1024
 
-# Rows of the scratch, BLOCK numbers each, for the samples of a block that are learnt from.
-DEPTH, VELOCITY, FORCE, MOVED = 0, 1 * BLOCK, 2 * BLOCK, 3 * BLOCK
-LOG_DEPTH, RATE_SEEN, LOG_FORCE = 4 * BLOCK, 5 * BLOCK, 6 * BLOCK
-MEMORY, INVERSE_MEMORY, WEIGHTS, NOISE = 7 * BLOCK, 8 * BLOCK, 9 * BLOCK, 10 * BLOCK
-SCRATCH = 11 * BLOCK
+
+class Block(Record):
+    """The samples of a block that are learnt from."""
+
+    depth: Annotated[NDArray[Any], float, BLOCK]
+    velocity: Annotated[NDArray[Any], float, BLOCK]
+    force: Annotated[NDArray[Any], float, BLOCK]
+    moved: Annotated[NDArray[Any], float, BLOCK]  # distance from the sample before
+    log_depth: Annotated[NDArray[Any], float, BLOCK]
+    rate: Annotated[NDArray[Any], float, BLOCK]
+    log_force: Annotated[NDArray[Any], float, BLOCK]
+    memory: Annotated[NDArray[Any], float, BLOCK]  # mu
+    inverse_memory: Annotated[NDArray[Any], float, BLOCK]
+    weights: Annotated[NDArray[Any], float, BLOCK]
+    noise: Annotated[NDArray[Any], float, BLOCK]  # mu over the weight
+    index: Annotated[NDArray[Any], int, BLOCK]  # in the block of all samples
+
+
+_BLOCK = Block.layout
 
 
 @compiled(error_model="numpy")
 def take_all(
-    depth: Array, velocity: Array, force: Array, last_depth: float, scratch: Array, place: NDArray[np.int64]
+    depth: Array, velocity: Array, force: Array, last_depth: float, blocks: NDArray[np.void]
 ) -> tuple[int, float]:
     """`gather` where no sample is refused, without a branch a sample."""
+    block = blocks[0]
     moved = abs(depth[0] - last_depth)
-    scratch[MOVED] = moved if moved >= 0.0 else 0.0
+    block.moved[0] = moved if moved >= 0.0 else 0.0
     for i in range(depth.size):
-        scratch[DEPTH + i] = depth[i]
-        place[i] = i
+        block.depth[i] = depth[i]
+        block.index[i] = i
     for i in range(depth.size):
-        scratch[VELOCITY + i] = velocity[i]
-        scratch[FORCE + i] = force[i]
+        block.velocity[i] = velocity[i]
+        block.force[i] = force[i]
     for i in range(1, depth.size):
-        scratch[MOVED + i] = abs(depth[i] - depth[i - 1])
+        block.moved[i] = abs(depth[i] - depth[i - 1])
     return depth.size, depth[-1]
 
 
@@ -60,14 +77,13 @@ def gather(
     velocity: Array,
     force: Array,
     in_contact: NDArray[np.bool_],
-    options: Array,
+    options: Packed,
     last_depth: float,
-    scratch: Array,
-    place: NDArray[np.int64],
+    blocks: NDArray[np.void],
     status: NDArray[np.int8],
 ) -> tuple[int, float]:
     """Select the samples to learn from; returns their number, and the depth that the next one moves from."""
-    gate_depth, gate_force = options[at.GATE_DEPTH], options[at.GATE_FORCE]
+    block, gate_depth, gate_force = blocks[0], options.gate_depth, options.gate_force
     refused = 0
     for i in range(depth.size):
         code = refusal(depth[i], velocity[i], force[i], gate_depth, gate_force)
@@ -75,7 +91,7 @@ def gather(
         status[i] = code
         refused += code != LEARNT
     if refused == 0:
-        return take_all(depth, velocity, force, last_depth, scratch, place)
+        return take_all(depth, velocity, force, last_depth, blocks)
     count = 0
     for i in range(depth.size):
         if status[i] != LEARNT:
@@ -83,80 +99,79 @@ def gather(
             continue
         moved = abs(depth[i] - last_depth)
         last_depth = depth[i]
-        scratch[DEPTH + count] = last_depth
-        scratch[VELOCITY + count] = velocity[i]
-        scratch[FORCE + count] = force[i]
-        scratch[MOVED + count] = moved if moved >= 0.0 else 0.0
-        place[count] = i
+        block.depth[count] = last_depth
+        block.velocity[count] = velocity[i]
+        block.force[count] = force[i]
+        block.moved[count] = moved if moved >= 0.0 else 0.0
+        block.index[count] = i
         count += 1
     return count, last_depth
 
 
 @compiled(error_model="numpy")
-def features(scratch: Array, count: int, options: Array) -> None:
+def features(blocks: NDArray[np.void], count: int, options: Packed) -> None:
     """Compute logarithms, rates, forgetting factors and weights of a block."""
-    largest = options[at.LARGEST_RATE]
-    floor, share, rate = options[at.FLOOR], options[at.SHARE], options[at.RATE]
-    factor = options[at.WEIGHT]
+    block, largest = blocks[0], options.largest_rate
+    floor, share, rate = options.floor, options.share, options.rate
+    factor = options.weight
     for i in range(count):
-        scratch[LOG_DEPTH + i] = logarithm(scratch[DEPTH + i])
-        scratch[LOG_FORCE + i] = logarithm(scratch[FORCE + i])
+        block.log_depth[i] = logarithm(block.depth[i])
+        block.log_force[i] = logarithm(block.force[i])
     for i in range(count):
-        scratch[RATE_SEEN + i] = bounded_rate(scratch[DEPTH + i], scratch[VELOCITY + i], largest)
+        block.rate[i] = bounded_rate(block.depth[i], block.velocity[i], largest)
     for i in range(count):
-        mu = forgetting(scratch[MOVED + i], floor, share, rate)
-        scratch[MEMORY + i] = mu
-        scratch[INVERSE_MEMORY + i] = 1.0 / mu
-        scratch[NOISE + i] = mu
-        scratch[WEIGHTS + i] = 1.0
+        mu = forgetting(block.moved[i], floor, share, rate)
+        block.memory[i] = mu
+        block.inverse_memory[i] = 1.0 / mu
+        block.noise[i] = mu
+        block.weights[i] = 1.0
     if factor > 0.0:
         for i in range(count):
-            weight = weight_of(scratch[FORCE + i], factor)
-            scratch[WEIGHTS + i] = weight
-            scratch[NOISE + i] = scratch[MEMORY + i] / weight
+            weight = weight_of(block.force[i], factor)
+            block.weights[i] = weight
+            block.noise[i] = block.memory[i] / weight
 
 
 @compiled(error_model="numpy")
 def recur(
-    state: Array,
-    options: Array,
-    scratch: Array,
-    place: NDArray[np.int64],
+    state: State,
+    options: Packed,
+    blocks: NDArray[np.void],
     count: int,
     status: NDArray[np.int8],
     every: Array,
 ) -> bool:
     """Run the recursion over a block; returns whether its last sample restarted it."""
-    rules = rules_of(options)
-    log_scale = options[at.LOG_SCALE]
-    velocity_factor, rate_factor = options[at.VELOCITY_FACTOR], options[at.RATE_FACTOR]
-    theta, p, residuals = read(state, 0, 1)
+    block, rules = blocks[0], rules_of(options)
+    log_scale = options.log_scale
+    velocity_factor, rate_factor = options.velocity_factor, options.rate_factor
+    theta, p, residuals = read(state.numbers, 0, 1)
     fresh, row = False, 0
     for i in range(count):
-        log_depth, velocity = scratch[LOG_DEPTH + i], scratch[VELOCITY + i]
-        mu, inverse_mu = scratch[MEMORY + i], scratch[INVERSE_MEMORY + i]
-        noise, weight = scratch[NOISE + i], scratch[WEIGHTS + i]
+        log_depth, velocity = block.log_depth[i], block.velocity[i]
+        mu, inverse_mu = block.memory[i], block.inverse_memory[i]
+        noise, weight = block.noise[i], block.weights[i]
         if fresh:  # after a restart there is no depth that the sample could have moved from
-            mu = forgetting(0.0, options[at.FLOOR], options[at.SHARE], options[at.RATE])
+            mu = forgetting(0.0, options.floor, options.share, options.rate)
             inverse_mu, noise = 1.0 / mu, mu / weight
             fresh = False
-        while row < min(place[i], every.shape[0]):  # refused samples left theta as it was
+        while row < min(block.index[i], every.shape[0]):  # refused samples left theta as it was
             every[row, 0], every[row, 1], every[row, 2], every[row, 3] = theta
             row += 1
         done, theta, p, residuals = learn(
             theta,
             p,
             residuals,
-            (log_depth - log_scale, velocity * velocity_factor, scratch[RATE_SEEN + i] * rate_factor),
-            scratch[LOG_FORCE + i],
+            (log_depth - log_scale, velocity * velocity_factor, block.rate[i] * rate_factor),
+            block.log_force[i],
             (mu, inverse_mu, noise),
             rules,
         )
         if done != LEARNT:
-            status[place[i]] = done
+            status[block.index[i]] = done
         if done == RESTARTED:
             restart(state, options)
-            theta, p, residuals = read(state, 0, 1)
+            theta, p, residuals = read(state.numbers, 0, 1)
             fresh = True
             continue
         if done == PERTURBED:
@@ -165,14 +180,13 @@ def recur(
     while row < every.shape[0]:
         every[row, 0], every[row, 1], every[row, 2], every[row, 3] = theta
         row += 1
-    write(state, theta, p, residuals)
+    write(state.numbers, theta, p, residuals)
     return fresh
 
 
 @entry_point
 def run(
-    state: Array,
-    options: Array,
+    recordings: NDArray[np.void],
     depth: Array,
     velocity: Array,
     force: Array,
@@ -180,20 +194,9 @@ def run(
     status: NDArray[np.int8],
     every: Array,
 ) -> None:
-    """Process all samples of a recording, as `foretouch.identification.linear.sample.update` one after the other.
-
-    Args:
-        state: State of `foretouch.identification.linear.options`, shape (STATE_SIZE,); changed in place.
-        options: Options of the estimator, shape (OPTIONS_SIZE,).
-        depth: Depths [m], shape (m,).
-        velocity: Velocities [m/s], shape (m,).
-        force: Forces [N], shape (m,).
-        in_contact: Whether each sample is in contact, shape (m,).
-        status: Status of each sample, shape (m,); filled.
-        every: Theta after each sample, shape (m, 4), filled; or shape (0, 4), left alone.
-    """
-    scratch = np.empty(SCRATCH)
-    place = np.empty(BLOCK, np.int64)
+    """Process all samples of a recording, as `foretouch.identification.linear.sample.update` one after the other."""
+    blocks = np.empty(1, _BLOCK)
+    state, options = recordings[0].state, recordings[0].options
     for start in range(0, depth.size, BLOCK):
         end = min(start + BLOCK, depth.size)
         count, last_depth = gather(
@@ -202,12 +205,11 @@ def run(
             force[start:end],
             in_contact[start:end],
             options,
-            state[at.LAST_DEPTH],
-            scratch,
-            place,
+            state.last_depth,
+            blocks,
             status[start:end],
         )
-        features(scratch, count, options)
-        restarted = recur(state, options, scratch, place, count, status[start:end], every[start:end])
+        features(blocks, count, options)
+        restarted = recur(state, options, blocks, count, status[start:end], every[start:end])
         # A restart forgets the last depth; so does free air after it.
-        state[at.LAST_DEPTH] = np.nan if restarted else last_depth
+        state.last_depth = np.nan if restarted else last_depth

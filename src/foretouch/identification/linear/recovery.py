@@ -70,11 +70,6 @@ class DepthSummary:
 def inverse_power_fit(inverse_depth: Array, weights: Array, alpha: float) -> tuple[float, float]:
     """a1 and a2 of (17), `1 / x^alpha = a1 + a2 / x`, by weighted least squares over depths.
 
-    Args:
-        inverse_depth: 1 / x [1/m], shape (m,).
-        weights: Shape (m,).
-        alpha: From 0 to 1.
-
     Returns:
         a1 [m^-alpha] and a2 [m^(1-alpha)]; NaN where all depths are equal.
     """

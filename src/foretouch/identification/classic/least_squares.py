@@ -1,8 +1,12 @@
-"""The Hunt-Crossley law in two ways: in a single stage by logarithm, and in two stages that feed each other."""
+"""The Kelvin-Voigt and the Hunt-Crossley law by recursive least squares.
+
+Hunt-Crossley in two ways: in a single stage by logarithm, and in two stages that feed each other.
+"""
 
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from dataclasses import dataclass, field
 from typing import ClassVar
 
@@ -11,19 +15,166 @@ from numpy.typing import NDArray
 
 from foretouch.errors import SettingError
 from foretouch.errors.checks import require
-from foretouch.identification.classic.kelvin_voigt import at_least_zero
 from foretouch.identification.conditioning.conditioner import ContactSample
-from foretouch.identification.estimator import Estimator, Status
+from foretouch.identification.estimator import FEWEST_UPDATES, Estimator, Status
 from foretouch.identification.linear.options import REFERENCE_DEPTH, REFERENCE_VELOCITY, RobustOptions
 from foretouch.identification.linear.recursion import BROKEN, LARGEST_LOG, Recursion, error_along
-from foretouch.models import HuntCrossley
+from foretouch.models import HuntCrossley, KelvinVoigt
 
-FEWEST_UPDATES = 20
-"""No force is rendered from fewer samples."""
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class HuntCrossleyLogOptions:
+class _Options:
+    """Choices of an estimator with one recursion."""
+
+    unknowns: ClassVar[tuple[str, ...]]
+    initial_covariance: float
+    forgetting_factor: float
+    initial_parameters: tuple[float, ...]
+    robust: RobustOptions
+
+    def __post_init__(self) -> None:
+        require("initial_covariance", self.initial_covariance, above=0.0)
+        require("forgetting_factor", self.forgetting_factor, above=0.0, at_most=1.0)
+        if len(self.initial_parameters) != len(self.unknowns):
+            raise SettingError("initial_parameters", self.initial_parameters, f"takes {', '.join(self.unknowns)}")
+        for value in self.initial_parameters:
+            require("initial_parameters", value)
+
+
+class _LeastSquares(Estimator):
+    """Recursions that a leaf feeds with each usable sample."""
+
+    logarithms: ClassVar[bool] = True
+    _robust: RobustOptions
+    _recursions: tuple[Recursion, ...]
+
+    def reset(self) -> None:
+        """Forget all samples."""
+        for recursion in self._recursions:
+            recursion.reset()
+        self.updates = 0
+
+    @property
+    def _scales(self) -> tuple[float, float]:
+        """Depth [m] and velocity [m/s] that regressors are measured by."""
+        return (REFERENCE_DEPTH, REFERENCE_VELOCITY) if self._robust.scaled else (1.0, 1.0)
+
+    @abstractmethod
+    def _learn(self, sample: ContactSample) -> int:
+        """Learn from a usable sample; BROKEN where the numbers are no longer usable."""
+
+    def update(self, sample: ContactSample) -> Status:
+        """One step; see `Estimator.update`."""
+        refusal = self._robust.refuse(sample, logarithms=self.logarithms)
+        if refusal is not None:
+            return refusal
+        if self._learn(sample) == BROKEN:
+            self.reset()
+            return Status.RESTARTED
+        self.updates += 1
+        return Status.LEARNT
+
+    @property
+    def unscaled_covariance(self) -> Array:
+        """A copy of P of all unknowns in the units of the regressors; recursions share nothing."""
+        from scipy.linalg import block_diag
+
+        return np.asarray(block_diag(*(recursion.covariance for recursion in self._recursions)))
+
+
+def at_least_zero(theta: Array, covariance: Array, index: int) -> Array:
+    """The unknowns that fit best under the bound that one of them is not negative.
+
+    Least squares with covariance P has its constrained minimum at `theta - P[:, i] / P[i, i] theta[i]`.
+    """
+    if not (theta[index] < 0.0 and covariance[index, index] > 0.0):
+        return theta
+    share = float(theta[index] / covariance[index, index])
+    return theta - covariance[:, index] * share
+
+
+@dataclass(frozen=True, slots=True)
+class KelvinVoigtOptions(_Options):
+    """Choices of `KelvinVoigtRLS`.
+
+    Args:
+        initial_covariance: P_0 = this times I, of (K, B) in N/m and N s/m and a force noise of 1 N: 10^10 lets a
+            stiffness of 10^5 N/m be found at once.
+        forgetting_factor: mu at each sample, above 0 and at most 1; 1 forgets nothing.
+        initial_parameters: theta_0 = (K, B) [N/m, N s/m].
+        robust: `weight_force` and `largest_rate` do nothing here: the target is a force, and nothing is divided by x.
+
+    Raises:
+        SettingError: A value out of range.
+    """
+
+    unknowns: ClassVar[tuple[str, ...]] = ("stiffness", "damping")
+    initial_covariance: float = 1e10
+    forgetting_factor: float = 1.0
+    initial_parameters: tuple[float, ...] = (0.0, 0.0)
+    robust: RobustOptions = field(default_factory=RobustOptions)
+
+
+class KelvinVoigtRLS(_LeastSquares):
+    r"""Identifies (K, B) of equation (1), `F = K x + B v`, by recursive least squares on the force itself.
+
+    Nothing is linearised, so this is exact; error is in newtons. Where the estimate of B is negative, as it is when
+    the force lags behind the position, the law gets B = 0 and the K that fits best with it.
+
+    `standard_errors` are those of independent errors of the force; the misfit of the law is not independent.
+
+    Args:
+        options: Its choices.
+    """
+
+    name: ClassVar[str] = "rls"
+    model_name: ClassVar[str] = "kelvin-voigt"
+    logarithms: ClassVar[bool] = False
+
+    def __init__(self, options: KelvinVoigtOptions | None = None) -> None:
+        self.options = KelvinVoigtOptions() if options is None else options
+        self._robust = self.options.robust
+        first = np.array(self.options.initial_parameters) * self._scales
+        self._recursion = Recursion(first, self.options.initial_covariance, trace_limit=self._robust.trace_limit)
+        self._recursions = (self._recursion,)
+        self.reset()
+
+    def _learn(self, sample: ContactSample) -> int:
+        depth_scale, velocity_scale = self._scales
+        regressor = (sample.depth / depth_scale, sample.velocity / velocity_scale)
+        return self._recursion.learn(regressor, sample.force, self.options.forgetting_factor)
+
+    @property
+    def covariance(self) -> Array | None:
+        """Of stiffness [N/m] and damping [N s/m], shape (2, 2); None before it is known."""
+        covariance = self._recursion.error_covariance
+        return None if covariance is None else covariance / np.outer(self._scales, self._scales)
+
+    @property
+    def model(self) -> KelvinVoigt | None:
+        """The law (1), None before 20 samples or while its stiffness is not positive."""
+        if self.updates < FEWEST_UPDATES:
+            return None
+        values = at_least_zero(self._recursion.theta, self._recursion.covariance, 1) / self._scales
+        stiffness, damping = values.tolist()
+        if not (0.0 < stiffness < math.inf and damping < math.inf):
+            return None
+        return KelvinVoigt(stiffness, max(0.0, damping))
+
+    @property
+    def standard_errors(self) -> dict[str, float | None] | None:
+        """Of stiffness [N/m] and damping [N s/m], None before there is a model."""
+        covariance = self.covariance
+        if self.model is None or covariance is None:
+            return None
+        errors = np.sqrt(np.maximum(0.0, np.diag(covariance)))
+        return dict(zip(KelvinVoigt.parameter_names, errors.tolist(), strict=True))
+
+
+@dataclass(frozen=True, slots=True)
+class HuntCrossleyLogOptions(_Options):
     """Choices of `HuntCrossleyLogRLS`.
 
     Args:
@@ -37,21 +188,14 @@ class HuntCrossleyLogOptions:
         SettingError: A value out of range.
     """
 
+    unknowns: ClassVar[tuple[str, ...]] = ("ln k", "lambda / k", "n")
     initial_covariance: float = 1e6
     forgetting_factor: float = 1.0
-    initial_parameters: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    initial_parameters: tuple[float, ...] = (0.0, 0.0, 0.0)
     robust: RobustOptions = field(default_factory=RobustOptions)
 
-    def __post_init__(self) -> None:
-        require("initial_covariance", self.initial_covariance, above=0.0)
-        require("forgetting_factor", self.forgetting_factor, above=0.0, at_most=1.0)
-        if len(self.initial_parameters) != 3:
-            raise SettingError("initial_parameters", self.initial_parameters, "takes ln k, lambda / k, n")
-        for value in self.initial_parameters:
-            require("initial_parameters", value)
 
-
-class HuntCrossleyLogRLS(Estimator):
+class HuntCrossleyLogRLS(_LeastSquares):
     r"""Identifies (k, lambda, n) of equation (2) by linear least squares on the logarithm of the force.
 
     .. math::
@@ -76,43 +220,26 @@ class HuntCrossleyLogRLS(Estimator):
 
     def __init__(self, options: HuntCrossleyLogOptions | None = None) -> None:
         self.options = HuntCrossleyLogOptions() if options is None else options
-        scaled = self.options.robust.scaled
-        self._depth_scale, self._velocity_scale = (REFERENCE_DEPTH, REFERENCE_VELOCITY) if scaled else (1.0, 1.0)
+        self._robust = self.options.robust
+        self._depth_scale, self._velocity_scale = self._scales
         ln_k, rate, exponent = self.options.initial_parameters
         self._recursion = Recursion(
             np.array([ln_k + exponent * math.log(self._depth_scale), rate * self._velocity_scale, exponent]),
             self.options.initial_covariance,
-            trace_limit=self.options.robust.trace_limit,
+            trace_limit=self._robust.trace_limit,
         )
+        self._recursions = (self._recursion,)
         self.reset()
 
-    def reset(self) -> None:
-        """Forget all samples."""
-        self._recursion.reset()
-        self.updates = 0
-
-    def update(self, sample: ContactSample) -> Status:
-        """One step; see `Estimator.update`."""
-        robust = self.options.robust
-        refusal = robust.refuse(sample, logarithms=True)
-        if refusal is not None:
-            return refusal
+    def _learn(self, sample: ContactSample) -> int:
         _, depth, velocity, force, _ = sample
         regressor = (1.0, velocity / self._velocity_scale, math.log(depth / self._depth_scale))
-        factor = self.options.forgetting_factor
-        if self._recursion.learn(regressor, math.log(force), factor, robust.weight(force)) == BROKEN:
-            self.reset()
-            return Status.RESTARTED
-        self.updates += 1
-        return Status.LEARNT
+        return self._recursion.learn(
+            regressor, math.log(force), self.options.forgetting_factor, self._robust.weight(force)
+        )
 
     @property
-    def unscaled_covariance(self) -> NDArray[np.float64]:
-        """A copy of P, shape (3, 3), of (ln k, lambda / k, n) in the units of the regressors."""
-        return self._recursion.covariance.copy()
-
-    @property
-    def covariance(self) -> NDArray[np.float64] | None:
+    def covariance(self) -> Array | None:
         """Of ln k, lambda / k [s/m] and n, depth in metres, shape (3, 3); None before it is known."""
         covariance = self._recursion.error_covariance
         if covariance is None:
@@ -185,7 +312,7 @@ class TwoStageOptions:
         require("forgetting_factor", self.forgetting_factor, above=0.0, at_most=1.0)
 
 
-class HuntCrossleyTwoStage(Estimator):
+class HuntCrossleyTwoStage(_LeastSquares):
     r"""Identifies (k, lambda, n) of equation (2) by two recursive least squares, each with the other's newest result.
 
     .. math::
@@ -213,28 +340,19 @@ class HuntCrossleyTwoStage(Estimator):
 
     def __init__(self, options: TwoStageOptions | None = None) -> None:
         self.options = TwoStageOptions() if options is None else options
-        robust = self.options.robust
-        self._depth_scale, self._velocity_scale = (REFERENCE_DEPTH, REFERENCE_VELOCITY) if robust.scaled else (1.0, 1.0)
+        robust = self._robust = self.options.robust
+        self._depth_scale, self._velocity_scale = self._scales
         self._forces = Recursion(np.zeros(2), self.options.initial_covariance, trace_limit=robust.trace_limit)
         self._exponents = Recursion(
             np.array([self.options.initial_exponent]),
             self.options.initial_exponent_covariance,
             trace_limit=robust.trace_limit,
         )
+        self._recursions = (self._forces, self._exponents)
         self.reset()
 
-    def reset(self) -> None:
-        """Forget all samples."""
-        self._forces.reset()
-        self._exponents.reset()
-        self.updates = 0
-
-    def update(self, sample: ContactSample) -> Status:
-        """Stage 1, then stage 2; see `Estimator.update`."""
-        robust = self.options.robust
-        refusal = robust.refuse(sample, logarithms=True)
-        if refusal is not None:
-            return refusal
+    def _learn(self, sample: ContactSample) -> int:
+        """Stage 1, then stage 2."""
         _, depth, velocity, force, _ = sample
         factor = self.options.forgetting_factor
         log_depth, relative_velocity = math.log(depth / self._depth_scale), velocity / self._velocity_scale
@@ -245,20 +363,8 @@ class HuntCrossleyTwoStage(Estimator):
         at_unit_depth = stiffness + damping * relative_velocity
         if done != BROKEN and 0.0 < at_unit_depth < math.inf:  # else no logarithm: stage 2 waits
             target = math.log(force) - math.log(at_unit_depth)
-            done = self._exponents.learn((log_depth,), target, factor, robust.weight(force))
-        if done == BROKEN:
-            self.reset()
-            return Status.RESTARTED
-        self.updates += 1
-        return Status.LEARNT
-
-    @property
-    def unscaled_covariance(self) -> NDArray[np.float64]:
-        """P of (k, lambda) and of n in one, in the units of the regressors, shape (3, 3); the stages share nothing."""
-        covariance = np.zeros((3, 3))
-        covariance[:2, :2] = self._forces.covariance
-        covariance[2:, 2:] = self._exponents.covariance
-        return covariance
+            done = self._exponents.learn((log_depth,), target, factor, self._robust.weight(force))
+        return done
 
     @property
     def model(self) -> HuntCrossley | None:
