@@ -87,18 +87,10 @@ _MARKS = {False: ("not following", "\\\\\\", "0.65"), True: ("faulty sensors", "
 def finished(
     figure: Any, rows: int, *, above: float = 0.6, gap: float = 0.85, right: float = 0.985, between: float = 0.2
 ) -> Any:
-    """Place the axes by hand: the automatic layouts draw everything twice.
+    """Place the axes by hand, with room above the first row and between rows [inches]; returns the figure.
 
-    Args:
-        figure: With its axes drawn.
-        rows: Of axes.
-        above: Room above the first row [inches].
-        gap: Between rows [inches].
-        right: Right end of the axes, as a fraction of the width.
-        between: Gap between columns, as a fraction of their width.
-
-    Returns:
-        The figure.
+    The automatic layouts draw everything twice. The right end of the axes and the gap between columns are fractions of
+    the figure's and of a column's width.
     """
     height = figure.get_figheight()
     below = 0.55
@@ -125,13 +117,7 @@ def since_first(leader: Rows) -> Array:
 
 
 def last_contact(time: Array, force: Array, length: float) -> tuple[float, float]:
-    """Begin and end of a close-up of the last contact [s]: by then the estimate has had its time to settle.
-
-    Args:
-        time: Increasing [s], shape (n,), n of at least 1.
-        force: Contact force [N], shape (n,).
-        length: From the begin to the end of the contact [s]; a tenth more is shown after that.
-    """
+    """Begin and end of a close-up of the last contact [s], a tenth longer than the length: the estimate has settled."""
     touched = np.flatnonzero(force > 0.2 * peak(force))
     begin = max(float(time[touched[-1] if touched.size else -1]) - length, float(time[0]))
     return begin, begin + 1.1 * length
@@ -147,11 +133,8 @@ NARROW = 500
 def extremes(values: Array, buckets: int = 1500) -> NDArray[np.intp]:
     """Indices of the lowest and the highest sample of each bucket, in order: with them every peak is drawn.
 
-    A bucket without a number has one index, so that a hole in a curve stays one.
-
-    Args:
-        values: Shape (n,).
-        buckets: Largest number of buckets; with no more than two samples for each, all are kept.
+    A bucket without a number has one index, so that a hole in a curve stays one; with at most two samples in each, all
+    are kept.
     """
     size = -(-values.size // buckets)
     if size <= 2:
@@ -169,12 +152,8 @@ def extremes(values: Array, buckets: int = 1500) -> NDArray[np.intp]:
 def thinned(time: Array, values: Array, buckets: int = 1500) -> tuple[Array, Array]:
     """Lowest and highest sample of each bucket, in order: the same picture with fewer points.
 
-    In a gap of time there is one that is no number, so that no line is drawn over it.
-
-    Args:
-        time: Increasing [s], shape (n,).
-        values: Shape (n,).
-        buckets: As of `extremes`; of more gaps than that the longest are kept.
+    In a gap of time there is one that is no number, so that no line is drawn over it; of more gaps than buckets the
+    longest are kept.
     """
     kept = extremes(values, buckets)
     periods = np.diff(time)
@@ -187,16 +166,13 @@ def thinned(time: Array, values: Array, buckets: int = 1500) -> tuple[Array, Arr
     return np.insert(time[kept], places, time[gaps]), np.insert(values[kept], places, np.nan)
 
 
+def curve(axes: Any, time: Array, values: Array, colour: str, width: float, **style: Any) -> None:
+    """Draw one curve, with no more points than can be seen."""
+    axes.plot(*thinned(time, values), color=colour, linewidth=width, **style)
+
+
 def joined(spans: Array, shown: float) -> Array:
-    """Spans of time, with those too near to each other to be distinguished joined.
-
-    Args:
-        spans: Begin and end of each [s], by their begin, shape (n, 2).
-        shown: Length of what the axes show [s].
-
-    Returns:
-        Shape (m, 2), at most some `NARROW` of them within what is shown.
-    """
+    """Spans of time by their begin [s], shape (n, 2), joined where too near to be distinguished over what is shown."""
     if not len(spans):
         return spans
     ends = np.maximum.accumulate(spans[:, 1])
@@ -205,15 +181,7 @@ def joined(spans: Array, shown: float) -> Array:
 
 
 def corners(time: Array, flags: NDArray[np.bool_]) -> tuple[Array, NDArray[np.bool_]]:
-    """The times at which a flag is set, with the corners alone.
-
-    Args:
-        time: Increasing [s], shape (n,).
-        flags: Shape (n,).
-
-    Returns:
-        Times and flags: of each span its begin and its end, and its end once more without the flag.
-    """
+    """The corners of a flag: of each span its begin and its end, and its end once more without the flag."""
     changes = np.diff(np.concatenate(([0], flags.astype(np.int8), [0])))
     begin, end = np.flatnonzero(changes > 0), np.flatnonzero(changes < 0) - 1
     spans = joined(np.column_stack((time[begin], time[end])), float(np.ptp(time)) if time.size else 0.0)

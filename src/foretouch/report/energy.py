@@ -173,11 +173,6 @@ def as_told(leader: Rows, told: Rows, account: Callable[[Array], Account]) -> tu
     A simulated hand is sampled at the nominal time of the tick, a human hand when the tick really began:
     see `foretouch.session.steps.leader.moving_time`. Former leaders took the latter for both; their accounts are
     summed up in that way.
-
-    Args:
-        leader: Rows of `SessionLog.leader`.
-        told: Rows with ``energy``, ``energy_bound`` and ``late_energy`` as the leader kept them.
-        account: Function that sums up with these times.
     """
     began = 1e-9 * leader["period_ns"]
     since = 1e-9 * np.diff(leader["time_ns"], prepend=leader["time_ns"][:1])
@@ -219,10 +214,6 @@ def summed_account(
 
 def account_figures(account: Account, told: Rows) -> dict[str, Any]:
     """Whether an account kept its bound in every tick, and whether the leader recorded the same.
-
-    Args:
-        account: The account as summed up again.
-        told: Rows of the leader with the account that it kept: ``energy``, ``energy_bound``, ``late_energy``.
 
     Returns:
         ``net_energy_J``: the smallest E, 0 where it was never negative. ``energy_margin_J``: the smallest distance of E

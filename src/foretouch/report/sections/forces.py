@@ -17,6 +17,7 @@ from foretouch.report.drawing import (
     RENDERED,
     TRUE,
     corners,
+    curve,
     extremes,
     finished,
     last_contact,
@@ -24,7 +25,6 @@ from foretouch.report.drawing import (
     mark,
     peak,
     shade,
-    thinned,
 )
 from foretouch.report.numbers import AS_IT_COMES, Finding, figure, filled, number
 from foretouch.report.rows import Pairs, Segment, not_scored
@@ -84,7 +84,7 @@ def force_figure(
     for axes, chosen in ((whole, np.ones(time.size, dtype=np.bool_)), (near, inside)):
         for label, force, colour, width in curves:
             alpha = 0.45 if force is rendered_force else 1.0
-            axes.plot(*thinned(time[chosen], force[chosen]), color=colour, linewidth=width, alpha=alpha, label=label)
+            curve(axes, time[chosen], force[chosen], colour, width, alpha=alpha, label=label)
         axes.set_ylim(-0.08 * top, top)
         axes.set(ylabel="force [N]", xlabel="time [s]")
         _say_beyond(axes, predicted_force[chosen], top, "predicted force")
@@ -104,7 +104,7 @@ def force_figure(
         kind: (force - true_force)[inside] for kind, force in (("delayed", delayed_force), (wanted, predicted_force))
     }
     for (label, values), colour in zip(wrong.items(), (DELAYED, PREDICTED), strict=True):
-        error.plot(*thinned(time[inside], values), color=colour, linewidth=1.1, label=label)
+        curve(error, time[inside], values, colour, 1.1, label=label)
     widest = min(top, ROOM * max(peak(np.abs(wrong[wanted])), JND_FORCE))
     error.set_ylim(-widest, widest)
     mark(error, _within(segments, time[inside]))

@@ -18,12 +18,12 @@ from foretouch.report.drawing import (
     PREDICTED,
     RENDERED,
     TRUE,
+    curve,
     finished,
     legend,
     peak,
     shade,
     since_first,
-    thinned,
 )
 from foretouch.report.energy import booked_device, energy_figures
 from foretouch.report.numbers import (
@@ -348,8 +348,7 @@ def hand_figure(log: SessionLog, pairs: Pairs, burst_at: float | None = None) ->
         if axes is not force:
             for label, values, colour, width in curves:
                 alpha = 0.45 if width == WIDE else 1.0
-                curve = thinned(time[chosen], 1e3 * values[chosen])
-                axes.plot(*curve, color=colour, linewidth=width, alpha=alpha, label=label)
+                curve(axes, time[chosen], 1e3 * values[chosen], colour, width, alpha=alpha, label=label)
             axes.set(ylabel="position [mm]", xlabel="time [s]")
     place.axvspan(time[inside][0], time[inside][-1], color="#56B4E9", alpha=0.15, linewidth=0.0, label="close-up below")
     place.set_title("The hand")
@@ -357,9 +356,9 @@ def hand_figure(log: SessionLog, pairs: Pairs, burst_at: float | None = None) ->
     near.set_title("Close-up")
     given = leader["rendered_force"][inside]
     rendered = "rendered: what the hand was given"
-    force.plot(*thinned(time[inside], given), color=RENDERED, linewidth=WIDE, alpha=0.45, label=rendered)
+    curve(force, time[inside], given, RENDERED, WIDE, alpha=0.45, label=rendered)
     asked = leader["mediated_force"][inside]
-    force.plot(*thinned(time[inside], asked), color=PREDICTED, linewidth=1.1, label="asked for, before the limits")
+    curve(force, time[inside], asked, PREDICTED, 1.1, label="asked for, before the limits")
     top = 1.1 * max(peak(given), peak(asked), 0.1)
     force.set_ylim(-0.05 * top, top)
     force.set(title="Force in the close-up", ylabel="force [N]", xlabel="time [s]")

@@ -190,9 +190,6 @@ def write_page(
         report: What `session_figures` gave of it.
         made: What made it, for the end of the page, as `write_html` takes it.
 
-    Returns:
-        Path of the page.
-
     Raises:
         InputError: The folder cannot be made or the page cannot be written.
         MissingExtraError: Matplotlib is not installed.
@@ -229,9 +226,6 @@ def write_prediction_page(
         figures: The figures by name, among them ``delay_s`` and ``status``, as ``predict --json`` prints them; where
             there are ``remarks``, they are said first.
         made: What made it, for the end of the page, as `write_html` takes it.
-
-    Returns:
-        Path of the page.
 
     Raises:
         InputError: The folder cannot be made or the page cannot be written.
@@ -333,9 +327,6 @@ def write_calibration_page(
         found: What was found.
         figures: By name, for the table.
         made: What made it, for the end of the page, as `write_html` takes it.
-
-    Returns:
-        Path of the page.
 
     Raises:
         InputError: The folder cannot be made or the page cannot be written.

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from foretouch.identification.force_calibration import lowest_mean
 from foretouch.messages import SessionLog
 from foretouch.quantities import Rows, new_figure
-from foretouch.report.drawing import DELAYED, ERROR, PREDICTED, TRUE, finished, last_contact, legend, peak, thinned
+from foretouch.report.drawing import DELAYED, ERROR, PREDICTED, TRUE, curve, finished, last_contact, legend, peak
 from foretouch.report.numbers import number, sentence, value_of
 from foretouch.report.rows import Pairs, not_scored, pair
-from foretouch.report.scores import score_prediction
+from foretouch.report.sections.session import contact_scores
 from foretouch.report.session import CONTACT_FLOOR, session_figures
 from foretouch.report.writing.pages import embedded, table, write_html
 from foretouch.session import SessionSettings
@@ -135,17 +135,7 @@ def contacts(log: SessionLog) -> list[Contact]:
     pairs = pair(log)
     if not pairs.time.size:
         return []
-    scores = score_prediction(
-        pairs.time,
-        pairs.follower["sensor_force"],
-        pairs.leader["predicted_force"],
-        pairs.leader["delayed_force"],
-        contact_floor=CONTACT_FLOOR,
-        delayed_offset=0.0,
-        score_from=0.0,
-        position=pairs.follower["position"],
-        skipped=not_scored(pairs),
-    )
+    scores = contact_scores(log, contact_floor=CONTACT_FLOOR, score_from=0.0)["predicted"]
     time = (pairs.leader["time_ns"] - hand_begins_ns(log.longest().leader)) * 1e-9
     touched = np.asarray(scores.in_contact & ~not_scored(pairs))
     return [
@@ -210,8 +200,7 @@ def _runs(time: Array, touched: Flags) -> list[slice]:
     if not rows.size:
         return []
     cuts = np.flatnonzero(np.diff(time[rows]) > APART)
-    firsts, lasts = rows[np.concatenate(([0], cuts + 1))], rows[np.concatenate((cuts, [rows.size - 1]))]
-    return [slice(int(first), int(last) + 1) for first, last in zip(firsts, lasts, strict=True)]
+    return [slice(int(run[0]), int(run[-1]) + 1) for run in np.split(rows, cuts + 1)]
 
 
 def _number(value: float | None, unit: str) -> str:
@@ -253,9 +242,6 @@ def write_replay_page(
         replayed: Its replay.
         content: What `compare_replay` gave of them.
         made: What made it, for the end of the page, as `write_html` takes it.
-
-    Returns:
-        Path of the page.
 
     Raises:
         InputError: The folder cannot be made or the page cannot be written.
@@ -334,8 +320,7 @@ def _draw_forces(axes: Any, before: dict[str, Array], after: dict[str, Array]) -
         ("predicted, replayed", after, "predicted", PREDICTED, 1.0, "-"),
     ):
         if columns["time"].size:
-            curve = thinned(columns["time"], columns[kind])
-            axes.plot(*curve, color=colour, linewidth=width, linestyle=style, label=label)
+            curve(axes, columns["time"], columns[kind], colour, width, linestyle=style, label=label)
 
 
 def _draw_errors(axes: Any, contacts: Mapping[str, Any]) -> None:
