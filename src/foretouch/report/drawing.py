@@ -29,16 +29,8 @@ COLOURS = columns.COLOURS
 
 def legend(axes: Any, columns: int) -> None:
     """A legend between title and plot, where it hides nothing."""
-    axes.legend(
-        loc="lower left",
-        bbox_to_anchor=(0.0, 1.0),
-        ncols=columns,
-        frameon=False,
-        fontsize="small",
-        columnspacing=1.2,
-        handlelength=1.6,
-        borderaxespad=0.2,
-    )
+    style = {"frameon": False, "fontsize": "small", "columnspacing": 1.2, "handlelength": 1.6, "borderaxespad": 0.2}
+    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, **style)
     rows = -(-len(axes.get_legend_handles_labels()[1]) // columns)
     axes.set_title(axes.get_title(), pad=22.0 + 13.0 * max(rows - 1, 0))
 
@@ -48,17 +40,8 @@ def shade(axes: Any, time: NDArray[np.float64], flags: NDArray[np.bool_], colour
     if not flags.any():
         return
     when, inside = corners(time, flags)
-    axes.fill_between(
-        when,
-        0.0,
-        1.0,
-        where=inside,
-        transform=axes.get_xaxis_transform(),
-        color=colour,
-        alpha=0.15,
-        linewidth=0.0,
-        label=label,
-    )
+    style = {"color": colour, "alpha": 0.15, "linewidth": 0.0, "label": label}
+    axes.fill_between(when, 0.0, 1.0, where=inside, transform=axes.get_xaxis_transform(), **style)
 
 
 def mark(axes: Any, segments: Sequence[Segment]) -> None:
@@ -67,16 +50,9 @@ def mark(axes: Any, segments: Sequence[Segment]) -> None:
     for failing, (label, hatch, colour) in _MARKS.items():
         seen = [one[:2] for one in segments if one.failing == failing and one.end >= begin and one.begin <= end]
         spans = joined(np.array(sorted(seen)).reshape(-1, 2), end - begin)
+        style = {"facecolor": (0.5, 0.5, 0.5, 0.12), "edgecolor": colour, "hatch": hatch, "linewidth": 0.0}
         for number, span in enumerate(np.clip(spans, begin, end).tolist()):
-            axes.axvspan(
-                *span,
-                facecolor=(0.5, 0.5, 0.5, 0.12),
-                edgecolor=colour,
-                hatch=hatch,
-                linewidth=0.0,
-                zorder=0.5,
-                label=label if number == 0 else None,
-            )
+            axes.axvspan(*span, **style, zorder=0.5, label=label if number == 0 else None)
     axes.set_xlim(sides)
 
 
@@ -169,6 +145,11 @@ def thinned(time: Array, values: Array, buckets: int = 1500) -> tuple[Array, Arr
 def curve(axes: Any, time: Array, values: Array, colour: str, width: float, **style: Any) -> None:
     """Draw one curve, with no more points than can be seen."""
     axes.plot(*thinned(time, values), color=colour, linewidth=width, **style)
+
+
+def note(axes: Any, x: float, y: float, text: str, **style: Any) -> None:
+    """Write at a position in fractions of the axes, centred unless the style says otherwise."""
+    axes.text(x, y, text, transform=axes.transAxes, **{"ha": "center", "va": "center", **style})
 
 
 def joined(spans: Array, shown: float) -> Array:

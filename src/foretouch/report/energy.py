@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from foretouch.quantities import Rows, brief_text
 from foretouch.rendering.energy import FASTEST_HAND, SAMPLE_PERIOD, SMALLEST_COUNT
 from foretouch.rendering.renderer import FARTHEST, PHANTOM
-from foretouch.report.numbers import finite_or_none
+from foretouch.report.numbers import finite_or_none, largest
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -61,10 +61,6 @@ class Booked(NamedTuple):
     work: Array
     late: Array
     reach: Array
-
-    def __repr__(self) -> str:
-        """In a few lines, however long the session was."""
-        return brief_text(type(self).__name__, self._asdict().items())
 
 
 def book(force: Array, place: Array, period: Array, device: BookedDevice) -> Booked:
@@ -346,8 +342,8 @@ def _owed(late: Array, told: Array, lost: Flags) -> Array:
 
 def _exact(leader: Rows, device: BookedDevice | None) -> float | None:
     energy = exact_energy(leader, device)
-    known = energy[np.isfinite(energy)]
-    return min(float(known.min()), 0.0) if known.size else None
+    most = largest(-energy)
+    return None if most is None else min(-most, 0.0)
 
 
 def _largest_cut(leader: Rows) -> float:

@@ -24,7 +24,7 @@ from foretouch.report.drawing import (
 )
 from foretouch.report.energy import ROUNDING, Account, booked_device, energy_account
 from foretouch.report.numbers import Finding, number
-from foretouch.report.section import Drawing, Section, View
+from foretouch.report.sections import Drawing, Section, View
 from foretouch.settings import NO_GRIP
 
 FELT = 0.05

@@ -38,7 +38,7 @@ from foretouch.report.numbers import (
 )
 from foretouch.report.perception import free_hand, oscillation
 from foretouch.report.rows import Pairs, away, not_scored, pair
-from foretouch.report.section import Drawing, Section, View
+from foretouch.report.sections import Drawing, Section, View
 from foretouch.report.sections.energy import FELT
 from foretouch.report.sections.safety import guarded_figures
 from foretouch.settings import NO_BASELINE, NO_GRIP
@@ -204,11 +204,7 @@ def withheld_figures(leader: Rows, force_scale: float) -> dict[str, Any]:
 
     Only ticks count in which hand and robot are coupled, the hand is seen and the model gives 0.5 N or more. Of these,
     segments of 500 and more in a row with less than half of the model's force are withheld; a segment may go over
-    several presses.
-
-    Args:
-        leader: Rows of `SessionLog.leader`.
-        force_scale: Hand's force for the model's.
+    several presses. The force scale is the hand's force for the model's.
 
     Returns:
         ``withheld_percent``: their fraction of the ticks that count. ``longest_withheld_s``: from the first to the last

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from foretouch.errors import plural
 from foretouch.messages import SessionLog
 from foretouch.quantities import new_figure
-from foretouch.report.drawing import ERROR, PREDICTED, RENDERED, TRUE, curve, finished, legend, mark
+from foretouch.report.drawing import ERROR, PREDICTED, RENDERED, TRUE, curve, finished, legend, mark, note
 from foretouch.report.numbers import Finding, figure, filled, number
 from foretouch.report.rows import Pairs, Segment
-from foretouch.report.section import Drawing, Section, View
+from foretouch.report.sections import Drawing, Section, View
 
 Array = NDArray[np.float64]
 
@@ -130,8 +130,7 @@ def timing_figure(log: SessionLog) -> Any:
 
 def _histogram(axes: Any, values: Array, colour: str) -> None:
     if not values.any():
-        said = "not measured" if values.size else "no ticks"
-        axes.text(0.5, 0.5, said, ha="center", va="center", transform=axes.transAxes)
+        note(axes, 0.5, 0.5, "not measured" if values.size else "no ticks")
         axes.set(xticks=[], yticks=[])
         return
     low, high = float(values.min()), float(values.max())

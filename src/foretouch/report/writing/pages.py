@@ -27,9 +27,9 @@ from foretouch.recordings import atomic_path
 from foretouch.report.drawing import COLOURS, finished, legend
 from foretouch.report.numbers import Finding, number
 from foretouch.report.rows import follower_away, pair
+from foretouch.report.scene import look_at_scene
 from foretouch.report.scene.pose import has_scene
-from foretouch.report.scene.scene import look_at_scene
-from foretouch.report.section import View
+from foretouch.report.sections import View
 from foretouch.report.sections.energy import stability_word
 from foretouch.report.sections.forces import prediction_figure, scoring_findings
 from foretouch.report.sections.session import baseline_sentence, lasted, pressed, segment_sentence

@@ -19,7 +19,7 @@ from foretouch.quantities import Rows, new_figure
 from foretouch.report.drawing import DELAYED, ERROR, PREDICTED, TRUE, curve, finished, last_contact, legend, peak
 from foretouch.report.numbers import number, sentence, value_of
 from foretouch.report.rows import Pairs, not_scored, pair
-from foretouch.report.sections.session import contact_scores
+from foretouch.report.sections.session import scored
 from foretouch.report.session import CONTACT_FLOOR, session_figures
 from foretouch.report.writing.pages import embedded, table, write_html
 from foretouch.session import SessionSettings
@@ -135,7 +135,7 @@ def contacts(log: SessionLog) -> list[Contact]:
     pairs = pair(log)
     if not pairs.time.size:
         return []
-    scores = contact_scores(log, contact_floor=CONTACT_FLOOR, score_from=0.0)["predicted"]
+    scores = scored(pairs, pairs.leader["predicted_force"], contact_floor=CONTACT_FLOOR, score_from=0.0)
     time = (pairs.leader["time_ns"] - hand_begins_ns(log.longest().leader)) * 1e-9
     touched = np.asarray(scores.in_contact & ~not_scored(pairs))
     return [

@@ -10,13 +10,25 @@ from numpy.typing import NDArray
 
 from foretouch.messages import SessionLog
 from foretouch.quantities import new_figure
-from foretouch.report.drawing import ERROR, NARROW, PREDICTED, TRUE, curve, extremes, finished, joined, legend, shade
+from foretouch.report.drawing import (
+    ERROR,
+    NARROW,
+    PREDICTED,
+    TRUE,
+    curve,
+    extremes,
+    finished,
+    joined,
+    legend,
+    note,
+    shade,
+)
 from foretouch.report.numbers import Finding, figure, filled
 from foretouch.report.rows import Pairs
+from foretouch.report.scene import Wrong
 from foretouch.report.scene.map import StiffnessMap, map_figures
 from foretouch.report.scene.pose import NEAR_DEGREES, NEAR_MM, PoseError
-from foretouch.report.scene.scene import Wrong
-from foretouch.report.section import Drawing, Section, View
+from foretouch.report.sections import Drawing, Section, View
 from foretouch.session.spatial import Inclusion
 
 Array = NDArray[np.float64]
@@ -73,7 +85,7 @@ def contact_figure(log: SessionLog, pairs: Pairs, wrong: Wrong, true_friction: f
         friction.fill_between(time, low, high, color=PREDICTED, alpha=0.2, linewidth=0.0, label="two deviations")
         friction.plot(time, coefficient, color=PREDICTED, linewidth=1.2, label="learnt")
     else:
-        friction.text(0.5, 0.5, "not learnt", ha="center", va="center", transform=friction.transAxes)
+        note(friction, 0.5, 0.5, "not learnt")
     if true_friction is not None:
         friction.axhline(true_friction, color=TRUE, linestyle="--", linewidth=1.0, label="true")
     friction.set_ylim(0.0, 2.0 * (true_friction or 0.5))
