@@ -86,7 +86,7 @@ def make_session(
 
 
 def repeated(log: SessionLog, times: int) -> SessionLog:
-    """The same session so many times on end, as one of the same two processes."""
+    """The same session repeated on end, as one of the same two processes."""
     ticks, models = int(log.leader["sequence"][-1]), len(log.models)
     nth = np.repeat(np.arange(times), log.leader.size)
     sides = []
@@ -104,7 +104,7 @@ def repeated(log: SessionLog, times: int) -> SessionLog:
 
 
 def later(model: ModelUpdate, models: int, ticks: int) -> ModelUpdate:
-    """The same model, sent after so many others and so many ticks."""
+    """The same model, sent a number of models and ticks later."""
     return msgspec.structs.replace(
         model,
         sequence=model.sequence + models,

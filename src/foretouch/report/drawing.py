@@ -1,7 +1,4 @@
-"""What every figure here has in common: colours, legends, margins, and no more points than can be seen.
-
-What a page takes is bounded by its width, however long a recording is; no global state is touched.
-"""
+"""What every figure has in common: colours, legends, margins, and no more points than can be seen."""
 
 from __future__ import annotations
 

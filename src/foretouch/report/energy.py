@@ -1,7 +1,4 @@
-"""The energy account of a session, summed up again: whether the hand was given more than it gave, over all of it.
-
-The work of a recorded force on a recorded motion is booked as the leader's account books it.
-"""
+"""The energy account of a session, summed up again from the recorded forces and motion as the leader books them."""
 
 from __future__ import annotations
 
@@ -50,17 +47,14 @@ def booked_device(settings: Mapping[str, str]) -> BookedDevice | None:
 
 
 class Booked(NamedTuple):
-    """Work booked in each tick; columns of shape (n,).
-
-    Attributes:
-        work: Work in the nominal period [J].
-        late: Work in the time by which a tick was longer, and over missing positions [J].
-        reach: Nominal step under a force, plus one count [m].
-    """
+    """Work booked in each tick; columns of shape (n,)."""
 
     work: Array
+    """Work in the nominal period [J]."""
     late: Array
+    """Work in the time by which a tick was longer, and over missing positions [J]."""
     reach: Array
+    """Nominal step under a force, plus one count [m]."""
 
 
 def book(force: Array, place: Array, period: Array, device: BookedDevice) -> Booked:

@@ -117,6 +117,7 @@ def session_figures(
     local, exact = scored(pairs, force_at_follower(log, pairs), **limits), None
     if np.isfinite(follower["exact_force"]).all():  # the simulator's force has no offset to take off
         exact = scored(pairs, predicted, "exact_force", offset=0.0, **limits)
+    clipped = {"leader": int(log.leader["clipped"].sum()), "follower": int(log.follower["clipped"].sum())}
     report = {
         "status": main.status,
         "recording": recording,
@@ -155,8 +156,8 @@ def session_figures(
         "max_rendered_force_N": largest(log.leader["rendered_force"]),
         "largest_rendered_jump_N": largest(np.abs(np.diff(log.leader["rendered_force"]))),
         "max_follower_force_N": largest(contact_force(log)),
-        "clipped_ticks": int(log.leader["clipped"].sum() + log.follower["clipped"].sum()),
-        "clipped": {"leader": int(log.leader["clipped"].sum()), "follower": int(log.follower["clipped"].sum())},
+        "clipped_ticks": sum(clipped.values()),
+        "clipped": clipped,
         "tracking_error": _tracking(pairs, score_from, score_to),
         "commands": {
             "sent": int(log.leader.size),
@@ -198,7 +199,10 @@ def _jumps(log: SessionLog) -> dict[str, float | None]:
 
 def _duration(log: SessionLog) -> float:
     """Time between the first and the last tick of the leader, or of the follower without a leader [s]."""
-    table = log.leader if log.leader.size else log.follower
+    return _span(log.leader if log.leader.size else log.follower)
+
+
+def _span(table: Rows) -> float:
     return float(np.ptp(table["time_ns"])) * 1e-9 if table.size else 0.0
 
 
@@ -272,21 +276,15 @@ def _total(counts: dict[str, int], word: str) -> int | None:
 
 def _timing(table: Rows, rate: float) -> dict[str, Any]:
     """Loop period and compute time of one side; the first tick has no period."""
-    period = table["period_ns"][table["period_ns"] > 0]
+    period, span = table["period_ns"][table["period_ns"] > 0], _span(table)
     return {
         "period_ms": _spread(period * 1e-6),
         "compute_us": _spread(table["compute_ns"] * 1e-3),
         "late_ticks": int((period > LATE * 1e9 / rate).sum()),
-        "ticks_per_s": _ticks_per_s(table),
+        "ticks_per_s": (table.size - 1) / span if span > 0.0 else None,
         "ticks": int(table.size),
         "rate": rate,
     }
-
-
-def _ticks_per_s(table: Rows) -> float | None:
-    """How often the loop really ran, pauses of a process that was stopped among it."""
-    duration = float(np.ptp(table["time_ns"])) * 1e-9 if table.size else 0.0
-    return (table.size - 1) / duration if duration > 0.0 else None
 
 
 def _spread(values: Array) -> dict[str, float | None]:

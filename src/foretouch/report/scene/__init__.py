@@ -1,8 +1,4 @@
-"""The figures of a session in three dimensions, and what they stand in for among those of a session along a line.
-
-They are contacts that are rendered where there are none or missed where there are, friction and forces, and the energy
-account of the hand, summed up again from what was recorded.
-"""
+"""The figures of a session in three dimensions, and those that they replace among those along a line."""
 
 from __future__ import annotations
 

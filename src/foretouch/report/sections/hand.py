@@ -26,16 +26,7 @@ from foretouch.report.drawing import (
     since_first,
 )
 from foretouch.report.energy import booked_device, energy_figures
-from foretouch.report.numbers import (
-    Finding,
-    figure,
-    filled,
-    largest,
-    number_of,
-    renders_models,
-    runs,
-    setting,
-)
+from foretouch.report.numbers import Finding, figure, filled, largest, number_of, renders_models, runs, setting
 from foretouch.report.perception import free_hand, oscillation
 from foretouch.report.rows import Pairs, away, not_scored, pair
 from foretouch.report.sections import Drawing, Section, View
@@ -247,12 +238,10 @@ def _findings(report: Mapping[str, Any]) -> Iterator[Finding]:
     if hand["largest_phantom_N"]:
         yield Finding(filled("The hand felt up to {largest_phantom_N:N} where the robot touched nothing.", hand))
     if (hand["device_bound_percent"] or 0.0) >= MUCH:
-        yield Finding(
-            filled("In {device_bound_percent:%} of contact the device could not carry the model: it felt softer", hand)
-            + f"{_least_share(hand)}."
-        )
+        yield Finding(f"{filled(_SOFTER, hand)}{_least_share(hand)}.")
 
 
+_SOFTER = "In {device_bound_percent:%} of contact the device could not carry the model: it felt softer"
 _WITHHELD = (
     "In {withheld_percent:%} of contact the force was withheld: the hand was given less than half of the model's. At "
     "longest that lasted {longest_withheld_s:s}, from {longest_withheld_at_s:.1f} s on: {withheld_because}."
@@ -284,19 +273,15 @@ def _lines(report: Mapping[str, Any]) -> Iterator[str]:
             ratio = hand["smallest_rendered_share"]
             least = "" if ratio is None or ratio >= 1.0 else _least_share(hand)
             yield filled("  device     could not carry the model in {device_bound_percent:%} of contact", hand) + least
-        yield filled(
-            "  hand       {given_way_mm:mm} RMS from where it meant to be in contact, "
-            "{given_way_in_air_mm:mm} in the air",
-            hand,
-        )
-        yield filled(
-            "  proxy      at most {hand.largest_index_mm:mm} from the hand; "
-            "coupled for {engaged_percent:%} of the time",
-            report,
-        )
+        yield from (filled(line, report) for line in _HELD)
     yield ""
 
 
+_HELD = (
+    "  hand       {hand.given_way_mm:mm} RMS from where it meant to be in contact, "
+    "{hand.given_way_in_air_mm:mm} in the air",
+    "  proxy      at most {hand.largest_index_mm:mm} from the hand; coupled for {engaged_percent:%} of the time",
+)
 _BEHIND = (
     "             behind the limits {largest_rendered_update_jump_N:N} ({largest_rendered_update_jump_N_per_s:N/s}), "
     "before mediation {largest_model_jump_N:N}"

@@ -1,7 +1,4 @@
-"""States of the follower other than following, faults of its sensors, and the sides present, over a whole session.
-
-For the guarded first touch: number, duration, and the depth and time lost.
-"""
+"""States of the follower other than following, faults of its sensors, guarded touches, and the sides present."""
 
 from __future__ import annotations
 

@@ -11,17 +11,7 @@ from numpy.typing import NDArray
 from foretouch.errors import plural, was_or_were
 from foretouch.messages import SessionLog, Status
 from foretouch.recordings import FollowerSamples
-from foretouch.report.numbers import (
-    AS_IT_COMES,
-    Finding,
-    figure,
-    filled,
-    largest,
-    number,
-    number_of,
-    sentence,
-    setting,
-)
+from foretouch.report.numbers import AS_IT_COMES, Finding, figure, filled, largest, number, number_of, sentence, setting
 from foretouch.report.rows import Pairs, not_scored, pair
 from foretouch.report.scores import Scores, score_prediction
 from foretouch.report.sections import Section

@@ -1,7 +1,4 @@
-"""Pages of HTML of a session, a prediction on a recording and a sensor calibration, which need nothing else.
-
-They have one style, figures inside, and make no request to anywhere.
-"""
+"""Pages of HTML that need nothing else: of a session, a prediction on a recording and a sensor calibration."""
 
 from __future__ import annotations
 
@@ -103,7 +100,7 @@ def _svg(figure: Any) -> bytes:
 
 def named_values(values: Mapping[str, Any]) -> str:
     """A table of names and values."""
-    return table((), [(name, value) for name, value in values.items()])
+    return table((), list(values.items()))
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
@@ -264,10 +261,8 @@ def _settings(chosen: Mapping[str, str]) -> str:
     rows = [(name, chosen[name], SETTINGS[name].sentence if name in SETTINGS else "") for name in names]
     changed = sum(chosen[name] != defaults.get(name) for name in names)
     head = ("setting", "value", "what it is")
-    folded = (
-        f"<details><summary>{len(rows) - changed} with their defaults</summary>{table(head, rows[changed:])}</details>"
-    )
-    return (table(head, rows[:changed]) if changed else "") + folded
+    folded = f"<summary>{len(rows) - changed} with their defaults</summary>{table(head, rows[changed:])}"
+    return f"{table(head, rows[:changed]) if changed else ''}<details>{folded}</details>"
 
 
 def _sentences(said: list[Finding]) -> list[str]:
@@ -365,11 +360,8 @@ def _compliance_figure(found: SeriesCompliance) -> Any:
     above, below = figure.add_subplot(2, 1, 1), figure.add_subplot(2, 1, 2)
     some = slice(None, None, max(1, found.force.size // 4000))
     force, place, loads = found.force[some], found.deflection[some], found.loading[some]
-    for colour, label, part, shift in (
-        (COLOURS[0], "loading", loads, -0.5),
-        (COLOURS[1], "unloading", ~loads, 0.5),
-    ):
-        ends = np.array([found.contact_floor, found.force.max()])
+    ends = np.array([found.contact_floor, found.force.max()])
+    for colour, label, part, shift in ((COLOURS[0], "loading", loads, -0.5), (COLOURS[1], "unloading", ~loads, 0.5)):
         above.plot(1e6 * place[part], force[part], ".", ms=2, color=colour, label=label)
         above.plot(1e6 * (ends / found.stiffness + shift * found.lost_motion), ends, color=colour, lw=1.0)
         below.plot(force[part], 1e6 * found.residual[some][part], ".", ms=2, color=colour, label=label)

@@ -51,9 +51,6 @@ _ROWS = (
 )
 """What is shown of both sessions: in words, by name in the report, and the unit."""
 
-_LEFT_OUT = ("replay",)
-"""Texts that identify a session and are not among its settings."""
-
 RECORDED_PREDICTION = "#56B4E9"
 """Beside the colours of a session: the lighter of two blues, of Okabe and Ito too."""
 
@@ -110,7 +107,7 @@ def compare_replay(recorded: SessionLog, replayed: SessionLog, notes: Sequence[s
     differ = {
         name: {"recorded": before.get(name), "replayed": text}
         for name, text in after.items()
-        if before.get(name, defaults.get(name)) != text and name not in _LEFT_OUT
+        if before.get(name, defaults.get(name)) != text and name != "replay"  # which is none of them
     }
     return {
         "motion": notes[0],
@@ -160,7 +157,8 @@ def render_replay(content: Mapping[str, Any]) -> str:
     Returns:
         Lines of at most about 100 characters, without a last line break.
     """
-    said = (f"replay in {_with_article(content['loop'])}", content["motion"], *content["notes"])
+    article = "a" if content["loop"].startswith("closed") else "an"
+    said = (f"replay in {article} {content['loop']}", content["motion"], *content["notes"])
     lines = [sentence(text) for text in said]
     lines += ["", f"{'':<34}{'recorded':>22}{'replayed':>22}{'ratio':>10}"]
     for name, before, after, ratio in table_rows(content):
@@ -181,7 +179,8 @@ def table_rows(content: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
         old, new = value_of(before, name), value_of(after, name)
         rows.append((words, _number(old, unit), _number(new, unit), _ratio(old, new)))
     if content["loop"] == "closed loop":
-        rows.append(("stable", _yes(before["stable"]), _yes(after["stable"]), ""))
+        word = {True: "yes", False: "no", None: "-"}
+        rows.append(("stable", word[before["stable"]], word[after["stable"]], ""))
     return rows
 
 
@@ -217,14 +216,6 @@ def _text(value: str | None) -> str:
     return "-" if value is None else value or "none"
 
 
-def _yes(stable: bool | None) -> str:
-    return "-" if stable is None else "yes" if stable else "no"
-
-
-def _with_article(loop: str) -> str:
-    return f"{'a' if loop.startswith('closed') else 'an'} {loop}"
-
-
 def write_replay_page(
     directory: str | PathLike[str],
     name: str,
@@ -247,6 +238,7 @@ def write_replay_page(
         InputError: The folder cannot be made or the page cannot be written.
         MissingExtraError: Matplotlib is not installed.
     """
+    before, after = (content[of]["settings"] for of in ("recorded", "replayed"))
     body = [
         f"<h1>Replay of {escape(name)}</h1>",
         f'<p class="quiet">{escape(sentence(content["loop"]))} Status: {escape(content["replayed"]["status"])}.</p>',
@@ -259,7 +251,7 @@ def write_replay_page(
         "<h2>Side by side</h2>",
         table(("", "recorded", "replayed", "ratio"), table_rows(content)),
         "<h2>Settings of the replay</h2>",
-        table(("", "recorded", "replayed"), _settings(content)),
+        table(("", "recorded", "replayed"), [(name, before.get(name), text) for name, text in after.items()]),
     ]
     return write_html(directory, f"Replay of {name}", body, made)
 
@@ -343,8 +335,3 @@ def _draw_errors(axes: Any, contacts: Mapping[str, Any]) -> None:
     axes.yaxis.set_major_formatter("{x:g}")
     axes.minorticks_off()
     legend(axes, columns=4)
-
-
-def _settings(content: Mapping[str, Any]) -> list[tuple[Any, ...]]:
-    before = content["recorded"]["settings"]
-    return [(name, before.get(name), text) for name, text in content["replayed"]["settings"].items()]
