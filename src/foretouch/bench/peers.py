@@ -360,8 +360,8 @@ def measure_latencies(rounds: int = ROUNDS) -> Latencies:
     for chain in CHAINS:
         chain(1.0, 1.0000000001, 10)
     for _ in range(rounds):
-        for chain, found in zip(CHAINS, times, strict=True):
+        for chain, result in zip(CHAINS, times, strict=True):
             begin = perf_counter()
             chain(1.0, 1.0000000001, LINKS)
-            found.append(1e9 * (perf_counter() - begin) / LINKS)
+            result.append(1e9 * (perf_counter() - begin) / LINKS)
     return Latencies(*map(median, times))

@@ -128,10 +128,10 @@ def make_folder(path: Path | None) -> None:
 
 def made_by(recordings: Sequence[Path] = (), **what: Any) -> dict[str, Any]:
     """Origin of a page, for its end: this command as it was given, the recordings, and further values."""
-    said: dict[str, Any] = {"command": shlex.join(["foretouch", *sys.argv[1:]])}
+    texts: dict[str, Any] = {"command": shlex.join(["foretouch", *sys.argv[1:]])}
     if recordings:
-        said["recording" if len(recordings) == 1 else "recordings"] = "; ".join(map(_which, recordings))
-    return said | {name: value for name, value in what.items() if value is not None}
+        texts["recording" if len(recordings) == 1 else "recordings"] = "; ".join(map(_which, recordings))
+    return texts | {name: value for name, value in what.items() if value is not None}
 
 
 def _which(path: Path) -> str:

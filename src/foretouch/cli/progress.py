@@ -134,14 +134,14 @@ def compile_first() -> bool:
     if is_compiled():
         return True
     say("compiling what sessions run, once on this machine, in about a minute")
-    told = 0.2
+    reported = 0.2
     with progress_bar("compiling") as bar:
 
-        def progress(share: float) -> None:
-            nonlocal told
-            bar.update(share, 1.0)
-            if not bar.shown and told <= share < 1.0:
-                say(f"compiling, {share:.0%}")
-                told += 0.2
+        def progress(fraction: float) -> None:
+            nonlocal reported
+            bar.update(fraction, 1.0)
+            if not bar.shown and reported <= fraction < 1.0:
+                say(f"compiling, {fraction:.0%}")
+                reported += 0.2
 
         return compile_all(progress)

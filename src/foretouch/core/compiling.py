@@ -117,11 +117,11 @@ def complete_mark() -> Path | None:
     root = compiled_root()
     if root is None:
         return None
-    found = hashlib.sha256(repr((sys.version, cpu_target.target_context.codegen().magic_tuple())).encode())
+    digest = hashlib.sha256(repr((sys.version, cpu_target.target_context.codegen().magic_tuple())).encode())
     for source in sorted(PACKAGE.rglob("*.py")):
         if has_kernels(source):
-            found.update(digest_of(source).encode())
-    return root / f"complete-{found.hexdigest()[:16]}"
+            digest.update(digest_of(source).encode())
+    return root / f"complete-{digest.hexdigest()[:16]}"
 
 
 def mark_complete() -> None:
@@ -188,10 +188,10 @@ def digest_of(source: Path) -> str:
 
     Compiled code names the modules that it needs: a module that is moved has another digest.
     """
-    found = hashlib.sha256(numba.__version__.encode())
+    digest = hashlib.sha256(numba.__version__.encode())
     for path in sorted(_closure(source)):
-        found.update(_name(path).encode() + _text(path).encode())
-    return found.hexdigest()[:16]
+        digest.update(_name(path).encode() + _text(path).encode())
+    return digest.hexdigest()[:16]
 
 
 def _name(source: Path) -> str:

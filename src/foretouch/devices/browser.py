@@ -114,10 +114,10 @@ class BrowserOperator(Device):
         if self._mode == "held" or self._mode == "resting":
             return hand.update(self._target, self._aim_speed, period)
         if self._mode == "returning":
-            share = minimum_jerk(since / self._ease_time)
-            if share >= 1.0:
+            fraction = minimum_jerk(since / self._ease_time)
+            if fraction >= 1.0:
                 self._mode = "script"
-            script = self._target + share * (script - self._target)
+            script = self._target + fraction * (script - self._target)
         if period > 0.0:
             hand.velocity = (script - hand.position) / period
         hand.position = script

@@ -109,11 +109,11 @@ class ForceDimension(Device):
         if self._closed:
             return self._position
         answer = self._binding.getPosition(self._place, self._id)
-        place = self._direction * self._place[self._axis]
-        if answer in SUCCESS and math.isfinite(place):
+        position = self._direction * self._place[self._axis]
+        if answer in SUCCESS and math.isfinite(position):
             if self.dead:
                 return math.nan
-            self._failed, self._position = 0, place - self._origin
+            self._failed, self._position = 0, position - self._origin
             return self._position
         self._failed += 1
         if self._failed == FAILURES:
@@ -189,6 +189,6 @@ def _binding() -> tuple[ModuleType, ModuleType]:
     except ModuleNotFoundError:
         raise MissingExtraError("forcedimension-core", "forcedimension") from None
     except (ImportError, OSError) as error:
-        said = " ".join(str(error).split())
+        text = " ".join(str(error).split())
         rule = "needs libdhd and libdrd of the Force Dimension SDK, version 3.16 or later: install it and set FDSDK or"
-        raise SettingError("operator", NAME, f"{rule} LD_LIBRARY_PATH to it ({said})") from None
+        raise SettingError("operator", NAME, f"{rule} LD_LIBRARY_PATH to it ({text})") from None

@@ -103,7 +103,7 @@ class PalpatingOperator(SpatialDevice):
 
         self._first, self._last = times[1], times[-1]
         ticks = np.arange(0.0, times[-1] + TABLE_PERIOD, TABLE_PERIOD)
-        path = PchipInterpolator(times, np.array([place for _, place in keyframes]))
+        path = PchipInterpolator(times, np.array([position for _, position in keyframes]))
         self._table = path(np.minimum(ticks, times[-1])).tolist()
         self._shown = self._aimed = tuple(pose)
         self._start_ns: int | None = None
@@ -122,10 +122,10 @@ class PalpatingOperator(SpatialDevice):
         elapsed = max(now_ns - self._now_ns, 0) * 1e-9
         self._now_ns = max(now_ns, self._now_ns)
         if self._shown != self._aimed:
-            share = -math.expm1(-elapsed / SEEING_TIME)
-            self._shown = tuple(a + share * (b - a) for a, b in zip(self._shown, self._aimed, strict=True))
-        place = self._on_path((self._now_ns - self._start_ns) * 1e-9)
-        x, y, z = RigidMotion.from_numbers(self._shown).apply(place)
+            fraction = -math.expm1(-elapsed / SEEING_TIME)
+            self._shown = tuple(a + fraction * (b - a) for a, b in zip(self._shown, self._aimed, strict=True))
+        position = self._on_path((self._now_ns - self._start_ns) * 1e-9)
+        x, y, z = RigidMotion.from_numbers(self._shown).apply(position)
         self._place = (x / self._scale, y / self._scale, z / self._scale)
         return self._place
 
@@ -138,9 +138,9 @@ class PalpatingOperator(SpatialDevice):
         if time > self._last:
             time = self._first + (time - self._first) % (self._last - self._first)
         tick = min(int(time / TABLE_PERIOD), len(self._table) - 2)
-        share = time / TABLE_PERIOD - tick
+        fraction = time / TABLE_PERIOD - tick
         (a, b, c), (d, e, f) = self._table[tick], self._table[tick + 1]
-        return a + share * (d - a), b + share * (e - b), c + share * (f - c)
+        return a + fraction * (d - a), b + fraction * (e - b), c + fraction * (f - c)
 
 
 class _Axis(RestingOperator):
@@ -299,8 +299,8 @@ class SpatialHand(SpatialDevice):
                 passed += time
             self._aim, self._now_ns = aim, now_ns
         count = self.specification.resolution
-        places = (float(position[0]) for position in self._positions)
-        x, y, z = (count * math.floor(value / count + 0.5) if count > 0.0 else value for value in places)
+        positions = (float(position[0]) for position in self._positions)
+        x, y, z = (count * math.floor(value / count + 0.5) if count > 0.0 else value for value in positions)
         return x, y, z
 
     def render(self, force: Vector) -> None:
@@ -309,5 +309,5 @@ class SpatialHand(SpatialDevice):
         if not size < math.inf:
             self._held.render((0.0, 0.0, 0.0), self._now_ns)
             return
-        share = min(self.specification.force_limit / size, 1.0) if size > 0.0 else 1.0
-        self._held.render((force[0] * share, force[1] * share, force[2] * share), self._now_ns)
+        fraction = min(self.specification.force_limit / size, 1.0) if size > 0.0 else 1.0
+        self._held.render((force[0] * fraction, force[1] * fraction, force[2] * fraction), self._now_ns)

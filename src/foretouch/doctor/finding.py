@@ -52,8 +52,8 @@ class Finding:
 def worst(findings: Iterable[Finding]) -> Verdict:
     """The worst verdict of all; good where there is none, and what could not be checked counts as good."""
     order = list(Verdict)
-    found = max((order.index(finding.verdict) for finding in findings), default=0)
-    return Verdict.GOOD if order[found] is Verdict.UNKNOWN else order[found]
+    result = max((order.index(finding.verdict) for finding in findings), default=0)
+    return Verdict.GOOD if order[result] is Verdict.UNKNOWN else order[result]
 
 
 STYLES = {
@@ -76,8 +76,8 @@ def render_findings(findings: Iterable[Finding]) -> Table:
     table.add_column("what", no_wrap=False, min_width=8, max_width=22, overflow="fold")
     table.add_column("found, and the command that helps", overflow="fold")
     for finding in findings:
-        said = Text(finding.found)
+        text = Text(finding.found)
         if finding.mend:
-            said.append(f"\n→ {finding.mend}", style="bold")
-        table.add_row(Text(finding.verdict.value, style=STYLES[finding.verdict]), finding.name, said)
+            text.append(f"\n→ {finding.mend}", style="bold")
+        table.add_row(Text(finding.verdict.value, style=STYLES[finding.verdict]), finding.name, text)
     return table

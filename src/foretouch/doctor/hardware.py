@@ -45,23 +45,23 @@ def check_cores(load: float | None = None, cores: int | None = None, group: Path
     quota = _quota(group)
     usable = min(float(cores), quota or float(cores))
     bounded = "" if quota is None else f", of which the container may use {quota:g}"
-    found = f"{cores} cores{bounded}; load {load:.1f} in the last minute"
+    text = f"{cores} cores{bounded}; load {load:.1f} in the last minute"
     figures = {"cores": cores, "quota": quota, "load": load}
     busiest = "ps -eo pid,pcpu,args --sort=-pcpu | head"
     if usable < FEWEST_CORES:
-        found += f"; fewer than {FEWEST_CORES}: leader and follower take turns"
+        text += f"; fewer than {FEWEST_CORES}: leader and follower take turns"
         mend = "" if quota is None else "docker update --cpus 2 CONTAINER"
-        return Finding("cores", Verdict.WARNING, found, mend, figures)
+        return Finding("cores", Verdict.WARNING, text, mend, figures)
     if load > BUSIEST * usable:
-        return Finding("cores", Verdict.WARNING, f"{found}: others want them too", busiest, figures)
-    return Finding("cores", Verdict.GOOD, found, figures=figures)
+        return Finding("cores", Verdict.WARNING, f"{text}: others want them too", busiest, figures)
+    return Finding("cores", Verdict.GOOD, text, figures=figures)
 
 
 def _quota(group: Path) -> float | None:
     """Processors that the control group allows at most, None for no bound."""
     try:
-        share, period = (group / "cpu.max").read_text().split()
-        return int(share) / int(period)
+        fraction, period = (group / "cpu.max").read_text().split()
+        return int(fraction) / int(period)
     except (OSError, ValueError):  # no such file; or "max", which is no bound
         return None
 
@@ -79,13 +79,13 @@ def check_governor(cpus: Path = CPUS) -> Finding:
         why = "the kernel shows no governor here, as in most virtual machines and containers"
         return Finding(name, Verdict.UNKNOWN, why)
     figures = {"governors": sorted(governors)}
-    found = ", ".join(sorted(governors))
+    text = ", ".join(sorted(governors))
     if governors == {"performance"}:
-        return Finding(name, Verdict.GOOD, found, figures=figures)
+        return Finding(name, Verdict.GOOD, text, figures=figures)
     return Finding(
         name,
         Verdict.WARNING,
-        f"{found}: a loop that mostly sleeps is run at low speed, and woken late",
+        f"{text}: a loop that mostly sleeps is run at low speed, and woken late",
         GOVERN,
         figures,
     )
@@ -111,12 +111,12 @@ def check_real_time(slice_s: float | None, limits: Iterable[int] | None = None) 
     if slice_s is None:
         return Finding(name, Verdict.UNKNOWN, f"no loop was run; allowed: {allowed}", figures=figures)
     if 0.0 < slice_s < 1e-3:
-        found = f"the kernel grants short slices ({1e3 * slice_s:g} ms); allowed: {allowed}, neither is needed"
-        return Finding(name, Verdict.GOOD, found, figures=figures)
-    found = f"the kernel ({os.uname().release}) knows no short slices, which Linux has since 6.12; allowed: {allowed}"
+        text = f"the kernel grants short slices ({1e3 * slice_s:g} ms); allowed: {allowed}, neither is needed"
+        return Finding(name, Verdict.GOOD, text, figures=figures)
+    text = f"the kernel ({os.uname().release}) knows no short slices, which Linux has since 6.12; allowed: {allowed}"
     if priority != 0:
-        return Finding(name, Verdict.WARNING, found, "chrt --fifo 10 foretouch teleop", figures)
-    return Finding(name, Verdict.WARNING, found, PRIORITY, figures)
+        return Finding(name, Verdict.WARNING, text, "chrt --fifo 10 foretouch teleop", figures)
+    return Finding(name, Verdict.WARNING, text, PRIORITY, figures)
 
 
 WIDTH, HEIGHT = 320, 240
@@ -136,22 +136,22 @@ def check_graphics() -> Finding:
             [sys.executable, "-m", "foretouch.doctor.hardware"], capture_output=True, text=True, timeout=PATIENCE
         )
     except subprocess.TimeoutExpired:
-        found = f"nothing was drawn within {PATIENCE:g} s"
-        return Finding(name, Verdict.WARNING, found, "foretouch simulate --scene plane --fusion contact --duration 2")
+        text = f"nothing was drawn within {PATIENCE:g} s"
+        return Finding(name, Verdict.WARNING, text, "foretouch simulate --scene plane --fusion contact --duration 2")
     try:
         drawn = json.loads(child.stdout.splitlines()[-1])
     except (ValueError, IndexError):
         why = last_line(child.stderr, "without a word")
-        found = f"drawing ended with exit code {child.returncode}: {why}"
+        text = f"drawing ended with exit code {child.returncode}: {why}"
         mend = "sudo apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri libopengl0"
-        return Finding(name, Verdict.WARNING, found, mend)
+        return Finding(name, Verdict.WARNING, text, mend)
     if "problem" in drawn:
         verdict = Verdict.UNKNOWN if drawn["extra"] else Verdict.WARNING
         return Finding(name, verdict, drawn["problem"], drawn["mend"])
-    found = f"{drawn['library']} ({drawn['renderer']}): {WIDTH} x {HEIGHT} in {1e3 * drawn['draw_s']:.0f} ms"
+    text = f"{drawn['library']} ({drawn['renderer']}): {WIDTH} x {HEIGHT} in {1e3 * drawn['draw_s']:.0f} ms"
     if drawn["contrast"] < LEAST_CONTRAST:
-        return Finding(name, Verdict.WARNING, f"{found}, but the image is empty", "glxinfo -B", drawn)
-    return Finding(name, Verdict.GOOD, found, figures=drawn)
+        return Finding(name, Verdict.WARNING, f"{text}, but the image is empty", "glxinfo -B", drawn)
+    return Finding(name, Verdict.GOOD, text, figures=drawn)
 
 
 def main() -> None:
@@ -160,12 +160,12 @@ def main() -> None:
     from foretouch.robot.camera_scene import MESA_PACKAGES, MissingGraphicsError
 
     try:
-        told = _draw()
+        report = _draw()
     except MissingGraphicsError as error:
-        told = {"problem": str(error), "extra": False, "mend": f"sudo apt-get install {MESA_PACKAGES}"}
+        report = {"problem": str(error), "extra": False, "mend": f"sudo apt-get install {MESA_PACKAGES}"}
     except MissingExtraError as error:
-        told = {"problem": str(error), "extra": True, "mend": install_command("sim")}
-    sys.stdout.write(json.dumps(told) + "\n")
+        report = {"problem": str(error), "extra": True, "mend": install_command("sim")}
+    sys.stdout.write(json.dumps(report) + "\n")
 
 
 def _draw() -> dict[str, object]:

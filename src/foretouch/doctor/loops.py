@@ -100,19 +100,19 @@ def check_loops(reports: dict[str, LoopReport] | str) -> Finding:
     if isinstance(reports, str):
         return Finding(name, Verdict.UNKNOWN, reports)
     session, bare = (reports[kind] for kind in KINDS)
-    found = "woken late by " + "; ".join(f"{kind}: {_in_ms(reports[kind])}" for kind in KINDS)
+    text = "woken late by " + "; ".join(f"{kind}: {_in_ms(reports[kind])}" for kind in KINDS)
     late = session["late_p99_s"] + session["compute_p99_s"]
-    found += f"; a tick computes {1e6 * session['compute_p50_s']:.0f} us"
-    found += f"; of a device's delay {1e3 * late:.2f} ms are this machine's (p99): give --device-delay no less"
+    text += f"; a tick computes {1e6 * session['compute_p50_s']:.0f} us"
+    text += f"; of a device's delay {1e3 * late:.2f} ms are this machine's (p99): give --device-delay no less"
     worst_p99, worst = (max(session[key], bare[key]) for key in ("late_p99_s", "late_max_s"))
     figures = {"session": session, "bare": bare}
     if worst_p99 < LATE and worst < HOLD:
-        return Finding(name, Verdict.GOOD, found, figures=figures)
+        return Finding(name, Verdict.GOOD, text, figures=figures)
     verdict = Verdict.BAD if worst_p99 >= VERY_LATE or worst >= HOLD else Verdict.WARNING
     ours = bare["late_p99_s"] < LATE <= session["late_p99_s"]
-    found += "; the machine is punctual, what is computed is too slow" if ours else "; the machine itself is late"
+    text += "; the machine is punctual, what is computed is too slow" if ours else "; the machine itself is late"
     mend = "foretouch bench --only loops" if ours else "ps -eo pid,pcpu,args --sort=-pcpu | head"
-    return Finding(name, verdict, found, mend, figures)
+    return Finding(name, verdict, text, mend, figures)
 
 
 def _in_ms(report: LoopReport) -> str:
@@ -145,8 +145,8 @@ def main(kind: str, seconds: str) -> None:
 def _percentiles(name: str, values_ns: list[int]) -> dict[str, float]:
     ordered = sorted(values_ns)
     last = len(ordered) - 1
-    places = {"p50": 0.5, "p99": 0.99, "max": 1.0}
-    return {f"{name}_{which}_s": 1e-9 * ordered[math.ceil(share * last)] for which, share in places.items()}
+    positions = {"p50": 0.5, "p99": 0.99, "max": 1.0}
+    return {f"{name}_{which}_s": 1e-9 * ordered[math.ceil(fraction * last)] for which, fraction in positions.items()}
 
 
 def _press() -> Callable[[float], None]:

@@ -120,12 +120,12 @@ class Answerer:
 
     def run(self, ended: Callable[[], bool]) -> None:
         """Answer until it is ended, which is looked at every 0.1 s at least."""
-        said, taken = -math.inf, 0
+        published, taken = -math.inf, 0
         while not ended():
             now = time.monotonic()
-            if now - said >= PRESENCE_PERIOD:
+            if now - published >= PRESENCE_PERIOD:
                 self._say(PRESENT, "yes")
-                said = now
+                published = now
             while self._arrived:
                 self._stage.push(*self._arrived.popleft())
                 taken += 1
@@ -181,21 +181,21 @@ def ask(
     Raises:
         PeerVersionError: The peer speaks another version.
     """
-    heard = _Heard()
-    with open_link(heard.take) as link:
-        _wait(lambda: bool(heard.roles) or link.other_version(PEERS) is not None, patience)
+    received = _Heard()
+    with open_link(received.take) as link:
+        _wait(lambda: bool(received.roles) or link.other_version(PEERS) is not None, patience)
         if (error := link.other_version(PEERS)) is not None:
             raise error
-        if not heard.roles:
+        if not received.roles:
             return RoundTrips()
         _wait(lambda: False, SETTLING)
-        if not heard.present or heard.roles - {ROLE}:
-            return listen_in(heard.telemetry, frozenset(heard.roles), seconds)
-        sent = _question(link, heard, seconds)
-        _wait(lambda: len(heard.answers) >= len(sent), LAST_PATIENCE)
-    answers = dict(heard.answers)
+        if not received.present or received.roles - {ROLE}:
+            return listen_in(received.telemetry, frozenset(received.roles), seconds)
+        sent = _question(link, received, seconds)
+        _wait(lambda: len(received.answers) >= len(sent), LAST_PATIENCE)
+    answers = dict(received.answers)
     times = tuple(1e-9 * (answers[number] - begun) for number, begun in sent.items() if number in answers)
-    return RoundTrips(frozenset(heard.roles), len(sent), times)
+    return RoundTrips(frozenset(received.roles), len(sent), times)
 
 
 def _question(link: ZenohLink, heard: _Heard, seconds: float) -> dict[str, int]:
@@ -270,25 +270,25 @@ def check_peer(
     try:
         taken = connect_time(host, port, CONNECT_PATIENCE)
     except socket.gaierror as error:
-        found = f"the name {host} is not known here ({error.strerror})"
-        return [Finding(name, Verdict.BAD, found, f"getent hosts {host}")]
+        text = f"the name {host} is not known here ({error.strerror})"
+        return [Finding(name, Verdict.BAD, text, f"getent hosts {host}")]
     except ConnectionRefusedError:
         return [Finding(name, Verdict.BAD, "the machine answers, nobody listens at the port", there)]
     except TimeoutError:
-        found = f"nothing came back within {CONNECT_PATIENCE:g} s: another address, or a firewall"
-        return [Finding(name, Verdict.BAD, found, f"on the other machine: sudo ufw allow {port}/tcp")]
+        text = f"nothing came back within {CONNECT_PATIENCE:g} s: another address, or a firewall"
+        return [Finding(name, Verdict.BAD, text, f"on the other machine: sudo ufw allow {port}/tcp")]
     except OSError as error:
         return [Finding(name, Verdict.BAD, f"no connection: {error.strerror or error}", f"ip route get {host}")]
     reached = Finding(
         name, Verdict.GOOD, f"somebody listens; TCP connects in {_ms(taken)}", figures={"connect_s": taken}
     )
     try:
-        heard = ask(open_link, seconds)
+        received = ask(open_link, seconds)
     except PeerVersionError as error:
         return [reached, Finding(f"link {endpoint}", Verdict.BAD, str(error), install_command(again=True))]
     except ForetouchError as error:
         return [reached, Finding(f"link {endpoint}", Verdict.BAD, str(error), "foretouch keys show")]
-    return [reached, judge_round_trips(f"link {endpoint}", heard, there)]
+    return [reached, judge_round_trips(f"link {endpoint}", received, there)]
 
 
 def judge_round_trips(name: str, heard: RoundTrips, there: str) -> Finding:
@@ -297,18 +297,18 @@ def judge_round_trips(name: str, heard: RoundTrips, there: str) -> Finding:
     Delay by itself is no fault, for a session renders no delayed force; unsteadiness and loss are.
     """
     if not heard.roles:
-        found = "something takes the connection, no side of a session is heard: a router, or another program"
-        return Finding(name, Verdict.WARNING, found, there)
+        text = "something takes the connection, no side of a session is heard: a router, or another program"
+        return Finding(name, Verdict.WARNING, text, there)
     if heard.asked and not heard.times:
-        found = f"{heard.asked} questions, no answer"
-        return Finding(name, Verdict.BAD, found, there, {"asked": heard.asked, "answered": 0, "loss": 1.0})
+        text = f"{heard.asked} questions, no answer"
+        return Finding(name, Verdict.BAD, text, there, {"asked": heard.asked, "answered": 0, "loss": 1.0})
     return _judge_session(name, heard, there) if not heard.asked else _judge_asked(name, heard)
 
 
 def _judge_asked(name: str, heard: RoundTrips) -> Finding:
-    p50, p99, most, least = (heard.percentile(share) for share in (0.5, 0.99, 1.0, 0.0))
+    p50, p99, most, least = (heard.percentile(fraction) for fraction in (0.5, 0.99, 1.0, 0.0))
     unsteady = most - least
-    found = (
+    text = (
         f"round trip p50 {_ms(p50)}, p99 {_ms(p99)}, most {_ms(most)}; {100 * heard.loss:.1f} % lost of {heard.asked}"
     )
     figures = {
@@ -320,13 +320,13 @@ def _judge_asked(name: str, heard: RoundTrips) -> Finding:
         "round_trip_max_s": most,
     }
     if heard.loss < LOSING and unsteady < UNSTEADY and p50 < FAR:
-        return Finding(name, Verdict.GOOD, found, figures=figures)
+        return Finding(name, Verdict.GOOD, text, figures=figures)
     # Such a network cannot be mended from here; what a session makes of it can be tried.
     mend = (
         f"foretouch simulate --position-delay {0.5 * p50:.3g} --force-delay {0.5 * p50:.3g} "
         f"--jitter {0.5 * unsteady:.2g} --loss {heard.loss:.2g}"
     )
-    return Finding(name, Verdict.BAD if heard.loss >= LOSING_MUCH else Verdict.WARNING, found, mend, figures)
+    return Finding(name, Verdict.BAD if heard.loss >= LOSING_MUCH else Verdict.WARNING, text, mend, figures)
 
 
 def _judge_session(name: str, heard: RoundTrips, there: str) -> Finding:
@@ -339,14 +339,14 @@ def _judge_session(name: str, heard: RoundTrips, there: str) -> Finding:
         "longest_gap_s": None if math.isnan(heard.longest_gap) else heard.longest_gap,
     }
     if not heard.heard:
-        found = f"{who} says hello; no telemetry came, so nothing was measured"
-        return Finding(name, Verdict.UNKNOWN, found, there, figures)
-    found = f"{who} heard: {100 * heard.loss:.2f} % lost of {heard.heard + heard.lost} messages, "
-    found += f"longest gap {_ms(heard.longest_gap)}; the round trip needs a doctor there"
+        text = f"{who} says hello; no telemetry came, so nothing was measured"
+        return Finding(name, Verdict.UNKNOWN, text, there, figures)
+    text = f"{who} heard: {100 * heard.loss:.2f} % lost of {heard.heard + heard.lost} messages, "
+    text += f"longest gap {_ms(heard.longest_gap)}; the round trip needs a doctor there"
     bad = heard.loss >= LOSING_MUCH
     if heard.loss >= LOSING or heard.longest_gap >= UNSTEADY:
-        return Finding(name, Verdict.BAD if bad else Verdict.WARNING, found, there, figures)
-    return Finding(name, Verdict.GOOD, found, figures=figures)
+        return Finding(name, Verdict.BAD if bad else Verdict.WARNING, text, there, figures)
+    return Finding(name, Verdict.GOOD, text, figures=figures)
 
 
 def _ms(seconds: float) -> str:

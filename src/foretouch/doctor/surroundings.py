@@ -37,12 +37,12 @@ def check_python() -> Finding:
     version, implementation = platform.python_version(), platform.python_implementation()
     wanted = str(metadata.metadata("foretouch")["Requires-Python"] or "")
     free_threaded = not getattr(sys, "_is_gil_enabled", lambda: True)()
-    found = f"{implementation} {version}{', free-threaded' if free_threaded else ''}, {platform.machine()}"
+    text = f"{implementation} {version}{', free-threaded' if free_threaded else ''}, {platform.machine()}"
     figures = {"version": version, "implementation": implementation, "wanted": wanted, "machine": platform.machine()}
     if implementation != "CPython" or free_threaded or not satisfies(version, wanted):
-        found += f"; needed is CPython {wanted} with its global lock"
-        return Finding("Python", Verdict.BAD, found, "uv venv --python 3.13", figures)
-    return Finding("Python", Verdict.GOOD, found, figures=figures)
+        text += f"; needed is CPython {wanted} with its global lock"
+        return Finding("Python", Verdict.BAD, text, "uv venv --python 3.13", figures)
+    return Finding("Python", Verdict.GOOD, text, figures=figures)
 
 
 def check_packages(requirements: Iterable[str] | None = None) -> Finding:
@@ -53,8 +53,8 @@ def check_packages(requirements: Iterable[str] | None = None) -> Finding:
     if problems:
         mend = install_command(again=True)
         return Finding("packages", Verdict.BAD, "; ".join(problems.values()), mend, figures)
-    found = ", ".join(f"{name} {_version(name)}" for name in needed)
-    return Finding("packages", Verdict.GOOD, found, figures=figures)
+    text = ", ".join(f"{name} {_version(name)}" for name in needed)
+    return Finding("packages", Verdict.GOOD, text, figures=figures)
 
 
 def check_extras(requirements: Iterable[str] | None = None) -> Finding:
@@ -67,16 +67,16 @@ def check_extras(requirements: Iterable[str] | None = None) -> Finding:
     complete = [name for name in extras if name not in problems]
     outdated = [name for name in problems if any(_version(package) for package in extras[name])]
     figures = {"complete": complete, "incomplete": problems}
-    found = f"there: {', '.join(complete) or 'none'}"
+    finding = f"there: {', '.join(complete) or 'none'}"
     if not problems:
-        return Finding("extras", Verdict.GOOD, found, figures=figures)
-    found += f"; not there: {', '.join(problems)}"
+        return Finding("extras", Verdict.GOOD, finding, figures=figures)
+    finding += f"; not there: {', '.join(problems)}"
     missed = [name for name in problems if name in NEEDED or name in outdated]
     if missed:
         details = "; ".join(text for extra in missed for text in problems[extra])
-        found += f" ({details})"
+        finding += f" ({details})"
     mend = install_command(*(missed or problems))
-    return Finding("extras", Verdict.WARNING if missed else Verdict.GOOD, found, mend, figures)
+    return Finding("extras", Verdict.WARNING if missed else Verdict.GOOD, finding, mend, figures)
 
 
 def parts_of(requirements: Iterable[str]) -> dict[str, dict[str, str]]:
@@ -152,8 +152,8 @@ def check_text() -> Finding:
     others = {what: name for what, name in shown.items() if name.lower().replace("-", "").replace("_", "") != "utf8"}
     figures = {**shown, "LANG": os.environ.get("LC_ALL") or os.environ.get("LANG", "")}
     if others:
-        found = ", ".join(f"{what.replace('_', ' ')}: {name}" for what, name in others.items())
-        return Finding("text", Verdict.WARNING, f"not all is UTF-8 ({found})", "export PYTHONUTF8=1", figures)
+        text = ", ".join(f"{what.replace('_', ' ')}: {name}" for what, name in others.items())
+        return Finding("text", Verdict.WARNING, f"not all is UTF-8 ({text})", "export PYTHONUTF8=1", figures)
     return Finding("text", Verdict.GOOD, "UTF-8", figures=figures)
 
 
@@ -171,13 +171,13 @@ def check_disk(
         try:
             free[str(folder)] = shutil.disk_usage(folder).free
         except OSError as error:
-            found, figures = f"{folder}: {error.strerror}", {"free_bytes": free}
-            return Finding("disk", Verdict.BAD, found, f"mkdir -p {folder}", figures)
+            text, figures = f"{folder}: {error.strerror}", {"free_bytes": free}
+            return Finding("disk", Verdict.BAD, text, f"mkdir -p {folder}", figures)
     least = min(free, key=free.__getitem__)
-    found = ", ".join(f"{folder} {size / 1e9:.1f} GB" for folder, size in free.items()) + " free"
+    text = ", ".join(f"{folder} {size / 1e9:.1f} GB" for folder, size in free.items()) + " free"
     verdict = Verdict.BAD if free[least] < too_little else Verdict.WARNING if free[least] < little else Verdict.GOOD
     mend = "" if verdict is Verdict.GOOD else f"du -xh {least} | sort -h | tail"
-    return Finding("disk", verdict, found, mend, {"free_bytes": free})
+    return Finding("disk", verdict, text, mend, {"free_bytes": free})
 
 
 def check_compiled() -> Finding:
@@ -188,11 +188,11 @@ def check_compiled() -> Finding:
     root = compiled_root()
     figures = {"folder": "" if root is None else str(root), "compiled": root is not None and is_compiled()}
     if root is None:
-        found = "no folder of your own to keep it in: each start compiles for about a minute"
-        return Finding("compiled", Verdict.WARNING, found, "export NUMBA_CACHE_DIR=~/.foretouch-compiled", figures)
+        text = "no folder of your own to keep it in: each start compiles for about a minute"
+        return Finding("compiled", Verdict.WARNING, text, "export NUMBA_CACHE_DIR=~/.foretouch-compiled", figures)
     if not is_compiled():
-        found = "never, of these sources: the first start takes about a minute longer"
-        return Finding("compiled", Verdict.WARNING, found, "foretouch warm-up", figures)
+        text = "never, of these sources: the first start takes about a minute longer"
+        return Finding("compiled", Verdict.WARNING, text, "foretouch warm-up", figures)
     return Finding("compiled", Verdict.GOOD, "all that a session runs", figures=figures)
 
 
@@ -217,8 +217,8 @@ def check_keys(folder: Path | None = None, *, now: datetime | None = None) -> Fi
 
     keys, now = KeyFolder(folder), utc_now() if now is None else now
     if not keys.path.exists():
-        found = f"none in {keys.path}; needed between machines only (foretouch keys init)"
-        return Finding("keys", Verdict.GOOD, found, figures={"folder": str(keys.path)})
+        text = f"none in {keys.path}; needed between machines only (foretouch keys init)"
+        return Finding("keys", Verdict.GOOD, text, figures={"folder": str(keys.path)})
     try:
         authority, here, _ = keys.read()
         stranger = [name for name, identity in here.items() if not identity.issued_by(authority)]
@@ -241,8 +241,8 @@ def _judge_keys(left: dict[str, float], stranger: list[str], figures: dict[str, 
     if left[first] <= 0.0:
         return Finding("keys", Verdict.BAD, f"{first} has expired {-left[first]:.1f} days ago", mend, figures)
     if stranger:
-        found = f"{', '.join(stranger)}: from another authority than authority.crt, let in nowhere"
-        return Finding("keys", Verdict.BAD, found, f"foretouch keys rotate {stranger[0]}", figures)
+        text = f"{', '.join(stranger)}: from another authority than authority.crt, let in nowhere"
+        return Finding("keys", Verdict.BAD, text, f"foretouch keys rotate {stranger[0]}", figures)
     if left[first] <= warning:
         return Finding("keys", Verdict.WARNING, ends, mend, figures)
     return Finding("keys", Verdict.GOOD, ends, figures=figures)

@@ -118,11 +118,11 @@ def measure_process(arguments: Sequence[str]) -> Ended:
         measured = json.loads(result.read_text()) if code == 0 else {"code": code}
         out.seek(0)
         err.seek(0)
-        output, said = out.read(), err.read()
+        output, errors = out.read(), err.read()
     if measured["code"]:
         left = len(arguments) - SHOWN
         named = " ".join(arguments[:SHOWN]) + (f" and {left} arguments more" if left > 0 else "")
-        raise RuntimeError(f"{named}: exit code {measured['code']}: {last_line(said)}")
+        raise RuntimeError(f"{named}: exit code {measured['code']}: {last_line(errors)}")
     return Ended(measured["seconds"], measured["peak"] * (1 if sys.platform == "darwin" else 1024), output)
 
 

@@ -53,10 +53,10 @@ def serve(descriptor: int) -> None:
     """
     asked = socket.socket(fileno=descriptor)
     while select.select([descriptor], [], [], IDLE)[0]:
-        said, parcels, _, _ = socket.recv_fds(asked, within.LONGEST_WORD, 1)
+        word, parcels, _, _ = socket.recv_fds(asked, within.LONGEST_WORD, 1)
         if not parcels:
             return
-        ending, module = said.decode().split("\n")
+        ending, module = word.decode().split("\n")
         for library in (module, *LIBRARIES.get(ending, ())):
             with suppress(ImportError):  # the reader that misses it reports it
                 importlib.import_module(library)
@@ -144,6 +144,6 @@ def _outcome(request: Any) -> tuple[str, object]:
             return ("memory" if MemoryError in kinds else "deep"), ""
         if isinstance(error, ForetouchError):
             return "raised", error
-        said = one_line(getattr(error, "strerror", "") or error, 200)
-        named = said if isinstance(error, OSError) and said else f"{type(error).__name__} {said}".strip()
+        text = one_line(getattr(error, "strerror", "") or error, 200)
+        named = text if isinstance(error, OSError) and text else f"{type(error).__name__} {text}".strip()
         return "odd", (named, "".join(traceback.format_exception(error)))

@@ -90,26 +90,26 @@ def within_budget(
         outcome: tuple[str, Any] = open_parcel(parcel) if ended.code == 0 else (_kind(ended, budget), ended.code)
     finally:
         os.close(parcel)
-    kind, found = outcome
+    kind, result = outcome
     if kind == "made":
-        return found  # type: ignore[no-any-return]
+        return result  # type: ignore[no-any-return]
     if kind == "raised":
-        raise found
-    error = RecordingError(path, _problem(kind, found, budget))
+        raise result
+    error = RecordingError(path, _problem(kind, result, budget))
     if kind == "odd":
-        error.add_note(found[1])
+        error.add_note(result[1])
     raise error
 
 
-def _problem(kind: str, found: Any, budget: Budget) -> str:
+def _problem(kind: str, result: Any, budget: Budget) -> str:
     if kind in ("memory", "time"):
         most = f"{budget.shown_memory} of memory" if kind == "memory" else f"{budget.seconds} s"
         return f"reading it takes more than {most}, the most for a file of {budget.shown_size}: {budget.raised}"
     if kind == "deep":
         return "is nested too deep to be read: no recording is"
     if kind == "odd":
-        return f"cannot be read: {found[0]}"
-    name = signal.Signals(-found).name if found < 0 else f"exit code {found}"
+        return f"cannot be read: {result[0]}"
+    name = signal.Signals(-result).name if result < 0 else f"exit code {result}"
     return f"cannot be read: its reader crashed on it ({name}), so it is damaged, or was made to do that"
 
 
@@ -185,13 +185,13 @@ class _Server:
         self._socket.settimeout(STARTING)
         try:
             socket.send_fds(self._socket, [word.encode()], [parcel])
-            said = self._socket.recv(len(BEGUN))
+            answer = self._socket.recv(len(BEGUN))
             self._socket.settimeout(patience)
-            said = said and self._socket.recv(ENDED.size)
+            answer = answer and self._socket.recv(ENDED.size)
         except ConnectionError:
-            said = b""
-        if said:
-            return _Ended(*ENDED.unpack(said))
+            answer = b""
+        if answer:
+            return _Ended(*ENDED.unpack(answer))
         code = self.process.wait()
         return _Ended(code, 0.0) if code else None
 

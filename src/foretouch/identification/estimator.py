@@ -33,7 +33,7 @@ class Status(Enum):
 
 def status_indices(statuses: Iterable[Status]) -> NDArray[np.int8]:
     """Index of each status in ``tuple(Status)``, shape (n,)."""
-    index = {status: place for place, status in enumerate(Status)}
+    index = {status: row for row, status in enumerate(Status)}
     return np.array([index[status] for status in statuses], np.int8)
 
 
@@ -62,9 +62,9 @@ class Estimator(ABC):
     def __repr__(self) -> str:
         """Name, law, updates, and parameters; an offline estimator is not asked for these, for it would fit."""
         known = {} if self.offline else self.parameters
-        told = {"name": self.name, "law": self.model_name, "updates": getattr(self, "updates", 0)}
+        texts = {"name": self.name, "law": self.model_name, "updates": getattr(self, "updates", 0)}
         return brief_text(
-            type(self).__name__, [*told.items(), *((name, brief_number(value)) for name, value in known.items())]
+            type(self).__name__, [*texts.items(), *((name, brief_number(value)) for name, value in known.items())]
         )
 
     @abstractmethod

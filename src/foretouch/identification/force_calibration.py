@@ -84,19 +84,19 @@ def is_zero_unobservable(recording: Recording) -> bool:
 
 def _lowest(time: Array, force: Array, sign: float, window: float) -> float:
     """`lowest_mean` of the force times a sign, block by block."""
-    found, begin, end = np.inf, 0, 0
+    result, begin, end = np.inf, 0, 0
     while end < time.size:
         end = min(begin + BLOCK, time.size)
-        found = min(found, lowest_mean(time[begin:end], sign * force[begin:end], window))
+        result = min(result, lowest_mean(time[begin:end], sign * force[begin:end], window))
         begin = end - OVERLAP
-    return float(found)
+    return float(result)
 
 
 def never_leaves_contact(position: ArrayLike, force: Array, in_contact: Flags) -> bool:
     """Whether the force still follows the position below the contact threshold, as it does nowhere in free air."""
-    (place, _) = columns_of(position, force)
-    above = _slope(place, force, in_contact)
-    below = _slope(place, force, ~in_contact)
+    (point, _) = columns_of(position, force)
+    above = _slope(point, force, in_contact)
+    below = _slope(point, force, ~in_contact)
     return above > 0.0 and below > REST_SLOPE * above
 
 
@@ -209,14 +209,14 @@ def fit_tool_weight(
     design = np.zeros((d.size, 4))
     design[:, :3] = np.tile(np.eye(3), (len(d), 1))
     design[:, 3] = weight.ravel()
-    found, errors, residual = _least_squares(design, forces.ravel())
-    mass, mass_error = float(found[3]), float(errors[3])
+    result, errors, residual = _least_squares(design, forces.ravel())
+    mass, mass_error = float(result[3]), float(errors[3])
     if not mass > 0.0:
         raise InputError(
             f"the tool's mass comes out as {mass:.4g} kg: forces must be the load on the sensor, positive along its "
             "axes; if yours are the reaction, change the sign of forces and torques"
         )
-    first = (found[:3], errors[:3], mass, mass_error)
+    first = (result[:3], errors[:3], mass, mass_error)
     if torques is None:
         return ToolWeight(*first, None, None, None, None, residual.reshape(-1, 3), None, spread, poses)
     design = np.zeros((d.size, 6))

@@ -93,9 +93,9 @@ class FrictionEstimator:
             return Status.UNUSABLE
         if max(map(abs, values[:4])) > LARGEST_FORCE or max(map(abs, values[4:])) > LARGEST_SPEED:
             return Status.UNUSABLE
-        share = -math.expm1(-period / SMOOTHING)
+        weight = -math.expm1(-period / SMOOTHING)
         before = self._filtered or values
-        self._filtered = now = [old + share * (new - old) for old, new in zip(before, values, strict=True)]
+        self._filtered = now = [old + weight * (new - old) for old, new in zip(before, values, strict=True)]
         pressed, fx, fy, fz, vx, vy, vz = now
         speed = math.sqrt(vx * vx + vy * vy + vz * vz)
         if speed < SLOWEST or pressed < LEAST_NORMAL_FORCE:
@@ -104,7 +104,7 @@ class FrictionEstimator:
         if not self._goes_on(vx / speed, vy / speed, vz / speed, speed * period):
             return Status.WAITING
         against = -(fx * vx + fy * vy + fz * vz) / speed
-        self._learn(pressed, speed, against, period, share)
+        self._learn(pressed, speed, against, period, weight)
         return Status.LEARNT
 
     def _goes_on(self, dx: float, dy: float, dz: float, step: float) -> bool:

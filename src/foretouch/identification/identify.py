@@ -98,12 +98,12 @@ def identify(
     history = _History(len(recording)) if keep_history else None
     columns = recording.time, recording.position, recording.force, recording.velocity
     if history is None:
-        found = learner.run(*columns)
+        result = learner.run(*columns)
     else:
         samples, kept = RawSamples(*columns), history
-        found = run_by_sample(learner, samples, lambda index: kept.note(index, estimator.parameters))
+        result = run_by_sample(learner, samples, lambda index: kept.note(index, estimator.parameters))
     model, surface = estimator.model, learner.conditioner.surface - estimator.surface_correction
-    contacts = int(found.in_contact.sum())
+    contacts = int(result.in_contact.sum())
     if contacts < FEWEST_CONTACT_SAMPLES:
         raise RecordingError(
             recording.name,
@@ -118,15 +118,15 @@ def identify(
         _errors_with_surface(estimator, surface_error),
         surface,
         learner.conditioner.force_offset,
-        found.in_contact,
-        found.residual,
-        found.contact_force_rms,
+        result.in_contact,
+        result.residual,
+        result.contact_force_rms,
         {} if history is None else history.columns,
         model,
         surface_error,
         learner.lag.lag,
         learner.lag.standard_error,
-        found.standard_deviation,
+        result.standard_deviation,
         recording.time,
     )
 
@@ -297,10 +297,10 @@ def _sent(learnt: Iterator[float], learner: Learner, motion: Motion) -> Iterator
     """Every model that arrives, as it was learnt when it was sent, with the time from which on it may be used."""
     sent = zip(motion.published.tolist(), motion.arrived.tolist(), motion.ticks.tolist(), strict=True)
     index = -1
-    for place, arrival, tick in sent:
+    for position, arrival, tick in sent:
         if not arrival < math.inf:
             continue
-        while index < place:
+        while index < position:
             next(learnt)
             index += 1
         yield arrival, tick, learner.learnt()
@@ -313,7 +313,7 @@ def _run(
     predictor = Predictor()
     upcoming = next(models, None)
     forces, deviations, jumps = np.empty((3, time.size))
-    for index, (now, place, speed) in enumerate(zip(time.tolist(), position.tolist(), velocity, strict=False)):
+    for index, (now, point, speed) in enumerate(zip(time.tolist(), position.tolist(), velocity, strict=False)):
         newest: tuple[float, int, LearntModel] | None = None
         while upcoming is not None and upcoming[0] <= now + TIME_TOLERANCE:
             newest = upcoming
@@ -321,7 +321,7 @@ def _run(
         if newest is not None:
             _, tick, learnt = newest
             predictor.adopt(learnt.model, learnt.surface, learnt.state, tick)
-        forces[index] = predictor.update(now, place, speed)
+        forces[index] = predictor.update(now, point, speed)
         deviations[index] = predictor.standard_deviation
         jumps[index] = predictor.jump
     return PredictedForce(forces, deviations, jumps, time)
@@ -329,9 +329,9 @@ def _run(
 
 def _learn(recording: Recording, learner: Learner, expected: Array | None = None) -> Iterator[float]:
     """Feed the recording to the learner; yields the time of each sample once it is learnt."""
-    told = repeat(math.nan) if expected is None else expected.tolist()
+    reported = repeat(math.nan) if expected is None else expected.tolist()
     columns = (recording.time.tolist(), recording.position.tolist(), recording.force.tolist(), _velocities(recording))
-    for time, position, force, velocity, delay in zip(*columns, told, strict=False):
+    for time, position, force, velocity, delay in zip(*columns, reported, strict=False):
         if not math.isnan(delay):
             learner.estimator.expect_delay(delay)
         learner.update(time, position, force, velocity)

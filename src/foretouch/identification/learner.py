@@ -89,8 +89,8 @@ class Learner:
 
     def __repr__(self) -> str:
         """Estimator, and its estimates."""
-        found = {name: brief_number(getattr(self.conditioner, name)) for name in ("surface", "force_offset")}
-        return brief_text("Learner", {"estimator": self.estimator, **found, "status": self.status.value}.items())
+        values = {name: brief_number(getattr(self.conditioner, name)) for name in ("surface", "force_offset")}
+        return brief_text("Learner", {"estimator": self.estimator, **values, "status": self.status.value}.items())
 
     def require_fresh(self) -> None:
         """Refuse to continue after samples of another recording.
@@ -117,8 +117,8 @@ class Learner:
                 conditioner.lose_surface()
             self.lag.reset()
         if sample.in_contact:
-            place = sample.depth + conditioner.surface
-            self.lag.update(place, sample.velocity, force, time - last)
+            point = sample.depth + conditioner.surface
+            self.lag.update(point, sample.velocity, force, time - last)
         return sample
 
     def feel(self, time: float, position: float, force: float) -> ContactSample:
@@ -256,10 +256,10 @@ def run_compiled(learner: Learner, bank: ContactMap, samples: RawSamples) -> Lea
         taken, count = 0, rows.shape[1]
         while taken < count:
             part = slice(begin + taken, begin + count)
-            told = columns.in_contact[part], columns.forces[taken:count], columns.residual[part]
+            reported = columns.in_contact[part], columns.forces[taken:count], columns.residual[part]
             rest = np.ascontiguousarray(rows[:, taken:])
             more, learner.status = bank.run_raw(
-                conditioner.memory, learner.lag.memory, runs, rest, samples.measured, told
+                conditioner.memory, learner.lag.memory, runs, rest, samples.measured, reported
             )
             taken += more
             conditioner.make_room()

@@ -146,8 +146,8 @@ class MaterialFieldLearner(Estimator):
             return refusal
         _, depth, velocity, force, _ = sample
         self._last = (depth, *self._point)
-        share = depth / REFERENCE_DEPTH
-        regressor = (share, share * share, share * velocity / REFERENCE_SPEED)
+        weight = depth / REFERENCE_DEPTH
+        regressor = (weight, weight * weight, weight * velocity / REFERENCE_SPEED)
         noise = FORCE_NOISE**2 + (SHARE_NOISE * force) ** 2
         learn(
             self._mean,

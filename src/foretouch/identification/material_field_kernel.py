@@ -161,9 +161,9 @@ def laws_of(nodes: NDArray[np.void], at: Ints, scales: Array, depth: float, larg
         law[:] = node.theta
         for i in (2, 1, 0):
             if law[i] < 0.0 and p[i, i] > 0.0:
-                share = law[i] / p[i, i]
+                weight = law[i] / p[i, i]
                 for j in range(UNKNOWNS):
-                    law[j] -= p[j, i] * share
+                    law[j] -= p[j, i] * weight
         for i in range(UNKNOWNS):
             out[row, i] = min(max(law[i] * scales[i], 0.0), largest[i])
         g, h = scales[0], 2.0 * depth * scales[1]

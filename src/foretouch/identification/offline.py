@@ -136,7 +136,7 @@ class _Problem:
         lower, upper = self.lower[self.free], self.upper[self.free]
         best, cost = lower, math.inf
         for start in sorted(self._grid(), key=lambda pair: pair[0])[:STARTS]:
-            found = least_squares(
+            result = least_squares(
                 self._free_residual,
                 np.clip(start[1][self.free], lower, upper),
                 jac=self._free_jacobian,
@@ -146,8 +146,8 @@ class _Problem:
                 gtol=1e-10,
                 max_nfev=100,
             )
-            if found.cost < cost:
-                best, cost = found.x, found.cost
+            if result.cost < cost:
+                best, cost = result.x, result.cost
             if len(self.free) == 2:
                 break  # linear: one start finds it
         return self._whole(best)

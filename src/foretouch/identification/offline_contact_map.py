@@ -74,8 +74,8 @@ class OfflineContactMap(StoringEstimator):
             return Status.FREE_AIR if math.isnan(depth) else Status.UNUSABLE
         if not time > self._time and not math.isnan(self._time):
             return Status.UNUSABLE
-        place = depth - self._origin
-        remember(self._memory, place, 0.0 if math.isnan(self._time) else time - self._time)
+        position = depth - self._origin
+        remember(self._memory, position, 0.0 if math.isnan(self._time) else time - self._time)
         self._time = time
         self._touched = self._touched or in_contact
         if not self._touched:
@@ -84,8 +84,8 @@ class OfflineContactMap(StoringEstimator):
             return Status.GATED
         self._learnt_at = time
         values = np.empty(LARGEST_FEATURES)
-        features(self._memory, place, velocity, values)
-        self._store((place, velocity, force + self._zero, float(in_contact), *values.tolist()))
+        features(self._memory, position, velocity, values)
+        self._store((position, velocity, force + self._zero, float(in_contact), *values.tolist()))
         return Status.LEARNT if in_contact else Status.FREE_AIR
 
     def move_surface(self, change: float) -> None:
@@ -117,23 +117,23 @@ class OfflineContactMap(StoringEstimator):
 
     def _fit(self) -> ContactMapModel | None:
         table = np.array(self._rows)
-        found = _Samples(table[:, 0], table[:, 1], table[:, 2], table[:, 3] > 0.0, table[:, 4:])
-        if not found.in_contact.any():
+        result = _Samples(table[:, 0], table[:, 1], table[:, 2], table[:, 3] > 0.0, table[:, 4:])
+        if not result.in_contact.any():
             return None
-        maps = Map.new(origin=self._origin, zero=self._zero, lowest=found.place.min(), reached=found.place.max())
+        maps = Map.new(origin=self._origin, zero=self._zero, lowest=result.place.min(), reached=result.place.max())
         learnt = maps[0]
-        learnt.law_speed = np.abs(found.velocity[found.in_contact]).max()
-        learnt.felt = max(float((found.force - learnt.zero).max()), 0.0)
+        learnt.law_speed = np.abs(result.velocity[result.in_contact]).max()
+        learnt.felt = max(float((result.force - learnt.zero).max()), 0.0)
         for kind, part in enumerate((learnt.coarse, learnt.fine)):
-            _fit_map(part, kind, found, self._stride)
-        self._law = _fit_law(learnt, found)
-        errors = _errors(learnt, found)
-        squared = np.square(errors[found.in_contact]).mean(axis=0)
+            _fit_map(part, kind, result, self._stride)
+        self._law = _fit_law(learnt, result)
+        errors = _errors(learnt, result)
+        squared = np.square(errors[result.in_contact]).mean(axis=0)
         if not learnt.law[0] > 0.0:
             squared[0] = math.inf
-        shares = (squared + 1e-12) ** (-0.5 * SHARPNESS)
-        learnt.shares = shares / shares.sum()
-        learnt.uncertainty[0] = float(np.square(errors[found.in_contact] @ learnt.shares).mean())
+        weights = (squared + 1e-12) ** (-0.5 * SHARPNESS)
+        learnt.shares = weights / weights.sum()
+        learnt.uncertainty[0] = float(np.square(errors[result.in_contact] @ learnt.shares).mean())
         try:
             stiffness, damping, exponent, switching = learnt.law.tolist()
             return ContactMapModel(stiffness, damping, exponent, switching, pack(maps))
@@ -141,21 +141,21 @@ class OfflineContactMap(StoringEstimator):
             return None
 
 
-def _fit_map(part: np.void, kind: int, found: _Samples, weight: int) -> None:
+def _fit_map(part: np.void, kind: int, result: _Samples, weight: int) -> None:
     """Write the weights of one map and the ranges of its features into its record."""
     grid = GRIDS[kind]
-    values = found.features[:, : grid.features]
+    values = result.features[:, : grid.features]
     part["ranges"] = np.stack([values.min(axis=0), values.max(axis=0)], axis=1)
-    inside = np.ones(found.place.size, dtype=np.bool_)
+    inside = np.ones(result.place.size, dtype=np.bool_)
     if kind == 1:  # as in the bank, the fine map ends at its reach
-        inside = (found.place >= -grid.below * grid.spacing) & (found.place <= grid.above * grid.spacing)
+        inside = (result.place >= -grid.below * grid.spacing) & (result.place <= grid.above * grid.spacing)
     if not inside.any():
         return
-    regressor = _regressors(grid, found.place[inside], values[inside])
+    regressor = _regressors(grid, result.place[inside], values[inside])
     root = _root(kind)
     reduced = regressor @ root
     information = weight * (reduced.T @ reduced) + NOISE**2 * np.eye(root.shape[0])
-    part["weights"] = root @ np.linalg.solve(information, weight * (reduced.T @ found.force[inside]))
+    part["weights"] = root @ np.linalg.solve(information, weight * (reduced.T @ result.force[inside]))
 
 
 @cache
@@ -165,33 +165,33 @@ def _root(kind: int) -> Array:
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
-def _regressors(grid: Grid, places: Array, values: Array) -> Array:
+def _regressors(grid: Grid, positions: Array, values: Array) -> Array:
     """The vectors h, shape (n, weights of the map)."""
-    splines, matrix = np.empty(4), np.zeros((places.size, grid.size))
-    for row, (place, features_here) in enumerate(zip(places.tolist(), values.tolist(), strict=True)):
-        first = locate(place, grid.spacing, grid.below, grid.knots, splines)
+    splines, matrix = np.empty(4), np.zeros((positions.size, grid.size))
+    for row, (position, features_here) in enumerate(zip(positions.tolist(), values.tolist(), strict=True)):
+        first = locate(position, grid.spacing, grid.below, grid.knots, splines)
         matrix[row, first : first + 4] = splines
-        first = grid.knots + locate(place, grid.feature_spacing, grid.feature_below, grid.feature_knots, splines)
+        first = grid.knots + locate(position, grid.feature_spacing, grid.feature_below, grid.feature_knots, splines)
         for feature, value in enumerate(features_here):
             start = first + feature * grid.feature_knots
             matrix[row, start : start + 4] = value * splines
     return matrix
 
 
-def _fit_law(learnt: Map, found: _Samples) -> OfflineFit | None:
+def _fit_law(learnt: Map, result: _Samples) -> OfflineFit | None:
     """Fit the law and write its numbers into the map; None where it cannot be fitted."""
-    depth = found.place + learnt.origin
-    chosen = found.in_contact & (depth > 0.0)
+    depth = result.place + learnt.origin
+    chosen = result.in_contact & (depth > 0.0)
     try:
-        fit = fit_offline(depth[chosen], found.velocity[chosen], found.force[chosen] - learnt.zero)
+        fit = fit_offline(depth[chosen], result.velocity[chosen], result.force[chosen] - learnt.zero)
     except InputError:  # too few samples or no force: the maps go without the law
         return None
     learnt.law[:] = fit.model.parameters
     return fit
 
 
-def _errors(learnt: Map, found: _Samples) -> Array:
+def _errors(learnt: Map, result: _Samples) -> Array:
     """Force of each expert less the measured force [N], shape (n, 3)."""
-    columns = zip(found.features, found.place.tolist(), found.velocity.tolist(), strict=True)
-    forces = np.array([experts(learnt, values, place, velocity, True)[:3] for values, place, velocity in columns])
-    return np.asarray(forces - (found.force - learnt.zero)[:, None])
+    columns = zip(result.features, result.place.tolist(), result.velocity.tolist(), strict=True)
+    forces = np.array([experts(learnt, values, position, velocity, True)[:3] for values, position, velocity in columns])
+    return np.asarray(forces - (result.force - learnt.zero)[:, None])

@@ -106,11 +106,11 @@ def _fit(
     floor: float,
     offset: float,
 ) -> SeriesCompliance:
-    felt, place, loads = force[taken], recording.position[taken], loading[taken]
+    felt, position, loads = force[taken], recording.position[taken], loading[taken]
     design = np.column_stack((np.ones(felt.size), felt, np.where(loads, -0.5, 0.5)))
-    zero = float(place.mean())
-    solution: Array = np.linalg.lstsq(design, place - zero, rcond=None)[0]
-    residual = place - zero - design @ solution
+    zero = float(position.mean())
+    solution: Array = np.linalg.lstsq(design, position - zero, rcond=None)[0]
+    residual = position - zero - design @ solution
     variance = float(residual @ residual) / (felt.size - 3)
     likeness = likeness_of(residual)
     inverse = np.linalg.inv(design.T @ design)
@@ -131,7 +131,7 @@ def _fit(
         floor,
         offset,
         felt,
-        place - zero - float(solution[0]),
+        position - zero - float(solution[0]),
         loads,
         residual,
     )

@@ -154,15 +154,15 @@ class MaterialField:
         Returns:
             K [N/m], and its standard deviation at 2 mm [N/m], whatever the depth; each of shape (n,).
         """
-        places = np.ascontiguousarray(np.asarray(points, dtype=np.float64).reshape(-1, 3))
-        out = np.empty((len(places), 5))
-        self._blend_many(self._codes, self.values, self._unknown, self.spacing, places, out)
+        positions = np.ascontiguousarray(np.asarray(points, dtype=np.float64).reshape(-1, 3))
+        out = np.empty((len(positions), 5))
+        self._blend_many(self._codes, self.values, self._unknown, self.spacing, positions, out)
         return out[:, 0] + 2.0 * depth * out[:, 1], out[:, 3].copy()
 
     def nodes(self) -> Array:
         """Positions of the nodes [m], of shape (n, 3)."""
-        places: Array = self.keys.astype(np.float64) * self.spacing
-        return places
+        positions: Array = self.keys.astype(np.float64) * self.spacing
+        return positions
 
     def to_bytes(self) -> bytes:
         """A header of 28 bytes and 22 for each node."""

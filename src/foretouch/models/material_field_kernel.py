@@ -52,18 +52,18 @@ def blend(
     cell_of(x, y, z, spacing, about, weights)
     a = b = c = variance = known = 0.0
     for corner in range(CORNERS):
-        share = weights[corner]
-        if share <= 0.0:
+        weight = weights[corner]
+        if weight <= 0.0:
             continue
         at = np.searchsorted(codes, about[corner])
         if at == codes.shape[0] or codes[at] != about[corner]:
             continue
         node = values[at]
-        known += share
-        a += share * node[0]
-        b += share * node[1]
-        c += share * node[2]
-        variance += (share * node[3]) ** 2
+        known += weight
+        a += weight * node[0]
+        b += weight * node[1]
+        c += weight * node[2]
+        variance += (weight * node[3]) ** 2
     missing = 1.0 - known if known < 1.0 else 0.0
     a += missing * unknown[0]
     b += missing * unknown[1]

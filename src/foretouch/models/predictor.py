@@ -274,19 +274,19 @@ class Predictor:
             self.position = position = float(position)
         else:  # no valid position: as before
             position = self.position
-        place = self.ticks % HISTORY
-        self._places[place], self._periods[place] = position, period if period > 0.0 else 0.0  # the first has none
+        index = self.ticks % HISTORY
+        self._places[index], self._periods[index] = position, period if period > 0.0 else 0.0  # the first has none
         self.velocity = velocity = self._motion.update(time, position) if velocity is None else velocity
         self.jump = 0.0
         depth = position - self.surface
         self.depth = depth if -LARGEST_DEPTH <= depth <= LARGEST_DEPTH else _bounded(depth)
         if not period > 0.0:
-            self._states[place] = self._state
+            self._states[index] = self._state
             self.force, self.standard_deviation = 0.0, math.nan
             return 0.0
         former, before = self._former, self._state
         state, force, self.standard_deviation = _run(self.model, before, depth, velocity, period)
-        self._state = self._states[place] = state
+        self._state = self._states[index] = state
         self.force = force
         if former is not None:
             self._former = None

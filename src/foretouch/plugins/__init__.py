@@ -69,13 +69,13 @@ def all_plugins() -> tuple[Plugin, ...]:
     """Every entry point of `GROUPS`, by kind and name; the packages are looked through once in a process."""
     from importlib.metadata import entry_points  # costs start-up, and most sessions never come here
 
-    found = []
+    results = []
     for kind, group in GROUPS.items():
         for point in entry_points(group=group):
             package = "an unknown package" if point.dist is None else point.dist.name
             version = "" if point.dist is None else point.dist.version
-            found.append(Plugin(kind, point.name, point.value, package, version))
-    return tuple(sorted(found, key=lambda one: (list(GROUPS).index(one.kind), one.name, one.package, one.target)))
+            results.append(Plugin(kind, point.name, point.value, package, version))
+    return tuple(sorted(results, key=lambda one: (list(GROUPS).index(one.kind), one.name, one.package, one.target)))
 
 
 def plugins_named(kind: str, name: str) -> tuple[Plugin, ...]:

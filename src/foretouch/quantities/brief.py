@@ -106,10 +106,10 @@ def measured(value: float | None, error: float | None, unit: str = "") -> str:
     size, digits = (error, 2) if known and error is not None else (abs(value), 3)
     if not 0.0 < size < math.inf:
         return f"{value:g}{unit}"
-    places = digits - 1 - math.floor(math.log10(float(f"{size:.{digits - 1}e}")))
+    positions = digits - 1 - math.floor(math.log10(float(f"{size:.{digits - 1}e}")))
 
     def shown(one: float) -> str:
-        return f"{round(one, places):,.{max(places, 0)}f}"
+        return f"{round(one, positions):,.{max(positions, 0)}f}"
 
     return f"{shown(value)} ± {shown(size)}{unit}" if known else f"{shown(value)}{unit}"
 

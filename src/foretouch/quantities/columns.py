@@ -209,8 +209,8 @@ def _quantity(name: str) -> str:
 
 
 def _suffix(name: str) -> str:
-    found = [suffix for suffix in UNITS if name.endswith(f"_{suffix}")]
-    return max(found, key=len, default="")
+    results = [suffix for suffix in UNITS if name.endswith(f"_{suffix}")]
+    return max(results, key=len, default="")
 
 
 def new_figure(height: float) -> Any:

@@ -96,8 +96,8 @@ class Recording(Columns):
 
     def columns(self) -> dict[str, Array]:
         """Time, position, force, and velocity where it was measured."""
-        found = {"time_s": self.time, "position_m": self.position, "force_N": self.force}
-        return found if self.velocity is None else found | {"velocity_m_s": self.velocity}
+        values = {"time_s": self.time, "position_m": self.position, "force_N": self.force}
+        return values if self.velocity is None else values | {"velocity_m_s": self.velocity}
 
 
 @dataclass(frozen=True, slots=True)

@@ -193,9 +193,9 @@ def _backwards(table: Table, name: str, time: NDArray[np.float64]) -> list[str]:
     if not late.size:
         return []
     row, before, now = table.row_of(int(late[0])), time[late[0] - 1], time[late[0]]
-    said = f"stands still at {now:.9g}" if now == before else f"goes back from {before:.9g} to {now:.9g}"
+    text = f"stands still at {now:.9g}" if now == before else f"goes back from {before:.9g} to {now:.9g}"
     more = f", the first of {late.size:,} rows in which it does not increase" if late.size > 1 else ""
-    return [f"{table.path}, row {row}: {name} {said}{more}"]
+    return [f"{table.path}, row {row}: {name} {text}{more}"]
 
 
 def _tue_guess(table: Table) -> Guess:

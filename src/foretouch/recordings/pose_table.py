@@ -87,8 +87,8 @@ def _vectors(table: CsvTable, names: tuple[str, ...]) -> Array:
     if not values.size:
         raise RecordingError(table.path, "has no rows: one for each pose, below a header that names the columns")
     for sample, column in np.argwhere(~np.isfinite(values))[:1]:
-        said = f"{names[column]} is {values[sample, column]}: every value must be finite"
-        raise RecordingError(table.path, said, row=table.row_of(int(sample)))
+        text = f"{names[column]} is {values[sample, column]}: every value must be finite"
+        raise RecordingError(table.path, text, row=table.row_of(int(sample)))
     return values
 
 

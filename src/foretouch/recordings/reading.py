@@ -230,8 +230,8 @@ def _by_map(source: Table | Bag, mapping: Mapping, *, guessed: bool = False) -> 
     if guessed and isinstance(source, Table):
         _require_likely_times(source, mapping, recording)
     if guessed:
-        said = " ".join(mapping_text(mapping).replace("\n", "; ").replace("; ; ", " ").replace("]; ", "] ").split())
-        notes.insert(0, f"columns guessed: {said.strip('; ')}")
+        text = " ".join(mapping_text(mapping).replace("\n", "; ").replace("; ; ", " ").replace("]; ", "] ").split())
+        notes.insert(0, f"columns guessed: {text.strip('; ')}")
     if isinstance(source, Table):
         notes += source.notes
     elif not source.whole:

@@ -122,13 +122,13 @@ class Bag(ABC):
 
     def topic(self, name: str) -> Topic:
         """A topic by its name."""
-        found = [topic for topic in self.topics if topic.name == name]
-        if not found:
+        results = [topic for topic in self.topics if topic.name == name]
+        if not results:
             raise RecordingError(self.path, f"no topic {name}; {_nearest(name, self.topics)}")
-        if len({topic.type_name for topic in found}) > 1:
-            types = ", ".join(topic.type_name for topic in found)
+        if len({topic.type_name for topic in results}) > 1:
+            types = ", ".join(topic.type_name for topic in results)
             raise RecordingError(self.path, f"{name} has messages of several types: {types}: keep one of them")
-        return found[0]
+        return results[0]
 
 
 def gathered(topics: Iterable[Topic]) -> tuple[Topic, ...]:

@@ -115,12 +115,12 @@ def rendered_share(
     gain, left = _low_pass(sample_period, delay)
     against = -rendered_damping if rendered_damping < 0.0 else left * rendered_damping
     needed = stiffness * (0.5 * sample_period + delay) + against
-    share = device_damping / needed if needed > device_damping else 1.0
+    fraction = device_damping / needed if needed > device_damping else 1.0
     counted = stiffness + gain / sample_period * abs(rendered_damping)
     if not counted > 0.0:
-        return share
+        return fraction
     by_encoder = stiffness_by_encoder / counted
-    return by_encoder if by_encoder < share else share
+    return by_encoder if by_encoder < fraction else fraction
 
 
 @lru_cache(maxsize=16)

@@ -331,14 +331,14 @@ class Renderer:
 
     def _carry(self) -> None:
         """Set the share of the hand's motion that the proxy takes part in until the next tick."""
-        predictor, carried, share = self.predictor, self._carried(), self.share
-        if share == carried == self._yielding == 1.0:  # in free air, and on soft material
+        predictor, carried, fraction = self.predictor, self._carried(), self.share
+        if fraction == carried == self._yielding == 1.0:  # in free air, and on soft material
             self._free = 0.0
             return
-        risen = share + SHARE_RATE * (carried - share)
-        self.share = share = risen if risen < carried - SHARE_ROUNDING else carried
+        risen = fraction + SHARE_RATE * (carried - fraction)
+        self.share = fraction = risen if risen < carried - SHARE_ROUNDING else carried
         self._free = 0.0 if predictor.force > 0.0 else max(-predictor.depth, 0.0)
-        self._yielding += YIELDING_RATE * (1.0 / max(share, 1e-3) - self._yielding)
+        self._yielding += YIELDING_RATE * (1.0 / max(fraction, 1e-3) - self._yielding)
 
     def _carried(self) -> float:
         """Share of the hand's motion at which the device can carry the model until the next tick."""
@@ -354,7 +354,7 @@ class Renderer:
         scale = self._force_scale * self._position_scale
         stiffness, damping = scale * stiffness, scale * damping
         light = outside and force <= FORCE_IN_AIR
-        share = rendered_share(
+        fraction = rendered_share(
             stiffness,
             damping,
             device_damping=math.inf if light else self._device_damping,
@@ -363,6 +363,6 @@ class Renderer:
             stiffness_by_encoder=self._stiffest_by_encoder,
         )
         if light or not stiffness > 0.0:
-            return share
+            return fraction
         stiffest = self._stiffest / stiffness
-        return stiffest if stiffest < share else share
+        return stiffest if stiffest < fraction else fraction

@@ -62,14 +62,14 @@ def swing(history: History, period: float) -> tuple[float, float]:
     if not total > 1e-20 * values.size:  # rounding alone is left
         return math.nan, 0.0
     periods = np.arange(0.4, 1.6 * period, 0.02)
-    shares = []
+    fractions = []
     for tried in periods:
         phase = 2.0 * np.pi * time / tried
         columns = np.column_stack([np.cos(phase), np.sin(phase), np.ones_like(phase)])
         left = values - columns @ np.linalg.lstsq(columns, values, rcond=None)[0]
-        shares.append(1.0 - float(left @ left) / total)
-    best = int(np.argmax(shares))
-    return float(periods[best]), shares[best]
+        fractions.append(1.0 - float(left @ left) / total)
+    best = int(np.argmax(fractions))
+    return float(periods[best]), fractions[best]
 
 
 def jump(history: History, after: float) -> float:

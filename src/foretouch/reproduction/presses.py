@@ -80,8 +80,8 @@ STEP_LAWS = {
 
 def _gradual(time: float) -> MemorylessLaw:
     # n = 1.4 - 0.056 t as printed, written so that it ends at 0 and not at a rounding error below it.
-    share = time / DURATION
-    return ContinuousSwitching(3000.0 + 120.0 * time, 1500.0 - 40.0 * time, 1.4 * (1.0 - share), share)
+    fraction = time / DURATION
+    return ContinuousSwitching(3000.0 + 120.0 * time, 1500.0 - 40.0 * time, 1.4 * (1.0 - fraction), fraction)
 
 
 def _sudden(time: float) -> MemorylessLaw:
@@ -188,12 +188,12 @@ class Trace(Brief):
 
 def follow(estimator: LinearisedEstimator, pressed: Press) -> Trace:
     """Feed every sample to a fresh estimator of the linearised law (18)."""
-    found = []
+    results = []
     for sample in pressed.samples:
         estimator.update(sample)
-        found.append(estimator.linear_parameters)
-    models = tuple(LinearisedContinuousSwitching(*linear) for linear in found)
-    ln_k, s, b1, b2 = np.array(found).T
+        results.append(estimator.linear_parameters)
+    models = tuple(LinearisedContinuousSwitching(*linear) for linear in results)
+    ln_k, s, b1, b2 = np.array(results).T
     force = forces_of(models, pressed.depth, pressed.velocity)
     ahead = forces_of((None, *models[:-1]), pressed.depth, pressed.velocity)
     with np.errstate(over="ignore"):

@@ -89,8 +89,8 @@ class Watched(Estimator):
             return
         if sample.time >= self._next_recovery:
             self._next_recovery = sample.time + RECOVERY_SPACING
-            found = self.estimator.parameters
-            values = [found[name] for name in ("damping", "exponent", "switching")]
+            result = self.estimator.parameters
+            values = [result[name] for name in ("damping", "exponent", "switching")]
             known = [math.nan if value is None else value for value in values]
             self._recovered = (known[0], known[1], known[2])
         first, second, third, fourth = self._model.parameters
@@ -182,12 +182,12 @@ Found = TypeVar("Found")
 
 
 def outcomes(
-    found: Mapping[str, Found], test: Callable[[Found], tuple[bool, str]], deciding: Sequence[Choice] = CHOICES
+    result: Mapping[str, Found], test: Callable[[Found], tuple[bool, str]], deciding: Sequence[Choice] = CHOICES
 ) -> tuple[list[Outcome], list[Outcome]]:
     """What a test finds by choice: for the choices that decide a claim and `ROBUST`; and for those reported beside."""
 
     def of(choices: Iterable[Choice]) -> list[Outcome]:
-        return [Outcome(choice.name, *test(found[choice.name])) for choice in choices]
+        return [Outcome(choice.name, *test(result[choice.name])) for choice in choices]
 
     return of((*deciding, ROBUST)), of((ROBUST, EXACT))
 

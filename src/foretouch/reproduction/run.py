@@ -118,8 +118,8 @@ def write_paper_page(directory: Path, sections: Sequence[Section], made: Mapping
 
 def counted(claims: Sequence[Claim]) -> dict[Verdict, int]:
     """Number of claims with each verdict, in the order in which verdicts are shown."""
-    found = Counter(claim.verdict for claim in claims)
-    return {verdict: found[verdict] for verdict in SHOWN}
+    result = Counter(claim.verdict for claim in claims)
+    return {verdict: result[verdict] for verdict in SHOWN}
 
 
 def central(sections: Sequence[Section]) -> list[tuple[Section, Claim]]:
@@ -151,13 +151,13 @@ def _summary(sections: Sequence[Section]) -> list[str]:
         for (verdict, count), words in zip(counts.items(), ("hold", "hold under a choice", "do not hold"), strict=True)
         if count
     )
-    said = (
+    text = (
         f"Of {len(claims)} claims {counts['holds']} hold as printed, {counts['holds under stated choice']} under a "
         f"choice that the paper leaves open and that is stated, and {counts['does not hold']} with none that was tried."
     )
     most = central(sections)
     return [
-        f"<p>{said} A click on a claim shows what the paper says, what was measured and how; one on a figure enlarges "
+        f"<p>{text} A click on a claim shows what the paper says, what was measured and how; one on a figure enlarges "
         f'it.</p><div class="bar">{bar}</div>',
         *(["<h2>The claims that matter most</h2>"] if most else []),
         *(_card(section, claim, f'<a href="#{section.name}">{_short(section)}</a>') for section, claim in most),

@@ -100,8 +100,8 @@ class GantryArm(SpatialRobot):
         weight = (0.0, 0.0, TOOL_MASS * GRAVITY)
         low_pass = -math.expm1(-2.0 * math.pi * built.sensor_bandwidth * self._h)
         self._arm = kernel.Gantry.new(h=self._h, low_pass=low_pass, tool=weight, raw=weight)
-        for axis, (way, place) in enumerate(zip(kernel.WAYS, start, strict=True)):
-            self._arm["servos"][0, axis] = kernel.make_servo(built.force_limit, built.sample_period, way * place)
+        for axis, (way, position) in enumerate(zip(kernel.WAYS, start, strict=True)):
+            self._arm["servos"][0, axis] = kernel.make_servo(built.force_limit, built.sample_period, way * position)
         self._clipped = False
         self._desired = start
         self._contact: Vector = (0.0, 0.0, 0.0)

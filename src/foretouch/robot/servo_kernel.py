@@ -218,8 +218,8 @@ class Gantry(Record):
 @compiled("void(Gantry[::1], f8, f8, f8)")
 def begin_gantry(gantries: States, x: float, y: float, z: float) -> None:
     """A sample period begins, with a command [m]."""
-    for axis, place in enumerate((x, y, z)):
-        take(gantries[0].servos[axis], WAYS[axis] * place)
+    for axis, position in enumerate((x, y, z)):
+        take(gantries[0].servos[axis], WAYS[axis] * position)
 
 
 @compiled("b1(Gantry[::1], f8[::1], f8[::1], f8[::1])")

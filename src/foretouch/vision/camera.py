@@ -312,8 +312,8 @@ class Lens:
         if self.field_of_view > math.radians(160.0):
             raise SettingError("camera", camera, "the view must be within 160 degrees")
         source = CameraModel.from_field_of_view(camera.width, camera.height, self.field_of_view)
-        places = source.project(rays).reshape(camera.height, camera.width, 2).astype(np.float32)
-        self._columns, self._rows = np.ascontiguousarray(places[..., 0]), np.ascontiguousarray(places[..., 1])
+        positions = source.project(rays).reshape(camera.height, camera.width, 2).astype(np.float32)
+        self._columns, self._rows = np.ascontiguousarray(positions[..., 0]), np.ascontiguousarray(positions[..., 1])
 
     def distort(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """The true camera's image, (height, width) or (height, width, 3).

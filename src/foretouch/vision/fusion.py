@@ -200,16 +200,16 @@ class FixtureFilter:
         newest = self._times[-1] if self._times else self._start.time
         if seen.time < max(self._start.time, newest - self.settings.history):
             return Verdict.TOO_LATE
-        place = bisect.bisect_right(self._times, seen.time)
-        self._times.insert(place, seen.time)
-        self._seen.insert(place, seen)
-        del self._states[place:], self._verdicts[place:]
+        index = bisect.bisect_right(self._times, seen.time)
+        self._times.insert(index, seen.time)
+        self._seen.insert(index, seen)
+        del self._states[index:], self._verdicts[index:]
         state = self._states[-1] if self._states else self._start
-        for later in self._seen[place:]:
+        for later in self._seen[index:]:
             state, verdict = self._step(state, later)
             self._states.append(state)
             self._verdicts.append(verdict)
-        verdict = self._verdicts[place]
+        verdict = self._verdicts[index]
         self._forget()
         return verdict
 

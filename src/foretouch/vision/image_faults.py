@@ -45,7 +45,7 @@ class ImageFault:
             raise UnknownNameError("image fault", self.kind, IMAGE_FAULTS)
         if not (math.isfinite(self.begin) and self.begin < self.end):
             raise SettingError("begin", self.begin, "must be finite and before the end")
-        if not all(-1.0 <= share <= 2.0 for share in self.where):
+        if not all(-1.0 <= fraction <= 2.0 for fraction in self.where):
             raise SettingError("where", self.where, "must be shares of the image, -1 to 2")
         if not 0.0 < self.size <= 3.0:
             raise SettingError("size", self.size, "must be above 0 and at most 3")

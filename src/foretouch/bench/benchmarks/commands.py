@@ -66,10 +66,10 @@ def _write_session(path: Path, columns: dict[str, Array]) -> None:
         rows = zip(*(column.tolist() for column in columns.values()), strict=True)
         for sequence, (time, position, force) in zip(itertools.count(1), rows):
             now = round(time * 1e9)
-            said = Telemetry(
+            message = Telemetry(
                 VERSION, sequence, now, 0, position, position, 0.0, force, force - OFFSET, force, True, False, 0, 0, 0
             )
-            writer.write(said, now)
+            writer.write(message, now)
 
 
 RECORDINGS, FULL_RECORDINGS, SECONDS = 40, 1_000, 60.0
@@ -162,9 +162,9 @@ def _of_format(folder: Path, name: str, ending: str, reach: float, full: bool) -
         seconds = foretold((SHORT, first[SHORT].seconds), (LONG, seconds))
         of, quickest = " (of 10 min)", f"the least of {runs} runs"
         how, how_again = f" (foretold from 1 and 10 min, {quickest})", f" (foretold from 1 s and 10 min, {quickest})"
-    share = (first[lengths[-1]].peak - first[BRIEF].peak) / ((lengths[-1] - BRIEF) * RATE * 8 * COLUMNS)
+    fraction = (first[lengths[-1]].peak - first[BRIEF].peak) / ((lengths[-1] - BRIEF) * RATE * 8 * COLUMNS)
     rows = [
-        Row(f"{what}: memory over that of the columns{of}", share, "x", LARGEST_SHARE),
+        Row(f"{what}: memory over that of the columns{of}", fraction, "x", LARGEST_SHARE),
         Row(f"{what}{how}", seconds, "s", reach, rounds=runs),
     ]
     if kept:

@@ -130,7 +130,7 @@ def one_way_times(kinds: tuple[str, ...], segments: int) -> dict[str, Times]:
 
     Of each of some `KINDS`, and of `DELAYED`, whose delay is taken off, `segments` seconds at 1 kHz by turns.
     """
-    found: dict[str, list[float]] = defaultdict(list)
+    result: dict[str, list[float]] = defaultdict(list)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         KeyFolder(folder).init(utc_now())
@@ -144,18 +144,18 @@ def one_way_times(kinds: tuple[str, ...], segments: int) -> dict[str, Times]:
                     opened[kind] = ZenohLink(listen=[f"tcp/{endpoint}"], subscribe=["command"])
                 else:
                     opened[kind] = open_wire(kind, endpoint, folder, listen=True)
-                    opened[kind].declare_subscriber(KEY, _receiver(found[kind].append))
+                    opened[kind].declare_subscriber(KEY, _receiver(result[kind].append))
             wires = [f"{kind}={endpoint}" for kind, endpoint in ends.items()]
             command = [sys.executable, "-m", "foretouch.bench.benchmarks.link", str(folder), str(segments), *wires]
             with children() as started, steady():
                 sender = started.start(command)
-                _wait(sender, opened.get(DELAYED), found[DELAYED].append)
+                _wait(sender, opened.get(DELAYED), result[DELAYED].append)
         finally:
             for each in opened.values():
                 each.close()
     if sender.returncode:
         raise ForetouchError(f"the sending process ended with exit code {sender.returncode}")
-    return {kind: np.array(found[kind]) for kind in kinds}
+    return {kind: np.array(result[kind]) for kind in kinds}
 
 
 def _receiver(keep: Callable[[float], None]) -> Callable[[Any], None]:

@@ -81,18 +81,18 @@ def ticks_of(rows: Rows) -> Ticks:
 
 def causes(ticks: Ticks, collections: Sequence[tuple[int, int]]) -> dict[str, int]:
     """Late ticks by each of `CAUSES`; `collections` are begin and end of each run of the collector [ns]."""
-    found = dict.fromkeys(CAUSES, 0)
-    for place in np.flatnonzero(ticks.late_ns > LATE_NS).tolist():
-        deadline = int(ticks.deadline_ns[place])
-        begin, end = deadline - PERIOD_NS, deadline + int(ticks.late_ns[place])
-        before = int(ticks.late_ns[place - 1]) if place else 0
+    result = dict.fromkeys(CAUSES, 0)
+    for index in np.flatnonzero(ticks.late_ns > LATE_NS).tolist():
+        deadline = int(ticks.deadline_ns[index])
+        begin, end = deadline - PERIOD_NS, deadline + int(ticks.late_ns[index])
+        before = int(ticks.late_ns[index - 1]) if index else 0
         if any(first < end and last > begin for first, last in collections):
-            found["garbage collection"] += 1
-        elif int(ticks.compute_ns[place]) > PERIOD_NS - min(before, LATE_NS):
-            found["us"] += 1
+            result["garbage collection"] += 1
+        elif int(ticks.compute_ns[index]) > PERIOD_NS - min(before, LATE_NS):
+            result["us"] += 1
         else:
-            found["scheduler"] += 1
-    return found
+            result["scheduler"] += 1
+    return result
 
 
 class Notes(msgspec.Struct):
@@ -177,7 +177,7 @@ def session_round(folder: Path, seconds: float) -> Round:
     notes = {side: folder / f"{side}.json" for side in SIDES}
     with _processes(folder, recording, notes, seconds) as running:
         try:
-            codes = [process.wait(seconds + 60.0 if not place else ENDING) for place, process in enumerate(running)]
+            codes = [process.wait(seconds + 60.0 if not index else ENDING) for index, process in enumerate(running)]
         except subprocess.TimeoutExpired as error:
             raise ForetouchError(f"a process of the session did not end: {error}") from None
     failed = [
@@ -188,13 +188,13 @@ def session_round(folder: Path, seconds: float) -> Round:
     if failed:
         raise ForetouchError(f"a session failed: {'; '.join(failed)}")
     log = read_session(recording)
-    found: Round = {}
+    results: Round = {}
     for side, rows in (("leader", log.leader), ("follower", log.follower)):
         ticks = ticks_of(rows)
         counted = ticks.deadline_ns > int(log.leader["time_ns"][0]) + SETTLING_NS
         ticks = Ticks(*(values[counted] for values in ticks))
-        found[side] = ticks, causes(ticks, read_notes(notes[side]).collections)
-    return found
+        results[side] = ticks, causes(ticks, read_notes(notes[side]).collections)
+    return results
 
 
 @contextlib.contextmanager
@@ -220,9 +220,9 @@ def _processes(
     running = {}
     with children() as started:
         for name, command in commands.items():
-            with _said(folder, name).open("wb") as said:
+            with _said(folder, name).open("wb") as text:
                 full = [sys.executable, *command]
-                running[name] = started.start(full, cwd=folder, stdout=subprocess.DEVNULL, stderr=said)
+                running[name] = started.start(full, cwd=folder, stdout=subprocess.DEVNULL, stderr=text)
         yield [running[name] for name in NAMES]
 
 

@@ -71,20 +71,20 @@ class Clocks:
     """Books the time of functions to named parts. Where a part calls another, its time holds that of the other too."""
 
     def __init__(self, parts: Mapping[str, Sequence[Target]]) -> None:
-        self._places = {target: place for place, targets in enumerate(parts.values()) for target in targets}
+        self._places = {target: index for index, targets in enumerate(parts.values()) for target in targets}
         self._spent = [0] * len(parts)
         self._calls = [0] * len(parts)
 
     @contextmanager
     def running(self) -> Iterator[None]:
         """Put the clocks around the functions, and take them away again."""
-        with replaced({target: partial(self._timed, place) for target, place in self._places.items()}):
+        with replaced({target: partial(self._timed, position) for target, position in self._places.items()}):
             yield
 
     def clear(self) -> None:
         """Discard what has been booked: it belongs to nothing that is measured."""
-        for place in range(len(self._spent)):
-            self._spent[place] = self._calls[place] = 0
+        for index in range(len(self._spent)):
+            self._spent[index] = self._calls[index] = 0
 
     def take(self) -> tuple[list[int], list[int]]:
         """Time booked by part since the last call [ns], and the number of calls in it."""
@@ -107,8 +107,8 @@ class Clocks:
     @classmethod
     def cost(cls) -> Cost:
         """Measure what a clock takes in a loop that does nothing else: medians over batches of calls."""
-        found = np.array([cls._batch() for _ in range(BATCHES)])
-        inside, whole = np.median(found, axis=0).tolist()
+        result = np.array([cls._batch() for _ in range(BATCHES)])
+        inside, whole = np.median(result, axis=0).tolist()
         return Cost(max(inside, 0.0), max(whole, 0.0))
 
     @classmethod
@@ -211,21 +211,21 @@ def timed_round(session: TapedSession, bare: Mapping[str, Array]) -> dict[str, T
     booked: dict[str, list[tuple[list[int], list[int]]]] = {side: [] for side in sides}
     with replaced(_between_steps(clocks, booked)), clocks.running():
         times = session.times()
-    found, first = {}, 0
+    result, first = {}, 0
     for side in sides:
         count = len(PARTS[side])
         ticks = booked[side][-times[side].size :]  # what came before them warmed up
         spent, calls = np.array(ticks, dtype=np.float64)[:, :, first : first + count].transpose(1, 0, 2)
-        places = {part.name: place for place, part in enumerate(PARTS[side])}
-        inner = {places[part.name]: places[part.within] for part in PARTS[side] if part.within}
+        positions = {part.name: index for index, part in enumerate(PARTS[side])}
+        inner = {positions[part.name]: positions[part.within] for part in PARTS[side] if part.within}
         touching = times["contact"] > 0.0
         longer = float(np.median(times[side][touching]) - np.median(bare[side][touching]))
         there = cost.among(1e9 * longer, float(np.median(calls[touching].sum(axis=1))))
         took, spent = without_cost(1e9 * times[side], spent, calls, there, inner)
         spent[:, -1] = took - spent[:, :-1].sum(axis=1)
-        found[side] = Timed(1e-3 * took[touching], 1e-3 * spent[touching])
+        result[side] = Timed(1e-3 * took[touching], 1e-3 * spent[touching])
         first += count
-    return found
+    return result
 
 
 def _between_steps(
@@ -255,8 +255,8 @@ def _between_steps(
 def near(took: Array, percentile: int) -> NDArray[np.bool_]:
     """Flags of the steps that stand for a percentile, of the shape of their times."""
     lower, upper = np.percentile(took, BANDS[percentile])
-    found: NDArray[np.bool_] = (took >= lower) & (took <= upper)
-    return found
+    result: NDArray[np.bool_] = (took >= lower) & (took <= upper)
+    return result
 
 
 def middle(rounds: Sequence[Timed]) -> Timed:
@@ -277,19 +277,19 @@ def profile(session: TapedSession, rounds: int) -> dict[tuple[str, int], dict[st
     for _ in range(rounds):
         bare.append(session.times())
         clocked.append(timed_round(session, bare[-1]))
-    found = {}
+    values = {}
     for side, parts in PARTS.items():
         timed = middle([one[side] for one in clocked])
         plain = 1e6 * np.median([one[side][one["contact"] > 0.0] for one in bare], axis=0)
         for percentile in BANDS:
             chosen = near(timed.took, percentile)
             means = timed.parts[chosen].mean(axis=0).tolist()
-            found[side, percentile] = {
+            values[side, percentile] = {
                 STEP: float(timed.took[chosen].mean()),
                 **dict(zip([part.name for part in parts], means, strict=True)),
                 WITHOUT: float(plain[near(plain, percentile)].mean()),
             }
-    return found
+    return values
 
 
 def named(side: str, name: str, percentile: int, *, share: bool = False) -> str:
@@ -299,16 +299,16 @@ def named(side: str, name: str, percentile: int, *, share: bool = False) -> str:
 
 def measure_profile(scope: Scope) -> list[Row]:
     """Each part's time at both percentiles, and its fraction of the median step."""
-    found = profile(TapedSession(DURATION), ROUNDS)
+    result = profile(TapedSession(DURATION), ROUNDS)
     rows = [
         Row(named(side, name, percentile), time, "us", rounds=ROUNDS)
-        for (side, percentile), times in found.items()
+        for (side, percentile), times in result.items()
         for name, time in times.items()
         if (name, percentile) != (WITHOUT, 50)
     ]
-    shares = [
+    fractions = [
         Row(named(side, part.name, 50, share=True), 100.0 * times[part.name] / times[STEP], "%", rounds=ROUNDS)
-        for side, times in ((side, found[side, 50]) for side in PARTS)
+        for side, times in ((side, result[side, 50]) for side in PARTS)
         for part in PARTS[side]
     ]
-    return rows + shares
+    return rows + fractions

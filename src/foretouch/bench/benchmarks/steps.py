@@ -91,20 +91,20 @@ class TapedSession:
 def step_times(session: TapedSession, rounds: int) -> dict[tuple[str, int], Spread]:
     """Percentiles of the steps in contact [us], by side and percentile, over rounds after one to warm up."""
     session.times()
-    found: dict[tuple[str, int], list[float]] = {key: [] for key in REACHES}
+    results: dict[tuple[str, int], list[float]] = {key: [] for key in REACHES}
     for _ in range(rounds):
         times = session.times()
         touching = times["contact"] > 0.0
-        for side, percentile in found:
-            found[side, percentile].append(float(np.percentile(times[side][touching], percentile)))
-    return {key: spread(values, 1e6) for key, values in found.items()}
+        for side, percentile in results:
+            results[side, percentile].append(float(np.percentile(times[side][touching], percentile)))
+    return {key: spread(values, 1e6) for key, values in results.items()}
 
 
 def measure_steps(scope: Scope) -> list[Row]:
     """Percentiles of both steps, in contact."""
-    found = step_times(TapedSession(DURATION), ROUNDS)
+    result = step_times(TapedSession(DURATION), ROUNDS)
     return [
-        Row.of(f"{side} step in contact, without the robot, {percentile} %", found[side, percentile], "us", reach)
+        Row.of(f"{side} step in contact, without the robot, {percentile} %", result[side, percentile], "us", reach)
         for (side, percentile), reach in REACHES.items()
     ]
 

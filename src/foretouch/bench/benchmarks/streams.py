@@ -120,13 +120,13 @@ def curve(largest: int, rounds: int = GROWTH_ROUNDS) -> list[Streamed]:
     """
     sizes = [SMALLEST * 10**power for power in range(round(np.log10(largest / SMALLEST)) + 1)]
     _stream(SMALLEST)
-    found: dict[int, Streamed] = {}
+    values: dict[int, Streamed] = {}
     for turn in range(rounds):
         for size in sizes if turn == 0 else [size for size in sizes if size < LARGEST]:
             streamed = _stream(size)
-            best = found.get(size, streamed)
-            found[size] = Streamed(size, min(best.seconds, streamed.seconds), max(best.memory, streamed.memory))
-    return list(found.values())
+            best = values.get(size, streamed)
+            values[size] = Streamed(size, min(best.seconds, streamed.seconds), max(best.memory, streamed.memory))
+    return list(values.values())
 
 
 def slope(streams: list[Streamed]) -> float:

@@ -243,12 +243,12 @@ def slide() -> list[tuple[float, float, float]]:
 
 def mesh_contestant(side: int) -> Contestant:
     """Ticks on such a sheet."""
-    surface, places = sheet(side), slide()
+    surface, positions = sheet(side), slide()
 
     def run() -> NDArray[Any]:
         follow: Callable[..., object] = surface.follow
         memory = surface.initial_memory()
-        for x, y, z in places:
+        for x, y, z in positions:
             follow(memory, x, y, z)
         return memory
 

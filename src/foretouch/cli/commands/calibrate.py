@@ -59,7 +59,7 @@ def sensor(
     make_folder(report_directory)
     measured = read_poses(poses)
     weight = fit_tool_weight(measured.gravity, measured.force, measured.torque)
-    found: dict[str, Any] = {
+    values: dict[str, Any] = {
         "force_bias": _triple(weight.force_bias),
         "force_bias_error": _triple(weight.force_bias_error),
         "torque_bias": _triple(weight.torque_bias),
@@ -74,8 +74,8 @@ def sensor(
     }
     if motion is not None:
         recording = read_and_say(motion, options)
-        found["sensor_lag"], found["sensor_lag_error"] = find_sensor_lag(recording)
-    calibration = msgspec.structs.replace(before, **found)
+        values["sensor_lag"], values["sensor_lag_error"] = find_sensor_lag(recording)
+    calibration = msgspec.structs.replace(before, **values)
     content = _weight_figures(weight, calibration)
     _write(output, calibration)
     if report_directory is not None:
@@ -108,30 +108,30 @@ def compliance(
     before = _before(output, recording)
     make_folder(report_directory)
     data = read_and_say(recording, options)
-    found = fit_series_compliance(data, sensor_lag=before.sensor_lag or 0.0)
+    result = fit_series_compliance(data, sensor_lag=before.sensor_lag or 0.0)
     calibration = msgspec.structs.replace(
         before,
-        series_stiffness=found.stiffness,
-        series_stiffness_error=found.stiffness_error,
-        lost_motion=found.lost_motion,
+        series_stiffness=result.stiffness,
+        series_stiffness_error=result.stiffness_error,
+        lost_motion=result.lost_motion,
     )
     content = {
-        "series_stiffness_N_per_m": found.stiffness,
-        "series_stiffness_error_N_per_m": found.stiffness_error,
-        "lost_motion_m": found.lost_motion,
-        "lost_motion_error_m": found.lost_motion_error,
-        "force_offset_N": found.force_offset,
-        "from_force_N": found.contact_floor,
-        "to_force_N": float(found.force.max()),
-        "residual_rms_m": _rms(found.residual),
+        "series_stiffness_N_per_m": result.stiffness,
+        "series_stiffness_error_N_per_m": result.stiffness_error,
+        "lost_motion_m": result.lost_motion,
+        "lost_motion_error_m": result.lost_motion_error,
+        "force_offset_N": result.force_offset,
+        "from_force_N": result.contact_floor,
+        "to_force_N": float(result.force.max()),
+        "residual_rms_m": _rms(result.residual),
     }
     _write(output, calibration)
     if report_directory is not None:
         from foretouch.report import write_calibration_page
 
         made = made_by([recording], sensor_lag=f"{before.sensor_lag or 0.0:g} s")
-        say(f"report: {write_calibration_page(report_directory, recording.name, found, content, made)}")
-    return Answer(content, _lines(f"{recording}: {plural(found.force.size, 'sample')}", content))
+        say(f"report: {write_calibration_page(report_directory, recording.name, result, content, made)}")
+    return Answer(content, _lines(f"{recording}: {plural(result.force.size, 'sample')}", content))
 
 
 def _before(output: Path | None, *read: Path | None) -> SensorCalibration:

@@ -166,8 +166,8 @@ def doctor(
     if not json_output:
         _console().print(render_findings(findings))
         counts = {each: sum(finding.verdict is each for finding in findings) for each in Verdict}
-        said = ", ".join(f"{count} {each.value}" for each, count in counts.items() if count)
-        lines = f"{said}; all in all: {verdict.value}"
+        text = ", ".join(f"{count} {each.value}" for each, count in counts.items() if count)
+        lines = f"{text}; all in all: {verdict.value}"
     content = {"verdict": verdict.value, "findings": [finding.as_row() for finding in findings]}
     return Answer(content, lines, code=int(verdict is Verdict.BAD))
 

@@ -205,36 +205,36 @@ def predict(
     learner = learning.learner()
     if options.map_file is None and is_session(recording):
         log = read_session(recording)
-        found = pulsing("predicting", forces_under_delay, log, learner(), delay)
+        result = pulsing("predicting", forces_under_delay, log, learner(), delay)
         say_what_is_left_out(recording, log)
     else:
         data = read_and_say(recording, options)
-        found = pulsing("predicting", forces_under_delay, data, learner(contact_floor=data.contact_floor), delay)
-    floor = found.contact_floor if scored.contact_floor is None else scored.contact_floor
+        result = pulsing("predicting", forces_under_delay, data, learner(contact_floor=data.contact_floor), delay)
+    floor = result.contact_floor if scored.contact_floor is None else scored.contact_floor
     scores = score_prediction(
-        found.time,
-        found.measured,
-        found.predicted,
-        found.delayed,
+        result.time,
+        result.measured,
+        result.predicted,
+        result.delayed,
         contact_floor=floor,
         score_from=scored.score_from,
         score_to=scored.score_to,
-        position=found.position,
+        position=result.position,
         delayed_offset=0.0,
-        skipped=found.skipped,
+        skipped=result.skipped,
     )
     content = {
         "delay_s": delay,
         **{name: getattr(scores, name) for name in SCORES},
-        **found.perception(scores),
+        **result.perception(scores),
         "status": scores.status,
-        "remarks": remarks(found, scores, delay, scored.score_from),
+        "remarks": remarks(result, scores, delay, scored.score_from),
     }
     forces = {
-        "time_s": found.time,
+        "time_s": result.time,
         "measured_force_N": scores.measured_force,
-        "predicted_force_N": found.predicted,
-        "delayed_force_N": found.delayed,
+        "predicted_force_N": result.predicted,
+        "delayed_force_N": result.delayed,
         "in_contact": scores.in_contact,
     }
     if out is not None:

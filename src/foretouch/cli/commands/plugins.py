@@ -71,20 +71,20 @@ def check(
             show(f"  {'':<9} {'':<28} the rule: {finding.rule}")
 
     titled = check_named(name, kind=kind, move=move, tell=(lambda of, finding: None) if json_output else tell)
-    found = [finding for findings in titled.values() for finding in findings]
-    broken = bool(failed(found))
+    results = [finding for findings in titled.values() for finding in findings]
+    broken = bool(failed(results))
     rows = [dataclasses.asdict(finding) | {"of": of} for of, findings in titled.items() for finding in findings]
-    return Answer({"name": name, "passed": not broken, "checks": rows}, _summary(found), code=int(broken))
+    return Answer({"name": name, "passed": not broken, "checks": rows}, _summary(results), code=int(broken))
 
 
-def _summary(found: Sequence[Finding]) -> str:
+def _summary(result: Sequence[Finding]) -> str:
     """How many rules are kept, or broken; how many were not seen, and how many of those ``--move`` shows."""
-    kept, broken, unseen = ([one for one in found if one.passed is passed] for passed in (True, False, None))
+    kept, broken, unseen = ([one for one in result if one.passed is passed] for passed in (True, False, None))
     if not (broken or unseen):
         return "every rule is kept"
-    told, kind = (broken, "not kept") if broken else (kept, "kept")
-    said = f"{plural(len(told), 'rule')} {'is' if len(told) == 1 else 'are'} {kind}"
+    reported, kind = (broken, "not kept") if broken else (kept, "kept")
+    text = f"{plural(len(reported), 'rule')} {'is' if len(reported) == 1 else 'are'} {kind}"
     if unseen:
-        said += f", {len(unseen)} {was_or_were(len(unseen))} not seen"
+        text += f", {len(unseen)} {was_or_were(len(unseen))} not seen"
     movable = sum("--move" in finding.found for finding in unseen)
-    return said + (f"; --move shows {movable} of them" if movable else "")
+    return text + (f"; --move shows {movable} of them" if movable else "")

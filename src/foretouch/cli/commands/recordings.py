@@ -145,14 +145,16 @@ def repair(
     from foretouch.recordings import repair_session
 
     require_recording(output)
-    found = repair_session(path, output)
+    result = repair_session(path, output)
     first = "is whole"
-    if not found.was_whole:
-        left_out = f"{found.damaged_blocks} damaged blocks left out" if found.damaged_blocks else "no block was damaged"
-        first = f"{found.bytes_cut} bytes cut behind the last whole block; {left_out}"
-    held = ", ".join(f"{count} {topic}" for topic, count in found.messages.items())
-    second = f"{found.path}: holds {found.duration:.3f} s in {found.bytes_kept} bytes: {held}"
-    return Answer(asdict(found) | {"path": str(found.path)}, [f"{path}: {first}", second])
+    if not result.was_whole:
+        left_out = (
+            f"{result.damaged_blocks} damaged blocks left out" if result.damaged_blocks else "no block was damaged"
+        )
+        first = f"{result.bytes_cut} bytes cut behind the last whole block; {left_out}"
+    held = ", ".join(f"{count} {topic}" for topic, count in result.messages.items())
+    second = f"{result.path}: holds {result.duration:.3f} s in {result.bytes_kept} bytes: {held}"
+    return Answer(asdict(result) | {"path": str(result.path)}, [f"{path}: {first}", second])
 
 
 @recordings.command("inspect")
@@ -178,13 +180,13 @@ def inspect(
         _require_elsewhere("save", save, path)
         if save.suffix.lower() != ".toml":
             raise SettingError("save", str(save), "must end with .toml")
-    found = pulsing(f"looking into {path.name}", inspect_recording, path, topic)
+    result = pulsing(f"looking into {path.name}", inspect_recording, path, topic)
     if save is not None:
-        if found.guess is None:
-            raise SettingError("save", str(save), f"{path} is {found.stated}")
-        _save_map(save, found.guess.text(), overwrite)
+        if result.guess is None:
+            raise SettingError("save", str(save), f"{path} is {result.stated}")
+        _save_map(save, result.guess.text(), overwrite)
         say(f"map: {save}")
-    return Answer(found.as_json(), _lines(found, topic, show_all))
+    return Answer(result.as_json(), _lines(result, topic, show_all))
 
 
 @recordings.command("convert")
@@ -230,22 +232,22 @@ def _require_elsewhere(name: str, output: Path, path: Path) -> None:
         raise SettingError(name, str(output), "is the recording itself, or within it: name another file")
 
 
-def _lines(found: Contents, topic: str | None, show_all: bool) -> Iterator[str]:
+def _lines(result: Contents, topic: str | None, show_all: bool) -> Iterator[str]:
     """What a recording holds, as aligned lines."""
-    span = "" if found.duration_s is None else f", {found.duration_s:.3f} s"
-    rate = "" if found.rate is None else f", {found.rate:.5g} samples a second"
-    begin = "" if not found.begin_ns else f", from {_date(found.begin_ns)}"
-    what = plural(len(found.topics), "topic") if found.topics else plural(len(found.columns), "column")
-    yield f"{found.path}: {found.format}, {what}{span}{rate}{begin}"
-    beside_the_map = () if found.guess is None else found.guess.notes
-    yield from (f"  {note}" for note in found.notes if note not in beside_the_map)
+    span = "" if result.duration_s is None else f", {result.duration_s:.3f} s"
+    rate = "" if result.rate is None else f", {result.rate:.5g} samples a second"
+    begin = "" if not result.begin_ns else f", from {_date(result.begin_ns)}"
+    what = plural(len(result.topics), "topic") if result.topics else plural(len(result.columns), "column")
+    yield f"{result.path}: {result.format}, {what}{span}{rate}{begin}"
+    beside_the_map = () if result.guess is None else result.guess.notes
+    yield from (f"  {note}" for note in result.notes if note not in beside_the_map)
     most = None if show_all else MOST_SHOWN
-    topics, columns = found.topics[:most], found.columns[:most]
+    topics, columns = result.topics[:most], result.columns[:most]
     if topics:
-        rates = ["" if (hz := found.rate_of(one)) is None else f"{hz:.5g} /s" for one in topics]
+        rates = ["" if (hz := result.rate_of(one)) is None else f"{hz:.5g} /s" for one in topics]
         rows = [(one.name, one.type_name, str(one.count), hz) for one, hz in zip(topics, rates, strict=True)]
         yield from _table(("topic", "type", "messages", "rate"), rows)
-    if left := len(found.topics) - len(topics):
+    if left := len(result.topics) - len(topics):
         yield f"  ... and {plural(left, 'topic')} more: --all shows them, --topic NAME its fields"
     if columns:
         counts = ["" if one.count is None else str(one.count) for one in columns]
@@ -257,14 +259,14 @@ def _lines(found: Contents, topic: str | None, show_all: bool) -> Iterator[str]:
             ranges = [map(_number, (one.example, one.smallest, one.largest)) for one in columns]
             title = ("field", "type", "messages", "first", "smallest", "largest")
             yield from _table(title, [(*cell, *three) for cell, three in zip(cells, ranges, strict=True)])
-    if left := len(found.columns) - len(columns):
+    if left := len(result.columns) - len(columns):
         yield f"  ... and {left} more: --all shows them"
-    if found.stated:
-        yield f"  {found.stated}"
-    elif found.guess is not None:
-        whole = "the map as guessed" if not found.guess.open else "the map as far as it can be guessed"
+    if result.stated:
+        yield f"  {result.stated}"
+    elif result.guess is not None:
+        whole = "the map as guessed" if not result.guess.open else "the map as far as it can be guessed"
         yield f"\n# {whole}: --save FILE.toml writes it, --map FILE.toml reads by it"
-        yield found.guess.text().removesuffix("\n")
+        yield result.guess.text().removesuffix("\n")
 
 
 def _table(title: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> Iterator[str]:

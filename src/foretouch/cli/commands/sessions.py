@@ -204,12 +204,12 @@ def replay(
     require_elsewhere(output, recording, name="recording")
     make_folder(report)
     log = _session(recording)
-    settings, told = recorded_settings(log.longest().settings, changes)
+    settings, reported = recorded_settings(log.longest().settings, changes)
     compile_first()
     again = pulsing("running the session again", replay_under, log, settings, closed_loop)
     if output is not None:
         _write(output, again)
-    content = compare_replay(log, again, (*replay_notes(log, settings, closed_loop), *told))
+    content = compare_replay(log, again, (*replay_notes(log, settings, closed_loop), *reported))
     content["recording"] = str(recording)
     if report is not None:
         page = write_replay_page(report, recording.name, log, again, content, made_by([recording]))
@@ -233,14 +233,14 @@ def _write(path: Path, log: SessionLog) -> None:
     from foretouch.messages import VERSION, FollowerSpace, Hello, LeaderSpace, LeaderState, Message, Telemetry
     from foretouch.recordings import SessionWriter
 
-    said: list[Message] = [Telemetry(VERSION, *row) for row in log.follower.tolist()]
-    said += [FollowerSpace(VERSION, *row) for row in log.follower_space.tolist()]
-    said += [*log.models, *log.fields, *log.images, *log.beliefs]
-    said += [LeaderState(VERSION, *row) for row in log.leader.tolist()]
-    said += [LeaderSpace(VERSION, *row) for row in log.leader_space.tolist()]
-    said.sort(key=lambda message: message.time_ns)  # of those of one tick, the follower's first
+    messages: list[Message] = [Telemetry(VERSION, *row) for row in log.follower.tolist()]
+    messages += [FollowerSpace(VERSION, *row) for row in log.follower_space.tolist()]
+    messages += [*log.models, *log.fields, *log.images, *log.beliefs]
+    messages += [LeaderState(VERSION, *row) for row in log.leader.tolist()]
+    messages += [LeaderSpace(VERSION, *row) for row in log.leader_space.tolist()]
+    messages.sort(key=lambda message: message.time_ns)  # of those of one tick, the follower's first
     with SessionWriter(path) as writer:
         writer.write(Hello.of("simulation", 1, 0, log.settings), 0)
-        for message in said:
+        for message in messages:
             writer.write(message, message.time_ns)
         writer.close(log.counts)

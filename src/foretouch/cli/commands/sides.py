@@ -161,11 +161,11 @@ def stop(*, endpoints: Endpoints) -> Answer:
     if not endpoints.all:
         return _stop_those_here()
     with open_link("stop", endpoints, STOPPING_CHANNELS) as link:
-        heard = ask_to_stop(link, f"asked for by {_own_name()}", patience=PATIENCE)
-    content = {"stopped": heard == Status.STOPPED, "status": None if heard is None else int(heard)}
-    if heard == Status.STOPPED:
+        received = ask_to_stop(link, f"asked for by {_own_name()}", patience=PATIENCE)
+    content = {"stopped": received == Status.STOPPED, "status": None if received is None else int(received)}
+    if received == Status.STOPPED:
         return Answer(content, "the robot has stopped: it unloads, and stays so until it is released at the follower")
-    sentence = next((sentence for status, sentence in STATUS_SENTENCES.items() if status == heard), "")
+    sentence = next((sentence for status, sentence in STATUS_SENTENCES.items() if status == received), "")
     doing = f"the robot {sentence}" if sentence else f"no follower is heard at {endpoints}"
     say(f"foretouch: NOT stopped (after {PATIENCE:g} s): {doing}; {BY_SWITCH}")
     return Answer(content, code=1)
@@ -179,13 +179,13 @@ def _stop_those_here() -> Answer:
     for process in asked:
         with contextlib.suppress(ProcessLookupError):
             os.kill(process, signal.SIGUSR1)
-    said = asked
-    while asked and not all(map(_has_stopped, said.values())) and time.monotonic() < end:
+    texts = asked
+    while asked and not all(map(_has_stopped, texts.values())) and time.monotonic() < end:
         time.sleep(LOOK)
         now = followers()
-        said = {process: now.get(process, "it has ended") for process in asked}
+        texts = {process: now.get(process, "it has ended") for process in asked}
     lines, failed = [], not asked
-    for process, sentence in said.items():
+    for process, sentence in texts.items():
         if _has_stopped(sentence):
             lines.append(f"follower {process} has stopped: {one_line(sentence)}")
         else:
@@ -224,7 +224,7 @@ def _follow(
         run_shadow,
     )
 
-    said = {name: text for name, text in settings.as_text().items() if name not in LEADER_SETTINGS}
+    texts = {name: text for name, text in settings.as_text().items() if name not in LEADER_SETTINGS}
     run: Callable[..., Mapping[str, Any]] = run_follower
     channels: tuple[str, ...] = FOLLOWER_CHANNELS
     closes, waits = True, WAITS
@@ -240,13 +240,13 @@ def _follow(
         pressed = f"pressing {settings.material} on the scene {settings.scene}"
     elif shadow:
         robot, reach = make_moved_robot(settings, say=say)
-        run, channels, said = run_shadow, SHADOW_CHANNELS, reach_texts(reach)  # it reports its settings by itself
+        run, channels, texts = run_shadow, SHADOW_CHANNELS, reach_texts(reach)  # it reports its settings by itself
         simulated = robot.specification.simulated
         mover = f"the {settings.operator} operator moves it" if simulated else "somebody else moves it"
         waits = f"{mover} and nothing is commanded"
     else:
         robot, reach = make_session_robot(settings)
-        said |= reach_texts(reach)
+        texts |= reach_texts(reach)
     with (
         contextlib.closing(robot) if closes else contextlib.nullcontext(),
         open_link("follower", endpoints, channels) as link,
@@ -255,7 +255,7 @@ def _follow(
             say(f"follower: {pressed}, {waits}")
             if not shadow and (warning := unchecked(endpoints)):
                 say(f"follower: {warning}")
-        description = said | insecurity(link)
+        description = texts | insecurity(link)
         return run(Process(link, stop, say, parent), robot, settings, description=description, duration=duration)
 
 

@@ -125,7 +125,7 @@ def compare(
             say=bar.say,
         )
     if report_directory is not None:
-        said = made_by(
+        made = made_by(
             on.recordings or [],
             datasets=", ".join(on.datasets or []) or None,
             simulated=f"seed {on.seed}" if on.simulated else None,
@@ -134,7 +134,7 @@ def compare(
             delays=", ".join(f"{one:g} s" for one in delays),
             **{name: value or None for name, value in asdict(options).items()},
         )
-        say(f"report: {comparison.write_comparison_page(report_directory, results, said)}")
+        say(f"report: {comparison.write_comparison_page(report_directory, results, made)}")
     content = {"results": [result.as_row() for result in results]}
     failed = all(result.status != "ok" for result in results)
     return Answer(content, comparison.render_table(results), code=int(failed))
@@ -270,8 +270,8 @@ def _section_lines(section: Section, all_of_it: bool) -> Iterator[str]:
     for claim in section.claims:
         yield _wrapped(WORDS[claim.verdict], claim.claim)
         if all_of_it:
-            for name, text in (("paper", claim.paper), ("measured", claim.measured), ("setting", claim.setting)):
-                yield _wrapped("", f"{name}: {text}")
+            for name, made in (("paper", claim.paper), ("measured", claim.measured), ("setting", claim.setting)):
+                yield _wrapped("", f"{name}: {made}")
 
 
 WORDS = {"holds": "holds", "holds under stated choice": "by choice", "does not hold": "does not"}

@@ -91,8 +91,8 @@ def at_least_zero(theta: Array, covariance: Array, index: int) -> Array:
     """
     if not (theta[index] < 0.0 and covariance[index, index] > 0.0):
         return theta
-    share = float(theta[index] / covariance[index, index])
-    return theta - covariance[:, index] * share
+    weight = float(theta[index] / covariance[index, index])
+    return theta - covariance[:, index] * weight
 
 
 @dataclass(frozen=True, slots=True)

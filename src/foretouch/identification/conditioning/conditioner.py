@@ -263,8 +263,8 @@ class Conditioner:
     def update(self, time: float, position: float, force: float, velocity: float | None = None) -> ContactSample:
         """Take one sample; a sample that is not finite is answered with "no contact" and changes nothing."""
         known = velocity is not None
-        found = take(self.memory, time, position, force, 0.0 if velocity is None else velocity, known)
-        depth, velocity, force, touching, self.surface, self.surface_error, self.force_offset, full = found
+        result = take(self.memory, time, position, force, 0.0 if velocity is None else velocity, known)
+        depth, velocity, force, touching, self.surface, self.surface_error, self.force_offset, full = result
         self.in_contact = touching
         if full:
             self.make_room()

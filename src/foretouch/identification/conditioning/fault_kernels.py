@@ -270,10 +270,10 @@ def _learn(step: Step, period: float) -> None:
     if step.quiet == 0.0:
         step.level, step.variance = force, 0.0
     step.quiet += period
-    share = 1.0 - math.exp(-period / min(LEVEL_TIME, step.quiet))
+    weight = 1.0 - math.exp(-period / min(LEVEL_TIME, step.quiet))
     away = force - step.level
-    step.level += share * away
-    step.variance += share * ((1.0 - share) * away * away - step.variance)
+    step.level += weight * away
+    step.variance += weight * ((1.0 - weight) * away * away - step.variance)
 
 
 @compiled
@@ -341,9 +341,9 @@ def _is_free(step: Step, position: float, force: float, period: float) -> bool:
 def find_step(step: Step, position: float, force: float, period: float) -> bool:
     """Take one finite sample, with the time since the previous one; whether a step of the offset is detected now."""
     if step.age < math.inf:  # no zero is learnt from a step that is being judged
-        found = _has_stayed(step, position, force, period)
+        result = _has_stayed(step, position, force, period)
     else:
-        found = _is_free(step, position, force, period)
+        result = _is_free(step, position, force, period)
     if not math.isnan(step.second):
         if 2.0 * period <= LONGEST_RISE and _has_stepped(step, force):
             _judge(step, force)
@@ -351,4 +351,4 @@ def find_step(step: Step, position: float, force: float, period: float) -> bool:
             _learn(step, period)
     step.second, step.second_force = step.newest, step.newest_force
     step.newest, step.newest_force = position, force
-    return found
+    return result

@@ -53,16 +53,16 @@ def take_lagged(lags: NDArray[np.void], position: float, velocity: float, force:
     fading = math.exp(-period / MEMORY)
     lag.time += period
     lag.weight = lag.weight * fading + period
-    share = period / lag.weight
-    kept = 1.0 - share
+    weight = period / lag.weight
+    kept = 1.0 - weight
     means, products = lag.means, lag.products
     x = position - lag.place - means[0]
     v = velocity - means[1]
     f = force - lag.force - means[2]
     for index, away in enumerate((x, v, f)):
-        means[index] += share * away
+        means[index] += weight * away
     for index, product in enumerate((x * x, x * v, v * v, x * f, v * f, f * f)):
-        products[index] = kept * (products[index] + share * product)
+        products[index] = kept * (products[index] + weight * product)
 
 
 OFFSET_WINDOW = 0.05  # Length [s] of the window whose lowest mean so far is taken for the force in free air
@@ -190,10 +190,10 @@ def move(state: Conditioning, time: float, position: float) -> float:
 @compiled(error_model="numpy")
 def delay(state: Conditioning, rings: Array, time: float, position: float, velocity: float) -> tuple[float, float]:
     """Position and velocity one lag ago, between the samples around that time; the first ones until there are such."""
-    capacity, times, places, speeds = rings.shape[1], rings[2], rings[3], rings[4]
+    capacity, times, positions, speeds = rings.shape[1], rings[2], rings[3], rings[4]
     first, count, wanted = state.late_first, state.late_count, time - state.lag
     index = (first + count) % capacity
-    times[index], places[index], speeds[index] = time, position, velocity
+    times[index], positions[index], speeds[index] = time, position, velocity
     count += 1
     while count > 2 and times[(first + 1) % capacity] <= wanted:
         first = (first + 1) % capacity
@@ -201,10 +201,10 @@ def delay(state: Conditioning, rings: Array, time: float, position: float, veloc
     state.late_first, state.late_count = first, count
     second = (first + 1) % capacity if count > 1 else first
     span = times[second] - times[first]
-    share = (wanted - times[first]) / span if span > 0.0 else 0.0
-    share = 0.0 if share < 0.0 else (1.0 if share > 1.0 else share)
-    place, speed = places[first], speeds[first]
-    return place + share * (places[second] - place), speed + share * (speeds[second] - speed)
+    weight = (wanted - times[first]) / span if span > 0.0 else 0.0
+    weight = 0.0 if weight < 0.0 else (1.0 if weight > 1.0 else weight)
+    point, speed = positions[first], speeds[first]
+    return point + weight * (positions[second] - point), speed + weight * (speeds[second] - speed)
 
 
 @inlined
@@ -266,9 +266,9 @@ def threshold_of(state: Conditioning) -> float:
     """Threshold of contact [N]."""
     noise, largest = state.noise, QUIET_SPREAD * state.quietest
     noise = NOISE_FACTOR * (largest if largest < noise else noise)
-    found, share = state.floor, PEAK_SHARE * state.peak
-    found = noise if noise > found else found
-    return float(share if share > found else found)
+    result, weight = state.floor, PEAK_SHARE * state.peak
+    result = noise if noise > result else result
+    return float(weight if weight > result else result)
 
 
 @compiled(error_model="numpy")
@@ -278,15 +278,15 @@ def learn_surface(state: Conditioning, position: float, threshold: float) -> Non
     The uncertainty is the distance over which contact became certain, and where it was last. Where a surface is known
     and certain, the one further out is right.
     """
-    place = state.free_place
+    point = state.free_place
     if math.isnan(state.surface) or threshold > UNCERTAINTY_FACTOR * state.surface_threshold:
-        state.surface = place
+        state.surface = point
         state.surface_threshold = threshold
-    elif place < state.surface:
-        state.surface = place
-    width = abs(position - place) / math.sqrt(12.0)
-    apart = 0.0 if math.isnan(state.last_onset) else abs(place - state.last_onset) / math.sqrt(2.0)
-    state.last_onset = place
+    elif point < state.surface:
+        state.surface = point
+    width = abs(position - point) / math.sqrt(12.0)
+    apart = 0.0 if math.isnan(state.last_onset) else abs(point - state.last_onset) / math.sqrt(2.0)
+    state.last_onset = point
     newest, error = width * width + apart * apart, state.surface_error
     state.surface_error = math.sqrt(newest if math.isnan(error) else 0.5 * (error * error + newest))
 

@@ -113,13 +113,13 @@ def _restart(watch: Watch) -> None:
 
 
 @compiled
-def _judge(watch: Watch, found: int, time: float) -> int:
+def _judge(watch: Watch, result: int, time: float) -> int:
     """Update the judgement: a lasting fault stays, a transient one passes a while after the last finding."""
     state = int(watch.state)
     if state != GOOD and state not in PASSING:
         return state
-    if found != GOOD:
-        state, watch.bad_until = found, time + QUIET_TIME
+    if result != GOOD:
+        state, watch.bad_until = result, time + QUIET_TIME
     elif time >= watch.bad_until:
         state = GOOD
     watch.state = state
@@ -166,14 +166,14 @@ def _is_spike(watch: Watch, position: float, force: float, period: float) -> boo
     up, down = peak - before, peak - force
     size = min(abs(up), abs(down)) if up * down > 0.0 else 0.0
     threshold = max(watch.least_spike, SPIKE_FACTOR * watch.activity)
-    found = size > threshold and abs(force - before) < 0.5 * size and abs(before - earlier) < 0.5 * size
-    if found and up > 0.0:
+    result = size > threshold and abs(force - before) < 0.5 * size and abs(before - earlier) < 0.5 * size
+    if result and up > 0.0:
         speed = (further - furthest) / period
         slowed = speed - min(near - further, position - near) / period
-        found = speed * LARGEST_IMPEDANCE < size or slowed < 0.5 * size * period / watch.mass
-    share = 1.0 - math.exp(-period / ACTIVITY_TIME)
-    watch.activity += share * (min(abs(force - peak), 3.0 * threshold) - watch.activity)
-    return bool(found)
+        result = speed * LARGEST_IMPEDANCE < size or slowed < 0.5 * size * period / watch.mass
+    weight = 1.0 - math.exp(-period / ACTIVITY_TIME)
+    watch.activity += weight * (min(abs(force - peak), 3.0 * threshold) - watch.activity)
+    return bool(result)
 
 
 @compiled
@@ -224,21 +224,21 @@ def look(
     period = time - watch.time
     if not period > 0.0:
         return int(watch.state), False, loss.effort
-    contact, found = force - tool_force, GOOD
+    contact, result = force - tool_force, GOOD
     if period > LONGEST_GAP:
         _restart(watch)
     else:
-        found = _compare(watch, position, force, contact, period)
+        result = _compare(watch, position, force, contact, period)
     zero = zero if math.isfinite(zero) else 0.0
     lost = find_loss(loss, time, position, contact, zero, effort, slid if slid > 0.0 else 0.0)
-    found = lost if found == GOOD else found
+    result = lost if result == GOOD else result
     watch.time, watch.force = time, force
     for past, newest in ((watch.positions, position), (watch.contacts, contact)):
         past[2], past[1], past[0] = past[1], past[0], newest
     watch.known = min(watch.known + 1, 3)
     # An operator who presses deeper would not feel how hard: the step being judged lowers the force, or it is too low.
     uncertain = (step.age < math.inf and step.rise < 0.0) or loss.low > 0
-    return _judge(watch, found, time), bool(uncertain), loss.effort
+    return _judge(watch, result, time), bool(uncertain), loss.effort
 
 
 class SensorWatch:

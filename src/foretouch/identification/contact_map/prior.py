@@ -35,12 +35,12 @@ def elastic_prior(kind: int) -> Array:
     size = np.abs(knots)
     near, far = np.minimum.outer(size, size), np.maximum.outer(size, size)
     same_side = np.sign(knots)[:, None] == np.sign(knots)[None, :]
-    found: Array = (
+    result: Array = (
         CURVATURE**2 * np.where(same_side, near * near * (3.0 * far - near) / 6.0, 0.0)
         + LEVEL**2
         + SLOPE**2 * np.outer(knots, knots)
     )
-    return found
+    return result
 
 
 @cache
@@ -52,8 +52,8 @@ def feature_prior(kind: int) -> Array:
     """
     knots = np.arange(GRIDS[kind].feature_knots)
     distance = COARSENESS * np.subtract.outer(knots, knots) / FEATURE_REACH
-    found: Array = FEATURE_SIZE**2 * np.exp(-0.5 * distance**2) + 1e-9 * np.eye(knots.size)
-    return found
+    result: Array = FEATURE_SIZE**2 * np.exp(-0.5 * distance**2) + 1e-9 * np.eye(knots.size)
+    return result
 
 
 def prior(kind: int) -> Array:

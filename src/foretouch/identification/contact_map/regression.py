@@ -148,18 +148,18 @@ def conditional(prior: Array, part: Elastic | Feature, share: Array, knot: int) 
 @compiled(error_model="numpy")
 def append(weights: Array, regression: CoarseRegression, begin: int, part: Elastic | Feature, rest: float) -> None:
     """Add the row of a part's newest knot; the part's weights begin at an index."""
-    covariance, new, share, row_of = regression.covariance, regression.gain, regression.share, regression.row_of
+    covariance, new, fraction, row_of = regression.covariance, regression.gain, regression.share, regression.row_of
     order, count, rows = part.order, part.count, regression.rows
     new[:rows] = 0.0
     value = 0.0
     for i in range(count):
-        c, known = share[i], begin + order[i]
+        c, known = fraction[i], begin + order[i]
         row = row_of[known]
         value += c * weights[known]
         for k in range(rows):
             new[k] += c * covariance[row, k]
     for i in range(count):
-        rest += share[i] * new[row_of[begin + order[i]]]
+        rest += fraction[i] * new[row_of[begin + order[i]]]
     for k in range(rows):
         covariance[rows, k] = new[k]
         covariance[k, rows] = new[k]
@@ -264,10 +264,10 @@ def learn_rows(weights: Array, regression: CoarseRegression | FineRegression, co
     if not variance >= NOISE * NOISE:  # the covariance is lost to rounding
         return math.nan
     for i in range(rows):
-        share = gain[i] / variance
-        weights[weight_at[i]] += share * error
+        weight = gain[i] / variance
+        weights[weight_at[i]] += weight * error
         for k in range(rows):
-            covariance[i, k] -= share * gain[k]
+            covariance[i, k] -= weight * gain[k]
     return error
 
 

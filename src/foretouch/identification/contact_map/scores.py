@@ -74,10 +74,10 @@ def score(bank: Bank, snapshot: Map, sample: tuple[float, float, float], contact
     shapes = (1.0, mixed * mixed, (velocity / SPEED) ** 2)
     moments, targets = notes.moments, notes.targets
     for i in range(UNCERTAINTIES):
-        share = weight * shapes[i]
-        targets[i] = targets[i] * fading + share * squared
+        fraction = weight * shapes[i]
+        targets[i] = targets[i] * fading + fraction * squared
         for j in range(UNCERTAINTIES):
-            moments[i, j] = moments[i, j] * fading + share * shapes[j]
+            moments[i, j] = moments[i, j] * fading + fraction * shapes[j]
     # None may be negative, or more than the peak: coordinate descent from the former values.
     inverse = 1.0 / scale_of
     for _ in range(3):
@@ -98,7 +98,7 @@ def allot(bank: Bank) -> None:
     learnt, notes = bank.map[0], bank.notes[0]
     first = max(FIRST_TIME * math.exp(-notes.contact / FIRST_TIME), 1e-9)  # for nothing may have been scored yet
     depth = max(learnt.reached + learnt.origin, 1e-6)
-    shares, total = learnt.shares, 0.0
+    weights, total = learnt.shares, 0.0
     for k in range(EXPERTS):
         squared = (notes.scores[k] + first * (FIRST_ERRORS[k] * notes.peak) ** 2) / (notes.scored + first)
         penalty = PENALTIES[k]
@@ -108,13 +108,13 @@ def allot(bank: Bank) -> None:
             penalty *= max(1.0, depth / FINE_DEPTH)
         unknown = bank.absent[k] > 0 or (k == 0 and not learnt.law[0] > 0.0)
         fourth = (squared * penalty**2 + 1e-12) ** 2
-        shares[k] = 0.0 if unknown else 1.0 / (fourth * fourth)
-        total += shares[k]
+        weights[k] = 0.0 if unknown else 1.0 / (fourth * fourth)
+        total += weights[k]
     if not total > 0.0:  # only the law, and it is not known yet
-        shares[1] = total = 1.0
+        weights[1] = total = 1.0
     kept = 0.0
     for k in range(EXPERTS):
-        shares[k] = shares[k] / total if shares[k] > LEAST_SHARE * total else 0.0
-        kept += shares[k]
+        weights[k] = weights[k] / total if weights[k] > LEAST_SHARE * total else 0.0
+        kept += weights[k]
     for k in range(EXPERTS):
-        shares[k] /= kept
+        weights[k] /= kept

@@ -74,17 +74,17 @@ def learn_noise(belief: Belief, settings: Settings, squared: float, size: float,
     if belief.count < 20.0 or not m4 > 0.0:
         return
     determinant = m0 * m4 - m2 * m2
-    constant, share = 0.0, b2 / m4
+    constant, fraction = 0.0, b2 / m4
     if determinant > 1e-6 * m0 * m4:
         constant = (b0 * m4 - b2 * m2) / determinant
-        share = (b2 * m0 - b0 * m2) / determinant
+        fraction = (b2 * m0 - b0 * m2) / determinant
         if constant < 0.0:
-            constant, share = 0.0, b2 / m4
-        elif share < 0.0:
-            constant, share = b0 / m0, 0.0
+            constant, fraction = 0.0, b2 / m4
+        elif fraction < 0.0:
+            constant, fraction = b0 / m0, 0.0
     largest = settings.largest_noise**2
     belief.constant_noise = min(constant, largest * belief.power)
-    belief.share_noise = min(share, largest)
+    belief.share_noise = min(fraction, largest)
 
 
 @inlined
@@ -175,9 +175,9 @@ def update(
     belief.power += rate * (force * force - belief.power)
     size = max(math.sqrt(abs(expected * force)), 0.1 * math.sqrt(belief.power), SMALLEST_FORCE)
     ignorance = math.exp(-belief.moving_time / settings.ignorance_time)
-    share = max(belief.share_noise, settings.least_noise**2)
-    share += ignorance * (settings.first_noise**2 - share)
-    variance = belief.constant_noise + share * size * size + (settings.surface_noise * belief.slope[4]) ** 2
+    weight = max(belief.share_noise, settings.least_noise**2)
+    weight += ignorance * (settings.first_noise**2 - weight)
+    variance = belief.constant_noise + weight * size * size + (settings.surface_noise * belief.slope[4]) ** 2
     normalised = innovation * innovation / (variance + uncertainty)
 
     # A sudden change: several large innovations in a row. The law is forgotten, but not the noise.

@@ -216,11 +216,11 @@ class _ExactFilter(Estimator):
         if model is None:
             return {}
         errors = self._errors()
-        found: dict[str, float | None] = {}
+        values: dict[str, float | None] = {}
         for name, value in zip(model.parameter_names, model.parameters, strict=True):
             limit = LARGEST_EXPONENT_ERROR if name in ("exponent", "switching") else value
-            found[name] = value if errors[name] <= limit else None
-        return found
+            values[name] = value if errors[name] <= limit else None
+        return values
 
     @property
     def standard_errors(self) -> dict[str, float | None] | None:

@@ -55,8 +55,8 @@ def refusal(depth: float, velocity: float, force: float, gate_depth: float, gate
 @inlined
 def weight_of(force: float, factor: float) -> float:
     """(F / weight_force)^2 within 1e-12 and 1e12; 1 where the factor is 0."""
-    share = force * factor
-    square = share * share
+    weight = force * factor
+    square = weight * weight
     square = square if square > 1e-12 else 1e-12
     square = square if square < 1e12 else 1e12
     return square if factor > 0.0 else 1.0

@@ -91,7 +91,7 @@ def load(
 def _features(lanes: Lanes, options: Packed, factor: float) -> None:
     """Logarithms, rates, forgetting factors of one sample of each lane; those of depth 1 m and 1 N where refused."""
     gate_depth, gate_force, largest = options.gate_depth, options.gate_force, options.largest_rate
-    floor, share, rate = options.floor, options.share, options.rate
+    floor, weight, rate = options.floor, options.share, options.rate
     log_scale = options.log_scale
     velocity_factor, rate_factor = options.velocity_factor, options.rate_factor
     for lane in range(LANES):
@@ -105,7 +105,7 @@ def _features(lanes: Lanes, options: Packed, factor: float) -> None:
         lanes.last[lane] = depth if taken else last
         lanes.taken[lane] = 1.0 if taken else 0.0
         depth, velocity, force = depth if taken else 1.0, velocity if taken else 0.0, force if taken else 1.0
-        mu = forgetting(moved, floor, share, rate)
+        mu = forgetting(moved, floor, weight, rate)
         lanes.memory[lane] = mu
         lanes.inverse_memory[lane] = 1.0 / mu
         lanes.noise[lane] = mu / weight_of(force, factor)

@@ -96,8 +96,8 @@ class RobustOptions:
         """Weight of the logarithm of a force [N]."""
         if self.weight_force is None:
             return 1.0
-        share = force / self.weight_force
-        return min(max(share * share, 1e-12), 1e12)
+        weight = force / self.weight_force
+        return min(max(weight * weight, 1e-12), 1e12)
 
     def bounded_rate(self, velocity: float, depth: float) -> float:
         """Velocity over depth, v / x [1/s], within its bound."""

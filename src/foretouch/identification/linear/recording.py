@@ -112,7 +112,7 @@ def gather(
 def features(blocks: NDArray[np.void], count: int, options: Packed) -> None:
     """Compute logarithms, rates, forgetting factors and weights of a block."""
     block, largest = blocks[0], options.largest_rate
-    floor, share, rate = options.floor, options.share, options.rate
+    floor, fraction, rate = options.floor, options.share, options.rate
     factor = options.weight
     for i in range(count):
         block.log_depth[i] = logarithm(block.depth[i])
@@ -120,7 +120,7 @@ def features(blocks: NDArray[np.void], count: int, options: Packed) -> None:
     for i in range(count):
         block.rate[i] = bounded_rate(block.depth[i], block.velocity[i], largest)
     for i in range(count):
-        mu = forgetting(block.moved[i], floor, share, rate)
+        mu = forgetting(block.moved[i], floor, fraction, rate)
         block.memory[i] = mu
         block.inverse_memory[i] = 1.0 / mu
         block.noise[i] = mu

@@ -135,20 +135,20 @@ def recover(linear: tuple[float, float, float, float], covariance: Array | None,
     damping = b1 * reference + b2
     if not (damping > 0.0 and math.isfinite(damping)):
         return unknown
-    share = b2 / damping
-    if not -SHARE_MARGIN <= share <= 1.0 + SHARE_MARGIN:
+    weight = b2 / damping
+    if not -SHARE_MARGIN <= weight <= 1.0 + SHARE_MARGIN:
         return unknown
     if covariance is None:
         return unknown
     # Plain floats from here: they overflow to inf and not to a warning, and no inf passes the comparisons.
     (c11, c12), (_, c22) = covariance[2:, 2:].tolist()
-    by_b1, by_b2 = -share * (reference / damping), b1 / damping * (reference / damping)
+    by_b1, by_b2 = -weight * (reference / damping), b1 / damping * (reference / damping)
     if not by_b1 * by_b1 * c11 + 2.0 * by_b1 * by_b2 * c12 + by_b2 * by_b2 * c22 <= LARGEST_UNCERTAINTY**2:
         return unknown
-    if share <= 0.0 or share >= 1.0:
-        switching = 0.0 if share <= 0.0 else 1.0
+    if weight <= 0.0 or weight >= 1.0:
+        switching = 0.0 if weight <= 0.0 else 1.0
     else:
-        switching = float(_switching_of_share(inverse_depth, weights, reference, share))
+        switching = float(_switching_of_share(inverse_depth, weights, reference, weight))
     a1, a2 = inverse_power_fit(inverse_depth, weights, switching)
     damping *= stiffness / (a1 * reference + a2)
     return Recovered(stiffness, damping, s - switching, switching) if math.isfinite(damping) else unknown

@@ -51,11 +51,11 @@ def restart(state: State, options: Packed) -> None:
 @inlined
 def count_depth(state: State, log_depth: float, velocity: float, inverse_mu: float, weight: float) -> None:
     """One sample more in the histogram of depths; see `recovery.DepthSummary`."""
-    place = int(log_depth * BINS_PER_LOG + BINS)
-    place = min(max(place, 0), BINS - 1)
+    index = int(log_depth * BINS_PER_LOG + BINS)
+    index = min(max(index, 0), BINS - 1)
     square = velocity * velocity
     state.gain *= inverse_mu
-    state.bins[place] += state.gain * weight * (square if square < 1e6 else 1e6)
+    state.bins[index] += state.gain * weight * (square if square < 1e6 else 1e6)
     if state.gain > LARGEST_GAIN:
         for i in range(BINS):
             state.bins[i] /= state.gain

@@ -202,15 +202,15 @@ def experts(
     Numbers, which compiled code keeps in registers; written to an array they take three times as long. Without
     `everything`, an expert is not evaluated where its weight is zero.
     """
-    shares = learnt.shares
+    weights = learnt.shares
     coarse = map_force(learnt, learnt.coarse, COARSE, position, values)
     # Further out than the visited range the law, which knows one surface, has no weight.
-    asked = everything or shares[0] > 0.0
+    asked = everything or weights[0] > 0.0
     law = law_force(learnt, position, velocity) if asked and position >= learnt.lowest else coarse
     # Deeper than its knots the fine map has no weight either.
-    asked = everything or shares[2] > 0.0
+    asked = everything or weights[2] > 0.0
     fine = map_force(learnt, learnt.fine, FINE, position, values) if asked and position < layout.FINE_REACH else coarse
-    force = shares[0] * law + shares[1] * coarse + shares[2] * fine
+    force = weights[0] * law + weights[1] * coarse + weights[2] * fine
     if position > learnt.reached:
         force = min(force, layout.MOST * learnt.felt)
     return law, coarse, fine, min(force, layout.LARGEST_FORCE) if force >= 0.0 else 0.0  # 0 where it is no number
@@ -237,8 +237,8 @@ def advanced(learnt: Map, memory: Memory, depth: float, velocity: float, period:
     force = force_at(learnt, memory, position, velocity)
     variance = uncertainty(learnt, force, velocity)
     if position > learnt.reached:  # extrapolation along the slope is uncertain
-        share = (position - learnt.reached) / max(position + learnt.origin, 1e-9)
-        variance += (min(share, 1.0) * force) ** 2
+        weight = (position - learnt.reached) / max(position + learnt.origin, 1e-9)
+        variance += (min(weight, 1.0) * force) ** 2
     return memory, force, math.sqrt(variance)
 
 

@@ -180,15 +180,17 @@ def summarise_map(model: ContactMapModel) -> MapSummary:
     learnt = model._maps[0]
     depth = max(float(learnt.reached + learnt.origin), 0.0)
     law, coarse, fine = model.shares
-    depths = tuple(share * depth for share in DEPTH_SHARES) if depth > 0.0 else ()
+    depths = tuple(weight * depth for weight in DEPTH_SHARES) if depth > 0.0 else ()
     step = STEP * depth
     return MapSummary(
         {"law": law, "coarse": coarse, "fine": fine},
         depth,
         float(learnt.law_speed),
         depths,
-        tuple(_at_rest(model, place) for place in depths),
-        tuple((_at_rest(model, place + step) - _at_rest(model, place - step)) / (2.0 * step) for place in depths),
+        tuple(_at_rest(model, position) for position in depths),
+        tuple(
+            (_at_rest(model, position + step) - _at_rest(model, position - step)) / (2.0 * step) for position in depths
+        ),
     )
 
 

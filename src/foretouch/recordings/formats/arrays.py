@@ -32,7 +32,7 @@ def column_shapes(name: str, shape: tuple[int, ...]) -> Iterator[tuple[str, int]
     if len(lengths) == 1:
         yield name, lengths[0]
     elif len(lengths) == 2 and min(lengths) <= MOST_COLUMNS:
-        yield from ((f"{name}[{place}]", max(lengths)) for place in range(min(lengths)))
+        yield from ((f"{name}[{position}]", max(lengths)) for position in range(min(lengths)))
 
 
 def column_of(array: NDArray[np.generic], place: int | None) -> NDArray[np.float64]:
@@ -68,12 +68,12 @@ class Hdf5Table(Table):
         """Columns by name."""
         require_names(self.path, list(self._places), names)
         with self._opened() as file:
-            found = {}
+            values = {}
             for name in names:
-                dataset, field, place = self._places[name]
+                dataset, field, position = self._places[name]
                 content = file[dataset][field] if field else file[dataset][()]
-                found[name] = column_of(content, place)
-        return found
+                values[name] = column_of(content, position)
+        return values
 
     @contextlib.contextmanager
     def _opened(self) -> Iterator[Any]:
@@ -81,19 +81,19 @@ class Hdf5Table(Table):
             yield file
 
     def _datasets(self, file: Any) -> list[tuple[str, Any]]:
-        found: list[tuple[str, Any]] = []
+        results: list[tuple[str, Any]] = []
 
         def look(name: str, item: Any) -> None:
-            if name.count("/") > DEEPEST_GROUP or len(found) > MOST_DATASETS:
+            if name.count("/") > DEEPEST_GROUP or len(results) > MOST_DATASETS:
                 what = f"groups within groups deeper than {DEEPEST_GROUP}, or more than {MOST_DATASETS} datasets"
                 raise RecordingError(self.path, f"has {what}: no recording has")
             hidden = name.startswith("#")  # where MATLAB keeps what its cells refer to
             text = _text(item.attrs.get("MATLAB_class", "")) in ("char", "cell", "function_handle")
             if isinstance(item, self._h5py.Dataset) and not hidden and not text:
-                found.append((name, item))
+                results.append((name, item))
 
         file.visititems(look)
-        return found
+        return results
 
     def _columns_of(self, name: str, dataset: Any) -> list[Column]:
         unit = next((_text(dataset.attrs[key]) for key in UNIT_ATTRIBUTES if key in dataset.attrs), "")
@@ -103,8 +103,8 @@ class Hdf5Table(Table):
         for whole, field, kind in parts or [(name, "", dataset.dtype)]:
             if kind.kind not in "fiu":
                 continue
-            for place, (column, length) in enumerate(column_shapes(whole, dataset.shape or ())):
-                self._places[column] = name, field, (None if column == whole else place)
+            for index, (column, length) in enumerate(column_shapes(whole, dataset.shape or ())):
+                self._places[column] = name, field, (None if column == whole else index)
                 columns.append(Column(column, str(kind), length, unit))
         return columns
 
@@ -138,8 +138,8 @@ class MatTable(Table):
         self._arrays: dict[str, tuple[NDArray[np.generic], int | None]] = {}
         columns = []
         for name, array in _arrays(self.variables, "", 0):
-            for place, (column, length) in enumerate(column_shapes(name, array.shape)):
-                self._arrays[column] = array, (None if column == name else place)
+            for index, (column, length) in enumerate(column_shapes(name, array.shape)):
+                self._arrays[column] = array, (None if column == name else index)
                 columns.append(Column(column, str(array.dtype), length))
         self.columns = tuple(columns)
 
@@ -155,8 +155,8 @@ def _arrays(value: Any, name: str, depth: int) -> Iterator[tuple[str, NDArray[np
     if isinstance(value, np.ndarray) and value.dtype.kind in "fiu":
         yield name, value
     elif isinstance(value, np.ndarray) and value.dtype == object and value.ndim == 1:
-        for place, part in enumerate(value[:1000]):
-            yield from _arrays(part, f"{name}[{place}]", depth + 1)
+        for index, part in enumerate(value[:1000]):
+            yield from _arrays(part, f"{name}[{index}]", depth + 1)
     elif isinstance(value, dict):
         for key, part in value.items():
             yield from _arrays(part, f"{name}.{key}" if name else key, depth + 1)

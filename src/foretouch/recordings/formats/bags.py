@@ -45,8 +45,8 @@ def definitions_of(type_name: str, text: str, encoding: str) -> Definitions:
 
 def _parsed(typesys: Any, type_name: str, text: str, encoding: str) -> Definitions:
     if encoding == "ros2msg":
-        found: Definitions = typesys.get_types_from_msg(text, type_name)
-        return found
+        result: Definitions = typesys.get_types_from_msg(text, type_name)
+        return result
     types: dict[str, Any] = {}
     parts = [part.split("\n", 1)[1] for part in text.split(_SEPARATOR) if part.startswith("IDL: ")]
     for part in parts or [text]:
@@ -67,17 +67,17 @@ class RosBag(Bag):
 
     def fields(self, topic: str) -> tuple[Column, ...]:
         """As `Bag.fields`."""
-        found = self.topic(topic)
+        result = self.topic(topic)
         try:
-            raws, _ = self.messages(found, 1)
+            raws, _ = self.messages(result, 1)
             if not raws:
                 return ()
-            places = Places(raws[0], self._definitions(found), found.type_name)
+            positions = Places(raws[0], self._definitions(result), result.type_name)
         except (ValueError, RecordingError):
             return ()
-        shown = ((name, np.dtype(code), offset) for name, code, offset in places.fields())
+        shown = ((name, np.dtype(code), offset) for name, code, offset in positions.fields())
         return tuple(
-            Column(name, code.name, found.count, example=float(np.frombuffer(raws[0], code, 1, offset)[0]))
+            Column(name, code.name, result.count, example=float(np.frombuffer(raws[0], code, 1, offset)[0]))
             for name, code, offset in shown
         )
 
@@ -89,18 +89,18 @@ class RosBag(Bag):
 
     def read(self, topic: str, fields: Sequence[str], within: int | None = None) -> Series:
         """As `Bag.read`."""
-        found = self.topic(topic)
-        raws, log_ns = self.messages(found, None if within is None else self._fitting(found, within))
+        result = self.topic(topic)
+        raws, log_ns = self.messages(result, None if within is None else self._fitting(result, within))
         if not raws:
             raise RecordingError(self.path, f"{topic} has no messages")
         try:
-            definitions = self._definitions(found)
-            stamped = "header" in dict(definitions[found.type_name][1])
-            values, present = extract(raws, definitions, found.type_name, [*fields, *(STAMP if stamped else ())])
+            definitions = self._definitions(result)
+            stamped = "header" in dict(definitions[result.type_name][1])
+            values, present = extract(raws, definitions, result.type_name, [*fields, *(STAMP if stamped else ())])
         except ValueError as error:
             raise RecordingError(self.path, f"{topic}: {error}") from None
         if not present.any():
-            self._refuse(found, raws[0], fields)
+            self._refuse(result, raws[0], fields)
         kept = {name: values[name][present] for name in fields}
         stamps = None
         if stamped:
@@ -118,10 +118,10 @@ class RosBag(Bag):
         return definitions_of(topic.type_name, *self.definition(topic))
 
     def _refuse(self, topic: Topic, raw: bytes, fields: Sequence[str]) -> None:
-        places = Places(raw, self._definitions(topic), topic.type_name)
-        missing = [field for field in fields if places.find(field) is None]
-        there = listed(name for name, _, _ in places.fields(8))
-        why = f" ({places.problem})" if places.problem else ""
+        positions = Places(raw, self._definitions(topic), topic.type_name)
+        missing = [field for field in fields if positions.find(field) is None]
+        there = listed(name for name, _, _ in positions.fields(8))
+        why = f" ({positions.problem})" if positions.problem else ""
         problem = f"{topic.name} ({topic.type_name}) has no number {', '.join(missing)}; it has {there}{why}"
         raise RecordingError(self.path, problem)
 
@@ -145,10 +145,12 @@ class Rosbag2(RosBag):
         with foreign(self.path, "rosbag2"):
             self._reader = reader = self._opened()
             self._definitions_by_type = {
-                found.msgtype: (found.msgdef.data, "ros2idl" if found.msgdef.format.name == "IDL" else "ros2msg")
-                for found in reader.connections
+                result.msgtype: (result.msgdef.data, "ros2idl" if result.msgdef.format.name == "IDL" else "ros2msg")
+                for result in reader.connections
             }
-            self.topics = gathered(Topic(found.topic, found.msgtype, found.msgcount) for found in reader.connections)
+            self.topics = gathered(
+                Topic(result.topic, result.msgtype, result.msgcount) for result in reader.connections
+            )
             self.begin_ns = reader.start_time if reader.message_count else 0
             self.end_ns = reader.end_time - 1 if reader.message_count else 0
             file = Path(path).is_file()
@@ -162,9 +164,9 @@ class Rosbag2(RosBag):
     def messages(self, topic: Topic, most: int | None = None) -> tuple[list[bytes], NDArray[np.int64]]:
         """As `RosBag.messages`."""
         with foreign(self.path, "rosbag2"):
-            wanted = [found for found in self._reader.connections if found.topic == topic.name]
-            found = contextlib.closing(self._reader.messages(wanted)) if wanted else contextlib.nullcontext(())
-            with found as messages:
+            wanted = [result for result in self._reader.connections if result.topic == topic.name]
+            result = contextlib.closing(self._reader.messages(wanted)) if wanted else contextlib.nullcontext(())
+            with result as messages:
                 pairs = [(bytes(raw), at) for _, at, raw in islice(messages, most)]
         raws, times = zip(*pairs, strict=True) if pairs else ((), ())
         return list(raws), np.array(times, dtype=np.int64)

@@ -233,10 +233,10 @@ class Places:
             return None
         code, offset, count = self.numbers[match[1]]
         texts = [text for _, text in self.texts.get(_names_beside(match[1]), [])]
-        place = int(match[2]) if match[2].isdecimal() else texts.index(match[2]) if match[2] in texts else -1
-        if count is None or not 0 <= place < count:
+        position = int(match[2]) if match[2].isdecimal() else texts.index(match[2]) if match[2] in texts else -1
+        if count is None or not 0 <= position < count:
             return None
-        return code, offset + place * np.dtype(code).itemsize
+        return code, offset + position * np.dtype(code).itemsize
 
     def fields(self, most: int = 32) -> Iterator[tuple[str, str, int]]:
         """Name, dtype and offset of each number, of arrays the first `most`."""
@@ -244,8 +244,8 @@ class Places:
             if count is None:
                 yield name, code, offset
                 continue
-            for place in range(min(count, most)):
-                yield f"{name}[{place}]", code, offset + place * np.dtype(code).itemsize
+            for position in range(min(count, most)):
+                yield f"{name}[{position}]", code, offset + position * np.dtype(code).itemsize
 
     def same(self, table: NDArray[np.uint8], fields: Sequence[str], end: int) -> NDArray[np.bool_]:
         """Flags of the rows of bytes that have these offsets too, as far as bytes before `end` go."""
@@ -288,8 +288,8 @@ class Places:
         if int(element[0]) == NAME:
             if count > _LONGEST:
                 raise ValueError(f"{name} has {count} parts: only what stands before it is read")
-            for place in range(count):
-                self._message(element[1], f"{name}[{place}].")
+            for index in range(count):
+                self._message(element[1], f"{name}[{index}].")
         elif element[1][0] == "string":
             self.texts[name] = [self._text() for _ in range(min(count, len(self._data)))]
         elif count:
@@ -330,19 +330,19 @@ def extract(
     layouts = 0
     for size in np.unique(sizes):
         left = np.flatnonzero(sizes == size)
-        table = np.frombuffer(b"".join([raws[place] for place in left.tolist()]), np.uint8).reshape(left.size, size)
+        table = np.frombuffer(b"".join([raws[index] for index in left.tolist()]), np.uint8).reshape(left.size, size)
         while left.size:
-            places = Places(raws[int(left[0])], definitions, type_name)
-            found = {field: places.find(field) for field in fields}
-            whole = {field: place for field, place in found.items() if place is not None}
+            positions = Places(raws[int(left[0])], definitions, type_name)
+            results = {field: positions.find(field) for field in fields}
+            whole = {field: index for field, index in results.items() if index is not None}
             end = max((offset + 8 for _, offset in whole.values()), default=int(size))
             layouts += 1
             if layouts > _MOST_LAYOUTS:  # each message is another: one by one, so that it stays linear
                 same, rows = np.arange(left.size) == 0, table[:1]
             else:
-                same = places.same(table, fields, end if len(whole) == len(found) else int(size))
+                same = positions.same(table, fields, end if len(whole) == len(results) else int(size))
                 rows = table[same]
-            if len(whole) == len(found):
+            if len(whole) == len(results):
                 chosen = left[same]
                 present[chosen] = True
                 for field, (code, offset) in whole.items():

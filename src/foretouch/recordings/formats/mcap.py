@@ -137,10 +137,10 @@ class McapFile(RosBag):
 
     def definition(self, topic: Topic) -> tuple[str, str]:
         """As `RosBag.definition`."""
-        channel = next(found for found in self._channels.values() if found.topic == topic.name)
+        channel = next(result for result in self._channels.values() if result.topic == topic.name)
         if channel.message_encoding != "cdr":
-            said = channel.message_encoding or "in no stated encoding"
-            raise RecordingError(self.path, f"messages of {topic.name} are {said}: only CDR of ROS 2 is read")
+            text = channel.message_encoding or "in no stated encoding"
+            raise RecordingError(self.path, f"messages of {topic.name} are {text}: only CDR of ROS 2 is read")
         schema = self._schemas.get(channel.schema_id)
         return (bytes(schema.data).decode(errors="replace"), schema.encoding) if schema else ("", "")
 
@@ -148,8 +148,8 @@ class McapFile(RosBag):
         """As `RosBag.messages`."""
         wanted = {number for number, channel in self._channels.items() if channel.topic == topic.name}
         with Path(self.path).open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-            found = list(islice(self._messages_of(data, wanted), most))
-        return [raw for _, raw in found], np.array([time for time, _ in found], dtype=np.int64)
+            results = list(islice(self._messages_of(data, wanted), most))
+        return [raw for _, raw in results], np.array([time for time, _ in results], dtype=np.int64)
 
     def _messages_of(self, data: mmap.mmap, wanted: set[int]) -> Iterator[tuple[int, bytes]]:
         """Log time and bytes of each message of some channels."""

@@ -80,9 +80,9 @@ class BlockFile:
 
     def keep(self) -> None:
         """Give the contents of a removed file a name again, in the nearest folder that is still there, and go on."""
-        place = next(folder for folder in self._absolute.parents if folder.is_dir())
+        point = next(folder for folder in self._absolute.parents if folder.is_dir())
         names = (f"{self.path.stem}-kept{number or ''}{self.path.suffix}" for number in range(1000))
-        path = next(place / name for name in names if not (place / name).exists())
+        path = next(point / name for name in names if not (point / name).exists())
         descriptor = _create(path)
         try:
             position = 0
@@ -143,8 +143,8 @@ _ENTRY = 16  # bytes of an entry of a message index
 
 def counts_record(counts: Mapping[str, int]) -> bytes:
     """Bytes of the metadata record that holds a session's counters."""
-    said = {name: str(int(count)) for name, count in counts.items()}
-    return mcap.record_bytes(optional("mcap.records").Metadata(COUNTS, said))
+    texts = {name: str(int(count)) for name, count in counts.items()}
+    return mcap.record_bytes(optional("mcap.records").Metadata(COUNTS, texts))
 
 
 def append_index(file: BlockFile, schemas: list[Any], channels: list[Any]) -> None:
@@ -153,24 +153,24 @@ def append_index(file: BlockFile, schemas: list[Any], channels: list[Any]) -> No
     The memory that this takes does not grow with the file. Where it cannot be written (an OSError) the file is as it
     was.
     """
-    end, records, found = file.tell(), optional("mcap.records"), _Found()
+    end, records, result = file.tell(), optional("mcap.records"), _Found()
     try:
         file.write(mcap.record_bytes(records.DataEnd(0)))
         summary = _Summary(file)
         summary.group(mcap.SCHEMA, map(mcap.record_bytes, schemas))
         summary.group(mcap.CHANNEL, map(mcap.record_bytes, channels))
-        summary.group(mcap.CHUNK_INDEX, _chunk_indexes(file, end, found))
-        summary.group(mcap.METADATA_INDEX, map(mcap.record_bytes, found.metadata))
-        summary.group(mcap.ATTACHMENT_INDEX, map(mcap.record_bytes, found.attachments))
+        summary.group(mcap.CHUNK_INDEX, _chunk_indexes(file, end, result))
+        summary.group(mcap.METADATA_INDEX, map(mcap.record_bytes, result.metadata))
+        summary.group(mcap.ATTACHMENT_INDEX, map(mcap.record_bytes, result.attachments))
         statistics = records.Statistics(
-            attachment_count=len(found.attachments),
+            attachment_count=len(result.attachments),
             channel_count=len(channels),
-            channel_message_counts=dict(sorted(found.messages.items())),
-            chunk_count=found.chunks,
-            message_count=found.messages.total(),
-            message_end_time=found.last,
-            message_start_time=found.first or 0,
-            metadata_count=len(found.metadata),
+            channel_message_counts=dict(sorted(result.messages.items())),
+            chunk_count=result.chunks,
+            message_count=result.messages.total(),
+            message_end_time=result.last,
+            message_start_time=result.first or 0,
+            metadata_count=len(result.metadata),
             schema_count=len(schemas),
         )
         summary.group(mcap.STATISTICS, [mcap.record_bytes(statistics)])
@@ -197,13 +197,13 @@ class _Found:
         self.last = max(self.last, last)
 
 
-def _chunk_indexes(file: BlockFile, end: int, found: _Found) -> Iterator[bytes]:
+def _chunk_indexes(file: BlockFile, end: int, result: _Found) -> Iterator[bytes]:
     """Index record of each block; the rest of the file is added up on the way."""
     chunk: Any = None
     for code, start, stop in mcap.records_read(file.read_at, len(mcap.MAGIC), end):
         if code == mcap.MESSAGE_INDEX:
             channel, length = _index_head.unpack(file.read_at(start, _index_head.size))
-            found.messages[channel] += length // _ENTRY
+            result.messages[channel] += length // _ENTRY
             chunk.message_index_offsets[channel] = start - mcap.RECORD.size
             chunk.message_index_length += stop - start + mcap.RECORD.size
             continue
@@ -212,14 +212,14 @@ def _chunk_indexes(file: BlockFile, end: int, found: _Found) -> Iterator[bytes]:
             chunk = None
         if code == mcap.CHUNK:
             chunk = _chunk_index(file, start, stop)
-            found.chunks += 1
-            found.span(chunk.message_start_time, chunk.message_end_time)
+            result.chunks += 1
+            result.span(chunk.message_start_time, chunk.message_end_time)
         elif code == mcap.MESSAGE:
             channel, _, log_time, _ = mcap.MESSAGE_HEAD.unpack(file.read_at(start, mcap.MESSAGE_HEAD.size))
-            found.messages[channel] += 1
-            found.span(log_time, log_time)
+            result.messages[channel] += 1
+            result.span(log_time, log_time)
         elif code in (mcap.METADATA, mcap.ATTACHMENT):
-            _named(file, code, start, stop, found)
+            _named(file, code, start, stop, result)
     if chunk is not None:
         yield mcap.record_bytes(chunk)
 
@@ -240,14 +240,14 @@ def _chunk_index(file: BlockFile, start: int, stop: int) -> Any:
     )
 
 
-def _named(file: BlockFile, code: int, start: int, stop: int, found: _Found) -> None:
+def _named(file: BlockFile, code: int, start: int, stop: int, result: _Found) -> None:
     records, read = optional("mcap.records"), mcap.parsed(code, file.read_at(start, stop - start))
-    place = {"offset": start - mcap.RECORD.size, "length": stop - start + mcap.RECORD.size}
+    position = {"offset": start - mcap.RECORD.size, "length": stop - start + mcap.RECORD.size}
     if code == mcap.METADATA:
-        found.metadata.append(records.MetadataIndex(name=read.name, **place))
+        result.metadata.append(records.MetadataIndex(name=read.name, **position))
         return
     copied = {name: getattr(read, name) for name in ("create_time", "log_time", "name", "media_type")}
-    found.attachments.append(records.AttachmentIndex(data_size=len(read.data), **copied, **place))
+    result.attachments.append(records.AttachmentIndex(data_size=len(read.data), **copied, **position))
 
 
 class _Summary:

@@ -69,8 +69,8 @@ def numbers_of(column: Any) -> NDArray[np.float64]:
 
 
 def _unit_of(field: Any) -> str:
-    said = (field.metadata or {}).get(b"unit") or (field.metadata or {}).get(b"units") or b""
-    return str(said.decode(errors="replace"))
+    text = (field.metadata or {}).get(b"unit") or (field.metadata or {}).get(b"units") or b""
+    return str(text.decode(errors="replace"))
 
 
 SEPARATORS: Final = (",", ";", "\t")
@@ -125,7 +125,7 @@ class CsvTable(Table):
             rows = [row for _, row in islice(self._rows(), LOOKED_AT)]
         comma = self._separator != "," and any(_DECIMAL_COMMA.match(cell) for row in rows for cell in row)
         self._decimal = "," if comma else "."
-        kinds = [_kind([row[place] for row in rows if place < len(row)]) for place in range(len(top.names))]
+        kinds = [_kind([row[index] for row in rows if index < len(row)]) for index in range(len(top.names))]
         self.columns = tuple(
             Column(name, kind, unit=unit) for name, kind, unit in zip(top.names, kinds, top.units, strict=True)
         )
@@ -144,9 +144,9 @@ class CsvTable(Table):
                 return _Top(" ", _cells(line.strip(), " "), [""] * len(line.split()), lines, lines)
             if _filled(line) < FEWEST:
                 below += [self._line(file, lines + 1 + more) for more in range(1, LOOKED_AT)]
-                found = _under_a_preamble(lines + 1, below)
-                if found is not None:
-                    return replace(found, passed_over=found.passed_over + 1)
+                result = _under_a_preamble(lines + 1, below)
+                if result is not None:
+                    return replace(result, passed_over=result.passed_over + 1)
         separator = _separator_of(line)
         names, above = _cells(line, separator), _cells(remark, separator)
         if any(map(_is_number, names)) and len(above) == len(names) and not any(map(_is_number, above)):
@@ -192,21 +192,21 @@ class CsvTable(Table):
 
     def read_carefully(self, names: Sequence[str]) -> dict[str, NDArray[np.float64]]:
         """The columns, or a `RecordingError` that names the row."""
-        places = [(name, self.header.index(name)) for name in names]
+        positions = [(name, self.header.index(name)) for name in names]
         columns: dict[str, list[float]] = {name: [] for name in names}
         for line, cells in self._rows():
             if len(cells) != len(self.header):
                 problem = f"{len(cells)} values, the header names {len(self.header)} columns"
                 raise RecordingError(self.path, problem, row=line)
-            for name, place in places:
-                columns[name].append(self._number(name, cells[place], line))
+            for name, index in positions:
+                columns[name].append(self._number(name, cells[index], line))
         return {name: np.array(values, dtype=np.float64) for name, values in columns.items()}
 
     def texts(self, name: str) -> list[str]:
         """The cells of a column as they stand."""
         require_names(self.path, self.header, [name], row=self._header_row)
-        place = self.header.index(name)
-        return [cells[place].strip() for _, cells in self._rows()]
+        index = self.header.index(name)
+        return [cells[index].strip() for _, cells in self._rows()]
 
     def row_of(self, sample: int) -> int:
         """Line of a sample, as an editor counts: blank lines, and those within quotes, count too."""
@@ -261,16 +261,16 @@ def _by_spaces(line: str, below: str) -> bool:
 
 def _under_a_preamble(first: int, lines: list[str]) -> _Top | None:
     """The header below lines of fewer columns: names, perhaps units, and then as many cells with numbers among them."""
-    for place, line in enumerate(lines[:-1]):
+    for index, line in enumerate(lines[:-1]):
         separator = _separator_of(line)
         names = _cells(line, separator)
         if _filled(line) < FEWEST or any(map(_is_number, names)):
             continue
-        top = _header(separator, names, lines[place + 1], first + place)
+        top = _header(separator, names, lines[index + 1], first + index)
         samples = lines[top.lines - first + 1 :]
         cells = _cells(samples[0], separator) if samples else []
         if len(cells) == len(names) and sum(map(_is_number, cells)) >= FEWEST:
-            return replace(top, passed_over=sum(bool(above.strip()) for above in lines[:place]))
+            return replace(top, passed_over=sum(bool(above.strip()) for above in lines[:index]))
     return None
 
 

@@ -254,8 +254,8 @@ def quaternion(turn: Sequence[float]) -> tuple[float, float, float, float]:
     .. math:: q = \left(\frac{\sin(\theta / 2)}{\theta} v, \cos(\theta / 2)\right), \quad \theta = \lVert v \rVert
     """
     angle = math.sqrt(turn[0] ** 2 + turn[1] ** 2 + turn[2] ** 2)
-    share = math.sin(0.5 * angle) / angle if angle > 0.0 else 0.5
-    return share * turn[0], share * turn[1], share * turn[2], math.cos(0.5 * angle)
+    fraction = math.sin(0.5 * angle) / angle if angle > 0.0 else 0.5
+    return fraction * turn[0], fraction * turn[1], fraction * turn[2], math.cos(0.5 * angle)
 
 
 def compressed_image(time_ns: int, jpeg: bytes) -> bytes:

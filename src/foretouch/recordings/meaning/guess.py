@@ -67,16 +67,16 @@ class Guess:
     @property
     def open(self) -> tuple[str, ...]:
         """One sentence for each item that a map must still state; none where the guess is complete."""
-        said = list(self.problems) if self.stated is None else []
+        sentences = list(self.problems) if self.stated is None else []
         for name, signal, units in (("position", self.position, LENGTHS), ("force", self.force, FORCES)):
             if self.stated is not None or signal is None:
                 continue
             if signal.unit == UNKNOWN:
-                said.append(f"the unit of {_called(name, signal)} is not known ({', '.join(units)})")
+                sentences.append(f"the unit of {_called(name, signal)} is not known ({', '.join(units)})")
             elif signal.unit in NEEDS_SCALE:
                 needed = NEEDS_SCALE[signal.unit]
-                said.append(f"{_called(name, signal)} is in {signal.unit} and needs a scale, {needed}")
-        return tuple(said)
+                sentences.append(f"{_called(name, signal)} is in {signal.unit} and needs a scale, {needed}")
+        return tuple(sentences)
 
     def mapping(self) -> Mapping:
         """The map, if nothing is open."""
@@ -161,30 +161,30 @@ def _of_table(table: Table) -> Guess:
         return Guess(table.path, TimeSource(column=UNKNOWN), problems=(problem,))
     problems: list[str] = []
     candidates: dict[str, tuple[str, ...]] = {}
-    found: dict[str, tuple[str, str]] = {}
+    values: dict[str, tuple[str, str]] = {}
     for quantity in (TIME, POSITION, FORCE):
         ranked = {column.name: _rank(quantity, column.name, named[column.name]) for column in table.columns}
         best = max((score for score, _ in ranked.values()), default=0.0)
         names = [name for name, (score, _) in ranked.items() if score == best and best > 0.0]
         if len(names) == 1:
-            found[quantity] = names[0], ranked[names[0]][1]
+            values[quantity] = names[0], ranked[names[0]][1]
             continue
         candidates[quantity] = tuple(names)
         there = listed(column.name for column in table.columns)
         several = f"several columns could be {quantity}: {listed(names)}"
         problems.append(several if names else f"no column is named like {quantity}; the columns are {there}")
-    for quantity, (name, unit) in found.items():
+    for quantity, (name, unit) in values.items():
         own = rank(quantity, name_says(name))[1]
         if own and unit != own:
             problems.append(f"column {name} is in {own} by its name, and in {unit} as the file states it elsewhere")
-    time, unit = found.get(TIME, (UNKNOWN, "s"))
-    if TIME in found and not unit:
+    time, unit = values.get(TIME, (UNKNOWN, "s"))
+    if TIME in values and not unit:
         stated = named[time].unit
         unit = "s"  # that of nearly all; a time in another unit has steps that `read_with_notes` looks at
         if stated:
             problems.append(f"the unit of time {time} is not known ({', '.join(TIMES)})")
     position, force = (
-        Signal(column=found[name][0], unit=found[name][1] or UNKNOWN) if name in found else None
+        Signal(column=values[name][0], unit=values[name][1] or UNKNOWN) if name in values else None
         for name in (POSITION, FORCE)
     )
     velocity, notes = _velocity(table.columns, position), _frame_notes(position, force)
@@ -208,20 +208,20 @@ def _frame_notes(*signals: Signal | None) -> tuple[str, ...]:
         known = None if signal is None else robot_column(signal.column)
         if signal is not None and known is not None:
             x, y, _ = known.axes
-            place = f"{signal.column} is taken for {known.quantity}: {known.said}"
-            notes.append(f"{place}, z; numbers {x} and {y} are x and y (--map takes them)")
+            position = f"{signal.column} is taken for {known.quantity}: {known.said}"
+            notes.append(f"{position}, z; numbers {x} and {y} are x and y (--map takes them)")
     return tuple(notes)
 
 
 def _velocity(columns: tuple[Column, ...], position: Signal | None) -> Velocity | None:
     """The column of velocities, where there is one and its stated unit is the position's per second."""
-    found = []
+    results = []
     for column in columns:
         named = name_says(column.name, column.unit)
         unit = named.unit.replace("_s", "/s")
         if position is not None and rank(VELOCITY, named)[0] > 0.0 and unit == f"{position.unit}/s":
-            found.append(column.name)
-    return Velocity(column=found[0]) if len(found) == 1 else None
+            results.append(column.name)
+    return Velocity(column=results[0]) if len(results) == 1 else None
 
 
 def _of_bag(bag: Bag) -> Guess:

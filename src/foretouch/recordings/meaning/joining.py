@@ -116,8 +116,8 @@ def _aligned(stamps: list[Times], clocks: Clocks) -> tuple[list[Times], list[str
     if len(stamps) < 2:
         return stamps, []
     shift = clocks.medians[0] - clocks.medians[-1]
-    said = f"stamps of {clocks.topics[0]} are moved by {_seconds(shift)} (spread {_seconds(clocks.spread)})"
-    return [stamps[0] + round(shift * 1e9), *stamps[1:]], [f"{said}, as the map says: {clocks.said}"]
+    text = f"stamps of {clocks.topics[0]} are moved by {_seconds(shift)} (spread {_seconds(clocks.spread)})"
+    return [stamps[0] + round(shift * 1e9), *stamps[1:]], [f"{text}, as the map says: {clocks.said}"]
 
 
 def in_time(topic: str, times: Times, columns: dict[str, Array]) -> tuple[Times, dict[str, Array], list[str]]:
@@ -130,9 +130,9 @@ def in_time(topic: str, times: Times, columns: dict[str, Array]) -> tuple[Times,
     first = np.concatenate(([True], np.diff(times) > 0))
     columns = {name: column[order][first] for name, column in columns.items()}
     turned, double = int((step < 0).sum()), int((~first).sum())
-    said = [f"{plural(turned, 'message')} out of order, put back into it"] if turned else []
-    said += [f"{plural(double, 'message')} with the time of the one before, left out"] if double else []
-    return times[first], columns, [f"{topic}: {' and '.join(said)}"]
+    sentences = [f"{plural(turned, 'message')} out of order, put back into it"] if turned else []
+    sentences += [f"{plural(double, 'message')} with the time of the one before, left out"] if double else []
+    return times[first], columns, [f"{topic}: {' and '.join(sentences)}"]
 
 
 def at_force_times(

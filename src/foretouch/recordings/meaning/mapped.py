@@ -37,8 +37,8 @@ def _of_table(table: Table, mapping: Mapping) -> Recording:
     columns = table.read(names)
     lengths = {name: column.size for name, column in columns.items()}
     if len(set(lengths.values())) > 1:
-        said = ", ".join(f"{name} {length}" for name, length in lengths.items())
-        raise RecordingError(table.path, f"columns of unequal length: {said}; take those of one measurement")
+        text = ", ".join(f"{name} {length}" for name, length in lengths.items())
+        raise RecordingError(table.path, f"columns of unequal length: {text}; take those of one measurement")
     position, force = columns[mapping.position.column], columns[mapping.force.column]
     seconds = np.arange(position.size) / time.rate if time.rate else columns[time.column] / TIMES[time.unit]
     speed = None if velocity is None else to_si(columns[velocity.column], mapping.position, LENGTHS)
@@ -79,14 +79,14 @@ def _of_bag(bag: Bag, mapping: Mapping) -> tuple[Recording, list[str]]:
         for one in series
         if one.left_out
     ]
-    times, said = clock_of(bag.path, series, time.stamp)
-    notes += said
+    times, text = clock_of(bag.path, series, time.stamp)
+    notes += text
     ordered = []
     for one, at in zip(series, times, strict=True):
         own = {f"{one.topic} {name}": column for name, column in one.values.items()}
-        ordered_times, ordered_columns, said = in_time(one.topic, at, own)
+        ordered_times, ordered_columns, text = in_time(one.topic, at, own)
         ordered.append((ordered_times, ordered_columns))
-        notes += said
+        notes += text
     at_force, columns = ordered[0]
     notes += _too_rare(position.topic, at_force)
     if not together:

@@ -161,16 +161,16 @@ def check_mapping(source: object, mapping: Mapping) -> None:
 
 def _one_of(source: object, name: str, unit: str, units: dict[str, float]) -> None:
     if unit not in units:
-        said = "is not said" if unit == UNKNOWN else f"{unit!r} is not known"
-        raise RecordingError(source, f"[{name}] unit {said}: give one of {', '.join(units)}")
+        text = "is not said" if unit == UNKNOWN else f"{unit!r} is not known"
+        raise RecordingError(source, f"[{name}] unit {text}: give one of {', '.join(units)}")
 
 
 def to_si(values: Array, signal: Signal, units: dict[str, float]) -> Array:
     """The values of a signal in SI units; those that are in them already, bit by bit."""
     # a quotient is the correctly rounded value of 0.5 mm, a product with 1e-3 is not
     divisor = signal.sign * units[signal.unit]
-    found = values if divisor == 1.0 else values / divisor
-    return found if signal.scale == 1.0 else found * signal.scale
+    result = values if divisor == 1.0 else values / divisor
+    return result if signal.scale == 1.0 else result * signal.scale
 
 
 def write_mapping(path: str | PathLike[str], mapping: Mapping) -> None:

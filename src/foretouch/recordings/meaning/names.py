@@ -86,9 +86,9 @@ def name_says(name: str, stated_unit: str = "") -> Named:
     text = name.replace("\u03bc", "µ").strip()
     unit = stated_unit.replace("\u03bc", "µ").strip()
     for pattern in (_bracketed, _trailing):
-        found = pattern.search(text)
-        if found is not None and not found[1].isdecimal() and (pattern is _bracketed or _known(found[1])):
-            text, unit = text[: found.start()], unit or found[1]
+        result = pattern.search(text)
+        if result is not None and not result[1].isdecimal() and (pattern is _bracketed or _known(result[1])):
+            text, unit = text[: result.start()], unit or result[1]
             break
     split = re.sub(r"(?<=[a-zß-ÿ])(?=[A-Z])", " ", text)  # camelCase
     return Named(tuple(part for word in _word.findall(split) for part in _parts(_plain(word))), unit)
@@ -196,9 +196,9 @@ _indexed = re.compile(rf"(?:^|[^A-Za-z])({'|'.join(KNOWN)})[\[_. ]?(\d+)\]?\s*\Z
 
 def robot_column(name: str) -> RobotColumn | None:
     """What a column is, such as ``O_T_EE[14]`` or ``state/actual_TCP_force_2``, if along z; None for any other."""
-    found = _indexed.search(name)
-    known = KNOWN[found[1]] if found else None
-    return known if found and known is not None and int(found[2]) == known.axes[2] else None
+    result = _indexed.search(name)
+    known = KNOWN[result[1]] if result else None
+    return known if result and known is not None and int(result[2]) == known.axes[2] else None
 
 
 POSITION_UNITS: Final = {"m": 1.0, "cm": 1e2, "mm": 1e3, "um": 1e6}

@@ -78,13 +78,13 @@ def choose_topic(bag: Bag, quantity: str) -> Chosen:
     Where no topic comes as often, the same of all; positions that come so rarely are refused, for a press lies between
     two of them.
     """
-    found = sorted(_candidates(bag, quantity), key=lambda one: (-one.standing, -one.count))
-    if not found:
+    results = sorted(_candidates(bag, quantity), key=lambda one: (-one.standing, -one.count))
+    if not results:
         types = listed(f"{topic.name} ({topic.type_name})" for topic in bag.topics)
         return Chosen(None, (f"no topic has messages of a type with a {quantity}; its topics: {types}",), (), ())
-    names = tuple(one.signal.place for one in found)
-    fast = [one for one in found if one.rate >= LEAST_RATE]
-    best = [one for one in fast or found if one.standing == (fast or found)[0].standing]
+    names = tuple(one.signal.place for one in results)
+    fast = [one for one in results if one.rate >= LEAST_RATE]
+    best = [one for one in fast or results if one.standing == (fast or results)[0].standing]
     if len(best) > 1:
         return Chosen(None, (f"several topics could be {quantity}: {_some(best)}",), (), names)
     (one,) = best
@@ -94,7 +94,7 @@ def choose_topic(bag: Bag, quantity: str) -> Chosen:
             f"position {one.signal.place} comes {one.rate:.3g} times a second: one that comes less often than "
             f"{LEAST_RATE:g} times is not guessed, for a press lies between two of its messages"
         )
-    rivals = [other for other in found if other is not one and other.standing >= one.standing]
+    rivals = [other for other in results if other is not one and other.standing >= one.standing]
     if fast and rivals:
         there = ", ".join(other.signal.topic for other in rivals[:NAMED])
         more = f" and {len(rivals) - NAMED} more" if len(rivals) > NAMED else ""
@@ -120,8 +120,8 @@ def axis_note(bag: Bag, quantity: str, signal: Signal) -> tuple[str, ...]:
     if not moved[most] > moved["z"]:  # so that NaN gives no sentence
         return ()
     unit = signal.unit
-    said = f"it moves most along {most} ({_amount(moved[most], unit)} against {_amount(moved['z'], unit)})"
-    return (f'{quantity}: z is assumed, but {said}; [{quantity}] field = "{fields[most]}" takes that',)
+    text = f"it moves most along {most} ({_amount(moved[most], unit)} against {_amount(moved['z'], unit)})"
+    return (f'{quantity}: z is assumed, but {text}; [{quantity}] field = "{fields[most]}" takes that',)
 
 
 def _amount(value: float, unit: str) -> str:
@@ -131,22 +131,25 @@ def _amount(value: float, unit: str) -> str:
 def _candidates(bag: Bag, quantity: str) -> list[Candidate]:
     fields, unit = _OF[quantity]
     there = sorted((topic for topic in bag.topics if topic.count), key=lambda topic: -topic.count)
-    found: list[Candidate] = []
+    results: list[Candidate] = []
     joints = 0
     for topic in there:
         if topic.type_name in fields:
             signal = Signal(topic=topic.name, field=fields[topic.type_name], unit=unit)
-            found.append(Candidate(signal, 3, topic.count, _rate(bag, topic, len(found))))
+            results.append(Candidate(signal, 3, topic.count, _rate(bag, topic, len(results))))
         elif topic.type_name == JOINTS and quantity == POSITION:
             joints += 1
-            places = _joints_of(bag, topic) if joints <= LOOKED_INTO else ["position[0]"]
-            rate = _rate(bag, topic, len(found))
-            standing = 2 if len(places) == 1 else 1
-            found += [Candidate(Signal(topic=topic.name, field=place), standing, topic.count, rate) for place in places]
+            positions = _joints_of(bag, topic) if joints <= LOOKED_INTO else ["position[0]"]
+            rate = _rate(bag, topic, len(results))
+            standing = 2 if len(positions) == 1 else 1
+            results += [
+                Candidate(Signal(topic=topic.name, field=position), standing, topic.count, rate)
+                for position in positions
+            ]
         elif topic.type_name in PLAIN and rank(quantity, name_says(topic.name))[0] >= BY_WORD:
             signal = Signal(topic=topic.name, field=PLAIN[topic.type_name])
-            found.append(Candidate(signal, 1, topic.count, _rate(bag, topic, len(found))))
-    return found
+            results.append(Candidate(signal, 1, topic.count, _rate(bag, topic, len(results))))
+    return results
 
 
 def _joints_of(bag: Bag, topic: Topic) -> list[str]:

@@ -188,8 +188,8 @@ class _Scan:
             elif code == mcap.FOOTER:
                 ended = data[end : end + len(mcap.MAGIC)] == mcap.MAGIC
                 break
-        for kind, places in spans.items():
-            self._take(kind, data, places)
+        for kind, positions in spans.items():
+            self._take(kind, data, positions)
         return ended
 
     def _structure(self, code: int, content: bytes, start: int) -> None:
@@ -255,8 +255,8 @@ def _columns(data: bytes | mmap.mmap, spans: list[tuple[int, int]], layout: Layo
             table[name] = layout.missing[name]
             continue
         kind, offset = fields[name][:2]
-        places = edges[:, :1] + (offset + np.arange(kind.itemsize))
-        table[name] = content[places].view(kind)[:, 0]
+        indices = edges[:, :1] + (offset + np.arange(kind.itemsize))
+        table[name] = content[indices].view(kind)[:, 0]
     return table
 
 

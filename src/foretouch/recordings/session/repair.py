@@ -110,10 +110,10 @@ def _index_stands(data: _Data) -> bool:
     """Whether the index of a file that has one is as it was written."""
     end = data.size - len(mcap.MAGIC)
     start, _, crc = mcap.FOOTER_CONTENT.unpack(data.read_at(end - mcap.FOOTER_CONTENT.size, mcap.FOOTER_CONTENT.size))
-    found, end = 0, end - 4  # the checksum does not cover itself
+    result, end = 0, end - 4  # the checksum does not cover itself
     for position in range(start, end, 2**20):
-        found = zlib.crc32(data.read_at(position, min(2**20, end - position)), found)
-    return crc in (0, found)
+        result = zlib.crc32(data.read_at(position, min(2**20, end - position)), result)
+    return crc in (0, result)
 
 
 def _write(data: _Data, path: Path, target: Path, ended: bool) -> Repair:
@@ -200,17 +200,17 @@ class _Scan:
         head = mcap.parsed(mcap.CHUNK, record[mcap.RECORD.size :])
         content = mcap.chunk_content(head)
         chunk, reached = _Chunk(), 0
-        found: list[tuple[int, bytes]] = []
+        results: list[tuple[int, bytes]] = []
         for code, start, end in mcap.records_in(content):
             reached = end
             if code == mcap.MESSAGE:
                 channel, _, time_ns, _ = mcap.MESSAGE_HEAD.unpack_from(content, start)
                 chunk.entries[channel].append((time_ns, start - mcap.RECORD.size))
             else:
-                found.append((code, content[start:end]))
+                results.append((code, content[start:end]))
         if reached != len(content):
             raise ValueError("a record goes beyond its chunk")
-        for code, part in found:
+        for code, part in results:
             self._look(code, part)
         if not chunk.entries.keys() <= self.channels.keys():
             raise ValueError("nobody says what its messages are")

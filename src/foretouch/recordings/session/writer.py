@@ -132,9 +132,9 @@ class SessionWriter:
         try:
             if not self._failed:
                 self.flush()
-            said = TRUNCATED if self._failed else counts
-            if said:
-                self._file.write(counts_record(said))
+            text = TRUNCATED if self._failed else counts
+            if text:
+                self._file.write(counts_record(text))
                 self._file.flush()
             append_index(self._file, self._schemas, self._channels)
         except OSError as error:

@@ -32,9 +32,9 @@ def build_boxes(corners: Array) -> tuple[Array, Ints]:
     groups = 1
     while groups < leaves:
         grouped = order.reshape(groups, -1)
-        places = middle[grouped]
-        axis = np.argmax(np.ptp(places, axis=1), axis=1)
-        along = np.take_along_axis(places, axis[:, None, None], axis=2)[:, :, 0]
+        positions = middle[grouped]
+        axis = np.argmax(np.ptp(positions, axis=1), axis=1)
+        along = np.take_along_axis(positions, axis[:, None, None], axis=2)[:, :, 0]
         order = np.take_along_axis(grouped, np.argsort(along, axis=1, kind="stable"), axis=1).ravel()
         groups *= 2
     members = corners[order].reshape(leaves, LEAF * 3, 3)
@@ -61,7 +61,7 @@ def _box_distance(box: Array, place: Vector) -> float:
 @compiled
 def find_nearest(triangles: NDArray[np.void], boxes: Array, order: Ints, place: Vector, first: int) -> int:
     """The triangle nearest to a point; `first` is a guess."""
-    best, found = nearest(triangles[first], place)[0], first
+    best, result = nearest(triangles[first], place)[0], first
     stack = np.empty(STACK, np.int32)
     stack[0] = 0
     waiting = 1
@@ -75,7 +75,7 @@ def find_nearest(triangles: NDArray[np.void], boxes: Array, order: Ints, place: 
             for i in range((at - leaves + 1) * LEAF, (at - leaves + 2) * LEAF):
                 distance = nearest(triangles[order[i]], place)[0]
                 if distance < best:
-                    best, found = distance, order[i]
+                    best, result = distance, order[i]
             continue
         left = 2 * at + 1
         near_left, near_right = _box_distance(boxes[left], place), _box_distance(boxes[left + 1], place)
@@ -83,7 +83,7 @@ def find_nearest(triangles: NDArray[np.void], boxes: Array, order: Ints, place: 
         stack[waiting] = far  # the nearer one is looked at first
         stack[waiting + 1] = 2 * left + 1 - far
         waiting += 2
-    return found
+    return result
 
 
 @compiled
@@ -104,7 +104,7 @@ def _segment_meets(box: Array, start: Vector, step: Vector, until: float) -> boo
 @compiled
 def find_crossing(triangles: NDArray[np.void], boxes: Array, order: Ints, start: Vector, step: Vector) -> int:
     """First triangle that a segment enters through; -1 if there is none."""
-    best, found = 2.0, -1
+    best, result = 2.0, -1
     stack = np.empty(STACK, np.int32)
     stack[0] = 0
     waiting = 1
@@ -118,9 +118,9 @@ def find_crossing(triangles: NDArray[np.void], boxes: Array, order: Ints, start:
             for i in range((box - leaves + 1) * LEAF, (box - leaves + 2) * LEAF):
                 fraction = crossing(triangles[order[i]], start, step)
                 if fraction < best:
-                    best, found = fraction, order[i]
+                    best, result = fraction, order[i]
             continue
         stack[waiting] = 2 * box + 1
         stack[waiting + 1] = 2 * box + 2
         waiting += 2
-    return found
+    return result

@@ -169,10 +169,10 @@ def _remember(mesh: Mesh, proxy: Proxy, spot: Spot, touching: bool, place: Vecto
 def _enter(mesh: Mesh, proxy: Proxy, start: Vector, place: Vector) -> bool:
     """Look for the first way in from a free place to the probe; write it down, and say whether there is one."""
     for _ in range(PASSES):
-        found = find_crossing(mesh.triangles, mesh.boxes, mesh.order, start, subtract(place, start))
-        if found < 0:
+        result = find_crossing(mesh.triangles, mesh.boxes, mesh.order, start, subtract(place, start))
+        if result < 0:
             return False
-        spot, ended = _walk(mesh, found, place)
+        spot, ended = _walk(mesh, result, place)
         if _holds(mesh, spot, ended, place):
             _remember(mesh, proxy, spot, True, place)
             return True

@@ -113,9 +113,9 @@ def _neighbours(faces: NDArray[np.int64], vertices: Array) -> NDArray[np.int64]:
         edge = edges[one[np.flatnonzero(against)[0]]]
         rule = f"the two triangles of this edge, at {_middle(vertices[edge])} m, are wound against each other: turn one"
         raise SettingError("faces", tuple(edge.tolist()), rule)
-    found = np.full(3 * count, -1)
-    found[one], found[other] = other // 3, one // 3
-    return found.reshape(count, 3)
+    result = np.full(3 * count, -1)
+    result[one], result[other] = other // 3, one // 3
+    return result.reshape(count, 3)
 
 
 def _middle(ends: Array) -> str:

@@ -42,24 +42,24 @@ def read_text_stl(file: Path) -> NDArray[np.float64]:
         InputError: A line is out of place, or its numbers are not numbers; the message names it.
     """
     corners: list[float] = []
-    place = 0
+    index = 0
     with file.open(encoding="ascii", errors="replace") as lines:
         for number, line in enumerate(lines, 1):
             words = line.split()
-            if not words or (place == 0 and words[0].lower() in ("solid", "endsolid")):
+            if not words or (index == 0 and words[0].lower() in ("solid", "endsolid")):
                 continue
-            wanted = FACET[place]
+            wanted = FACET[index]
             length = len(wanted.split())
             values = _numbers(words[length:])
             right = " ".join(words[:length]).lower() == wanted
             if not right or len(values) != (3 if wanted in ("vertex", "facet normal") else 0) or None in values:
                 shown = " ".join(words)[:60]
-                rule = f"this line of an STL is to be {wanted!r}" + " and three numbers" * (place in (0, 2, 3, 4))
+                rule = f"this line of an STL is to be {wanted!r}" + " and three numbers" * (index in (0, 2, 3, 4))
                 raise InputError(f"{file}, row {number}: {shown!r}: {rule}: export it again")
             if wanted == "vertex":
                 corners += values  # type: ignore[arg-type]
-            place = (place + 1) % len(FACET)
-    if place:
+            index = (index + 1) % len(FACET)
+    if index:
         raise InputError(f"{file}: it ends within a triangle: it is cut off")
     return np.array(corners).reshape(-1, 3)
 
@@ -137,9 +137,9 @@ def first_hit_from_above(mesh: TriangleMesh, x: float, y: float) -> int:
         MissingExtraError: trimesh is not installed.
     """
     corners = mesh.vertices[mesh.faces]
-    place = np.array([x, y])
+    position = np.array([x, y])
     about = np.flatnonzero(
-        ((corners[..., :2].min(axis=1) <= place) & (place <= corners[..., :2].max(axis=1))).all(axis=1)
+        ((corners[..., :2].min(axis=1) <= position) & (position <= corners[..., :2].max(axis=1))).all(axis=1)
     )
     if not about.size:
         return -1

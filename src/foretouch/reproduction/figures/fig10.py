@@ -142,8 +142,8 @@ def parameter_claims(experiments: Mapping[str, Experiment], courses: Mapping[str
     ]
 
 
-def _settled(band: float | None, found: Courses) -> tuple[bool, str]:
-    history = found["sponge"]
+def _settled(band: float | None, result: Courses) -> tuple[bool, str]:
+    history = result["sponge"]
     iteration = settled_at(history, PRESS_PERIOD, band)
     if iteration is None:
         return False, "not before the last two presses"
@@ -154,10 +154,10 @@ def _settled(band: float | None, found: Courses) -> tuple[bool, str]:
     return iteration <= PAPERS_ITERATION, f"iteration {iteration}, {first - touch:.1f} s after touching"
 
 
-def _sawtooth(name: str, found: Courses) -> tuple[bool, str]:
-    period, share = swing(found[name], PRESS_PERIOD)
-    holds = abs(period - PRESS_PERIOD) <= 0.05 * PRESS_PERIOD and share >= 0.5
-    return holds, f"period {period:.2f} s, {100.0 * share:.0f} % of the variance"
+def _sawtooth(name: str, result: Courses) -> tuple[bool, str]:
+    period, fraction = swing(result[name], PRESS_PERIOD)
+    holds = abs(period - PRESS_PERIOD) <= 0.05 * PRESS_PERIOD and fraction >= 0.5
+    return holds, f"period {period:.2f} s, {100.0 * fraction:.0f} % of the variance"
 
 
 def turns(experiment: Experiment) -> list[float]:
@@ -165,16 +165,16 @@ def turns(experiment: Experiment) -> list[float]:
     return [time for time, _ in experiment.script][1:]
 
 
-def _stiffer(experiment: Experiment, slope: bool, found: Courses) -> tuple[bool, str]:
+def _stiffer(experiment: Experiment, slope: bool, result: Courses) -> tuple[bool, str]:
     depth = STATED_SHARE * max(depth for _, depth in experiment.script)
-    k, local = stiffness_in_phases(found["sponge"], turns(experiment), depth)
+    k, local = stiffness_in_phases(result["sponge"], turns(experiment), depth)
     into, out = local if slope else k
     return into > out, f"{_three(into)} and {_three(out)} {'N/m' if slope else 'N/m^s'}"
 
 
-def _mutates(found: Courses) -> tuple[bool, str]:
-    foam, sponge = (jump(found[name], PRESS_PERIOD) for name in ("foam", "sponge"))
-    s = found["foam"]["s"][found["foam"]["time"] > FIRST_PRESS + PRESS_PERIOD]
+def _mutates(result: Courses) -> tuple[bool, str]:
+    foam, sponge = (jump(result[name], PRESS_PERIOD) for name in ("foam", "sponge"))
+    s = result["foam"]["s"][result["foam"]["time"] > FIRST_PRESS + PRESS_PERIOD]
     text = f"{foam:.2f} (sponge {sponge:.2f}), s from {s.min():.2f} to {s.max():.2f}"
     return foam > max(MUTATION, sponge), text
 
@@ -184,8 +184,8 @@ def _deep_halves(experiment: Experiment, history: History) -> list[NDArray[np.in
     return [in_deep_half(history, time, depth) for time, depth in zip(experiment.deepest, depths, strict=True)]
 
 
-def _peaks(experiment: Experiment, found: Courses) -> tuple[bool, str]:
-    history = found["hand"]
+def _peaks(experiment: Experiment, result: Courses) -> tuple[bool, str]:
+    history = result["hand"]
     late, good = [], 0
     for time, inside in zip(experiment.deepest, _deep_halves(experiment, history), strict=True):
         best = peak(history["ln_k"], inside)
@@ -199,8 +199,8 @@ def _peaks(experiment: Experiment, found: Courses) -> tuple[bool, str]:
     return good == len(late), f"largest k {', '.join(late)} s from the greatest depth"
 
 
-def _second_peak(experiment: Experiment, found: Courses) -> tuple[bool, str]:
-    history = found["hand"]
+def _second_peak(experiment: Experiment, result: Courses) -> tuple[bool, str]:
+    history = result["hand"]
     best = [peak(history["ln_k"], inside) for inside in _deep_halves(experiment, history)]
     tops = [-math.inf if at is None else float(history["ln_k"][at]) for at in best]
     first, second, third = (_three(math.exp(min(top, 600.0))) for top in tops)
@@ -328,7 +328,7 @@ def _text(experiments: Mapping[str, Experiment], courses: Mapping[str, Courses],
     further = courses[AS_PRINTED.name][FURTHER]
     own = slow_stiffness(hand.material.model, HIGHEST_FORCE)
     inside = "within" if CITED_STIFFNESS[0] <= own <= CITED_STIFFNESS[1] else "outside"
-    shares = "; ".join(
+    fractions = "; ".join(
         f"{name} "
         + ", ".join(
             f"{100.0 * float(np.isfinite(courses[choice.name][name]['switching']).mean()):.0f} % ({choice_name})"
@@ -353,5 +353,5 @@ def _text(experiments: Mapping[str, Experiment], courses: Mapping[str, Courses],
         f"has {own:.0f} N/m at 15 N when it is pressed at 10 mm/s, {inside} the cited {CITED_STIFFNESS[0]:g} to "
         f"{CITED_STIFFNESS[1]:g} N/m. On the simulated hand k is largest not at the greatest depth but later or "
         "earlier, as printed mostly on the way out. lambda, n and alpha are what the "
-        f"estimator itself calls determined in this share of its samples: {shares}."
+        f"estimator itself calls determined in this share of its samples: {fractions}."
     )

@@ -66,8 +66,8 @@ def make() -> Section:
     return Section("fig11", title, _text(experiments, made, best), figure, {**data, "errors": _errors(made)}, claims)
 
 
-def _mean_error(found: Predictions) -> float:
-    return float(np.mean([prediction.error for prediction in found.values()]))
+def _mean_error(result: Predictions) -> float:
+    return float(np.mean([prediction.error for prediction in result.values()]))
 
 
 def _percent(value: float) -> str:
@@ -91,16 +91,16 @@ def _closer(made: Mapping[str, Predictions]) -> Iterator[Claim]:
     }
     for names in (*((name,) for name in MATERIALS), MATERIALS):
 
-        def closer(found: Mapping[str, list[Prediction]], names: tuple[str, ...] = names) -> tuple[bool, str]:
+        def closer(result: Mapping[str, list[Prediction]], names: tuple[str, ...] = names) -> tuple[bool, str]:
             texts = [
-                f"{name} {', '.join(f'{run.error:.1f}' for run in found[name])} % "
-                f"(delayed {_percent(found[name][0].delayed_error)})"
+                f"{name} {', '.join(f'{run.error:.1f}' for run in result[name])} % "
+                f"(delayed {_percent(result[name][0].delayed_error)})"
                 for name in names
             ]
-            return all(_beats(run) for name in names for run in found[name]), ", ".join(texts)
+            return all(_beats(run) for name in names for run in result[name]), ", ".join(texts)
 
         deciding, beside = outcomes(repeated, closer, (AS_PRINTED,))
-        first = sum(all(_beats(found[one]) for one in names) for name, found in made.items() if name != EXACT.name)
+        first = sum(all(_beats(result[one]) for one in names) for name, result in made.items() if name != EXACT.name)
         which = "All three materials, under one choice" if len(names) > 1 else names[0].capitalize()
         setting = (
             f"{SETTING}; RMS errors as shares of the RMS of the contact force; holds where it does with each of "
@@ -115,8 +115,8 @@ def _accurate(made: Mapping[str, Predictions]) -> Iterator[Claim]:
     """Twice: with the first press, which the parameters are learnt from, and without it."""
     for start, which in ((None, "from first touch on"), (AFTER_FIRST_PRESS, "after the first press")):
 
-        def near(found: Predictions, start: float | None = start) -> tuple[bool, str]:
-            error = found["sponge"].error_from(start)
+        def near(result: Predictions, start: float | None = start) -> tuple[bool, str]:
+            error = result["sponge"].error_from(start)
             return error < NEARLY, _percent(error)
 
         deciding, beside = outcomes(made, near)
@@ -127,7 +127,7 @@ def _accurate(made: Mapping[str, Predictions]) -> Iterator[Claim]:
 
 
 def _owed(hand: Experiment, made: Mapping[str, Predictions]) -> Claim:
-    found = []
+    results = []
     without: dict[str, Prediction] = {}  # what the test sees makes no difference there, so that names are alike
     for choice, other in zip(CHOICES, without_perturbation(), strict=True):
         if other.name not in without:
@@ -135,11 +135,11 @@ def _owed(hand: Experiment, made: Mapping[str, Predictions]) -> Claim:
         prediction, bare = made[choice.name]["hand"], without[other.name]
         trips = tripped(choice, prediction.history)
         measured = f"{_percent(prediction.error)} with {trips} perturbations, {_percent(bare.error)} with delta = 0"
-        found.append(Outcome(choice.name, trips > 0 and bare.error > OWED * prediction.error, measured))
+        results.append(Outcome(choice.name, trips > 0 and bare.error > OWED * prediction.error, measured))
     return judge(
         "Hand: the adaptiveness to sudden changes is owed to the self-perturbing action",
         "owing to the self-perturbing",
-        found,
+        results,
         f"{SETTING}; prediction error on the simulated hand with and without; holds where it is at least "
         f"{100.0 * (OWED - 1.0):.0f} % larger without; perturbations counted from the 20th sample on",
     )
@@ -169,9 +169,9 @@ def _gentle(hand: Experiment) -> Claim:
     )
 
 
-def _forces(found: Mapping[str, Prediction]) -> dict[str, Array]:
+def _forces(result: Mapping[str, Prediction]) -> dict[str, Array]:
     """True, delayed and predicted force [N] at equal command sequence, 200 rows a second."""
-    pairs = pair(found["printed"].log)
+    pairs = pair(result["printed"].log)
     due = slice(None, None, 5)
     columns = {
         "time_s": pairs.time[due],
@@ -179,13 +179,13 @@ def _forces(found: Mapping[str, Prediction]) -> dict[str, Array]:
         "true_force_N": pairs.follower["exact_force"][due],
         "delayed_force_N": pairs.leader["delayed_force"][due],
     }
-    for label, prediction in found.items():
+    for label, prediction in result.items():
         columns[f"predicted_{label}_N"] = pair(prediction.log).leader["predicted_force"][due]
     return columns
 
 
 def _errors(made: Mapping[str, Predictions]) -> Table:
-    rows = [(choice, material, one) for choice, found in made.items() for material, one in found.items()]
+    rows = [(choice, material, one) for choice, result in made.items() for material, one in result.items()]
     choices, materials, predictions = zip(*rows, strict=True)
     return {
         "choice": np.array(choices),

@@ -150,7 +150,7 @@ def _claims_of_impacts(damped: dict[str, dict[str, Array]], ends: dict[str, LowD
     at = int(np.argmin(np.abs(DAMPED - 0.1)))
     off = {name: float(damped[name]["exponent"][at] - loss_exponent(*LAWS[name])) for name in damped}
     limits = {LAWS[name][1]: end for name, end in ends.items()}
-    shares = {
+    fractions = {
         label: [_lost(law, speed) for speed in (1.0, 0.1, 0.01)]
         for label, law in (
             ("alpha = 0", ContinuousSwitching(3000.0, 1500.0, 1.4, 0.0)),
@@ -182,8 +182,10 @@ def _claims_of_impacts(damped: dict[str, dict[str, Array]], ends: dict[str, LowD
             "Due to low impact speed E_diss is negligible against E_total",
             "low impact speed suffices",
             "share lost at 1, 0.1, 0.01 m/s: "
-            + "; ".join(f"{', '.join(f'{100.0 * x:.3g} %' for x in lost)} ({label})" for label, lost in shares.items()),
-            verdict_of(choice=shares["alpha = 0"][-1] < 0.05),
+            + "; ".join(
+                f"{', '.join(f'{100.0 * x:.3g} %' for x in lost)} ({label})" for label, lost in fractions.items()
+            ),
+            verdict_of(choice=fractions["alpha = 0"][-1] < 0.05),
             "choice: alpha = 0; the share goes as v^(gamma - 2), so slowly for larger alpha and not at all for "
             "Kelvin-Voigt; 1 kg on the softer two materials of Fig. 7c, and on that of Fig. 2",
         ),
@@ -228,8 +230,8 @@ def _draw_map(figure: Any, axes: Any) -> None:
     lines = axes.contour(alpha, n, gamma, levels=np.arange(2.1, 3.0, 0.1), colors="white", linewidths=0.8)
     beta = 0.5 * (3.0 - lines.levels)
     middle = np.minimum(1.5, 0.96 / beta - 1.0)  # of each line inside the area: s, from which alpha and n follow
-    places = np.column_stack([beta * (middle + 1.0), middle - beta * (middle + 1.0)])
-    axes.clabel(lines, fmt="%.1f", fontsize=7, manual=[tuple(place) for place in places])
+    positions = np.column_stack([beta * (middle + 1.0), middle - beta * (middle + 1.0)])
+    axes.clabel(lines, fmt="%.1f", fontsize=7, manual=[tuple(position) for position in positions])
     end = {"color": COLOURS[1], "clip_on": False}
     axes.plot([1.0], [0.0], "o", label=r"Kelvin-Voigt, $\gamma$ = 2", **end)
     axes.plot([0.0, 0.0], [1.0, 2.0], linewidth=3.0, label=r"Hunt-Crossley, $\gamma$ = 3", **end)

@@ -51,8 +51,8 @@ def scaled_error(switching: float, deepest: float) -> tuple[float, float]:
 
     The second is that of 1/x^alpha at a twentieth of the greatest depth.
     """
-    share = np.linspace(0.0, 1.0, 2001)[1:]
-    depth = deepest * share
+    fraction = np.linspace(0.0, 1.0, 2001)[1:]
+    depth = deepest * fraction
     fit = fit_polynomial(switching, depth, depth_power=2.0)
     exact = depth ** (2.0 - switching)
     whole = float(np.abs(fit.a1 * depth**2 + fit.a2 * depth - exact).max() / exact.max())
@@ -64,7 +64,7 @@ def claims_of_phi(largest: float) -> tuple[Claim, ...]:
     """Whether the paper's bound of phi is conservative, beside the greatest phi of the paper's own runs."""
     ends = {alpha: phi_range(alpha, 0.020, NOTICED) for alpha in (0.0, *TABLE_1)}
     at_bound = {alpha: 100.0 * _taylor_curve(alpha, np.array([-CONDITION, CONDITION])) for alpha in ends}
-    said = {
+    texts = {
         alpha: f"{release:+.1f} % and {into:+.1f} % at phi = -0.1 and 0.1; {100.0 * NOTICED:.0f} % at phi = "
         f"{ends[alpha][0]:.3f} and {ends[alpha][1]:.3f}"
         for alpha, (release, into) in at_bound.items()
@@ -76,7 +76,7 @@ def claims_of_phi(largest: float) -> tuple[Claim, ...]:
         Claim(
             "||phi|| < 0.1 is conservative, for Hunt-Crossley",
             "rather conservative in many cases",
-            said[0.0],
+            texts[0.0],
             verdict_of(choice=wide),
             "choice: alpha = 0, where phi is damper over spring and has no unit; error of force by (16), any depth",
         ),
@@ -84,7 +84,7 @@ def claims_of_phi(largest: float) -> tuple[Claim, ...]:
             "||phi|| < 0.1 is conservative, for the continuous switching law of Table 1",
             "rather conservative in many cases",
             "; ".join(
-                f"alpha = {alpha:g}: {said[alpha]}; under 10 % up to 0.1 only beyond {1e3 * depths[alpha]:.0f} mm"
+                f"alpha = {alpha:g}: {texts[alpha]}; under 10 % up to 0.1 only beyond {1e3 * depths[alpha]:.0f} mm"
                 for alpha in TABLE_1
             ),
             verdict_of(not narrow),
@@ -189,22 +189,22 @@ def breaking_depth(law: ContinuousSwitching, velocity: float) -> float:
 def make() -> Section:
     """The six cases along the trajectory, the ends of (16), and of (17)."""
     runs = {number: press_error(law) for number, law in CASES.items()}
-    shares = {number: share_small(error) for number, (_, error) in runs.items()}
+    fractions = {number: share_small(error) for number, (_, error) in runs.items()}
     breaks = {number: breaking_depth(law, -0.010) for number, law in CASES.items()}
     largest = max(float(np.abs(error.phi).max()) for _, error in runs.values())
     text = (
         "Force by (15) as lines and by (18) as dots, along x = 40 sin(t / 4) + 0.5 rand() mm at 10 Hz, with Table 1's "
-        f"a1 and a2. {100.0 * min(shares.values()):.0f} % (case {min(shares, key=shares.__getitem__)}) to "
-        f"{100.0 * max(shares.values()):.0f} % of the samples are within {SMALL} N. Small errors in newtons hide where "
-        "the force is small: near the surface (18) goes as exp(b2 v / x), without bound on the way in and to zero on "
-        f"the way out. At a release of 10 mm/s it is wrong by more than {100.0 * NOTICED:.0f} % below "
+        f"a1 and a2. {100.0 * min(fractions.values()):.0f} % (case {min(fractions, key=fractions.__getitem__)}) to "
+        f"{100.0 * max(fractions.values()):.0f} % of the samples are within {SMALL} N. Small errors in newtons hide "
+        "where the force is small: near the surface (18) goes as exp(b2 v / x), without bound on the way in and to zero "
+        f"on the way out. At a release of 10 mm/s it is wrong by more than {100.0 * NOTICED:.0f} % below "
         f"{', '.join(f'{1e3 * depth:.2f}' for depth in breaks.values())} mm (cases 1 to 6); sampled faster, the same "
         "press meets those depths. It is psi = phi / x^alpha, damper over spring, that must be small, not phi, whose "
         f"unit is m^alpha. In these runs phi never exceeds {largest:.4f}, so they say nothing about the bound of 0.1. "
         "Whether depth is small does not matter to (17): its relative error depends only on the ratio of greatest to "
         "smallest depth, as a change of unit shows."
     )
-    claims = (*_claims_of_press(runs, shares), *claims_of_phi(largest), *claims_of_polynomial())
+    claims = (*_claims_of_press(runs, fractions), *claims_of_phi(largest), *claims_of_polynomial())
     data: dict[str, Table] = {f"case-{number}": _table(time, error) for number, (time, error) in runs.items()}
     phi = np.concatenate([-np.geomspace(0.5, 1e-3, 200), np.geomspace(1e-3, 0.5, 200)])
     curves = {f"relative_error_alpha_{alpha:g}": _taylor_curve(alpha, phi) for alpha in (0.0, *TABLE_1)}
@@ -248,7 +248,7 @@ def _claims_of_press(runs: dict[int, tuple[Array, LinearisationError]], shares: 
         Claim(
             "Error of (18) against (15) is mostly below 0.01 N",
             "most below 0.01 N",
-            ", ".join(f"{100.0 * share:.0f} % (case {number})" for number, share in shares.items())
+            ", ".join(f"{100.0 * fraction:.0f} % (case {number})" for number, fraction in shares.items())
             + "; largest "
             + ", ".join(f"{np.abs(error.total).max():.3f}" for _, error in runs.values())
             + " N",
@@ -259,7 +259,7 @@ def _claims_of_press(runs: dict[int, tuple[Array, LinearisationError]], shares: 
         Claim(
             "Linearisation error at 1 kHz, velocity from the noisy depth: mostly below 0.01 N",
             "most below 0.01 N",
-            ", ".join(f"{100.0 * share:.0f} % (case {number})" for number, share in fast.items()),
+            ", ".join(f"{100.0 * fraction:.0f} % (case {number})" for number, fraction in fast.items()),
             verdict_of(min(fast.values()) > 0.5),
             "as before, central differences of the depth at 1 kHz: 0.5 mm of noise are 250 mm/s",
         ),
@@ -276,18 +276,18 @@ def _claims_of_press(runs: dict[int, tuple[Array, LinearisationError]], shares: 
 def _figure(runs: dict[int, tuple[Array, LinearisationError]], table: Table) -> Any:
     figure = new_figure(8.2)
     (force, error), (surface, taylor) = figure.subplots(2, 2)
-    for (number, (time, found)), colour in zip(runs.items(), COLOURS, strict=False):
+    for (number, (time, result)), colour in zip(runs.items(), COLOURS, strict=False):
         pale = {"linewidth": 4.0, "alpha": 0.45} if number % 2 else {"linewidth": 1.1}
-        force.plot(time, found.force, color=colour, label=f"case {number}", **pale)
+        force.plot(time, result.force, color=colour, label=f"case {number}", **pale)
         dots = slice(4 * number, None, 24)  # each case at its own times, so that all can be seen
-        force.plot(time[dots], (found.force + found.total)[dots], "o", color=colour, mec="black", mew=0.7, ms=5.0)
-        error.plot(time, found.total, color=colour, linewidth=1.1)
+        force.plot(time[dots], (result.force + result.total)[dots], "o", color=colour, mec="black", mew=0.7, ms=5.0)
+        error.plot(time, result.total, color=colour, linewidth=1.1)
     force.set_title("(a) Force by (15), lines, and by (18), every 24th as a dot")
     for number in (1, 3, 5):  # they differ in alpha alone, which the force hardly shows
         at = runs[number][0].size // 2
-        place = (runs[number][0][at], runs[number][1].force[at])
+        position = (runs[number][0][at], runs[number][1].force[at])
         words = f"cases {number} and {number + 1}"
-        force.annotate(words, place, (0, -24), textcoords="offset points", ha="center", fontsize="small")
+        force.annotate(words, position, (0, -24), textcoords="offset points", ha="center", fontsize="small")
     force.set_ylabel("force [N]")
     legend(force, columns=3)
     error.axhspan(-SMALL, SMALL, color="0.5", alpha=0.25, linewidth=0.0, label=r"$\pm$0.01 N")

@@ -139,7 +139,7 @@ def make() -> Section:
         errors[f"threshold switching, forgetting {factor:g}"] = error
         stiff[factor] = chosen
     best = errors["continuous switching, best choice"]
-    shares = {factor: _share(best, errors[f"threshold switching, forgetting {factor:g}"]) for factor in DRAWN}
+    fractions = {factor: _share(best, errors[f"threshold switching, forgetting {factor:g}"]) for factor in DRAWN}
     error, stiff[None] = errors_of_fprls_threshold(pressed, FPRLS_RATE)
     by_fprls = f"threshold switching, FPRLS {FPRLS_RATE:g}"
     errors[by_fprls] = error
@@ -148,9 +148,9 @@ def make() -> Section:
         "The continuous change of Fig. 7b, and |F - F_hat| with the parameters that were learnt from the sample too; "
         "from the 20th iteration on, where each law has one. Which of the two is better depends on how fast threshold "
         "switching forgets, which the paper does not say. The best choice of continuous switching "
-        f"({choice}) is better at {100 * shares[1.0]:.1f} % of the samples where threshold switching forgets nothing, "
-        f"at {100 * shares[0.95]:.1f} % where it forgets with 0.95, at {100 * shares[0.85]:.1f} % with 0.85: a law of "
-        "two or three numbers that forgets fast needs no right law to fit a few samples. "
+        f"({choice}) is better at {100 * fractions[1.0]:.1f} % of the samples where threshold switching forgets "
+        f"nothing, at {100 * fractions[0.95]:.1f} % where it forgets with 0.95, at {100 * fractions[0.85]:.1f} % with "
+        "0.85: a law of two or three numbers that forgets fast needs no right law to fit a few samples. "
         "By least squares it reaches the threshold at all only where it forgets with 0.95 or faster. Where both its "
         "laws are learnt by the paper's own recursion, Kelvin-Voigt tested on its error in newtons, the switch and its "
         "shock come out nearly as in the paper; continuous switching is better at "

@@ -86,8 +86,8 @@ def _leaves() -> float:
 
 def _trajectory_figure(time: Array, depth: Array, velocity: Array, ends: list[float], phases: list[bool]) -> Any:
     figure = new_figure(5.6)
-    place, speed = figure.subplots(2, 1, sharex=True)
-    for axes in (place, speed):
+    position, speed = figure.subplots(2, 1, sharex=True)
+    for axes in (position, speed):
         named: set[bool] = set()
         for (start, end), into in zip(pairwise(ends), phases, strict=True):
             label = None if into in named else "compression" if into else "restitution"
@@ -95,13 +95,15 @@ def _trajectory_figure(time: Array, depth: Array, velocity: Array, ends: list[fl
             axes.axvspan(start, end, color=colour, alpha=0.18, linewidth=0.0, label=label)
             named.add(into)
         axes.set_xlim(0.0, DURATION)
-    place.plot(time, 1e3 * depth, color="black", linewidth=1.6, label="depth")
-    place.plot(ends[1:-1], [1e3 * float(two_presses(t)[0]) for t in ends[1:-1]], "o", color=COLOURS[1], label="turns")
-    place.set(title="Penetration depth", ylabel="depth [mm]", ylim=0.0)
+    position.plot(time, 1e3 * depth, color="black", linewidth=1.6, label="depth")
+    position.plot(
+        ends[1:-1], [1e3 * float(two_presses(t)[0]) for t in ends[1:-1]], "o", color=COLOURS[1], label="turns"
+    )
+    position.set(title="Penetration depth", ylabel="depth [mm]", ylim=0.0)
     speed.plot(time, 1e3 * velocity, color="black", linewidth=1.6)
     speed.axhline(0.0, color="0.3", linewidth=0.8)
     speed.set(title="Penetration velocity", ylabel="velocity [mm/s]", xlabel="time [s]")
-    legend(place, columns=4)
+    legend(position, columns=4)
     return finished(figure, 2, gap=0.5)
 
 

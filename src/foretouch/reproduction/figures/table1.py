@@ -94,7 +94,7 @@ def _depths(duration: float, rate: float, noise: float) -> Array:
 
 def distance(line: Line, switching: float) -> float:
     """Distance of a fit from Table 1: the greater relative difference of a1 and a2 [-]."""
-    return max(abs(found / printed - 1.0) for found, printed in zip(line, TABLE_1[switching], strict=True))
+    return max(abs(result / printed - 1.0) for result, printed in zip(line, TABLE_1[switching], strict=True))
 
 
 def fitted(choice: Choice) -> dict[float, Line]:

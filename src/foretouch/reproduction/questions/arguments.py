@@ -248,11 +248,11 @@ def _figure(
 ) -> Any:
     figure = new_figure(7.6)
     (one, two), (three, four) = figure.subplots(2, 2)
-    place = np.arange(len(waves))
+    position = np.arange(len(waves))
     for shift, index, label in ((-0.2, 0, "50th iteration"), (0.2, 1, "250th iteration")):
         heights = [100.0 * row[index] for row in waves.values()]
-        one.bar(place + shift, heights, 0.38, color=COLOURS[index], label=label)
-    one.set_xticks(place, list(waves))
+        one.bar(position + shift, heights, 0.38, color=COLOURS[index], label=label)
+    one.set_xticks(position, list(waves))
     one.set(yscale="log", xlabel="sine waves in the trajectory", ylabel="error of k [%]", title="Fewer waves")
     across = np.arange(1, 251)
     for (error, (double, single)), colour in zip(stages.items(), COLOURS, strict=False):

@@ -174,12 +174,12 @@ class Search:
         self.held = np.asarray(sum(holds.astype(np.int64) for holds in self.holds.values()))  # claims, by choice
 
 
-def best_of(found: Search, name: str) -> int:
+def best_of(result: Search, name: str) -> int:
     """Index of a claim's combination: of those that hold the fewest departures, then the nearest; else the nearest."""
-    holds, answers = found.holds[name], found.answers[name]
+    holds, answers = result.holds[name], result.answers[name]
 
     def rank(index: int) -> tuple[bool, int, float]:
-        departures = len(found.choices[index].departures) if holds[index] else 0
+        departures = len(result.choices[index].departures) if holds[index] else 0
         return not holds[index], departures, answers[index].value
 
     return min(range(len(holds)), key=rank)
@@ -190,29 +190,29 @@ def noise_shares() -> dict[float, dict[str, float]]:
 
     Each claim under its own best choice, exact velocity.
     """
-    shares: dict[float, dict[str, float]] = {}
+    fractions: dict[float, dict[str, float]] = {}
     for level in LEVELS:
         presses = {one: [press(one, noise=level, seed=seed) for seed in range(SEEDS)] for one in PURE}
-        shares[level] = {}
+        fractions[level] = {}
         for name, question in QUESTIONS.items():
             if question.material in PURE:
                 options = BEST.get(name, PRINTED).options
                 answers = (question.measure(one, follow(FPRLS(options), one)) for one in presses[question.material])
-                shares[level][name] = sum(map(question.holds, answers)) / SEEDS
-    return shares
+                fractions[level][name] = sum(map(question.holds, answers)) / SEEDS
+    return fractions
 
 
 def make() -> Section:
     """Fractions of the combinations under which each claim holds, and the best of each."""
-    found = Search(list(combinations()))
-    held, printed = found.held, found.choices.index(PRINTED)
-    most = min(range(len(held)), key=lambda index: (-held[index], len(found.choices[index].departures)))
-    missing = [name for name in QUESTIONS if not found.holds[name][most]]
-    never = [name for name, holds in found.holds.items() if not holds.any()]
+    result = Search(list(combinations()))
+    held, printed = result.held, result.choices.index(PRINTED)
+    most = min(range(len(held)), key=lambda index: (-held[index], len(result.choices[index].departures)))
+    missing = [name for name in QUESTIONS if not result.holds[name][most]]
+    never = [name for name, holds in result.holds.items() if not holds.any()]
     noise = noise_shares()
     counts = "; ".join(
-        f"{level:g} N: " + ", ".join(str(round(SEEDS * share)) for share in shares.values())
-        for level, shares in noise.items()
+        f"{level:g} N: " + ", ".join(str(round(SEEDS * fraction)) for fraction in fractions.values())
+        for level, fractions in noise.items()
     )
     text = (
         f"{len(held)} combinations of what the paper leaves open, each on all four simulations; the figure shows for "
@@ -230,21 +230,21 @@ def make() -> Section:
             + "; not: "
             + "; ".join(QUESTIONS[name].claim for name in missing),
             verdict_of(held[printed] == len(QUESTIONS), choice=held[most] == len(QUESTIONS)),
-            f"{found.choices[most]}, of {len(held)} combinations",
+            f"{result.choices[most]}, of {len(held)} combinations",
         ),
     )
-    best = {name: best_of(found, name) for name in QUESTIONS}
+    best = {name: best_of(result, name) for name in QUESTIONS}
     data: dict[str, Table] = {
         "combinations": {
-            **{name: np.array([getattr(choice, name) for choice in found.choices]) for name in OPEN},
-            **{_column(name): np.array([one.value for one in answers]) for name, answers in found.answers.items()},
-            **{f"{_column(name)}_holds": holds for name, holds in found.holds.items()},
+            **{name: np.array([getattr(choice, name) for choice in result.choices]) for name in OPEN},
+            **{_column(name): np.array([one.value for one in answers]) for name, answers in result.answers.items()},
+            **{f"{_column(name)}_holds": holds for name, holds in result.holds.items()},
         },
         "claims": {
             "claim": np.array([question.claim for question in QUESTIONS.values()]),
-            "share": np.array([float(found.holds[name].mean()) for name in QUESTIONS]),
-            "best_choice": np.array([str(found.choices[index]) for index in best.values()]),
-            "best_measured": np.array([found.answers[name][index].text for name, index in best.items()]),
+            "share": np.array([float(result.holds[name].mean()) for name in QUESTIONS]),
+            "best_choice": np.array([str(result.choices[index]) for index in best.values()]),
+            "best_measured": np.array([result.answers[name][index].text for name, index in best.items()]),
         },
         "noise": {
             "noise_N": np.array(list(noise)),
@@ -252,27 +252,30 @@ def make() -> Section:
         },
     }
     title = "Open choices: which claims hold under which"
-    return Section("choices", title, text, _figure(found), data, claims)
+    return Section("choices", title, text, _figure(result), data, claims)
 
 
 def _column(name: str) -> str:
     return name.replace(", ", "_").replace(" ", "_")
 
 
-def _figure(found: Search) -> Any:
+def _figure(result: Search) -> Any:
     """Claims down, values across, fractions in the cells."""
     columns = [(name, value) for name, one in OPEN.items() for value in one.values]
-    values = {name: np.array([getattr(choice, name) for choice in found.choices]) for name in OPEN}
-    shares = np.array(
-        [[found.holds[q].mean()] + [found.holds[q][values[name] == v].mean() for name, v in columns] for q in QUESTIONS]
+    values = {name: np.array([getattr(choice, name) for choice in result.choices]) for name in OPEN}
+    fractions = np.array(
+        [
+            [result.holds[q].mean()] + [result.holds[q][values[name] == v].mean() for name, v in columns]
+            for q in QUESTIONS
+        ]
     )
     figure = new_figure(8.6)
     axes = figure.subplots()
-    axes.imshow(shares, cmap="Blues", vmin=0.0, vmax=1.0, aspect="auto")
-    for row, line in enumerate(shares):
-        for column, share in enumerate(line):
-            text = "" if share == 0.0 else f"{100.0 * share:.0f}" if share >= 0.005 else "<1"
-            colour = "white" if share > 0.6 else "black"
+    axes.imshow(fractions, cmap="Blues", vmin=0.0, vmax=1.0, aspect="auto")
+    for row, line in enumerate(fractions):
+        for column, fraction in enumerate(line):
+            text = "" if fraction == 0.0 else f"{100.0 * fraction:.0f}" if fraction >= 0.005 else "<1"
+            colour = "white" if fraction > 0.6 else "black"
             axes.text(column, row, text, ha="center", va="center", fontsize="x-small", color=colour)
     names = ["all", *(f"{value:g}" if isinstance(value, float) else str(value) for _, value in columns)]
     axes.set_xticks(range(len(names)), names, rotation=60.0, ha="right", fontsize="small")

@@ -247,10 +247,10 @@ def floor() -> float:
 
 
 def _force_claim(walks: dict[str, dict[str, Walk]], motion: str) -> Claim:
-    shares = {name: walked[motion].ahead_share for name, walked in walks.items()}
+    fractions = {name: walked[motion].ahead_share for name, walked in walks.items()}
     limit = 0.2 if motion == "steps" else 0.05
-    best = min(shares, key=lambda name: shares[name])
-    words = "; ".join(f"{name} {100.0 * share:.3g} %" for name, share in shares.items())
+    best = min(fractions, key=lambda name: fractions[name])
+    words = "; ".join(f"{name} {100.0 * fraction:.3g} %" for name, fraction in fractions.items())
     restarts = walks["as printed"][motion].restarts
     floor_words = f" (one who knows each law at once has {100.0 * floor():.3g} %, for 300 ms after a change)"
     return Claim(
@@ -258,7 +258,7 @@ def _force_claim(walks: dict[str, dict[str, Walk]], motion: str) -> Claim:
         "accurate enough",
         f"RMS of the error in the RMS of the force: {words}"
         + (f"; {restarts} restarts as printed" if restarts else ""),
-        verdict_of(shares["as printed"] <= limit, choice=shares[best] <= limit),
+        verdict_of(fractions["as printed"] <= limit, choice=fractions[best] <= limit),
         f"{SETTING}. Holds if at most {100.0 * limit:g} %{floor_words if motion == 'steps' else ''}; best: {best}",
     )
 
@@ -304,11 +304,11 @@ def _figure(pressed: Press, walks: dict[str, dict[str, Walk]]) -> Any:
     for axes in (stiff, exponent, error):
         axes.set(xlabel="time [s]", xlim=(0.0, 25.0))
         legend(axes, columns=4)
-    place = np.arange(len(walks))
+    position = np.arange(len(walks))
     for shift, motion, colour in ((-0.27, "steps", COLOURS[4]), (0.0, "taps", COLOURS[5]), (0.27, "hold", COLOURS[6])):
-        shares = [100.0 * walked[motion].ahead_share for walked in walks.values()]
-        bars.barh(place + shift, shares, 0.25, color=colour, label=motion)
-    bars.set_yticks(place, list(walks), fontsize="small")
+        fractions = [100.0 * walked[motion].ahead_share for walked in walks.values()]
+        bars.barh(position + shift, fractions, 0.25, color=colour, label=motion)
+    bars.set_yticks(position, list(walks), fontsize="small")
     bars.invert_yaxis()
     bars.set(xscale="log", xlabel="RMS error in RMS force [%]", title="Error 300 ms ahead")
     legend(bars, columns=3)

@@ -68,7 +68,7 @@ def make() -> Section:
         "force at zero where the equation pulls."
     )
     setting = f"(4) with the three materials of Fig. 7c, touched at {TOUCH:g} m/s"
-    share = {f"{alpha:g}": _pulled_share(comparable_law(alpha)) for alpha in SWITCHINGS}
+    fraction = {f"{alpha:g}": _pulled_share(comparable_law(alpha)) for alpha in SWITCHINGS}
     claims = (
         Claim(
             "Shock force avoided by (4), at first touch",
@@ -90,11 +90,11 @@ def make() -> Section:
             "Shock force avoided by (4), at release: no pull, no power taken at the end of restitution",
             "power loss consistent with physical rules as in Fig. 3",
             "H3 over the energy that came in: "
-            + ", ".join(f"{100.0 * value:.2g} % at alpha = {alpha}" for alpha, value in share.items())
+            + ", ".join(f"{100.0 * value:.2g} % at alpha = {alpha}" for alpha, value in fraction.items())
             + f"; middle material at {1e3 * RELEASE:g} mm/s: pulls below "
             f"{1e3 * float(middle.tension_depth(-RELEASE)):.3f} mm, by up to "
             f"{-greatest_pull(middle, RELEASE)[1]:.2f} N",
-            verdict_of(min(value for alpha, value in share.items() if alpha != "0") <= 0.0),
+            verdict_of(min(value for alpha, value in fraction.items() if alpha != "0") <= 0.0),
             f"equation as printed, impacts of {MASS:g} kg at {SPEED:g} m/s on laws of equal spring force and damping; "
             "holds for alpha = 0 alone, or with the force held at zero",
         ),

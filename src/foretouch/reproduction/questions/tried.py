@@ -163,8 +163,8 @@ def _segment(number: int) -> slice:
 
 
 def _recovery(number: int, pressed: Press, trace: Trace) -> Answer:
-    found, part = _found(pressed, trace), _segment(number)
-    right, k_error, s_error = found[0][part], found[1][part], found[2][part]
+    result, part = _found(pressed, trace), _segment(number)
+    right, k_error, s_error = result[0][part], result[1][part], result[2][part]
     value = settled_at(right)
     return Answer(
         value,
@@ -201,9 +201,9 @@ def _usual_threshold(pressed: Press) -> Array:
 def _better(pressed: Press, trace: Trace) -> Answer:
     error, other = np.abs(trace.force - pressed.true_force), _usual_threshold(pressed)
     there = np.isfinite(other)
-    share = float(np.mean(error[there] < other[there]))
+    fraction = float(np.mean(error[there] < other[there]))
     own, others = (float(np.sqrt(np.mean(np.square(values[there])))) for values in (error, other))
-    return Answer(1.0 - share, f"at {100.0 * share:.1f} % of the samples; RMS {own:.3g} against {others:.3g} N")
+    return Answer(1.0 - fraction, f"at {100.0 * fraction:.1f} % of the samples; RMS {own:.3g} against {others:.3g} N")
 
 
 def _iteration(value: float) -> str:

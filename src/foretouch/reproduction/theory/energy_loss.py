@@ -136,8 +136,8 @@ def energy_loss_by_quadrature(law: MemorylessLaw, mass: float, speed: float) -> 
     scale: float = 2.0 * damping * math.sqrt(2.0 * k / (mass * (s + 1.0)))  # A of (9)
 
     # As ratios to x_M the integral is of order 1, whatever the units make of the force.
-    def integrand(share: float) -> float:
-        return float(share**n * math.sqrt(1.0 - share ** (s + 1.0)))
+    def integrand(fraction: float) -> float:
+        return float(fraction**n * math.sqrt(1.0 - fraction ** (s + 1.0)))
 
     integral = quad(integrand, 0.0, 1.0, epsabs=0.0, epsrel=1e-11, limit=200)[0]
     return float(scale * deepest ** (n + 1.0 + (s + 1.0) / 2.0) * integral)

@@ -67,8 +67,8 @@ class LayeredContact(ContactModel):
         if len(self.layers) != 3:
             raise SettingError("layers", self.layers, "must be three: skin, fat and muscle, say")
         for row in self.layers:
-            thickness, halving, share, time = row
-            if not (all(0.0 < value < math.inf for value in (thickness, halving, time)) and 0.0 <= share < 1.0):
+            thickness, halving, fraction, time = row
+            if not (all(0.0 < value < math.inf for value in (thickness, halving, time)) and 0.0 <= fraction < 1.0):
                 raise SettingError("layers", row, "h, p and tau must be above 0, and g from 0 to below 1")
 
     def initial_state(self) -> ContactState:
@@ -172,7 +172,7 @@ class RelaxingContact(ContactModel):
         for row in self.relaxation:
             if not (row[0] > 0.0 and 0.0 < row[1] < math.inf):
                 raise SettingError("relaxation", row, "shares and times must be above 0")
-        if not sum(share for share, _ in self.relaxation) < 1.0:
+        if not sum(fraction for fraction, _ in self.relaxation) < 1.0:
             raise SettingError("relaxation", self.relaxation, "the shares must be below 1 together")
         if not self.flow_force > 0.0:
             raise SettingError("flow_force", self.flow_force, "must be above 0")
@@ -191,8 +191,8 @@ class RelaxingContact(ContactModel):
             parts = [keep * part + take * stress for part, (keep, take) in zip(parts, rates, strict=True)]
         else:
             parts = [
-                self._flow(part, share, stress, sample_period / time)
-                for part, (share, time) in zip(parts, self.relaxation, strict=True)
+                self._flow(part, fraction, stress, sample_period / time)
+                for part, (fraction, time) in zip(parts, self.relaxation, strict=True)
             ]
         memory = sum(parts)
         after = memory  # of a free surface
@@ -216,7 +216,7 @@ class RelaxingContact(ContactModel):
 
     def _rates_at(self, h: float) -> list[tuple[float, float]]:
         """For each part of linear relaxation, the fractions kept after h seconds and taken from the stress."""
-        return [(math.exp(-h / time), -share * math.expm1(-h / time)) for share, time in self.relaxation]
+        return [(math.exp(-h / time), -fraction * math.expm1(-h / time)) for fraction, time in self.relaxation]
 
 
 Array = NDArray[np.float64]

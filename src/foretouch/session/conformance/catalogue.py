@@ -58,34 +58,34 @@ def watched(
         longest: Longest duration of a call [s].
         making: Longest duration of the first one, before there is any finding [s].
     """
-    found: queue.SimpleQueue[Finding | BaseException | None] = queue.SimpleQueue()
+    results: queue.SimpleQueue[Finding | BaseException | None] = queue.SimpleQueue()
 
     def work() -> None:
         try:
-            check(found.put)
+            check(results.put)
         except BaseException as error:  # re-raised in the calling thread
-            found.put(error)
+            results.put(error)
         else:
-            found.put(None)
+            results.put(None)
 
     thread = threading.Thread(target=work, name="check", daemon=True)
     thread.start()
     calls, limit = _Calls(thread), making
     while True:
         try:
-            said = found.get(timeout=LOOK_PERIOD)
+            result = results.get(timeout=LOOK_PERIOD)
         except queue.Empty:
             if hung := calls.hung(limit):
                 tell(Finding("answers", False, hung, "every call comes back; a driver that waits has a timeout"))
                 return
             continue
-        if said is None:
+        if result is None:
             return
-        if isinstance(said, BaseException):
-            raise said
+        if isinstance(result, BaseException):
+            raise result
         limit = longest
         calls.begin()
-        tell(said)
+        tell(result)
 
 
 class _Calls:
@@ -208,10 +208,10 @@ def check_named(
     load_plugin(of, name, built_in=BUILT_IN[of])  # a name that is taken twice is nobody's
     findings: dict[str, list[Finding]] = {}
     for title, check in _checks(of, name, move).items():
-        found = findings[title] = []
+        results = findings[title] = []
 
-        def hear(finding: Finding, title: str = title, found: list[Finding] = found) -> None:
-            found.append(finding)
+        def hear(finding: Finding, title: str = title, results: list[Finding] = results) -> None:
+            results.append(finding)
             tell(title, finding)
 
         if of in ("robot", "device"):

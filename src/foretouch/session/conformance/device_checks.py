@@ -83,8 +83,8 @@ def _slow(it: Subject, checks: list[str]) -> list[Finding]:
     for check, call in calls.items():
         others = [other for other in checks if other != check]
         with contextlib.suppress(Exception):  # exceptions are reported by the checks themselves
-            if found := too_slow(check, call, LONGEST_CALL, FAR_TOO_LONG, TIME_RULE, others):
-                return found
+            if result := too_slow(check, call, LONGEST_CALL, FAR_TOO_LONG, TIME_RULE, others):
+                return result
     return []
 
 
@@ -255,5 +255,5 @@ def _closed(it: Subject) -> Result:
     held = device.real_time or (device.closed_loop and type(device).close is not Device.close)
     if not held and math.isfinite(position):
         return True, "nobody holds it: there is no force to end"
-    found = f"{given:.4g} N of {PUSH:g} N after close, at {position:.4g} m"
-    return math.isfinite(position) and given == 0.0, found
+    text = f"{given:.4g} N of {PUSH:g} N after close, at {position:.4g} m"
+    return math.isfinite(position) and given == 0.0, text

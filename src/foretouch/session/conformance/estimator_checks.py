@@ -61,11 +61,11 @@ class Subject:
     def learnt(self) -> tuple[Estimator, Identification]:
         """A fresh estimator that has learnt presses of its own law, and what came of it."""
         estimator = self.make()
-        found = _learn(estimator, self.law)
-        if found.model.law not in LAWS:
+        result = _learn(estimator, self.law)
+        if result.model.law not in LAWS:
             estimator = self.make()
-            found = _learn(estimator, found.model)
-        return estimator, found
+            result = _learn(estimator, result.model)
+        return estimator, result
 
     @property
     def model(self) -> ContactModel:
@@ -120,8 +120,8 @@ def _learn(estimator: Estimator, law: ContactModel) -> Identification:
 @checked("name")
 def _name(it: Subject) -> Result:
     own, law = getattr(it.estimator, "name", None), getattr(it.estimator, "model_name", None)
-    kept, found, rule = name_result(own, it.name, ", model_name is that of its law")
-    return bool(kept and isinstance(law, str) and law), f"{found}, model_name = {law!r}", rule
+    kept, result, rule = name_result(own, it.name, ", model_name is that of its law")
+    return bool(kept and isinstance(law, str) and law), f"{result}, model_name = {law!r}", rule
 
 
 @checked("knows nothing at first", "before the first sample: model None, no parameters, updates 0")

@@ -114,8 +114,8 @@ class Checks(Generic[Subject]):
                 try:
                     result = look(subject)
                 except Exception as error:
-                    said = " ".join(f"{type(error).__name__}: {error}".split())
-                    result = (False, f"raises {said}", "nothing raises while a session runs")
+                    text = " ".join(f"{type(error).__name__}: {error}".split())
+                    result = (False, f"raises {text}", "nothing raises while a session runs")
                 if result is not None:
                     yield Finding(name, *result) if len(result) == 3 else Finding(name, *result, rule)
         finally:
@@ -151,9 +151,9 @@ def too_slow(
     median = float(np.median(taken))
     if median <= gross:
         return []
-    found = f"{1e3 * median:.4g} ms at the median of {len(taken)}, {median / limit:.0f} times as long"
+    text = f"{1e3 * median:.4g} ms at the median of {len(taken)}, {median / limit:.0f} times as long"
     why = f"not looked at, for a call takes {1e3 * median:.4g} ms"
-    return [Finding(check, False, found, rule), *(Finding(name, None, why, "mend the time first") for name in others)]
+    return [Finding(check, False, text, rule), *(Finding(name, None, why, "mend the time first") for name in others)]
 
 
 def percentile_time(call: Callable[[int], object], calls: int, percentile: float, rounds: int = 3) -> float:

@@ -66,8 +66,8 @@ def check_material(
 @checked("name")
 def _name(it: Subject) -> Result:
     lines = all("\n" not in text and text for text in (it.material.description, it.material.provenance))
-    kept, found, rule = name_result(it.material.name, it.name, ", description and provenance are one line each")
-    return kept and lines, found, rule
+    kept, result, rule = name_result(it.material.name, it.name, ", description and provenance are one line each")
+    return kept and lines, result, rule
 
 
 @checked(
@@ -107,15 +107,15 @@ def _monotone(it: Subject) -> Result:
 
 @checked("passive", "over a closed cycle, in and out again, no more energy comes back than went in")
 def _passive(it: Subject) -> Result:
-    worst, found = math.inf, "no energy went in"
-    for speed, share in itertools.product((SLOW, 0.05, FAST), (0.3, 1.0)):
-        path = _cycle(share * it.depth, speed)
+    worst, text = math.inf, "no energy went in"
+    for speed, fraction in itertools.product((SLOW, 0.05, FAST), (0.3, 1.0)):
+        path = _cycle(fraction * it.depth, speed)
         power = _forces(it.model, path)[1:] * np.diff(path)
         put_in, left = float(power[power > 0.0].sum()), float(power.sum())
         if put_in > 0.0 and left / put_in < worst:
             worst = left / put_in
-            found = f"{100.0 * worst:.4g} % of {1e3 * put_in:.4g} mJ stays, at {1e3 * speed:g} mm/s"
-    return worst >= -ROUNDING, found
+            text = f"{100.0 * worst:.4g} % of {1e3 * put_in:.4g} mJ stays, at {1e3 * speed:g} mm/s"
+    return worst >= -ROUNDING, text
 
 
 @checked(

@@ -196,8 +196,8 @@ class ModelSender:
     def _errors_of(self, model: ContactModel, estimator: Estimator, now_ns: int) -> tuple[float, ...]:
         """Standard errors of a model's parameters: they change slowly, and asking for them takes as long as a step."""
         if now_ns - self._errors_ns >= ERRORS_PERIOD_NS or len(self._errors) not in (0, len(model.parameters)):
-            found, self._errors_ns = estimator.standard_errors, now_ns
-            known = {} if found is None else found
+            result, self._errors_ns = estimator.standard_errors, now_ns
+            known = {} if result is None else result
             errors = tuple(math.nan if (error := known.get(name)) is None else error for name in model.parameter_names)
             self._errors = errors if known else ()
         return self._errors

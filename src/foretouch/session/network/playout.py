@@ -88,21 +88,21 @@ class Freshness:
         needed = smallest[0][1] if smallest else transit
         ahead_ns = (sequence - self._number) * self._period_ns
         if transit < needed - 10 * SLACK_NS or (self._number and ahead_ns > sent_ns - self._sent_ns + SLACK_NS):
-            found = FUTURE
+            result = FUTURE
         else:
             while smallest and smallest[-1][1] >= transit:  # the smallest of each block that no later one has undercut
                 smallest.pop()
             if not smallest or now_ns - smallest[-1][0] >= BLOCK_NS:
                 smallest.append((now_ns, transit))
             if sequence <= self._number:
-                found = OVERTAKEN
+                result = OVERTAKEN
             elif transit > needed + self._allowance_ns:
-                found = STALE
+                result = STALE
             else:
-                found = FRESH
+                result = FRESH
                 self._number, self._sent_ns, self.newest_ns = sequence, sent_ns, now_ns
-        self.counts[found] += 1
-        return found
+        self.counts[result] += 1
+        return result
 
 
 LONGEST_BRIDGE = 250
@@ -219,24 +219,24 @@ class Playout:
 
     def _play(self, newest: float) -> None:
         """Interpolate at the playback point, and drop positions before it."""
-        commands, places, point = self._commands, self._places, self._point
+        commands, positions, point = self._commands, self._places, self._point
         after = len(commands) if point >= newest else bisect_right(commands, (point, math.inf))
         if not after:
             return
         sequence, self.position = commands[after - 1]
         if sequence > self.applied:
             self.applied = int(sequence)
-        if places:
-            self.place = places.get(sequence, self.place)
+        if positions:
+            self.place = positions.get(sequence, self.place)
         if after < len(commands):
             to, there = commands[after]
-            share = (point - sequence) / (to - sequence)
-            self.position += (there - self.position) * share
-            self._between(places.get(to, ()), share)
+            fraction = (point - sequence) / (to - sequence)
+            self.position += (there - self.position) * fraction
+            self._between(positions.get(to, ()), fraction)
         if after > 1:
-            if places:
+            if positions:
                 for old, _ in commands[: after - 1]:
-                    places.pop(old, None)
+                    positions.pop(old, None)
             del commands[: after - 1]
 
     def _between(self, there: tuple[float, ...], share: float) -> None:

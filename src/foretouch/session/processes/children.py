@@ -166,14 +166,14 @@ class Child:
         pipe, now = self.process.stdout, time.monotonic()
         if pipe is None or pipe.closed:
             return
-        said = pipe.read() or b""  # None where nothing is there: it does not wait
+        output = pipe.read() or b""  # None where nothing is there: it does not wait
         self.silence += min(now - self.listened, LONGEST_LOOK)
         self.listened = now
-        if BEAT in said or self.begun is None or _stopped(self.process.pid):
+        if BEAT in output or self.begun is None or _stopped(self.process.pid):
             self.silence = 0.0
-        if COMPILING in said:
+        if COMPILING in output:
             self.compiled = now
-        if BEAT in said and self.begun is None:
+        if BEAT in output and self.begun is None:
             self.begun = now
 
     def hangs(self) -> str:
@@ -213,8 +213,8 @@ class Child:
 def start(role: str, arguments: Sequence[str]) -> Child:
     """Start a `foretouch` command with options; Ctrl-C reaches only the caller, which then ends the others in order."""
     command = [sys.executable, "-m", "foretouch", role, *arguments]
-    heard = subprocess.PIPE if role in SIDES else subprocess.DEVNULL
-    process = subprocess.Popen(command, bufsize=0, stdin=subprocess.DEVNULL, stdout=heard, start_new_session=True)
+    received = subprocess.PIPE if role in SIDES else subprocess.DEVNULL
+    process = subprocess.Popen(command, bufsize=0, stdin=subprocess.DEVNULL, stdout=received, start_new_session=True)
     if process.stdout is not None:
         os.set_blocking(process.stdout.fileno(), False)
     return Child(role, process)

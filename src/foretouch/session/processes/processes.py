@@ -201,13 +201,13 @@ class _Supervisor:
         return False
 
     def _tell_of_waiting(self, child: Child) -> None:
-        share = compiled_share() if child.compiles else None
+        fraction = compiled_share() if child.compiles else None
         if self._desk is not None:
-            self._desk.compiling = "" if share is None else f"{share:.0%}"
-        if share is not None:
-            if share >= self._told:
-                self._told = share + TOLD_EVERY
-                self._say(f"compiling, {share:.0%}: the first start on this machine takes about a minute")
+            self._desk.compiling = "" if fraction is None else f"{fraction:.0%}"
+        if fraction is not None:
+            if fraction >= self._told:
+                self._told = fraction + TOLD_EVERY
+                self._say(f"compiling, {fraction:.0%}: the first start on this machine takes about a minute")
         elif not self._awaited and time.monotonic() - max(child.started, child.compiled) > SLOW_BEGINNING:
             self._awaited = True
             what = "robot" if child.role == "follower" else "device"

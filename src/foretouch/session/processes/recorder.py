@@ -170,7 +170,7 @@ def run_recorder(
     try:
         _listen(link, recorder, stop, say, parent)
     finally:
-        said = recorder.problem
+        problem = recorder.problem
         recorder.close(recorder.counts | _counts(link, recorder))
     if not recorder.heard and (error := _other_version(link, parent)) is not None:
         recorder.path.unlink(missing_ok=True)
@@ -180,9 +180,9 @@ def run_recorder(
         say(f"recorder: {plural(count, 'message')} did not decode and {was_or_were(count)} dropped")
     if count := counts["recorder_dropped"]:
         say(f"recorder: {plural(count, 'message')} came too fast to be written")
-    if recorder.problem != said:
+    if recorder.problem != problem:
         say(f"recorder: {recorder.problem}; {recorder.kept}")
-    elif not said:
+    elif not problem:
         say(f"recorder: wrote {recorder.path}; next: foretouch report {recorder.path}")
     return recorder.problem
 
@@ -191,7 +191,7 @@ def _listen(
     link: ZenohLink, recorder: Recorder, stop: StopFlag, say: Callable[[str], None], parent: int | None
 ) -> None:
     """Record until the end; report a problem as soon as it occurs."""
-    said, hellos = "", 0
+    problem, hellos = "", 0
     contest = ContestPrinter("recorder", say, parent)
     flushed, spoken = time.monotonic(), -math.inf
     end = math.inf
@@ -208,12 +208,12 @@ def _listen(
             recorder.flush()
             if orphaned(parent):
                 stop.set(ORPHANED)
-        if recorder.problem != said:
-            said, spoken = recorder.problem, -math.inf
-            say(f"recorder: {said}; {recorder.kept}; the session goes on")
-        if now - spoken >= HELLO_PERIOD and (said or {"leader", "follower"} <= recorder.heard):
+        if recorder.problem != problem:
+            problem, spoken = recorder.problem, -math.inf
+            say(f"recorder: {problem}; {recorder.kept}; the session goes on")
+        if now - spoken >= HELLO_PERIOD and (problem or {"leader", "follower"} <= recorder.heard):
             spoken, hellos = now, hellos + 1
-            link.publish(_hello(hellos, _counts(link, recorder), said))
+            link.publish(_hello(hellos, _counts(link, recorder), problem))
         if not recorder.heard and _other_version(link, parent) is not None:
             return
         time.sleep(POLL_PERIOD)

@@ -65,23 +65,23 @@ def replay(log: SessionLog, learner: Learner, *, delay: float) -> Replay:
             "session", "does not say its force_delay: no other delay can be put in its place"
         ) from None
     clock = (leader["time_ns"] - leader["time_ns"][0]) * 1e-9
-    places = np.cumsum(believed) - 1  # of the newest sample that was learnt, among those that were
-    published = np.flatnonzero((np.diff(felt["model_sequence"], prepend=0) > 0) & (places >= 0))
+    positions = np.cumsum(believed) - 1  # of the newest sample that was learnt, among those that were
+    published = np.flatnonzero((np.diff(felt["model_sequence"], prepend=0) > 0) & (positions >= 0))
     arrived = _arrivals(clock, leader["model_sequence"], felt["model_sequence"][published]) + later
     # A model learnt from the commands of another leader is not taken.
     arrived[~np.isin(felt["epoch"][published], (0, leader["epoch"][0]))] = np.inf
     motion = Motion(
         clock,
         np.ascontiguousarray(leader["position"]),
-        places[published],
+        positions[published],
         arrived,
         np.searchsorted(leader["sequence"], _learnt_at(felt, believed)[published], side="right"),
         _told_before(_round_trips(log, felt), believed) + later,
     )
     time = (felt["time_ns"] - felt["time_ns"][0])[believed] * 1e-9
     recording = Recording(time, felt["position"][believed], felt["sensor_force"][believed])
-    told = _arrivals(clock, leader["telemetry_sequence"], segment.follower["sequence"]) + later
-    known = np.searchsorted(told, clock + TIME_TOLERANCE, side="right") - 1
+    reported = _arrivals(clock, leader["telemetry_sequence"], segment.follower["sequence"]) + later
+    known = np.searchsorted(reported, clock + TIME_TOLERANCE, side="right") - 1
     force = segment.follower["force"]
     delayed = np.where(known >= 0, force[known], 0.0) if force.size else np.zeros(clock.size)
     return Replay(predict_motion(recording, learner, motion), delayed)
@@ -109,7 +109,7 @@ def _round_trips(log: SessionLog, felt: Rows) -> Array:
 
     The leader's own row of a command shows which models it had when it sent that command.
     """
-    trip, told = RoundTrip(), np.full(felt.size, np.nan)
+    trip, reported = RoundTrip(), np.full(felt.size, np.nan)
     acknowledged = np.zeros(felt.size, dtype=np.int64)
     for epoch in np.unique(felt["epoch"]):
         obeying = felt["epoch"] == epoch
@@ -125,11 +125,11 @@ def _round_trips(log: SessionLog, felt: Rows) -> Array:
         trip.commanded(command, model)
         delay = trip.applied(command, now)
         if delay is not None:
-            told[index] = delay
+            reported[index] = delay
         if newest != sent:
             sent = newest
             trip.sent(sent, now)
-    return told
+    return reported
 
 
 def _acknowledged(leader: Rows, felt: Rows, obeying: NDArray[np.bool_]) -> NDArray[np.int64]:

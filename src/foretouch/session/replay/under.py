@@ -118,10 +118,10 @@ def _scene_operator(log: SessionLog, settings: SessionSettings, scene: Scene, cl
 def _camera(settings: SessionSettings, scene: Scene) -> SimulatedCamera | None:
     if settings.fusion not in ("full", "image"):
         return None
-    said: list[str] = []
-    camera = make_camera(settings, scene, say=said.append)
+    sentences: list[str] = []
+    camera = make_camera(settings, scene, say=sentences.append)
     if camera is None:
-        problem = said[0].partition(";")[0].removeprefix("camera: ")
+        problem = sentences[0].partition(";")[0].removeprefix("camera: ")
         raise RecordingError("session", f"has images, which are drawn again: {problem}")
     return camera
 
@@ -267,8 +267,8 @@ def _require_grip(settings: SessionSettings, closed_loop: bool) -> None:
 def _told(log: SessionLog, settings: SessionSettings, closed_loop: bool) -> dict[str, str]:
     """Texts of the recording beside its settings, and those of this replay."""
     chosen = settings.as_text()
-    told = {name: text for name, text in log.settings.items() if name not in chosen}
-    return told | {"replay": "closed loop" if closed_loop else "open loop"}
+    texts = {name: text for name, text in log.settings.items() if name not in chosen}
+    return texts | {"replay": "closed loop" if closed_loop else "open loop"}
 
 
 def _run(
@@ -284,16 +284,16 @@ def _run(
     chosen = settings.as_text()
     # The played operator counts as the session does.
     framed = dataclasses.replace(settings, leader_frame=SessionSettings.leader_frame)
-    told = {name: chosen[name] for name in ("leader_frame", "follower_frame")}
+    texts = {name: chosen[name] for name in ("leader_frame", "follower_frame")}
     if isinstance(robot, PlayedRobot):
         framed = dataclasses.replace(framed, follower_frame=SessionSettings.follower_frame)
-        told["material"] = log.settings.get("material", settings.material)
+        texts["material"] = log.settings.get("material", settings.material)
     session = simulate(
         framed,
         duration=ticks * SAMPLE_PERIOD,
         operator=operator,
         robot=robot,
-        description=_told(log, settings, closed_loop) | told,
+        description=_told(log, settings, closed_loop) | texts,
         progress=progress,
     )
     return session.log

@@ -236,11 +236,11 @@ class SpaceLeader(DrivenLeader):
             return
         if not mouse.held:
             self._apart = self._whole.apart
-        place: Sequence[float] = handle.place
-        if len(place) == 3:
-            here = add((place[0], place[1], place[2]), self._apart)
-            place = scaled(here, 1.0 / self._whole.position_scale)
-        mouse.take(place, handle.held, now_ns, clutched=handle.clutched)
+        point: Sequence[float] = handle.place
+        if len(point) == 3:
+            here = add((point[0], point[1], point[2]), self._apart)
+            point = scaled(here, 1.0 / self._whole.position_scale)
+        mouse.take(point, handle.held, now_ns, clutched=handle.clutched)
 
     def tick(
         self, arrived: Sequence[Message], operator_ns: int, period_ns: int, compute_ns: int, now_ns: int, *, stop: bool

@@ -115,10 +115,10 @@ def run_follower(
 
     def describe() -> dict[str, str]:
         contested = contest.sentence(time.monotonic_ns())
-        told = follower_says(state, contested, anew=house.leader_leaves) | as_texts(
+        reported = follower_says(state, contested, anew=house.leader_leaves) | as_texts(
             follower_counts(state) | link_counts("follower", link)
         )
-        return description | fault_texts(stage, "position_delay", changed_ns) | told
+        return description | fault_texts(stage, "position_delay", changed_ns) | reported
 
     def news(_: Mapping[str, Mapping[str, str]]) -> str:
         return all_of(contest.sentence(time.monotonic_ns()), follower_news(state, anew=house.leader_leaves))

@@ -47,13 +47,13 @@ class Repeats:
 
     def lines(self, sentence: str, now: float) -> list[str]:
         """Lines to print now [s], oldest first, for the sentence that holds, "" for none."""
-        due = {said: again for said, (when, again) in self._said.items() if now - when >= QUIET}
-        lines = [f"{said} ({plural(again, 'time')} more within {QUIET:g} s)" for said, again in due.items() if again]
-        for said, again in due.items():
+        due = {text: again for text, (when, again) in self._said.items() if now - when >= QUIET}
+        lines = [f"{text} ({plural(again, 'time')} more within {QUIET:g} s)" for text, again in due.items() if again]
+        for text, again in due.items():
             if again:
-                self._said[said] = (now, 0)
+                self._said[text] = (now, 0)
             else:
-                del self._said[said]
+                del self._said[text]
         if sentence and sentence != self._before:
             self.spoke = sentence not in self._said or RELEASE in sentence
             when, again = self._said.get(sentence, (now, 0))

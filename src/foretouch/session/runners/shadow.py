@@ -196,8 +196,8 @@ def run_shadow(
 
     def describe() -> dict[str, str]:
         counts = leader_counts(state.leading) | follower_counts(state.following) | link_counts("follower", link)
-        told = {PROCESS: str(epoch), "control": "nobody", "trouble": news()}
-        return texts | fault_texts(state.returned, "force_delay", changed_ns) | told | as_texts(counts)
+        reported = {PROCESS: str(epoch), "control": "nobody", "trouble": news()}
+        return texts | fault_texts(state.returned, "force_delay", changed_ns) | reported | as_texts(counts)
 
     house = Housekeeper(process, "follower", describe, lambda _: news(), release=robot.close)
     house.start()

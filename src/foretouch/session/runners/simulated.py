@@ -149,8 +149,8 @@ def _on_line(
     ) -> SimulatedSession:
         warm_up_once(settings)
         follows, leads = drive_follower(robot, settings, 1), drive_leader(operator, settings, "leader", 1)
-        told = felt_texts(operator, settings) | texts | dict(description or {})
-        return Lap(settings, follows, leads, operator, told).run(duration, record, progress)
+        reported = felt_texts(operator, settings) | texts | dict(description or {})
+        return Lap(settings, follows, leads, operator, reported).run(duration, record, progress)
 
     return run
 

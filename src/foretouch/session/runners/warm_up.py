@@ -142,12 +142,12 @@ class _Slide(_Press):
 
     def read(self, now_ns: int | None = None) -> Any:
         done = self._tick / (0.5 * TICKS)
-        place = (SLIDE * max(done - 1.0, 0.0), 0.0, START - (START + PRESSED) * min(done, 1.0))
+        position = (SLIDE * max(done - 1.0, 0.0), 0.0, START - (START + PRESSED) * min(done, 1.0))
         if now_ns is not None:
-            return place
-        pressed = max(-place[2], 0.0) * STIFFNESS
-        force = (-FRICTION * pressed if place[0] > 0.0 else 0.0, 0.0, pressed)
-        return SpatialSample(place, force, force, place, (), False)
+            return position
+        pressed = max(-position[2], 0.0) * STIFFNESS
+        force = (-FRICTION * pressed if position[0] > 0.0 else 0.0, 0.0, pressed)
+        return SpatialSample(position, force, force, position, (), False)
 
 
 def _press_in_a_session(settings: SessionSettings, follower: Any, leader: Any, press: _Press) -> None:
@@ -156,8 +156,8 @@ def _press_in_a_session(settings: SessionSettings, follower: Any, leader: Any, p
     commands: list[Any] = []
     for tick in range(TICKS):
         now_ns = round(tick * SAMPLE_PERIOD * 1e9)
-        said = follows.tick(commands, 1_000_000, 0, now_ns)
-        command, *_ = leads.tick(said, now_ns, 1_000_000, 0, now_ns, stop=False)
+        messages = follows.tick(commands, 1_000_000, 0, now_ns)
+        command, *_ = leads.tick(messages, now_ns, 1_000_000, 0, now_ns, stop=False)
         commands = [command]
         follows.exchange()
 
@@ -177,15 +177,15 @@ def _move_the_simulated(settings: SessionSettings) -> None:
         else:
             return
         for tick in range(TICKS):
-            place = hand.read(tick * 1_000_000)
+            position = hand.read(tick * 1_000_000)
             hand.render((0.0, 0.0, 1.0) if settings.scene else 1.0)
-            robot.exchange(place if settings.scene else robot.surface + DEPTH * tick / TICKS)
+            robot.exchange(position if settings.scene else robot.surface + DEPTH * tick / TICKS)
 
 
 def _recording() -> Recording:
     """Record the press."""
-    places, forces = zip(*map(_press, range(TICKS)), strict=True)
-    return Recording(np.linspace(0.0, TICKS * SAMPLE_PERIOD, TICKS), np.array(places), np.array(forces))
+    positions, forces = zip(*map(_press, range(TICKS)), strict=True)
+    return Recording(np.linspace(0.0, TICKS * SAMPLE_PERIOD, TICKS), np.array(positions), np.array(forces))
 
 
 def _learn_offline(law: str) -> None:
@@ -238,7 +238,7 @@ def compiled_share() -> float | None:
         return None
 
 
-def compile_all(progress: Callable[[float], None] = lambda share: None, *, stop: Callable[[], bool] = bool) -> bool:
+def compile_all(progress: Callable[[float], None] = lambda fraction: None, *, stop: Callable[[], bool] = bool) -> bool:
     """Compile everything, once on a machine, in two processes; a second caller waits for the first.
 
     Args:
@@ -262,16 +262,16 @@ def compile_all(progress: Callable[[float], None] = lambda share: None, *, stop:
         if is_compiled():
             progress(1.0)
             return True
-        share, next_share = Path(root, "share"), Path(root, "share.next")
+        fraction, next_share = Path(root, "share"), Path(root, "share.next")
         try:
             for done in _compile_in_processes(stop):
                 next_share.write_text(f"{done:.3f}")
-                next_share.replace(share)  # atomic: a reader finds the old file or the new one
+                next_share.replace(fraction)  # atomic: a reader finds the old file or the new one
                 progress(done)
         except (OSError, subprocess.SubprocessError):
             return False
         finally:
-            share.unlink(missing_ok=True)
+            fraction.unlink(missing_ok=True)
         if stop():
             return False
         mark_complete()
@@ -303,11 +303,11 @@ def _compile_in_processes(stop: Callable[[], bool]) -> Iterator[float]:
                 open_ones.register(part.stdout, selectors.EVENT_READ, name)
             while open_ones.get_map() and not stop():
                 for key, _ in open_ones.select(LOOK_PERIOD):
-                    said = os.read(key.fd, 4096)
-                    done[key.data] += len(said)
-                    if not said:
+                    output = os.read(key.fd, 4096)
+                    done[key.data] += len(output)
+                    if not output:
                         open_ones.unregister(key.fileobj)
-                yield sum(share * min(done[name] / most, 0.99) for name, (most, share) in KERNELS.items())
+                yield sum(fraction * min(done[name] / most, 0.99) for name, (most, fraction) in KERNELS.items())
         if not stop() and any(part.wait() for part in parts):
             raise subprocess.SubprocessError
     finally:
@@ -339,13 +339,13 @@ def prepare(settings: SessionSettings, stop: StopFlag, say: Callable[[str], None
     Returns:
         Why the session is not to begin any more; "" where it is.
     """
-    told, done = 0.0, threading.Event()
+    reported, done = 0.0, threading.Event()
 
-    def progress(share: float) -> None:
-        nonlocal told
-        if parent is None and told <= share < 1.0:
-            say(f"compiling, {share:.0%}: the first start on this machine takes about a minute")
-            told = share + 0.2
+    def progress(fraction: float) -> None:
+        nonlocal reported
+        if parent is None and reported <= fraction < 1.0:
+            say(f"compiling, {fraction:.0%}: the first start on this machine takes about a minute")
+            reported = fraction + 0.2
 
     def beat() -> None:
         while parent is not None and not done.wait(HELLO_PERIOD):

@@ -166,17 +166,17 @@ def observe_way(way: ProvenWay, position: float, force: float, period: float) ->
     way.seen = min(way.seen + 1, MEAN)
     if way.seen < MEAN:
         return
-    place, largest, least = 0.0, way.forces[0], way.forces[0]
+    point, largest, least = 0.0, way.forces[0], way.forces[0]
     for index in range(MEAN):
-        place += way.positions[index] / MEAN
+        point += way.positions[index] / MEAN
         largest = max(largest, way.forces[index])
         least = min(least, way.forces[index])
     way.largest, way.least = max(way.largest, largest), min(way.least, least)
-    if place > before:
-        _go_in(way, before, place, period, largest)
-    elif place < before:
-        _go_out(way, before, place, least)
-    way.place = place
+    if point > before:
+        _go_in(way, before, point, period, largest)
+    elif point < before:
+        _go_out(way, before, point, least)
+    way.place = point
     way.time += period
 
 

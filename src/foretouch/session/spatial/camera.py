@@ -94,12 +94,12 @@ class SimulatedCamera:
         elif before and self._camera.jpeg == before:  # no two images of a sensor with noise are alike
             reason = "the stream stands still: the same image again"
         else:
-            found = self._detector.locate(image)
-            markers, reason = found.markers, found.reason
-            if found.pose is not None and found.covariance is not None:
-                pose, reason = CAMERA_POSE @ found.pose, ""
+            result = self._detector.locate(image)
+            markers, reason = result.markers, result.reason
+            if result.pose is not None and result.covariance is not None:
+                pose, reason = CAMERA_POSE @ result.pose, ""
                 numbers = (*pose.translation.tolist(), *pose.rotation_vector().tolist())
-                spread = tuple(found.covariance.ravel().tolist())
+                spread = tuple(result.covariance.ravel().tolist())
         return CameraImage(
             VERSION, self._sequence, now_ns, tick, jpeg, numbers, spread, markers, reason, self._numbers, run
         )

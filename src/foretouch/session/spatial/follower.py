@@ -177,10 +177,10 @@ def start(
     """
     inner = follower.start(specification, settings, estimator, run=run)
     ceiling, speed = settings.force_ceiling, settings.largest_speed
-    probe, gone, told = (SurfaceLine(surface, pose, leads=leads) for leads in (True, True, False))
+    probe, gone, reported = (SurfaceLine(surface, pose, leads=leads) for leads in (True, True, False))
     course = Course(gone, ceiling, speed, settings.return_speed, SAMPLE_PERIOD)
     inner.playout = Playout(course.go)
-    last = LastLimit(inner.safety, told, SAMPLE_PERIOD)
+    last = LastLimit(inner.safety, reported, SAMPLE_PERIOD)
     way_in, fields = WayIn(surface), FieldSender(inner.run)
     return State(inner, probe, course, last, way_in, fields, settings.approach_speed, speed)
 
@@ -284,9 +284,9 @@ def _believe(state: State, belief: FixtureBelief, now_ns: int) -> None:
 
 def _with_position(command: Command) -> Command:
     """A command whose position says only whether it has a place: the course says where that is on the normal."""
-    place = command.place
-    known = len(place) == 3 and all(map(math.isfinite, place))
-    return msgspec.structs.replace(command, position=max(map(abs, place)) if known else math.nan)
+    position = command.place
+    known = len(position) == 3 and all(map(math.isfinite, position))
+    return msgspec.structs.replace(command, position=max(map(abs, position)) if known else math.nan)
 
 
 def _learn_beside_the_law(state: State, closest: ClosestPoint, sample: SpatialSample, sideways: Vector) -> None:

@@ -200,8 +200,8 @@ def step(state: State, inputs: leader.Inputs[Vector], now_ns: int) -> tuple[Stat
     if math.isfinite(position):
         state.left = closest.place_at(position)
     force = _force(state, closest, led.record.rendered_force, period)
-    place = state.left if math.isfinite(position) else ()
-    command = msgspec.structs.replace(led.command, place=place)
+    point = state.left if math.isfinite(position) else ()
+    command = msgspec.structs.replace(led.command, place=point)
     record = msgspec.structs.replace(
         led.record, standard_deviation=state.material.uncertainty * led.record.predicted_force
     )

@@ -105,11 +105,13 @@ class SpatialWorld:
         return subtract(scaled(normal, pressed), scaled(sliding, rub / speed))
 
     def _move_fixture(self) -> None:
-        share = minimum_jerk((self.time - self._bump) / BUMP_TIME)
-        if share <= 0.0 or self._pose == self._poses[1]:
+        fraction = minimum_jerk((self.time - self._bump) / BUMP_TIME)
+        if fraction <= 0.0 or self._pose == self._poses[1]:
             return
         first, second = self._poses
-        self._pose = second if share >= 1.0 else tuple(a + share * (b - a) for a, b in zip(first, second, strict=True))
+        self._pose = (
+            second if fraction >= 1.0 else tuple(a + fraction * (b - a) for a, b in zip(first, second, strict=True))
+        )
         self._motion = RigidMotion.from_numbers(self._pose)
 
 

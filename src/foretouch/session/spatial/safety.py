@@ -46,14 +46,14 @@ def variances(
     Returns:
         Variance of its height, of its position in all directions [m^2], and of the normal's inclination [rad^2].
     """
-    place = height_variance(covariance, 1.0, 0.0, 0.0, x, y, z) + height_variance(covariance, 0.0, 1.0, 0.0, x, y, z)
-    place += height_variance(covariance, 0.0, 0.0, 1.0, x, y, z)
+    position = height_variance(covariance, 1.0, 0.0, 0.0, x, y, z) + height_variance(covariance, 0.0, 1.0, 0.0, x, y, z)
+    position += height_variance(covariance, 0.0, 0.0, 1.0, x, y, z)
     normal, inclined = (a, b, c), 0.0
     for row in range(3):
         inclined += covariance[3 + row, 3 + row]
         for column in range(3):
             inclined -= normal[row] * covariance[3 + row, 3 + column] * normal[column]
-    return height_variance(covariance, a, b, c, x, y, z), place, inclined
+    return height_variance(covariance, a, b, c, x, y, z), position, inclined
 
 
 FACTOR = 3.0  # Number of standard deviations taken as the largest error
@@ -111,12 +111,14 @@ class PoseUncertainty:
         Returns:
             How much nearer [m] and otherwise inclined [rad] it may be; the largest where the pose is unknown.
         """
-        height, place, turn = variances(self._covariance, *normal, *point)
+        height, position, turn = variances(self._covariance, *normal, *point)
         if self._relief > 0.0:
             height = max(height, height_variance(self._covariance, *self._facing, *point))
-        if not (self._known and 0.0 <= height < math.inf and 0.0 <= place < math.inf and -ROUNDING <= turn < math.inf):
+        if not (
+            self._known and 0.0 <= height < math.inf and 0.0 <= position < math.inf and -ROUNDING <= turn < math.inf
+        ):
             return LARGEST_UNCERTAINTY, LARGEST_TURN  # not a covariance
-        uneven = min(FACTOR * math.sqrt(max(place - height, 0.0)) * self._slope, self._relief)
+        uneven = min(FACTOR * math.sqrt(max(position - height, 0.0)) * self._slope, self._relief)
         inclined = FACTOR * math.sqrt(max(turn, 0.0))
         if uneven > 0.0:
             inclined += 2.0 * self._slope * uneven / self._relief

@@ -208,8 +208,8 @@ def palpation(scene: Scene, depth: float, seed: int) -> list[Keyframe]:
 
     path: list[Keyframe] = [(0.0, (MIDDLE[0], MIDDLE[1], TALL))]  # where the simulated arm is, too
 
-    def go(seconds: float, place: Vector) -> None:
-        path.append((path[-1][0] + seconds, place))
+    def go(seconds: float, position: Vector) -> None:
+        path.append((path[-1][0] + seconds, position))
 
     go(2.5, above(-reach, -reach, HOVER))  # a robot that knows no surface comes slowly
     go(1.0, above(-reach, -reach, HOVER))

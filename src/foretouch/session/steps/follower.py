@@ -236,13 +236,13 @@ def _sensed(state: State, sample: RobotSample, now_ns: int) -> tuple[float, floa
     try:
         force = sensor_force(state, sample)
         tool_force = state.specification.tool_force(sample.acceleration)
-        found = min(state.learner.conditioner.force_offset, state.specification.largest_offset)
+        result = min(state.learner.conditioner.force_offset, state.specification.largest_offset)
         validity = state.watch.update(
             now_ns * 1e-9,
             sample.position,
             sample.sensor_force,
             tool_force,
-            zero=found + (state.zero or 0.0),
+            zero=result + (state.zero or 0.0),
             effort=sample.effort - state.specification.moved_mass * sample.acceleration,
             slid=state.slid,
         )

@@ -228,9 +228,9 @@ def _couple(state: State, inputs: Inputs[float]) -> None:
     renderer, hand, clutched = state.renderer, inputs.position, inputs.clutched
     if renderer.proxy.engaged and not clutched:
         return
-    place = meeting_place(renderer.proxy, hand, state.follower_view.position, clutched=clutched)
-    if math.isfinite(place):
-        renderer.engage(hand, place)
+    position = meeting_place(renderer.proxy, hand, state.follower_view.position, clutched=clutched)
+    if math.isfinite(position):
+        renderer.engage(hand, position)
 
 
 def _renew(state: State) -> None:

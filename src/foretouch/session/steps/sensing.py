@@ -56,10 +56,12 @@ def session_calibration(settings: SessionSettings) -> SensorCalibration | None:
     """
     if not settings.calibration:
         return None
-    found = read_calibration(settings.calibration)
-    if all(value is None for value in (found.force_bias, found.tool_mass, found.sensor_lag, found.series_stiffness)):
+    result = read_calibration(settings.calibration)
+    if all(
+        value is None for value in (result.force_bias, result.tool_mass, result.sensor_lag, result.series_stiffness)
+    ):
         _refuse(settings, "holds neither bias, tool, lag nor series stiffness: there is nothing to correct")
-    return found
+    return result
 
 
 def calibrated(specification: RobotSpecification, settings: SessionSettings) -> Calibrated:
@@ -77,10 +79,10 @@ def calibrated(specification: RobotSpecification, settings: SessionSettings) -> 
         RecordingError: The file cannot be read, or is no calibration.
         SettingError: The calibration does not fit this robot.
     """
-    found = session_calibration(settings)
-    if found is None:
+    result = session_calibration(settings)
+    if result is None:
         return Calibrated(specification)
-    lag, stiffness = found.sensor_lag or 0.0, found.series_stiffness
+    lag, stiffness = result.sensor_lag or 0.0, result.series_stiffness
     if lag > LONGEST_LAG:
         _refuse(settings, f"has a sensor lag of {lag:g} s: a session mends at most {LONGEST_LAG:g} s")
     give = 0.0 if stiffness is None else settings.force_ceiling / stiffness
@@ -88,21 +90,23 @@ def calibrated(specification: RobotSpecification, settings: SessionSettings) -> 
         what = f"gives way by {1e3 * give:.3g} mm under {settings.force_ceiling:g} N"
         _refuse(settings, f"{what}: at most {1e3 * LARGEST_GIVE:g} mm are an arm's; calibrate it on a rigid block")
     own = specification
-    if settings.scene and found.force_bias is not None:  # the largest offset that the sensor can have, however it turns
-        largest = math.hypot(*found.force_bias) + SURE * math.hypot(*(found.force_bias_error or ()))
+    if (
+        settings.scene and result.force_bias is not None
+    ):  # the largest offset that the sensor can have, however it turns
+        largest = math.hypot(*result.force_bias) + SURE * math.hypot(*(result.force_bias_error or ()))
         own = replace(own, largest_offset=max(largest, own.largest_offset))
-    elif not settings.scene and found.tool_mass is not None:
-        if own.tool_mass > 0.0 and abs(found.approach_gravity - own.gravity) > SAME_GRAVITY:
-            what = f"has {found.approach_gravity:.4g} m/s^2 of gravity along the approach"
+    elif not settings.scene and result.tool_mass is not None:
+        if own.tool_mass > 0.0 and abs(result.approach_gravity - own.gravity) > SAME_GRAVITY:
+            what = f"has {result.approach_gravity:.4g} m/s^2 of gravity along the approach"
             _refuse(settings, f"{what}, and the robot {own.gravity:.4g}: give --approach-gravity to calibrate")
-        own = replace(own, tool_mass=found.tool_mass, gravity=found.approach_gravity)
-    if found.force_bias is not None and math.hypot(*found.force_bias) >= specification.sensor_range:
-        shown = f"{math.hypot(*found.force_bias):.4g} N, and the robot's sensor shows at most"
+        own = replace(own, tool_mass=result.tool_mass, gravity=result.approach_gravity)
+    if result.force_bias is not None and math.hypot(*result.force_bias) >= specification.sensor_range:
+        shown = f"{math.hypot(*result.force_bias):.4g} N, and the robot's sensor shows at most"
         _refuse(settings, f"has a force bias of {shown} {specification.sensor_range:g} N: it is another sensor's")
     zero = None
-    if found.force_offset is not None and found.tool_mass is not None and not settings.scene:
-        zero = found.force_offset + found.tool_mass * found.approach_gravity
-    floor = max(CONTACT_FLOOR, NOISE_FACTOR * (found.force_noise or 0.0))
+    if result.force_offset is not None and result.tool_mass is not None and not settings.scene:
+        zero = result.force_offset + result.tool_mass * result.approach_gravity
+    floor = max(CONTACT_FLOOR, NOISE_FACTOR * (result.force_noise or 0.0))
     return Calibrated(own, zero, 0.0 if stiffness is None else 1.0 / stiffness, lag, floor)
 
 
@@ -137,8 +141,8 @@ class Failures:
         """Take one exception of a stage, which is named as the end of "raised in"; only its sentence is kept."""
         self.count += 1
         if not self.sentence:
-            said = one_line(error, LONGEST_TEXT)
-            self.sentence = f"{type(error).__name__} raised in {stage}{f' ({said})' if said else ''}"
+            text = one_line(error, LONGEST_TEXT)
+            self.sentence = f"{type(error).__name__} raised in {stage}{f' ({text})' if text else ''}"
 
     def stop_learning(self, stage: str, error: Exception) -> None:
         """Take one exception of a learning stage, which then learns no more."""
