@@ -14,9 +14,9 @@ from designs.presses import Array, Press
 from numba import njit
 
 from foretouch.identification.contact_map.prior import CURVATURE, FEATURE_REACH, FEATURE_SIZE, LEVEL, SLOPE
-from foretouch.models.contact_map.layout import ABOVE, BELOW, LENGTHS, PLAYS, SPEED, TIMES
+from foretouch.models.contact_map.layout import COARSE, PLAYS, SPEED, TIMES
 
-LENGTH = LENGTHS[0]
+LENGTH = COARSE.spacing
 """Depths are measured in this [m]: what is 1 in the coarse map."""
 
 
@@ -68,12 +68,12 @@ class Features:
 
 def knots(spacing: float) -> Array:
     """Places of even knots [LENGTH], three more than there are intervals."""
-    return spacing * np.arange(-math.ceil(BELOW[0] / spacing) - 1, math.ceil(ABOVE[0] / spacing) + 2)
+    return spacing * np.arange(-math.ceil(COARSE.below / spacing) - 1, math.ceil(COARSE.above / spacing) + 2)
 
 
 def splines(place: Array, spacing: float) -> Array:
     """Cubic B-splines at places [LENGTH]; shape (n, number of knots)."""
-    at = np.clip(place, -BELOW[0], ABOVE[0]) / spacing - knots(spacing)[0] / spacing
+    at = np.clip(place, -COARSE.below, COARSE.above) / spacing - knots(spacing)[0] / spacing
     first = np.floor(at).astype(int)
     x = at - first
     values = np.zeros((place.size, knots(spacing).size))

@@ -15,7 +15,7 @@ from docs_pages import ROOT
 
 from foretouch.comparison import simulate
 from foretouch.identification.contact_map.prior import NOISE, prior
-from foretouch.models.contact_map.kernel import features, rates, remember
+from foretouch.models.contact_map.kernel import features, remember
 from foretouch.models.contact_map.layout import COARSE, MEMORY
 from foretouch.quantities import Recording
 
@@ -91,16 +91,14 @@ def test_only_the_floor_knows_the_future(designs: SimpleNamespace, press: Any) -
 def test_features_and_prior_are_those_of_the_package(designs: SimpleNamespace, press: Any) -> None:
     place = press.recording.position - press.surface[press.begin]
     ours = designs.basis.Features().of(press, place)
-    memory, values, shares = np.full(MEMORY, np.nan), np.empty(ours.shape[0]), np.empty(MEMORY)
-    rates(press.period, shares)
+    memory, values = np.full(MEMORY, np.nan), np.empty(ours.shape[0])
     for index in range(place.size):
-        remember(memory, place[index], shares)
+        remember(memory, place[index], press.period)
         features(memory, place[index], press.velocity[index], values)
         np.testing.assert_allclose(ours[:, index], values, atol=1e-9)
-    _, first, *_, end = COARSE
-    assert ours.shape[0] == COARSE[5]
+    assert ours.shape[0] == COARSE.features
     theirs = prior(0)
-    assert theirs.shape[0] == end - first
+    assert theirs.shape[0] == COARSE.size
     np.testing.assert_allclose(designs.maps.Map()._prior(), theirs, atol=1e-9)
 
 

@@ -136,7 +136,7 @@ def test_inspect_prints_what_is_there_and_saves_the_map(tmp_path):
     assert done.exit_code == 0, done.output
     assert "rosbag2 (sqlite3), 52 topics, 0.499 s, from 2023-11-14T22:13:20.000+00:00" in done.output
     lines = done.output.splitlines()
-    assert lines[2].split() == ["/ft", "geometry_msgs/msg/WrenchStamped", "500", "1000", "/s"]
+    assert lines[3].split() == ["/ft", "geometry_msgs/msg/WrenchStamped", "500", "1000", "/s"]
     assert "... and 12 topics more" in done.output
     assert "# open: the unit of the position /joint_states position[0] is not known" in done.output
     assert "/other49" in run("inspect", bag, "--all").output

@@ -46,14 +46,17 @@ CALLS, BATCHES = 2_000, 25
 @contextmanager
 def replaced(functions: Mapping[Target, Callable[[Any], Any]]) -> Iterator[None]:
     """Have owners keep other functions for a while, each made from the one that is there."""
-    kept = {target: vars(target[0])[target[1]] for target in functions}
+    kept = {(owner, name): vars(owner).get(name) for owner, name in functions}
     try:
         for (owner, name), make in functions.items():
-            setattr(owner, name, make(kept[owner, name]))
+            setattr(owner, name, make(getattr(owner, name)))
         yield
     finally:
         for (owner, name), function in kept.items():
-            setattr(owner, name, function)
+            if function is not None:
+                setattr(owner, name, function)
+            elif name in vars(owner):  # which it had inherited
+                delattr(owner, name)
 
 
 class Cost(NamedTuple):
