@@ -208,6 +208,17 @@ FREE_SHARE = 0.5
 DRIFT_TIME = 60.0  # Time constant in which the zero follows what free air shows [s of free motion]
 
 
+class FreeMotion(Record):
+    """A motion that may be free of contact."""
+
+    begin: float = -math.inf  # where it began [m]; the first sample lies further in
+    outermost: float = -math.inf  # its outermost position [m]
+    low: float  # lowest force [N]
+    high: float  # highest force [N]
+    age: float  # [s]
+    goes_on: bool  # whether it continues one that was free up to its beginning
+
+
 class Step(Record):
     """State of the watch for a step of the offset."""
 
@@ -228,21 +239,16 @@ class Step(Record):
     level_after: float  # of these samples [N]
     low: float  # innermost position since [m]
     high: float  # outermost position since [m]
-    free_from: float = -math.inf  # where a motion that may be free began [m]; the first sample lies further in
-    outermost: float = -math.inf  # position of that motion [m]
-    free_low: float  # its lowest force [N]
-    free_high: float  # its highest force [N]
-    free_age: float  # [s]
-    goes_on: bool  # whether it continues one that was free up to there
+    free: FreeMotion
 
 
 @compiled
 def _sets_out(step: Step, position: float, force: float, goes_on: bool) -> None:
     """Begin to look for free motion here, perhaps as the rest of a motion that was free up to here."""
-    step.free_from = step.outermost = position
-    step.free_low = step.free_high = force
-    step.free_age = 0.0
-    step.goes_on = goes_on
+    step.free.begin = step.free.outermost = position
+    step.free.low = step.free.high = force
+    step.free.age = 0.0
+    step.free.goes_on = goes_on
 
 
 @compiled
@@ -311,14 +317,14 @@ def _has_stayed(step: Step, position: float, force: float, period: float) -> boo
 def _is_free(step: Step, position: float, force: float, period: float) -> bool:
     """Whether free air shows that the zero is wrong."""
     least = step.least
-    low, high = min(step.free_low, force), max(step.free_high, force)
-    if position > step.outermost + TURN or high - low > least:
+    low, high = min(step.free.low, force), max(step.free.high, force)
+    if position > step.free.outermost + TURN or high - low > least:
         _sets_out(step, position, force, False)
         return False
-    step.free_low, step.free_high = low, high
-    step.outermost = min(step.outermost, position)
-    step.free_age += period
-    begin, age = step.free_from, step.free_age
+    step.free.low, step.free.high = low, high
+    step.free.outermost = min(step.free.outermost, position)
+    step.free.age += period
+    begin, age = step.free.begin, step.free.age
     if begin - position < FREE_WAY or age < HOLD:
         return False
     level = 0.5 * (low + high)
@@ -330,7 +336,7 @@ def _is_free(step: Step, position: float, force: float, period: float) -> bool:
     elif level > step.zero + FREE_SHARE * least:  # neither certainly free air nor a wrong zero
         _sets_out(step, position, force, False)
         return False
-    elif not step.goes_on:
+    elif not step.free.goes_on:
         step.edge = begin
     step.zero = min(level, step.zero + (level - step.zero) * min(age / DRIFT_TIME, 1.0))
     _sets_out(step, position, force, True)

@@ -96,6 +96,27 @@ UNCERTAINTY_FACTOR = 2.0
 VELOCITY_RATE = 2.0 * math.pi * VELOCITY_CUTOFF
 
 
+class Quiet(Record):
+    """Mean and spread of the force over the window of its newest samples, and those of quiet windows."""
+
+    first: int  # index in the rings of the window's oldest force
+    count: int
+    reference: float = math.nan  # force that is subtracted before squaring, so that the sums stay small [N]
+    total: float  # of the force over the window [N]
+    squares: float  # [N^2]
+    lowest_mean: float = math.inf  # of a quiet window [N]
+    noise: float  # spread of the window that gave the offset [N]
+    least_spread: float = math.inf  # of a window [N]
+
+
+class Block(Record):
+    """Lowest forces of two blocks of time, for the largest force that lasted."""
+
+    time: float = -math.inf  # beginning [s]
+    lowest: float = math.inf  # [N]
+    before: float = math.inf  # of the previous block [N]
+
+
 class Conditioning(Record):
     """State of a `Conditioner`, beside the rings of its newest samples."""
 
@@ -111,20 +132,11 @@ class Conditioning(Record):
     motion_place: float = math.nan  # its position [m]
     velocity: float  # low-passed [m/s]
     last_onset: float = math.nan  # where the previous contact began [m]
-    reference: float = math.nan  # force that is subtracted before squaring, so that the sums stay small [N]
-    total: float  # of the force over the window [N]
-    total_squares: float  # [N^2]
-    lowest_mean: float = math.inf  # of a quiet window [N]
-    noise: float  # spread of the window that gave the offset [N]
-    quietest: float = math.inf  # least spread of a window [N]
+    quiet: Quiet
     peak: float  # largest force that lasted [N]
-    block_time: float = -math.inf  # beginning of a block [s]
-    block_lowest: float = math.inf  # lowest force of it [N]
-    block_before: float = math.inf  # lowest force of the previous one [N]
+    block: Block
     surface_threshold: float = math.inf  # at which the surface was detected [N]
     free_place: float = math.nan  # last position below the threshold of release [m]
-    window_first: int  # index in the rings of the oldest force of the window
-    window_count: int
     late_first: int  # index in the rings of the oldest sample that waits
     late_count: int
 
@@ -148,7 +160,7 @@ def make_memory(surface: float | None, force_offset: float | None, contact_floor
 def is_full(memory: Memory) -> bool:
     """Whether a ring has no room for one more sample."""
     capacity = memory[1].shape[1]
-    return bool(memory[0][0].window_count >= capacity or memory[0][0].late_count >= capacity)
+    return bool(memory[0][0].quiet.count >= capacity or memory[0][0].late_count >= capacity)
 
 
 def grow(memory: Memory) -> Memory:
@@ -157,9 +169,9 @@ def grow(memory: Memory) -> Memory:
     if not is_full(memory):
         return memory
     grown = np.zeros((5, 2 * rings.shape[1]))
-    for rows, first in ((WINDOW, state.window_first), (LATE, state.late_first)):
+    for rows, first in ((WINDOW, state.quiet.first), (LATE, state.late_first)):
         grown[rows, : rings.shape[1]] = np.roll(rings[rows], -first, axis=1)
-    state.window_first = state.late_first = 0
+    state.quiet.first = state.late_first = 0
     return memory[0], grown
 
 
@@ -210,16 +222,16 @@ def delay(state: Conditioning, rings: Array, time: float, position: float, veloc
 @inlined
 def learn_offset(state: Conditioning, rings: Array, time: float, force: float) -> None:
     """Keep mean and spread of the last 50 ms, and those of the quietest 50 ms so far."""
-    if math.isnan(state.reference):
-        state.reference = force
+    if math.isnan(state.quiet.reference):
+        state.quiet.reference = force
     capacity, times, forces = rings.shape[1], rings[0], rings[1]
-    shifted = force - state.reference
-    first, count = state.window_first, state.window_count
+    shifted = force - state.quiet.reference
+    first, count = state.quiet.first, state.quiet.count
     index = first + count
     index = index - capacity if index >= capacity else index
     times[index], forces[index] = time, shifted
     count += 1
-    total, squares = state.total + shifted, state.total_squares + shifted * shifted
+    total, squares = state.quiet.total + shifted, state.quiet.squares + shifted * shifted
     full = False
     while time - times[first] >= OFFSET_WINDOW:
         full = True
@@ -228,34 +240,34 @@ def learn_offset(state: Conditioning, rings: Array, time: float, force: float) -
         squares -= old * old
         first = first + 1 if first + 1 < capacity else 0
         count -= 1
-    state.window_first, state.window_count = first, count
-    state.total, state.total_squares = total, squares
+    state.quiet.first, state.quiet.count = first, count
+    state.quiet.total, state.quiet.squares = total, squares
     mean = total / count
     variance = squares / count - mean * mean
     spread = math.sqrt(variance) if variance > 0.0 else 0.0
     if full:
-        if spread < state.quietest:
-            state.quietest = spread
-        limit = QUIET_FACTOR * state.quietest
-        if mean >= state.lowest_mean or spread > (limit if limit > SMALLEST_SPREAD else SMALLEST_SPREAD):
+        if spread < state.quiet.least_spread:
+            state.quiet.least_spread = spread
+        limit = QUIET_FACTOR * state.quiet.least_spread
+        if mean >= state.quiet.lowest_mean or spread > (limit if limit > SMALLEST_SPREAD else SMALLEST_SPREAD):
             return
-        state.lowest_mean = mean
-    elif state.lowest_mean < math.inf:
+        state.quiet.lowest_mean = mean
+    elif state.quiet.lowest_mean < math.inf:
         return
-    state.noise = spread
+    state.quiet.noise = spread
     if not state.offset_given:
-        state.offset = mean + state.reference
+        state.offset = mean + state.quiet.reference
 
 
 @inlined
 def learn_peak(state: Conditioning, time: float, force: float) -> None:
     """The largest force that lasted: the lowest in two blocks of time, so that a spike of the sensor does not count."""
-    lowest, before = state.block_lowest, state.block_before
-    if time - state.block_time < PEAK_TIME:
+    lowest, before = state.block.lowest, state.block.before
+    if time - state.block.time < PEAK_TIME:
         if force < lowest:
-            state.block_lowest = force
+            state.block.lowest = force
         return
-    state.block_time, state.block_lowest, state.block_before = time, force, lowest
+    state.block.time, state.block.lowest, state.block.before = time, force, lowest
     lasted = before if before < lowest else lowest
     if before < math.inf and lasted > state.peak:
         state.peak = lasted
@@ -264,7 +276,7 @@ def learn_peak(state: Conditioning, time: float, force: float) -> None:
 @inlined
 def threshold_of(state: Conditioning) -> float:
     """Threshold of contact [N]."""
-    noise, largest = state.noise, QUIET_SPREAD * state.quietest
+    noise, largest = state.quiet.noise, QUIET_SPREAD * state.quiet.least_spread
     noise = NOISE_FACTOR * (largest if largest < noise else noise)
     result, weight = state.floor, PEAK_SHARE * state.peak
     result = noise if noise > result else result

@@ -74,6 +74,15 @@ LARGEST_VALUE = 1e6  # Largest magnitude of a valid measurement [m, N, s: times 
 Array = NDArray[np.float64]
 
 
+class Repeats(Record):
+    """Times for which values repeat exactly [s]."""
+
+    both: float  # force and position, now
+    longest_both: float  # so far
+    force: float  # the force alone, now
+    longest_force: float  # so far
+
+
 class Watch(Record):
     """State of a `SensorWatch`, with its settings."""
 
@@ -84,10 +93,7 @@ class Watch(Record):
     noisy: float  # fraction of changes that reverse
     changes: int
     change: float  # the newest [N]
-    both_repeat: float  # time for which force and position repeat [s]
-    longest_both: float  # so far [s]
-    force_repeats: float  # time for which the force alone repeats [s]
-    longest_force: float  # so far [s]
+    repeats: Repeats
     near_end: bool  # whether the newest sample was at an end of the range
     known: int  # of the three samples before
     force: float  # of the newest of them [N]
@@ -106,7 +112,7 @@ class Watch(Record):
 def _restart(watch: Watch) -> None:
     """Forget the samples for comparison."""
     watch.known = 0
-    watch.both_repeat = watch.force_repeats = watch.change = 0.0
+    watch.repeats.both = watch.repeats.force = watch.change = 0.0
     watch.near_end = False
     restart_steps(watch.step)
     begin_loss(watch.loss)
@@ -131,27 +137,27 @@ def _repeats(watch: Watch, position: float, force: float, period: float) -> int:
     """Whether nothing new comes, from sensors that have shown noise."""
     change = force - watch.force
     if change != 0.0:
-        if watch.force_repeats < STUCK_TIME:
-            watch.longest_force = max(watch.longest_force, watch.force_repeats)
+        if watch.repeats.force < STUCK_TIME:
+            watch.repeats.longest_force = max(watch.repeats.longest_force, watch.repeats.force)
         watch.changes += 1
         reverses = 1.0 if change * watch.change < 0.0 else 0.0
         watch.noisy += (reverses - watch.noisy) / min(watch.changes, NOISE_SAMPLES)
         watch.change = change
-        watch.force_repeats = 0.0
+        watch.repeats.force = 0.0
     else:
-        watch.force_repeats += period
+        watch.repeats.force += period
     if change != 0.0 or position != watch.positions[0]:
-        if watch.both_repeat < DROPOUT_TIME:
-            watch.longest_both = max(watch.longest_both, watch.both_repeat)
-        watch.both_repeat = 0.0
+        if watch.repeats.both < DROPOUT_TIME:
+            watch.repeats.longest_both = max(watch.repeats.longest_both, watch.repeats.both)
+        watch.repeats.both = 0.0
     else:
-        watch.both_repeat += period
+        watch.repeats.both += period
     if watch.changes < NOISE_SAMPLES or watch.noisy < NOISY_RATIO:
         return GOOD
     slack = 0.5 * min(period, DROPOUT_TIME / 10.0)  # sums of periods are not exact
-    if watch.both_repeat + slack > max(DROPOUT_TIME, REPEAT_FACTOR * watch.longest_both):
+    if watch.repeats.both + slack > max(DROPOUT_TIME, REPEAT_FACTOR * watch.repeats.longest_both):
         return DROPOUT
-    if watch.force_repeats + slack > max(STUCK_TIME, REPEAT_FACTOR * watch.longest_force):
+    if watch.repeats.force + slack > max(STUCK_TIME, REPEAT_FACTOR * watch.repeats.longest_force):
         return STUCK
     return GOOD
 
@@ -181,7 +187,7 @@ def _compare(watch: Watch, position: float, force: float, contact: float, period
     """Compare a sample with those before it."""
     if watch.known == 0:
         return GOOD
-    since = period + watch.both_repeat  # a value that is new
+    since = period + watch.repeats.both  # a value that is new
     repeated = _repeats(watch, position, force, period)
     stepped = find_step(watch.step, position, contact, period)
     was_near, near = watch.near_end, not watch.lowest < force < watch.highest
