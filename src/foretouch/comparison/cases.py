@@ -1,4 +1,4 @@
-"""What is compared on: files, and simulated recordings whose truth is known.
+"""Material of a comparison: files, and simulated recordings whose truth is known.
 
 Both are small names that a worker process loads itself. The simulated ones are each law alone, laws that change, taps,
 and materials that are no law.
@@ -54,7 +54,7 @@ BETWEEN: Final = ContinuousSwitching(4500.0, 1000.0, 0.7, 0.5)
 
 @dataclass(frozen=True)
 class Scenario:
-    """What is pressed and how.
+    """A material and the motion that presses it.
 
     Attributes:
         duration: [s].
@@ -79,7 +79,7 @@ class Simulated(ByValue):
 
     Attributes:
         recording: Noisy, without velocity, with an offset; nothing in it says where the surface is.
-        truth: What is behind it.
+        truth: The truth behind it.
     """
 
     recording: Recording
@@ -120,13 +120,13 @@ def simulate(name: str, *, seed: int = 0) -> Simulated:
     )
 
 
-def _force(scenario: Scenario, time: Array, depth: Array) -> Array:
+def _force(scenario: Scenario, time: Array, depths: Array) -> Array:
     """True force [N], the law advanced along the true motion."""
     force = np.empty(time.size)
     state = scenario.law_at(0.0).initial_state()
-    samples = zip(time.tolist(), depth.tolist(), np.gradient(depth, time).tolist(), strict=True)
-    for index, (now, place, speed) in enumerate(samples):
-        state, force[index], _ = advance(scenario.law_at(now), state, place, speed, SAMPLE_PERIOD)
+    samples = zip(time.tolist(), depths.tolist(), np.gradient(depths, time).tolist(), strict=True)
+    for index, (now, depth, speed) in enumerate(samples):
+        state, force[index], _ = advance(scenario.law_at(now), state, depth, speed, SAMPLE_PERIOD)
     return force
 
 
@@ -174,8 +174,8 @@ def _ramp(fraction: Array) -> Array:
 def _gradual(time: float) -> ContactModel:
     """Change from Hunt-Crossley to Kelvin-Voigt in 25 s, as in Fig. 8 of the paper."""
     t = min(max(time - FREE_AIR, 0.0), GRADUAL_DURATION)
-    share = t / GRADUAL_DURATION
-    return ContinuousSwitching(3000.0 + 120.0 * t, 1500.0 - 40.0 * t, 1.4 * (1.0 - share), share)
+    part = t / GRADUAL_DURATION
+    return ContinuousSwitching(3000.0 + 120.0 * t, 1500.0 - 40.0 * t, 1.4 * (1.0 - part), part)
 
 
 def _sudden(time: float) -> ContactModel:
