@@ -8,7 +8,7 @@ Array = NDArray[np.float64]
 
 
 def press(fraction: float, *, depth: float = 5e-3, samples: int = 1000, apart: float = 0.0) -> tuple[Array, ...]:
-    """In and out of a spring of 300 N/m, of which this fraction is felt; the hand's zero is that far from the probe's."""
+    """In and out of a spring of 300 N/m, felt by this fraction; the hand's zero is `apart` from the probe's."""
     probe = 0.02 + depth * np.sin(np.linspace(0.0, np.pi, samples))
     force = 300.0 * (probe - 0.02)
     return probe + apart, fraction * force, probe, force

@@ -210,9 +210,8 @@ def delay_figure(results: Sequence[Result], title: str = "Prediction error again
 
 def _error(prediction: Prediction, name: str) -> float | None:
     """The error of this name; on a simulated recording that of the foreseeable samples."""
-    error: float | None = getattr(
-        prediction, name if prediction.unforeseeable_percent is None else f"foreseeable_{name}"
-    )
+    prefix = "" if prediction.unforeseeable_percent is None else "foreseeable_"
+    error: float | None = getattr(prediction, prefix + name)
     return error
 
 

@@ -46,8 +46,10 @@ def write_comparison_page(
 def _left_out(recordings: int) -> list[str]:
     if recordings <= MOST_RECORDINGS:
         return []
-    text = f"the first {MOST_RECORDINGS} of {recordings} recordings have panels, and matrices have colours"
-    return [f"<p>So that the page can be sent, {panels} and no numbers: the tables below have them all.</p>"]
+    return [
+        f"<p>So that the page can be sent, the first {MOST_RECORDINGS} of {recordings} recordings have a panel of "
+        "their own, and matrices have colours and no numbers: the tables below have them all.</p>"
+    ]
 
 
 def _figures(results: Sequence[Result]) -> list[str]:

@@ -365,9 +365,9 @@ class Hello(Message, frozen=True, array_like=True, gc=False):
     @classmethod
     def of(cls, role: str, sequence: int, time_ns: int, texts: Mapping[str, str]) -> Hello:
         """One with these texts, cut where they are longer than a peer takes them."""
-        said = list(texts.items())[:MOST_TEXTS]
-        names = tuple(name[:LONGEST_NAME] for name, _ in said)
-        return cls(VERSION, sequence, time_ns, role, names, tuple(value[:LONGEST_VALUE] for _, value in said))
+        kept = list(texts.items())[:MOST_TEXTS]
+        names = tuple(name[:LONGEST_NAME] for name, _ in kept)
+        return cls(VERSION, sequence, time_ns, role, names, tuple(value[:LONGEST_VALUE] for _, value in kept))
 
     @property
     def texts(self) -> dict[str, str]:

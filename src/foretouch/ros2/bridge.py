@@ -28,7 +28,7 @@ READS = 5
 
 
 def wall_offset_ns() -> int:
-    """What to add to this machine's monotonic clock for nanoseconds since 1970."""
+    """Offset from this machine's monotonic clock to nanoseconds since 1970."""
     readings = [(time.monotonic_ns(), time.time_ns(), time.monotonic_ns()) for _ in range(READS)]
     before, wall, after = min(readings, key=lambda reading: reading[2] - reading[0])
     return wall - (before + after) // 2
