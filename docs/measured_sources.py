@@ -23,7 +23,7 @@ IGNORED = (
     *("measured_blocks", "foretouch.console", "foretouch.errors", "foretouch.plugins", "foretouch.ros2"),
     *("foretouch.core.compiling", "foretouch.files"),
     *(f"foretouch.cli.{name}" for name in ("app", "options", "progress")),
-    *("foretouch.report.writing", "foretouch.report.drawing", "foretouch.report.scene.section"),
+    *("foretouch.report.writing", "foretouch.report.drawing", "foretouch.report.sections.scene"),
     *("foretouch.comparison.figures", "foretouch.comparison.page", "foretouch.sweep.page"),
     # devices that no simulated session has
     *(f"foretouch.devices.{name}" for name in ("browser", "force_dimension", "gamepad")),

@@ -39,18 +39,8 @@ def make_session(
 ) -> SessionLog:
     """A session on a Hunt-Crossley material whose models are right but for a factor; made once, and not to be changed.
 
-    Args:
-        duration: [s].
-        stiffness: Factor on stiffness and damping of every model sent.
-        offset: Of the sensor [N].
-        noise: Of the sensor, standard deviation [N].
-        lag: Of the robot [ticks].
-        limit: Of the rendered force [N].
-        touching: False puts the surface out of reach.
-        valid: Whether the models are.
-        exact: Whether the simulator's force is known.
-        models: Whether any is sent.
-        seed: Of the noise.
+    Offset and noise are the sensor's [N], the lag is the robot's [ticks], the limit that of the rendered force [N];
+    one that is not touching has its surface out of reach.
     """
     rng = np.random.default_rng(seed)
     ticks = round(duration * 1000)
@@ -67,41 +57,12 @@ def make_session(
         measured = force + rng.normal(0.0, noise)
         if models and tick % 20 == 0:
             numbers = (stiffness * MATERIAL.stiffness, stiffness * MATERIAL.damping, MATERIAL.exponent)
-            sent.append(
-                ModelUpdate(
-                    VERSION,
-                    len(sent) + 1,
-                    start + tick * TICK,
-                    command,
-                    MATERIAL.law,
-                    numbers,
-                    (),
-                    surface,
-                    valid,
-                    "",
-                    "none",
-                    b"",
-                )
-            )
-        follower.append(
-            Telemetry(
-                VERSION,
-                tick,
-                start + tick * TICK,
-                command,
-                place,
-                place,
-                velocity.update(tick * 1e-3, place),
-                measured + offset,
-                measured,
-                force if exact else float("nan"),
-                force > 0.0,
-                False,
-                len(sent),
-                TICK if tick > 1 else 0,
-                180_000 + 1000 * (tick % 50),
-            )
-        )
+            law = (MATERIAL.law, numbers, (), surface, valid, "", "none", b"")
+            sent.append(ModelUpdate(VERSION, len(sent) + 1, start + tick * TICK, command, *law))
+        motion = (place, place, velocity.update(tick * 1e-3, place))
+        forces = (measured + offset, measured, force if exact else float("nan"), force > 0.0, False)
+        spent = (TICK if tick > 1 else 0, 180_000 + 1000 * (tick % 50))
+        follower.append(Telemetry(VERSION, tick, start + tick * TICK, command, *motion, *forces, len(sent), *spent))
     render = Predictor()
     newest = 0
     for tick in range(1, ticks + 1):
@@ -112,38 +73,20 @@ def make_session(
             render.adopt(make_model(update.law, update.parameters) if update.valid else None, update.surface)
         predicted = render.update(tick * 1e-3, hand(tick))
         known = follower[tick - FORCE_DELAY - 1].force if tick > FORCE_DELAY else 0.0
-        leader.append(
-            LeaderState(
-                VERSION,
-                tick,
-                77_000_000 + tick * TICK,
-                hand(tick),
-                render.velocity,
-                predicted,
-                min(predicted, limit),
-                known,
-                max(0, tick - FORCE_DELAY),
-                newest,
-                render.jump,
-                predicted > limit,
-                TICK if tick > 1 else 0,
-                120_000 + 1000 * (tick % 70),
-            )
-        )
-    settings = {
-        "material": "hunt-crossley",
-        "operator": "scripted",
-        "model": "continuous-switching",
-        "position_delay": "0.08",
-        "force_delay": "0.3",
-    }
+        forces = (predicted, min(predicted, limit), known)
+        model = (max(0, tick - FORCE_DELAY), newest, render.jump, predicted > limit)
+        spent = (TICK if tick > 1 else 0, 120_000 + 1000 * (tick % 70))
+        moment = (77_000_000 + tick * TICK, hand(tick), render.velocity)
+        leader.append(LeaderState(VERSION, tick, *moment, *forces, *model, *spent))
+    settings = {"material": "hunt-crossley", "operator": "scripted", "model": "continuous-switching"}
+    settings |= {"position_delay": "0.08", "force_delay": "0.3"}
     log = SessionLog.from_messages([*leader, *follower, *sent], settings, {"leader_lost": 2, "follower_lost": 3})
     log.leader.flags.writeable = log.follower.flags.writeable = False
     return log
 
 
 def repeated(log: SessionLog, times: int) -> SessionLog:
-    """The same session so many times on end, as one of the same two processes."""
+    """The same session repeated on end, as one of the same two processes."""
     ticks, models = int(log.leader["sequence"][-1]), len(log.models)
     nth = np.repeat(np.arange(times), log.leader.size)
     sides = []
@@ -161,7 +104,7 @@ def repeated(log: SessionLog, times: int) -> SessionLog:
 
 
 def later(model: ModelUpdate, models: int, ticks: int) -> ModelUpdate:
-    """The same model, sent after so many others and so many ticks."""
+    """The same model, sent a number of models and ticks later."""
     return msgspec.structs.replace(
         model,
         sequence=model.sequence + models,

@@ -34,14 +34,7 @@ def put(table: np.ndarray, name: str, values: Any) -> None:
 
 
 def make_scene_session(ticks: int = 4000, *, apart_ns: int = 0, scene: str = "plane", **settings: str) -> SessionLog:
-    """A session in which nothing happens: each command is applied 80 ms later; everything can be written over.
-
-    Args:
-        ticks: Of either side.
-        apart_ns: What the follower's clock is ahead of the leader's.
-        scene: Its name.
-        **settings: More of them.
-    """
+    """A session in which nothing happens: each command is applied 80 ms later; everything can be written over."""
     leader, hand = np.zeros(ticks, LEADER_DTYPE), np.zeros(ticks, LEADER_SPACE_DTYPE)
     follower, probe = np.zeros(ticks, FOLLOWER_DTYPE), np.zeros(ticks, FOLLOWER_SPACE_DTYPE)
     number = np.arange(1, ticks + 1)

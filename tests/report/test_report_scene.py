@@ -22,9 +22,9 @@ from foretouch.models import MaterialField
 from foretouch.quantities import Pose
 from foretouch.rendering import SpatialEnergyAccount
 from foretouch.report import pair, render_text, session_figures, write_page
+from foretouch.report.scene import look_at_scene
 from foretouch.report.scene.map import StiffnessMap, map_figures
 from foretouch.report.scene.pose import NEAR_FOR, NEAR_MM, PoseError, pose_figures
-from foretouch.report.scene.scene import look_at_scene
 from foretouch.session import SessionSettings
 from foretouch.session.runners.lap import simulate_scene
 from foretouch.session.spatial import make_scene, make_spatial_operator, make_spatial_robot

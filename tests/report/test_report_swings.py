@@ -60,7 +60,7 @@ def test_a_hand_that_lags_and_gives_way_does_not_oscillate(lag: int) -> None:
 
 @pytest.mark.parametrize(("left", "dies"), [(0.4, True), (0.6, True), (0.9, False), (1.0, False), (1.1, False)])
 def test_a_rebound_that_dies_away_is_none(left: float, dies: bool) -> None:
-    """Ten presses into something hard, each with six swings, of which each is so much of the one before."""
+    """Ten presses into something hard, each with six swings that shrink by one ratio."""
     push = np.linspace(0.0, 0.01, 500)
     ways = 2e-3 * left ** np.arange(6) * np.array([-1, 1] * 3)
     ring = 0.01 + np.concatenate(([0.0], np.cumsum(ways)))

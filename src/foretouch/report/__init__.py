@@ -17,11 +17,11 @@ from foretouch.report.perception import (
     update_jumps,
 )
 from foretouch.report.rows import Pairs, force_at_follower, guarded_runs, pair
-from foretouch.report.scene.scene import SceneFindings, look_at_scene, scene_figures
-from foretouch.report.scene.section import map_figure, pose_figure
+from foretouch.report.scene import SceneFindings, look_at_scene, scene_figures
 from foretouch.report.scores import STATUSES, Scores, delayed_force, score_prediction
 from foretouch.report.sections.hand import hand_figures
 from foretouch.report.sections.model import IDLE_LAW, law_is_idle, map_lines
+from foretouch.report.sections.scene import map_figure, pose_figure
 from foretouch.report.sections.session import left_out
 from foretouch.report.session import CONTACT_FLOOR, session_figures
 from foretouch.report.writing.pages import (

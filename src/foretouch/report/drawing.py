@@ -1,7 +1,4 @@
-"""What every figure here has in common: colours, legends, margins, and no more points than can be seen.
-
-What a page takes is bounded by its width, however long a recording is; no global state is touched.
-"""
+"""What every figure has in common: colours, legends, margins, and no more points than can be seen."""
 
 from __future__ import annotations
 
@@ -29,16 +26,8 @@ COLOURS = columns.COLOURS
 
 def legend(axes: Any, columns: int) -> None:
     """A legend between title and plot, where it hides nothing."""
-    axes.legend(
-        loc="lower left",
-        bbox_to_anchor=(0.0, 1.0),
-        ncols=columns,
-        frameon=False,
-        fontsize="small",
-        columnspacing=1.2,
-        handlelength=1.6,
-        borderaxespad=0.2,
-    )
+    style = {"frameon": False, "fontsize": "small", "columnspacing": 1.2, "handlelength": 1.6, "borderaxespad": 0.2}
+    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, **style)
     rows = -(-len(axes.get_legend_handles_labels()[1]) // columns)
     axes.set_title(axes.get_title(), pad=22.0 + 13.0 * max(rows - 1, 0))
 
@@ -48,17 +37,8 @@ def shade(axes: Any, time: NDArray[np.float64], flags: NDArray[np.bool_], colour
     if not flags.any():
         return
     when, inside = corners(time, flags)
-    axes.fill_between(
-        when,
-        0.0,
-        1.0,
-        where=inside,
-        transform=axes.get_xaxis_transform(),
-        color=colour,
-        alpha=0.15,
-        linewidth=0.0,
-        label=label,
-    )
+    style = {"color": colour, "alpha": 0.15, "linewidth": 0.0, "label": label}
+    axes.fill_between(when, 0.0, 1.0, where=inside, transform=axes.get_xaxis_transform(), **style)
 
 
 def mark(axes: Any, segments: Sequence[Segment]) -> None:
@@ -67,16 +47,9 @@ def mark(axes: Any, segments: Sequence[Segment]) -> None:
     for failing, (label, hatch, colour) in _MARKS.items():
         seen = [one[:2] for one in segments if one.failing == failing and one.end >= begin and one.begin <= end]
         spans = joined(np.array(sorted(seen)).reshape(-1, 2), end - begin)
+        style = {"facecolor": (0.5, 0.5, 0.5, 0.12), "edgecolor": colour, "hatch": hatch, "linewidth": 0.0}
         for number, span in enumerate(np.clip(spans, begin, end).tolist()):
-            axes.axvspan(
-                *span,
-                facecolor=(0.5, 0.5, 0.5, 0.12),
-                edgecolor=colour,
-                hatch=hatch,
-                linewidth=0.0,
-                zorder=0.5,
-                label=label if number == 0 else None,
-            )
+            axes.axvspan(*span, **style, zorder=0.5, label=label if number == 0 else None)
     axes.set_xlim(sides)
 
 
@@ -87,18 +60,10 @@ _MARKS = {False: ("not following", "\\\\\\", "0.65"), True: ("faulty sensors", "
 def finished(
     figure: Any, rows: int, *, above: float = 0.6, gap: float = 0.85, right: float = 0.985, between: float = 0.2
 ) -> Any:
-    """Place the axes by hand: the automatic layouts draw everything twice.
+    """Place the axes by hand, with room above the first row and between rows [inches]; returns the figure.
 
-    Args:
-        figure: With its axes drawn.
-        rows: Of axes.
-        above: Room above the first row [inches].
-        gap: Between rows [inches].
-        right: Right end of the axes, as a fraction of the width.
-        between: Gap between columns, as a fraction of their width.
-
-    Returns:
-        The figure.
+    The automatic layouts draw everything twice. The right end of the axes and the gap between columns are fractions of
+    the figure's and of a column's width.
     """
     height = figure.get_figheight()
     below = 0.55
@@ -125,13 +90,7 @@ def since_first(leader: Rows) -> Array:
 
 
 def last_contact(time: Array, force: Array, length: float) -> tuple[float, float]:
-    """Begin and end of a close-up of the last contact [s]: by then the estimate has had its time to settle.
-
-    Args:
-        time: Increasing [s], shape (n,), n of at least 1.
-        force: Contact force [N], shape (n,).
-        length: From the begin to the end of the contact [s]; a tenth more is shown after that.
-    """
+    """Begin and end of a close-up of the last contact [s], a tenth longer than the length: the estimate has settled."""
     touched = np.flatnonzero(force > 0.2 * peak(force))
     begin = max(float(time[touched[-1] if touched.size else -1]) - length, float(time[0]))
     return begin, begin + 1.1 * length
@@ -147,11 +106,8 @@ NARROW = 500
 def extremes(values: Array, buckets: int = 1500) -> NDArray[np.intp]:
     """Indices of the lowest and the highest sample of each bucket, in order: with them every peak is drawn.
 
-    A bucket without a number has one index, so that a hole in a curve stays one.
-
-    Args:
-        values: Shape (n,).
-        buckets: Largest number of buckets; with no more than two samples for each, all are kept.
+    A bucket without a number has one index, so that a hole in a curve stays one; with at most two samples in each, all
+    are kept.
     """
     size = -(-values.size // buckets)
     if size <= 2:
@@ -169,12 +125,8 @@ def extremes(values: Array, buckets: int = 1500) -> NDArray[np.intp]:
 def thinned(time: Array, values: Array, buckets: int = 1500) -> tuple[Array, Array]:
     """Lowest and highest sample of each bucket, in order: the same picture with fewer points.
 
-    In a gap of time there is one that is no number, so that no line is drawn over it.
-
-    Args:
-        time: Increasing [s], shape (n,).
-        values: Shape (n,).
-        buckets: As of `extremes`; of more gaps than that the longest are kept.
+    In a gap of time there is one that is no number, so that no line is drawn over it; of more gaps than buckets the
+    longest are kept.
     """
     kept = extremes(values, buckets)
     periods = np.diff(time)
@@ -187,16 +139,18 @@ def thinned(time: Array, values: Array, buckets: int = 1500) -> tuple[Array, Arr
     return np.insert(time[kept], places, time[gaps]), np.insert(values[kept], places, np.nan)
 
 
+def curve(axes: Any, time: Array, values: Array, colour: str, width: float, **style: Any) -> None:
+    """Draw one curve, with no more points than can be seen."""
+    axes.plot(*thinned(time, values), color=colour, linewidth=width, **style)
+
+
+def note(axes: Any, x: float, y: float, text: str, **style: Any) -> None:
+    """Write at a position in fractions of the axes, centred unless the style says otherwise."""
+    axes.text(x, y, text, transform=axes.transAxes, **{"ha": "center", "va": "center", **style})
+
+
 def joined(spans: Array, shown: float) -> Array:
-    """Spans of time, with those too near to each other to be distinguished joined.
-
-    Args:
-        spans: Begin and end of each [s], by their begin, shape (n, 2).
-        shown: Length of what the axes show [s].
-
-    Returns:
-        Shape (m, 2), at most some `NARROW` of them within what is shown.
-    """
+    """Spans of time by their begin [s], shape (n, 2), joined where too near to be distinguished over what is shown."""
     if not len(spans):
         return spans
     ends = np.maximum.accumulate(spans[:, 1])
@@ -205,15 +159,7 @@ def joined(spans: Array, shown: float) -> Array:
 
 
 def corners(time: Array, flags: NDArray[np.bool_]) -> tuple[Array, NDArray[np.bool_]]:
-    """The times at which a flag is set, with the corners alone.
-
-    Args:
-        time: Increasing [s], shape (n,).
-        flags: Shape (n,).
-
-    Returns:
-        Times and flags: of each span its begin and its end, and its end once more without the flag.
-    """
+    """The corners of a flag: of each span its begin and its end, and its end once more without the flag."""
     changes = np.diff(np.concatenate(([0], flags.astype(np.int8), [0])))
     begin, end = np.flatnonzero(changes > 0), np.flatnonzero(changes < 0) - 1
     spans = joined(np.column_stack((time[begin], time[end])), float(np.ptp(time)) if time.size else 0.0)

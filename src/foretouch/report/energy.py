@@ -1,7 +1,4 @@
-"""The energy account of a session, summed up again: whether the hand was given more than it gave, over all of it.
-
-The work of a recorded force on a recorded motion is booked as the leader's account books it.
-"""
+"""The energy account of a session, summed up again from the recorded forces and motion as the leader books them."""
 
 from __future__ import annotations
 
@@ -15,7 +12,7 @@ from numpy.typing import NDArray
 from foretouch.quantities import Rows, brief_text
 from foretouch.rendering.energy import FASTEST_HAND, SAMPLE_PERIOD, SMALLEST_COUNT
 from foretouch.rendering.renderer import FARTHEST, PHANTOM
-from foretouch.report.numbers import finite_or_none
+from foretouch.report.numbers import finite_or_none, largest
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -50,21 +47,14 @@ def booked_device(settings: Mapping[str, str]) -> BookedDevice | None:
 
 
 class Booked(NamedTuple):
-    """Work booked in each tick; columns of shape (n,).
-
-    Attributes:
-        work: Work in the nominal period [J].
-        late: Work in the time by which a tick was longer, and over missing positions [J].
-        reach: Nominal step under a force, plus one count [m].
-    """
+    """Work booked in each tick; columns of shape (n,)."""
 
     work: Array
+    """Work in the nominal period [J]."""
     late: Array
+    """Work in the time by which a tick was longer, and over missing positions [J]."""
     reach: Array
-
-    def __repr__(self) -> str:
-        """In a few lines, however long the session was."""
-        return brief_text(type(self).__name__, self._asdict().items())
+    """Nominal step under a force, plus one count [m]."""
 
 
 def book(force: Array, place: Array, period: Array, device: BookedDevice) -> Booked:
@@ -173,11 +163,6 @@ def as_told(leader: Rows, told: Rows, account: Callable[[Array], Account]) -> tu
     A simulated hand is sampled at the nominal time of the tick, a human hand when the tick really began:
     see `foretouch.session.steps.leader.moving_time`. Former leaders took the latter for both; their accounts are
     summed up in that way.
-
-    Args:
-        leader: Rows of `SessionLog.leader`.
-        told: Rows with ``energy``, ``energy_bound`` and ``late_energy`` as the leader kept them.
-        account: Function that sums up with these times.
     """
     began = 1e-9 * leader["period_ns"]
     since = 1e-9 * np.diff(leader["time_ns"], prepend=leader["time_ns"][:1])
@@ -219,10 +204,6 @@ def summed_account(
 
 def account_figures(account: Account, told: Rows) -> dict[str, Any]:
     """Whether an account kept its bound in every tick, and whether the leader recorded the same.
-
-    Args:
-        account: The account as summed up again.
-        told: Rows of the leader with the account that it kept: ``energy``, ``energy_bound``, ``late_energy``.
 
     Returns:
         ``net_energy_J``: the smallest E, 0 where it was never negative. ``energy_margin_J``: the smallest distance of E
@@ -355,8 +336,8 @@ def _owed(late: Array, told: Array, lost: Flags) -> Array:
 
 def _exact(leader: Rows, device: BookedDevice | None) -> float | None:
     energy = exact_energy(leader, device)
-    known = energy[np.isfinite(energy)]
-    return min(float(known.min()), 0.0) if known.size else None
+    most = largest(-energy)
+    return None if most is None else min(-most, 0.0)
 
 
 def _largest_cut(leader: Rows) -> float:

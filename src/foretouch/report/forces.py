@@ -1,7 +1,4 @@
-"""Measured, predicted and delayed force of a recording under a delay, by which a prediction is scored, and remarks.
-
-Remarks are sentences on what is special about the recording and affects the prediction.
-"""
+"""Forces of a recording under a delay, by which a prediction is scored, and remarks on what affects it there."""
 
 from __future__ import annotations
 

@@ -17,11 +17,17 @@ from foretouch.messages.session_log import believable
 from foretouch.models import ContactModel, Predictor, make_model
 from foretouch.quantities import ByValue, Rows
 
+Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
-
 
 APART_NS = 100_000_000
 """Segments that are nearer to each other than this are one [ns]: about its speed a command comes and goes."""
+
+A_MOMENT_NS = 100_000_000
+"""A robot that joins the first command within this time [ns] does not count as returned."""
+
+FOUND_WITHIN_NS = 100_000_000
+"""A fault of the sensors is detected within this time after it began [ns], except for steps in contact."""
 
 
 def runs_of(follower: Rows, flags: Flags) -> list[slice]:
@@ -45,25 +51,13 @@ def seconds_of(follower: Rows, flags: Flags) -> float:
 
 
 def guarded_runs(follower: Rows) -> list[slice]:
-    """Segments of rows from the first to the last guarded tick, those less than 0.1 s apart joined.
-
-    Args:
-        follower: Rows of `SessionLog.follower`.
-    """
+    """As `runs_of`, of the guarded ticks of `SessionLog.follower`."""
     return runs_of(follower, follower["guarded"])
 
 
 def usual_period(table: Rows) -> float:
     """Usual time from tick to tick [s]."""
     return float(np.median(np.diff(table["time_ns"]))) * 1e-9 if table.size > 1 else 0.0
-
-
-A_MOMENT_NS = 100_000_000
-"""A robot that joins the first command within this time [ns] does not count as returned."""
-
-
-FOUND_WITHIN_NS = 100_000_000
-"""A fault of the sensors is detected within this time after it began [ns], except for steps in contact."""
 
 
 class Segment(NamedTuple):
@@ -119,9 +113,6 @@ def joining(rows: Rows) -> Flags:
         end = rows.size if returning.all() else int(np.argmin(returning))
         flags[:end] = rows["time_ns"][end - 1] - rows["time_ns"][0] < A_MOMENT_NS
     return flags
-
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,13 +194,9 @@ def force_at_follower(log: SessionLog, pairs: Pairs) -> Array:
     predictor = Predictor()
     newest, commands = 0, np.ascontiguousarray(pairs.leader["sequence"])  # as a column it is copied at every search
     forces = np.zeros(pairs.time.size)
-    columns = (
-        pairs.time.tolist(),
-        pairs.follower["position"].tolist(),
-        pairs.follower["velocity"].tolist(),
-        pairs.leader["model_sequence"].tolist(),
-    )
-    for index, (time, position, velocity, sequence) in enumerate(zip(*columns, strict=True)):
+    motion = pairs.time, pairs.follower["position"], pairs.follower["velocity"], pairs.leader["model_sequence"]
+    rows = zip(*(column.tolist() for column in motion), strict=True)
+    for index, (time, position, velocity, sequence) in enumerate(rows):
         if sequence != newest:
             newest = sequence
             update = sent.get(sequence)

@@ -146,8 +146,8 @@ def score_prediction(
     if skipped is not None:
         (left_out, _) = columns_of(skipped, clock)
         window &= left_out == 0.0
-    untouched, metrics = np.zeros(clock.size, dtype=np.bool_), (None,) * 8
-    nothing = Scores(clock.size, 0, *metrics, "nothing_to_score", None, untouched, measured)
+    untouched = np.zeros(clock.size, dtype=np.bool_)
+    nothing = Scores(clock.size, 0, *(None,) * 8, "nothing_to_score", None, untouched, measured)
     if not window.any():
         return nothing
     threshold = max(THRESHOLD_SHARE * float(np.percentile(measured[window], 98.0)), contact_floor)
@@ -235,9 +235,7 @@ def _increasing(clock: Array) -> None:
 
 def _window(clock: Array, score_from: float, score_to: float | None) -> Flags:
     """The samples between two times that count from the first sample, both ends included."""
-    if not clock.size:
-        return np.zeros(0, dtype=np.bool_)
-    since = clock - clock[0]
+    since = clock - clock[:1]
     tolerance = 1e-3 * median_period(clock)
     inside: Flags = since >= score_from - tolerance
     if score_to is not None:

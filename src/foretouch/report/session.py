@@ -16,12 +16,12 @@ from foretouch.quantities import Rows
 from foretouch.report.numbers import largest, renders_models, setting
 from foretouch.report.perception import time_to_accuracy, update_jumps
 from foretouch.report.rows import Pairs, away, force_at_follower, joining, model_of, not_scored, nowhere, pair
+from foretouch.report.scene import in_scene, look_at_scene, scene_figures, tracking_error
 from foretouch.report.scene.pose import has_scene
-from foretouch.report.scene.scene import in_scene, look_at_scene, scene_figures
-from foretouch.report.scores import Scores, score_prediction
+from foretouch.report.scores import Scores
 from foretouch.report.sections.hand import contact_force, hand_figures
 from foretouch.report.sections.safety import safety_figures, segment_figures
-from foretouch.report.sections.session import contact_scores, loop_sentence, phase_figures
+from foretouch.report.sections.session import loop_sentence, phase_figures, rendered_scores, scored
 from foretouch.settings import NO_BASELINE
 
 Array = NDArray[np.float64]
@@ -57,7 +57,7 @@ def session_figures(
     and ``counts``, which are of the whole session. ``segments`` has the main figures of every part.
 
     A session in three dimensions has these figures along the normal of the surface, and ``scene`` beside them
-    (`foretouch.report.scene.scene.scene_figures`).
+    (`foretouch.report.scene.scene_figures`).
 
     Args:
         log: What was said in the session.
@@ -112,14 +112,12 @@ def session_figures(
     leader, follower = pairs.leader, pairs.follower
     skipped = not_scored(pairs)
     limits: dict[str, Any] = {"contact_floor": CONTACT_FLOOR, "score_from": score_from, "score_to": score_to}
-    scores = contact_scores(log, **limits)
-    main, rendered = scores["predicted"], scores["rendered"]
-    window = limits | {"position": follower["position"], "skipped": skipped, "delayed_offset": 0.0}
-    sensor, predicted, known = follower["sensor_force"], leader["predicted_force"], leader["delayed_force"]
-    local = score_prediction(pairs.time, sensor, force_at_follower(log, pairs), known, **window)
-    exact = None
+    predicted = leader["predicted_force"]
+    main, rendered = scored(pairs, predicted, **limits), rendered_scores(log, pairs, **limits)
+    local, exact = scored(pairs, force_at_follower(log, pairs), **limits), None
     if np.isfinite(follower["exact_force"]).all():  # the simulator's force has no offset to take off
-        exact = score_prediction(pairs.time, follower["exact_force"], predicted, known, offset=0.0, **window)
+        exact = scored(pairs, predicted, "exact_force", offset=0.0, **limits)
+    clipped = {"leader": int(log.leader["clipped"].sum()), "follower": int(log.follower["clipped"].sum())}
     report = {
         "status": main.status,
         "recording": recording,
@@ -158,8 +156,8 @@ def session_figures(
         "max_rendered_force_N": largest(log.leader["rendered_force"]),
         "largest_rendered_jump_N": largest(np.abs(np.diff(log.leader["rendered_force"]))),
         "max_follower_force_N": largest(contact_force(log)),
-        "clipped_ticks": int(log.leader["clipped"].sum() + log.follower["clipped"].sum()),
-        "clipped": {"leader": int(log.leader["clipped"].sum()), "follower": int(log.follower["clipped"].sum())},
+        "clipped_ticks": sum(clipped.values()),
+        "clipped": clipped,
         "tracking_error": _tracking(pairs, score_from, score_to),
         "commands": {
             "sent": int(log.leader.size),
@@ -201,7 +199,10 @@ def _jumps(log: SessionLog) -> dict[str, float | None]:
 
 def _duration(log: SessionLog) -> float:
     """Time between the first and the last tick of the leader, or of the follower without a leader [s]."""
-    table = log.leader if log.leader.size else log.follower
+    return _span(log.leader if log.leader.size else log.follower)
+
+
+def _span(table: Rows) -> float:
     return float(np.ptp(table["time_ns"])) * 1e-9 if table.size else 0.0
 
 
@@ -275,21 +276,15 @@ def _total(counts: dict[str, int], word: str) -> int | None:
 
 def _timing(table: Rows, rate: float) -> dict[str, Any]:
     """Loop period and compute time of one side; the first tick has no period."""
-    period = table["period_ns"][table["period_ns"] > 0]
+    period, span = table["period_ns"][table["period_ns"] > 0], _span(table)
     return {
         "period_ms": _spread(period * 1e-6),
         "compute_us": _spread(table["compute_ns"] * 1e-3),
         "late_ticks": int((period > LATE * 1e9 / rate).sum()),
-        "ticks_per_s": _ticks_per_s(table),
+        "ticks_per_s": (table.size - 1) / span if span > 0.0 else None,
         "ticks": int(table.size),
         "rate": rate,
     }
-
-
-def _ticks_per_s(table: Rows) -> float | None:
-    """How often the loop really ran, pauses of a process that was stopped among it."""
-    duration = float(np.ptp(table["time_ns"])) * 1e-9 if table.size else 0.0
-    return (table.size - 1) / duration if duration > 0.0 else None
 
 
 def _spread(values: Array) -> dict[str, float | None]:
@@ -307,14 +302,9 @@ def _tracking(pairs: Pairs, score_from: float, score_to: float | None) -> dict[s
     time = pairs.time[inside]
     commanded, actual = pairs.leader["position"][inside], pairs.follower["position"][inside]
     if not time.size:
-        return {"rms_mm": None, "max_mm": None, "lag_ms": None}
-    apart = 1e3 * np.abs(actual - commanded)
+        return tracking_error(time)
     lag = _lag(time, commanded, actual)
-    return {
-        "rms_mm": float(np.sqrt(np.mean(apart**2))),
-        "max_mm": float(apart.max()),
-        "lag_ms": None if lag is None else 1e3 * lag,
-    }
+    return tracking_error(1e3 * np.abs(actual - commanded), None if lag is None else 1e3 * lag)
 
 
 def _lag(time: Array, commanded: Array, actual: Array) -> float | None:

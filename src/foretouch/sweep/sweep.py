@@ -33,9 +33,8 @@ ROOMS = (
 
 SHOWING = (
     "report/writing",
-    "report/scene/section.py",
     "report/forces.py",
-    *(f"report/sections/{name}.py" for name in ("forces", "model", "replay", "robot")),
+    *(f"report/sections/{name}.py" for name in ("forces", "model", "robot", "scene")),
     "sweep/curves.py",
     "sweep/page.py",
 )

@@ -1,1 +1,265 @@
-"""What a report finds out about a session in space."""
+"""The figures of a session in three dimensions, and those that they replace among those along a line."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.errors import ForetouchError
+from foretouch.messages import SessionLog
+from foretouch.models import MaterialField
+from foretouch.report.energy import (
+    Account,
+    BookedDevice,
+    account_figures,
+    as_told,
+    book,
+    booked_device,
+    lost_rows,
+    summed_account,
+)
+from foretouch.report.numbers import largest, number_of, runs, setting
+from foretouch.report.rows import Pairs, not_scored
+from foretouch.report.scene.map import StiffnessMap, learnt_field, map_figures, stiffness_map
+from foretouch.report.scene.pose import PoseError, SceneRows, pose_error, pose_figures, scene_rows, vectors
+from foretouch.robot import MATERIALS
+from foretouch.session.spatial import Scene, make_scene
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+FELT = 0.05
+"""A force above this is one that is felt [N]."""
+
+EPISODE = 0.02
+"""Shorter ones are edges of a contact, which are never quite where they were [s]."""
+
+
+class Wrong(NamedTuple):
+    """Wrong contacts in rows at equal command, shape (n,): false, missed, before any model; and the counted rows."""
+
+    false: Flags
+    missed: Flags
+    first: Flags
+    counted: Flags
+
+
+def wrong_contacts(log: SessionLog, pairs: Pairs) -> Wrong | None:
+    """Wrong contacts of a segment; None where the true force is unknown."""
+    true = pairs.follower["exact_force"]
+    if not np.isfinite(true).any():
+        return None
+    counted = ~not_scored(pairs)
+    wanted = pairs.leader["predicted_force"]
+    valid = [model.sequence for model in log.models if model.valid]
+    known = pairs.leader["model_sequence"] >= min(valid, default=np.iinfo(np.int64).max)
+    untold = (true > FELT) & ~(wanted > FELT) & counted
+    return Wrong((wanted > FELT) & (true == 0.0) & counted, untold & known, untold & ~known, counted)
+
+
+def contact_figures(wrong: Wrong | None, time: Array) -> dict[str, Any]:
+    """Fractions and numbers of the wrong contacts.
+
+    Returns:
+        ``false``, ``missed`` and ``before_model``, each with ``percent`` of the rows that are counted, the number of
+        ``episodes`` longer than 20 ms, and the ``longest_s`` of them, 0 where there is none; all None where
+        unknown.
+    """
+    names = ("false", "missed", "before_model")
+    if wrong is None:
+        return {name: dict.fromkeys(("percent", "episodes", "longest_s")) for name in names}
+    return {name: _figures(flags, wrong.counted, time) for name, flags in zip(names, wrong, strict=False)}
+
+
+def friction_figures(log: SessionLog, coefficient: float | None, viscous: float | None) -> dict[str, float | None]:
+    """Friction as it was learnt last, beside the true coefficient and viscous friction [N s/m], None where unknown."""
+    said = next((model.friction for model in reversed(log.models) if len(model.friction) >= 4), (None,) * 4)
+    return {
+        "coefficient": said[0],
+        "deviation": said[2],
+        "true_coefficient": coefficient,
+        "viscous_N_s_per_m": said[1],
+        "viscous_deviation_N_s_per_m": said[3],
+        "true_viscous_N_s_per_m": viscous,
+    }
+
+
+def force_figures(rows: SceneRows) -> dict[str, float | None]:
+    """The largest forces at hand and robot [N]: in all, and along the surface."""
+    found: dict[str, float | None] = {}
+    for side, table in (("hand", rows.hand), ("robot", rows.probe)):
+        force, normal = vectors(table, "force"), vectors(table, "normal")
+        along = force - np.einsum("ij,ij->i", force, normal)[:, None] * normal
+        for name, vector in (("total", force), ("tangential", along)):
+            found[f"{name}_{side}_N"] = largest(np.linalg.norm(vector, axis=1))
+    return found
+
+
+def _figures(flags: Flags, counted: Flags, time: Array) -> dict[str, float | int | None]:
+    lengths = [float(time[end - 1] - time[begin]) for begin, end in runs(flags)]
+    long = [length for length in lengths if length > EPISODE]
+    share = 100.0 * float(flags.sum() / counted.sum()) if counted.any() else None
+    return {"percent": share, "episodes": len(long), "longest_s": max(long, default=0.0)}
+
+
+def spatial_account(rows: SceneRows, *, position_scale: float, device: BookedDevice | None) -> Account:
+    """The account in all directions, from the recorded forces and positions of the hand.
+
+    As `foretouch.rendering.SpatialEnergyAccount` keeps it. Where hand and robot are not coupled, the hand's position
+    in the world does not give its motion: there, and where rows were lost, the leader's account is used; without a
+    known device, throughout.
+    """
+    told = rows.hand
+    if device is None:
+        return Account(*(told[name].copy() for name in ("energy", "energy_bound", "late_energy")))
+    place, force = vectors(told, "hand") / position_scale, vectors(told, "force")
+    place[~np.isfinite(rows.leader["hand_position"])] = np.nan
+    coupled = rows.leader["engaged"]
+    lost = lost_rows(told, np.asarray(np.isfinite(place).all(axis=1)))
+    lost |= ~coupled | ~np.concatenate((coupled[:1], coupled[:-1]))
+    size, pressing = np.linalg.norm(force, axis=1), rows.leader["rendered_force"]
+
+    def account(period: Array) -> Account:
+        return summed_account(told, book(force, place, period, device), size, pressing, lost, device)
+
+    return as_told(rows.leader, told, account)[0]
+
+
+NOT_ALONG_A_LINE = ("contact_force_rms_N", "prediction_rmse_N", "prediction_error_percent", "within_jnd_percent")
+
+
+@dataclass(frozen=True, eq=False)
+class SceneFindings:
+    """Data behind the figures and drawings of one segment.
+
+    Attributes:
+        rows: Rows of the session.
+        pose: Error of the fixture's pose.
+        wrong: Contacts at equal command; None where the true force is unknown.
+        account: Energy account in all directions.
+        scene: What was touched; None where it is no longer available, as the file of a mesh.
+        field: The newest materials over the surface; None where there were none.
+        map: Map of local stiffness; None without a scene or a field.
+    """
+
+    rows: SceneRows
+    pose: PoseError
+    wrong: Wrong | None
+    account: Account
+    scene: Scene | None
+    field: MaterialField | None
+    map: StiffnessMap | None
+
+
+def look_at_scene(log: SessionLog, pairs: Pairs) -> SceneFindings:
+    """Everything that figures and drawings of a session in three dimensions are made of.
+
+    Args:
+        log: One segment, with messages in space.
+        pairs: Its rows at equal command.
+    """
+    rows = scene_rows(log, pairs)
+    account = spatial_account(
+        rows,
+        position_scale=number_of(log.settings, "position_scale", 1.0),
+        device=booked_device(log.settings),
+    )
+    scene, field = _scene(log.settings), learnt_field(log)
+    found = None
+    if scene is not None and field is not None:
+        felt = next((model.surface for model in reversed(log.models) if model.valid), 0.0)
+        material = _material(log.settings) if _is_simulated(rows) else None
+        found = stiffness_map(rows, field, scene, material, felt if math.isfinite(felt) else 0.0)
+    return SceneFindings(rows, pose_error(rows), wrong_contacts(log, pairs), account, scene, field, found)
+
+
+def scene_figures(log: SessionLog, pairs: Pairs, found: SceneFindings) -> dict[str, Any]:
+    """Figures of a scene in a report, as plain numbers, texts and None; a figure is None where the truth is unknown.
+
+    Args:
+        log: One segment.
+        pairs: Its rows at equal command.
+        found: Result of `look_at_scene`.
+
+    Returns:
+        ``name``, ``fusion``, and by kind ``pose`` (`pose_figures`), ``contacts`` (`contact_figures`), ``friction``
+        (`friction_figures`), ``forces`` (`force_figures`), ``energy`` (`account_figures`) and ``map``
+        (`map_figures`, None without a map).
+    """
+    true = found.scene if _is_simulated(found.rows) else None
+    coefficient, viscous = (None, None) if true is None else (true.friction, true.viscous)
+    stiffness = None
+    if found.map is not None and found.field is not None and found.scene is not None:
+        stiffness = map_figures(found.map, found.field, found.scene)
+    return {
+        "name": setting(log.settings, "scene", ""),
+        "fusion": setting(log.settings, "fusion", "full"),
+        "pose": pose_figures(log, found.pose),
+        "contacts": contact_figures(found.wrong, pairs.time),
+        "friction": friction_figures(log, coefficient, viscous),
+        "forces": force_figures(found.rows),
+        "energy": account_figures(found.account, found.rows.hand),
+        "map": stiffness,
+    }
+
+
+def in_scene(report: dict[str, Any], scene: Mapping[str, Any], found: SceneFindings) -> dict[str, Any]:
+    """A report with its scene, without the figures that hold along a line only.
+
+    The account of energy is that in all directions, and so is the distance between robot and command. Figures that
+    compare positions along one line, or the whole contact force with the model's part along the normal, are None.
+    """
+    energy, hand = scene["energy"], report["hand"]
+    holds = energy["certificate_holds"]
+    hand = {**hand, "certificate_holds": holds, "energy_agrees": energy["energy_agrees"]}
+    stable = bool(holds and hand["forces_finite"] and not hand["oscillation"]["oscillates"])
+    nothing = dict.fromkeys(NOT_ALONG_A_LINE)
+    return {
+        **report,
+        "stable": stable,
+        **{name: energy[name] for name in ("net_energy_J", "energy_bound_J", "energy_margin_J", "late_energy_J")},
+        "energy_used_percent": None,
+        "net_energy_exact_J": None,
+        "hand": hand,
+        "equal_position": dict(nothing),
+        "exact_force": dict(nothing),
+        "tracking_error": _tracking(found.rows, report["score_from_s"]),
+        "scene": dict(scene),
+    }
+
+
+def _tracking(rows: SceneRows, score_from: float) -> dict[str, float | None]:
+    """Distance of the probe from the position that it was commanded to, in space."""
+    applied, at = np.unique(rows.follower["command_sequence"], return_index=True)
+    _, told, did = np.intersect1d(rows.hand["sequence"], applied, return_indices=True)
+    apart = vectors(rows.hand[told], "place") - vectors(rows.probe[at[did]], "place")
+    size = 1e3 * np.linalg.norm(apart, axis=1)[rows.follower_time[at[did]] >= score_from]
+    return tracking_error(size[np.isfinite(size)])
+
+
+def tracking_error(size: Array, lag: float | None = None) -> dict[str, float | None]:
+    """Figures of distances between robot and command, in mm, and the lag in ms."""
+    if not size.size:
+        return {"rms_mm": None, "max_mm": None, "lag_ms": None}
+    return {"rms_mm": float(np.sqrt(np.mean(size**2))), "max_mm": float(size.max()), "lag_ms": lag}
+
+
+def _is_simulated(rows: SceneRows) -> bool:
+    """Whether the true pose of the fixture is known."""
+    return bool(np.isfinite(rows.probe["exact_x"]).any())
+
+
+def _scene(settings: Mapping[str, str]) -> Scene | None:
+    try:
+        return make_scene(setting(settings, "scene", ""))
+    except ForetouchError:
+        return None
+
+
+def _material(settings: Mapping[str, str]) -> str | None:
+    return name if (name := setting(settings, "material", "")) in MATERIALS else None

@@ -1,1 +1,62 @@
-"""The sections of a report: of each its figures, its sentences and what a page draws of it."""
+"""What a section of a session's report is: its sentences, its block of text, and what a page draws of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from foretouch.report.numbers import Finding
+from foretouch.settings import NO_BASELINE
+
+if TYPE_CHECKING:
+    from foretouch.messages import SessionLog
+    from foretouch.report.rows import Pairs, Segment
+    from foretouch.report.scene import SceneFindings
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A session as the drawings of its sections look at it.
+
+    Attributes:
+        log: Its longest part in which nothing changed.
+        pairs: The rows of that part at equal command.
+        report: What `session_figures` gave.
+        start_ns: Time zero of the drawings by the follower's clock [ns].
+        away: Where the robot was not where the commands said, since then.
+        scene: Figures of a scene; None for a session along a line.
+    """
+
+    log: SessionLog
+    pairs: Pairs
+    report: Mapping[str, Any]
+    start_ns: int
+    away: list[Segment]
+    scene: SceneFindings | None
+
+    @property
+    def wanted(self) -> str:
+        """What the force before the limits is called: that of a baseline is no prediction."""
+        return "predicted" if self.report["baseline"] == NO_BASELINE else "asked for"
+
+
+class Drawing(NamedTuple):
+    """A Matplotlib figure, and the sentence that stands below it."""
+
+    figure: Any
+    caption: str
+
+
+def nothing(*_: Any) -> tuple[()]:
+    """Default of a section without text or drawings."""
+    return ()
+
+
+class Section(NamedTuple):
+    """One section of a report; each function gives nothing where the session has nothing of that to show."""
+
+    name: str
+    findings: Callable[[Mapping[str, Any]], Iterable[Finding]] = nothing
+    lines: Callable[[Mapping[str, Any]], Iterable[str]] = nothing
+    drawings: Callable[[View], Iterable[Drawing]] = nothing

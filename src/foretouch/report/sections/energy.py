@@ -14,17 +14,17 @@ from foretouch.report.drawing import (
     NARROW,
     PREDICTED,
     TRUE,
+    curve,
     extremes,
     finished,
     legend,
     peak,
     shade,
     since_first,
-    thinned,
 )
 from foretouch.report.energy import ROUNDING, Account, booked_device, energy_account
 from foretouch.report.numbers import Finding, number
-from foretouch.report.section import Drawing, Section, View
+from foretouch.report.sections import Drawing, Section, View
 from foretouch.settings import NO_GRIP
 
 FELT = 0.05
@@ -150,13 +150,11 @@ def energy_figure(leader: Rows, account: Account) -> Any:
     energy, bound = 1e3 * account.energy, 1e3 * account.bound
     shade(whole, time, leader["rendered_force"] > FELT, "0.5", "in contact")
     for axes in (whole, near):
-        axes.plot(*thinned(time, energy), color=PREDICTED, linewidth=1.0, label="energy that the hand has put in")
+        curve(axes, time, energy, PREDICTED, 1.0, label="energy that the hand has put in")
         axes.set_ylabel("energy [mJ]")
     whole.set_title("Energy account: debts are kept, surplus is forgiven after each contact")
     legend(whole, columns=2)
-    near.plot(
-        *thinned(time, -bound), color=ERROR, linewidth=1.0, label="its bound: a tick, the delay, an encoder count"
-    )
+    curve(near, time, -bound, ERROR, 1.0, label="its bound: a tick, the delay, an encoder count")
     deepest = peak(bound) or max(peak(-energy), 1e-6)
     near.set_ylim(-1.4 * deepest, 1.4 * deepest)
     kept = extremes(bound, NARROW)

@@ -17,19 +17,20 @@ from foretouch.report.drawing import (
     RENDERED,
     TRUE,
     corners,
+    curve,
     extremes,
     finished,
     last_contact,
     legend,
     mark,
+    note,
     peak,
     shade,
-    thinned,
 )
 from foretouch.report.numbers import AS_IT_COMES, Finding, figure, filled, number
 from foretouch.report.rows import Pairs, Segment, not_scored
 from foretouch.report.scores import JND_FORCE, JND_SHARE, STATUSES
-from foretouch.report.section import Drawing, Section, View
+from foretouch.report.sections import Drawing, Section, View
 from foretouch.session.operators import STAYS_IN_THE_AIR
 from foretouch.settings import NO_BASELINE, SIMULATED
 
@@ -61,15 +62,7 @@ def force_figure(
 ) -> Any:
     """Forces over time, a close-up, and their errors in it; the layout of the paper's Fig. 11 and more.
 
-    Args:
-        time: [s], increasing, shape (n,), n of at least 1.
-        true_force: Less its zero [N], shape (n,).
-        predicted_force: [N], shape (n,).
-        delayed_force: [N], shape (n,).
-        rendered_force: [N], shape (n,), or None where nothing was rendered.
-        scored: Flags of the samples that are scored, to be marked, shape (n,).
-        wanted: Name of the predicted force; a baseline has no prediction.
-        segments: In which the robot was not where the commands said, in the same time.
+    The true force is less its zero; the segments are those in which the robot was not where the commands said.
     """
     name = "measured" if rendered_force is None else "true (follower's sensor)"
     curves = [(name, true_force, TRUE, 1.6), ("delayed", delayed_force, DELAYED, 1.1)]
@@ -84,7 +77,7 @@ def force_figure(
     for axes, chosen in ((whole, np.ones(time.size, dtype=np.bool_)), (near, inside)):
         for label, force, colour, width in curves:
             alpha = 0.45 if force is rendered_force else 1.0
-            axes.plot(*thinned(time[chosen], force[chosen]), color=colour, linewidth=width, alpha=alpha, label=label)
+            curve(axes, time[chosen], force[chosen], colour, width, alpha=alpha, label=label)
         axes.set_ylim(-0.08 * top, top)
         axes.set(ylabel="force [N]", xlabel="time [s]")
         _say_beyond(axes, predicted_force[chosen], top, "predicted force")
@@ -94,7 +87,6 @@ def force_figure(
     whole.axvspan(time[inside][0], time[inside][-1], color="0.5", alpha=0.15, linewidth=0.0, label="close-up below")
     near.set_title("Close-up")
     mark(whole, _within(segments, time))
-    mark(near, _within(segments, time[inside]))
     legend(whole, columns=6 if not segments else 4)
     noticed = np.maximum(JND_SHARE * true_force[inside], JND_FORCE)
     kept = extremes(noticed, NARROW)
@@ -104,10 +96,11 @@ def force_figure(
         kind: (force - true_force)[inside] for kind, force in (("delayed", delayed_force), (wanted, predicted_force))
     }
     for (label, values), colour in zip(wrong.items(), (DELAYED, PREDICTED), strict=True):
-        error.plot(*thinned(time[inside], values), color=colour, linewidth=1.1, label=label)
+        curve(error, time[inside], values, colour, 1.1, label=label)
     widest = min(top, ROOM * max(peak(np.abs(wrong[wanted])), JND_FORCE))
     error.set_ylim(-widest, widest)
-    mark(error, _within(segments, time[inside]))
+    for axes in (near, error):
+        mark(axes, _within(segments, time[inside]))
     error.set(
         title=f"Error in the close-up, scaled to that of the {wanted} force: force less {name.split()[0]} force",
         ylabel="error [N]",
@@ -171,16 +164,9 @@ def _say_beyond(axes: Any, values: Array, top: float, what: str) -> None:
     """Note in the axes which part of a curve they do not show, on white because it lies over the curves."""
     beyond = 100.0 * float(np.mean(~(values <= top))) if values.size else 0.0
     if beyond > 0.0:
-        axes.text(
-            0.995,
-            0.96,
-            f"{what} beyond the axis in {min(beyond, 99.9):.2g} % of samples (at most {peak(values):.3g} N)",
-            ha="right",
-            va="top",
-            transform=axes.transAxes,
-            fontsize="small",
-            bbox={"facecolor": "white", "edgecolor": "0.7", "linewidth": 0.6, "pad": 3.0},
-        )
+        text = f"{what} beyond the axis in {min(beyond, 99.9):.2g} % of samples (at most {peak(values):.3g} N)"
+        box = {"facecolor": "white", "edgecolor": "0.7", "linewidth": 0.6, "pad": 3.0}
+        note(axes, 0.995, 0.96, text, ha="right", va="top", fontsize="small", bbox=box)
 
 
 def scoring_findings(figures: Mapping[str, Any]) -> list[Finding]:
@@ -199,9 +185,8 @@ def scoring_findings(figures: Mapping[str, Any]) -> list[Finding]:
             said.append(Finding(text))
     within, missed = figures["within_jnd_percent"], figures["missed_contact_percent"]
     if within is not None and within < 100.0:
-        what = "prediction" if models else "delayed force"
-        text = f"An operator could feel the {what}'s error in {figure(100.0 - within)} % of the contact time."
-        said.append(Finding(text))
+        what, part = "prediction" if models else "delayed force", figure(100.0 - within)
+        said.append(Finding(f"An operator could feel the {what}'s error in {part} % of the contact time."))
     if missed:
         said.append(Finding(f"Contact was missed in {figure(missed)} % of the contact time."))
     return said

@@ -18,27 +18,18 @@ from foretouch.report.drawing import (
     PREDICTED,
     RENDERED,
     TRUE,
+    curve,
     finished,
     legend,
     peak,
     shade,
     since_first,
-    thinned,
 )
 from foretouch.report.energy import booked_device, energy_figures
-from foretouch.report.numbers import (
-    Finding,
-    figure,
-    filled,
-    largest,
-    number_of,
-    renders_models,
-    runs,
-    setting,
-)
+from foretouch.report.numbers import Finding, figure, filled, largest, number_of, renders_models, runs, setting
 from foretouch.report.perception import free_hand, oscillation
 from foretouch.report.rows import Pairs, away, not_scored, pair
-from foretouch.report.section import Drawing, Section, View
+from foretouch.report.sections import Drawing, Section, View
 from foretouch.report.sections.energy import FELT
 from foretouch.report.sections.safety import guarded_figures
 from foretouch.settings import NO_BASELINE, NO_GRIP
@@ -204,11 +195,7 @@ def withheld_figures(leader: Rows, force_scale: float) -> dict[str, Any]:
 
     Only ticks count in which hand and robot are coupled, the hand is seen and the model gives 0.5 N or more. Of these,
     segments of 500 and more in a row with less than half of the model's force are withheld; a segment may go over
-    several presses.
-
-    Args:
-        leader: Rows of `SessionLog.leader`.
-        force_scale: Hand's force for the model's.
+    several presses. The force scale is the hand's force for the model's.
 
     Returns:
         ``withheld_percent``: their fraction of the ticks that count. ``longest_withheld_s``: from the first to the last
@@ -251,12 +238,10 @@ def _findings(report: Mapping[str, Any]) -> Iterator[Finding]:
     if hand["largest_phantom_N"]:
         yield Finding(filled("The hand felt up to {largest_phantom_N:N} where the robot touched nothing.", hand))
     if (hand["device_bound_percent"] or 0.0) >= MUCH:
-        yield Finding(
-            filled("In {device_bound_percent:%} of contact the device could not carry the model: it felt softer", hand)
-            + f"{_least_share(hand)}."
-        )
+        yield Finding(f"{filled(_SOFTER, hand)}{_least_share(hand)}.")
 
 
+_SOFTER = "In {device_bound_percent:%} of contact the device could not carry the model: it felt softer"
 _WITHHELD = (
     "In {withheld_percent:%} of contact the force was withheld: the hand was given less than half of the model's. At "
     "longest that lasted {longest_withheld_s:s}, from {longest_withheld_at_s:.1f} s on: {withheld_because}."
@@ -288,19 +273,15 @@ def _lines(report: Mapping[str, Any]) -> Iterator[str]:
             ratio = hand["smallest_rendered_share"]
             least = "" if ratio is None or ratio >= 1.0 else _least_share(hand)
             yield filled("  device     could not carry the model in {device_bound_percent:%} of contact", hand) + least
-        yield filled(
-            "  hand       {given_way_mm:mm} RMS from where it meant to be in contact, "
-            "{given_way_in_air_mm:mm} in the air",
-            hand,
-        )
-        yield filled(
-            "  proxy      at most {hand.largest_index_mm:mm} from the hand; "
-            "coupled for {engaged_percent:%} of the time",
-            report,
-        )
+        yield from (filled(line, report) for line in _HELD)
     yield ""
 
 
+_HELD = (
+    "  hand       {hand.given_way_mm:mm} RMS from where it meant to be in contact, "
+    "{hand.given_way_in_air_mm:mm} in the air",
+    "  proxy      at most {hand.largest_index_mm:mm} from the hand; coupled for {engaged_percent:%} of the time",
+)
 _BEHIND = (
     "             behind the limits {largest_rendered_update_jump_N:N} ({largest_rendered_update_jump_N_per_s:N/s}), "
     "before mediation {largest_model_jump_N:N}"
@@ -348,8 +329,7 @@ def hand_figure(log: SessionLog, pairs: Pairs, burst_at: float | None = None) ->
         if axes is not force:
             for label, values, colour, width in curves:
                 alpha = 0.45 if width == WIDE else 1.0
-                curve = thinned(time[chosen], 1e3 * values[chosen])
-                axes.plot(*curve, color=colour, linewidth=width, alpha=alpha, label=label)
+                curve(axes, time[chosen], 1e3 * values[chosen], colour, width, alpha=alpha, label=label)
             axes.set(ylabel="position [mm]", xlabel="time [s]")
     place.axvspan(time[inside][0], time[inside][-1], color="#56B4E9", alpha=0.15, linewidth=0.0, label="close-up below")
     place.set_title("The hand")
@@ -357,9 +337,9 @@ def hand_figure(log: SessionLog, pairs: Pairs, burst_at: float | None = None) ->
     near.set_title("Close-up")
     given = leader["rendered_force"][inside]
     rendered = "rendered: what the hand was given"
-    force.plot(*thinned(time[inside], given), color=RENDERED, linewidth=WIDE, alpha=0.45, label=rendered)
+    curve(force, time[inside], given, RENDERED, WIDE, alpha=0.45, label=rendered)
     asked = leader["mediated_force"][inside]
-    force.plot(*thinned(time[inside], asked), color=PREDICTED, linewidth=1.1, label="asked for, before the limits")
+    curve(force, time[inside], asked, PREDICTED, 1.1, label="asked for, before the limits")
     top = 1.1 * max(peak(given), peak(asked), 0.1)
     force.set_ylim(-0.05 * top, top)
     force.set(title="Force in the close-up", ylabel="force [N]", xlabel="time [s]")

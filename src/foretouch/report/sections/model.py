@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from foretouch.messages import ModelUpdate
 from foretouch.models import LAWS
 from foretouch.quantities import QUANTITIES, new_figure
-from foretouch.report.drawing import ERROR, NARROW, PREDICTED, extremes, finished, legend, mark
+from foretouch.report.drawing import ERROR, NARROW, PREDICTED, extremes, finished, legend, mark, note
 from foretouch.report.numbers import Finding, figure, number, parameter_text
 from foretouch.report.rows import Segment
-from foretouch.report.section import Drawing, Section, View
+from foretouch.report.sections import Drawing, Section, View
 
 Array = NDArray[np.float64]
 
@@ -122,26 +122,16 @@ def _robust_range(axes: Any, values: Array) -> None:
     low, high = low - room, high + room
     outside = 100.0 * float(np.mean((finite < low) | (finite > high)))
     if outside > 0.0:
-        axes.text(
-            0.99,
-            0.03,
-            f"{outside:.2g} % beyond the axis",
-            ha="right",
-            va="bottom",
-            transform=axes.transAxes,
-            fontsize="small",
-            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 2.0},
-        )
+        box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 2.0}
+        text = f"{outside:.2g} % beyond the axis"
+        note(axes, 0.99, 0.03, text, ha="right", va="bottom", fontsize="small", bbox=box)
     else:
         low, high = min(low, finite.min()), max(high, finite.max())
     axes.set_ylim(low, high)
 
 
 def _symbol_and_unit(name: str) -> tuple[str, str]:
-    for quantity in QUANTITIES:
-        if quantity.name == name:
-            return quantity.symbol, quantity.unit
-    return "", "SI"
+    return next(((quantity.symbol, quantity.unit) for quantity in QUANTITIES if quantity.name == name), ("", "SI"))
 
 
 MODEL = Section("model", _useless, model_lines, _parameters)

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from foretouch.errors import plural
 from foretouch.messages import SessionLog
 from foretouch.quantities import new_figure
-from foretouch.report.drawing import ERROR, PREDICTED, RENDERED, TRUE, finished, legend, mark, thinned
+from foretouch.report.drawing import ERROR, PREDICTED, RENDERED, TRUE, curve, finished, legend, mark, note
 from foretouch.report.numbers import Finding, figure, filled, number
 from foretouch.report.rows import Pairs, Segment
-from foretouch.report.section import Drawing, Section, View
+from foretouch.report.sections import Drawing, Section, View
 
 Array = NDArray[np.float64]
 
@@ -54,13 +54,13 @@ def tracking_figure(pairs: Pairs, segments: Sequence[Segment] = ()) -> Any:
     figure = new_figure(5.0)
     place, apart = figure.subplots(2, 1, sharex=True)
     commanded, actual = 1e3 * pairs.leader["position"], 1e3 * pairs.follower["position"]
-    place.plot(*thinned(pairs.time, commanded), color=ERROR, linewidth=1.6, label="command that was applied")
-    place.plot(*thinned(pairs.time, actual), color=TRUE, linewidth=0.9, label="follower")
+    curve(place, pairs.time, commanded, ERROR, 1.6, label="command that was applied")
+    curve(place, pairs.time, actual, TRUE, 0.9, label="follower")
     place.set(title="Position of the robot at equal command", ylabel="position [mm]")
     for axes in (place, apart):
         mark(axes, segments)
     legend(place, columns=4)
-    apart.plot(*thinned(pairs.time, actual - commanded), color=PREDICTED, linewidth=0.9)
+    curve(apart, pairs.time, actual - commanded, PREDICTED, 0.9)
     apart.set(title="Tracking error: follower less command", ylabel="error [mm]", xlabel="time [s]")
     return finished(figure, 2, gap=0.5)
 
@@ -130,8 +130,7 @@ def timing_figure(log: SessionLog) -> Any:
 
 def _histogram(axes: Any, values: Array, colour: str) -> None:
     if not values.any():
-        said = "not measured" if values.size else "no ticks"
-        axes.text(0.5, 0.5, said, ha="center", va="center", transform=axes.transAxes)
+        note(axes, 0.5, 0.5, "not measured" if values.size else "no ticks")
         axes.set(xticks=[], yticks=[])
         return
     low, high = float(values.min()), float(values.max())

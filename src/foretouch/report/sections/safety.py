@@ -1,7 +1,4 @@
-"""States of the follower other than following, faults of its sensors, and the sides present, over a whole session.
-
-For the guarded first touch: number, duration, and the depth and time lost.
-"""
+"""States of the follower other than following, faults of its sensors, guarded touches, and the sides present."""
 
 from __future__ import annotations
 
@@ -17,7 +14,7 @@ from foretouch.messages import STATUS_SENTENCES, WITH_THE_COMMANDS, SessionLog, 
 from foretouch.quantities import Rows
 from foretouch.report.numbers import Finding, largest, number
 from foretouch.report.rows import guarded_runs, joining, runs_of, seconds_of, since_first_command, usual_period
-from foretouch.report.section import Section
+from foretouch.report.sections import Section
 
 
 def guarded_figures(log: SessionLog) -> dict[str, Any]:

@@ -6,24 +6,15 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from foretouch.errors import plural, was_or_were
 from foretouch.messages import SessionLog, Status
 from foretouch.recordings import FollowerSamples
-from foretouch.report.numbers import (
-    AS_IT_COMES,
-    Finding,
-    figure,
-    filled,
-    largest,
-    number,
-    number_of,
-    sentence,
-    setting,
-)
-from foretouch.report.rows import not_scored, pair
-from foretouch.report.scores import score_prediction
-from foretouch.report.section import Section
+from foretouch.report.numbers import AS_IT_COMES, Finding, figure, filled, largest, number, number_of, sentence, setting
+from foretouch.report.rows import Pairs, not_scored, pair
+from foretouch.report.scores import Scores, score_prediction
+from foretouch.report.sections import Section
 from foretouch.report.sections.hand import hand_figures
 from foretouch.report.sections.safety import fault_name
 from foretouch.settings import NO_BASELINE, NO_GRIP, SIMULATED
@@ -137,14 +128,16 @@ MOST_LINES = 12
 """Phases that are listed in the text, the longest of them; all stand in the JSON."""
 
 
-def contact_scores(log: SessionLog, **window: Any) -> dict[str, Any]:
-    """Scores of the rendered and of the predicted force of one phase, at equal command."""
-    pairs = pair(log)
-    sensor, known = pairs.follower["sensor_force"], pairs.leader["delayed_force"]
-    felt = pairs.leader["rendered_force"] / number_of(log.settings, "force_scale", 1.0)
+def scored(pairs: Pairs, force: NDArray[np.float64], true: str = "sensor_force", **window: Any) -> Scores:
+    """Scores of a force at equal command against one of the follower's; the sender took the delayed one's zero off."""
+    columns = pairs.follower[true], force, pairs.leader["delayed_force"]
     window |= {"position": pairs.follower["position"], "skipped": not_scored(pairs), "delayed_offset": 0.0}
-    forces = {"rendered": felt, "predicted": pairs.leader["predicted_force"]}
-    return {name: score_prediction(pairs.time, sensor, force, known, **window) for name, force in forces.items()}
+    return score_prediction(pairs.time, *columns, **window)
+
+
+def rendered_scores(log: SessionLog, pairs: Pairs, **window: Any) -> Scores:
+    """Scores of the rendered force, in the robot's forces."""
+    return scored(pairs, pairs.leader["rendered_force"] / number_of(log.settings, "force_scale", 1.0), **window)
 
 
 def phase_figures(whole: SessionLog, chosen: SessionLog, **window: Any) -> list[dict[str, Any]]:
@@ -169,8 +162,9 @@ def phase_figures(whole: SessionLog, chosen: SessionLog, **window: Any) -> list[
     for phase in phases:
         stopped = np.append(was_stopped, phase.follower["status"] == Status.STOPPED)
         was_stopped = bool(stopped[-1])
-        scores = contact_scores(phase, **window)
-        rendered, predicted = scores["rendered"], scores["predicted"]
+        pairs = pair(phase)
+        rendered = rendered_scores(phase, pairs, **window)
+        predicted = scored(pairs, pairs.leader["predicted_force"], **window)
         table = phase.leader if phase.leader.size else phase.follower
         shown = pressed(phase.settings) | {name: phase.settings.get(name, "") for name in telling}
         found.append(
@@ -184,7 +178,7 @@ def phase_figures(whole: SessionLog, chosen: SessionLog, **window: Any) -> list[
                 "prediction_error_percent": predicted.prediction_error_percent,
                 "delayed_force_error_percent": rendered.delayed_force_error_percent,
                 "rendered_within_jnd_percent": rendered.within_jnd_percent,
-                "stable": hand_figures(phase)["stable"],
+                "stable": hand_figures(phase, pairs)["stable"],
                 "max_rendered_force_N": largest(phase.leader["rendered_force"]),
             }
         )

@@ -1,7 +1,4 @@
-"""Pages of HTML of a session, a prediction on a recording and a sensor calibration, which need nothing else.
-
-They have one style, figures inside, and make no request to anywhere.
-"""
+"""Pages of HTML that need nothing else: of a session, a prediction on a recording and a sensor calibration."""
 
 from __future__ import annotations
 
@@ -27,9 +24,9 @@ from foretouch.recordings import atomic_path
 from foretouch.report.drawing import COLOURS, finished, legend
 from foretouch.report.numbers import Finding, number
 from foretouch.report.rows import follower_away, pair
+from foretouch.report.scene import look_at_scene
 from foretouch.report.scene.pose import has_scene
-from foretouch.report.scene.scene import look_at_scene
-from foretouch.report.section import View
+from foretouch.report.sections import View
 from foretouch.report.sections.energy import stability_word
 from foretouch.report.sections.forces import prediction_figure, scoring_findings
 from foretouch.report.sections.session import baseline_sentence, lasted, pressed, segment_sentence
@@ -103,7 +100,7 @@ def _svg(figure: Any) -> bytes:
 
 def named_values(values: Mapping[str, Any]) -> str:
     """A table of names and values."""
-    return table((), [(name, value) for name, value in values.items()])
+    return table((), list(values.items()))
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
@@ -190,9 +187,6 @@ def write_page(
         report: What `session_figures` gave of it.
         made: What made it, for the end of the page, as `write_html` takes it.
 
-    Returns:
-        Path of the page.
-
     Raises:
         InputError: The folder cannot be made or the page cannot be written.
         MissingExtraError: Matplotlib is not installed.
@@ -229,9 +223,6 @@ def write_prediction_page(
         figures: The figures by name, among them ``delay_s`` and ``status``, as ``predict --json`` prints them; where
             there are ``remarks``, they are said first.
         made: What made it, for the end of the page, as `write_html` takes it.
-
-    Returns:
-        Path of the page.
 
     Raises:
         InputError: The folder cannot be made or the page cannot be written.
@@ -270,10 +261,8 @@ def _settings(chosen: Mapping[str, str]) -> str:
     rows = [(name, chosen[name], SETTINGS[name].sentence if name in SETTINGS else "") for name in names]
     changed = sum(chosen[name] != defaults.get(name) for name in names)
     head = ("setting", "value", "what it is")
-    folded = (
-        f"<details><summary>{len(rows) - changed} with their defaults</summary>{table(head, rows[changed:])}</details>"
-    )
-    return (table(head, rows[:changed]) if changed else "") + folded
+    folded = f"<summary>{len(rows) - changed} with their defaults</summary>{table(head, rows[changed:])}"
+    return f"{table(head, rows[:changed]) if changed else ''}<details>{folded}</details>"
 
 
 def _sentences(said: list[Finding]) -> list[str]:
@@ -334,9 +323,6 @@ def write_calibration_page(
         figures: By name, for the table.
         made: What made it, for the end of the page, as `write_html` takes it.
 
-    Returns:
-        Path of the page.
-
     Raises:
         InputError: The folder cannot be made or the page cannot be written.
         MissingExtraError: Matplotlib is not installed.
@@ -374,11 +360,8 @@ def _compliance_figure(found: SeriesCompliance) -> Any:
     above, below = figure.add_subplot(2, 1, 1), figure.add_subplot(2, 1, 2)
     some = slice(None, None, max(1, found.force.size // 4000))
     force, place, loads = found.force[some], found.deflection[some], found.loading[some]
-    for colour, label, part, shift in (
-        (COLOURS[0], "loading", loads, -0.5),
-        (COLOURS[1], "unloading", ~loads, 0.5),
-    ):
-        ends = np.array([found.contact_floor, found.force.max()])
+    ends = np.array([found.contact_floor, found.force.max()])
+    for colour, label, part, shift in ((COLOURS[0], "loading", loads, -0.5), (COLOURS[1], "unloading", ~loads, 0.5)):
         above.plot(1e6 * place[part], force[part], ".", ms=2, color=colour, label=label)
         above.plot(1e6 * (ends / found.stiffness + shift * found.lost_motion), ends, color=colour, lw=1.0)
         below.plot(force[part], 1e6 * found.residual[some][part], ".", ms=2, color=colour, label=label)

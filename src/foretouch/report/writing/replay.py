@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from foretouch.identification.force_calibration import lowest_mean
 from foretouch.messages import SessionLog
 from foretouch.quantities import Rows, new_figure
-from foretouch.report.drawing import DELAYED, ERROR, PREDICTED, TRUE, finished, last_contact, legend, peak, thinned
+from foretouch.report.drawing import DELAYED, ERROR, PREDICTED, TRUE, curve, finished, last_contact, legend, peak
 from foretouch.report.numbers import number, sentence, value_of
 from foretouch.report.rows import Pairs, not_scored, pair
-from foretouch.report.scores import score_prediction
+from foretouch.report.sections.session import scored
 from foretouch.report.session import CONTACT_FLOOR, session_figures
 from foretouch.report.writing.pages import embedded, table, write_html
 from foretouch.session import SessionSettings
@@ -50,9 +50,6 @@ _ROWS = (
     ("samples scored", "scored_samples", ""),
 )
 """What is shown of both sessions: in words, by name in the report, and the unit."""
-
-_LEFT_OUT = ("replay",)
-"""Texts that identify a session and are not among its settings."""
 
 RECORDED_PREDICTION = "#56B4E9"
 """Beside the colours of a session: the lighter of two blues, of Okabe and Ito too."""
@@ -110,7 +107,7 @@ def compare_replay(recorded: SessionLog, replayed: SessionLog, notes: Sequence[s
     differ = {
         name: {"recorded": before.get(name), "replayed": text}
         for name, text in after.items()
-        if before.get(name, defaults.get(name)) != text and name not in _LEFT_OUT
+        if before.get(name, defaults.get(name)) != text and name != "replay"  # which is none of them
     }
     return {
         "motion": notes[0],
@@ -135,17 +132,7 @@ def contacts(log: SessionLog) -> list[Contact]:
     pairs = pair(log)
     if not pairs.time.size:
         return []
-    scores = score_prediction(
-        pairs.time,
-        pairs.follower["sensor_force"],
-        pairs.leader["predicted_force"],
-        pairs.leader["delayed_force"],
-        contact_floor=CONTACT_FLOOR,
-        delayed_offset=0.0,
-        score_from=0.0,
-        position=pairs.follower["position"],
-        skipped=not_scored(pairs),
-    )
+    scores = scored(pairs, pairs.leader["predicted_force"], contact_floor=CONTACT_FLOOR, score_from=0.0)
     time = (pairs.leader["time_ns"] - hand_begins_ns(log.longest().leader)) * 1e-9
     touched = np.asarray(scores.in_contact & ~not_scored(pairs))
     return [
@@ -170,7 +157,8 @@ def render_replay(content: Mapping[str, Any]) -> str:
     Returns:
         Lines of at most about 100 characters, without a last line break.
     """
-    said = (f"replay in {_with_article(content['loop'])}", content["motion"], *content["notes"])
+    article = "a" if content["loop"].startswith("closed") else "an"
+    said = (f"replay in {article} {content['loop']}", content["motion"], *content["notes"])
     lines = [sentence(text) for text in said]
     lines += ["", f"{'':<34}{'recorded':>22}{'replayed':>22}{'ratio':>10}"]
     for name, before, after, ratio in table_rows(content):
@@ -191,7 +179,8 @@ def table_rows(content: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
         old, new = value_of(before, name), value_of(after, name)
         rows.append((words, _number(old, unit), _number(new, unit), _ratio(old, new)))
     if content["loop"] == "closed loop":
-        rows.append(("stable", _yes(before["stable"]), _yes(after["stable"]), ""))
+        word = {True: "yes", False: "no", None: "-"}
+        rows.append(("stable", word[before["stable"]], word[after["stable"]], ""))
     return rows
 
 
@@ -210,8 +199,7 @@ def _runs(time: Array, touched: Flags) -> list[slice]:
     if not rows.size:
         return []
     cuts = np.flatnonzero(np.diff(time[rows]) > APART)
-    firsts, lasts = rows[np.concatenate(([0], cuts + 1))], rows[np.concatenate((cuts, [rows.size - 1]))]
-    return [slice(int(first), int(last) + 1) for first, last in zip(firsts, lasts, strict=True)]
+    return [slice(int(run[0]), int(run[-1]) + 1) for run in np.split(rows, cuts + 1)]
 
 
 def _number(value: float | None, unit: str) -> str:
@@ -226,14 +214,6 @@ def _ratio(before: float | None, after: float | None) -> str:
 
 def _text(value: str | None) -> str:
     return "-" if value is None else value or "none"
-
-
-def _yes(stable: bool | None) -> str:
-    return "-" if stable is None else "yes" if stable else "no"
-
-
-def _with_article(loop: str) -> str:
-    return f"{'a' if loop.startswith('closed') else 'an'} {loop}"
 
 
 def write_replay_page(
@@ -254,13 +234,11 @@ def write_replay_page(
         content: What `compare_replay` gave of them.
         made: What made it, for the end of the page, as `write_html` takes it.
 
-    Returns:
-        Path of the page.
-
     Raises:
         InputError: The folder cannot be made or the page cannot be written.
         MissingExtraError: Matplotlib is not installed.
     """
+    before, after = (content[of]["settings"] for of in ("recorded", "replayed"))
     body = [
         f"<h1>Replay of {escape(name)}</h1>",
         f'<p class="quiet">{escape(sentence(content["loop"]))} Status: {escape(content["replayed"]["status"])}.</p>',
@@ -273,7 +251,7 @@ def write_replay_page(
         "<h2>Side by side</h2>",
         table(("", "recorded", "replayed", "ratio"), table_rows(content)),
         "<h2>Settings of the replay</h2>",
-        table(("", "recorded", "replayed"), _settings(content)),
+        table(("", "recorded", "replayed"), [(name, before.get(name), text) for name, text in after.items()]),
     ]
     return write_html(directory, f"Replay of {name}", body, made)
 
@@ -334,8 +312,7 @@ def _draw_forces(axes: Any, before: dict[str, Array], after: dict[str, Array]) -
         ("predicted, replayed", after, "predicted", PREDICTED, 1.0, "-"),
     ):
         if columns["time"].size:
-            curve = thinned(columns["time"], columns[kind])
-            axes.plot(*curve, color=colour, linewidth=width, linestyle=style, label=label)
+            curve(axes, columns["time"], columns[kind], colour, width, linestyle=style, label=label)
 
 
 def _draw_errors(axes: Any, contacts: Mapping[str, Any]) -> None:
@@ -358,8 +335,3 @@ def _draw_errors(axes: Any, contacts: Mapping[str, Any]) -> None:
     axes.yaxis.set_major_formatter("{x:g}")
     axes.minorticks_off()
     legend(axes, columns=4)
-
-
-def _settings(content: Mapping[str, Any]) -> list[tuple[Any, ...]]:
-    before = content["recorded"]["settings"]
-    return [(name, before.get(name), text) for name, text in content["replayed"]["settings"].items()]

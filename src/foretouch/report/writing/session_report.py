@@ -9,13 +9,13 @@ from typing import Any, NoReturn
 from foretouch.messages import SessionLog
 from foretouch.quantities import brief_text
 from foretouch.report.numbers import Finding
-from foretouch.report.scene.section import SCENE
 from foretouch.report.sections.energy import ENERGY
 from foretouch.report.sections.forces import FORCES
 from foretouch.report.sections.hand import HAND
 from foretouch.report.sections.model import MODEL
 from foretouch.report.sections.robot import LOOPS, ROBOT
 from foretouch.report.sections.safety import SAFETY
+from foretouch.report.sections.scene import SCENE
 from foretouch.report.sections.session import SESSION, heading
 from foretouch.report.session import session_figures
 

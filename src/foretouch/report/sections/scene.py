@@ -10,13 +10,25 @@ from numpy.typing import NDArray
 
 from foretouch.messages import SessionLog
 from foretouch.quantities import new_figure
-from foretouch.report.drawing import ERROR, NARROW, PREDICTED, TRUE, extremes, finished, joined, legend, shade, thinned
+from foretouch.report.drawing import (
+    ERROR,
+    NARROW,
+    PREDICTED,
+    TRUE,
+    curve,
+    extremes,
+    finished,
+    joined,
+    legend,
+    note,
+    shade,
+)
 from foretouch.report.numbers import Finding, figure, filled
 from foretouch.report.rows import Pairs
+from foretouch.report.scene import Wrong
 from foretouch.report.scene.map import StiffnessMap, map_figures
 from foretouch.report.scene.pose import NEAR_DEGREES, NEAR_MM, PoseError
-from foretouch.report.scene.scene import Wrong
-from foretouch.report.section import Drawing, Section, View
+from foretouch.report.sections import Drawing, Section, View
 from foretouch.session.spatial import Inclusion
 
 Array = NDArray[np.float64]
@@ -37,9 +49,9 @@ def pose_figure(error: PoseError) -> Any:
         (place, error.place, error.place_deviation, NEAR_MM, LEAST_MM, "mm", "distance of the origins"),
         (turn, error.turn, error.turn_deviation, NEAR_DEGREES, LEAST_DEGREES, "degrees", "angle"),
     ):
-        axes.plot(*thinned(error.time, np.maximum(values, least)), color=PREDICTED, linewidth=1.1, label=what)
+        curve(axes, error.time, np.maximum(values, least), PREDICTED, 1.1, label=what)
         told = np.maximum(deviation, least)
-        axes.plot(*thinned(error.time, told), color=ERROR, linewidth=1.1, label="the filter's own standard deviation")
+        curve(axes, error.time, told, ERROR, 1.1, label="the filter's own standard deviation")
         axes.axhline(near, color="0.4", linestyle=":", linewidth=1.0, label=f"{near:g} {unit}")
         _mark_touches(axes, error)
         axes.set_yscale("log")
@@ -57,9 +69,9 @@ def contact_figure(log: SessionLog, pairs: Pairs, wrong: Wrong, true_friction: f
     """False and missed contacts of rows at equal command, at least one, and friction as it is learnt."""
     figure = new_figure(6.4)
     force, friction = figure.subplots(2, 1, sharex=True)
-    force.plot(*thinned(pairs.time, pairs.follower["exact_force"]), color=TRUE, linewidth=1.3, label="true")
+    curve(force, pairs.time, pairs.follower["exact_force"], TRUE, 1.3, label="true")
     wanted = pairs.leader["predicted_force"]
-    force.plot(*thinned(pairs.time, wanted), color=PREDICTED, linewidth=1.0, label="predicted, along the normal")
+    curve(force, pairs.time, wanted, PREDICTED, 1.0, label="predicted, along the normal")
     shade(force, pairs.time, wrong.false, ERROR, "false: nothing is there")
     shade(force, pairs.time, wrong.missed, "#CC79A7", "missed")
     shade(force, pairs.time, wrong.first, "0.5", "before any model")
@@ -73,7 +85,7 @@ def contact_figure(log: SessionLog, pairs: Pairs, wrong: Wrong, true_friction: f
         friction.fill_between(time, low, high, color=PREDICTED, alpha=0.2, linewidth=0.0, label="two deviations")
         friction.plot(time, coefficient, color=PREDICTED, linewidth=1.2, label="learnt")
     else:
-        friction.text(0.5, 0.5, "not learnt", ha="center", va="center", transform=friction.transAxes)
+        note(friction, 0.5, 0.5, "not learnt")
     if true_friction is not None:
         friction.axhline(true_friction, color=TRUE, linestyle="--", linewidth=1.0, label="true")
     friction.set_ylim(0.0, 2.0 * (true_friction or 0.5))
