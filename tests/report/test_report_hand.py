@@ -214,14 +214,14 @@ def test_a_controller_does_not_render_the_delayed_force_itself(delayed: SessionL
 
 
 def test_a_delayed_force_in_an_open_loop_is_given_to_nobody() -> None:
-    """It would give out energy along this motion; but nobody holds what could be unstable."""
+    """It would give out energy along this motion; but no hand holds what could be unstable."""
     report = session_figures(simulated(4.0, baseline="delayed"))
     assert report["hand"]["certificate_holds"] is False
     assert report["stable"] is None
     text = render_text(report)
     assert "the hand was given" not in text
     assert "Unstable" not in text
-    assert "not known: nobody holds what the delayed force would move" in text
+    assert "not known: no hand holds the device that the delayed force would move" in text
 
 
 def test_the_page_shows_hand_and_energy(ours: SessionLog, tmp_path: Path, told: dict[str, Any]) -> None:
@@ -258,7 +258,7 @@ def test_old_sessions_kept_no_account() -> None:
     report = session_figures(make_session(2.5))
     assert report["stable"] is None
     assert report["net_energy_J"] is None
-    assert "not known: nobody kept an account" in render_text(report)
+    assert "not known: no account of energy was kept" in render_text(report)
     json.dumps(report, allow_nan=False)
 
 

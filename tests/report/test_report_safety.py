@@ -200,7 +200,7 @@ def test_many_stops_are_counted_at_the_top_with_how_long_they_lasted(quiet: Sess
     top = render_text(report).splitlines()[:6]
     assert "6 emergency stops in segment 2, for 1.20 s in all: pressed in the console." in top
     silent = session_figures(with_status(quiet, (500, 1500, Status.STOPPED)))
-    assert "Emergency stop, for 1.00 s: nobody said why." in render_text(silent)
+    assert "Emergency stop, for 1.00 s: no reason was given." in render_text(silent)
 
 
 def test_the_first_line_has_the_length_of_the_whole_session(quiet: SessionLog, tmp_path: Path) -> None:

@@ -67,11 +67,11 @@ def test_the_error_of_the_pose_is_that_of_the_newest_tick(apart_ns: int) -> None
     log, first = with_pose(make_scene_session(apart_ns=apart_ns), 2000, 2450)
     found = look_at_scene(log, pair(log)).pose
     far, turn = Pose.from_rotation_vector(NOMINAL[3:], NOMINAL[:3]).distance(first)
-    assert found.place[10:499] == pytest.approx(1e3 * far, rel=1e-12)
+    assert found.distance[10:499] == pytest.approx(1e3 * far, rel=1e-12)
     assert found.turn[10:499] == pytest.approx(np.degrees(turn), rel=1e-9)
-    assert found.place[500:2000].max() < 1e-9
-    assert found.place[2000:2450] == pytest.approx(4.0, rel=1e-9)
-    assert found.place[2450:].max() < 1e-9
+    assert found.distance[500:2000].max() < 1e-9
+    assert found.distance[2000:2450] == pytest.approx(4.0, rel=1e-9)
+    assert found.distance[2450:].max() < 1e-9
 
 
 def test_a_bump_is_found_and_so_is_when_it_is_over() -> None:
@@ -334,7 +334,7 @@ def error_of(far: np.ndarray, end: float, tick: float = TICK) -> PoseError:
 
 def recovered(error: PoseError) -> float | None:
     deviation = np.full(error.time.size, np.nan)
-    whole = PoseError(error.time, error.place, error.turn, deviation, deviation, np.zeros(0), error.bumps)
+    whole = PoseError(error.time, error.distance, error.turn, deviation, deviation, np.zeros(0), error.bumps)
     found: float | None = pose_figures(make_session(1.0), whole)["bumps"][0]["recovered_s"]
     return found
 

@@ -53,7 +53,7 @@ class Window(NamedTuple):
         energy_bound: Largest energy that it may have given out [J].
         late_energy: Energy lost beside it in late ticks and missing positions, never positive [J].
         round_trip: Age of the hand's motion that the newest telemetry answers [s]; NaN before the first.
-        away: Whether the robot was not where the command said: it held its position, or was on its way back.
+        away: Whether the robot was not at its commanded position: it held its position, or was on its way back.
         rendered_error: RMSE of `rendered`, like `prediction_error`; meaningful only where forces are not scaled.
     """
 

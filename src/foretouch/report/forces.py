@@ -189,7 +189,7 @@ def _meaning(status: str, time: Array, all_count: bool, score_from: float | None
     if status == "nothing_to_score" and score_from is not None and time.size and time[-1] < score_from:
         return f"the recording ends after {time[-1]:.3g} s, before --score-from {score_from:g}"
     if status == "nothing_to_score" and all_count:
-        return "no sample lies in the window"
+        return "no sample is in the window"
     return STATUSES[status]
 
 
@@ -212,7 +212,7 @@ def _of_touches(time: Array, in_contact: Flags, delay: float) -> Iterator[str]:
     if in_contact[time <= BEGINNING].mean() > 0.5 and apart.size:
         left = float(apart[0])
         yield (
-            f"It begins in contact: surface and zero of the force can only be told from {left:.2f} s on, when the "
+            f"It begins in contact: surface and zero of the force are only known from {left:.2f} s on, when the "
             "probe first leaves it, and what is predicted before is uncertain."
         )
     elif not breaks.size:
@@ -230,12 +230,13 @@ def _of_drift(time: Array, position: Array, scores: Scores) -> Iterator[str]:
         return
     columns = np.column_stack((time[outside] - time[outside].mean(), position[outside], np.ones(int(outside.sum()))))
     force = scores.measured_force[outside]
-    found = np.linalg.lstsq(columns / np.abs(columns).max(axis=0), force, rcond=None)[0] / np.abs(columns).max(axis=0)
-    drift = float(found[0]) * float(time[-1])
+    scale = np.abs(columns).max(axis=0)
+    fit = np.linalg.lstsq(columns / scale, force, rcond=None)[0] / scale
+    drift = float(fit[0]) * float(time[-1])
     with np.errstate(over="ignore"):
-        left = float(np.sqrt(np.mean(np.square(force - columns @ found))))
+        left = float(np.sqrt(np.mean(np.square(force - columns @ fit))))
     if abs(drift) > max(scores.threshold_N or 0.0, CLEAR * left):
         yield (
-            f"The force in free air drifts by {found[0]:+.2g} N/s: its zero is that of one moment, and what drifts "
+            f"The force in free air drifts by {fit[0]:+.2g} N/s: its zero is that of one moment, and what drifts "
             "away from it counts as error."
         )

@@ -216,9 +216,9 @@ def free_hand(log: SessionLog) -> Array | None:
     wanted = log.leader["intended_position"]
     known = np.isfinite(wanted)
     hand = Hand(_Intention(wanted[known]), grip, device)
-    places = np.full(wanted.size, np.nan)
-    places[known] = [hand.read(now) for now in log.leader["time_ns"][known].tolist()]
-    return places
+    hands = np.full(wanted.size, np.nan)
+    hands[known] = [hand.read(now) for now in log.leader["time_ns"][known].tolist()]
+    return hands
 
 
 SWING = 5e-4
@@ -312,19 +312,19 @@ def turning_points(position: Array, swing: float = SWING) -> NDArray[np.int64]:
     Returns:
         Their indices, increasing.
     """
-    found = []
+    turns = []
     direction = low = high = 0  # low and high: samples of the extremes since the last turn
     values = position.tolist()
     for index, here in enumerate(values):
         low = index if here < values[low] else low
         high = index if here > values[high] else high
         if direction >= 0 and here < values[high] - swing:
-            found += [high] if direction else []
+            turns += [high] if direction else []
             direction, low = -1, index
         elif direction <= 0 and here > values[low] + swing:
-            found += [low] if direction else []
+            turns += [low] if direction else []
             direction, high = 1, index
-    return np.array(found, dtype=np.int64)
+    return np.array(turns, dtype=np.int64)
 
 
 def _largest_burst(made: Array, without: Array) -> tuple[int, float | None]:

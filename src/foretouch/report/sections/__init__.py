@@ -24,7 +24,7 @@ class View:
         pairs: The rows of that part at equal command.
         report: What `session_figures` gave.
         start_ns: Time zero of the drawings by the follower's clock [ns].
-        away: Where the robot was not where the commands said, since then.
+        away: Where the robot was not at its commanded position, since then.
         scene: Figures of a scene; None for a session along a line.
     """
 
@@ -42,7 +42,7 @@ class View:
 
 
 class Drawing(NamedTuple):
-    """A Matplotlib figure, and the sentence that stands below it."""
+    """A Matplotlib figure, and the sentence below it."""
 
     figure: Any
     caption: str

@@ -98,9 +98,9 @@ def _is_broken(report: Mapping[str, Any]) -> bool:
 def _stable(report: Mapping[str, Any]) -> str:
     swings, word = report["hand"]["oscillation"], stability_word(report)
     if report["hand"]["certificate_holds"] is None:
-        return f"{word}: nobody kept an account of energy"
+        return f"{word}: no account of energy was kept"
     if report["stable"] is None:
-        return f"{word}: nobody holds what the delayed force would move"
+        return f"{word}: no hand holds the device that the delayed force would move"
     if report["hand"]["guarded_contact_percent"] is None and report["stable"]:
         return f"{word}; nothing was touched"
     if report["hand"]["grip"] == NO_GRIP:

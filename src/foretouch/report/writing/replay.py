@@ -158,8 +158,8 @@ def render_replay(content: Mapping[str, Any]) -> str:
         Lines of at most about 100 characters, without a last line break.
     """
     article = "a" if content["loop"].startswith("closed") else "an"
-    said = (f"replay in {article} {content['loop']}", content["motion"], *content["notes"])
-    lines = [sentence(text) for text in said]
+    texts = (f"replay in {article} {content['loop']}", content["motion"], *content["notes"])
+    lines = [sentence(text) for text in texts]
     lines += ["", f"{'':<34}{'recorded':>22}{'replayed':>22}{'ratio':>10}"]
     for name, before, after, ratio in table_rows(content):
         lines.append(f"  {name:<32}{before:>22}{after:>22}{ratio:>10}".rstrip())
@@ -322,9 +322,9 @@ def _draw_errors(axes: Any, contacts: Mapping[str, Any]) -> None:
         ("predicted, recorded", "recorded", "predicted", RECORDED_PREDICTION, "o"),
         ("predicted, replayed", "replayed", "predicted", PREDICTED, "^"),
     ):
-        found = contacts[session]
-        middle = [0.5 * (one["begin"] + one["end"]) for one in found]
-        sizes = np.maximum([one[kind] for one in found], LEAST_ERROR)
+        wrong = contacts[session]
+        middle = [0.5 * (one["begin"] + one["end"]) for one in wrong]
+        sizes = np.maximum([one[kind] for one in wrong], LEAST_ERROR)
         axes.plot(middle, sizes, sign, color=colour, markersize=6.0, label=label)
     axes.set_yscale("log")
     axes.set(

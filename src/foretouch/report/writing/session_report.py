@@ -165,7 +165,7 @@ def session_report(log: SessionLog, *, score_from: float = 1.5, score_to: float 
     """The figures of a session, as attributes of one object.
 
     Args:
-        log: What was said in the session.
+        log: The recorded session.
         score_from: Start of the scoring window [s] after the first row.
         score_to: Its end [s]; None for the last row.
 
