@@ -216,8 +216,8 @@ class Case:
         path: Path of the file, absolute, for a worker may run elsewhere; empty where it is simulated.
         simulated: Whether it is simulated, with known truth.
         seed: Seed of a simulated one.
-        options: How the file is read; a map of its columns or topics by its absolute path.
-        changed_ns: When the file was changed last, so that a worker does not take an old one for it.
+        options: Options for reading the file; a map of its columns or topics by its absolute path.
+        changed_ns: Time of the last change of the file, so that a worker does not take an old one for it.
     """
 
     name: str
@@ -237,7 +237,7 @@ class Loaded(NamedTuple):
     """A case in memory.
 
     Attributes:
-        recording: What the follower felt.
+        recording: Recording of the follower.
         truth: The truth, where it is known.
         log: Log of a file that holds a session: the prediction is then made on the leader's motion.
     """
@@ -254,7 +254,7 @@ def file_case(
 
     Args:
         path: Path of any file that `read_recording` takes.
-        options: How it is to be read, where the file does not say so by itself.
+        options: Options for reading it, where the file does not say so by itself.
         **named: In place of `options`, its attributes by name, as `read_recording` takes them.
 
     Returns:

@@ -80,7 +80,7 @@ class OnceLearnt(Learner):
         return self.sample
 
     def learnt(self) -> LearntModel:
-        """What was known after the newest sample."""
+        """The model after the newest sample."""
         return self._memory[self._place] if self._place >= 0 else super().learnt()
 
 

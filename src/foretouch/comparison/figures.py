@@ -35,7 +35,7 @@ def matrix_figure(
     Args:
         results: As `compare` gave them.
         figure_of: The number, None where there is none, infinite where it was never reached; its size is coloured.
-        title: What the numbers are, with unit.
+        title: Name of the numbers, with unit.
         first_row: Name of a row above all others, and the number whose median over the combinations it shows.
         limits: Numbers at the ends of the colours, positive.
     """

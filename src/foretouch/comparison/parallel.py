@@ -100,7 +100,7 @@ class _Watch:
         self._alone_since: float | None = None
 
     def gives_up(self) -> str:
-        """Why nothing can be expected any more; empty as long as it can."""
+        """Reason that no result can be expected any more; empty as long as it can."""
         if self._client.status != "running":
             return "the scheduler of the cluster is gone"
         now = time.monotonic()

@@ -63,7 +63,7 @@ class Convergence:
     """The time that an estimate took after a change.
 
     Attributes:
-        event_s: When the change was felt first: at the first sample in contact [s]; the first touch counts as one.
+        event_s: Time of the first sample in contact after the change [s]; the first touch counts as one.
         convergence_s: Time from there until the estimate was right [s]; None if it never was, before the next change.
     """
 
@@ -126,7 +126,7 @@ def convergence(recording: Recording, truth: Truth, learnt: Sequence[LearntModel
     Args:
         recording: n samples.
         truth: Truth of the recording.
-        learnt: What was known after each sample, n of them.
+        learnt: Models after each sample, n of them.
 
     Returns:
         One for the first touch and for each change that is felt.

@@ -1,4 +1,4 @@
-"""What every figure has in common: colours, legends, margins, and no more points than can be seen."""
+"""Common parts of all figures: colours, legends, margins, and no more points than can be seen."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ TRUE, PREDICTED, DELAYED, RENDERED, ERROR = (
 """Colours by their meaning in a session."""
 
 COLOURS = columns.COLOURS
-"""For curves that stand in a row."""
+"""Colours of curves in a row."""
 
 
 def legend(axes: Any, columns: int) -> None:

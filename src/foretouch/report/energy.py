@@ -98,7 +98,7 @@ def book(force: Array, position: Array, period: Array, device: BookedDevice) -> 
 
 
 ROUNDING = 1e-9
-"""What sums of floating-point numbers may be wrong by [J]."""
+"""Largest error of sums of floating-point numbers [J]."""
 
 
 SAME = 1e-9
@@ -309,7 +309,7 @@ def _held(force: Array) -> Array:
 
 
 def _begins(recorded: Array, work: Array, firm: Flags, lost: Flags) -> Flags:
-    """Where a surplus was forgiven: the work of one tick is all there is, after more than nothing and no firm force."""
+    """Ticks in which a surplus was forgiven: the work of one tick is all there is, after a surplus, no firm force."""
     had = np.concatenate((np.zeros(min(1, recorded.size)), recorded[:-1])) > 0.0
     with np.errstate(invalid="ignore"):
         fresh = np.abs(recorded - work) <= SAME * np.abs(work)

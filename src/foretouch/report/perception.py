@@ -1,4 +1,4 @@
-"""What an operator would notice: jumps of force that new models make, how soon a prediction is right, oscillations.
+"""Effects that an operator would notice: jumps of force by new models, time until a prediction is right, oscillations.
 
 A hand oscillates if it swings more than the same hand would, had it felt nothing.
 """
@@ -31,7 +31,7 @@ class LargestJump(NamedTuple):
         force: Its size [N], 0 where no model changed the force.
         rate: The largest size divided by the time since the sample before [N/s]; with uneven times it may be another
             jump than that of `force`.
-        time: When `force` came, since the first sample [s]; None where no model changed the force.
+        time: Time of `force` since the first sample [s]; None where no model changed the force.
     """
 
     force: float | None
@@ -71,7 +71,7 @@ def largest_jump(time: Array, jump: Array, period: Array) -> LargestJump:
 
 
 def rendered_jump(sequence: NDArray[np.int64], wanted: Array, rendered: Array, jump: Array) -> Array:
-    r"""That part of a model's jump of the wanted force that was rendered in the tick in which it came.
+    r"""The part of a model's jump of the wanted force that was rendered in the tick in which it came.
 
     .. math:: J'_k = (R_k - R_{k-1}) - (F_k - J_k - F_{k-1}), \quad \text{held between } 0 \text{ and } J_k
 
@@ -183,7 +183,7 @@ def _window_sums(values: Array, count: int) -> Array:
 
 
 class _Intention(Device):
-    """What a hand wanted, read again."""
+    """The intention of a hand, read again."""
 
     name = "recorded intention"
     closed_loop = False
@@ -199,7 +199,7 @@ class _Intention(Device):
 
 
 def free_hand(log: SessionLog) -> Array | None:
-    """Where the hand that the settings name would have been by its intention alone, without any force [m].
+    """Position that the hand of the settings would have had by its intention alone, without any force [m].
 
     Args:
         log: The session.
@@ -257,7 +257,7 @@ def oscillation(leader: Rows, free: Array | None = None) -> dict[str, Any]:
 
     Args:
         leader: Rows of `SessionLog.leader`.
-        free: Where the hand would have been without force [m], shape (n,), as `free_hand` gives it; None for where it
+        free: Position of the hand without force [m], shape (n,), as `free_hand` gives it; None for where it
             meant to be.
 
     Returns:

@@ -44,7 +44,7 @@ def runs_of(follower: Rows, flags: Flags) -> list[slice]:
 
 
 def seconds_of(follower: Rows, flags: Flags) -> float:
-    """How long the flag was set [s]: from each flagged tick to the next tick, however late that was."""
+    """Time for which the flag was set [s]: from each flagged tick to the next tick, however late that was."""
     lasted = np.diff(follower["time_ns"]) * 1e-9
     last = usual_period(follower) if flags.size and flags[-1] else 0.0  # the last tick's duration is unknown
     return float(lasted[flags[:-1]].sum()) + last
@@ -75,7 +75,7 @@ def away(follower: Rows) -> Flags:
 
 
 def trusted(follower: Rows, rows: Rows) -> Flags:
-    """Which rows hold a true force: the sensors are believed, then and in the 0.1 s that a fault may go unnoticed."""
+    """Rows that hold a true force: the sensors are believed, then and in the 0.1 s that a fault may go unnoticed."""
     good = believable(rows)
     failing = follower["validity"] > 0
     faults = follower["time_ns"][failing & ~np.concatenate((np.zeros(min(1, failing.size), np.bool_), failing[:-1]))]
@@ -87,7 +87,7 @@ def trusted(follower: Rows, rows: Rows) -> Flags:
 
 
 def follower_away(log: SessionLog, start_ns: int) -> list[Segment]:
-    """Where one process of the follower was away, or its sensors failed, since a time of its clock [ns]."""
+    """Segments in which one process of the follower was away, or its sensors failed, since a time of its clock [ns]."""
     rows = since_first_command(log.follower)
     failing = rows["validity"] > 0
     gone = away(rows) & ~joining(rows)

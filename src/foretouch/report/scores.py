@@ -37,12 +37,12 @@ STATUSES: dict[str, str] = {
     "convention: who knows it gives it (--force-offset)",
     "ok": "scored",
 }
-"""What `Scores.status` can be; where several hold, the first of them in this order."""
+"""Values of `Scores.status`; where several hold, the first of them in this order."""
 
 
 @dataclass(frozen=True, eq=False)
 class Scores(ByValue):
-    """How well a force was predicted. A metric is None where there is nothing to measure it on.
+    """Quality of a predicted force. A metric is None where there is nothing to measure it on.
 
     Attributes:
         samples: Samples in all.

@@ -67,7 +67,7 @@ def session_figures(
 
     Returns:
         The fields of `Scores`; those of the force after the limits, divided by the force scale, begin with
-        ``rendered_``, as ``rendered_rmse_N``. Energy, hand, segments and scenes stand on this page above. Beside these:
+        ``rendered_``, as ``rendered_rmse_N``. Energy, hand, segments and scenes are on this page above. Beside these:
 
         - ``status``: a key of `STATUSES`; ``recording``: path of the MCAP file; ``duration_s``: first to last tick;
           ``score_from_s``, ``score_to_s``: the window, None being the end.
@@ -192,7 +192,7 @@ def _errors(scores: Scores | None) -> dict[str, float | None]:
 
 
 def _jumps(log: SessionLog) -> dict[str, float | None]:
-    """What new models did to the force at once; None each where no models were rendered."""
+    """Changes of the force by new models; None each where no models were rendered."""
     jumps = update_jumps(log.leader)
     return jumps if renders_models(log.settings) else dict.fromkeys(jumps)
 
@@ -241,7 +241,7 @@ def _coverage(pairs: Pairs, contact: NDArray[np.bool_], scores: Scores) -> dict[
 
 
 def _models(log: SessionLog) -> dict[str, int]:
-    """How many models were sent, could be rendered from, and were the newest at some leader tick."""
+    """Numbers of models that were sent, could be rendered from, and were the newest at some leader tick."""
     arrived = np.unique(log.leader["model_sequence"])
     return {
         "sent": len(log.models),
@@ -251,7 +251,7 @@ def _models(log: SessionLog) -> dict[str, int]:
 
 
 def _model_bytes(log: SessionLog) -> dict[str, float | None]:
-    """What models cost the network: bytes of their messages without the network's own."""
+    """Network load of the models: bytes of their messages without the network's own."""
     sizes, duration = np.array([len(encode(model)) for model in log.models]), _duration(log)
     return {
         "per_s": float(sizes.sum()) / duration if duration > 0.0 else None,
@@ -295,7 +295,7 @@ def _spread(values: Array) -> dict[str, float | None]:
 
 
 def _tracking(pairs: Pairs, score_from: float, score_to: float | None) -> dict[str, float | None]:
-    """How far the robot stood from the commands it applied, and the time by which it lagged, over the window."""
+    """Distance of the robot from the commands it applied, and the time by which it lagged, over the window."""
     inside = (pairs.time >= score_from) & np.isfinite(pairs.leader["position"]) & ~away(pairs.follower)
     if score_to is not None:
         inside &= pairs.time <= score_to

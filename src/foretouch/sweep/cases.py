@@ -59,8 +59,8 @@ class Case:
     Attributes:
         number: Number of the case, from 0.
         duration: Simulated [s].
-        network: What it does beside delaying: one of `NETWORKS`.
-        options: What differs from the defaults of `SessionSettings`.
+        network: Its faults beside the delay: one of `NETWORKS`.
+        options: Differences from the defaults of `SessionSettings`.
         baseline: ``"none"``, or the force that is rendered instead of models: ``"delayed"``, ``"delayed-tdpa"``.
     """
 
@@ -195,7 +195,7 @@ def _delays(random: np.random.Generator, round_trip: float) -> Options:
 
 
 def _faults(random: np.random.Generator, network: str, round_trip: float) -> Options:
-    """What the network does beside delaying; all at once is each with an even chance."""
+    """Faults of the network beside its delay; all at once is each with an even chance."""
     spell = min(round_trip * random.uniform(1.0, 4.0), LONGEST_SPELL)
     burst = _log_uniform(random.uniform(), 2.0, 200.0)
     kinds: dict[str, Options] = {

@@ -38,7 +38,7 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
         network: Effects of the network beside delay.
         round_trip_s: Sum of both delays [s].
         options: Options that differ from the defaults.
-        error: Why the session failed; empty where it did not.
+        error: Reason that the session failed; empty where it did not.
         stable: Whether the certificate of energy held in every tick, forces were finite and the hand did not oscillate.
         oscillating: Whether the hand made more swings than it meant to: `foretouch.report.oscillation`.
         forces_finite: Whether all forces were numbers.
@@ -142,7 +142,7 @@ def of(rows: Iterable[Outcome], baseline: str) -> list[Outcome]:
 
 
 def totals(rows: Sequence[Outcome]) -> dict[str, Any]:
-    """What became of these sessions, ready for JSON; None where there is nothing to measure.
+    """Totals of these sessions, ready for JSON; None where there is nothing to measure.
 
     The largest energy surplus is the most that a session gave out beyond its bound [J], 0 where none did.
     """

@@ -142,7 +142,7 @@ class SceneFindings:
         pose: Error of the fixture's pose.
         wrong: Contacts at equal command; None where the true force is unknown.
         account: Energy account in all directions.
-        scene: What was touched; None where it is no longer available, as the file of a mesh.
+        scene: The scene; None where it is no longer available, as the file of a mesh.
         field: The newest materials over the surface; None where there were none.
         map: Map of local stiffness; None without a scene or a field.
     """

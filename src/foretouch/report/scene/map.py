@@ -52,7 +52,7 @@ class StiffnessMap(ByValue):
         y: Coordinates of the rows [m].
         learnt: Local stiffness at `depth` [N/m].
         uncertainty: Its standard deviation [N/m].
-        true: That of the simulated material; None where it is unknown.
+        true: Stiffness of the simulated material; None where it is unknown.
         touched: Whether the probe was within 3 mm of the point.
         depth: Depth at which it is taken [m].
     """
@@ -187,7 +187,7 @@ def _touched(points: Array, touched: Array) -> Flags:
 
 
 def _touched_places(rows: SceneRows) -> Array:
-    """Where the probe pressed, in the fixture's frame, seen from above, a hundredth of a second apart, shape (n, 2)."""
+    """Points pressed by the probe, seen from above in the fixture's frame, every hundredth of a second, shape (n, 2)."""
     probe = rows.probe
     known = np.isfinite(probe["exact_x"])
     pressed = np.flatnonzero(rows.follower["in_contact"] & (rows.follower["force"] > PRESSED))[::10]

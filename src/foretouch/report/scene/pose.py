@@ -81,7 +81,7 @@ def _of_same_tick(rows: Rows, space: Rows, process: str) -> tuple[Rows, Rows]:
 
 
 def _clocks_apart(settings: Mapping[str, str], pairs: Pairs) -> int:
-    """What is to be added to the leader's clock for the follower's [ns]."""
+    """Offset from the leader's clock to the follower's [ns]."""
     if not pairs.time.size:
         return 0
     transit = round(1e9 * number_of(settings, "position_delay", 0.0))
@@ -180,7 +180,7 @@ def _settled(error: PoseError) -> Flags:
 
 
 def _bumps(rows: SceneRows) -> tuple[tuple[float, float], ...]:
-    """When the true fixture moved."""
+    """Times at which the true fixture moved."""
     pose = np.hstack([vectors(rows.probe, "exact"), vectors(rows.probe, "exact", turn=True)])
     moved = np.flatnonzero((np.diff(pose, axis=0) != 0.0).any(axis=1) & np.isfinite(pose[1:]).all(axis=1))
     if not moved.size:

@@ -43,7 +43,7 @@ LEAST = 0.3
 """The force axis reaches at least to this [N], so that noise does not fill it."""
 
 MOST_IN_LOOPS, PIECE = 30_000, 2000
-"""Samples of force against depth that are drawn, and in one line: no extremes can stand for the rest of a loop."""
+"""Samples of force against depth that are drawn, and in one line: no extremes can represent the rest of a loop."""
 
 ROOM = 1.35
 """The force axis reaches to this multiple of the largest measured or delayed force."""

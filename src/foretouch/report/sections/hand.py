@@ -110,7 +110,7 @@ def hand_figures(log: SessionLog, pairs: Pairs | None = None) -> dict[str, Any]:
 
 
 def apart(log: SessionLog) -> Array:
-    r"""How far the proxy has been taken back from the hand, in the follower's lengths [m], shape (n,).
+    r"""Distance by which the proxy has been taken back from the hand, in the follower's lengths [m], shape (n,).
 
     .. math:: i_k - i_0, \quad i = p\,x - y
 
@@ -162,7 +162,7 @@ def _device_bound(log: SessionLog) -> dict[str, float | None]:
 
 
 def _withheld(log: SessionLog) -> dict[str, Any]:
-    """How long the hand was not given the model's force; nothing where no hand felt one."""
+    """Time in which the hand was not given the model's force; nothing where no hand felt one."""
     felt = setting(log.settings, "grip", NO_GRIP) != NO_GRIP or log.settings.get("felt") == "yes"
     if not felt or not renders_models(log.settings):
         return dict.fromkeys(WITHHELD)
@@ -170,7 +170,7 @@ def _withheld(log: SessionLog) -> dict[str, Any]:
 
 
 def _given_way(leader: Rows) -> dict[str, float | None]:
-    """How far the hand was from where it meant to be, RMS: in contact by the force, in the air by its own lag."""
+    """Distance of the hand from its intended position, RMS: in contact by the force, in the air by its own lag."""
     away = leader["intended_position"] - leader["exact_hand_position"]
     known, felt = np.isfinite(away), leader["rendered_force"] > FELT
     return {
@@ -306,7 +306,7 @@ def _drawings(view: View) -> Iterator[Drawing]:
 
 
 def hand_figure(log: SessionLog, pairs: Pairs, burst_at: float | None = None) -> Any:
-    """What the hand meant and did, where it was for the follower, and its force; the close-up shows an oscillation."""
+    """Intended and actual position of the hand, the proxy, and the force; the close-up shows an oscillation."""
     leader = log.leader
     time = since_first(leader)
     figure = new_figure(9.5)

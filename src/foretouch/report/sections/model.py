@@ -23,7 +23,7 @@ IDLE_LAW = "the law's weight in the force is 0 %: these numbers play no part in 
 
 
 def _useless(report: Mapping[str, Any]) -> Iterator[Finding]:
-    """That nothing could be predicted."""
+    """A finding where nothing could be predicted."""
     if report["samples"] and not report["models"]["valid"]:
         yield Finding("No valid contact model was ever identified: nothing could be predicted.")
 

@@ -33,7 +33,7 @@ _MOTION = (
 
 
 def _cut(report: Mapping[str, Any]) -> Iterator[Finding]:
-    """That the limits cut a force or a command."""
+    """Findings on limits that cut a force or a command."""
     for side, what in (("leader", "rendered force"), ("follower", "robot's command")):
         if report["clipped"][side]:
             yield Finding(f"The limits cut the {what} in {plural(report['clipped'][side], 'tick')}.")
@@ -115,7 +115,7 @@ def _timing(view: View) -> Iterator[Drawing]:
 
 
 def timing_figure(log: SessionLog) -> Any:
-    """How long the ticks of both sides were apart, and how long their computing took."""
+    """Intervals between the ticks of both sides, and their computing times."""
     figure = new_figure(5.4)
     grid = figure.subplots(2, 2)
     for row, (side, table, colour) in enumerate(

@@ -18,7 +18,7 @@ from foretouch.report.sections import Section
 
 
 def guarded_figures(log: SessionLog) -> dict[str, Any]:
-    """What the guard did, over all ticks of the follower.
+    """Actions of the guard, over all ticks of the follower.
 
     Returns:
         ``guarded_contact_percent``: fraction of the ticks in contact that were guarded; None without contact.
@@ -63,7 +63,7 @@ def _depth_lost(leader: Rows, commands: NDArray[np.int64], rows: Rows) -> float:
 
 
 REFUSALS = ("stale", "overtaken", "future", "of_others", "before_release")
-"""Why commands were refused, as their counters are called."""
+"""Reasons of refused commands, by the names of their counters."""
 
 
 def segment_figures(log: SessionLog) -> dict[str, Any]:
@@ -171,7 +171,7 @@ def safety_findings(report: Mapping[str, Any]) -> Iterator[Finding]:
 
 
 def _stops(report: Mapping[str, Any]) -> str:
-    """How many emergency stops there were, in which segments they began, how long they lasted in all, and why."""
+    """Emergency stops: their number, the segments in which they began, their length in all, and the reasons."""
     safety = report["safety"]
     stops = safety["statuses"].get("stopped")
     began = [str(index) for index, one in enumerate(report["segments"]["each"], 1) if one["emergency_stop"]]

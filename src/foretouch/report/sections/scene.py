@@ -34,7 +34,7 @@ from foretouch.session.spatial import Inclusion
 Array = NDArray[np.float64]
 
 LEAST_MM, LEAST_DEGREES = 0.01, 0.01
-"""Where the axes of errors begin: no camera knows less."""
+"""Begin of the axes of errors: no camera knows less."""
 
 
 def pose_figure(error: PoseError) -> Any:
@@ -166,7 +166,7 @@ def _scale(values: Array) -> tuple[float, float]:
 
 
 def _findings(report: Mapping[str, Any]) -> Iterator[Finding]:
-    """What is wrong in a scene."""
+    """Faults of a scene."""
     if "scene" not in report:
         return
     for bump in report["scene"]["pose"]["bumps"]:

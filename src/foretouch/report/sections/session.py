@@ -26,7 +26,7 @@ OWN_HAND = "closed loop: a hand of its own holds the device {} and feels the for
 
 
 def pressed(settings: Mapping[str, str]) -> dict[str, str]:
-    """What was pressed, by the name of its setting: a robot of another package has its own material.
+    """The material, by the name of its setting: a robot of another package has its own material.
 
     Returns:
         ``scene`` and ``material``, as far as they are known, or ``robot`` in place of the material.
@@ -37,7 +37,7 @@ def pressed(settings: Mapping[str, str]) -> dict[str, str]:
 
 
 def session_findings(report: Mapping[str, Any]) -> Iterator[Finding]:
-    """That anybody could have commanded, where that was so."""
+    """A warning where anybody could have commanded."""
     if report["settings"].get("insecure") == "yes":
         yield Finding(INSECURE)
 
@@ -70,7 +70,7 @@ def loop_sentence(settings: Mapping[str, str]) -> str:
 
 
 def baseline_sentence(report: Mapping[str, Any]) -> str:
-    """What was rendered where no model was; empty where models were."""
+    """The force that was rendered without a model; empty where models were."""
     if report["baseline"] == NO_BASELINE:
         return ""
     part = "" if report["baseline"] == AS_IT_COMES else ", as far as a passivity controller let it"
@@ -78,7 +78,7 @@ def baseline_sentence(report: Mapping[str, Any]) -> str:
 
 
 def lasted(report: Mapping[str, Any]) -> str:
-    """How long the whole session was, and the segment whose figures these are, as the beginning of a line."""
+    """Length of the whole session, and the segment whose figures these are, as the beginning of a line."""
     if report["segments"]["count"] < 2:
         return filled("{duration_s:.1f} s", report)
     several = "{segments.duration_s:.1f} s in {segments.count} segments, of which the longest: {duration_s:.1f} s"
@@ -86,7 +86,7 @@ def lasted(report: Mapping[str, Any]) -> str:
 
 
 def segment_sentence(report: Mapping[str, Any]) -> str:
-    """Which part of a session the figures are of, where a side began again or settings changed; else empty."""
+    """The part of a session that the figures are of, where a side began again or settings changed; else empty."""
     segments = report["segments"]
     if segments["count"] < 2:
         return ""
@@ -125,7 +125,7 @@ def _begun(segments: Mapping[str, Any]) -> str:
 
 
 MOST_LINES = 12
-"""Phases that are listed in the text, the longest of them; all stand in the JSON."""
+"""Phases that are listed in the text, the longest of them; all are in the JSON."""
 
 
 def scored(pairs: Pairs, force: NDArray[np.float64], true: str = "sensor_force", **window: Any) -> Scores:

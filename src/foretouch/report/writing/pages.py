@@ -126,7 +126,7 @@ def tiles(figures: Sequence[tuple[str, str]]) -> str:
 
 
 def _origin(made: Mapping[str, Any]) -> str:
-    """What made the page, and how to make it again."""
+    """The origin of the page, and how to make it again."""
     now = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
     command = f"<code>{escape(made['command'])}</code>" if made.get("command") else "none: written from Python"
     version = importlib.metadata.version("foretouch")
@@ -149,8 +149,8 @@ def write_html(
         directory: The folder.
         title: Of the page.
         body: HTML of the page's parts.
-        made: What made it, by name: the ``command`` that repeats it, the recording, the law, the settings; version and
-            date are given in any case.
+        made: Origin of the page, by name: the ``command`` that repeats it, the recording, the law, the settings;
+            version and date are given in any case.
 
     Raises:
         InputError: The folder cannot be made or the page cannot be written.
@@ -184,8 +184,8 @@ def write_page(
     Args:
         directory: Made if it is not there.
         log: The session.
-        report: What `session_figures` gave of it.
-        made: What made it, for the end of the page, as `write_html` takes it.
+        report: Result of `session_figures` for it.
+        made: Its origin, for the end of the page, as `write_html` takes it.
 
     Raises:
         InputError: The folder cannot be made or the page cannot be written.
@@ -222,7 +222,7 @@ def write_prediction_page(
             ``in_contact``, shape (n,).
         figures: The figures by name, among them ``delay_s`` and ``status``, as ``predict --json`` prints them; where
             there are ``remarks``, they come first.
-        made: What made it, for the end of the page, as `write_html` takes it.
+        made: Its origin, for the end of the page, as `write_html` takes it.
 
     Raises:
         InputError: The folder cannot be made or the page cannot be written.
@@ -237,7 +237,7 @@ def write_prediction_page(
         f"<h1>Prediction on {escape(name)}</h1>",
         f'<p class="quiet">{escape(text)}</p>',
         *_sentences([Finding(remark) for remark in remarks]),
-        *_sentences([finding for finding in scoring_findings(figures) if finding.text.partition(":")[0] not in given]),
+        *_sentences([one for one in scoring_findings(figures) if one.text.partition(":")[0] not in given]),
         _tiles(figures),
     ]
     columns = {key: np.asarray(column) for key, column in forces.items()}
@@ -253,7 +253,7 @@ def write_prediction_page(
 
 
 def _settings(chosen: Mapping[str, str]) -> str:
-    """What was chosen, with what each setting is and its unit; what had its default is folded."""
+    """Chosen settings, with their meaning and unit; those with default values are folded."""
     if not chosen:
         return '<p class="quiet">not recorded</p>'
     defaults = SessionSettings().as_text()
@@ -293,7 +293,7 @@ def _tiles(report: Mapping[str, Any], words: Mapping[str, str] | None = None) ->
 
 
 def _drawn(log: SessionLog, report: Mapping[str, Any]) -> Iterator[str]:
-    """What the sections draw of a session."""
+    """Drawings of a session by its sections."""
     log = log.longest_phase()
     pairs = pair(log)
     start = int(pairs.follower["time_ns"][0]) if pairs.time.size else log.models[0].time_ns if log.models else 0
@@ -321,7 +321,7 @@ def write_calibration_page(
         name: Of the file, for the heading.
         result: Weight or compliance.
         figures: By name, for the table.
-        made: What made it, for the end of the page, as `write_html` takes it.
+        made: Its origin, for the end of the page, as `write_html` takes it.
 
     Raises:
         InputError: The folder cannot be made or the page cannot be written.
