@@ -97,8 +97,8 @@ def test_an_account_that_is_not_true_is_said(
     leader["energy"] += 1e-6 * (leader["energy"] > 0.0)
     report = session_figures(replace(ours, leader=leader))
     assert report["stable"] is False
-    said = "Unstable: the leader's account of energy is not what its forces and positions add up to."
-    assert said in render_text(report)
+    text = "Unstable: the leader's account of energy is not what its forces and positions add up to."
+    assert text in render_text(report)
 
 
 def test_where_nothing_was_touched() -> None:
@@ -135,8 +135,8 @@ def test_contact_that_was_guarded_is_told_with_its_share(ours: SessionLog, told:
     never = guarded(ours, 0, 0)
     never.follower["guarded"] = False
     assert "The guard held" not in render_text(session_figures(never))
-    share = f"{told['hand']['guarded_contact_percent']:.3g} % of the contact time: the hand felt nothing then"
-    assert f"The guard held the robot back in {share}" in render_text(told)
+    percent = f"{told['hand']['guarded_contact_percent']:.3g} % of the contact time: the hand felt nothing then"
+    assert f"The guard held the robot back in {percent}" in render_text(told)
 
 
 def test_a_force_where_the_robot_touched_nothing(ours: SessionLog, told: dict[str, Any]) -> None:
@@ -313,11 +313,11 @@ def test_how_far_the_proxy_is_from_the_hand() -> None:
     leader["hand_position"] = (leader["position"] + 0.02) / 2.0
     leader["position"][300:] -= 3e-3
     leader["engaged"][600:650] = False
-    found = apart(replace(log, leader=leader, settings=log.settings | {"position_scale": "2"}))
-    np.testing.assert_allclose(found[:300], 0.0, atol=1e-12)
-    np.testing.assert_allclose(found[300:600], 3e-3, atol=1e-12)
-    assert np.isnan(found[600:650]).all()
-    np.testing.assert_allclose(found[650:], 0.0, atol=1e-12)
+    distances = apart(replace(log, leader=leader, settings=log.settings | {"position_scale": "2"}))
+    np.testing.assert_allclose(distances[:300], 0.0, atol=1e-12)
+    np.testing.assert_allclose(distances[300:600], 3e-3, atol=1e-12)
+    assert np.isnan(distances[600:650]).all()
+    np.testing.assert_allclose(distances[650:], 0.0, atol=1e-12)
 
 
 def test_share_that_the_device_could_carry(ours: SessionLog) -> None:
@@ -329,8 +329,8 @@ def test_share_that_the_device_could_carry(ours: SessionLog) -> None:
     hand = session_figures(replace(ours, leader=leader))["hand"]
     assert hand["device_bound_percent"] == pytest.approx(25.0, abs=0.1)
     assert hand["smallest_rendered_share"] == 0.5
-    said = render_text(session_figures(replace(ours, leader=leader)))
-    assert "% of contact the device could not carry the model: it felt softer, down to 50.0 % of its stiffness." in said
+    text = render_text(session_figures(replace(ours, leader=leader)))
+    assert "% of contact the device could not carry the model: it felt softer, down to 50.0 % of its stiffness." in text
 
 
 def without_force(log: SessionLog, begin: int, end: int, energy: float = -1e-3, **settings: str) -> SessionLog:
@@ -351,10 +351,10 @@ def test_withheld_force_is_told_with_share_segment_and_reason() -> None:
     assert hand["longest_withheld_s"] == pytest.approx(1e-3 * (inside[-1] - inside[0]))
     assert hand["longest_withheld_at_s"] == pytest.approx(1e-3 * inside[0])
     assert hand["withheld_because"] == OWED
-    said = render_text(report)
-    assert "% of contact the force was withheld: the hand was given less than half of the model's. At longest" in said
-    assert OWED in said
-    assert "  withheld   in " in said
+    text = render_text(report)
+    assert "% of contact the force was withheld: the hand was given less than half of the model's. At longest" in text
+    assert OWED in text
+    assert "  withheld   in " in text
 
 
 def test_what_is_not_paid_for_has_another_reason() -> None:
@@ -376,8 +376,8 @@ def test_where_no_hand_feels_a_model_nothing_is_withheld(settings: dict[str, str
     assert session_figures(without_force(make_session(), 500, 3500, **settings))["hand"]["withheld_percent"] is None
 
 
-@pytest.mark.parametrize(("rendered", "said"), [(76.4, True), (63.9, False), (12.0, False)])
-def test_a_rendered_force_that_is_worse_than_the_delayed_one_is_said_to_be(rendered: float, said: bool) -> None:
+@pytest.mark.parametrize(("rendered", "listed"), [(76.4, True), (63.9, False), (12.0, False)])
+def test_a_rendered_force_that_is_worse_than_the_delayed_one_is_said_to_be(rendered: float, listed: bool) -> None:
     figures: dict[str, Any] = {
         "status": "ok",
         "prediction_error_percent": 4.5,
@@ -387,6 +387,6 @@ def test_a_rendered_force_that_is_worse_than_the_delayed_one_is_said_to_be(rende
         "within_jnd_percent": 92.0,
         "missed_contact_percent": 0.0,
     }
-    found = [finding for finding in scoring_findings(figures) if "rendered force is worse" in finding.text]
-    assert len(found) == said
-    assert not any(finding.good for finding in found)
+    findings = [finding for finding in scoring_findings(figures) if "rendered force is worse" in finding.text]
+    assert len(findings) == listed
+    assert not any(finding.good for finding in findings)

@@ -187,7 +187,7 @@ def _touched(points: Array, touched: Array) -> Flags:
 
 
 def _touched_places(rows: SceneRows) -> Array:
-    """Points pressed by the probe, seen from above in the fixture's frame, every hundredth of a second, shape (n, 2)."""
+    """Points pressed by the probe, seen from above in the fixture's frame, every 10 ms, shape (n, 2)."""
     probe = rows.probe
     known = np.isfinite(probe["exact_x"])
     pressed = np.flatnonzero(rows.follower["in_contact"] & (rows.follower["force"] > PRESSED))[::10]

@@ -319,7 +319,7 @@ def hand_figure(log: SessionLog, pairs: Pairs, burst_at: float | None = None) ->
     curves = (
         ("meant", leader["intended_position"], ERROR, 1.4),
         ("hand", hand, TRUE, WIDE),  # under the proxy, which is mostly where the hand is
-        ("proxy: commanded whole of the robot", proxy, PREDICTED, 1.2),
+        ("proxy: commanded position of the robot", proxy, PREDICTED, 1.2),
     )
     inside = _close_up(time, leader["rendered_force"], burst_at)
     for axes, chosen in ((whole, np.ones(time.size, dtype=np.bool_)), (near, inside), (force, inside)):
@@ -330,7 +330,7 @@ def hand_figure(log: SessionLog, pairs: Pairs, burst_at: float | None = None) ->
             for label, values, colour, width in curves:
                 alpha = 0.45 if width == WIDE else 1.0
                 curve(axes, time[chosen], 1e3 * values[chosen], colour, width, alpha=alpha, label=label)
-            axes.set(ylabel="whole [mm]", xlabel="time [s]")
+            axes.set(ylabel="position [mm]", xlabel="time [s]")
     whole.axvspan(time[inside][0], time[inside][-1], color="#56B4E9", alpha=0.15, linewidth=0.0, label="close-up below")
     whole.set_title("The hand")
     legend(whole, columns=6 if not elsewhere.any() else 4)

@@ -53,7 +53,7 @@ def tracking_figure(pairs: Pairs, segments: Sequence[Segment] = ()) -> Any:
     """Commanded and actual position of the robot, and the distance between them."""
     figure = new_figure(5.0)
     above, apart = figure.subplots(2, 1, sharex=True)
-    commanded, actual = 1e3 * pairs.leader["above"], 1e3 * pairs.follower["above"]
+    commanded, actual = 1e3 * pairs.leader["position"], 1e3 * pairs.follower["position"]
     curve(above, pairs.time, commanded, ERROR, 1.6, label="command that was applied")
     curve(above, pairs.time, actual, TRUE, 0.9, label="follower")
     above.set(title="Position of the robot at equal command", ylabel="position [mm]")
@@ -74,10 +74,8 @@ def _late(report: Mapping[str, Any]) -> Iterator[Finding]:
         timing = report["timing"][side]
         late, ticks = timing["late_ticks"], timing["ticks"]
         if late > OFTEN_LATE * ticks and timing["ticks_per_s"] is not None:
-            part, rate = (
-                number(100.0 * late / ticks, "%"),
-                filled("{ticks_per_s:.0f} of {rate:.0f} a second", timing),
-            )
+            part = number(100.0 * late / ticks, "%")
+            rate = filled("{ticks_per_s:.0f} of {rate:.0f} a second", timing)
             yield Finding(f"The {side}'s loop was late in {part} of its ticks: {rate}.")
     count, ticks = report["nowhere_samples"], report["timing"]["leader"]["ticks"]
     if count:
