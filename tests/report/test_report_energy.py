@@ -69,7 +69,7 @@ def test_exact_energy_is_as_near_as_the_rounding_of_the_encoder_lets_it_be(
     assert (np.abs(exact_sum - rows["energy"]) <= 0.5 * COUNT * ups_and_downs + 1e-12).all()
 
 
-def test_what_late_ticks_took_is_told_and_no_part_of_the_verdict() -> None:
+def test_energy_of_late_ticks_is_reported_and_no_part_of_the_verdict() -> None:
     position = [*(np.arange(17) * 1e-4), -0.01, *([-0.01] * 5)]
     rows = kept(position, [2.0] * 17 + [0.0] * 6)
     rows["period_ns"][17] = 120_000_000

@@ -152,7 +152,7 @@ def _silence(watched: Watched, now: float) -> str:
 
 
 def _robot(watched: Watched, telemetry: Telemetry) -> str:
-    """What the robot does instead of following, and how it is let go on; nothing before the first leader."""
+    """State of a robot that does not follow, and how it is let go on; nothing before the first leader."""
     status, trouble = telemetry.status, watched.trouble
     whatever = (status == Status.SHADOW and trouble) or FAULT in trouble
     waiting = not (telemetry.epoch or status in (Status.STOPPED, Status.SENSOR_FAULT))

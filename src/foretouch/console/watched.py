@@ -46,7 +46,7 @@ class Watched:
         settings: Texts of all roles on the session, by name; those that only one role knows are read by `reported`.
         received: Time of the newest message [s]; minus infinity before the first.
         lateness: Lateness of the loops of both sides.
-        withheld: Why the leader that is shown withholds the model's force or a part of it, "" where it does not.
+        withheld: Reason that the shown leader withholds the model's force or a part of it, "" where it does not.
         given: Ratio of the rendered force to the force due in the newest tick in contact, 0 to 1.
     """
 
@@ -147,7 +147,7 @@ class Watched:
 
     @property
     def status(self) -> int | None:
-        """What the robot does: a `Status`; None before its first telemetry."""
+        """State of the robot: a `Status`; None before its first telemetry."""
         return None if self.telemetry is None else self.telemetry.status
 
     @property

@@ -125,7 +125,7 @@ class FaultStage(Generic[T]):
     own, made for every message whether they are needed or not, so that one setting does not shift another's.
 
     Args:
-        faults: What to do to them; `change` puts others in their place while it runs.
+        faults: Faults to apply; `change` replaces them while it runs.
 
     Attributes:
         delay: One-way delay [s]; may be changed at any time, for messages that follow.

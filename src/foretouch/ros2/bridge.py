@@ -221,7 +221,7 @@ class Bridge:
             self._graph.publish(topic, data)
 
     def _note(self, channel: str, message: Message) -> None:
-        """What the session says of itself."""
+        """Note the state of the session."""
         if channel == "stop":
             self._ended = True
         elif isinstance(message, Hello) and message.role == "follower":

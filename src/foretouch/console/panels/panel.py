@@ -60,7 +60,7 @@ CLUTCH = "While it is pressed your hand moves alone and the robot stays where it
 WIDTH = 460
 """[pixel]."""
 PHONE = "(max-width: 36em)"
-"""Where the viewer shows its panel as a sheet."""
+"""Style-sheet query for a viewer that shows its panel as a sheet."""
 _LAYOUT = (
     '<div class="foretouch-layout"><style>'
     # The viewer's advice on software rendering would cover banner and handle; the console draws less there by itself.

@@ -25,7 +25,7 @@ UNABLE = "No stop from here: a shadow"
 COLOURS = {READY: VERMILLION, UNABLE: GREY}
 """Colour of the button by its text; else it is black."""
 ALERTS = ".foretouch-alerts"
-"""Where the sentences are in the page, as a style sheet names it; nothing is there while nothing is urgent."""
+"""Style-sheet selector of the sentences; empty while nothing is urgent."""
 
 _PLACE = "position:fixed;left:12px;z-index:100;"
 _STYLE = (
