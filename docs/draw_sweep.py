@@ -1,4 +1,4 @@
-"""Write what came of a sweep into `docs/sweep.md`, and draw its plots again.
+"""Write the results of a sweep into `docs/sweep.md`, and draw its plots again.
 
 Usage: `.venv/bin/python docs/draw_sweep.py [FOLDER]`, after `make sweep`; without a folder `out/sweep`. The table goes
 into the block `totals`, the images to `docs/images`. Of a sweep that other code has run the page says so.
@@ -13,7 +13,7 @@ from measured_blocks import fill
 
 from foretouch.sweep import page as figures
 from foretouch.sweep import summary
-from foretouch.sweep.curves import AXES, TOTALS, said, said_of_crossovers
+from foretouch.sweep.curves import AXES, TOTALS, crossover_sentences, figure_text
 from foretouch.sweep.sweep import FILE_NAME, code_digest, read_store
 
 PAGE = Path(__file__).parent / "sweep.md"
@@ -33,21 +33,21 @@ LEFT_OUT = (
 
 def main(folder: Path) -> None:
     """Write the table and draw the plots."""
-    header, found = read_store(folder / FILE_NAME)
-    rows = list(found.values())
+    header, store = read_store(folder / FILE_NAME)
+    rows = list(store.values())
     content = summary(rows)
     columns = [name for name in HEADS if name in content]
     lines = [f"| | {' | '.join(HEADS[name] for name in columns)} |", f"| --- |{' --: |' * len(columns)}"]
     for figure, (unit, words) in TOTALS.items():
         if figure in LEFT_OUT:
             continue
-        lines.append(f"| {words} | {' | '.join(said(content[name][figure], unit) for name in columns)} |")
-    told = said_of_crossovers(content.get("crossovers", ()))
-    told += [f"Session {one['number']}: {one['objection']}: `{one['command']}`" for one in content["objections"]]
+        lines.append(f"| {words} | {' | '.join(figure_text(content[name][figure], unit) for name in columns)} |")
+    sentences = crossover_sentences(content.get("crossovers", ()))
+    sentences += [f"Session {one['number']}: {one['objection']}: `{one['command']}`" for one in content["objections"]]
     compared = content.get("compared", {"sessions": 0})["sessions"]
     ran = f"--sessions {content['ours']['sessions']} --baselines {compared} --duration {header.duration_s:g}"
     intro = f"`foretouch sweep {ran} --seed {header.seed}`, foretouch {header.version}:"
-    block = "\n".join([intro, "", *lines, "", *(f"- {sentence}" for sentence in told)]).rstrip()
+    block = "\n".join([intro, "", *lines, "", *(f"- {sentence}" for sentence in sentences)]).rstrip()
     fill(PAGE, {"totals": block + "\n"}, current=header.code == code_digest())
     names = ("round-trip", "model-rate", "model-age")
     drawn = {f"sweep-{name}": figures.error_figure(rows, axis) for name, axis in zip(names, AXES, strict=True)}

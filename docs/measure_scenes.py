@@ -146,8 +146,8 @@ def spoilt(fault: str, bump: float) -> dict[str, Any]:
     inside = (pose.time >= FAULT[0]) & (pose.time < FAULT[1])
     after = pose.time >= FAULT[1] + 0.5
     return {
-        "during": (pose.place[inside].max(), pose.turn[inside].max()),
-        "after": (pose.place[after].max(), pose.turn[after].max()),
+        "during": (pose.distance[inside].max(), pose.turn[inside].max()),
+        "after": (pose.distance[after].max(), pose.turn[after].max()),
         "report": session_figures(log)["scene"],
     }
 

@@ -128,7 +128,7 @@ def test_a_law_says_whether_its_errors_hold_that_of_the_surface(press: Path) -> 
 
 def test_a_law_that_plays_no_part_in_the_force_is_said_to(press: Path) -> None:
     """Whose share of the contact map's force is 0 % as it is printed; a law alone is the force."""
-    said = "(the law's share of the force is 0 %: these numbers play no part in it)"
+    said = "(the law's weight in the force is 0 %: these numbers play no part in it)"
     text = run("identify", press).stdout
     assert "law 0 %" in text
     assert said in text

@@ -152,7 +152,7 @@ def test_a_port_that_is_no_scheduler_is_one_line_and_no_traceback() -> None:
         ended = subprocess.run(command(0.5, *addresses), capture_output=True, text=True, timeout=30, check=True)
     of_web, of_mute = ended.stdout.splitlines()
     assert of_web.startswith(f"what answers at '{addresses[0]}' is no Dask scheduler (")
-    assert of_mute.startswith(f"what listens at '{addresses[1]}' is no Dask scheduler (it said nothing for 1 s)")
+    assert of_mute.startswith(f"what listens at '{addresses[1]}' is no Dask scheduler (it was silent for 1 s)")
     assert not ended.stderr
 
 
@@ -177,25 +177,25 @@ def said_where_one_is_killed(at: str, victim: subprocess.Popen[bytes]) -> list[s
         assert running.stdout is not None
         assert running.stdout.readline() == "0 0\n"
         victim.kill()
-        said, wrong = running.communicate(timeout=30)
+        lines, wrong = running.communicate(timeout=30)
     assert not wrong
     assert running.returncode == 0
-    return said.splitlines()
+    return lines.splitlines()
 
 
 @pytest.mark.long
 def test_workers_that_stay_away_are_waited_for_and_given_up() -> None:
     with started(1, "--no-nanny") as (at, _, hands):
-        said = said_where_one_is_killed(at, hands)
-    assert said.count("no workers: waiting up to 1 s for one") == 1
-    assert said[-2:] == [f"{place} the cluster showed no workers for 1 s" for place in (2, 3)]
+        lines = said_where_one_is_killed(at, hands)
+    assert lines.count("no workers: waiting up to 1 s for one") == 1
+    assert lines[-2:] == [f"{index} the cluster showed no workers for 1 s" for index in (2, 3)]
 
 
 @pytest.mark.long
 def test_a_scheduler_that_dies_is_said_in_each_row_that_is_left() -> None:
     with started(1, "--no-nanny") as (at, head, hands):
-        said = said_where_one_is_killed(at, head)
+        lines = said_where_one_is_killed(at, head)
         hands.kill()
-    assert [line for line in said if line[0] != "1"] == [
-        f"{place} the scheduler of the cluster is gone" for place in (2, 3)
+    assert [line for line in lines if line[0] != "1"] == [
+        f"{index} the scheduler of the cluster is gone" for index in (2, 3)
     ]

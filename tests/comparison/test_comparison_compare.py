@@ -115,10 +115,10 @@ def test_scoring_out_of_range_is_refused(setting: dict[str, Any]) -> None:
 def test_the_figures_are_those_of_identify_and_predict(folder: Path) -> None:
     (result,) = comparison.compare(cases(folder, "press"), **PAIR, scoring=comparison.Scoring((0.1, 0.3)))
     recording = read_recording(folder / "press.csv")
-    found = identify(recording, fresh(recording))
+    fit = identify(recording, fresh(recording))
     assert result.status == "ok"
-    assert result.residual_percent == 100.0 * found.residual_rms / found.contact_force_rms
-    assert result.parameters == found.parameters
+    assert result.residual_percent == 100.0 * fit.residual_rms / fit.contact_force_rms
+    assert result.parameters == fit.parameters
     assert result.samples == 2000
     assert result.us_per_sample is not None
     assert 1.0 < result.us_per_sample < 5e3
@@ -237,8 +237,8 @@ def test_numbers_that_are_not_finite_are_none_in_json() -> None:
 def test_parameters_that_cannot_be_told_apart_are_named() -> None:
     parameters = {"stiffness": 100.0, "damping": 5.0, "exponent": 1.2, "switching": None, "b1": 1.0}
     errors = {"stiffness": 20.0, "damping": 6.0, "exponent": 0.4, "switching": None}
-    said = inseparable(parameters, errors)
-    assert [sentence.split()[0] for sentence in said] == ["damping", "exponent", "switching"]
+    sentences = inseparable(parameters, errors)
+    assert [sentence.split()[0] for sentence in sentences] == ["damping", "exponent", "switching"]
     assert inseparable({"stiffness": 100.0}, None) == ()
 
 
@@ -262,7 +262,7 @@ def test_simulated_cases_of_a_seed_are_the_recordings_of_that_seed() -> None:
 
 def test_the_true_law_is_found_and_its_errors_are_small(kelvin_voigt: comparison.Result) -> None:
     assert kelvin_voigt.status == "ok"
-    errors = {name: found.error for name, found in kelvin_voigt.parameter_errors.items()}
+    errors = {name: one.error for name, one in kelvin_voigt.parameter_errors.items()}
     assert errors.keys() == {"stiffness", "damping"}
     assert all(error is not None and abs(error) < 2.0 for error in errors.values())
     assert kelvin_voigt.parameter_errors["stiffness"].true == 6000.0

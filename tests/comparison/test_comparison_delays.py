@@ -44,17 +44,17 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 @pytest.fixture(scope="module")
 def results(files: list[Path]) -> list[comparison.Result]:
-    found = comparison.compare(
+    results = comparison.compare(
         [comparison.file_case(file) for file in files], **CHOSEN, scoring=comparison.Scoring(DELAYS), processes=1
     )
-    assert all(result.status == "ok" for result in found)
-    return found
+    assert all(result.status == "ok" for result in results)
+    return results
 
 
 def scored(recording: Recording, estimator: str, delay: float) -> tuple[float | None, float | None]:
     learner = Learner(make_estimator("hunt-crossley", estimator), contact_floor=recording.contact_floor)
     forces = forces_under_delay(recording, learner, delay)
-    found = score_prediction(
+    scores = score_prediction(
         forces.time,
         forces.measured,
         forces.predicted,
@@ -63,7 +63,7 @@ def scored(recording: Recording, estimator: str, delay: float) -> tuple[float | 
         position=forces.position,
         delayed_offset=0.0,
     )
-    return found.prediction_error_percent, found.delayed_force_error_percent
+    return scores.prediction_error_percent, scores.delayed_force_error_percent
 
 
 def test_a_curve_at_a_delay_is_predict_at_that_delay(files: list[Path], results: list[comparison.Result]) -> None:
@@ -102,8 +102,8 @@ def test_fits_of_the_whole_file_alone_are_floors(results: list[comparison.Result
     assert np.ptp(floor.error) == 0.0  # it knows no delay
     assert 0.0 < floor.error[0] < 5.0
     for result in results:
-        told = [prediction.whole_file_error_percent is not None for prediction in result.predictions]
-        assert told == [result.estimator == "offline"] * len(DELAYS)
+        fitted = [prediction.whole_file_error_percent is not None for prediction in result.predictions]
+        assert fitted == [result.estimator == "offline"] * len(DELAYS)
 
 
 def test_any_estimator_that_says_it_is_offline_is_a_floor(files: list[Path], monkeypatch: pytest.MonkeyPatch) -> None:
@@ -117,13 +117,13 @@ def test_any_estimator_that_says_it_is_offline_is_a_floor(files: list[Path], mon
 def test_the_whole_file_tells_from_the_first_sample_on(files: list[Path]) -> None:
     recording = read_recording(files[0])
     known = Learner(make_estimator("hunt-crossley", "offline"), contact_floor=recording.contact_floor)
-    for time, place, force in zip(recording.time, recording.position, recording.force, strict=True):
-        known.update(float(time), float(place), float(force))
-    told = whole_file_force(recording, make_estimator("hunt-crossley", "offline"), known)
+    for time, position, force in zip(recording.time, recording.position, recording.force, strict=True):
+        known.update(float(time), float(position), float(force))
+    fit = whole_file_force(recording, make_estimator("hunt-crossley", "offline"), known)
     true = recording.force - 0.3
     first = slice(0, int(np.searchsorted(recording.time, 1.0)))
     assert true[first].max() > 2.0
-    assert np.abs(told - true)[first].max() < 0.25 * true.max()
+    assert np.abs(fit - true)[first].max() < 0.25 * true.max()
     causal = forces_under_delay(recording, Learner(make_estimator("hunt-crossley", "offline")), 0.5).predicted
     assert not causal[first].any()
 
@@ -186,13 +186,13 @@ def test_the_page_of_many_recordings_can_be_sent(results: list[comparison.Result
 
 def test_where_nothing_can_be_scored_the_panel_is_empty(files: list[Path], tmp_path: Path) -> None:
     scoring = comparison.Scoring((0.0, 0.3), score_from=100.0)
-    found = comparison.compare(
+    results = comparison.compare(
         [comparison.file_case(files[0])], models=("hunt-crossley",), estimators=("exact",), scoring=scoring, processes=1
     )
-    assert {p.status for result in found for p in result.predictions} == {"nothing_to_score"}
-    (panel,) = comparison.delay_figure(found).axes
+    assert {p.status for result in results for p in result.predictions} == {"nothing_to_score"}
+    (panel,) = comparison.delay_figure(results).axes
     assert not panel.texts
-    assert comparison.write_comparison_page(tmp_path, found).is_file()
+    assert comparison.write_comparison_page(tmp_path, results).is_file()
 
 
 def test_what_failed_is_not_drawn(results: list[comparison.Result]) -> None:

@@ -86,24 +86,24 @@ def test_convergence_is_counted_from_the_first_touch_and_from_each_change() -> N
     recording, learnt = learning((0.0, None), (1.1, wrong), (1.5, near), (4.2, stiff))
     depth = recording.position - 0.01
     force = np.maximum(depth, 0.0) * np.where(recording.time < 4.0, 1000.0, 2000.0)
-    found = convergence(recording, Truth(depth, force, stiff, (4.0,)), learnt)
-    assert [event.event_s for event in found] == pytest.approx([1.0, 4.0])
-    assert [event.convergence_s for event in found] == pytest.approx([0.5, 0.2], abs=0.021)
+    events = convergence(recording, Truth(depth, force, stiff, (4.0,)), learnt)
+    assert [event.event_s for event in events] == pytest.approx([1.0, 4.0])
+    assert [event.convergence_s for event in events] == pytest.approx([0.5, 0.2], abs=0.021)
 
 
 def test_what_is_never_right_never_converges() -> None:
     recording, learnt = learning((0.0, KelvinVoigt(1300.0, 0.0)))
     depth = recording.position - 0.01
-    found = convergence(recording, Truth(depth, np.maximum(1000.0 * depth, 0.0), SPRING), learnt)
-    assert [event.convergence_s for event in found] == [None]
+    events = convergence(recording, Truth(depth, np.maximum(1000.0 * depth, 0.0), SPRING), learnt)
+    assert [event.convergence_s for event in events] == [None]
 
 
 def test_a_change_that_is_not_felt_before_the_next_has_no_time_of_its_own() -> None:
     recording, learnt = learning((0.0, SPRING))
     depth = np.where(recording.time < 2.0, recording.position - 0.01, -1.0)
     depth = np.where(recording.time > 4.0, recording.position - 0.01, depth)
-    found = convergence(recording, Truth(depth, np.maximum(1000.0 * depth, 0.0), SPRING, (2.5, 3.5)), learnt)
-    assert [event.event_s for event in found] == pytest.approx([1.0, 4.0], abs=1.1e-3)
+    events = convergence(recording, Truth(depth, np.maximum(1000.0 * depth, 0.0), SPRING, (2.5, 3.5)), learnt)
+    assert [event.event_s for event in events] == pytest.approx([1.0, 4.0], abs=1.1e-3)
 
 
 def test_nothing_is_touched_and_nothing_converges() -> None:
@@ -113,18 +113,18 @@ def test_nothing_is_touched_and_nothing_converges() -> None:
 
 def test_strengths_are_compared_as_shares_and_exponents_as_they_are() -> None:
     truth = Truth(np.zeros(1), np.zeros(1), HuntCrossley(3000.0, 1500.0, 1.4))
-    found = parameter_errors(
+    errors = parameter_errors(
         "continuous-switching",
         {"stiffness": 3300.0, "damping": None, "exponent": 1.3, "switching": 0.2, "ln_k": math.log(3000.0), "b1": 0.5},
         truth,
     )
-    assert found.keys() == {"stiffness", "damping", "exponent", "switching", "ln_k"}
-    assert found["stiffness"].error == pytest.approx(10.0)
-    assert found["damping"].error is None
-    assert found["damping"].true == 1500.0
-    assert found["exponent"].error == pytest.approx(-0.1)
-    assert found["switching"].error == pytest.approx(0.2)
-    assert found["ln_k"].error == pytest.approx(0.0)
+    assert errors.keys() == {"stiffness", "damping", "exponent", "switching", "ln_k"}
+    assert errors["stiffness"].error == pytest.approx(10.0)
+    assert errors["damping"].error is None
+    assert errors["damping"].true == 1500.0
+    assert errors["exponent"].error == pytest.approx(-0.1)
+    assert errors["switching"].error == pytest.approx(0.2)
+    assert errors["ln_k"].error == pytest.approx(0.0)
 
 
 def test_a_law_that_cannot_be_the_true_one_is_not_compared_by_its_numbers() -> None:

@@ -143,8 +143,8 @@ def take_handle(page: Any, press_mm: float, seconds: float = 1.0, steps: int = 1
     page.wait_for_timeout(300)
     page.mouse.down()
     for step in range(1, steps + 1):
-        share = step / steps
-        page.mouse.move(x + share * (to_x - x), y + share * (to_y - y))
+        part = step / steps
+        page.mouse.move(x + part * (to_x - x), y + part * (to_y - y))
         page.wait_for_timeout(1000 * seconds / steps)
     # A slow renderer answers late: go on when the console has heard of the drag and the last move has been drawn.
     page.get_by_text("You press.").wait_for(timeout=30_000)
@@ -163,8 +163,8 @@ def held_in_space(page: Any, down_mm: float, seconds: float = 1.5, steps: int = 
     page.mouse.down()
     try:
         for step in range(1, steps + 1):
-            share = step / steps
-            page.mouse.move(start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1]))
+            part = step / steps
+            page.mouse.move(start[0] + part * (end[0] - start[0]), start[1] + part * (end[1] - start[1]))
             page.wait_for_timeout(1000 * seconds / steps)
         page.get_by_text("You press.").wait_for(timeout=30_000)
         yield

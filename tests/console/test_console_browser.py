@@ -348,11 +348,11 @@ def test_while_the_robot_is_stopped_nothing_says_to_press(bench):
 
 def test_a_machine_that_is_late_is_said_to_be_where_it_moves_nothing(bench):
     page = bench.page
-    tab, said = page.get_by_role("tab", name="Network"), page.get_by_text("This machine is late")
-    bench.wait_for(lambda: said.count() == 0, 20.0)
+    tab, warning = page.get_by_role("tab", name="Network"), page.get_by_text("This machine is late")
+    bench.wait_for(lambda: warning.count() == 0, 20.0)
     before = tab.bounding_box()
     late = {"leader": 12.0, "follower": 9.0}
-    bench.wait_for(lambda: (setattr(bench.console._watched.lateness, "late", late), said.count() == 1)[1])
+    bench.wait_for(lambda: (setattr(bench.console._watched.lateness, "late", late), warning.count() == 1)[1])
     assert tab.bounding_box() == before
 
 

@@ -29,12 +29,12 @@ def learnt_map() -> ContactMapModel:
 
 def test_a_map_is_described_beside_the_law() -> None:
     model = learnt_map()
-    law, shares, stiffness, reason = describe(update("contact-map", model.parameters, model.map))
+    law, weights, stiffness, reason = describe(update("contact-map", model.parameters, model.map))
     assert law.startswith("law: k ")
     assert all(symbol in law for symbol in ("λ", "n", "α"))
-    told = [float(word.rstrip("%, ;")) for word in shares.split("; ")[0].split() if word[0].isdigit()]
-    assert sum(told) == pytest.approx(100.0, abs=1.5)
-    assert "visited 4.0 mm, 8 mm/s" in shares
+    percent = [float(word.rstrip("%, ;")) for word in weights.split("; ")[0].split() if word[0].isdigit()]
+    assert sum(percent) == pytest.approx(100.0, abs=1.5)
+    assert "visited 4.0 mm, 8 mm/s" in weights
     assert "at 1.0, 2.0, 3.6 mm" in stiffness
     values = [float(word.rstrip(",")) for word in stiffness.split(" N/m")[0].removeprefix("stiffness: ").split()]
     assert values == [pytest.approx(500.0, rel=0.1)] * 3

@@ -141,8 +141,8 @@ def test_a_hand_that_is_apart_from_the_probe_is_a_ring_in_the_picture_and_no_num
     ring, probe = console._line._hand, console._line._probes.probe
     assert ring.visible
     assert (ring.position[2] - probe.position[2]) / UNITS == pytest.approx(0.0023)  # so much further out
-    said = numbers_html(moment, moment.window(6.0), None, status="", warnings=())
-    assert "hand " not in re.sub(RENDERED.name, "", said)
+    text = numbers_html(moment, moment.window(6.0), None, status="", warnings=())
+    assert "hand " not in re.sub(RENDERED.name, "", text)
 
 
 def test_whom_the_force_moves_is_said():

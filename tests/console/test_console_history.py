@@ -166,9 +166,9 @@ def test_the_deviation_stands_beside_its_prediction():
         return msgspec.structs.replace(leader(i, predicted=float(i)), standard_deviation=deviation)
 
     window = history_of(400, state).window(points=1000)
-    told = window.predicted > 100.0
-    np.testing.assert_allclose(window.deviation[told], 0.1 * window.predicted[told])
-    assert np.isnan(window.deviation[~told]).all()
+    known = window.predicted > 100.0
+    np.testing.assert_allclose(window.deviation[known], 0.1 * window.predicted[known])
+    assert np.isnan(window.deviation[~known]).all()
 
 
 def test_while_hand_and_robot_are_apart_nothing_is_predicted():

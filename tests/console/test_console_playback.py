@@ -39,10 +39,10 @@ def test_a_moment_shows_the_tick_that_was_recorded_at_it(recorded: tuple[Path, S
     assert shown.leader.sequence == row["sequence"]
     assert shown.leader.predicted_force == row["predicted_force"]
     if row["telemetry_sequence"]:
-        told = log.follower[log.follower["sequence"] == row["telemetry_sequence"]][0]
-        assert shown.robot_position == told["position"]
+        known = log.follower[log.follower["sequence"] == row["telemetry_sequence"]][0]
+        assert shown.robot_position == known["position"]
         assert shown.telemetry is not None
-        assert shown.telemetry.force == told["force"]
+        assert shown.telemetry.force == known["force"]
     else:
         assert shown.telemetry is None
     if row["model_sequence"]:
@@ -176,12 +176,12 @@ def test_the_recording_that_is_being_written_is_said_to_be_that(
     library = Library([tmp_path])
     library.being_written = str(tmp_path / "out" / ".." / "now.mcap")
     (tmp_path / "out").mkdir()
-    said = {}
+    notes = {}
     for name in library.names():
         library.open(name)
         library.wait()
-        said[name] = library.note
-    assert said == {"now.mcap": NOT_YET, "cut.mcap": "It ends before its session did."}
+        notes[name] = library.note
+    assert notes == {"now.mcap": NOT_YET, "cut.mcap": "It ends before its session did."}
 
 
 def test_a_second_run_under_another_delay_stands_beside_the_recorded_one(recorded: tuple[Path, SessionLog]) -> None:
@@ -192,13 +192,13 @@ def test_a_second_run_under_another_delay_stands_beside_the_recorded_one(recorde
     library.wait()
     library.run_again(0.0, 0.05, closed_loop=False)
     assert library.busy
-    said = set()
+    notes = set()
     while library.busy:
-        said.add(library.note)
+        notes.add(library.note)
         time.sleep(0.02)
-    shares = [int(found[1]) for note in said if (found := re.fullmatch(r"Running it again … (\d+) %, \d+ s", note))]
-    assert len(shares) > 2
-    assert max(shares) > 50
+    percents = [int(found[1]) for note in notes if (found := re.fullmatch(r"Running it again … (\d+) %, \d+ s", note))]
+    assert len(percents) > 2
+    assert max(percents) > 50
     library.run_again(0.0, 0.05, closed_loop=False)
     library.open("one.mcap")
     assert library.note == "Another recording is still being read."

@@ -75,8 +75,8 @@ def test_a_shape_that_is_not_here_is_said_and_no_other_is_drawn(console: Console
     say(console, "only-there.stl")
     draw(console)
     assert console._space._scene is None
-    said = shown(console)
-    assert "The scene cannot be drawn here: only-there.stl: no such file" in said
+    text = shown(console)
+    assert "The scene cannot be drawn here: only-there.stl: no such file" in text
     assert not console._line._root.visible  # nor that of a session along a line
     say(console, "plane")
     draw(console)
@@ -136,8 +136,8 @@ def test_labels_stand_on_the_outer_sides(console: Console) -> None:
     scene = console._space._scene
     assert scene is not None
     for probe, robot, left in ((0.0, 0.01, True), (0.0, -0.01, False), (0.0, 0.0005, False), (0.0, math.nan, False)):
-        places = {"place_x": robot, "place_y": 0.0, "place_z": 0.0}
-        felt = SimpleNamespace(**places, force_x=0.0, force_y=0.0, force_z=1.0)
+        position = {"place_x": robot, "place_y": 0.0, "place_z": 0.0}
+        felt = SimpleNamespace(**position, force_x=0.0, force_y=0.0, force_z=1.0)
         scene.draw_probes((probe, 0.0, 0.0), (0.0, 0.0, 1.0), math.nan, felt)  # type: ignore[arg-type]
         shown = scene.probes
         assert tuple(label.anchor for label in shown.labels) == (ANCHORS if left else ANCHORS[::-1])

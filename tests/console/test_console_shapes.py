@@ -81,9 +81,9 @@ def test_each_part_of_the_surface_has_the_colour_of_how_far_it_has_sunk(depth):
 @given(
     st.tuples(st.floats(-20, 20), st.floats(-30, -3), st.floats(-10, 20)), st.floats(-5.0, 10.0), st.floats(0.2, 3.0)
 )
-def test_height_under_the_mouse_is_where_the_line_of_sight_meets_the_axis(eye, height, share):
+def test_height_under_the_mouse_is_where_the_line_of_sight_meets_the_axis(eye, height, part):
     eye = np.array(eye)
-    seen = eye + share * (np.array([0.0, 0.0, height]) - eye)
+    seen = eye + part * (np.array([0.0, 0.0, height]) - eye)
     assert height_on_axis(eye, seen) == pytest.approx(height, abs=1e-6)
 
 

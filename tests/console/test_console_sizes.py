@@ -98,11 +98,11 @@ def test_the_panel_keeps_its_width_and_its_tables_keep_theirs(bench: Bench) -> N
         page.wait_for_timeout(1000)
     assert box_of(table)["right"] - box_of(table)["left"] == width
     tab = page.get_by_role("tab", name="Network")
-    places = set()
+    tops = set()
     for _ in range(8):
-        places.add(box_of(tab)["top"])
+        tops.add(box_of(tab)["top"])
         page.wait_for_timeout(250)
-    assert len(places) == 1
+    assert len(tops) == 1
 
 
 def test_a_curve_has_a_gap_where_it_is_no_number(bench: Bench) -> None:

@@ -22,7 +22,7 @@ from foretouch.console.playback import Playback
 from foretouch.console.space_state import SpaceState, newest_image
 from foretouch.console.views import shapes as shape
 from foretouch.console.views.hold import HOME, REACH, SpaceHold
-from foretouch.console.views.shapes import COLOURS, along, known_share, legend_html, levels_of, scale_edges, wxyz_of
+from foretouch.console.views.shapes import COLOURS, along, learnt_weight, legend_html, levels_of, scale_edges, wxyz_of
 from foretouch.console.views.space import REACH as DENT_ENDS
 from foretouch.console.views.space import sunk
 from foretouch.console.watched import Watched
@@ -72,9 +72,9 @@ def messages_of(log: SessionLog) -> list[Any]:
         (LeaderState, log.leader),
         (LeaderSpace, log.leader_space),
     )
-    said: list[Any] = [kind(VERSION, *row.tolist()) for kind, rows in kinds for row in rows]
-    said += [*log.models, *log.fields, *log.images, *log.beliefs]
-    return sorted(said, key=lambda message: message.time_ns)
+    messages: list[Any] = [kind(VERSION, *row.tolist()) for kind, rows in kinds for row in rows]
+    messages += [*log.models, *log.fields, *log.images, *log.beliefs]
+    return sorted(messages, key=lambda message: message.time_ns)
 
 
 def heard_until(log: SessionLog, second: float) -> Watched:
@@ -118,8 +118,8 @@ def test_a_recording_shows_the_places_of_its_moment(moment: float) -> None:
     assert shown.depth == row["depth"]
     robot = shown.space.follower_at(shown.telemetry_sequence)
     assert robot is not None
-    told = log.follower_space[log.follower_space["sequence"] == shown.telemetry_sequence][0]
-    assert (robot.place_x, robot.force_z) == (told["place_x"], told["force_z"])
+    known = log.follower_space[log.follower_space["sequence"] == shown.telemetry_sequence][0]
+    assert (robot.place_x, robot.force_z) == (known["place_x"], known["force_z"])
     # what is shown of the robot is as old as the network
     assert moment - robot.time_ns * 1e-9 == pytest.approx(FORCE_DELAY, abs=2e-3)
     trace = shown.space.pose_trace(2.0)
@@ -179,13 +179,13 @@ def test_what_ages_the_pose_is_said() -> None:
     belief, leader = watched.space.belief, watched.space.leader
     assert belief is not None
     assert leader is not None
-    heard = watched.space._belief_received
-    assert pose_sentence(watched, heard).lower().rstrip(".") == belief.reason.lower().rstrip(".")
-    assert "silent for 2.5 s" in pose_sentence(watched, heard + 2.5)
+    received = watched.space._belief_received
+    assert pose_sentence(watched, received).lower().rstrip(".") == belief.reason.lower().rstrip(".")
+    assert "silent for 2.5 s" in pose_sentence(watched, received + 2.5)
     watched.settings = {**log.settings, "fusion": "none"}
-    assert "nothing is tracked" in pose_sentence(watched, heard)
+    assert "nothing is tracked" in pose_sentence(watched, received)
     watched.settings = {**log.settings, "camera": "there is none"}
-    assert pose_sentence(watched, heard).startswith("No camera")
+    assert pose_sentence(watched, received).startswith("No camera")
 
 
 # --- colours and shapes -----------------------------------------------------------------------------------------------
@@ -222,8 +222,8 @@ def test_levels_follow_stiffness_and_what_is_not_known_is_grey() -> None:
     assert legend.index("700 to 800") < legend.index("100 to 200") < legend.index("nothing learnt")
 
 
-def test_the_known_share_is_that_of_the_law() -> None:
-    """A field whose nodes all have one law, and whose mean is another: the law at a place tells the share."""
+def test_the_learnt_weight_is_that_of_the_law() -> None:
+    """A field whose nodes all have one law, and whose mean is another: the law at a point tells the weight."""
     random = np.random.default_rng(3)
     keys = random.integers(-4, 4, (60, 3))
     keys = np.unique(keys, axis=0)
@@ -231,7 +231,7 @@ def test_the_known_share_is_that_of_the_law() -> None:
     field = MaterialField(keys, values, mean=(1.0, 0.0, 0.0), uncertainty=1.0)
     points = random.uniform(-0.02, 0.02, (300, 3))
     stiffness, _ = field.stiffness_at(points)
-    np.testing.assert_allclose(known_share(field, points), stiffness - 1.0, atol=1e-6)
+    np.testing.assert_allclose(learnt_weight(field, points), stiffness - 1.0, atol=1e-6)
 
 
 @pytest.mark.parametrize("name", ["plane", "hill"])
@@ -301,47 +301,47 @@ def test_the_virtual_probe_is_drawn_where_the_camera_sees_the_real_one() -> None
 
 def held() -> tuple[SpaceHold, list[Handle], LeaderSpace]:
     watched = heard_until(recorded(SHORT), 1.0)
-    said: list[Any] = []
+    messages: list[Any] = []
     assert watched.space.leader is not None
-    return SpaceHold(watched, Publisher(said.append)), said, watched.space.leader
+    return SpaceHold(watched, Publisher(messages.append)), messages, watched.space.leader
 
 
 def test_a_drag_moves_the_hand_by_as_much_from_where_it_was() -> None:
-    hold, said, leader = held()
+    hold, messages, leader = held()
     hand = np.array([leader.hand_x, leader.hand_y, leader.hand_z])
     hold.drag_to(HOME, "start")
     way = np.array([0.004, -0.003, 0.002])
     hold.drag_to(tuple(np.array(HOME) + way), "update")
     hold.drag_to(tuple(np.array(HOME) + way), "end")
-    np.testing.assert_allclose([message.place for message in said], [hand, hand + way, hand + way], atol=1e-12)
-    assert [message.held for message in said] == [True, True, False]
+    np.testing.assert_allclose([message.place for message in messages], [hand, hand + way, hand + way], atol=1e-12)
+    assert [message.held for message in messages] == [True, True, False]
     hold.follow()
-    np.testing.assert_allclose(hold.place, np.array(HOME) + way)  # it stays a while where it was let go
+    np.testing.assert_allclose(hold.handle, np.array(HOME) + way)  # it stays a while where it was let go
 
 
 def test_a_hand_goes_no_further_than_it_may() -> None:
-    hold, said, leader = held()
+    hold, messages, leader = held()
     hold.drag_to(HOME, "start")
     hold.drag_to((5.0, -5.0, -5.0), "update")
-    x, y, z = said[-1].place
+    x, y, z = messages[-1].place
     assert (x, y) == (REACH, -REACH)
     assert leader.point_z - 0.02 < z < leader.point_z
 
 
 def test_strokes_move_the_hand_and_let_go() -> None:
-    hold, said, _ = held()
+    hold, messages, _ = held()
     hold.stroke((0.0005, 0.0, 0.0))
-    before = said[-1].place
+    before = messages[-1].place
     hold.stroke((0.0, 0.0, 0.0005))
-    np.testing.assert_allclose(np.subtract(said[-1].place, before), (0.0, 0.0, 0.0005), atol=1e-12)
+    np.testing.assert_allclose(np.subtract(messages[-1].place, before), (0.0, 0.0, 0.0005), atol=1e-12)
     assert hold.held
     assert not hold.dragged
     hold.keep_alive(time.monotonic() + 1.1)
-    assert not said[-1].held
+    assert not messages[-1].held
     hold.toggle_clutch(7)
-    assert said[-1].clutched
+    assert messages[-1].clutched
     assert hold.browser_gone(7)
-    assert not said[-1].clutched
+    assert not messages[-1].clutched
 
 
 def test_beliefs_are_told_by_the_clock_of_the_robot() -> None:

@@ -223,8 +223,8 @@ def test_an_emergency_stop_is_released_at_the_follower_and_a_killed_tab_lets_go(
         page.get_by_text(re.compile(r"^foretouch release \d+$")).click()
         assert re.fullmatch(r"foretouch release \d+", str(page.evaluate("getSelection().toString()")))  # to be copied
         words = [sys.executable, "-m", "foretouch", "release"]
-        said = subprocess.run(words, input="y\nrelease\n", capture_output=True, text=True, check=True).stdout
-        assert said.endswith("the robot follows again, slowly at first\n")
+        output = subprocess.run(words, input="y\nrelease\n", capture_output=True, text=True, check=True).stdout
+        assert output.endswith("the robot follows again, slowly at first\n")
         page.get_by_role("button", name=READY).wait_for(timeout=20_000)
         page.wait_for_timeout(500)
         page.get_by_role("button", name="Clutch").press("Enter")

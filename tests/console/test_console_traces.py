@@ -46,9 +46,9 @@ def test_what_cannot_be_run_has_no_figures() -> None:
 def test_parameters_have_their_standard_errors_where_they_were_told() -> None:
     seen = ModelsSeen()
     for sequence in range(1, 101):
-        told = (30.0, math.nan) if sequence > 50 else ()
+        errors = (30.0, math.nan) if sequence > 50 else ()
         one = update(sequence, "kelvin-voigt", (500.0, 2.0))
-        seen.add(msgspec.structs.replace(one, standard_errors=told))
+        seen.add(msgspec.structs.replace(one, standard_errors=errors))
         seen.adopt(0.02 * sequence, sequence)
     trace = seen.trace(0.005, 3.0, 2.0)
     assert trace.errors.shape == trace.parameters.shape

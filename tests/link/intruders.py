@@ -53,11 +53,11 @@ def intruder(
         yield session
 
 
-def listen(session: Any, key: str, heard: list[str]) -> Any:
+def listen(session: Any, key: str, received: list[str]) -> Any:
     import zenoh
 
     return session.declare_subscriber(
-        key, lambda sample: heard.append(str(sample.key_expr)), allowed_origin=zenoh.Locality.REMOTE
+        key, lambda sample: received.append(str(sample.key_expr)), allowed_origin=zenoh.Locality.REMOTE
     )
 
 
@@ -74,8 +74,8 @@ def sample(name: str) -> Message:
     info = msgspec.inspect.type_info(kind)
     assert isinstance(info, msgspec.inspect.StructType)
     fields = {field.name: defaults[type(field.type)] for field in info.fields if field.name != "record"}
-    said = fields | {"version": VERSION, "sequence": MARK}
-    return kind(**said | ({"role": "recorder"} if name == "hello" else {}))  # type: ignore[arg-type]
+    content = fields | {"version": VERSION, "sequence": MARK}
+    return kind(**content | ({"role": "recorder"} if name == "hello" else {}))  # type: ignore[arg-type]
 
 
 def hello_of(role: str) -> Message:

@@ -164,24 +164,24 @@ def test_the_first_message_is_lost_as_often_as_any_other() -> None:
 
 
 def test_the_share_asked_for_is_reordered_and_overtaken() -> None:
-    delay, share, messages = 0.02, 0.1, 20_000
-    arrived = run(Faults(delay=delay, reorder=share, seed=9), messages)
+    delay, fraction, messages = 0.02, 0.1, 20_000
+    arrived = run(Faults(delay=delay, reorder=fraction, seed=9), messages)
     late = {message: tick - message - 20 for tick, message in arrived}
     held = np.array([ms for ms in late.values() if ms])
     assert len(arrived) == messages
-    assert abs(len(held) / messages - share) < 4 * math.sqrt(share * (1 - share) / messages)
+    assert abs(len(held) / messages - fraction) < 4 * math.sqrt(fraction * (1 - fraction) / messages)
     # Between 5 and 50 ms; arrivals wait for the next tick of 1 ms.
     assert held.min() >= 5
     assert held.max() <= 50
     assert abs(held.mean() - 28.0) < 4 * 45 / math.sqrt(12 * len(held))
-    place = {message: place for place, (_, message) in enumerate(arrived)}
-    overtaken = [n for n in range(messages - 60) if any(place[later] < place[n] for later in range(n + 1, n + 50))]
+    index = {message: index for index, (_, message) in enumerate(arrived)}
+    overtaken = [n for n in range(messages - 60) if any(index[later] < index[n] for later in range(n + 1, n + 50))]
     assert set(overtaken) == {n for n in range(messages - 60) if late[n]}
 
 
 def test_the_share_asked_for_comes_twice_and_the_copy_later() -> None:
-    share, messages = 0.2, 20_000
-    arrived = run(Faults(delay=0.01, duplicate=share, seed=10), messages)
+    fraction, messages = 0.2, 20_000
+    arrived = run(Faults(delay=0.01, duplicate=fraction, seed=10), messages)
     times: dict[int, list[int]] = {}
     for tick, message in arrived:
         times.setdefault(message, []).append(tick)
@@ -189,7 +189,7 @@ def test_the_share_asked_for_comes_twice_and_the_copy_later() -> None:
     assert all(ticks[0] == message + 10 for message, ticks in times.items())
     gaps = np.array([ticks[1] - ticks[0] for ticks in times.values() if len(ticks) == 2])
     assert {len(ticks) for ticks in times.values()} == {1, 2}
-    assert abs(len(gaps) / messages - share) < 4 * math.sqrt(share * (1 - share) / messages)
+    assert abs(len(gaps) / messages - fraction) < 4 * math.sqrt(fraction * (1 - fraction) / messages)
     assert gaps.min() >= 1
     assert gaps.max() <= 20
     assert abs(gaps.mean() - 11.0) < 4 * 19 / math.sqrt(12 * len(gaps))
@@ -230,18 +230,18 @@ def test_stalls_do_not_follow_the_delay_nor_the_outages() -> None:
     assert not set(silences(outage=0.3)) & set(plain)
 
 
-shares = st.floats(0.0, 0.4)
+fractions = st.floats(0.0, 0.4)
 
 
 @settings(derandomize=True, deadline=None, max_examples=40)
 @given(
     delay=st.floats(0.0, 0.5),
     jitter=st.floats(0.0, 0.1),
-    loss=shares,
+    loss=fractions,
     burst=st.floats(1.0, 30.0),
     outage=st.floats(0.0, 2.0),
-    reorder=shares,
-    duplicate=shares,
+    reorder=fractions,
+    duplicate=fractions,
     stall=st.floats(0.0, 2.0),
     seed=st.integers(0, 10_000),
 )

@@ -115,13 +115,13 @@ def test_no_peer_speaks_in_another_s_name(ours: KeyFolder, role: str) -> None:
         link("leader", ours, listen=[endpoint], subscribe=["hello"]) as receiver,
         intruder(connect=endpoint, identity=here[role], trusts=authority) as session,
     ):
-        said: set[str] = set()
+        roles: set[str] = set()
         own = hello_of(role).role  # type: ignore[attr-defined]
 
         def turn() -> set[str]:
             say_everything(session)
-            said.update(hello.role for _, hello in receiver.take("hello"))
-            return said
+            roles.update(hello.role for _, hello in receiver.take("hello"))
+            return roles
 
         until(turn)
         for _ in range(20):
@@ -129,7 +129,7 @@ def test_no_peer_speaks_in_another_s_name(ours: KeyFolder, role: str) -> None:
             for claimed in ROLES:
                 session.put(f"foretouch/hello/{role}", encode(hello_of(claimed)))
             time.sleep(0.01)
-        assert said == {own}
+        assert roles == {own}
         assert receiver.undecodable > 0
 
 
@@ -202,18 +202,18 @@ def test_a_stranger_gets_nothing_and_gives_nothing(
         "no TLS": {},
         "not listed": {"trusts": authority, "identity": alice},
     }[who]
-    heard: list[str] = []
+    received: list[str] = []
     before = turn()
     with intruder(connect=endpoint.replace("tls/", "tcp/") if who == "no TLS" else endpoint, **shown) as session:
         keys = ("**", "foretouch/*", *(f"foretouch/{name}" for name in CHANNELS))
-        kept = [listen(session, key, heard) for key in keys]
+        kept = [listen(session, key, received) for key in keys]
         begun, arrived = time.monotonic(), 0
         while (lasted := time.monotonic() - begun) < 0.7 or (arrived <= 20 and lasted < 20.0):
             say_everything(session)
             arrived = turn() - before
             time.sleep(0.01)
         assert len(kept) == len(keys)
-        assert not heard
+        assert not received
     assert arrived > 20, "the session itself goes on"
     assert not marked(turn.follower)
     assert not marked(turn.leader)
@@ -228,7 +228,7 @@ def test_a_peer_is_heard_where_its_role_may_speak_and_nowhere_else(
 ) -> None:
     authority, here, _ = ours.read()
     endpoint = free_endpoint("tls")
-    expected, heard = set(may_publish(role)) & set(channels), set[str]()
+    expected, received = set(may_publish(role)) & set(channels), set[str]()
     with (
         link("follower", ours, listen=[endpoint], subscribe=channels) as receiver,
         intruder(connect=endpoint, identity=here[role], trusts=authority) as session,
@@ -236,14 +236,14 @@ def test_a_peer_is_heard_where_its_role_may_speak_and_nowhere_else(
 
         def turn() -> set[str]:
             say_everything(session)
-            heard.update(marked(receiver))
-            return heard
+            received.update(marked(receiver))
+            return received
 
         until(lambda: turn() >= expected)
         for _ in range(10):
             turn()
             time.sleep(0.02)
-        assert heard == expected
+        assert received == expected
         assert receiver.undecodable == 0
 
 
@@ -251,10 +251,10 @@ def test_a_peer_is_heard_where_its_role_may_speak_and_nowhere_else(
 def test_a_watcher_hears_the_session_and_its_requests_get_no_answer(lap: tuple[str, Any], ours: KeyFolder) -> None:
     endpoint, turn = lap
     authority, here, _ = ours.read()
-    heard: list[str] = []
+    received: list[str] = []
     with intruder(connect=endpoint, identity=here["watcher"], trusts=authority) as session:
-        kept = listen(session, "foretouch/telemetry", heard)
-        until(lambda: turn() and heard)
+        kept = listen(session, "foretouch/telemetry", received)
+        until(lambda: turn() and received)
         wide: list[str] = []
         everything = listen(session, "**", wide)
         kept.undeclare()
@@ -297,12 +297,12 @@ def test_a_leader_takes_nothing_from_a_false_follower(who: str, ours: KeyFolder,
     endpoint = free_endpoint("tls")
     authority, here, _ = (theirs if who == "of another authority" else ours).read()
     identity = here["follower" if who == "of another authority" else "watcher"]
-    heard: list[str] = []
+    received: list[str] = []
     with (
         intruder(listen=endpoint, identity=identity, trusts=authority) as session,
         link("leader", ours, connect=[endpoint], subscribe=["model", "telemetry", "leader"]) as leader,
     ):
-        kept = listen(session, "foretouch/command", heard)
+        kept = listen(session, "foretouch/command", received)
         for _ in range(40):
             for name in ("model", "telemetry", "leader"):
                 session.put(f"foretouch/{name}", b"x")
@@ -310,7 +310,7 @@ def test_a_leader_takes_nothing_from_a_false_follower(who: str, ours: KeyFolder,
             time.sleep(0.02)
         assert leader.undecodable == 0
         assert not any(leader.take(name) for name in leader.inboxes)
-        assert who == "in another role" or not heard
+        assert who == "in another role" or not received
         kept.undeclare()
 
 

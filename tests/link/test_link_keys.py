@@ -175,13 +175,13 @@ def test_a_rotation_that_crashes_anywhere_leaves_the_old_or_the_new(
         patched.setattr(owner, call, crash)
         with contextlib.suppress(Crash):
             keys.rotate(None, NOW, authority=True)
-    found = [load_credentials(role, keys.path, now=NOW) for role in ROLES]  # belong together, or this raises
+    loaded = [load_credentials(role, keys.path, now=NOW) for role in ROLES]  # belong together, or this raises
     after = content(keys)
     assert not [path for path in keys.path.iterdir() if path.is_dir()]
     assert set(after) == set(old)
     changed = {name for name in old if after[name] != old[name]}
     assert changed in (set(), set(old) - {"allowed.txt"})
-    assert len({credentials.authority for credentials in found}) == 1
+    assert len({credentials.authority for credentials in loaded}) == 1
     keys.rotate(None, NOW, authority=True)
     assert not {name for name in old if name != "allowed.txt" and content(keys)[name] == after[name]}
 

@@ -81,8 +81,8 @@ def test_a_stranger_of_another_version_is_counted_and_ends_nothing() -> None:
         def say_for_long(*words: bytes) -> None:
             end = time.monotonic() + PATIENCE + 0.5
             while time.monotonic() < end:
-                for said in words:
-                    stranger.put("foretouch/hello", said)
+                for data in words:
+                    stranger.put("foretouch/hello", data)
                 time.sleep(0.02)
 
         say_for_long(b"\x91\x07", hello(VERSION + 1, "recorder"), b"\x94\x07\x01\x01\x07")

@@ -121,9 +121,9 @@ def test_hellos_of_roles_that_there_are_not_are_refused() -> None:
 
 
 def test_a_hello_is_cut_to_what_a_peer_takes() -> None:
-    said = Hello.of("leader", 1, 1, {f"{i}" + "n" * 100: "v" * 5000 for i in range(20)} | {"material": "foam"})
-    assert decode(encode(said), Hello) == said
-    assert said.texts["material"] == "foam"
+    message = Hello.of("leader", 1, 1, {f"{i}" + "n" * 100: "v" * 5000 for i in range(20)} | {"material": "foam"})
+    assert decode(encode(message), Hello) == message
+    assert message.texts["material"] == "foam"
     most = Hello.of("leader", 1, 1, {str(i): "" for i in range(500)})
     assert len(decode(encode(most), Hello).names) == MOST_TEXTS
 
@@ -201,8 +201,8 @@ def led(tick: int, sequence: int, epoch: int, run: int) -> LeaderState:
 
 
 def followed(tick: int, sequence: int, command: int, epoch: int, run: int) -> Telemetry:
-    place = (0.0, 1.0 * epoch, 0.0, 0.0, 0.0, 0.0)
-    return Telemetry(VERSION, sequence, tick * MS, command, *place, False, False, 0, 0, 0, epoch=epoch, run=run)
+    figures = (0.0, 1.0 * epoch, 0.0, 0.0, 0.0, 0.0)
+    return Telemetry(VERSION, sequence, tick * MS, command, *figures, False, False, 0, 0, 0, epoch=epoch, run=run)
 
 
 def model(sequence: int, epoch: int, run: int) -> ModelUpdate:
@@ -322,8 +322,8 @@ def test_who_says_hello_without_end_fills_nothing() -> None:
     assert hellos.counts["sent"] < 100
     assert len(hellos.news["control"]) < 100
     for number in range(1000):
-        told = {f"name {number}": "x", COUNT_PREFIX + f"count {number}": "1"}
-        hellos.take(hello("leader", "", **told))
-        hellos.take(hello(f"role {number}", "", **told))
+        texts = {f"name {number}": "x", COUNT_PREFIX + f"count {number}": "1"}
+        hellos.take(hello("leader", "", **texts))
+        hellos.take(hello(f"role {number}", "", **texts))
     assert len(hellos.settings) < 100
     assert len(hellos.counts) < 100

@@ -67,8 +67,8 @@ class Fuzz:
             return draw.randbytes(draw.choice((0, 3, 4 * draw.randrange(SIZE + 2), 4 * SIZE, 4096)))
         numbers = np.frombuffer(self.map, dtype="<f4").copy()
         for _ in range(draw.choice((1, 1, 3, 40))):
-            place = draw.randrange(20 if draw.random() < 0.7 else numbers.size)
-            numbers[place] = draw.choice((0.0, 1.0, -1.0, 3e38, -3e38, 1e-45, 0.004, 1e3, draw.uniform(-10, 10)))
+            index = draw.randrange(20 if draw.random() < 0.7 else numbers.size)
+            numbers[index] = draw.choice((0.0, 1.0, -1.0, 3e38, -3e38, 1e-45, 0.004, 1e3, draw.uniform(-10, 10)))
         if kind == 2 and draw.random() < 0.3:
             numbers[draw.randrange(20)] = math.nan
         data = numbers.tobytes()
@@ -121,18 +121,18 @@ class Fuzz:
             values = values[: draw.randrange(len(values))] if draw.random() < 0.5 else [*values, 1]
         data = bytearray(msgspec.msgpack.encode([-1 if value == -1 else value for value in values]))
         for _ in range(draw.choice((0, 0, 0, 1, 1, 2, 8))):
-            place = draw.randrange(len(data))
+            index = draw.randrange(len(data))
             how = draw.randrange(5)
             if how == 0:
-                data[place] ^= 1 << draw.randrange(8)
+                data[index] ^= 1 << draw.randrange(8)
             elif how == 1:
-                data[place] = draw.randrange(256)
+                data[index] = draw.randrange(256)
             elif how == 2:
-                del data[place : place + draw.randrange(1, 9)]
+                del data[index : index + draw.randrange(1, 9)]
             elif how == 3:
-                data[place:place] = draw.randbytes(draw.randrange(1, 9))
+                data[index:index] = draw.randbytes(draw.randrange(1, 9))
             else:
-                data[place : place + draw.choice((1, 5))] = draw.choice(HEADS)
+                data[index : index + draw.choice((1, 5))] = draw.choice(HEADS)
             if not data:
                 break
         return bytes(data)

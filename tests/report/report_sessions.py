@@ -52,14 +52,14 @@ def make_session(
     start = 5_000_000_000  # the follower's clock is another one
     for tick in range(1, ticks + 1):
         command = max(0, tick - POSITION_DELAY)
-        place = hand(max(1, command - lag))
-        force = feel.update(tick * 1e-3, place)
+        position = hand(max(1, command - lag))
+        force = feel.update(tick * 1e-3, position)
         measured = force + rng.normal(0.0, noise)
         if models and tick % 20 == 0:
             numbers = (stiffness * MATERIAL.stiffness, stiffness * MATERIAL.damping, MATERIAL.exponent)
             law = (MATERIAL.law, numbers, (), surface, valid, "", "none", b"")
             sent.append(ModelUpdate(VERSION, len(sent) + 1, start + tick * TICK, command, *law))
-        motion = (place, place, velocity.update(tick * 1e-3, place))
+        motion = (position, position, velocity.update(tick * 1e-3, position))
         forces = (measured + offset, measured, force if exact else float("nan"), force > 0.0, False)
         spent = (TICK if tick > 1 else 0, 180_000 + 1000 * (tick % 50))
         follower.append(Telemetry(VERSION, tick, start + tick * TICK, command, *motion, *forces, len(sent), *spent))
@@ -94,11 +94,11 @@ def repeated(log: SessionLog, times: int) -> SessionLog:
         (log.leader, {"sequence": ticks, "telemetry_sequence": ticks, "model_sequence": models}),
         (log.follower, {"sequence": ticks, "command_sequence": ticks, "models_sent": models}),
     ):
-        found = np.tile(rows, times)
+        tiled = np.tile(rows, times)
         for name, step in {**counted, "time_ns": ticks * TICK}.items():
-            if name in found.dtype.names:
-                found[name] += nth * step
-        sides.append(found)
+            if name in tiled.dtype.names:
+                tiled[name] += nth * step
+        sides.append(tiled)
     sent = tuple(later(model, turn * models, turn * ticks) for turn in range(times) for model in log.models)
     return replace(log, leader=sides[0], follower=sides[1], models=sent)
 

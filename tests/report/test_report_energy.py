@@ -25,8 +25,8 @@ def kept(exact: list[float], wanted: list[float], *, ceiling: bool = True, late:
     """The leader's rows of an account that was kept with these hand positions and wanted forces, some ticks late."""
     account = EnergyAccount.of(DEVICE)
     rows = np.zeros(len(exact), LEADER_DTYPE)
-    for row, (tick, place, force) in zip(rows, zip(range(1, len(exact) + 1), exact, wanted, strict=True), strict=True):
-        shown = COUNT * round(place / COUNT)
+    for row, (tick, true, force) in zip(rows, zip(range(1, len(exact) + 1), exact, wanted, strict=True), strict=True):
+        shown = COUNT * round(true / COUNT)
         row["period_ns"] = 50_000_000 if tick % 17 == 0 and late else 1_000_000
         account.observe(shown, 1e-9 * row["period_ns"])
         row["energy"], row["energy_bound"], row["late_energy"] = account.energy, account.bound, account.late_energy
@@ -35,7 +35,7 @@ def kept(exact: list[float], wanted: list[float], *, ceiling: bool = True, late:
             account.close()
         account.hold(force)
         row["sequence"], row["rendered_force"] = tick, force
-        row["hand_position"], row["exact_hand_position"] = shown, place
+        row["hand_position"], row["exact_hand_position"] = shown, true
     return rows
 
 
@@ -63,15 +63,15 @@ def test_exact_energy_is_as_near_as_the_rounding_of_the_encoder_lets_it_be(
     motion: tuple[list[float], list[float]],
 ) -> None:
     rows = kept(*motion)
-    found, force = exact_energy(rows, DEVICE), np.concatenate(([0.0, 0.0], rows["rendered_force"]))
+    exact_sum, force = exact_energy(rows, DEVICE), np.concatenate(([0.0, 0.0], rows["rendered_force"]))
     acted = 0.5 * (force[1:-1] + force[:-2])
     ups_and_downs = acted + np.cumsum(np.abs(np.diff(acted, prepend=0.0)))
-    assert (np.abs(found - rows["energy"]) <= 0.5 * COUNT * ups_and_downs + 1e-12).all()
+    assert (np.abs(exact_sum - rows["energy"]) <= 0.5 * COUNT * ups_and_downs + 1e-12).all()
 
 
-def test_what_late_ticks_took_is_told_and_no_part_of_the_verdict() -> None:
-    place = [*(np.arange(17) * 1e-4), -0.01, *([-0.01] * 5)]
-    rows = kept(place, [2.0] * 17 + [0.0] * 6)
+def test_energy_of_late_ticks_is_reported_and_no_part_of_the_verdict() -> None:
+    position = [*(np.arange(17) * 1e-4), -0.01, *([-0.01] * 5)]
+    rows = kept(position, [2.0] * 17 + [0.0] * 6)
     rows["period_ns"][17] = 120_000_000
     account = EnergyAccount.of(DEVICE)
     for row in rows:
@@ -89,8 +89,8 @@ def test_what_late_ticks_took_is_told_and_no_part_of_the_verdict() -> None:
 
 def test_a_spring_that_gives_back_more_than_it_took() -> None:
     """Pushed in by 1 N over 10 mm, pushed out by 2 N over as much: 10 mJ too much."""
-    place = list(np.concatenate((np.linspace(0.0, 0.01, 101), np.linspace(0.01, 0.0, 101)[1:])))
-    rows = kept(place, [1.0] * 100 + [2.0] * 101, ceiling=False)
+    position = list(np.concatenate((np.linspace(0.0, 0.01, 101), np.linspace(0.01, 0.0, 101)[1:])))
+    rows = kept(position, [1.0] * 100 + [2.0] * 101, ceiling=False)
     figures = energy_figures(rows, DEVICE)
     assert figures["net_energy_J"] == pytest.approx(-0.01, rel=0.01)
     assert figures["net_energy_exact_J"] == pytest.approx(-0.01, rel=0.01)
@@ -98,13 +98,13 @@ def test_a_spring_that_gives_back_more_than_it_took() -> None:
     assert figures["energy_margin_J"] == pytest.approx(-0.01 + 2.0 * 2.0 * (1e-4 + COUNT), rel=0.02)
     assert figures["certificate_holds"] is False
     assert figures["energy_agrees"] is True
-    limited = energy_figures(kept(place, [1.0] * 100 + [2.0] * 101), DEVICE)
+    limited = energy_figures(kept(position, [1.0] * 100 + [2.0] * 101), DEVICE)
     assert limited["certificate_holds"] is True
 
 
 def test_energy_that_was_never_negative_has_the_largest_bound() -> None:
-    place = [0.0, 1e-3, 2e-3, 3e-3]
-    figures = energy_figures(kept(place, [1.0, 2.0, 3.0, 3.0]), DEVICE)
+    position = [0.0, 1e-3, 2e-3, 3e-3]
+    figures = energy_figures(kept(position, [1.0, 2.0, 3.0, 3.0]), DEVICE)
     assert figures["net_energy_J"] == 0.0
     assert figures["energy_bound_J"] == pytest.approx(2.0 * 3.0 * (1e-3 + COUNT))
     assert figures["energy_used_percent"] == 0.0
@@ -135,8 +135,8 @@ def test_a_device_has_no_exact_energy() -> None:
 
 
 def test_rows_that_were_lost_are_taken_from_the_account() -> None:
-    place = list(np.arange(20) * 1e-4)
-    rows = kept(place, [1.0] * 20)
+    position = list(np.arange(20) * 1e-4)
+    rows = kept(position, [1.0] * 20)
     gap = np.delete(rows, [7, 8, 9])
     assert exact_energy(gap, DEVICE)[-1] == pytest.approx(rows["energy"][-1])
 
@@ -156,7 +156,7 @@ THERE_AND_BACK = list(np.concatenate((np.linspace(0.0, 0.01, 101), np.linspace(0
 
 
 @pytest.mark.parametrize(
-    ("column", "told"),
+    ("column", "change"),
     [
         ("energy", lambda rows: np.maximum(rows["energy"], -rows["energy_bound"])),
         ("energy", lambda rows: 0.0 * rows["energy"]),
@@ -165,10 +165,10 @@ THERE_AND_BACK = list(np.concatenate((np.linspace(0.0, 0.01, 101), np.linspace(0
         ("energy_bound", lambda rows: 100.0 * rows["energy_bound"]),
     ],
 )
-def test_an_account_that_is_not_true_is_found_out(column: str, told: Callable[[Rows], Rows]) -> None:
+def test_an_account_that_is_not_true_is_found_out(column: str, change: Callable[[Rows], Rows]) -> None:
     """Whatever the leader says: 10 mJ too much are found by the forces and positions themselves."""
     rows = kept(THERE_AND_BACK, [1.0] * 100 + [2.0] * 101, ceiling=False)
-    rows[column] = told(rows)
+    rows[column] = change(rows)
     figures = energy_figures(rows, DEVICE)
     assert figures["energy_agrees"] is False
     assert figures["certificate_holds"] is False
@@ -216,9 +216,9 @@ def test_no_more_is_cut_than_what_the_force_fell_by() -> None:
 
 def test_a_force_that_grows_from_next_to_nothing_begins_one_contact() -> None:
     """Its first tick goes three counts and all others one, while the energy is too small to tell from none."""
-    places = [1e-3 + COUNT * (tick + 2 * (tick > 0)) for tick in range(40)]
+    positions = [1e-3 + COUNT * (tick + 2 * (tick > 0)) for tick in range(40)]
     forces = [1e-18 * 1.4**tick for tick in range(30)] + [0.04] * 10
-    rows = kept(places, forces)
+    rows = kept(positions, forces)
     assert rows["energy_bound"][-1] == pytest.approx(2.0 * 0.04 * 4 * COUNT)
     figures = energy_figures(rows, DEVICE)
     assert figures["energy_agrees"]

@@ -41,12 +41,12 @@ def delayed() -> SessionLog:
 
 
 @pytest.fixture(scope="module")
-def told(ours: SessionLog) -> dict[str, Any]:
+def our_report(ours: SessionLog) -> dict[str, Any]:
     return session_figures(ours)
 
 
 @pytest.fixture(scope="module")
-def delayed_told(delayed: SessionLog) -> dict[str, Any]:
+def delayed_report(delayed: SessionLog) -> dict[str, Any]:
     return session_figures(delayed)
 
 
@@ -58,8 +58,8 @@ def guarded(log: SessionLog, start: int, end: int) -> SessionLog:
     return replace(log, follower=follower)
 
 
-def test_a_session_with_a_hand_is_stable(ours: SessionLog, told: dict[str, Any]) -> None:
-    report = told
+def test_a_session_with_a_hand_is_stable(ours: SessionLog, our_report: dict[str, Any]) -> None:
+    report = our_report
     hand = report["hand"]
     assert report["stable"] is True
     assert report["loop"].startswith("closed loop: a hand with a soft grip holds a device of 0.1 kg, 2 N s/m")
@@ -86,19 +86,19 @@ def test_a_session_with_a_hand_is_stable(ours: SessionLog, told: dict[str, Any])
 
 
 def test_an_account_that_is_not_true_is_said(
-    ours: SessionLog, delayed: SessionLog, delayed_told: dict[str, Any]
+    ours: SessionLog, delayed: SessionLog, delayed_report: dict[str, Any]
 ) -> None:
     leader = delayed.leader.copy()
     leader["energy"] = np.maximum(leader["energy"], -leader["energy_bound"])
     report = session_figures(replace(delayed, leader=leader))
-    assert report["net_energy_J"] == pytest.approx(delayed_told["net_energy_J"])
+    assert report["net_energy_J"] == pytest.approx(delayed_report["net_energy_J"])
     assert "more than the energy account allows, and the leader's account of energy is not what" in render_text(report)
     leader = ours.leader.copy()
     leader["energy"] += 1e-6 * (leader["energy"] > 0.0)
     report = session_figures(replace(ours, leader=leader))
     assert report["stable"] is False
-    said = "Unstable: the leader's account of energy is not what its forces and positions add up to."
-    assert said in render_text(report)
+    text = "Unstable: the leader's account of energy is not what its forces and positions add up to."
+    assert text in render_text(report)
 
 
 def test_where_nothing_was_touched() -> None:
@@ -127,7 +127,7 @@ def test_a_hand_that_nobody_knows_is_compared_with_what_it_means(ours: SessionLo
         assert free_hand(replace(ours, settings=settings)) is None
 
 
-def test_contact_that_was_guarded_is_told_with_its_share(ours: SessionLog, told: dict[str, Any]) -> None:
+def test_guarded_contact_is_reported_with_its_fraction(ours: SessionLog, our_report: dict[str, Any]) -> None:
     everything = guarded(ours, 0, ours.follower.size)
     report = session_figures(everything)
     assert report["hand"]["guarded_contact_percent"] == 100.0
@@ -135,18 +135,18 @@ def test_contact_that_was_guarded_is_told_with_its_share(ours: SessionLog, told:
     never = guarded(ours, 0, 0)
     never.follower["guarded"] = False
     assert "The guard held" not in render_text(session_figures(never))
-    share = f"{told['hand']['guarded_contact_percent']:.3g} % of the contact time: the hand felt nothing then"
-    assert f"The guard held the robot back in {share}" in render_text(told)
+    percent = f"{our_report['hand']['guarded_contact_percent']:.3g} % of the contact time: the hand felt nothing then"
+    assert f"The guard held the robot back in {percent}" in render_text(our_report)
 
 
-def test_a_force_where_the_robot_touched_nothing(ours: SessionLog, told: dict[str, Any]) -> None:
+def test_a_force_where_the_robot_touched_nothing(ours: SessionLog, our_report: dict[str, Any]) -> None:
     """For 60 commands in a row, in free air; neither for 40, nor while the robot was held back."""
     rows = pair(ours)
     free = ~(rows.follower["in_contact"] | rows.follower["guarded"])
     start = next(int(row) for row in np.flatnonzero(free) if free[row : row + 200].all())
     ticks = np.flatnonzero(np.isin(ours.leader["sequence"], rows.leader["sequence"][start + 50 : start + 110]))
     assert ticks.size == 60
-    assert told["hand"]["largest_phantom_N"] == 0.0
+    assert our_report["hand"]["largest_phantom_N"] == 0.0
 
     def felt(count: int, force: float) -> SessionLog:
         leader = ours.leader.copy()
@@ -168,9 +168,9 @@ def not_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("not_drawn")
 def test_a_delayed_force_is_unstable_and_is_said_first(
-    delayed: SessionLog, tmp_path: Path, delayed_told: dict[str, Any]
+    delayed: SessionLog, tmp_path: Path, delayed_report: dict[str, Any]
 ) -> None:
-    report = delayed_told
+    report = delayed_report
     assert report["stable"] is False
     assert report["hand"]["certificate_holds"] is False
     assert report["hand"]["oscillation"]["oscillates"] is True
@@ -214,18 +214,18 @@ def test_a_controller_does_not_render_the_delayed_force_itself(delayed: SessionL
 
 
 def test_a_delayed_force_in_an_open_loop_is_given_to_nobody() -> None:
-    """It would give out energy along this motion; but nobody holds what could be unstable."""
+    """It would give out energy along this motion; but no hand holds what could be unstable."""
     report = session_figures(simulated(4.0, baseline="delayed"))
     assert report["hand"]["certificate_holds"] is False
     assert report["stable"] is None
     text = render_text(report)
     assert "the hand was given" not in text
     assert "Unstable" not in text
-    assert "not known: nobody holds what the delayed force would move" in text
+    assert "not known: no hand holds the device that the delayed force would move" in text
 
 
-def test_the_page_shows_hand_and_energy(ours: SessionLog, tmp_path: Path, told: dict[str, Any]) -> None:
-    text = write_page(tmp_path, ours, told).read_text()
+def test_the_page_shows_hand_and_energy(ours: SessionLog, tmp_path: Path, our_report: dict[str, Any]) -> None:
+    text = write_page(tmp_path, ours, our_report).read_text()
     assert "The hand: what it meant" in text
     assert "Energy account of the session" in text
 
@@ -242,8 +242,8 @@ def test_the_page_of_an_open_loop_shows_neither(tmp_path: Path) -> None:
 def test_the_rendered_force_is_scored_in_the_robots_newtons(ours: SessionLog) -> None:
     report = session_figures(ours)
     assert report["rendered_error_percent"] < 25.0
-    told = replace(ours, settings=ours.settings | {"force_scale": "1"})
-    assert session_figures(told)["rendered_error_percent"] > 40.0
+    scaled = replace(ours, settings=ours.settings | {"force_scale": "1"})
+    assert session_figures(scaled)["rendered_error_percent"] > 40.0
 
 
 def test_a_force_that_is_no_number_is_not_stable(ours: SessionLog) -> None:
@@ -258,7 +258,7 @@ def test_old_sessions_kept_no_account() -> None:
     report = session_figures(make_session(2.5))
     assert report["stable"] is None
     assert report["net_energy_J"] is None
-    assert "not known: nobody kept an account" in render_text(report)
+    assert "not known: no account of energy was kept" in render_text(report)
     json.dumps(report, allow_nan=False)
 
 
@@ -313,11 +313,11 @@ def test_how_far_the_proxy_is_from_the_hand() -> None:
     leader["hand_position"] = (leader["position"] + 0.02) / 2.0
     leader["position"][300:] -= 3e-3
     leader["engaged"][600:650] = False
-    found = apart(replace(log, leader=leader, settings=log.settings | {"position_scale": "2"}))
-    np.testing.assert_allclose(found[:300], 0.0, atol=1e-12)
-    np.testing.assert_allclose(found[300:600], 3e-3, atol=1e-12)
-    assert np.isnan(found[600:650]).all()
-    np.testing.assert_allclose(found[650:], 0.0, atol=1e-12)
+    distances = apart(replace(log, leader=leader, settings=log.settings | {"position_scale": "2"}))
+    np.testing.assert_allclose(distances[:300], 0.0, atol=1e-12)
+    np.testing.assert_allclose(distances[300:600], 3e-3, atol=1e-12)
+    assert np.isnan(distances[600:650]).all()
+    np.testing.assert_allclose(distances[650:], 0.0, atol=1e-12)
 
 
 def test_share_that_the_device_could_carry(ours: SessionLog) -> None:
@@ -329,8 +329,8 @@ def test_share_that_the_device_could_carry(ours: SessionLog) -> None:
     hand = session_figures(replace(ours, leader=leader))["hand"]
     assert hand["device_bound_percent"] == pytest.approx(25.0, abs=0.1)
     assert hand["smallest_rendered_share"] == 0.5
-    said = render_text(session_figures(replace(ours, leader=leader)))
-    assert "% of contact the device could not carry the model: it felt softer, down to 50.0 % of its stiffness." in said
+    text = render_text(session_figures(replace(ours, leader=leader)))
+    assert "% of contact the device could not carry the model: it felt softer, down to 50.0 % of its stiffness." in text
 
 
 def without_force(log: SessionLog, begin: int, end: int, energy: float = -1e-3, **settings: str) -> SessionLog:
@@ -342,7 +342,7 @@ def without_force(log: SessionLog, begin: int, end: int, energy: float = -1e-3, 
     return replace(log, leader=leader, settings=log.settings | {"grip": "normal"} | settings)
 
 
-def test_withheld_force_is_told_with_share_segment_and_reason() -> None:
+def test_withheld_force_is_reported_with_fraction_segment_and_reason() -> None:
     log = without_force(make_session(), 500, 3500)
     report = session_figures(log)
     hand, felt = report["hand"], np.flatnonzero(log.leader["predicted_force"] >= 0.5)
@@ -351,10 +351,10 @@ def test_withheld_force_is_told_with_share_segment_and_reason() -> None:
     assert hand["longest_withheld_s"] == pytest.approx(1e-3 * (inside[-1] - inside[0]))
     assert hand["longest_withheld_at_s"] == pytest.approx(1e-3 * inside[0])
     assert hand["withheld_because"] == OWED
-    said = render_text(report)
-    assert "% of contact the force was withheld: the hand was given less than half of the model's. At longest" in said
-    assert OWED in said
-    assert "  withheld   in " in said
+    text = render_text(report)
+    assert "% of contact the force was withheld: the hand was given less than half of the model's. At longest" in text
+    assert OWED in text
+    assert "  withheld   in " in text
 
 
 def test_what_is_not_paid_for_has_another_reason() -> None:
@@ -376,8 +376,8 @@ def test_where_no_hand_feels_a_model_nothing_is_withheld(settings: dict[str, str
     assert session_figures(without_force(make_session(), 500, 3500, **settings))["hand"]["withheld_percent"] is None
 
 
-@pytest.mark.parametrize(("rendered", "said"), [(76.4, True), (63.9, False), (12.0, False)])
-def test_a_rendered_force_that_is_worse_than_the_delayed_one_is_said_to_be(rendered: float, said: bool) -> None:
+@pytest.mark.parametrize(("rendered", "listed"), [(76.4, True), (63.9, False), (12.0, False)])
+def test_a_rendered_force_that_is_worse_than_the_delayed_one_is_said_to_be(rendered: float, listed: bool) -> None:
     figures: dict[str, Any] = {
         "status": "ok",
         "prediction_error_percent": 4.5,
@@ -387,6 +387,6 @@ def test_a_rendered_force_that_is_worse_than_the_delayed_one_is_said_to_be(rende
         "within_jnd_percent": 92.0,
         "missed_contact_percent": 0.0,
     }
-    found = [finding for finding in scoring_findings(figures) if "rendered force is worse" in finding.text]
-    assert len(found) == said
-    assert not any(finding.good for finding in found)
+    findings = [finding for finding in scoring_findings(figures) if "rendered force is worse" in finding.text]
+    assert len(findings) == listed
+    assert not any(finding.good for finding in findings)

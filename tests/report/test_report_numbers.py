@@ -45,25 +45,25 @@ def test_parameters_have_their_units() -> None:
     both = ("kelvin_voigt_stiffness", "hunt_crossley_stiffness", "hunt_crossley_exponent", "threshold")
     assert [parameter_unit(name, both) for name in both] == ["N/m", "N/m^n", "", "N/m"]
     assert parameter_unit("anything", power) == ""
-    said = parameter_text({"stiffness": 4500.4, "damping": None}, {"stiffness": 38.0, "damping": None})
-    assert said == "stiffness 4,500 ± 38 N/m, damping undetermined"
+    text = parameter_text({"stiffness": 4500.4, "damping": None}, {"stiffness": 38.0, "damping": None})
+    assert text == "stiffness 4,500 ± 38 N/m, damping undetermined"
 
 
 def test_what_a_session_could_not_determine_is_undetermined() -> None:
     log = make_session(3.0)
     errors = (38.0, float("nan"), 0.003)
-    told = replace(log, models=tuple(msgspec.structs.replace(model, standard_errors=errors) for model in log.models))
-    report = session_figures(told)
+    changed = replace(log, models=tuple(msgspec.structs.replace(model, standard_errors=errors) for model in log.models))
+    report = session_figures(changed)
     assert report["parameters"] == {"stiffness": 3000.0, "damping": None, "exponent": 1.4}
     assert report["standard_errors"] == {"stiffness": 38.0, "damping": None, "exponent": 0.003}
     text = render_text(report)
     assert "law        stiffness 3,000 ± 38 N/m^n, damping undetermined, exponent 1.4000 ± 0.0030" in text
     assert "None" not in text
-    for share, idle in ((0.004, True), (0.006, False)):
-        shares = {"law": share, "coarse": 1.0 - share, "fine": 0.0}
-        places = dict.fromkeys(("depths_m", "local_stiffness_N_per_m", "forces_N"), ())
+    for weight, idle in ((0.004, True), (0.006, False)):
+        weights = {"law": weight, "coarse": 1.0 - weight, "fine": 0.0}
+        empty = dict.fromkeys(("depths_m", "local_stiffness_N_per_m", "forces_N"), ())
         figures = {"depth_visited_m": 0.0, "speed_visited_m_per_s": 0.0, "standard_deviation_N": None}
-        assert (IDLE_LAW in render_text({**report, "map": {"shares": shares, **places, **figures}})) == idle
+        assert (IDLE_LAW in render_text({**report, "map": {"shares": weights, **empty, **figures}})) == idle
     plain = session_figures(log)  # a session of old tells no errors
     assert plain["standard_errors"] is None
     assert plain["parameters"]["damping"] == 1500.0

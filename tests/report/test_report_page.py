@@ -141,9 +141,9 @@ def test_what_is_not_scored_is_not_marked_as_scored() -> None:
     force = np.maximum(0.0, 4.0 * np.sin(6.0 * time))
     scored = (time >= 0.5) & ~((time >= 1.0) & (time < 2.0))
     band = next(
-        found
-        for found in force_figure(time, force, force, force, force, scored=scored).axes[0].collections
-        if found.get_label() == "scored"
+        collection
+        for collection in force_figure(time, force, force, force, force, scored=scored).axes[0].collections
+        if collection.get_label() == "scored"
     )
     sides = [(path.vertices[:, 0].min(), path.vertices[:, 0].max()) for path in band.get_paths()]
     np.testing.assert_allclose(sides, [(0.5, 1.0), (2.0, 3.0)], atol=2e-3)
@@ -243,11 +243,11 @@ def test_whatever_a_figure_is_made_of_its_image_is_bounded(sort: str) -> None:
     figure = new_figure(4.0)
     axes = figure.subplots()
     axes.set_title("the title stays sharp")
-    places = np.random.default_rng(0).uniform(size=(20_000, 2))
+    points = np.random.default_rng(0).uniform(size=(20_000, 2))
     if sort == "dots":
-        axes.plot(places[:, 0], places[:, 1], "o")
+        axes.plot(points[:, 0], points[:, 1], "o")
     else:
-        for x, y in places[:1500].tolist():
+        for x, y in points[:1500].tolist():
             axes.text(x, y, "12.3")
     assert len(embedded(figure, "many")) < 2 * MOST_BYTES
     assert axes.title.get_rasterized() is not True

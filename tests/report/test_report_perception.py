@@ -68,9 +68,9 @@ def test_two_laws_switched_at_a_known_sample(factor: float, at: float, delay: fl
 def test_size_and_rate_may_be_of_different_jumps() -> None:
     time = np.array([5.0, 5.1, 5.2, 5.201, 5.3])
     period = np.concatenate(([np.nan], np.diff(time)))
-    found = largest_jump(time, np.array([0.0, 0.0, -2.0, 0.5, 0.0]), period)
-    assert found == pytest.approx((2.0, 500.0, 0.2))
-    assert found.figures("x") == {"x_N": found.force, "x_N_per_s": found.rate, "x_at_s": found.time}
+    result = largest_jump(time, np.array([0.0, 0.0, -2.0, 0.5, 0.0]), period)
+    assert result == pytest.approx((2.0, 500.0, 0.2))
+    assert result.figures("x") == {"x_N": result.force, "x_N_per_s": result.rate, "x_at_s": result.time}
 
 
 def test_where_there_is_no_jump() -> None:
@@ -137,13 +137,13 @@ def test_time_to_accuracy_is_that_of_the_switch(switch: float, error: float, res
     """Wrong by one share before a moment, by a smaller one after it."""
     time, force, touching = presses(8.0)
     wrong = np.where(time - 40.0 < switch, error, rest)
-    found = time_to_accuracy(time, force, (1.0 + wrong) * force, touching)
+    result = time_to_accuracy(time, force, (1.0 + wrong) * force, touching)
     contact = np.flatnonzero(touching)
-    share = np.minimum(wrong[contact], 1e3) ** 2
-    means = np.lib.stride_tricks.sliding_window_view(share, 500).mean(axis=1)
+    squares = np.minimum(wrong[contact], 1e3) ** 2
+    means = np.lib.stride_tricks.sliding_window_view(squares, 500).mean(axis=1)
     first = int(np.argmax(means <= 0.01 * (1.0 + 1e-9)))
-    assert found == pytest.approx(time[contact[first]] - time[contact[0]], abs=1.5 * PERIOD)
-    assert found <= max(0.0, switch - 0.25) + 0.5 + PERIOD
+    assert result == pytest.approx(time[contact[first]] - time[contact[0]], abs=1.5 * PERIOD)
+    assert result <= max(0.0, switch - 0.25) + 0.5 + PERIOD
 
 
 def test_accuracy_that_does_not_last_does_not_count() -> None:
@@ -159,8 +159,8 @@ def test_one_absurd_sample_spoils_its_window_and_no_other(bad: float) -> None:
     time, force, touching = presses(4.0)
     predicted = 1.05 * force
     predicted[400] = bad
-    found = time_to_accuracy(time, force, predicted, touching)
-    assert found == pytest.approx(time[401] - time[touching][0])
+    result = time_to_accuracy(time, force, predicted, touching)
+    assert result == pytest.approx(time[401] - time[touching][0])
 
 
 def test_too_little_contact_is_never_accurate() -> None:

@@ -33,11 +33,11 @@ SHORT, LONG = 3.0, 5.0
 
 def as_process(log: SessionLog, epoch: int, run: int, since_ms: int) -> list[Message]:
     """The messages of a session of two processes that began so long after another."""
-    found: list[Message] = [LeaderState(VERSION, *row) for row in log.leader.tolist()]
-    found += [Telemetry(VERSION, *row) for row in log.follower.tolist()]
+    messages: list[Message] = [LeaderState(VERSION, *row) for row in log.leader.tolist()]
+    messages += [Telemetry(VERSION, *row) for row in log.follower.tolist()]
     return [
         msgspec.structs.replace(message, time_ns=message.time_ns + since_ms * MS, epoch=epoch, run=run)
-        for message in (*found, *log.models)
+        for message in (*messages, *log.models)
     ]
 
 
@@ -52,7 +52,7 @@ def regripped(tmp_path_factory: pytest.TempPathFactory) -> SessionLog:
     path = tmp_path_factory.mktemp("phases") / "grip.mcap"
     begun = round(LONG * 1000) + 2000
     with SessionWriter(path) as writer:
-        said = [
+        numbered = [
             hello("follower", 105, 0, material="foam-measured", position_delay="0.08"),
             hello("leader", 5, 0, grip="none", operator="scripted", force_delay="0.3"),
             *as_process(first, 5, 105, 0),
@@ -60,14 +60,14 @@ def regripped(tmp_path_factory: pytest.TempPathFactory) -> SessionLog:
             hello("leader", 9, 0, grip="normal", operator="scripted", force_delay="0.3"),
             *as_process(second, 9, 109, begun),
         ]
-        for number, message in enumerate(said):
+        for number, message in enumerate(numbered):
             writer.write(message, number)
     return read_session(path)
 
 
 def test_each_segment_has_what_its_own_processes_said(regripped: SessionLog) -> None:
-    told = [(one.settings["grip"], one.settings["material"]) for one in regripped.segments()]
-    assert told == [("none", "foam-measured"), ("normal", "hunt-crossley")]
+    settings = [(one.settings["grip"], one.settings["material"]) for one in regripped.segments()]
+    assert settings == [("none", "foam-measured"), ("normal", "hunt-crossley")]
     assert regripped.settings["grip"] == "normal"  # as it was said last
     assert regripped.longest().settings["material"] == "foam-measured"
 
@@ -97,7 +97,7 @@ def test_a_network_that_changed_divides_a_segment(tmp_path: Path) -> None:
     path, changed = tmp_path / "delay.mcap", 2000
     led, followed = (int(rows["time_ns"][changed]) for rows in (log.leader, log.follower))
     with SessionWriter(path) as writer:
-        said = [
+        numbered = [
             hello("follower", 105, 0, position_delay="0.08", material="hunt-crossley"),
             hello("leader", 5, 0, force_delay="0.3", grip="none"),
             *as_process(log, 5, 105, 0),
@@ -111,7 +111,7 @@ def test_a_network_that_changed_divides_a_segment(tmp_path: Path) -> None:
             ),
             hello("leader", 5, led + 90 * MS, force_delay="0.6", grip="none", **{SINCE: str(led)}),
         ]
-        for number, message in enumerate(said):
+        for number, message in enumerate(numbered):
             writer.write(message, number)
     read = read_session(path)
     assert len(read.segments()) == 1

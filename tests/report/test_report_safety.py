@@ -74,16 +74,16 @@ def test_times_and_seconds_of_what_the_robot_did(quiet: SessionLog) -> None:
         (3000, 3100, Status.SHADOW),
     )
     report = session_figures(log)
-    found = report["safety"]["statuses"]
-    assert set(found) == {"returning", "holding", "unloading"}
-    assert found["holding"]["times"] == 2
-    assert found["holding"]["seconds"] == pytest.approx(0.35)
-    assert found["unloading"] == {
+    statuses = report["safety"]["statuses"]
+    assert set(statuses) == {"returning", "holding", "unloading"}
+    assert statuses["holding"]["times"] == 2
+    assert statuses["holding"]["seconds"] == pytest.approx(0.35)
+    assert statuses["unloading"] == {
         "times": 1,
         "seconds": pytest.approx(0.4),
         "sentence": STATUS_SENTENCES[Status.UNLOADING],
     }
-    assert found["returning"]["seconds"] == pytest.approx(0.22)
+    assert statuses["returning"]["seconds"] == pytest.approx(0.22)
     text = render_text(report)
     assert TITLE in text
     assert f"holding    2 times, 0.35 s: {STATUS_SENTENCES[Status.HOLDING]}" in text
@@ -200,16 +200,16 @@ def test_many_stops_are_counted_at_the_top_with_how_long_they_lasted(quiet: Sess
     top = render_text(report).splitlines()[:6]
     assert "6 emergency stops in segment 2, for 1.20 s in all: pressed in the console." in top
     silent = session_figures(with_status(quiet, (500, 1500, Status.STOPPED)))
-    assert "Emergency stop, for 1.00 s: nobody said why." in render_text(silent)
+    assert "Emergency stop, for 1.00 s: no reason was given." in render_text(silent)
 
 
 def test_the_first_line_has_the_length_of_the_whole_session(quiet: SessionLog, tmp_path: Path) -> None:
     log = twice(make_session(2.0), quiet)
     report = session_figures(log)
     assert report["segments"]["duration_s"] == pytest.approx(6.08, abs=0.01)
-    said = "6.1 s in 2 segments, of which the longest: 4.0 s, "
-    assert render_text(report).startswith(f"Session: {said}material")
-    assert said in write_page(tmp_path, log, report).read_text()
+    text = "6.1 s in 2 segments, of which the longest: 4.0 s, "
+    assert render_text(report).startswith(f"Session: {text}material")
+    assert text in write_page(tmp_path, log, report).read_text()
     assert render_text(session_figures(quiet)).startswith("Session: 4.0 s, material")
 
 

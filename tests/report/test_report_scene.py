@@ -65,13 +65,13 @@ def with_pose(log: SessionLog, bumped: int, seen: int) -> tuple[SessionLog, Pose
 def test_the_error_of_the_pose_is_that_of_the_newest_tick(apart_ns: int) -> None:
     """Also where both clocks have nothing to do with each other."""
     log, first = with_pose(make_scene_session(apart_ns=apart_ns), 2000, 2450)
-    found = look_at_scene(log, pair(log)).pose
+    result = look_at_scene(log, pair(log)).pose
     far, turn = Pose.from_rotation_vector(NOMINAL[3:], NOMINAL[:3]).distance(first)
-    assert found.place[10:499] == pytest.approx(1e3 * far, rel=1e-12)
-    assert found.turn[10:499] == pytest.approx(np.degrees(turn), rel=1e-9)
-    assert found.place[500:2000].max() < 1e-9
-    assert found.place[2000:2450] == pytest.approx(4.0, rel=1e-9)
-    assert found.place[2450:].max() < 1e-9
+    assert result.distance[10:499] == pytest.approx(1e3 * far, rel=1e-12)
+    assert result.turn[10:499] == pytest.approx(np.degrees(turn), rel=1e-9)
+    assert result.distance[500:2000].max() < 1e-9
+    assert result.distance[2000:2450] == pytest.approx(4.0, rel=1e-9)
+    assert result.distance[2450:].max() < 1e-9
 
 
 def test_a_bump_is_found_and_so_is_when_it_is_over() -> None:
@@ -156,18 +156,18 @@ def with_account(
     """
     random = np.random.default_rng(seed)
     account = SpatialEnergyAccount(resolution)
-    place, hand, leader = np.zeros(3), log.leader_space, log.leader
+    position, hand, leader = np.zeros(3), log.leader_space, log.leader
     touching = np.repeat(random.random(-(-hand.size // 100)) < 0.7, 100)
     for row in range(hand.size):
-        place = place + random.normal(0.0, 1e-4, 3)
-        account.observe(tuple(place / scale))
+        position = position + random.normal(0.0, 1e-4, 3)
+        account.observe(tuple(position / scale))
         hand["energy"][row], hand["energy_bound"][row] = account.energy, account.bound
         pressed = 2.0 if touching[row] else 0.0
         if not touching[row]:
             account.close()
         x, y, z = random.normal(0.0, 0.5, 3).tolist() if touching[row] or rubs_on else (0.0, 0.0, 0.0)
         force = account.hold((x, y, z + pressed if touching[row] else 0.0))
-        put(hand[row : row + 1], "hand", place)
+        put(hand[row : row + 1], "hand", position)
         put(hand[row : row + 1], "force", force)
         leader["rendered_force"][row] = pressed
     return log
@@ -215,7 +215,7 @@ def nodes_about(scene: str, spacing: float = 3e-3, **law: float) -> MaterialFiel
     keys = keys[: 1024 // 2 * 2]
     stiffness = np.full(len(keys), 6000.0)
     if made.inclusion is not None:
-        stiffness *= [made.inclusion.factor(tuple(place)) for place in (keys * spacing).tolist()]
+        stiffness *= [made.inclusion.factor(tuple(position)) for position in (keys * spacing).tolist()]
     values = np.stack([law.get("a", 1.0) * stiffness, np.zeros(len(keys)), np.zeros(len(keys)), 0.01 * stiffness], 1)
     return MaterialField(keys, values, mean=(6000.0, 0.0, 0.0), uncertainty=2000.0, spacing=spacing)
 
@@ -224,33 +224,33 @@ def palpated(scene: str, field: MaterialField) -> SessionLog:
     """The probe goes over the specimen in rows 3 mm apart, in contact all the way."""
     log = make_scene_session(17 * 200, scene=scene)
     along, rows = np.linspace(-0.024, 0.024, 200), np.linspace(-0.024, 0.024, 17)
-    place = np.array([(x, y, 0.0) for y in rows for x in along])
-    put(log.follower_space, "place", place)
+    position = np.array([(x, y, 0.0) for y in rows for x in along])
+    put(log.follower_space, "place", position)
     log.follower["in_contact"], log.follower["force"], log.follower["exact_force"] = True, 1.0, 1.0
     return dataclasses.replace(log, fields=(field_update(field),), models=(model(1, 100),))
 
 
 def test_a_field_that_is_right_has_no_error() -> None:
-    found = scene_of(palpated("plane", nodes_about("plane")))["map"]
-    assert found["median_error_percent"] < 1e-3
-    assert found["within_two_deviations_percent"] == 100.0
-    assert found["learnt_N_per_m"] == pytest.approx([6000.0] * 3, rel=1e-6)
-    assert found["touched_cm2"] == pytest.approx(5.4**2, rel=0.08)  # 48 mm and 3 mm about it, in whole cells
-    assert found["inclusion"] is None
+    result = scene_of(palpated("plane", nodes_about("plane")))["map"]
+    assert result["median_error_percent"] < 1e-3
+    assert result["within_two_deviations_percent"] == 100.0
+    assert result["learnt_N_per_m"] == pytest.approx([6000.0] * 3, rel=1e-6)
+    assert result["touched_cm2"] == pytest.approx(5.4**2, rel=0.08)  # 48 mm and 3 mm about it, in whole cells
+    assert result["inclusion"] is None
 
 
 def test_a_field_that_is_too_stiff_is_wrong_by_as_much() -> None:
-    found = scene_of(palpated("plane", nodes_about("plane", a=1.25)))["map"]
-    assert found["median_error_percent"] == pytest.approx(25.0, rel=1e-5)
-    assert found["within_two_deviations_percent"] == 0.0
+    result = scene_of(palpated("plane", nodes_about("plane", a=1.25)))["map"]
+    assert result["median_error_percent"] == pytest.approx(25.0, rel=1e-5)
+    assert result["within_two_deviations_percent"] == 0.0
 
 
 def test_an_inclusion_is_found_where_it_is() -> None:
     field = nodes_about("phantom")
-    found = scene_of(palpated("phantom", field))["map"]["inclusion"]
-    assert found["centre_error_mm"] < 0.5
-    assert found["radius_mm"] == pytest.approx(12.0, abs=1.0)
-    assert found["ratio"] == pytest.approx(4.0, rel=0.05)
+    result = scene_of(palpated("phantom", field))["map"]["inclusion"]
+    assert result["centre_error_mm"] < 0.5
+    assert result["radius_mm"] == pytest.approx(12.0, abs=1.0)
+    assert result["ratio"] == pytest.approx(4.0, rel=0.05)
 
 
 def test_a_mesh_that_is_gone_leaves_the_rest_of_the_report(tmp_path: Path) -> None:
@@ -305,13 +305,13 @@ def test_a_simulated_scene_is_reported_and_its_account_agrees(simulated: Session
 def test_the_page_of_a_scene_shows_its_figures(simulated: SessionLog, told: dict[str, Any], tmp_path: Path) -> None:
     page = write_page(tmp_path, simulated, told).read_text()
     images = re.findall(r'alt="([^"]+)" src="data:image/svg\+xml;base64,([^"]+)"', page)
-    said = [text for text, _ in images]
+    captions = [text for text, _ in images]
     for text, data in images:
         assert ElementTree.fromstring(base64.b64decode(data)).tag.endswith("svg"), text
-    assert any("pose" in text for text in said)
-    assert any("False and missed contacts" in text for text in said)
-    assert any("Local stiffness over the surface" in text for text in said)
-    assert not any("depth, true" in text or "tracking error" in text for text in said)
+    assert any("pose" in text for text in captions)
+    assert any("False and missed contacts" in text for text in captions)
+    assert any("Local stiffness over the surface" in text for text in captions)
+    assert not any("depth, true" in text or "tracking error" in text for text in captions)
 
 
 def test_a_session_along_a_line_says_nothing_of_scenes() -> None:
@@ -334,9 +334,9 @@ def error_of(far: np.ndarray, end: float, tick: float = TICK) -> PoseError:
 
 def recovered(error: PoseError) -> float | None:
     deviation = np.full(error.time.size, np.nan)
-    whole = PoseError(error.time, error.place, error.turn, deviation, deviation, np.zeros(0), error.bumps)
-    found: float | None = pose_figures(make_session(1.0), whole)["bumps"][0]["recovered_s"]
-    return found
+    whole = PoseError(error.time, error.distance, error.turn, deviation, deviation, np.zeros(0), error.bumps)
+    result: float | None = pose_figures(make_session(1.0), whole)["bumps"][0]["recovered_s"]
+    return result
 
 
 @given(st.lists(st.booleans(), min_size=2, max_size=60), st.integers(0, 8))
@@ -352,8 +352,8 @@ def test_a_pose_is_right_again_behind_the_last_tick_before_a_long_enough_rest(fa
         if until - start >= NEAR_FOR:
             expected = start - 0.05
             break
-    found = recovered(error)
-    assert found == (None if expected is None else pytest.approx(expected))
+    result = recovered(error)
+    assert result == (None if expected is None else pytest.approx(expected))
 
 
 def test_a_quarter_of_an_hour_that_is_never_right_again_is_judged_at_once() -> None:
@@ -366,8 +366,8 @@ def test_a_quarter_of_an_hour_that_is_never_right_again_is_judged_at_once() -> N
 def test_a_phantom_that_is_felt_all_alike_has_no_inclusion() -> None:
     axis = np.linspace(-0.03, 0.03, 7)
     alike = np.full((7, 7), 400.0)
-    found = StiffnessMap(0.075 + axis, axis, alike, 0.1 * alike, alike, np.ones((7, 7), dtype=bool))
+    result = StiffnessMap(0.075 + axis, axis, alike, 0.1 * alike, alike, np.ones((7, 7), dtype=bool))
     with np.errstate(all="raise"):
-        figures = map_figures(found, FIELD, make_scene("phantom"))
+        figures = map_figures(result, FIELD, make_scene("phantom"))
     assert figures["inclusion"] is None
     assert figures["median_error_percent"] == 0.0

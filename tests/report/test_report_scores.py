@@ -131,10 +131,10 @@ def test_a_prediction_that_is_not_finite_never_looks_good(bad: float) -> None:
     assert scores.status == "prediction_not_finite"
     assert scores.prediction_rmse_N is None
     assert scores.prediction_error_percent is None
-    share = 100.0 * np.mean(force[scores.in_contact] > 2.0)
-    assert scores.within_jnd_percent == pytest.approx(100.0 - share, abs=0.5)
+    percent = 100.0 * np.mean(force[scores.in_contact] > 2.0)
+    assert scores.within_jnd_percent == pytest.approx(100.0 - percent, abs=0.5)
     if bad != np.inf:
-        assert scores.missed_contact_percent == pytest.approx(share, abs=0.5)
+        assert scores.missed_contact_percent == pytest.approx(percent, abs=0.5)
     everywhere = score_prediction(time, force, np.full(time.size, bad), force, contact_floor=0.05)
     assert everywhere.within_jnd_percent == 0.0
     assert everywhere.phantom_force_rms_N is None

@@ -209,9 +209,9 @@ def test_text_says_the_bad_news_first() -> None:
 )
 def test_what_is_the_same_is_no_better(error: float, word: str) -> None:
     figures = {"status": "ok", "within_jnd_percent": None, "missed_contact_percent": None}
-    said = scoring_findings(figures | {"prediction_error_percent": error, "delayed_force_error_percent": 100.0})[0]
-    assert said.text.startswith(f"The predicted force is {word} than the delayed force (error x ")
-    assert said.good is (word == "better")
+    findings = scoring_findings(figures | {"prediction_error_percent": error, "delayed_force_error_percent": 100.0})[0]
+    assert findings.text.startswith(f"The predicted force is {word} than the delayed force (error x ")
+    assert findings.good is (word == "better")
 
 
 def test_figures_as_people_read_them() -> None:

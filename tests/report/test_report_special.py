@@ -66,7 +66,7 @@ EXPECTED: dict[str, tuple[str, tuple[str, ...]]] = {
     "once": ("ok", ("It touches once, from 3.0",)),
     "once-before": ("no_contact", ("no_contact: ", "It touches outside of the scoring window only")),
     "stays": ("offset_unobservable", ("offset_unobservable: the probe never leaves contact",)),
-    "inside": ("ok", ("It begins in contact: surface and zero of the force can only be told from 0.8",)),
+    "inside": ("ok", ("It begins in contact: surface and zero of the force are only known from 0.8",)),
     "held": ("no_contact", ("no_contact: ", "The probe never moves")),
     "gaps": ("ok", ("Time has 2 gaps, up to 0.90 s long",)),
     "slow": ("ok", ("It has 50 samples a second",)),

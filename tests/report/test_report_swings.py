@@ -27,9 +27,9 @@ def rows(hand: Array, meant: Array) -> NDArray[np.void]:
 @pytest.mark.parametrize(("size", "expected"), [(4e-3, 20), (3e-4, 18), (2e-4, 0)])
 def test_turning_points_of_a_sine(size: float, expected: int) -> None:
     """Ten periods; a swing is twice the amplitude, the first and the last are half of one."""
-    found = turning_points(size * np.sin(2 * np.pi * np.arange(10_000) * 1e-3))
-    assert found.size == expected
-    assert (found % 500 == 250).all()
+    turns = turning_points(size * np.sin(2 * np.pi * np.arange(10_000) * 1e-3))
+    assert turns.size == expected
+    assert (turns % 500 == 250).all()
 
 
 def test_the_position_of_a_turn_is_its_extreme() -> None:
@@ -40,12 +40,12 @@ def test_the_position_of_a_turn_is_its_extreme() -> None:
 @QUICK
 @given(st.lists(st.floats(-5e-3, 5e-3), max_size=40))
 def test_turns_alternate_and_lie_a_swing_apart_both_ways(positions: list[float]) -> None:
-    place = np.array(positions)
-    found = turning_points(place)
-    legs = np.diff(place[found])
+    position = np.array(positions)
+    turns = turning_points(position)
+    legs = np.diff(position[turns])
     assert (np.abs(legs) > 5e-4).all()
     assert (legs[1:] * legs[:-1] < 0.0).all()
-    assert turning_points(place[::-1]).size == found.size
+    assert turning_points(position[::-1]).size == turns.size
 
 
 @pytest.mark.parametrize("lag", [0, 50, 300])
@@ -75,9 +75,9 @@ def test_a_rebound_that_dies_away_is_none(left: float, dies: bool) -> None:
 
 
 def test_swings_of_a_press_with_a_rebound() -> None:
-    place = 1e-3 * np.array([0.0, 10.0, 8.0, 8.6, 0.0, 10.0, 0.0])
-    assert turning_points(place).tolist() == [1, 2, 3, 4, 5]
-    assert swings(place).tolist() == [1, 2, 4, 5]
+    position = 1e-3 * np.array([0.0, 10.0, 8.0, 8.6, 0.0, 10.0, 0.0])
+    assert turning_points(position).tolist() == [1, 2, 3, 4, 5]
+    assert swings(position).tolist() == [1, 2, 4, 5]
     assert swings(np.zeros(0)).size == 0
 
 

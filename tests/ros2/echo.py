@@ -30,21 +30,21 @@ def schemas_inside(schema: str) -> tuple[str, dict[str, str]]:
 def stamped(message: object) -> dict[str, object]:
     """The numbers of a message that a test asks for."""
     header = getattr(message, "header", None)
-    said: dict[str, object] = {"type": type(message).__name__}
+    content: dict[str, object] = {"type": type(message).__name__}
     if header is not None:
-        said |= {"stamp": header.stamp.sec * 10**9 + header.stamp.nanosec, "frame": header.frame_id}
+        content |= {"stamp": header.stamp.sec * 10**9 + header.stamp.nanosec, "frame": header.frame_id}
     if hasattr(message, "wrench"):
-        said["force"] = [message.wrench.force.x, message.wrench.force.y, message.wrench.force.z]
+        content["force"] = [message.wrench.force.x, message.wrench.force.y, message.wrench.force.z]
     if hasattr(message, "pose"):
-        said["place"] = [message.pose.position.x, message.pose.position.y, message.pose.position.z]
+        content["place"] = [message.pose.position.x, message.pose.position.y, message.pose.position.z]
     if hasattr(message, "effort"):
-        said |= {name: list(getattr(message, name)) for name in ("name", "position", "velocity", "effort")}
+        content |= {name: list(getattr(message, name)) for name in ("name", "position", "velocity", "effort")}
     if hasattr(message, "law"):
-        said |= {"law": message.law, "valid": bool(message.valid), "values": list(message.values)}
-        said["names"] = list(message.names)
+        content |= {"law": message.law, "valid": bool(message.valid), "values": list(message.values)}
+        content["names"] = list(message.names)
     if hasattr(message, "layout"):
-        said |= {"label": message.layout.dim[0].label, "data": list(message.data)}
-    return said
+        content |= {"label": message.layout.dim[0].label, "data": list(message.data)}
+    return content
 
 
 def main(port: int, namespace: str, file: TextIO) -> None:

@@ -52,9 +52,9 @@ def log() -> list[Message]:
     settings = SessionSettings(material="hunt-crossley", operator="scripted", model="kelvin-voigt", estimator="rls")
     robot, reach = make_session_robot(settings)
     operator = make_operator(settings, surface=reach.surface, press_depth=reach.press_depth, say=print)
-    said: list[Message] = []
-    simulate(settings, duration=2.0, operator=operator, robot=robot, record=lambda message, now: said.append(message))
-    return said
+    sent: list[Message] = []
+    simulate(settings, duration=2.0, operator=operator, robot=robot, record=lambda message, now: sent.append(message))
+    return sent
 
 
 @pytest.fixture
@@ -141,9 +141,9 @@ def test_every_number_of_a_session_is_read_by_another_implementation(
         assert (joints.position[0], joints.velocity[0], joints.effort[0]) == (tick.position, tick.velocity, tick.force)
     for tick, (data, _) in zip(ticks, there.of("/robot1/follower/probe"), strict=True):
         pose = read(data, "geometry_msgs/msg/PoseStamped")
-        place, turn = pose.pose.position, pose.pose.orientation
+        position, turn = pose.pose.position, pose.pose.orientation
         assert pose.header.frame_id == "world"
-        assert (place.x, place.y, place.z) == (0.0, 0.0, -tick.position)
+        assert (position.x, position.y, position.z) == (0.0, 0.0, -tick.position)
         assert (turn.x, turn.y, turn.z, turn.w) == (0.0, 0.0, 0.0, 1.0)
     for state, (data, _) in zip(leaders, there.of("/robot1/leader/joint_states"), strict=True):
         joints = read(data, "sensor_msgs/msg/JointState")
@@ -261,8 +261,8 @@ def test_in_a_scene_the_probe_is_where_the_follower_says(there: Router, graph: G
     pass_on(bridge(graph), [scene, at(TICK, 1), at(space, 1), belief])
     wait_until(lambda: sum(graph.sent.values()) == len(there.samples) == 4)
     read = reader().deserialize_cdr
-    place = read(there.of("/robot1/follower/probe")[0][0], "geometry_msgs/msg/PoseStamped").pose.position
-    assert (place.x, place.y, place.z) == (0.1, -0.2, 0.3)
+    position = read(there.of("/robot1/follower/probe")[0][0], "geometry_msgs/msg/PoseStamped").pose.position
+    assert (position.x, position.y, position.z) == (0.1, -0.2, 0.3)
     assert len(there.of("/robot1/camera/fixture/pose")) == 1
 
 

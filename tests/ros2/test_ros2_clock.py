@@ -41,7 +41,7 @@ def test_senders_have_clocks_of_their_own() -> None:
     assert clock.local_ns(("follower", 1), 500, 7_000_000) == 7_000_000
     assert clock.local_ns(("follower", 2), 9 * 10**17, 8_000_000) == 8_000_000
     assert clock.local_ns(("follower", 1), 500 + TICK, 9_000_000) == 7_000_000 + TICK
-    for other in range(1000):  # nobody fills the memory
+    for other in range(1000):  # no sender fills the memory
         clock.local_ns(other, 0, 0)
     assert len(clock._transits) == 64
 

@@ -67,17 +67,17 @@ def test_an_independent_subscriber_sees_a_running_session(running: list[subproce
         count = len(hub.samples)
     echo.send_signal(signal.SIGTERM)
     echo.communicate(timeout=10)
-    said: dict[str, list[dict[str, Any]]] = {}
+    topics: dict[str, list[dict[str, Any]]] = {}
     for line in (tmp_path / "heard").read_text().splitlines():
         topic, heard_ns, message = json.loads(line)
-        said.setdefault(topic, []).append(message | {"heard": heard_ns})
+        topics.setdefault(topic, []).append(message | {"heard": heard_ns})
     first, *others = ends[1][1].splitlines()
     assert first == f"bridge: on the ROS 2 graph, through {hub.endpoint}"
     sent = {line.split()[1].removeprefix("/robot1"): int(line.split()[2].replace(",", "")) for line in others}
     assert sum(sent.values()) == count
-    assert {topic: len(messages) for topic, messages in said.items()} == pytest.approx(sent, abs=5)
-    _is_on_time(said, begun)
-    _is_the_session(said, read_session(recording))
+    assert {topic: len(messages) for topic, messages in topics.items()} == pytest.approx(sent, abs=5)
+    _is_on_time(topics, begun)
+    _is_the_session(topics, read_session(recording))
 
 
 def _watching(session: subprocess.Popen[str]) -> list[str]:
@@ -89,39 +89,39 @@ def _watching(session: subprocess.Popen[str]) -> list[str]:
     raise AssertionError("the session has not said it")
 
 
-def _is_on_time(said: dict[str, list[dict[str, Any]]], begun: int) -> None:
+def _is_on_time(topics: dict[str, list[dict[str, Any]]], begun: int) -> None:
     """Stamps are ROS time, in order, and the same for both topics of a tick."""
     for topic in ("/follower/wrench", "/follower/joint_states", "/follower/probe", "/leader/joint_states"):
-        stamps = [message["stamp"] for message in said[topic]]
-        late = sorted(message["heard"] - message["stamp"] for message in said[topic])
+        stamps = [message["stamp"] for message in topics[topic]]
+        late = sorted(message["heard"] - message["stamp"] for message in topics[topic])
         assert len(stamps) > 400
         assert stamps == sorted(stamps)
         assert begun < stamps[0]
         assert -1_000_000 < late[len(late) // 2] < 100_000_000  # what bridge, network and reading take
-    pushed = {wrench["stamp"]: wrench["force"][2] for wrench in said["/follower/wrench"]}
-    both = [joint for joint in said["/follower/joint_states"] if joint["stamp"] in pushed]
+    pushed = {wrench["stamp"]: wrench["force"][2] for wrench in topics["/follower/wrench"]}
+    both = [joint for joint in topics["/follower/joint_states"] if joint["stamp"] in pushed]
     assert len(both) > 0.95 * len(pushed)
     assert all(pushed[joint["stamp"]] == joint["effort"][0] for joint in both)
 
 
-def _is_the_session(said: dict[str, list[dict[str, Any]]], log: SessionLog) -> None:
+def _is_the_session(topics: dict[str, list[dict[str, Any]]], log: SessionLog) -> None:
     """Every number that was heard stands in the recording of the same session."""
     follower, leader = log.follower, log.leader
     ticks = set(zip(follower["position"], follower["velocity"], follower["force"], strict=True))
-    heard = [(*joint["position"], *joint["velocity"], *joint["effort"]) for joint in said["/follower/joint_states"]]
-    assert len(set(heard) & ticks) > 0.99 * len(set(heard))  # a recorder may miss one, too
-    assert max(force for _, _, force in heard) > 0.05  # it presses, as far as a busy machine lets it
-    assert {wrench["force"][2] for wrench in said["/follower/wrench"]} <= {force for _, _, force in heard}
-    assert {pose["place"][2] for pose in said["/follower/probe"]} <= {-position for position, _, _ in heard}
+    joints = [(*joint["position"], *joint["velocity"], *joint["effort"]) for joint in topics["/follower/joint_states"]]
+    assert len(set(joints) & ticks) > 0.99 * len(set(joints))  # a recorder may miss one, too
+    assert max(force for _, _, force in joints) > 0.05  # it presses, as far as a busy machine lets it
+    assert {wrench["force"][2] for wrench in topics["/follower/wrench"]} <= {force for _, _, force in joints}
+    assert {pose["place"][2] for pose in topics["/follower/probe"]} <= {-position for position, _, _ in joints}
     commands = set(zip(leader["position"], leader["rendered_force"], strict=True))
-    rendered = {(state["position"][0], state["effort"][0]) for state in said["/leader/joint_states"]}
+    rendered = {(state["position"][0], state["effort"][0]) for state in topics["/leader/joint_states"]}
     assert len(rendered & commands) > 0.99 * len(rendered)
-    models = said["/follower/contact_model"]
+    models = topics["/follower/contact_model"]
     learnt = {(model.law, model.parameters) for model in log.models}
     assert {(model["law"], tuple(model["values"])) for model in models} <= learnt
     assert any(model["valid"] for model in models)
     numbers = [model["values"] for model in models]
-    assert all(array["data"] in numbers for array in said["/follower/contact_model/values"])
+    assert all(array["data"] in numbers for array in topics["/follower/contact_model/values"])
 
 
 @pytest.mark.long
@@ -160,7 +160,7 @@ def test_it_ends_with_the_session(running: list[subprocess.Popen[str]]) -> None:
         (("--connect", "tcp/127.0.0.1:7447"), "cannot be the session's and the ROS 2 router's"),
         (("--connect", "tcp/127.0.0.1:7451", "--domain", 500), "domain = 500: must be 0 to 232, as ROS_DOMAIN_ID"),
         (("--connect", "tcp/127.0.0.1:7451", "--namespace", "robot"), "namespace = 'robot': must be /, or names"),
-        (("--connect", "tcp/127.0.0.1:7451", "--rate", 0), "rate = 0.0: must be above 0 messages a second"),
+        (("--connect", "tcp/127.0.0.1:7451", "--rate", 0), "rate = 0.0: must be above 0 topics a second"),
         (("--connect", "tcp/127.0.0.1:7451", "--router", "localhost"), "endpoint 'localhost': write it as"),
         (("--connect", "tcp/127.0.0.1:7451", "--router", "tcp/192.0.2.1:7447"), "--insecure"),
         (("--connect", "tls/127.0.0.1:7451", "--keys", "/nowhere"), "keys"),

@@ -13,12 +13,12 @@ from zenoh_ros2_sdk.discovery import get_topic_info, get_topic_names_and_types
 
 
 def main(port: int, domain: int) -> None:
-    found = {}
+    topics = {}
     for name, types in get_topic_names_and_types(domain_id=domain, router_port=port):
         info = get_topic_info(name, domain_id=domain, router_port=port, verbose=True)
         assert info is not None
-        found[name] = {"types": types, "publishers": [dataclasses.asdict(publisher) for publisher in info.publishers]}
-    sys.stdout.write(json.dumps(found))
+        topics[name] = {"types": types, "publishers": [dataclasses.asdict(publisher) for publisher in info.publishers]}
+    sys.stdout.write(json.dumps(topics))
 
 
 if __name__ == "__main__":

@@ -35,8 +35,8 @@ def test_every_number_is_a_session_and_always_the_same_one(number: int, seed: in
 def test_all_that_is_varied_is_there_in_its_share(seed: int) -> None:
     cases = [draw_case(number, seed=seed) for number in range(400)]
     networks = Counter(case.network for case in cases)
-    for name, share in NETWORKS.items():
-        assert networks[name] == pytest.approx(400 * share, abs=5)
+    for name, fraction in NETWORKS.items():
+        assert networks[name] == pytest.approx(400 * fraction, abs=5)
     for name, choices in (("material", MATERIALS), ("grip", ("soft", "normal", "stiff"))):
         counts = Counter(case.options[name] for case in cases)
         assert set(counts) == set(choices)
@@ -95,13 +95,13 @@ def test_two_thirds_of_what_baselines_are_compared_on_are_plain() -> None:
 def test_the_command_is_the_session() -> None:
     command = get_command(app).commands["simulate"]  # type: ignore[attr-defined]
     for case in CASES[:60:4]:
-        for told in (case, case.rendering("delayed-tdpa")):
-            words = shlex.split(told.command)
+        for one in (case, case.rendering("delayed-tdpa")):
+            words = shlex.split(one.command)
             assert words[:2] == ["foretouch", "simulate"]
             parsed = command.make_context("simulate", words[2:]).params
-            assert parsed.pop("duration") == told.duration
+            assert parsed.pop("duration") == one.duration
             names = {name for name in parsed if name in SessionSettings.__dataclass_fields__}
-            assert SessionSettings(**{name: parsed[name] for name in names}) == told.settings()
+            assert SessionSettings(**{name: parsed[name] for name in names}) == one.settings()
 
 
 def test_a_plan_runs_each_session_once_and_some_three_times() -> None:

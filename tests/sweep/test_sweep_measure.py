@@ -7,11 +7,11 @@ from foretouch.sweep.outcome import felt_stiffness
 Array = NDArray[np.float64]
 
 
-def press(share: float, *, depth: float = 5e-3, samples: int = 1000, apart: float = 0.0) -> tuple[Array, ...]:
-    """In and out of a spring of 300 N/m, of which this share is felt; the hand's zero is that far from the probe's."""
+def press(fraction: float, *, depth: float = 5e-3, samples: int = 1000, apart: float = 0.0) -> tuple[Array, ...]:
+    """In and out of a spring of 300 N/m, felt by this fraction; the hand's zero is `apart` from the probe's."""
     probe = 0.02 + depth * np.sin(np.linspace(0.0, np.pi, samples))
     force = 300.0 * (probe - 0.02)
-    return probe + apart, share * force, probe, force
+    return probe + apart, fraction * force, probe, force
 
 
 def test_felt_stiffness_does_not_see_how_far_hand_and_probe_are_apart() -> None:

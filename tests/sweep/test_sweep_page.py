@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from foretouch.sweep import Outcome, crossover, crossovers, curve, draw_case, render_table, summary, write_sweep_page
-from foretouch.sweep.curves import AXES, Curve, error_of, said_of_crossovers
+from foretouch.sweep.curves import AXES, Curve, crossover_sentences, error_of
 from foretouch.sweep.page import error_figure
 
 GOOD: dict[str, Any] = {
@@ -49,9 +49,9 @@ def swept(count: int = 300) -> list[Outcome]:
 def test_a_curve_has_medians_and_quartiles_where_there_are_enough() -> None:
     rows = [row(n, round_trip_s=0.5, error_percent=float(n)) for n in range(1, 6)]
     rows += [row(9, round_trip_s=1.5, error_percent=1.0), row(10, round_trip_s=0.5)]
-    found = curve(rows, lambda one: one.round_trip_s, error_of, (0.0, 1.0, 2.0))
-    assert (found.x.tolist(), found.low.tolist(), found.middle.tolist(), found.high.tolist()) == ([0.5], [2], [3], [4])
-    assert found.count.tolist() == [5]
+    drawn = curve(rows, lambda one: one.round_trip_s, error_of, (0.0, 1.0, 2.0))
+    assert (drawn.x.tolist(), drawn.low.tolist(), drawn.middle.tolist(), drawn.high.tolist()) == ([0.5], [2], [3], [4])
+    assert drawn.count.tolist() == [5]
 
 
 def test_curves_cross_where_the_first_gets_below_and_stays() -> None:
@@ -69,18 +69,18 @@ def test_curves_cross_where_the_first_gets_below_and_stays() -> None:
 
 
 def test_the_crossover_is_said_in_a_sentence() -> None:
-    found = {(one["over"], one["baseline"]): one for one in crossovers(swept())}
-    at = found["round trip", "delayed"]["at"]
+    regions = {(one["over"], one["baseline"]): one for one in crossovers(swept())}
+    at = regions["round trip", "delayed"]["at"]
     assert isinstance(at, float)
     assert 0.05 < at < 0.2
-    assert f"From a round trip of {at:.2g} s on, models are nearer" in str(found["round trip", "delayed"]["sentence"])
-    never = found["round trip", "delayed-tdpa"]
+    assert f"From a round trip of {at:.2g} s on, models are nearer" in str(regions["round trip", "delayed"]["sentence"])
+    never = regions["round trip", "delayed-tdpa"]
     assert never["at"] is None
     assert "There is no point" in str(never["sentence"])
-    assert found["model age", "delayed"]["sentence"] is None  # their age was not measured
-    told = said_of_crossovers(crossovers(swept()))
-    assert told[-1] == "Too few sessions to compare models with the delayed force over model age."
-    assert len(told) == 3
+    assert regions["model age", "delayed"]["sentence"] is None  # their age was not measured
+    sentences = crossover_sentences(crossovers(swept()))
+    assert sentences[-1] == "Too few sessions to compare models with the delayed force over model age."
+    assert len(sentences) == 3
 
 
 def test_totals_count_what_is_wrong() -> None:

@@ -82,9 +82,9 @@ def test_what_is_there_is_not_run_again(folder: Path, tmp_path: Path) -> None:
     lines = (folder / FILE_NAME).read_bytes().splitlines(keepends=True)
     other = tmp_path / FILE_NAME
     other.write_bytes(b"".join(lines[:-2]) + lines[-1][:40])  # ended in the middle of a line
-    told: list[tuple[int, int]] = []
-    again = run_sweep(tmp_path, PLAN, processes=1, progress=lambda done, total, _: told.append((done, total)))
-    assert told == [(15, 16), (16, 16)]
+    reports: list[tuple[int, int]] = []
+    again = run_sweep(tmp_path, PLAN, processes=1, progress=lambda done, total, _: reports.append((done, total)))
+    assert reports == [(15, 16), (16, 16)]
     stored = read_store(folder / FILE_NAME)[1]
     assert [(row.number, row.baseline) for row in again] == [(case.number, case.baseline) for case in PLAN.cases()]
     assert all(row.same_as(stored[row.number, row.baseline]) for row in again)
@@ -93,9 +93,9 @@ def test_what_is_there_is_not_run_again(folder: Path, tmp_path: Path) -> None:
 
 @pytest.mark.long
 def test_a_larger_sweep_goes_on_from_a_smaller(folder: Path) -> None:
-    told: list[int] = []
-    run_sweep(folder, Plan(3, 0, 4.0), processes=1, progress=lambda done, *_: told.append(done))
-    assert told == []
+    reports: list[int] = []
+    run_sweep(folder, Plan(3, 0, 4.0), processes=1, progress=lambda done, *_: reports.append(done))
+    assert reports == []
 
 
 @pytest.mark.long
@@ -179,7 +179,7 @@ def test_a_broken_bound_a_large_jump_and_an_oscillating_hand_are_found() -> None
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "text"),
     [
         (lambda lines: [lines[0].replace(b'"seed":0', b'"seed":7'), *lines[1:]], "made with --seed 7"),
         (lambda lines: [lines[0].replace(b'"duration_s":4', b'"duration_s":5'), *lines[1:]], "--duration 5"),
@@ -188,10 +188,10 @@ def test_a_broken_bound_a_large_jump_and_an_oscillating_hand_are_found() -> None
         (lambda lines: [*lines[:2], b"{}\n"], "line 3: is no line of a sweep"),
     ],
 )
-def test_rows_of_another_sweep_are_refused_with_one_line(one: Path, tmp_path: Path, change: object, said: str) -> None:
+def test_rows_of_another_sweep_are_refused_with_one_line(one: Path, tmp_path: Path, change: object, text: str) -> None:
     lines = (one / FILE_NAME).read_bytes().splitlines(keepends=True)
     (tmp_path / FILE_NAME).write_bytes(b"".join(change(lines)))  # type: ignore[operator]
-    with pytest.raises(InputError, match=said) as caught:
+    with pytest.raises(InputError, match=text) as caught:
         run_sweep(tmp_path, PLAN)
     assert "\n" not in str(caught.value)
 
@@ -220,11 +220,11 @@ def test_rows_are_stale_by_what_made_them_and_by_nothing_that_only_shows_them() 
 def test_a_replay_of_nothing_is_refused(
     one: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for out, number, said in ((tmp_path, 0, "there is no sweep"), (one, 99, "has no session 99")):
+    for out, number, text in ((tmp_path, 0, "there is no sweep"), (one, 99, "has no session 99")):
         monkeypatch.setattr("sys.argv", ["foretouch", "sweep", "--out", str(out), "--replay", str(number)])
         with pytest.raises(SystemExit) as ended:
             main()
         assert ended.value.code == 2
         error = capsys.readouterr().err
-        assert said in error
+        assert text in error
         assert len(error.splitlines()) == 1

@@ -1,4 +1,4 @@
-"""What is compared on: files, and simulated recordings whose truth is known.
+"""Material of a comparison: files, and simulated recordings whose truth is known.
 
 Both are small names that a worker process loads itself. The simulated ones are each law alone, laws that change, taps,
 and materials that are no law.
@@ -54,7 +54,7 @@ BETWEEN: Final = ContinuousSwitching(4500.0, 1000.0, 0.7, 0.5)
 
 @dataclass(frozen=True)
 class Scenario:
-    """What is pressed and how.
+    """A material and the motion that presses it.
 
     Attributes:
         duration: [s].
@@ -79,7 +79,7 @@ class Simulated(ByValue):
 
     Attributes:
         recording: Noisy, without velocity, with an offset; nothing in it says where the surface is.
-        truth: What is behind it.
+        truth: The truth behind it.
     """
 
     recording: Recording
@@ -120,13 +120,13 @@ def simulate(name: str, *, seed: int = 0) -> Simulated:
     )
 
 
-def _force(scenario: Scenario, time: Array, depth: Array) -> Array:
+def _force(scenario: Scenario, time: Array, depths: Array) -> Array:
     """True force [N], the law advanced along the true motion."""
     force = np.empty(time.size)
     state = scenario.law_at(0.0).initial_state()
-    samples = zip(time.tolist(), depth.tolist(), np.gradient(depth, time).tolist(), strict=True)
-    for index, (now, place, speed) in enumerate(samples):
-        state, force[index], _ = advance(scenario.law_at(now), state, place, speed, SAMPLE_PERIOD)
+    samples = zip(time.tolist(), depths.tolist(), np.gradient(depths, time).tolist(), strict=True)
+    for index, (now, depth, speed) in enumerate(samples):
+        state, force[index], _ = advance(scenario.law_at(now), state, depth, speed, SAMPLE_PERIOD)
     return force
 
 
@@ -174,8 +174,8 @@ def _ramp(fraction: Array) -> Array:
 def _gradual(time: float) -> ContactModel:
     """Change from Hunt-Crossley to Kelvin-Voigt in 25 s, as in Fig. 8 of the paper."""
     t = min(max(time - FREE_AIR, 0.0), GRADUAL_DURATION)
-    share = t / GRADUAL_DURATION
-    return ContinuousSwitching(3000.0 + 120.0 * t, 1500.0 - 40.0 * t, 1.4 * (1.0 - share), share)
+    part = t / GRADUAL_DURATION
+    return ContinuousSwitching(3000.0 + 120.0 * t, 1500.0 - 40.0 * t, 1.4 * (1.0 - part), part)
 
 
 def _sudden(time: float) -> ContactModel:
@@ -216,8 +216,8 @@ class Case:
         path: Path of the file, absolute, for a worker may run elsewhere; empty where it is simulated.
         simulated: Whether it is simulated, with known truth.
         seed: Seed of a simulated one.
-        options: How the file is read; a map of its columns or topics by its absolute path.
-        changed_ns: When the file was changed last, so that a worker does not take an old one for it.
+        options: Options for reading the file; a map of its columns or topics by its absolute path.
+        changed_ns: Time of the last change of the file, so that a worker does not take an old one for it.
     """
 
     name: str
@@ -237,7 +237,7 @@ class Loaded(NamedTuple):
     """A case in memory.
 
     Attributes:
-        recording: What the follower felt.
+        recording: Recording of the follower.
         truth: The truth, where it is known.
         log: Log of a file that holds a session: the prediction is then made on the leader's motion.
     """
@@ -254,7 +254,7 @@ def file_case(
 
     Args:
         path: Path of any file that `read_recording` takes.
-        options: How it is to be read, where the file does not say so by itself.
+        options: Options for reading it, where the file does not say so by itself.
         **named: In place of `options`, its attributes by name, as `read_recording` takes them.
 
     Returns:

@@ -80,21 +80,21 @@ class OnceLearnt(Learner):
         return self.sample
 
     def learnt(self) -> LearntModel:
-        """What was known after the newest sample."""
+        """The model after the newest sample."""
         return self._memory[self._place] if self._place >= 0 else super().learnt()
 
 
 def whole_file_force(recording: Recording, estimator: Estimator, known: Learner) -> Array:
-    """Force [N] of a fit of the whole recording along its motion, shape (n,): no delay, and nothing causal about it.
+    """Force [N] of a fit of the whole recording along its motion, shape (n,): without delay, and not causal.
 
-    It is 0 where nothing could be fitted. The estimator is fresh; `known` has learnt the recording: where the surface
+    It is 0 where no fit was possible. The estimator is fresh; `known` has learnt the recording: where the surface
     is and what the force in free air is.
     """
-    found = known.conditioner
+    conditioner = known.conditioner
     learner = Learner(
         estimator,
-        surface=None if np.isnan(found.surface) else found.surface,
-        force_offset=found.force_offset,
+        surface=None if np.isnan(conditioner.surface) else conditioner.surface,
+        force_offset=conditioner.force_offset,
         contact_floor=recording.contact_floor,
     )
     for sample in _samples(recording):
@@ -104,7 +104,7 @@ def whole_file_force(recording: Recording, estimator: Estimator, known: Learner)
     predictor = Predictor()
     if learnt.model is not None:
         predictor.adopt(learnt.model, learnt.surface, learnt.model.initial_state())
-    return np.array([predictor.update(time, place, speed) for time, place, _, speed in _samples(recording)])
+    return np.array([predictor.update(time, position, speed) for time, position, _, speed in _samples(recording)])
 
 
 def _samples(recording: Recording) -> Iterator[tuple[float, float, float, float | None]]:
@@ -234,9 +234,9 @@ def measure(job: Combination) -> Result:
     floor = loaded.recording.contact_floor
     learner = Learner(make_estimator(job.model, job.estimator), contact_floor=floor)
     begin = perf_counter()
-    found = identify(loaded.recording, learner)
+    fit = identify(loaded.recording, learner)
     seconds = perf_counter() - begin
-    residual, contact = found.residual_rms, found.contact_force_rms
+    residual, contact = fit.residual_rms, fit.contact_force_rms
     once, truth = OnceLearnt(partial(make_estimator, job.model, job.estimator), contact_floor=floor), loaded.truth
     if truth is not None:
         once.learn(loaded.recording)
@@ -248,15 +248,15 @@ def measure(job: Combination) -> Result:
         job.estimator,
         "ok",
         samples=len(loaded.recording),
-        contact_samples=int(found.in_contact.sum()),
+        contact_samples=int(fit.in_contact.sum()),
         residual_percent=100.0 * residual / contact if contact > 0.0 else None,
         us_per_sample=1e6 * seconds / len(loaded.recording),
-        parameters=found.parameters,
-        standard_errors=found.standard_errors,
-        warnings=inseparable(found.parameters, found.standard_errors),
+        parameters=fit.parameters,
+        standard_errors=fit.standard_errors,
+        warnings=inseparable(fit.parameters, fit.standard_errors),
         predictions=predictions,
         convergence=() if truth is None else convergence(loaded.recording, truth, once.memory),
-        parameter_errors={} if truth is None else parameter_errors(job.model, found.parameters, truth),
+        parameter_errors={} if truth is None else parameter_errors(job.model, fit.parameters, truth),
         local_stiffness=None if truth is None else _local_stiffness(learner, truth),
     )
 
@@ -267,24 +267,24 @@ def inseparable(
     """One sentence for each parameter that the samples do not tell from the others.
 
     That is one that is undetermined, a strength whose standard error is larger than itself, and an exponent whose
-    standard error is larger than that of a number of which nothing but its range of length 1 is known.
+    standard error is larger than that of a number of which only its range of length 1 is known.
     """
-    said = []
+    sentences = []
     for name, value in parameters.items():
         error = (standard_errors or {}).get(name)
         if value is None:
-            said.append(f"{name} is undetermined")
+            sentences.append(f"{name} is undetermined")
         elif error is None:
             continue
         elif name in EXPONENTS and not error <= UNIFORM_SPREAD:
-            said.append(f"{name} has the standard error {error:.2g}: more than if nothing were known of it")
+            sentences.append(f"{name} has the standard error {error:.2g}: more than if nothing were known of it")
         elif name in ("stiffness", "damping") and not error <= abs(value):
-            said.append(f"{name} has the standard error {error:.2g}: more than itself")
-    return tuple(said)
+            sentences.append(f"{name} has the standard error {error:.2g}: more than itself")
+    return tuple(sentences)
 
 
 def _floor_force(job: Combination, loaded: Loaded, learner: Learner) -> Forces | None:
-    """What a fit of the whole recording gives, as an estimator of that kind; None for all others."""
+    """Force of a fit of the whole recording, where the estimator is of that kind; None for all others."""
     if not learner.estimator.offline:
         return None
     recording = loaded.recording
@@ -323,12 +323,12 @@ def _prediction(
     if loaded.truth is None:
         return plain
     hidden = unforeseeable(forces.time, loaded.truth.depth, delay, loaded.truth.changes)
-    told = score_outside(forces, hidden, **window)
+    foreseeable = score_outside(forces, hidden, **window)
     return replace(
         plain,
         unforeseeable_percent=100.0 * float(hidden.mean()),
-        foreseeable_prediction_error_percent=told.prediction_error_percent,
-        foreseeable_delayed_force_error_percent=told.delayed_force_error_percent,
+        foreseeable_prediction_error_percent=foreseeable.prediction_error_percent,
+        foreseeable_delayed_force_error_percent=foreseeable.delayed_force_error_percent,
         foreseeable_whole_file_error_percent=floor(hidden),
     )
 

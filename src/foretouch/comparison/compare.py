@@ -36,7 +36,7 @@ _IN_A_ROW = ("recording", "model", "estimator", "status", "reason", "samples", "
 
 
 class Results(list[Result]):
-    """What `compare` found: one result for each combination, in the order of the recordings."""
+    """The results of `compare`: one for each combination, in the order of the recordings."""
 
     def __repr__(self) -> str:
         shown = [f"    {one.recording}: {one.model} by {one.estimator}, {one.status}" for one in self[:FEW]]
@@ -49,10 +49,10 @@ class Results(list[Result]):
         for result in self:
             kept = {name: getattr(result, name) for name in _IN_A_ROW}
             for prediction in result.predictions or (None,):
-                found = {} if prediction is None else asdict(prediction)
+                columns = {} if prediction is None else asdict(prediction)
                 if prediction is not None:
-                    found["prediction_status"] = found.pop("status")  # the result has one of its own
-                rows.append(kept | found)
+                    columns["prediction_status"] = columns.pop("status")  # the result has one of its own
+                rows.append(kept | columns)
         return rows
 
     def to_pandas(self) -> pd.DataFrame:
@@ -164,8 +164,8 @@ def compare(
     pairs = combinations(models, estimators)
     jobs = [Combination(case, model, name, scoring) for case in cases for model, name in pairs]
     results: dict[int, Result] = {}
-    for place, result in run_all(try_combination, jobs, processes=processes, cluster=cluster, lost=failed, say=say):
-        results[place] = result
+    for index, result in run_all(try_combination, jobs, processes=processes, cluster=cluster, lost=failed, say=say):
+        results[index] = result
         if progress is not None:
             progress(len(results), len(jobs), result)
-    return Results(results[place] for place in range(len(jobs)))
+    return Results(results[index] for index in range(len(jobs)))

@@ -35,8 +35,8 @@ def matrix_figure(
     Args:
         results: As `compare` gave them.
         figure_of: The number, None where there is none, infinite where it was never reached; its size is coloured.
-        title: What the numbers are, with unit.
-        first_row: Name of a row above all others, and what its median over the combinations is taken of.
+        title: Name of the numbers, with unit.
+        first_row: Name of a row above all others, and the number whose median over the combinations it shows.
         limits: Numbers at the ends of the colours, positive.
     """
     names = list(dict.fromkeys(result.recording for result in results))
@@ -114,7 +114,7 @@ PROMINENT: Final[dict[Pair, tuple[str, str]]] = {
     ("continuous-switching", "exact"): (PREDICTED, "exact"),
     ("contact-map", DEFAULT_ESTIMATORS.get("contact-map", "contact-map")): (RENDERED, "map"),
 }
-"""Law and estimator to be found at a glance, with colour and short name: the paper's, its exact form, and the map."""
+"""Laws and estimators drawn prominently, with colour and short name: the paper's, its exact form, and the map."""
 
 LAW_COLOURS: Final = {
     "continuous-switching": "#8c8c8c",
@@ -148,25 +148,25 @@ def delay_curves(results: Sequence[Result]) -> dict[Pair, Curve]:
 
     Failed results are left out, and on simulated recordings the samples that nothing before t - delay could tell.
     """
-    return _curves(results, _prediction_error)
+    return _curves(results, "prediction_error_percent")
 
 
 def floors(results: Sequence[Result]) -> dict[Pair, Curve]:
     """Error of each fit of the whole file, which knows no delay, by law and estimator; else as `delay_curves`."""
     fits = [row for row in results if any(p.whole_file_error_percent is not None for p in row.predictions)]
-    return _curves(fits, _whole_file_error)
+    return _curves(fits, "whole_file_error_percent")
 
 
 def delayed_force_curve(results: Sequence[Result]) -> Curve:
     """Error of the delayed force: the median over all results, for each is scored on samples of its own too."""
-    return _curve([row for row in results if row.predictions], _delayed_force_error)
+    return _curve(results, "delayed_force_error_percent")
 
 
 def delay_figure(results: Sequence[Result], title: str = "Prediction error against delay") -> Any:
     """Small multiples: the median over all recordings, if there are several, and each of the first `MOST_RECORDINGS`.
 
-    Ceiling is the delayed force, floors are the fits of whole files. The delay stands on a scale of square roots, for
-    0 to be on it and short delays to be apart. Curves that leave the panel above are far beyond the delayed force.
+    Ceiling is the delayed force, floors are the fits of whole files. The delay has a scale of square roots, so
+    that 0 is on it and short delays are apart. Curves that leave the panel above are far beyond the delayed force.
 
     Args:
         results: As `compare` gave them, with at least two delays in one that did not fail.
@@ -187,12 +187,12 @@ def delay_figure(results: Sequence[Result], title: str = "Prediction error again
     above = 0.75 + 0.2 * math.ceil(len(handles) / COLUMNS)
     figure = new_figure(above + 2.75 * rows)
     axes = figure.subplots(rows, min(COLUMNS, len(panels)), squeeze=False).ravel()
-    for place, (panel, (name, chosen)) in enumerate(zip(axes, panels.items(), strict=False)):
+    for index, (panel, (name, chosen)) in enumerate(zip(axes, panels.items(), strict=False)):
         _draw_panel(panel, chosen, limits)
         panel.set_title(name)
-        if place % COLUMNS == 0:
+        if index % COLUMNS == 0:
             panel.set_ylabel("error [% of contact RMS]")
-        if place + COLUMNS >= len(panels):
+        if index + COLUMNS >= len(panels):
             panel.set_xlabel("delay of the forces [ms]")
     for panel in axes[len(panels) :]:
         panel.remove()
@@ -208,38 +208,25 @@ def delay_figure(results: Sequence[Result], title: str = "Prediction error again
 # --- curves -----------------------------------------------------------------------------------------------------------
 
 
-def _prediction_error(prediction: Prediction) -> float | None:
-    told = prediction.foreseeable_prediction_error_percent
-    return prediction.prediction_error_percent if prediction.unforeseeable_percent is None else told
+def _error(prediction: Prediction, name: str) -> float | None:
+    """The error of this name; on a simulated recording that of the foreseeable samples."""
+    prefix = "" if prediction.unforeseeable_percent is None else "foreseeable_"
+    error: float | None = getattr(prediction, prefix + name)
+    return error
 
 
-def _delayed_force_error(prediction: Prediction) -> float | None:
-    told = prediction.foreseeable_delayed_force_error_percent
-    return prediction.delayed_force_error_percent if prediction.unforeseeable_percent is None else told
+def _curves(results: Sequence[Result], name: str) -> dict[Pair, Curve]:
+    predicted = [row for row in results if row.predictions]
+    return {pair: _curve(rows, name) for pair, rows in _by(predicted, lambda row: (row.model, row.estimator)).items()}
 
 
-def _whole_file_error(prediction: Prediction) -> float | None:
-    told = prediction.foreseeable_whole_file_error_percent
-    return prediction.whole_file_error_percent if prediction.unforeseeable_percent is None else told
-
-
-def _curves(results: Sequence[Result], figure_of: Callable[[Prediction], float | None]) -> dict[Pair, Curve]:
-    told = [row for row in results if row.predictions]
-    return {pair: _curve(rows, figure_of) for pair, rows in _by(told, lambda row: (row.model, row.estimator)).items()}
-
-
-def _curve(rows: Sequence[Result], figure_of: Callable[[Prediction], float | None]) -> Curve:
+def _curve(rows: Sequence[Result], name: str) -> Curve:
     columns: dict[float, list[float | None]] = {}
     for row in rows:
         for prediction in row.predictions:
-            columns.setdefault(prediction.delay_s, []).append(figure_of(prediction))
+            columns.setdefault(prediction.delay_s, []).append(_error(prediction, name))
     delays = sorted(columns)
-    return Curve(np.array(delays), np.array([_middle(columns[delay]) for delay in delays]))
-
-
-def _middle(values: Sequence[float | None]) -> float:
-    found = middle([value for value in values if value is not None and math.isfinite(value)])
-    return math.nan if found is None else found
+    return Curve(np.array(delays), np.array([middle(columns[delay]) for delay in delays], dtype=np.float64))
 
 
 def _by(results: Sequence[Result], key_of: Callable[[Result], Key]) -> dict[Key, list[Result]]:
@@ -305,13 +292,13 @@ def _lowest(curves: Mapping[Pair, Curve]) -> Curve | None:
 def _limits(results: Sequence[Result]) -> tuple[float, float]:
     """Limits of the errors on all panels [%]: curves far beyond the delayed force must not press the others flat."""
     late = [prediction for row in results for prediction in row.predictions if prediction.delay_s > 0.0]
-    errors = [error for p in late for error in (_prediction_error(p), _whole_file_error(p)) if error is not None]
+    errors = [_error(p, name) for p in late for name in ("prediction_error_percent", "whole_file_error_percent")]
     ceiling = float(np.nanmax(delayed_force_curve(results).error, initial=100.0))
-    return max(LOWEST, 0.8 * min([JND[0], *errors])), 1.5 * ceiling
+    return max(LOWEST, 0.8 * min([JND[0], *(error for error in errors if error is not None)])), 1.5 * ceiling
 
 
 def _ticks(panel: Any, delays: Array) -> None:
-    """Names of the delays, as many as stand clear of each other."""
+    """Names of the delays, as many as do not overlap."""
     span = math.sqrt(delays[-1])
     kept = [float(delays[-1])]
     for delay in reversed(delays[:-1].tolist()):
@@ -329,11 +316,11 @@ def _name(panel: Any, labels: Sequence[tuple[float, str, str]], limits: tuple[fl
     low, high = np.log(limits)
     upwards = sorted(labels)
     heights = [(math.log(min(max(error, limits[0]), limits[1])) - low) / (high - low) for error, _, _ in upwards]
-    for place in range(1, len(heights)):
-        heights[place] = max(heights[place], heights[place - 1] + LABEL_HEIGHT)
+    for index in range(1, len(heights)):
+        heights[index] = max(heights[index], heights[index - 1] + LABEL_HEIGHT)
     heights[-1:] = [min(height, 1.0) for height in heights[-1:]]
-    for place in reversed(range(len(heights) - 1)):
-        heights[place] = min(heights[place], heights[place + 1] - LABEL_HEIGHT)
+    for index in reversed(range(len(heights) - 1)):
+        heights[index] = min(heights[index], heights[index + 1] - LABEL_HEIGHT)
     for height, (_, label, colour) in zip(heights, upwards, strict=True):
         panel.text(1.03, height, label, color=colour, transform=panel.transAxes, va="center", fontsize="small")
 

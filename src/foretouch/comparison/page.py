@@ -1,4 +1,4 @@
-"""The results as one HTML page that needs nothing else."""
+"""The results as one self-contained HTML page."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from foretouch.comparison.figures import MOST_RECORDINGS, delay_figure, matrix_figure
-from foretouch.comparison.result import Prediction, Result, convergence_text, note, parameter_text, same_reason
+from foretouch.comparison.result import Result, convergence_text, delays_of, note, parameter_text, same_reason
 from foretouch.errors import plural
 from foretouch.report import embedded, table, write_html
 
@@ -32,7 +32,7 @@ def write_comparison_page(
     body = [
         "<h1>Comparison of laws and estimators</h1>",
         f'<p class="quiet">{what}; {failed} failed.</p>',
-        "<p>Errors are shares of the RMS of the contact force. The delayed force is what would be felt without a "
+        "<p>Errors are fractions of the RMS of the contact force. The delayed force is what would be felt without a "
         "model: a prediction that is no better than it is of no use.</p>",
         *_left_out(recordings),
         *_figures(results),
@@ -46,27 +46,27 @@ def write_comparison_page(
 def _left_out(recordings: int) -> list[str]:
     if recordings <= MOST_RECORDINGS:
         return []
-    said = (
-        f"the first {MOST_RECORDINGS} of {recordings} recordings have a panel of their own, and matrices have colours"
-    )
-    return [f"<p>So that the page can be sent, {said} and no numbers: the tables below have them all.</p>"]
+    return [
+        f"<p>So that the page can be sent, the first {MOST_RECORDINGS} of {recordings} recordings have a panel of "
+        "their own, and matrices have colours and no numbers: the tables below have them all.</p>"
+    ]
 
 
 def _figures(results: Sequence[Result]) -> list[str]:
     drawn = []
-    delays = [p.delay_s for p in next((row.predictions for row in results if row.predictions), ())]
+    delays = delays_of(results)
     known = any(row.convergence for row in results)
     nearest = min(delays, key=lambda delay: abs(delay - 0.3), default=None)
 
     def add(*arguments: Any, **options: Any) -> None:
-        said = f"{arguments[1]}: a row for each law and estimator, a column for each recording; darker is larger."
-        drawn.append(embedded(matrix_figure(results, *arguments, **options), said))
+        caption = f"{arguments[1]}: a row for each law and estimator, a column for each recording; darker is larger."
+        drawn.append(embedded(matrix_figure(results, *arguments, **options), caption))
 
     if len(set(delays)) > 1:
         drawn += _against_delay(results)
     for index, delay in enumerate(delays):
         if len(delays) > MOST_MATRICES and delay != nearest:
-            continue  # the plots above show them all, the tables below say them
+            continue  # the plots above show them all, the tables below give them
         add(
             _of(index, "prediction_error_percent"),
             f"Prediction error at {delay:g} s [%]",
@@ -91,41 +91,31 @@ def _figures(results: Sequence[Result]) -> list[str]:
 
 def _against_delay(results: Sequence[Result]) -> list[str]:
     """The plots of measured and of simulated recordings."""
-    told = [row for row in results if row.predictions]
-    groups = {
-        "Prediction error against delay": [row for row in told if row.predictions[0].unforeseeable_percent is None],
-        "Prediction error against delay, without what nothing before t - delay could tell": [
-            row for row in told if row.predictions[0].unforeseeable_percent is not None
-        ],
-    }
-    note = (
-        "Ceiling: the delayed force. Floor: fits of the whole file, which know no delay. Triangles: beyond the panel."
-    )
-    return [embedded(delay_figure(rows, title), f"{title}. {note}") for title, rows in groups.items() if rows]
+    groups: dict[str, list[Result]] = {}
+    for row in results:
+        if row.predictions:
+            known = row.predictions[0].unforeseeable_percent is not None
+            title = f"Prediction error against delay{', without what nothing before t - delay could tell' * known}"
+            groups.setdefault(title, []).append(row)
+    key = "Ceiling: the delayed force. Floor: fits of the whole file, which know no delay. Triangles: beyond the panel."
+    return [embedded(delay_figure(rows, title), f"{title}. {key}") for title, rows in sorted(groups.items())]
 
 
 def _of(index: int, name: str) -> Any:
-    def figure(result: Result) -> float | None:
-        prediction: Prediction | None = result.predictions[index] if result.predictions else None
-        return None if prediction is None else getattr(prediction, name)
-
-    return figure
+    return lambda result: getattr(result.predictions[index], name) if result.predictions else None
 
 
 def _slowest(result: Result) -> float | None:
     """Infinite where one never converged."""
-    return max((_or_never(event.convergence_s) for event in result.convergence), default=None)
-
-
-def _or_never(value: float | None) -> float:
-    return math.inf if value is None else value
+    times = [event.convergence_s for event in result.convergence]
+    return max((math.inf if time is None else time for time in times), default=None)
 
 
 def _table(rows: list[Result]) -> str:
     reason = same_reason(rows)
     if reason is not None:
         return f'<p class="bad">All {len(rows)} failed: {escape(reason)}</p>'
-    delays = [p.delay_s for p in next((row.predictions for row in rows if row.predictions), ())]
+    delays = delays_of(rows)
     known = any(row.convergence for row in rows)
     head = ["law", "estimator", "one step [%]"]
     for delay in delays:

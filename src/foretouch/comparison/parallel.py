@@ -55,17 +55,17 @@ def run_on_cluster(
     with _without_its_log(), _connected(address) as client:
         if not client.scheduler_info()["workers"]:
             raise LinkError(f"the Dask scheduler at {address} has no workers: start some with `dask worker {address}`")
-        places = {client.submit(work, job, pure=False): place for place, job in enumerate(jobs)}
-        done = as_completed(list(places), loop=client.loop)
+        indices = {client.submit(work, job, pure=False): index for index, job in enumerate(jobs)}
+        done = as_completed(list(indices), loop=client.loop)
         watch = _Watch(client, say)
-        while places:
+        while indices:
             if not done.has_ready():
                 if reason := watch.gives_up():
                     break
                 time.sleep(POLL)
                 continue
             future = next(done)
-            job = jobs[places[future]]
+            job = jobs[indices[future]]
             if future.status == "error":
                 outcome = lost(job, f"no worker of the cluster could do it: {_reason(future.exception())}")
             elif future.status == "cancelled":
@@ -80,9 +80,9 @@ def run_on_cluster(
                     continue
                 except Exception as error:
                     outcome = lost(job, watch.gives_up() or f"its result could not be fetched: {_reason(error)}")
-            yield places.pop(future), outcome
-        for place in places.values():
-            yield place, lost(jobs[place], reason)
+            yield indices.pop(future), outcome
+        for index in indices.values():
+            yield index, lost(jobs[index], reason)
 
 
 class _Watch:
@@ -100,7 +100,7 @@ class _Watch:
         self._alone_since: float | None = None
 
     def gives_up(self) -> str:
-        """Why nothing can be expected any more; empty as long as it can."""
+        """Reason that no result can be expected any more; empty as long as it can."""
         if self._client.status != "running":
             return "the scheduler of the cluster is gone"
         now = time.monotonic()
@@ -134,7 +134,7 @@ def _check(address: str) -> None:
             raise ValueError("no host" if not host else f"no port {port}")
     except (ValueError, TypeError) as error:
         raise LinkError(
-            f"no Dask scheduler at {address!r} ({_said(error)}): write its address as tcp://HOST:8786"
+            f"no Dask scheduler at {address!r} ({_one_line(error)}): write its address as tcp://HOST:8786"
         ) from None
 
 
@@ -153,15 +153,15 @@ def _connected(address: str) -> Any:
         try:
             answers.put(Attempt(address, timeout=PATIENCE, set_as_default=False))
         except (OSError, TypeError, ValueError) as error:  # silence, or a way of talking that lacks its keys
-            answers.put(f"no Dask scheduler at {address!r} ({_said(error)})")
+            answers.put(f"no Dask scheduler at {address!r} ({_one_line(error)})")
         except Exception as error:  # whatever foreign bytes mean where Dask's are expected
-            answers.put(f"what answers at {address!r} is no Dask scheduler ({_said(error)})")
+            answers.put(f"what answers at {address!r} is no Dask scheduler ({_one_line(error)})")
 
     threading.Thread(target=connect, daemon=True).start()
     try:
         answer = answers.get(timeout=2.0 * PATIENCE)
     except queue.Empty:
-        answer = f"what listens at {address!r} is no Dask scheduler (it said nothing for {2.0 * PATIENCE:g} s)"
+        answer = f"what listens at {address!r} is no Dask scheduler (it was silent for {2.0 * PATIENCE:g} s)"
     if isinstance(answer, str):
         raise LinkError(f"{answer}: start one with `dask scheduler`")
     return answer
@@ -181,7 +181,7 @@ def _without_its_log() -> Iterator[None]:
             logger.setLevel(level)
 
 
-def _said(error: BaseException) -> str:
+def _one_line(error: BaseException) -> str:
     """One line of an error."""
     return " ".join(str(error).split()) or type(error).__name__
 
@@ -190,7 +190,7 @@ def _reason(error: BaseException | None) -> str:
     """One line of what a worker died of."""
     if type(error).__name__ == "KilledWorker":
         return "its workers died, one after another"
-    return type(error).__name__ if error is None else f"{type(error).__name__}: {_said(error)}"
+    return type(error).__name__ if error is None else f"{type(error).__name__}: {_one_line(error)}"
 
 
 def run_all(
@@ -205,7 +205,7 @@ def run_all(
     """Do all jobs, side by side.
 
     Where a worker process dies (killed, out of memory), the jobs that were not done are done one after the other,
-    each beside nothing else, and one that kills its process again is lost: it alone.
+    each alone, and only one that kills its process again is lost.
 
     Args:
         work: Does one job; it does not raise.
@@ -227,46 +227,46 @@ def run_all(
         return
     count = min(processes or os.cpu_count() or 1, len(jobs))
     if count < 2:
-        for place, job in enumerate(jobs):
-            yield place, work(job)
+        for index, job in enumerate(jobs):
+            yield index, work(job)
         return
     from joblib.externals.loky.process_executor import TerminatedWorkerError
 
     done: set[int] = set()
     try:
-        for place, outcome in _side_by_side(work, jobs, range(len(jobs)), count):
-            done.add(place)
-            yield place, outcome
+        for index, outcome in _side_by_side(work, jobs, range(len(jobs)), count):
+            done.add(index)
+            yield index, outcome
     except TerminatedWorkerError:
         pass
-    for place in range(len(jobs)):
-        if place in done:
+    for index in range(len(jobs)):
+        if index in done:
             continue
         try:
-            yield from _side_by_side(work, jobs, (place,), 2)  # one would be this process
+            yield from _side_by_side(work, jobs, (index,), 2)  # one would be this process
         except TerminatedWorkerError:
-            yield place, lost(jobs[place], "its process died: killed, or out of memory")
+            yield index, lost(jobs[index], "its process died: killed, or out of memory")
 
 
 def _side_by_side(
-    work: Callable[[Job], Outcome], jobs: Sequence[Job], places: Sequence[int], count: int
+    work: Callable[[Job], Outcome], jobs: Sequence[Job], indices: Sequence[int], count: int
 ) -> Iterator[tuple[int, Outcome]]:
     from joblib import Parallel, delayed
 
-    def one(place: int, job: Job) -> tuple[int, Outcome]:
-        return place, work(job)
+    def one(index: int, job: Job) -> tuple[int, Outcome]:
+        return index, work(job)
 
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "A worker stopped while some jobs", UserWarning)  # memory leaks, it thinks
         parallel = Parallel(n_jobs=count, backend="loky", return_as="generator_unordered", batch_size=1)
         with _deaf_to_interrupts():
-            outcomes = parallel(delayed(one)(place, jobs[place]) for place in places)
+            outcomes = parallel(delayed(one)(index, jobs[index]) for index in indices)
         yield from outcomes
 
 
 @contextmanager
 def _deaf_to_interrupts() -> Iterator[None]:
-    """What is started meanwhile never hears Ctrl-C: its parent does, and ends it, without a traceback of each."""
+    """Processes started meanwhile ignore Ctrl-C: their parent ends them, without a traceback of each."""
     from multiprocessing import resource_tracker
 
     resource_tracker.ensure_running()  # before, for where this starts the tracker it lifts any mask

@@ -1,21 +1,18 @@
-"""What came of one law by one estimator on one recording, and many of these as text to be read at a glance."""
+"""The result of one law by one estimator on one recording, and many results as text for a terminal."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from itertools import groupby
 from statistics import median
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from foretouch.comparison.truth import Convergence, ParameterError
 from foretouch.errors import plural
 from foretouch.quantities import Brief
 from foretouch.report.numbers import number
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(frozen=True)
@@ -78,14 +75,14 @@ class LocalStiffness:
 
 @dataclass(frozen=True)
 class Result(Brief):
-    """What came of one combination.
+    """The result of one combination.
 
     Attributes:
         recording: Name of the recording.
         model: Name of the law.
         estimator: Name of the estimator.
         status: ``"ok"`` or ``"failed"``.
-        reason: Why it failed, None if it did not.
+        reason: Reason of the failure, None if it did not fail.
         samples: Number of samples of the recording.
         contact_samples: Number of samples that the estimator's conditioning takes for contact.
         residual_percent: One-step error: RMS residual as a ratio to the RMS force over the same samples [%].
@@ -150,26 +147,31 @@ def render_table(results: Sequence[Result]) -> str:
 
 
 def middle(values: Sequence[float | None]) -> float | None:
-    """Median of those that there are."""
-    known = [value for value in values if value is not None]
+    """Median of the finite values; None where there are none."""
+    known = [value for value in values if value is not None and math.isfinite(value)]
     return median(known) if known else None
 
 
 def note(result: Result) -> str:
-    """Why it failed, or what is to be known of it; empty where there is nothing."""
+    """The reason of a failure, or the remarks on a result; empty where there are none."""
     if result.status != "ok":
         return f"failed: {result.reason}"
-    said = []
+    parts = []
     statuses = {p.status for p in result.predictions} - {"ok"}
     if statuses:
-        said.append(", ".join(sorted(statuses)))
+        parts.append(", ".join(sorted(statuses)))
     if result.warnings:
-        said.append("not separable: " + ", ".join(warning.split()[0] for warning in result.warnings))
-    return "; ".join(said)
+        parts.append("not separable: " + ", ".join(warning.split()[0] for warning in result.warnings))
+    return "; ".join(parts)
+
+
+def delays_of(results: Sequence[Result]) -> list[float]:
+    """Delays of the first result that has predictions [s]."""
+    return [p.delay_s for p in next((result.predictions for result in results if result.predictions), ())]
 
 
 def same_reason(results: Sequence[Result]) -> str | None:
-    """Why all of them failed, where that is one reason, as with a file that cannot be read; else None."""
+    """The reason that all failed, where it is the same, as with a file that cannot be read; else None."""
     reasons = {result.reason for result in results}
     return reasons.pop() if len(reasons) == 1 and len(results) > 1 else None
 
@@ -183,12 +185,12 @@ def convergence_text(result: Result) -> str:
 def parameter_text(result: Result) -> str:
     """Errors of the parameters, in short."""
     parts = []
-    for name, found in result.parameter_errors.items():
+    for name, parameter in result.parameter_errors.items():
         if name == "ln_k":
             continue
-        error = found.error
+        error = parameter.error
         text = "-" if error is None else f"{error:+.3g} %" if name in ("stiffness", "damping") else f"{error:+.3f}"
-        value = "undetermined" if found.estimated is None else text
+        value = "undetermined" if parameter.estimated is None else text
         parts.append(f"{name} {value}")
     return ", ".join(parts)
 
@@ -197,7 +199,7 @@ def _block(name: str, rows: list[Result]) -> list[str]:
     reason = same_reason(rows)
     if reason is not None:
         return [name, f"  all {len(rows)} failed: {reason}"]
-    delays = [p.delay_s for p in next((row.predictions for row in rows if row.predictions), ())]
+    delays = delays_of(rows)
     known = any(row.convergence for row in rows)
     head = f"  {'law':<21}{'estimator':<21}{'one step':>10}"
     for delay in delays:
@@ -207,10 +209,8 @@ def _block(name: str, rows: list[Result]) -> list[str]:
     if delays:
         line = f"  {'(the delayed force)':<52}"
         for index in range(len(delays)):
-            line += _percent(_over(rows, index, lambda p: p.delayed_force_error_percent), 12)
-            line += (
-                _percent(_over(rows, index, lambda p: p.foreseeable_delayed_force_error_percent), 13) if known else ""
-            )
+            line += _percent(_over(rows, index, "delayed_force_error_percent"), 12)
+            line += _percent(_over(rows, index, "foreseeable_delayed_force_error_percent"), 13) if known else ""
         lines.append(line.rstrip())
     for row in rows:
         line = f"  {row.model:<21}{row.estimator:<21}"
@@ -234,7 +234,7 @@ def _block(name: str, rows: list[Result]) -> list[str]:
 def _summary(results: Sequence[Result]) -> list[str]:
     """Median and worst prediction error of each combination over all recordings."""
     recordings = len({result.recording for result in results})
-    delays = [p.delay_s for p in next((row.predictions for row in results if row.predictions), ())]
+    delays = delays_of(results)
     lines = [
         f"{'All ' if recordings > 1 else ''}{plural(recordings, 'recording')}: median and worst",
         f"  {'law':<21}{'estimator':<21}{'one step':>20}",
@@ -250,8 +250,8 @@ def _summary(results: Sequence[Result]) -> list[str]:
     return lines
 
 
-def _over(rows: Sequence[Result], index: int, figure: Callable[[Prediction], float | None]) -> float | None:
-    return middle([figure(row.predictions[index]) for row in rows if row.predictions])
+def _over(rows: Sequence[Result], index: int, name: str) -> float | None:
+    return middle([getattr(row.predictions[index], name) for row in rows if row.predictions])
 
 
 def _both(values: Sequence[float | None], width: int) -> str:

@@ -43,7 +43,7 @@ HOLDS: Final[dict[str, tuple[str, ...]]] = {
 
 @dataclass(frozen=True, eq=False)
 class Truth(ByValue):
-    """What is behind a simulated recording.
+    """The truth behind a simulated recording.
 
     Attributes:
         depth: Depth of the probe below the surface [m], shape (n,).
@@ -63,7 +63,7 @@ class Convergence:
     """The time that an estimate took after a change.
 
     Attributes:
-        event_s: When the change was felt first: at the first sample in contact [s]; the first touch counts as one.
+        event_s: Time of the first sample in contact after the change [s]; the first touch counts as one.
         convergence_s: Time from there until the estimate was right [s]; None if it never was, before the next change.
     """
 
@@ -126,7 +126,7 @@ def convergence(recording: Recording, truth: Truth, learnt: Sequence[LearntModel
     Args:
         recording: n samples.
         truth: Truth of the recording.
-        learnt: What was known after each sample, n of them.
+        learnt: Models after each sample, n of them.
 
     Returns:
         One for the first touch and for each change that is felt.
@@ -136,7 +136,7 @@ def convergence(recording: Recording, truth: Truth, learnt: Sequence[LearntModel
         MotionFilter().run(time.tolist(), position.tolist()) if recording.velocity is None else recording.velocity
     )
     begins = [_felt(time, truth.depth, change) for change in (-math.inf, *truth.changes)]
-    found = []
+    events = []
     for begin, end in zip(begins, (*truth.changes, float(time[-1])), strict=True):
         if not begin < end:
             continue  # never felt, or not before the next change
@@ -148,8 +148,8 @@ def convergence(recording: Recording, truth: Truth, learnt: Sequence[LearntModel
             if _foretells(learnt[first], float(time[first]), *columns):
                 settled = float(time[first]) - begin
                 break
-        found.append(Convergence(begin, settled))
-    return tuple(found)
+        events.append(Convergence(begin, settled))
+    return tuple(events)
 
 
 def _foretells(
@@ -159,9 +159,9 @@ def _foretells(
     if learnt.model is None or not inside.any():
         return False
     state, errors = learnt.state, []
-    samples = zip(time.tolist(), position.tolist(), velocity.tolist(), force.tolist(), strict=True)
-    for later, place, speed, true in samples:
-        state, given, _ = advance(learnt.model, state, place - learnt.surface, speed, later - now)
+    samples = zip(time.tolist(), (position - learnt.surface).tolist(), velocity.tolist(), force.tolist(), strict=True)
+    for later, depth, speed, true in samples:
+        state, given, _ = advance(learnt.model, state, depth, speed, later - now)
         errors.append(given - true)
         now = later
     error = np.square(np.array(errors)[inside]).sum()

@@ -39,14 +39,13 @@ from foretouch.link.access import free_port
 from foretouch.messages import Choice, EmergencyStop, Message, Settings, Status, Stop, Telemetry
 
 ROUND_PERIOD, PLOT_PERIOD, TEXT_PERIOD, LIST_PERIOD = 1 / 30, 1 / 12, 1 / 6, 2.0
-"""How often it is looked whether a picture is due, and forces, numbers with the other plots, and the list of recordings
-are sent to the browser at most [s]."""
+"""Periods at which a due picture is looked for, and forces, numbers and the list of recordings are sent at most [s]."""
 LOOK_PERIOD = 0.5
-"""Period at which it is asked how late the loops are [s]."""
+"""Period at which the lateness of the loops is read [s]."""
 LAST_WORD = 0.3
 """Time that the pages have to learn that the session has ended [s]."""
 UNSEEN_PERIOD = 0.5
-"""Where there is no browser [s]: what the first sees when it comes is not older."""
+"""Period without a browser [s]: the first that comes sees no older state."""
 ANSWERS = (Status.STOPPED, Status.SHADOW)
 """Statuses that answer a request for an emergency stop: the robot has stopped, or cannot be stopped from here."""
 INTRODUCTION = {"position_delay", "force_delay", "operator"}
@@ -76,8 +75,8 @@ class Console:
         say: Prints one line for people: whenever an address was used, the next one.
 
     Attributes:
-        base: Where it listens.
-        trouble: Why a picture could not be drawn, the last time that this happened; "" for never.
+        base: Its address.
+        trouble: Reason that a picture could not be drawn, the last time that this happened; "" for never.
         url: The address that lets the next browser in; each does so once.
 
     Raises:

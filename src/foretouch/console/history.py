@@ -53,7 +53,7 @@ class Window(NamedTuple):
         energy_bound: Largest energy that it may have given out [J].
         late_energy: Energy lost beside it in late ticks and missing positions, never positive [J].
         round_trip: Age of the hand's motion that the newest telemetry answers [s]; NaN before the first.
-        away: Whether the robot was not where the command said: it held its position, or was on its way back.
+        away: Whether the robot was not at its commanded position: it held its position, or was on its way back.
         rendered_error: RMSE of `rendered`, like `prediction_error`; meaningful only where forces are not scaled.
     """
 
@@ -110,7 +110,7 @@ def _error(force: Array, true: Array) -> float:
 def _bridged(sequence: NDArray[np.int64], true: Array) -> tuple[Array, NDArray[np.bool_]]:
     """The true force with straight lines over commands that were never applied, where only a few are missing.
 
-    And which commands lie in a gap that no line bridges: the robot went on, and never took them.
+    It also marks the commands in a gap that no line bridges: the robot went on, and never took them.
     """
     finite = np.isfinite(true)
     known = np.flatnonzero(finite)
@@ -278,7 +278,7 @@ def _taken(rows: Rows, where: NDArray[Any]) -> Rows:
 
 
 def columns_of(leader: Rows, follower: Rows, force: str) -> Array:
-    """What a window shows of each tick of one leader's process, shape (n, 11).
+    """Figures of a window for each tick of one leader's process, shape (n, 11).
 
     Leader time [s], predicted, delayed force, deviation, rendered force [N], energy, its bound, late energy [J], round
     trip [s], true force [N] and whether the robot was away then (1 or 0).
@@ -300,7 +300,7 @@ def columns_of(leader: Rows, follower: Rows, force: str) -> Array:
         at = applied[first[known]]
         true[known] = follower[force][at]
         away[known] = ~np.isin(follower["status"][at], WITH_THE_COMMANDS)
-    # How old the motion is that the newest telemetry at each tick answers.
+    # Age of the motion that the newest telemetry at each tick answers.
     answers = commands[follower["run"] == follower["run"][-1:]]
     if answers.size:
         sequence = follower["sequence"][-answers.size :]

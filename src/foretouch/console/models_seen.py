@@ -1,4 +1,4 @@
-"""What the models were over the last seconds: the law's numbers, and how stiff the material is at one depth."""
+"""The models of the last seconds: the law's numbers, and how stiff the material is at one depth."""
 
 from __future__ import annotations
 

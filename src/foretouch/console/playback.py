@@ -64,8 +64,8 @@ class Playback(Watched):
         self.now = min(max(now, 0.0), self.duration) if math.isfinite(now) else 0.0
         row = int(np.searchsorted(self._seconds, self.now + TOLERANCE, side="right")) - 1
         self.leader = LeaderState(VERSION, *self._leader[row].tolist())
-        heard = self.leader.telemetry_sequence
-        telemetry = int(np.searchsorted(self._follower["sequence"], heard, side="right")) - 1 if heard else -1
+        sequence = self.leader.telemetry_sequence
+        telemetry = int(np.searchsorted(self._follower["sequence"], sequence, side="right")) - 1 if sequence else -1
         self.telemetry = Telemetry(VERSION, *self._follower[telemetry].tolist()) if telemetry >= 0 else None
         self.settings = self._settings_at(row, telemetry)
         self.model = self._by_sequence.get(int(self._leader["model_sequence"][row]))
@@ -92,7 +92,7 @@ class Playback(Watched):
 
     @property
     def robot_position(self) -> float:
-        """Where the operator's side last saw the robot [m]; NaN before."""
+        """Position of the robot as last received by the operator's side [m]; NaN before."""
         return NAN if self.telemetry is None else self.telemetry.position
 
     def window(self, seconds: float) -> Window:
@@ -110,7 +110,7 @@ class Playback(Watched):
         return LossTrace(none, none, none)
 
     def _settings_at(self, row: int, telemetry: int) -> Mapping[str, str]:
-        """What was set then: a network can be changed while a session runs."""
+        """Settings of the moment: a network can be changed while a session runs."""
         segment = self._segment
         if not segment.said:
             return segment.settings
@@ -148,13 +148,13 @@ class Library:
     def names(self) -> tuple[str, ...]:
         """Names of the recordings, the newest first: files of these folders, no pipes, devices or links out of them.
 
-        With several folders, that of a file stands before its name, but for the current one.
+        With several folders, that of a file precedes its name, but for the current one.
         """
         return tuple(self._listed())
 
     @property
     def where(self) -> str:
-        """Which folders these are, in a sentence."""
+        """The folders, in a sentence."""
         return f"Of {' and '.join(str(folder.resolve()) for folder in self._folders)}, the newest first."
 
     def _listed(self) -> dict[str, Path]:

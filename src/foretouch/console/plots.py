@@ -65,7 +65,7 @@ class TimePlot:
     """A plot of the last seconds, of curves from the back to the front.
 
     It is drawn from `lowest` on, where that is None as far as the curves reach, and at least up to `least`, so that
-    noise does not fill the plot. `time` stands below its time axis.
+    noise does not fill the plot. `time` is the text below its time axis.
     """
 
     def __init__(
@@ -140,7 +140,7 @@ def _series(label: str, stroke: str, width: float, dash: tuple[float, ...]) -> d
 
 
 def number(value: float, unit: str, digits: int = 2) -> str:
-    """A number with its unit and so many digits behind the point; a dash where it is not known."""
+    """A number with its unit and this number of digits behind the point; a dash where it is not known."""
     if not math.isfinite(value):
         return "–"
     if abs(value) >= 1e6:

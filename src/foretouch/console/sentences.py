@@ -48,13 +48,13 @@ CALM = (Status.FOLLOWING, Status.GUARDED, Status.RETURNING, Status.SHADOW)
 
 
 def doing(watched: Watched) -> tuple[str, ...]:
-    """What the robot does while nothing is wrong; nothing where it simply follows."""
+    """State of the robot without a fault; nothing where it simply follows."""
     status = watched.status
     return () if status is None or status == Status.FOLLOWING or status not in CALM else (_of_status(status),)
 
 
 def hindrance(watched: Watched, now: float) -> str:
-    """Why pressing cannot help now, in place of what there is to do; "" where it can."""
+    """The reason that pressing cannot help now, in place of an instruction; "" where it can."""
     leader, robot = watched.leader_silence(now), watched.robot_silence(now)
     hindrances = {
         WAITING_INSTRUCTION: watched.received == -math.inf,
@@ -74,8 +74,8 @@ def session_status(watched: Watched, now: float, *, held: bool, clutched: bool) 
         return "Waiting for the session."
     if watched.silent(now):
         return GONE_SILENT
-    if share := watched.reported("supervisor", "compiling"):
-        return f"Compiling, {share}: the first start on this machine takes about a minute."
+    if progress := watched.reported("supervisor", "compiling"):
+        return f"Compiling, {progress}: the first start on this machine takes about a minute."
     if watched.status == Status.STOPPED:
         hand = "The robot is stopped: nobody moves it."
     elif clutched:
@@ -100,12 +100,12 @@ def _withheld(watched: Watched) -> str:
 
 
 def lateness(watched: Watched) -> str:
-    """That a loop is late, and what to do about it, in a sentence; "" where none is."""
-    late = {side: share for side, share in watched.lateness.late.items() if share > LATE}
+    """A warning of a late loop, and what to do about it, in a sentence; "" where none is late."""
+    late = {side: percent for side, percent in watched.lateness.late.items() if percent > LATE}
     if not late:
         return ""
-    shares = " and ".join(f"{share:.0f} % of the {side}'s" for side, share in late.items())
-    return f"This machine is late ({shares} ticks): close other programs, or open this page on another machine."
+    ticks = " and ".join(f"{percent:.0f} % of the {side}'s" for side, percent in late.items())
+    return f"This machine is late ({ticks} ticks): close other programs, or open this page on another machine."
 
 
 def robot_alerts(watched: Watched, now: float) -> tuple[str, ...]:
@@ -152,7 +152,7 @@ def _silence(watched: Watched, now: float) -> str:
 
 
 def _robot(watched: Watched, telemetry: Telemetry) -> str:
-    """What the robot does instead of following, and how it is let go on; nothing before the first leader."""
+    """State of a robot that does not follow, and how it is let go on; nothing before the first leader."""
     status, trouble = telemetry.status, watched.trouble
     whatever = (status == Status.SHADOW and trouble) or FAULT in trouble
     waiting = not (telemetry.epoch or status in (Status.STOPPED, Status.SENSOR_FAULT))

@@ -113,7 +113,7 @@ class SpaceState:
         return now - self._belief_received
 
     def pose_trace(self, seconds: float) -> PoseTrace:
-        """What was known of the fixture's pose in the last seconds."""
+        """Estimates of the fixture's pose in the last seconds."""
         rows = tuple(self._trace)
         return PoseTrace.of(rows, rows[-1][0] if rows else 0.0, seconds)
 
@@ -128,7 +128,7 @@ class SpaceState:
 
 
 def newest_image(images: Sequence[CameraImage], sequence: int, camera_delay: float, run: int = 0) -> CameraImage | None:
-    """The newest image that had come by a follower's tick, a camera's delay [s] later; 0 stands for any run."""
+    """The newest image that had come by a follower's tick, a camera's delay [s] later; 0 means any run."""
     latest = sequence - round(camera_delay * TICKS_PER_SECOND)
     for image in reversed(images):
         if image.tick <= latest and (image.run == run or 0 in (run, image.run)):
@@ -180,7 +180,7 @@ class RecordedSpace(SpaceState):
         return 0.0 if self.belief is not None else math.inf
 
     def pose_trace(self, seconds: float) -> PoseTrace:
-        """What was known of the fixture's pose in the seconds before the moment."""
+        """Estimates of the fixture's pose in the seconds before the moment."""
         if self.leader is None:
             return PoseTrace.of((), 0.0, seconds)
         last = int(np.searchsorted(self._leads["sequence"], self.leader.sequence, side="right"))

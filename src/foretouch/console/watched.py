@@ -21,7 +21,7 @@ leader than the one shown is shown [s]."""
 SURFACE, PRESS_DEPTH = 0.012, 0.01
 """Surface position and depth of presses [m] until the session sends its values."""
 DEEPEST, SMALLEST_SCALE = 1.2, 1e-3
-"""How far the handle goes below the surface, in press depths; a bound on the position scale."""
+"""Reach of the handle below the surface, in press depths; a bound on the position scale."""
 SUPERVISOR_SILENT = 3.0
 """The supervisor, which can start the sides again with another choice, speaks twice a second; it is gone when nothing
 has come for this time [s]."""
@@ -45,8 +45,8 @@ class Watched:
         trouble: Text of the robot's side on itself since its newest status, "" for none.
         settings: Texts of all roles on the session, by name; those that only one role knows are read by `reported`.
         received: Time of the newest message [s]; minus infinity before the first.
-        lateness: How late the loops of both sides are.
-        withheld: Why the leader that is shown withholds the model's force or a part of it, "" where it does not.
+        lateness: Lateness of the loops of both sides.
+        withheld: Reason that the shown leader withholds the model's force or a part of it, "" where it does not.
         given: Ratio of the rendered force to the force due in the newest tick in contact, 0 to 1.
     """
 
@@ -109,7 +109,7 @@ class Watched:
         return now - self._recorder_received
 
     def leaders(self, now: float) -> int:
-        """How many leaders speak."""
+        """Number of leaders that send."""
         return sum(now - received < SILENT for received in tuple(self._leaders.values()))
 
     def supervised(self, now: float) -> bool:
@@ -147,7 +147,7 @@ class Watched:
 
     @property
     def status(self) -> int | None:
-        """What the robot does: a `Status`; None before its first telemetry."""
+        """State of the robot: a `Status`; None before its first telemetry."""
         return None if self.telemetry is None else self.telemetry.status
 
     @property
@@ -160,7 +160,7 @@ class Watched:
 
     @property
     def robot_position(self) -> float:
-        """Where the operator's side last saw the robot [m]; NaN before."""
+        """Position of the robot as last received by the operator's side [m]; NaN before."""
         if self.leader is not None:
             position = self.history.follower_position(self.leader.telemetry_sequence)
             if math.isfinite(position):
@@ -197,7 +197,7 @@ class Watched:
 
     @property
     def grip(self) -> str:
-        """How the hand holds the device that the force moves; empty where the force moves nothing."""
+        """Grip of the hand on the device that the force moves; empty where the force moves nothing."""
         grip = self.settings.get("grip", NO_GRIP)
         return "" if grip == NO_GRIP else grip
 
@@ -208,7 +208,7 @@ class Watched:
 
     @property
     def hand_ahead(self) -> float:
-        """How much further in the hand is than the probe, in the probe's lengths [m]; NaN where no force moves it."""
+        """Depth of the hand beyond the probe, in the probe's lengths [m]; NaN where no force moves it."""
         if self.leader is None or not self.grip:
             return math.nan
         return self.scale * self.leader.hand_position - self.leader.position

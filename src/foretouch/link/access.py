@@ -79,7 +79,7 @@ def check_endpoint(endpoint: str, *, insecure: bool = False) -> None:
 
 
 def bind_error(host: str, port: int, family: int = socket.AF_UNSPEC) -> OSError | None:
-    """Why a server could not listen there now; None where it could.
+    """The reason that a server could not listen there now; None where it could.
 
     Args:
         host: Name or address.
@@ -229,7 +229,7 @@ def may_say(key: str, message: Message) -> bool:
 
     Args:
         key: Network key; without a name at its end, it is from this machine or an insecure one.
-        message: A `Hello` with its role, or a `Command` with its holder; others say nothing.
+        message: A `Hello` with its role, or a `Command` with its holder; others name no sender.
     """
     if isinstance(message, Hello):
         return may_claim(key, message.role)

@@ -100,7 +100,7 @@ class Identity:
 
 
 def make_authority(now: datetime) -> Identity:
-    """A private authority: signs certificates and nothing else.
+    """A private authority: only signs certificates.
 
     Args:
         now: UTC.
@@ -116,7 +116,7 @@ def make_identity(authority: Identity, common_name: str, now: datetime, days: fl
 
     Args:
         authority: Authority with its key.
-        common_name: What the access list knows it by.
+        common_name: Its name in the access list.
         now: Present time, UTC.
         days: Validity [days], above 0; never longer than the authority's.
 

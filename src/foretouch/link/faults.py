@@ -28,7 +28,7 @@ LONGEST_BURST = 10_000.0
 
 @dataclass(frozen=True, slots=True)
 class Faults:
-    r"""What one direction of the network does to messages.
+    r"""Faults of one direction of the network.
 
     Losses come in bursts by the model of Gilbert (1960) and Elliott (1963), with a good state that loses nothing and a
     bad state that loses everything. Before each message the state changes from good to bad with probability
@@ -80,7 +80,7 @@ class Faults:
     def __post_init__(self) -> None:
         lengths = dict.fromkeys(("delay", "jitter"), LONGEST_DELAY) | dict.fromkeys(("outage", "stall"), SPELL_SPACING)
         ranges = {name: (0.0, most, f"must lie between 0 and {most:g} s") for name, most in lengths.items()}
-        ranges |= dict.fromkeys(("loss", "reorder", "duplicate"), (0.0, 1.0, "is a share and must lie between 0 and 1"))
+        ranges |= dict.fromkeys(("loss", "reorder", "duplicate"), (0.0, 1.0, "must lie between 0 and 1"))
         ranges["burst"] = (1.0, LONGEST_BURST, f"must lie between 1 and {LONGEST_BURST:g} messages")
         for name, (least, most, rule) in ranges.items():
             if not least <= getattr(self, name) <= most:
@@ -125,7 +125,7 @@ class FaultStage(Generic[T]):
     own, made for every message whether they are needed or not, so that one setting does not shift another's.
 
     Args:
-        faults: What to do to them; `change` puts others in their place while it runs.
+        faults: Faults to apply; `change` replaces them while it runs.
 
     Attributes:
         delay: One-way delay [s]; may be changed at any time, for messages that follow.
@@ -235,15 +235,15 @@ class _Extra:
     number alone, and of two fractions the larger takes the messages of the smaller and more.
     """
 
-    def __init__(self, name: str, share: float, bounds: tuple[float, float], seed: int) -> None:
-        self._share = share
+    def __init__(self, name: str, fraction: float, bounds: tuple[float, float], seed: int) -> None:
+        self._fraction = fraction
         self._least, self._range = bounds[0], bounds[1] - bounds[0]
         self._random = random.Random(f"{seed}/{name}").random
 
     def draw(self) -> float:
         """The next message's further delay [s], 0 if it is not among the delayed."""
         chance, part = self._random(), self._random()
-        return self._least + self._range * part if chance < self._share else 0.0
+        return self._least + self._range * part if chance < self._fraction else 0.0
 
 
 class _Spells:

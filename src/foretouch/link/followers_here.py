@@ -13,7 +13,7 @@ class WaitingNote:
     """The file of one follower: its name is the process's number, it holds the follower's last report.
 
     It is locked as long as the process lives, so that the file of one that was killed is known as such. Where there is
-    no folder for it, nothing is kept, and the signal is what is left.
+    no folder for it, nothing is kept, and only the signal is left.
     """
 
     def __init__(self) -> None:
@@ -35,7 +35,7 @@ class WaitingNote:
                 self._file.flush()
 
     def close(self) -> None:
-        """Nothing waits here any more."""
+        """Remove the entry."""
         if self._file is not None:
             self._path.unlink(missing_ok=True)
             self._file.close()
@@ -44,7 +44,7 @@ class WaitingNote:
 
 def followers() -> dict[int, str]:
     """Numbers of the processes of this user's followers on this machine, and the last report of each."""
-    folder, found = _folder(), {}
+    folder, reports = _folder(), {}
     if not (folder.is_dir() and _is_private(folder)):
         return {}
     for path in sorted(folder.iterdir()):
@@ -53,16 +53,16 @@ def followers() -> dict[int, str]:
             try:
                 fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
             except BlockingIOError:
-                found[number] = file.read()
+                reports[number] = file.read()
             else:
                 path.unlink(missing_ok=True)  # its process was killed
-    return found
+    return reports
 
 
 def _folder() -> Path:
     """Folder of this user and machine; the system empties it where it has such a folder."""
-    place = os.environ.get("XDG_RUNTIME_DIR") or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(place, "foretouch", "followers")
+    base = os.environ.get("XDG_RUNTIME_DIR") or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(base, "foretouch", "followers")
 
 
 def _is_private(folder: Path) -> bool:

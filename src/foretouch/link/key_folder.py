@@ -54,8 +54,8 @@ def role_of(common_name: str) -> str:
 class KeyFolder:
     """Reads and writes a folder of keys.
 
-    What belongs together is written together: all new files lie complete in a folder beside, which one rename declares
-    to be valid, and the next process moves what a crash has left there. A lock keeps two processes apart.
+    Files that belong together are written together: complete in a folder beside, which one rename declares to be
+    valid, and the next process moves what a crash has left there. A lock keeps two processes apart.
 
     Args:
         path: The folder; the default one where none is given.

@@ -43,19 +43,19 @@ class SequenceCounter:
 
     def is_newest(self, sequence: int) -> bool:
         """Count one arrival and say whether it is newer than all before."""
-        arrived, place, newest = self._arrived, sequence % REMEMBERED, self.newest
+        arrived, index, newest = self._arrived, sequence % REMEMBERED, self.newest
         if sequence > newest:
             if self.received == self._received_before:
                 self.first = sequence
-            arrived[place] = self.newest = sequence
+            arrived[index] = self.newest = sequence
             self.received += 1
             return True
-        if arrived[place] == sequence or newest - sequence >= REMEMBERED:
+        if arrived[index] == sequence or newest - sequence >= REMEMBERED:
             self.copies += 1
             return False
         if sequence < self.first or self.received == self._received_before:
             self.first = sequence
-        arrived[place] = sequence
+        arrived[index] = sequence
         self.received += 1
         self.late += 1
         return False

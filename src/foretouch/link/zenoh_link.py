@@ -1,8 +1,8 @@
-"""Messages over Eclipse Zenoh: explicit endpoints, no scouting, nothing in the loop that can wait.
+"""Messages over Eclipse Zenoh: explicit endpoints, no scouting, no waiting in the loop.
 
 Between machines both ends show a certificate of the private authority, and an access list permits sending by role.
 
-`ask_to_stop` stands here because it needs no more than a link: an emergency stop does not wait until laws and robots
+`ask_to_stop` is here because it needs no more than a link: an emergency stop does not wait until laws and robots
 are imported.
 """
 
@@ -195,7 +195,7 @@ class ZenohLink:
             self.unsent += 1
 
     def take(self, name: str) -> list[tuple[int, Any]]:
-        """What has arrived on a channel since the last call, oldest first."""
+        """Messages that have arrived on a channel since the last call, oldest first."""
         inbox = self.inboxes[name]
         return [inbox.popleft() for _ in range(len(inbox))]
 
@@ -227,12 +227,12 @@ def _config(listen: Sequence[str], connect: Sequence[str], secured: dict[str, ob
         # Without these two, jitter of the machine alone loses messages on loopback.
         "transport/unicast/lowlatency": True,
         "transport/unicast/qos/enabled": False,
-        # Long enough for a process that stands still for some seconds: of the connections that are closed and made anew
+        # Long enough for a process that pauses for some seconds: of the connections that are closed and made anew
         # while it does, some stay dumb. To learn of silence sooner, poll.
         "transport/link/tx/lease": 5000,
         "transport/link/protocols": ["tcp", "tls"],
         "transport/shared_memory/enabled": False,
-        # What a peer may make this process hold.
+        # Limits of what a peer may make this process hold.
         "transport/link/rx/max_message_size": 2 * LARGEST_MESSAGE,
         "transport/unicast/max_sessions": MOST_PEERS,
         **secured,
@@ -284,14 +284,14 @@ def ask_to_stop(link: ZenohLink, reason: str, *, patience: float = 5.0) -> int |
     Raises:
         PeerVersionError: No message reported it, and the follower speaks another version: it does not understand.
     """
-    heard: int | None = None
+    status: int | None = None
     asked, end, press = 0, time.monotonic() + patience, new_press()
-    while heard != Status.STOPPED and time.monotonic() < end:
+    while status != Status.STOPPED and time.monotonic() < end:
         asked += 1
         link.publish(EmergencyStop(VERSION, asked, time.monotonic_ns(), reason, press))
         time.sleep(ASKING_PERIOD_NS * 1e-9)
         for _, telemetry in link.take("telemetry"):
-            heard = telemetry.status
-    if heard is None and (error := link.other_version({"follower"})) is not None:
+            status = telemetry.status
+    if status is None and (error := link.other_version({"follower"})) is not None:
         raise error
-    return heard
+    return status

@@ -90,7 +90,7 @@ def decode(data: bytes, kind: type[M]) -> M:
     """Message of one kind from msgpack bytes; what is not printable in its texts is escaped.
 
     Args:
-        data: What arrived.
+        data: The bytes that arrived.
         kind: The message class that its channel carries.
 
     Raises:
@@ -145,11 +145,11 @@ def foreign_speaker(data: bytes) -> str:
     """The role of `SPEAKERS` that sent a hello in another version; "" where the bytes are no such hello.
 
     Args:
-        data: What arrived where a `Hello` was to come, and is none of this version.
+        data: Bytes that arrived where a `Hello` was to come, of another version.
     """
     fields = _fields_of(data)
-    said = fields[3] if len(fields) > 3 else ""
-    return said if isinstance(said, str) and said in SPEAKERS else ""
+    role = fields[3] if len(fields) > 3 else ""
+    return role if isinstance(role, str) and role in SPEAKERS else ""
 
 
 def _version_of(data: bytes) -> int | None:

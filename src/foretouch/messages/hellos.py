@@ -25,30 +25,30 @@ class Said(NamedTuple):
 
 
 def settings_at(
-    said: Sequence[Said], epoch: int, run: int, leader_ns: int | None = None, follower_ns: int | None = None
+    reports: Sequence[Said], epoch: int, run: int, leader_ns: int | None = None, follower_ns: int | None = None
 ) -> dict[str, str]:
     """The settings with which one process of the leader and one of the follower worked at a moment.
 
-    Each side is believed for itself, and the leader where both say something: what is the hand's is the leader's.
+    Each side is believed for itself, and the leader where both report a setting, as of the hand.
 
     Args:
-        said: Reports in the order of arrival.
+        reports: Reports in the order of arrival.
         epoch: Epoch of the leader's process.
         run: Epoch of the follower's process.
         leader_ns: The moment by the leader's clock [ns]; None for the last report.
         follower_ns: The moment by the follower's clock [ns].
     """
     processes = {"leader": (epoch, leader_ns), "follower": (run, follower_ns)}
-    others = [role for role in dict.fromkeys(one.role for one in said) if role not in SIDES]
-    found: dict[str, str] = {}
+    others = [role for role in dict.fromkeys(one.role for one in reports) if role not in SIDES]
+    settings: dict[str, str] = {}
     for role in (*others, "follower", "leader"):
         process, time_ns = processes.get(role, (0, None))
-        spoken = [one for one in said if one.role == role]
+        spoken = [one for one in reports if one.role == role]
         own = [one for one in spoken if one.process == process] or spoken[-1:]  # a process without reports
         then = [one for one in own if time_ns is None or one.since_ns <= time_ns] or own[:1]
         if then:
-            found |= then[-1].settings
-    return found
+            settings |= then[-1].settings
+    return settings
 
 
 COUNT_PREFIX = "count_"
@@ -99,7 +99,7 @@ class Hellos:
     """All settings, counters and news that were reported.
 
     It holds the last report of each role, and a bounded number of everything: a process that sends hellos without end,
-    or with other names each time, fills nothing.
+    or with other names each time, fills no memory.
 
     Attributes:
         news: News by name of `NEWS`, in order, each text once.
@@ -107,7 +107,7 @@ class Hellos:
 
     def __init__(self) -> None:
         self._settings: dict[str, dict[str, str]] = {}
-        self._said: dict[str, list[Said]] = {role: [] for role in ROLES}
+        self._reports: dict[str, list[Said]] = {role: [] for role in ROLES}
         self.news: dict[str, tuple[str, ...]] = {}
         self._counts: dict[str, dict[str, dict[str, int]]] = {role: {} for role in ROLES}
 
@@ -117,41 +117,41 @@ class Hellos:
         settings, counts = split_texts(texts)
         if hello.role not in ROLES:
             return
-        self._settings.pop(hello.role, None)  # the last sender stands last
+        self._settings.pop(hello.role, None)  # the last sender comes last
         self._settings[hello.role] = settings
         self._remember(hello, settings)
         processes, process = self._counts[hello.role], texts.get(PROCESS, "")
         if process in processes or len(processes) < MOST_PROCESSES:
             processes[process] = counts
         for name in NEWS if hello.role in TELLERS else ():
-            said, known = texts.get(name), self.news.get(name, ())
-            if said and said not in known and len(known) < MOST_NEWS:
-                self.news[name] = (*known, said)
+            text, known = texts.get(name), self.news.get(name, ())
+            if text and text not in known and len(known) < MOST_NEWS:
+                self.news[name] = (*known, text)
 
     def _remember(self, hello: Hello, settings: dict[str, str]) -> None:
         """Remember from when on a side's process has its settings, and of any other role its last settings."""
-        said, process = self._said[hello.role], _number(hello.texts.get(PROCESS, ""))
+        reports, process = self._reports[hello.role], _number(hello.texts.get(PROCESS, ""))
         if hello.role not in SIDES:
-            said[:] = [Said(hello.role, process, 0, settings)]
+            reports[:] = [Said(hello.role, process, 0, settings)]
             return
-        before = next((one for one in reversed(said) if one.process == process), None)
+        before = next((one for one in reversed(reports) if one.process == process), None)
         if before is not None and before.settings == settings:
             return
         since = 0 if before is None else _number(hello.texts.get(SINCE, "")) or hello.time_ns
         new = Said(hello.role, process, since, settings)
-        while said and (len(said) >= MOST_CHANGES or sum(map(_length, (*said, new))) > MOST_TEXT):
-            said.pop()
-        said.append(new)
+        while reports and (len(reports) >= MOST_CHANGES or sum(map(_length, (*reports, new))) > MOST_TEXT):
+            reports.pop()
+        reports.append(new)
 
     @property
     def said(self) -> tuple[Said, ...]:
         """Settings that each process reported, and the times from which they hold."""
-        return tuple(one for said in self._said.values() for one in said)
+        return tuple(one for reports in self._reports.values() for one in reports)
 
     @property
     def settings(self) -> dict[str, str]:
         """Settings by name, as reported last."""
-        return {name: value for said in self._settings.values() for name, value in said.items()}
+        return {name: value for settings in self._settings.values() for name, value in settings.items()}
 
     @property
     def counts(self) -> dict[str, int]:
@@ -163,8 +163,8 @@ class Hellos:
         return total
 
 
-def _length(said: Said) -> int:
-    return sum(len(name) + len(value) for name, value in said.settings.items())
+def _length(report: Said) -> int:
+    return sum(len(name) + len(value) for name, value in report.settings.items())
 
 
 def _number(text: str) -> int:

@@ -41,7 +41,7 @@ Chosen = Annotated[str, msgspec.Meta(max_length=64, pattern=r"^[A-Za-z0-9_.-]*\Z
 
 
 class Status(IntEnum):
-    """What a follower does with the commands; `STATUS_SENTENCES` has the sentence."""
+    """State of a follower; `STATUS_SENTENCES` has the sentence."""
 
     FOLLOWING = 0
     GUARDED = 1
@@ -122,7 +122,7 @@ class ModelUpdate(Message, frozen=True, array_like=True, gc=False):
         command_sequence: The command that the follower had applied when `state` was taken, 0 before the first.
         law: Name of the contact law, for example ``"linearised-continuous-switching"``.
         parameters: The law's numbers, in the order that the law declares.
-        state: What the material remembers at `command_sequence`; empty for laws without memory.
+        state: Memory of the material at `command_sequence`; empty for laws without memory.
         surface: Position of the undeformed surface [m].
         valid: Whether a force may be rendered from it.
         reason: One sentence: why it is not valid, or what there is to know.
@@ -176,8 +176,8 @@ class Telemetry(Message, frozen=True, array_like=True, gc=False):
         period_ns: Time since the last tick began [ns].
         compute_ns: Time that this tick's computing took [ns].
         guarded: Whether the first touch was guarded: the robot held back from its command or from its speed.
-        status: What the follower did with the commands: a `Status`.
-        validity: What this tick's sensors are worth: 0 if they can be believed, else a
+        status: State of the follower: a `Status`.
+        validity: Validity of this tick's sensors: 0 if they can be believed, else a
             `foretouch.identification.SensorState`. What is not valid is not learnt from, and `velocity`, `force` and
             `in_contact` are those of the last sample that was.
         epoch: Epoch of the leader that is obeyed, 0 before the first.
@@ -225,7 +225,7 @@ class LeaderState(Message, frozen=True, array_like=True, gc=False):
         standard_deviation: Standard deviation of the predicted force [N], NaN where the model carries no uncertainty.
         hand_position: Position of the operator's hand, as the device's encoder shows it [m].
         exact_hand_position: The same from the simulated hand, without the encoder's steps [m]; NaN on a device.
-        intended_position: Where the hand wants to be [m]; NaN where unknown.
+        intended_position: Position that the hand intends [m]; NaN where unknown.
         mediated_force: Force for the hand after mediation and scale, before the limits [N].
         update_step: Part of this tick's change of `mediated_force` that models made, and not motion [N].
         energy: Energy from the hand into the rendered force, up to this tick [J]: debts of the session are kept,
@@ -309,7 +309,7 @@ class Choice(Message, frozen=True, array_like=True, gc=False):
     Attributes:
         material: Material that the simulated robot presses from now on.
         operator: Operator that moves the leader.
-        grip: How the hand holds the device.
+        grip: Grip of the hand on the device.
         record: ``"start"`` a new recording, ``"stop"`` the one that is written.
     """
 
@@ -365,9 +365,9 @@ class Hello(Message, frozen=True, array_like=True, gc=False):
     @classmethod
     def of(cls, role: str, sequence: int, time_ns: int, texts: Mapping[str, str]) -> Hello:
         """One with these texts, cut where they are longer than a peer takes them."""
-        said = list(texts.items())[:MOST_TEXTS]
-        names = tuple(name[:LONGEST_NAME] for name, _ in said)
-        return cls(VERSION, sequence, time_ns, role, names, tuple(value[:LONGEST_VALUE] for _, value in said))
+        kept = list(texts.items())[:MOST_TEXTS]
+        names = tuple(name[:LONGEST_NAME] for name, _ in kept)
+        return cls(VERSION, sequence, time_ns, role, names, tuple(value[:LONGEST_VALUE] for _, value in kept))
 
     @property
     def texts(self) -> dict[str, str]:

@@ -30,13 +30,13 @@ Epochs = NDArray[np.int64]
 def split_session(log: SessionLog) -> tuple[SessionLog, ...]:
     """The segments of a session: see `SessionLog.segments`."""
     leads, runs = log.leader["epoch"], log.follower["run"]
-    heard = _filled(leads, log.leader["run"], leads, log.leader["run"])
+    seen = _filled(leads, log.leader["run"], leads, log.leader["run"])
     obeyed = _filled(runs, log.follower["epoch"], runs, log.follower["epoch"])
     # A process that never received the other side may have been received by it.
-    by_robot, by_leader = (np.where(epochs > 0, epochs, -1) for epochs in (obeyed, heard))
-    heard, obeyed = _filled(leads, heard, by_robot, runs), _filled(runs, obeyed, by_leader, leads)
-    keys = list(dict.fromkeys([*_pairs(obeyed, runs), *_pairs(leads, heard)]))
-    strangers = not (heard.any() or obeyed.any()) and all(np.unique(own).size <= 1 for own in (leads, runs))
+    by_robot, by_leader = (np.where(epochs > 0, epochs, -1) for epochs in (obeyed, seen))
+    seen, obeyed = _filled(leads, seen, by_robot, runs), _filled(runs, obeyed, by_leader, leads)
+    keys = list(dict.fromkeys([*_pairs(obeyed, runs), *_pairs(leads, seen)]))
+    strangers = not (seen.any() or obeyed.any()) and all(np.unique(own).size <= 1 for own in (leads, runs))
     if len(keys) <= 1 or strangers:
         epoch, run = keys[0] if len(keys) == 1 else (0, 0)
         return (_with_own_settings(log, epoch, run),)
@@ -45,7 +45,7 @@ def split_session(log: SessionLog) -> tuple[SessionLog, ...]:
     parts = []
     for epoch, run in keys:
         leader, follower = (
-            log.leader[(leads == epoch) & (heard == run)],
+            log.leader[(leads == epoch) & (seen == run)],
             log.follower[(obeyed == epoch) & (runs == run)],
         )
         models = tuple(model for model, key in zip(log.models, of_model, strict=True) if key == (epoch, run))
@@ -108,7 +108,7 @@ def _first_ns(rows: Rows) -> int:
 
 
 def _cut(segment: SessionLog, begin: int, end: int, settings: dict[str, str]) -> SessionLog:
-    """What belongs to the commands from `begin` on and before `end`."""
+    """The part that belongs to the commands from `begin` on and before `end`."""
     leader, follower = segment.leader, segment.follower
     leader = leader[(leader["sequence"] >= begin) & (leader["sequence"] < end)]
     follower = follower[(follower["command_sequence"] >= begin) & (follower["command_sequence"] < end)]
@@ -308,10 +308,10 @@ class SessionLog(Columns):
         paired = self.rows()
         leader, follower = paired.leader, paired.follower
         began = int(self.leader["time_ns"][0]) if self.leader.size else 0
-        found: dict[str, NDArray[Any]] = {"time_s": (leader["time_ns"] - began) * 1e-9}
+        columns: dict[str, NDArray[Any]] = {"time_s": (leader["time_ns"] - began) * 1e-9}
         for name, unit in _SHOWN.items():
-            found[f"{name}_{unit}"] = leader[name]
-        return found | {
+            columns[f"{name}_{unit}"] = leader[name]
+        return columns | {
             "robot_position_m": follower["position"],
             "sensor_force_N": follower["sensor_force"],
             "in_contact": follower["in_contact"],

@@ -185,7 +185,7 @@ class CameraImage(Message, frozen=True, array_like=True, gc=False):
         pose: Pose of the fixture in the world, 6 numbers; empty where the image shows no board.
         covariance: Covariance of its error on the right (`foretouch.quantities.Pose`), 36 numbers, by row; or empty.
         markers: Number of the board's markers that were found.
-        reason: Why there is no pose, a sentence; empty where there is one.
+        reason: Reason that there is no pose, a sentence; empty where there is one.
         camera: f_x, f_y, c_x, c_y [pixel], k1, k2, p1, p2, k3, and the camera's pose in the world.
         run: Epoch of the follower's process whose tick it is.
     """
@@ -210,7 +210,7 @@ class FixtureBelief(Message, frozen=True, array_like=True, gc=False):
         images: Number of images used since the start.
         contacts: Number of contacts used since the start.
         refused: Number of images and contacts refused since the start.
-        reason: What is known, a sentence for people.
+        reason: State of knowledge, a sentence for people.
         run: Epoch of the follower's process whose ticks it is made from.
         epoch: Epoch of the tracker's own process: its `sequence` counts from 1 in each.
     """

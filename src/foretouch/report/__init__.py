@@ -1,4 +1,4 @@
-"""What a session or a recording shows: scores, the report of a session, figures and the page."""
+"""Evaluation of a session or a recording: scores, the report of a session, figures and the page."""
 
 from foretouch.identification.force_calibration import lowest_mean
 from foretouch.quantities import new_figure

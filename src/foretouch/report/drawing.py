@@ -1,4 +1,4 @@
-"""What every figure has in common: colours, legends, margins, and no more points than can be seen."""
+"""Common parts of all figures: colours, legends, margins, and no more points than can be seen."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ TRUE, PREDICTED, DELAYED, RENDERED, ERROR = (
 """Colours by their meaning in a session."""
 
 COLOURS = columns.COLOURS
-"""For curves that stand in a row."""
+"""Colours of curves in a row."""
 
 
 def legend(axes: Any, columns: int) -> None:
@@ -42,7 +42,7 @@ def shade(axes: Any, time: NDArray[np.float64], flags: NDArray[np.bool_], colour
 
 
 def mark(axes: Any, segments: Sequence[Segment]) -> None:
-    """Hatch the times in which the robot was not where the commands said, within what the axes show."""
+    """Hatch the times in which the robot was not at its commanded position, within what the axes show."""
     begin, end = sides = axes.get_xlim()
     for failing, (label, hatch, colour) in _MARKS.items():
         seen = [one[:2] for one in segments if one.failing == failing and one.end >= begin and one.begin <= end]
@@ -115,9 +115,9 @@ def extremes(values: Array, buckets: int = 1500) -> NDArray[np.intp]:
     finite = np.isfinite(values)
     low, high = np.where(finite, values, np.inf), np.where(finite, values, -np.inf)
     kept = [
-        start + int(place)
+        start + int(index)
         for start in range(0, values.size, size)
-        for place in sorted({low[start : start + size].argmin(), high[start : start + size].argmax()})
+        for index in sorted({low[start : start + size].argmin(), high[start : start + size].argmax()})
     ]
     return np.array(kept, dtype=np.intp)
 
@@ -135,8 +135,8 @@ def thinned(time: Array, values: Array, buckets: int = 1500) -> tuple[Array, Arr
     gaps = np.flatnonzero(periods > max(GAP, GAP_PERIODS * float(np.median(periods))))
     if gaps.size > buckets:
         gaps = np.sort(gaps[np.argsort(periods[gaps])[-buckets:]])
-    places = np.searchsorted(time[kept], time[gaps], side="right")
-    return np.insert(time[kept], places, time[gaps]), np.insert(values[kept], places, np.nan)
+    indices = np.searchsorted(time[kept], time[gaps], side="right")
+    return np.insert(time[kept], indices, time[gaps]), np.insert(values[kept], indices, np.nan)
 
 
 def curve(axes: Any, time: Array, values: Array, colour: str, width: float, **style: Any) -> None:

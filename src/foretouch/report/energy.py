@@ -57,23 +57,23 @@ class Booked(NamedTuple):
     """Nominal step under a force, plus one count [m]."""
 
 
-def book(force: Array, place: Array, period: Array, device: BookedDevice) -> Booked:
+def book(force: Array, position: Array, period: Array, device: BookedDevice) -> Booked:
     """Sum up tick by tick the work of a hand against a force delayed by the device: see `Ledger`.
 
     Args:
         force: Force on the hand, held from each tick on [N], shape (n, axes).
-        place: Position of the hand in each tick [m], the same shape; NaN where it was missing.
+        position: Position of the hand in each tick [m], the same shape; NaN where it was missing.
         period: Time since the tick before [s], shape (n,); 0 counts as nominal.
         device: Device in the hand.
     """
-    count = math.sqrt(place.shape[1]) * max(device.resolution, SMALLEST_COUNT)
+    count = math.sqrt(position.shape[1]) * max(device.resolution, SMALLEST_COUNT)
     delta, nothing = device.delay / SAMPLE_PERIOD, np.zeros_like(force[:1])
     held, before = (np.concatenate((nothing,) * back + (force,))[: len(force)] for back in (1, 2))
     period = np.where(period > 0.0, period, SAMPLE_PERIOD)
-    there = np.isfinite(place).all(axis=1)
+    there = np.isfinite(position).all(axis=1)
     row = np.arange(len(force))
-    places = np.maximum.accumulate(np.where(there, row, -1))
-    last = np.concatenate(([-1], places))[: len(force)]  # the newest position before each row, -1 for none
+    read = np.maximum.accumulate(np.where(there, row, -1))
+    last = np.concatenate(([-1], read))[: len(force)]  # the newest position before each row, -1 for none
     ends = device.delay + (device.watchdog or math.inf)  # of a force, after its tick began
     lasts = np.concatenate(([device.delay], np.clip(ends - period, 0.0, device.delay)))[: len(force)]  # of the former
     seen, until = last == row - 1, np.minimum(period, ends)
@@ -85,7 +85,7 @@ def book(force: Array, place: Array, period: Array, device: BookedDevice) -> Boo
     elapsed = np.where(here == first + 1, period[here], np.cumsum(period)[here] - np.cumsum(period)[first])
     elapsed = np.maximum(elapsed, SAMPLE_PERIOD)
     acted = (lasts[first + 1] / SAMPLE_PERIOD)[:, None] * before[first + 1] + (1.0 - delta) * held[first + 1]
-    moved = place[here] - place[first]
+    moved = position[here] - position[first]
     distance = np.linalg.norm(moved, axis=1)
     even, longest = SAMPLE_PERIOD / elapsed, FASTEST_HAND * SAMPLE_PERIOD
     with np.errstate(divide="ignore"):
@@ -98,7 +98,7 @@ def book(force: Array, place: Array, period: Array, device: BookedDevice) -> Boo
 
 
 ROUNDING = 1e-9
-"""What sums of floating-point numbers may be wrong by [J]."""
+"""Largest error of sums of floating-point numbers [J]."""
 
 
 SAME = 1e-9
@@ -145,19 +145,19 @@ def energy_account(leader: Rows, device: BookedDevice | None = NO_DEVICE) -> Acc
 
 
 def _summed_again(leader: Rows, device: BookedDevice) -> tuple[Account, Array]:
-    """What `as_told` gives along a line."""
-    place, pressing = leader["hand_position"][:, None], leader["rendered_force"]
-    place = np.where(np.abs(place) <= FARTHEST, place, np.nan)
-    lost = lost_rows(leader, np.isfinite(place[:, 0]))
+    """`recorded_account` along a line."""
+    position, pressing = leader["hand_position"][:, None], leader["rendered_force"]
+    position = np.where(np.abs(position) <= FARTHEST, position, np.nan)
+    lost = lost_rows(leader, np.isfinite(position[:, 0]))
 
     def account(period: Array) -> Account:
-        booked = book(-pressing[:, None], place, period, device)
+        booked = book(-pressing[:, None], position, period, device)
         return summed_account(leader, booked, pressing, pressing, lost, device)
 
-    return as_told(leader, leader, account)
+    return recorded_account(leader, leader, account)
 
 
-def as_told(leader: Rows, told: Rows, account: Callable[[Array], Account]) -> tuple[Account, Array]:
+def recorded_account(leader: Rows, recorded: Rows, account: Callable[[Array], Account]) -> tuple[Account, Array]:
     """The account as the leader kept it, and the time in which the hand moved in each tick [s], as it took that.
 
     A simulated hand is sampled at the nominal time of the tick, a human hand when the tick really began:
@@ -168,25 +168,25 @@ def as_told(leader: Rows, told: Rows, account: Callable[[Array], Account]) -> tu
     since = 1e-9 * np.diff(leader["time_ns"], prepend=leader["time_ns"][:1])
     moved = np.where(np.isfinite(leader["exact_hand_position"]) & (since > 0.0), since, began)
     summed = account(moved)
-    if _agree(summed, told) or np.array_equal(moved, began):
+    if _agree(summed, recorded) or np.array_equal(moved, began):
         return summed, moved
     formerly = account(began)
-    return (formerly, began) if _agree(formerly, told) else (summed, moved)
+    return (formerly, began) if _agree(formerly, recorded) else (summed, moved)
 
 
-def _agree(account: Account, told: Rows) -> bool:
+def _agree(account: Account, recorded: Rows) -> bool:
     """Whether the leader recorded the same in every tick."""
-    pairs = zip(account, (told[name] for name in ("energy", "energy_bound", "late_energy")), strict=True)
-    return all(bool((np.abs(found - said) <= ROUNDING).all()) for found, said in pairs)
+    pairs = zip(account, (recorded[name] for name in ("energy", "energy_bound", "late_energy")), strict=True)
+    return all(bool((np.abs(one - other) <= ROUNDING).all()) for one, other in pairs)
 
 
 def summed_account(
-    told: Rows, booked: Booked, force: Array, pressing: Array, lost: Flags, device: BookedDevice
+    recorded: Rows, booked: Booked, force: Array, pressing: Array, lost: Flags, device: BookedDevice
 ) -> Account:
     """The account of the booked work.
 
     Args:
-        told: Rows of the leader with the account that it kept: ``energy``, ``energy_bound``, ``late_energy``.
+        recorded: Rows of the leader with the account that it kept: ``energy``, ``energy_bound``, ``late_energy``.
         booked: Work booked in each row.
         force: Size of the force that is held from each row on [N].
         pressing: Its part along the normal, without friction [N]: no surplus is forgiven above 0.05 N of it.
@@ -196,13 +196,13 @@ def summed_account(
     largest = np.maximum.accumulate(_held(force))
     farthest = np.maximum.accumulate(booked.reach)
     bound = (1.0 + 2.0 * device.delay / SAMPLE_PERIOD) * largest * farthest
-    bound = np.where(np.logical_or.accumulate(lost), told["energy_bound"], bound)
-    begins = _begins(told["energy"], booked.work, _held(pressing) > PHANTOM, lost)
-    late = _owed(np.where(lost, 0.0, booked.late), told["late_energy"], lost)
-    return Account(_summed(told["energy"], booked.work, begins, lost), bound, late)
+    bound = np.where(np.logical_or.accumulate(lost), recorded["energy_bound"], bound)
+    begins = _begins(recorded["energy"], booked.work, _held(pressing) > PHANTOM, lost)
+    late = _owed(np.where(lost, 0.0, booked.late), recorded["late_energy"], lost)
+    return Account(_summed(recorded["energy"], booked.work, begins, lost), bound, late)
 
 
-def account_figures(account: Account, told: Rows) -> dict[str, Any]:
+def account_figures(account: Account, recorded: Rows) -> dict[str, Any]:
     """Whether an account kept its bound in every tick, and whether the leader recorded the same.
 
     Returns:
@@ -213,7 +213,7 @@ def account_figures(account: Account, told: Rows) -> dict[str, Any]:
         bound by 1e-9 J.
     """
     energy, bound, late = account
-    agrees = _agree(account, told)
+    agrees = _agree(account, recorded)
     least_late = finite_or_none(min(float(late.min(initial=0.0)), 0.0))
     known = ~((bound == 0.0) & (energy >= 0.0))  # what is given out without any bound is beyond it
     net = largest = margin = 0.0
@@ -248,14 +248,14 @@ def energy_figures(leader: Rows, device: BookedDevice | None = NO_DEVICE) -> dic
     if not has_account(leader):
         return dict.fromkeys(_FIGURES)
     account = energy_account(leader, device)
-    found = account_figures(account, leader)
+    figures = account_figures(account, leader)
     used = float((-account.energy / np.where(account.bound > 0.0, account.bound, np.inf)).max())
-    found |= {
+    figures |= {
         "energy_used_percent": finite_or_none(100.0 * max(0.0, used)),
         "net_energy_exact_J": _exact(leader, device),
         "largest_energy_cut_N": _largest_cut(leader),
     }
-    return {name: found[name] for name in _FIGURES}
+    return {name: figures[name] for name in _FIGURES}
 
 
 _FIGURES = (
@@ -281,57 +281,57 @@ def exact_energy(leader: Rows, device: BookedDevice | None = NO_DEVICE) -> Array
     Returns:
         E [J], shape (n,); NaN where the hand's own position or its device is not known.
     """
-    place, force = leader["exact_hand_position"][:, None], leader["rendered_force"]
+    position, force = leader["exact_hand_position"][:, None], leader["rendered_force"]
     if device is None:
         return np.full(force.size, np.nan)
     period, lost = _summed_again(leader, device)[1], lost_rows(leader, np.isfinite(leader["hand_position"]))
-    shown, exact = (book(-force[:, None], x, period, device) for x in (leader["hand_position"][:, None], place))
+    shown, exact = (book(-force[:, None], x, period, device) for x in (leader["hand_position"][:, None], position))
     begins = _begins(leader["energy"], shown.work, _held(force) > PHANTOM, lost)
-    return np.where(np.isfinite(place[:, 0]), _summed(leader["energy"], exact.work, begins, lost), np.nan)
+    return np.where(np.isfinite(position[:, 0]), _summed(leader["energy"], exact.work, begins, lost), np.nan)
 
 
-def lost_rows(told: Rows, there: Flags) -> Flags:
+def lost_rows(recorded: Rows, there: Flags) -> Flags:
     """Rows in which only the leader's account is available: after missing rows, or another process, and shortly beyond.
 
     Each process keeps its account. The force that acted after a gap is known from the second position on.
     """
-    lost = np.diff(told["sequence"], prepend=0) != 1  # a leader counts from 1
-    lost |= np.diff(told["epoch"], prepend=told["epoch"][:1]) != 0
+    lost = np.diff(recorded["sequence"], prepend=0) != 1  # a leader counts from 1
+    lost |= np.diff(recorded["epoch"], prepend=recorded["epoch"][:1]) != 0
     for row in np.flatnonzero(lost).tolist():
-        found = np.flatnonzero(there[row:])
-        lost[row : row + int(found[0]) + 2 if found.size else None] = True
+        known = np.flatnonzero(there[row:])
+        lost[row : row + int(known[0]) + 2 if known.size else None] = True
     return np.asarray(lost)
 
 
 def _held(force: Array) -> Array:
-    """What acted until each row: the force of the row before."""
+    """The force that acted until each row: that of the row before."""
     return np.concatenate((np.zeros(min(1, force.size)), force[:-1]))
 
 
-def _begins(told: Array, work: Array, firm: Flags, lost: Flags) -> Flags:
-    """Where a surplus was forgiven: the work of one tick is all there is, after more than nothing and no firm force."""
-    had = np.concatenate((np.zeros(min(1, told.size)), told[:-1])) > 0.0
+def _begins(recorded: Array, work: Array, firm: Flags, lost: Flags) -> Flags:
+    """Ticks in which a surplus was forgiven: the work of one tick is all there is, after a surplus, no firm force."""
+    had = np.concatenate((np.zeros(min(1, recorded.size)), recorded[:-1])) > 0.0
     with np.errstate(invalid="ignore"):
-        fresh = np.abs(told - work) <= SAME * np.abs(work)
+        fresh = np.abs(recorded - work) <= SAME * np.abs(work)
     return np.asarray(fresh & had & ~firm & ~lost)
 
 
-def _summed(told: Array, work: Array, begins: Flags, lost: Flags) -> Array:
+def _summed(recorded: Array, work: Array, begins: Flags, lost: Flags) -> Array:
     """Sum the work up, anew where a surplus was forgiven; after a gap, from the value that the leader recorded."""
-    base = np.where(lost, told, work)
+    base = np.where(lost, recorded, work)
     total = np.cumsum(np.where(lost, 0.0, work))
     newest = np.maximum.accumulate(np.where(begins | lost, np.arange(total.size), -1))
     anew = np.where(newest >= 0, base[newest] - total[newest], 0.0)
     return np.asarray(anew + total)
 
 
-def _owed(late: Array, told: Array, lost: Flags) -> Array:
+def _owed(late: Array, recorded: Array, lost: Flags) -> Array:
     """Sum up what late ticks took: a surplus is forgiven at once, a debt is kept."""
-    owed, found = 0.0, np.zeros(late.size)
-    for row, (work, said, gone) in enumerate(zip(late.tolist(), told.tolist(), lost.tolist(), strict=True)):
-        owed = said if gone else min(owed + work, 0.0)
-        found[row] = owed
-    return found
+    owed, total = 0.0, np.zeros(late.size)
+    for row, (work, kept, gone) in enumerate(zip(late.tolist(), recorded.tolist(), lost.tolist(), strict=True)):
+        owed = kept if gone else min(owed + work, 0.0)
+        total[row] = owed
+    return total
 
 
 def _exact(leader: Rows, device: BookedDevice | None) -> float | None:

@@ -35,8 +35,8 @@ class Forces(ByValue):
         predicted: Predicted force [N].
         delayed: Newest force that the receiver has, less its zero [N]; 0 before the first one.
         contact_floor: Smallest force that counts as contact [N].
-        standard_deviation: That of the predicted force [N], NaN where the model has none; None where no model
-            is used, as for the next two.
+        standard_deviation: Standard deviation of the predicted force [N], NaN where the model has none; None
+            where no model is used, as for the next two.
         jump: Change of the predicted force by the model that came at the sample [N], 0 where none came.
         period: Time since the sample before where the prediction was made [s], NaN at the first.
         skipped: Flags of the samples that are not scored, as in the session's own report; None for a recording.
@@ -54,10 +54,10 @@ class Forces(ByValue):
     skipped: Flags | None = None
 
     def perception(self, scores: Scores) -> dict[str, float | None]:
-        """What an operator would notice, as named figures: the largest jump by a model, and the time to accuracy.
+        """Noticeable effects, as named figures: the largest jump by a model, and the time to accuracy.
 
         Args:
-            scores: What `score_prediction` gave of these columns, all samples among them.
+            scores: Result of `score_prediction` for these columns, all samples among them.
         """
         jump = LargestJump(None, None, None)
         if self.jump is not None and self.period is not None:
@@ -162,9 +162,9 @@ def remarks(forces: Forces, scores: Scores, delay: float, score_from: float | No
 
     Args:
         forces: Of the recording.
-        scores: What `score_prediction` gave of them, all samples among them.
+        scores: Result of `score_prediction` for them, all samples among them.
         delay: Of the forces [s].
-        score_from: Where scoring was to begin [s after the first sample], where that is known.
+        score_from: Begin of scoring [s after the first sample], where that is known.
     """
     return tuple(_said(forces, scores, delay, score_from))
 
@@ -185,11 +185,11 @@ def _said(forces: Forces, scores: Scores, delay: float, score_from: float | None
 
 
 def _meaning(status: str, time: Array, all_count: bool, score_from: float | None) -> str:
-    """What a status means for this recording."""
+    """Meaning of a status for this recording."""
     if status == "nothing_to_score" and score_from is not None and time.size and time[-1] < score_from:
         return f"the recording ends after {time[-1]:.3g} s, before --score-from {score_from:g}"
     if status == "nothing_to_score" and all_count:
-        return "no sample lies in the window"
+        return "no sample is in the window"
     return STATUSES[status]
 
 
@@ -212,7 +212,7 @@ def _of_touches(time: Array, in_contact: Flags, delay: float) -> Iterator[str]:
     if in_contact[time <= BEGINNING].mean() > 0.5 and apart.size:
         left = float(apart[0])
         yield (
-            f"It begins in contact: surface and zero of the force can only be told from {left:.2f} s on, when the "
+            f"It begins in contact: surface and zero of the force are only known from {left:.2f} s on, when the "
             "probe first leaves it, and what is predicted before is uncertain."
         )
     elif not breaks.size:
@@ -230,12 +230,13 @@ def _of_drift(time: Array, position: Array, scores: Scores) -> Iterator[str]:
         return
     columns = np.column_stack((time[outside] - time[outside].mean(), position[outside], np.ones(int(outside.sum()))))
     force = scores.measured_force[outside]
-    found = np.linalg.lstsq(columns / np.abs(columns).max(axis=0), force, rcond=None)[0] / np.abs(columns).max(axis=0)
-    drift = float(found[0]) * float(time[-1])
+    scale = np.abs(columns).max(axis=0)
+    fit = np.linalg.lstsq(columns / scale, force, rcond=None)[0] / scale
+    drift = float(fit[0]) * float(time[-1])
     with np.errstate(over="ignore"):
-        left = float(np.sqrt(np.mean(np.square(force - columns @ found))))
+        left = float(np.sqrt(np.mean(np.square(force - columns @ fit))))
     if abs(drift) > max(scores.threshold_N or 0.0, CLEAR * left):
         yield (
-            f"The force in free air drifts by {found[0]:+.2g} N/s: its zero is that of one moment, and what drifts "
+            f"The force in free air drifts by {fit[0]:+.2g} N/s: its zero is that of one moment, and what drifts "
             "away from it counts as error."
         )

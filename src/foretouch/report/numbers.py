@@ -103,9 +103,9 @@ def runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
 
 def parameter_text(parameters: Mapping[str, float | None], errors: Mapping[str, float | None] | None) -> str:
     """A law's numbers with their units and standard errors, by name; None for an undetermined one."""
-    told = errors or {}
+    known = errors or {}
     return ", ".join(
-        f"{name} {measured(value, told.get(name), parameter_unit(name, parameters))}"
+        f"{name} {measured(value, known.get(name), parameter_unit(name, parameters))}"
         for name, value in parameters.items()
     )
 

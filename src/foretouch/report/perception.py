@@ -1,4 +1,4 @@
-"""What an operator would notice: jumps of force that new models make, how soon a prediction is right, oscillations.
+"""Effects that an operator would notice: jumps of force by new models, time until a prediction is right, oscillations.
 
 A hand oscillates if it swings more than the same hand would, had it felt nothing.
 """
@@ -31,7 +31,7 @@ class LargestJump(NamedTuple):
         force: Its size [N], 0 where no model changed the force.
         rate: The largest size divided by the time since the sample before [N/s]; with uneven times it may be another
             jump than that of `force`.
-        time: When `force` came, since the first sample [s]; None where no model changed the force.
+        time: Time of `force` since the first sample [s]; None where no model changed the force.
     """
 
     force: float | None
@@ -71,7 +71,7 @@ def largest_jump(time: Array, jump: Array, period: Array) -> LargestJump:
 
 
 def rendered_jump(sequence: NDArray[np.int64], wanted: Array, rendered: Array, jump: Array) -> Array:
-    r"""That part of a model's jump of the wanted force that was rendered in the tick in which it came.
+    r"""The part of a model's jump of the wanted force that was rendered in the tick in which it came.
 
     .. math:: J'_k = (R_k - R_{k-1}) - (F_k - J_k - F_{k-1}), \quad \text{held between } 0 \text{ and } J_k
 
@@ -183,7 +183,7 @@ def _window_sums(values: Array, count: int) -> Array:
 
 
 class _Intention(Device):
-    """What a hand wanted, read again."""
+    """The intention of a hand, read again."""
 
     name = "recorded intention"
     closed_loop = False
@@ -199,7 +199,7 @@ class _Intention(Device):
 
 
 def free_hand(log: SessionLog) -> Array | None:
-    """Where the hand that the settings name would have been by its intention alone, without any force [m].
+    """Position that the hand of the settings would have had by its intention alone, without any force [m].
 
     Args:
         log: The session.
@@ -216,9 +216,9 @@ def free_hand(log: SessionLog) -> Array | None:
     wanted = log.leader["intended_position"]
     known = np.isfinite(wanted)
     hand = Hand(_Intention(wanted[known]), grip, device)
-    places = np.full(wanted.size, np.nan)
-    places[known] = [hand.read(now) for now in log.leader["time_ns"][known].tolist()]
-    return places
+    hands = np.full(wanted.size, np.nan)
+    hands[known] = [hand.read(now) for now in log.leader["time_ns"][known].tolist()]
+    return hands
 
 
 SWING = 5e-4
@@ -257,7 +257,7 @@ def oscillation(leader: Rows, free: Array | None = None) -> dict[str, Any]:
 
     Args:
         leader: Rows of `SessionLog.leader`.
-        free: Where the hand would have been without force [m], shape (n,), as `free_hand` gives it; None for where it
+        free: Position of the hand without force [m], shape (n,), as `free_hand` gives it; None for where it
             meant to be.
 
     Returns:
@@ -312,19 +312,19 @@ def turning_points(position: Array, swing: float = SWING) -> NDArray[np.int64]:
     Returns:
         Their indices, increasing.
     """
-    found = []
+    turns = []
     direction = low = high = 0  # low and high: samples of the extremes since the last turn
     values = position.tolist()
     for index, here in enumerate(values):
         low = index if here < values[low] else low
         high = index if here > values[high] else high
         if direction >= 0 and here < values[high] - swing:
-            found += [high] if direction else []
+            turns += [high] if direction else []
             direction, low = -1, index
         elif direction <= 0 and here > values[low] + swing:
-            found += [low] if direction else []
+            turns += [low] if direction else []
             direction, high = 1, index
-    return np.array(found, dtype=np.int64)
+    return np.array(turns, dtype=np.int64)
 
 
 def _largest_burst(made: Array, without: Array) -> tuple[int, float | None]:

@@ -44,7 +44,7 @@ def runs_of(follower: Rows, flags: Flags) -> list[slice]:
 
 
 def seconds_of(follower: Rows, flags: Flags) -> float:
-    """How long the flag was set [s]: from each flagged tick to the next tick, however late that was."""
+    """Time for which the flag was set [s]: from each flagged tick to the next tick, however late that was."""
     lasted = np.diff(follower["time_ns"]) * 1e-9
     last = usual_period(follower) if flags.size and flags[-1] else 0.0  # the last tick's duration is unknown
     return float(lasted[flags[:-1]].sum()) + last
@@ -61,7 +61,7 @@ def usual_period(table: Rows) -> float:
 
 
 class Segment(NamedTuple):
-    """A segment of time [s] in which the robot was not where the commands said."""
+    """A segment of time [s] in which the robot was not at its commanded position."""
 
     begin: float
     end: float
@@ -70,33 +70,33 @@ class Segment(NamedTuple):
 
 
 def away(follower: Rows) -> Flags:
-    """In which rows the robot was not where the commands said, guarded ones left out: they have separate figures."""
+    """In which rows the robot was not at its commanded position, guarded ones left out: they have separate figures."""
     return np.asarray(~np.isin(follower["status"], WITH_THE_COMMANDS))
 
 
 def trusted(follower: Rows, rows: Rows) -> Flags:
-    """Which rows hold a true force: the sensors are believed, then and in the 0.1 s that a fault may go unnoticed."""
+    """Rows that hold a true force: the sensors are believed, then and in the 0.1 s that a fault may go unnoticed."""
     good = believable(rows)
     failing = follower["validity"] > 0
-    found = follower["time_ns"][failing & ~np.concatenate((np.zeros(min(1, failing.size), np.bool_), failing[:-1]))]
-    if found.size:
-        following = np.append(found, 2 * FOUND_WITHIN_NS + int(rows["time_ns"].max(initial=0)))
-        until = following[np.searchsorted(found, rows["time_ns"])] - rows["time_ns"]
+    faults = follower["time_ns"][failing & ~np.concatenate((np.zeros(min(1, failing.size), np.bool_), failing[:-1]))]
+    if faults.size:
+        following = np.append(faults, 2 * FOUND_WITHIN_NS + int(rows["time_ns"].max(initial=0)))
+        until = following[np.searchsorted(faults, rows["time_ns"])] - rows["time_ns"]
         good &= until > FOUND_WITHIN_NS
     return good
 
 
 def follower_away(log: SessionLog, start_ns: int) -> list[Segment]:
-    """Where one process of the follower was away, or its sensors failed, since a time of its clock [ns]."""
+    """Segments in which one process of the follower was away, or its sensors failed, since a time of its clock [ns]."""
     rows = since_first_command(log.follower)
     failing = rows["validity"] > 0
-    told = away(rows) & ~joining(rows)
-    found = []
-    for flags, kind in ((told & ~failing, False), (failing, True)):
+    gone = away(rows) & ~joining(rows)
+    segments = []
+    for flags, kind in ((gone & ~failing, False), (failing, True)):
         for run in runs_of(rows, flags):
             times = (rows["time_ns"][run] - start_ns) * 1e-9
-            found.append(Segment(float(times[0]), float(times[-1]), kind))
-    return found
+            segments.append(Segment(float(times[0]), float(times[-1]), kind))
+    return segments
 
 
 def since_first_command(follower: Rows) -> Rows:
@@ -150,7 +150,7 @@ def pair(log: SessionLog) -> Pairs:
 
 
 def not_scored(pairs: Pairs) -> NDArray[np.bool_]:
-    """Rows in which the robot was not where the command said, or the hand did not lead it.
+    """Rows in which the robot was not at its commanded position, or the hand did not lead it.
 
     It guarded a first touch or did something else than follow (`foretouch.report.statuses.away`), the clutch was
     pressed, or the device gave no position: robot and model then stay where they are, and a

@@ -30,26 +30,26 @@ JND_FORCE = 0.05
 """The smallest just noticeable difference that is asked for [N]."""
 
 STATUSES: dict[str, str] = {
-    "nothing_to_score": "no sample lies in the window, those that were guarded or not coupled left out",
+    "nothing_to_score": "no sample is in the window, those that were guarded or not coupled left out",
     "no_contact": "the measured force never rises above the contact floor in the window, but for noise",
     "prediction_not_finite": "a predicted force is not a number: its error has no bound and is given as null",
-    "offset_unobservable": "the probe never leaves contact, so that the zero of its force cannot be told and is a "
+    "offset_unobservable": "the probe never leaves contact, so that the zero of its force is not known and is a "
     "convention: who knows it gives it (--force-offset)",
     "ok": "scored",
 }
-"""What `Scores.status` can be; where several hold, the first of them in this order."""
+"""Values of `Scores.status`; where several hold, the first of them in this order."""
 
 
 @dataclass(frozen=True, eq=False)
 class Scores(ByValue):
-    """How well a force was predicted. A metric is None where there is nothing to measure it on.
+    """Quality of a predicted force. A metric is None where there is nothing to measure it on.
 
     Attributes:
         samples: Samples in all.
         scored_samples: Samples that the errors are taken over: in the window, and in contact or predicted to be.
         contact_force_rms_N: RMS of the measured force over the contact samples of the window.
         prediction_rmse_N: RMS of predicted less measured force over the scored samples.
-        prediction_error_percent: The same as a share of `contact_force_rms_N`.
+        prediction_error_percent: The same as a fraction of `contact_force_rms_N`.
         delayed_force_error_percent: The delayed force's RMS error over the contact samples, as the same fraction.
         delayed_force_rmse_N: That RMS error.
         within_jnd_percent: Share of contact samples whose error is at most max(10 % of the force, 0.05 N).
@@ -121,7 +121,7 @@ def score_prediction(
         score_from: Start of the window [s], included.
         score_to: End of the window [s], included; None for the last sample.
         position: Probe position [m], shape (n,). With it, a recording that never leaves contact is noticed
-            (``offset_unobservable``); from the force alone this cannot be told.
+            (``offset_unobservable``); the force alone does not show this.
         offset: Zero of the measured force [N] where it is known; None to find it.
         delayed_offset: Zero of the delayed force [N]: 0 where the sender took that off; None for that of the
             measured force.
@@ -163,7 +163,7 @@ def score_prediction(
     delayed_rmse = _rms((known - measured)[contact])
     tolerance = np.maximum(JND_SHARE * measured[contact], JND_FORCE)
     near = np.abs(predicted[contact] - measured[contact]) <= tolerance * (1.0 + 1e-9)
-    found = predicted[contact] >= threshold
+    predicted_contact = predicted[contact] >= threshold
     apart = window & ~in_contact
     status = "ok"
     if position is not None and never_leaves_contact(position, measured, in_contact):
@@ -180,7 +180,7 @@ def score_prediction(
         delayed_force_rmse_N=finite_or_none(delayed_rmse),
         within_jnd_percent=100.0 * float(near.mean()),
         phantom_force_rms_N=finite_or_none(_rms(predicted[apart])) if apart.any() else None,
-        missed_contact_percent=100.0 * (1.0 - float(found.mean())),
+        missed_contact_percent=100.0 * (1.0 - float(predicted_contact.mean())),
         status=status,
         threshold_N=threshold,
         in_contact=in_contact,

@@ -60,14 +60,14 @@ def session_figures(
     (`foretouch.report.scene.scene_figures`).
 
     Args:
-        log: What was said in the session.
+        log: The recorded session.
         score_from: Start of the scoring window [s] after the first row.
         score_to: Its end [s]; None for the last row.
         recording: Path of the recording, to be named in the report.
 
     Returns:
         The fields of `Scores`; those of the force after the limits, divided by the force scale, begin with
-        ``rendered_``, as ``rendered_rmse_N``. Energy, hand, segments and scenes stand on this page above. Beside these:
+        ``rendered_``, as ``rendered_rmse_N``. Energy, hand, segments and scenes are on this page above. Beside these:
 
         - ``status``: a key of `STATUSES`; ``recording``: path of the MCAP file; ``duration_s``: first to last tick;
           ``score_from_s``, ``score_to_s``: the window, None being the end.
@@ -130,7 +130,7 @@ def session_figures(
         "guarded_samples": int(follower["guarded"].sum()),
         "away_samples": int((away(follower) & ~joining(follower)).sum()),
         "faulty_samples": int((log.follower["validity"] > 0).sum()),
-        # In three dimensions a hand has no place on the normal before it is coupled.
+        # In three dimensions a hand has no position on the normal before it is coupled.
         "nowhere_samples": 0 if has_scene(log) else int(nowhere(log.leader).sum()),
         "score_from_s": score_from,
         "score_to_s": score_to,
@@ -181,8 +181,8 @@ def session_figures(
     }
     if not has_scene(log):
         return report
-    found = look_at_scene(log, pairs)
-    return in_scene(report, scene_figures(log, pairs, found), found)
+    findings = look_at_scene(log, pairs)
+    return in_scene(report, scene_figures(log, pairs, findings), findings)
 
 
 def _errors(scores: Scores | None) -> dict[str, float | None]:
@@ -192,7 +192,7 @@ def _errors(scores: Scores | None) -> dict[str, float | None]:
 
 
 def _jumps(log: SessionLog) -> dict[str, float | None]:
-    """What new models did to the force at once; None each where no models were rendered."""
+    """Changes of the force by new models; None each where no models were rendered."""
     jumps = update_jumps(log.leader)
     return jumps if renders_models(log.settings) else dict.fromkeys(jumps)
 
@@ -208,12 +208,12 @@ def _span(table: Rows) -> float:
 
 def _learnt(log: SessionLog, pairs: Pairs) -> dict[str, Any]:
     """The law's numbers in the last valid model, None where undetermined, and what a contact map has beside them."""
-    found = ((update, model_of(update)) for update in reversed(log.models))
-    update, model = next(((update, model) for update, model in found if model is not None), (None, None))
+    models = ((update, model_of(update)) for update in reversed(log.models))
+    update, model = next(((update, model) for update, model in models if model is not None), (None, None))
     if update is None or model is None:
         return {"parameters": None, "standard_errors": None, "map": None}
-    told = [error if math.isfinite(error) else None for error in update.standard_errors]
-    errors = dict(zip(model.parameter_names, told, strict=True)) if len(told) == len(model.parameters) else None
+    finite = [error if math.isfinite(error) else None for error in update.standard_errors]
+    errors = dict(zip(model.parameter_names, finite, strict=True)) if len(finite) == len(model.parameters) else None
     untold = {name for name, error in (errors or {}).items() if error is None}
     numbers = zip(model.parameter_names, model.parameters, strict=True)
     deviation = pairs.leader["standard_deviation"]
@@ -229,19 +229,19 @@ def _learnt(log: SessionLog, pairs: Pairs) -> dict[str, Any]:
 def _coverage(pairs: Pairs, contact: NDArray[np.bool_], scores: Scores) -> dict[str, float | None]:
     """Calibration of the predicted force's standard deviation: fractions of contact rows within one and two of it."""
     deviation = pairs.leader["standard_deviation"]
-    told = contact & np.isfinite(deviation)
-    if not told.any():
+    known = contact & np.isfinite(deviation)
+    if not known.any():
         return {"median_N": None, "within_one_percent": None, "within_two_percent": None}
-    error = np.abs(pairs.leader["predicted_force"][told] - scores.measured_force[told])
+    error = np.abs(pairs.leader["predicted_force"][known] - scores.measured_force[known])
     return {
-        "median_N": float(np.median(deviation[told])),
-        "within_one_percent": float(100.0 * np.mean(error <= deviation[told])),
-        "within_two_percent": float(100.0 * np.mean(error <= 2.0 * deviation[told])),
+        "median_N": float(np.median(deviation[known])),
+        "within_one_percent": float(100.0 * np.mean(error <= deviation[known])),
+        "within_two_percent": float(100.0 * np.mean(error <= 2.0 * deviation[known])),
     }
 
 
 def _models(log: SessionLog) -> dict[str, int]:
-    """How many models were sent, could be rendered from, and were the newest at some leader tick."""
+    """Numbers of models that were sent, could be rendered from, and were the newest at some leader tick."""
     arrived = np.unique(log.leader["model_sequence"])
     return {
         "sent": len(log.models),
@@ -251,7 +251,7 @@ def _models(log: SessionLog) -> dict[str, int]:
 
 
 def _model_bytes(log: SessionLog) -> dict[str, float | None]:
-    """What models cost the network: bytes of their messages without the network's own."""
+    """Network load of the models: bytes of their messages without the network's own."""
     sizes, duration = np.array([len(encode(model)) for model in log.models]), _duration(log)
     return {
         "per_s": float(sizes.sum()) / duration if duration > 0.0 else None,
@@ -295,7 +295,7 @@ def _spread(values: Array) -> dict[str, float | None]:
 
 
 def _tracking(pairs: Pairs, score_from: float, score_to: float | None) -> dict[str, float | None]:
-    """How far the robot stood from the commands it applied, and the time by which it lagged, over the window."""
+    """Distance of the robot from the commands it applied, and the time by which it lagged, over the window."""
     inside = (pairs.time >= score_from) & np.isfinite(pairs.leader["position"]) & ~away(pairs.follower)
     if score_to is not None:
         inside &= pairs.time <= score_to
@@ -324,5 +324,5 @@ def _lag(time: Array, commanded: Array, actual: Array) -> float | None:
     step = 0.002
     grid = np.arange(-LONGEST_LAG / 10, LONGEST_LAG, step)
     best = float(grid[np.argmin([leftover(lag) for lag in grid])])
-    found = minimize_scalar(leftover, bounds=(best - step, best + step), method="bounded", options={"xatol": 1e-6})
-    return float(found.x)
+    best_fit = minimize_scalar(leftover, bounds=(best - step, best + step), method="bounded", options={"xatol": 1e-6})
+    return float(best_fit.x)

@@ -28,7 +28,7 @@ READS = 5
 
 
 def wall_offset_ns() -> int:
-    """What to add to this machine's monotonic clock for nanoseconds since 1970."""
+    """Offset from this machine's monotonic clock to nanoseconds since 1970."""
     readings = [(time.monotonic_ns(), time.time_ns(), time.monotonic_ns()) for _ in range(READS)]
     before, wall, after = min(readings, key=lambda reading: reading[2] - reading[0])
     return wall - (before + after) // 2
@@ -221,7 +221,7 @@ class Bridge:
             self._graph.publish(topic, data)
 
     def _note(self, channel: str, message: Message) -> None:
-        """What the session says of itself."""
+        """Note the state of the session."""
         if channel == "stop":
             self._ended = True
         elif isinstance(message, Hello) and message.role == "follower":

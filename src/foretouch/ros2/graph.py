@@ -76,7 +76,7 @@ def type_hash(type_name: str, schema: str) -> str:
 
 
 def type_description(type_name: str, schema: str) -> dict[str, Any]:
-    """What is hashed: the type and all that it refers to, these in the order of their names.
+    """The text that is hashed: the type and all that it refers to, these in the order of their names.
 
     Args:
         type_name: Such as ``"geometry_msgs/msg/WrenchStamped"``.
@@ -136,13 +136,13 @@ def _field(owner: str, ros_type: str, name: str, definitions: dict[str, str]) ->
 
 def _referenced(type_name: str, fields: dict[str, list[dict[str, Any]]]) -> set[str]:
     """Every message inside a message, at any depth."""
-    found: set[str] = set()
+    names: set[str] = set()
     waiting = [type_name]
     while waiting:
-        inside = {field["type"]["nested_type_name"] for field in fields[waiting.pop()]} - {""} - found
-        found |= inside
+        inside = {field["type"]["nested_type_name"] for field in fields[waiting.pop()]} - {""} - names
+        names |= inside
         waiting += inside
-    return found
+    return names
 
 
 KEPT: Final = (MODEL.name, NUMBERS.name, FIXTURE.name)

@@ -1,4 +1,4 @@
-"""What `rmw_zenoh_cpp` writes beside the messages: keys of topics, liveliness tokens, and what goes with every message.
+"""Data that `rmw_zenoh_cpp` writes beside the messages: keys of topics, liveliness tokens, attachments.
 
 Source of keys and tokens: "Topic and Service name mapping" and "Graph Cache" in its ``docs/design.md``, and its
 ``liveliness_utils.cpp``. With every message go its number, when it was sent, and its publisher's identifier, which is
@@ -65,7 +65,7 @@ _NAMESPACE = re.compile(r"/|(/[A-Za-z_][A-Za-z0-9_]*)+")
 
 @dataclass(frozen=True)
 class TopicType:
-    """What a topic carries.
+    """The message type of a topic.
 
     Attributes:
         name: Name of the message type, such as ``"geometry_msgs/msg/WrenchStamped"``.
@@ -130,7 +130,7 @@ class Node:
             session: Zenoh identifier of the session.
             numbers: Numbers of the node and of the publisher in the session.
             topic: Name without the namespace.
-            kind: What it carries.
+            kind: The type that it carries.
             qos: How.
         """
         node, entity = numbers
@@ -205,15 +205,15 @@ def _avalanche(value: int) -> int:
     return value ^ (value >> 32)
 
 
-def _mixed(data: bytes, place: int, secret: int) -> int:
+def _mixed(data: bytes, offset: int, secret: int) -> int:
     """16 bytes of the input with 16 of the secret."""
-    low, high = _two.unpack_from(data, place)
+    low, high = _two.unpack_from(data, offset)
     key_low, key_high = _two.unpack_from(SECRET, secret)
     return _folded(low ^ key_low, high ^ key_high)
 
 
 def _pair(data: bytes, first: int, second: int, secret: int, state: tuple[int, int]) -> tuple[int, int]:
-    """Both halves after 32 bytes of the input, 16 at either place."""
+    """Both halves after 32 bytes of the input, 16 at either offset."""
     low = (state[0] + _mixed(data, first, secret)) & _WHOLE
     high = (state[1] + _mixed(data, second, secret + 16)) & _WHOLE
     return low ^ (sum(_two.unpack_from(data, second)) & _WHOLE), high ^ (sum(_two.unpack_from(data, first)) & _WHOLE)
@@ -233,9 +233,9 @@ def _middle(data: bytes) -> tuple[int, int]:
     return _avalanche((low + high) & _WHOLE), -_avalanche(mixed) & _WHOLE
 
 
-def _accumulate(lanes: list[int], data: bytes, place: int, secret: int) -> None:
+def _accumulate(lanes: list[int], data: bytes, offset: int, secret: int) -> None:
     """Take a stripe of 64 bytes into the eight lanes."""
-    values, keys = _eight.unpack_from(data, place), _eight.unpack_from(SECRET, secret)
+    values, keys = _eight.unpack_from(data, offset), _eight.unpack_from(SECRET, secret)
     for lane, (value, key) in enumerate(zip(values, keys, strict=True)):
         keyed = value ^ key
         lanes[lane ^ 1] = (lanes[lane ^ 1] + value) & _WHOLE

@@ -59,9 +59,9 @@ class Case:
     Attributes:
         number: Number of the case, from 0.
         duration: Simulated [s].
-        network: What it does beside delaying: one of `NETWORKS`.
-        options: What differs from the defaults of `SessionSettings`.
-        baseline: ``"none"``, or what is rendered in place of models: ``"delayed"``, ``"delayed-tdpa"``.
+        network: Its faults beside the delay: one of `NETWORKS`.
+        options: Differences from the defaults of `SessionSettings`.
+        baseline: ``"none"``, or the force that is rendered instead of models: ``"delayed"``, ``"delayed-tdpa"``.
     """
 
     number: int
@@ -86,9 +86,9 @@ class Case:
     @property
     def command(self) -> str:
         """The command that runs this session again, bit-identical."""
-        told = self.options if self.baseline == "none" else self.options | {"baseline": self.baseline}
+        options = self.options if self.baseline == "none" else self.options | {"baseline": self.baseline}
         words = ["foretouch", "simulate", "--duration", repr(self.duration)]
-        for name, value in told.items():
+        for name, value in options.items():
             words += [f"--{name.replace('_', '-')}", str(value)]
         return shlex.join(words)
 
@@ -165,22 +165,22 @@ def _even(number: int, seed: int, dimensions: int) -> list[float]:
     return [(start + (number + 1) * root ** -(j + 1)) % 1.0 for j, start in enumerate(starts.tolist())]
 
 
-def _chosen(shares: dict[str, float], place: float) -> str:
-    """The name at a position from 0 to 1 of names that lie side by side with their fractions."""
-    ends = np.cumsum(list(shares.values()))
-    return list(shares)[min(int(np.searchsorted(ends, place * ends[-1], side="right")), len(shares) - 1)]
+def _chosen(weights: dict[str, float], u: float) -> str:
+    """The name at u, from 0 to 1, of names that divide this range by their weights."""
+    ends = np.cumsum(list(weights.values()))
+    return list(weights)[min(int(np.searchsorted(ends, u * ends[-1], side="right")), len(weights) - 1)]
 
 
-def _round_trip(place: float) -> float:
-    if place < 0.1:
+def _round_trip(u: float) -> float:
+    if u < 0.1:
         return 0.0
-    if place < 0.55:
-        return _log_uniform((place - 0.1) / 0.45, 0.01, LONGEST_ROUND_TRIP)
-    return LONGEST_ROUND_TRIP * (place - 0.55) / 0.45
+    if u < 0.55:
+        return _log_uniform((u - 0.1) / 0.45, 0.01, LONGEST_ROUND_TRIP)
+    return LONGEST_ROUND_TRIP * (u - 0.55) / 0.45
 
 
-def _log_uniform(place: float, low: float, high: float) -> float:
-    return low * math.exp(place * math.log(high / low))
+def _log_uniform(u: float, low: float, high: float) -> float:
+    return low * math.exp(u * math.log(high / low))
 
 
 def _short(value: float) -> float:
@@ -195,7 +195,7 @@ def _delays(random: np.random.Generator, round_trip: float) -> Options:
 
 
 def _faults(random: np.random.Generator, network: str, round_trip: float) -> Options:
-    """What the network does beside delaying; all at once is each with an even chance."""
+    """Faults of the network beside its delay; all at once is each with an even chance."""
     spell = min(round_trip * random.uniform(1.0, 4.0), LONGEST_SPELL)
     burst = _log_uniform(random.uniform(), 2.0, 200.0)
     kinds: dict[str, Options] = {
@@ -219,7 +219,7 @@ def _faults(random: np.random.Generator, network: str, round_trip: float) -> Opt
 
 def _hands(random: np.random.Generator, duration: float, material: str) -> Options:
     """Device, scales and clutch, where they are not as usual."""
-    has = {name: random.uniform() < share for name, share in SHARES.items()}
+    has = {name: random.uniform() < fraction for name, fraction in SHARES.items()}
     mass, damping = (_short(_log_uniform(random.uniform(), *bounds)) for bounds in ((0.03, 0.6), (0.2, 10.0)))
     friction, resolution = _short(random.uniform(0.0, 0.4)), _short(_log_uniform(random.uniform(), 1e-6, 6e-5))
     scales = [random.uniform(), _log_uniform(random.uniform(), *SCALES)]

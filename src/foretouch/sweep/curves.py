@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 Figure = Callable[[Outcome], float | None]
 
 LABEL = {"none": "models (ours)", "delayed": "delayed force", "delayed-tdpa": "delayed force, passivity controller"}
-"""Names of what was rendered, by baseline, in figures."""
+"""Names of the rendered forces in figures, by baseline."""
 
 FEWEST = 3
 """Smallest number of sessions of a bin that is drawn."""
@@ -25,7 +25,7 @@ FEWEST = 3
 
 @dataclass(frozen=True)
 class Axis:
-    """What sessions are laid out by.
+    """Quantity by which sessions are laid out.
 
     Attributes:
         name: Name for texts, as ``"round trip"``.
@@ -84,20 +84,20 @@ class Curve(Brief):
 
 
 def curve(rows: Sequence[Outcome], varied: Figure, figure: Figure, edges: Sequence[float]) -> Curve:
-    """How a figure depends on what was varied, in bins between increasing edges, each with its lower one.
+    """A figure against what was varied, in bins between increasing edges, each with its lower one.
 
     Sessions without the one or the other are left out.
     """
     both = [(varied(row), figure(row)) for row in rows]
     known = np.array([(x, y) for x, y in both if x is not None and y is not None]).reshape(-1, 2)
     bins = np.digitize(known[:, 0], edges)
-    found = [
+    bands = [
         (np.median(part[:, 0]), *np.percentile(part[:, 1], [25.0, 50.0, 75.0]), len(part))
         for part in (known[bins == number] for number in range(1, len(edges)))
         if len(part) >= FEWEST
     ]
     x, low, middle, high, count = (
-        (np.array(column) for column in zip(*found, strict=True)) if found else np.empty((5, 0))
+        (np.array(column) for column in zip(*bands, strict=True)) if bands else np.empty((5, 0))
     )
     return Curve(x, low, middle, high, count.astype(np.int64))
 
@@ -115,8 +115,8 @@ def crossover(ours: Curve, other: Curve) -> float | None:
     if not worse.size or worse[-1] == x.size - 1:
         return None
     here = int(worse[-1])
-    share = apart[here] / (apart[here] - apart[here + 1])
-    return float(x[here] + share * (x[here + 1] - x[here]))
+    part = apart[here] / (apart[here] - apart[here + 1])
+    return float(x[here] + part * (x[here + 1] - x[here]))
 
 
 def crossovers(rows: Sequence[Outcome]) -> list[dict[str, str | float | None]]:
@@ -124,27 +124,21 @@ def crossovers(rows: Sequence[Outcome]) -> list[dict[str, str | float | None]]:
 
     The sentence is None where too few sessions are there to compare.
     """
-    found: list[dict[str, str | float | None]] = []
+    regions: list[dict[str, str | float | None]] = []
     for axis in (AXES[0], AXES[2]):
         ours = curve(plain(of(rows, "none")), axis.value, error_of, axis.edges)
         for baseline in dict.fromkeys(row.baseline for row in rows if row.baseline != "none"):
             other = curve(plain(of(rows, baseline)), axis.value, error_of, axis.edges)
             at = crossover(ours, other)
-            found.append(
-                {
-                    "over": axis.name,
-                    "baseline": baseline,
-                    "at": at,
-                    "sentence": _sentence(axis, baseline, ours, other, at),
-                }
-            )
-    return found
+            sentence = _sentence(axis, baseline, ours, other, at)
+            regions.append({"over": axis.name, "baseline": baseline, "at": at, "sentence": sentence})
+    return regions
 
 
-def said_of_crossovers(found: Sequence[dict[str, Any]]) -> list[str]:
+def crossover_sentences(regions: Sequence[dict[str, Any]]) -> list[str]:
     """All sentences of `crossovers`, and one for all that cannot be compared."""
-    missing = dict.fromkeys(one["over"] for one in found if one["sentence"] is None)
-    sentences = [one["sentence"] for one in found if one["sentence"] is not None]
+    missing = dict.fromkeys(one["over"] for one in regions if one["sentence"] is None)
+    sentences = [one["sentence"] for one in regions if one["sentence"] is not None]
     few = [f"Too few sessions to compare models with the delayed force over {' and '.join(missing)}."]
     return sentences + few if missing else sentences
 
@@ -168,12 +162,12 @@ def _common(ours: Curve, other: Curve) -> Array:
     if not ours.x.size or not other.x.size:
         return np.empty(0)
     x = np.unique(np.concatenate([ours.x, other.x]))
-    found: Array = x[(x >= max(ours.x[0], other.x[0])) & (x <= min(ours.x[-1], other.x[-1]))]
-    return found
+    common: Array = x[(x >= max(ours.x[0], other.x[0])) & (x <= min(ours.x[-1], other.x[-1]))]
+    return common
 
 
 KINDS = {"none": "ours", "delayed": "delayed", "delayed-tdpa": "delayed-tdpa"}
-"""Names of what was rendered, by name of the baseline."""
+"""Names of the rendered forces in the summary, by baseline."""
 
 TOTALS = {
     "sessions": ("", "sessions"),
@@ -203,10 +197,10 @@ TOTALS = {
 
 
 def summary(rows: Sequence[Outcome]) -> dict[str, Any]:
-    """What came of a sweep, ready for JSON.
+    """The results of a sweep, ready for JSON.
 
     ``ours`` are all sessions that rendered models, ``compared`` those of them that were run with the baselines too,
-    which are beside them; ``objections`` are what is wrong with ours, with the command that runs each again.
+    which are beside them; ``objections`` are those to ours, with the command that runs each again.
     """
     numbers = {row.number for row in rows if row.baseline != "none"}
     content: dict[str, Any] = {"ours": totals(of(rows, "none"))}
@@ -219,7 +213,7 @@ def summary(rows: Sequence[Outcome]) -> dict[str, Any]:
 
 
 def objections(rows: Sequence[Outcome]) -> list[dict[str, Any]]:
-    """What is wrong with these sessions."""
+    """The objections to these sessions."""
     return [
         {"number": row.number, "objection": text, "command": row.command} for row in rows for text in row.objections
     ]
@@ -235,14 +229,17 @@ def render_table(content: dict[str, Any]) -> str:
     width = max(len(words) for _, words in TOTALS.values())
     lines = [" " * width + "".join(f"{name:>14}" for name in columns)]
     for name, (unit, words) in TOTALS.items():
-        cells = (said(column[name], unit) for column in columns.values())
+        cells = (figure_text(column[name], unit) for column in columns.values())
         lines.append(f"{words:{width}}" + "".join(f"{cell:>14}" for cell in cells))
-    lines += said_of_crossovers(content.get("crossovers", ()))
-    for found in content["objections"]:
-        lines += [f"session {found['number']}: {found['objection']}", f"  {found['command']}"]
-    return "\n".join(lines)
+    lines += crossover_sentences(content.get("crossovers", ()))
+    return "\n".join([*lines, *objection_lines(content["objections"])])
 
 
-def said(value: float | None, unit: str) -> str:
+def objection_lines(rows: Sequence[dict[str, Any]]) -> list[str]:
+    """Each objection, and below it the command that runs its session again."""
+    return [f"session {one['number']}: {one['objection']}\n  {one['command']}" for one in rows]
+
+
+def figure_text(value: float | None, unit: str) -> str:
     """A figure with its unit, a dash for None."""
     return "-" if value is None else f"{value:.3g} {unit}" if unit else str(value)

@@ -38,7 +38,7 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
         network: Effects of the network beside delay.
         round_trip_s: Sum of both delays [s].
         options: Options that differ from the defaults.
-        error: Why the session failed; empty where it did not.
+        error: Reason that the session failed; empty where it did not.
         stable: Whether the certificate of energy held in every tick, forces were finite and the hand did not oscillate.
         oscillating: Whether the hand made more swings than it meant to: `foretouch.report.oscillation`.
         forces_finite: Whether all forces were numbers.
@@ -110,26 +110,26 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
 
     @property
     def objections(self) -> list[str]:
-        """What is wrong with this session, a sentence each."""
+        """A sentence for each fault of this session."""
         if self.error:
             return [f"failed: {self.error}"]
-        found = []
+        sentences = []
         if self.oscillating:
-            found.append("the hand oscillates")
+            sentences.append("the hand oscillates")
         if not self.forces_finite:
-            found.append("a force is not finite")
+            sentences.append("a force is not finite")
         margin = math.nan if self.energy_margin_J is None else self.energy_margin_J
         if not margin >= -1e-9:
-            found.append(f"gives out {-margin:.3g} J more than its bound")
-        elif not (self.stable or found):
-            found.append("its account of energy is not the sum of its forces and positions")
+            sentences.append(f"gives out {-margin:.3g} J more than its bound")
+        elif not (self.stable or sentences):
+            sentences.append("its account of energy is not the sum of its forces and positions")
         if self.largest_jump_N is not None and self.largest_jump_N > LARGEST_JUMP:
-            found.append(f"a model changes the force by {self.largest_jump_N:.3g} N in one tick")
+            sentences.append(f"a model changes the force by {self.largest_jump_N:.3g} N in one tick")
         if self.largest_robot_force_N is not None and self.largest_robot_force_N > FORCE_CEILING:
-            found.append(f"the robot presses with {self.largest_robot_force_N:.3g} N")
+            sentences.append(f"the robot presses with {self.largest_robot_force_N:.3g} N")
         if self.disbelieved_ticks:
-            found.append(f"sensors are not believed in {self.disbelieved_ticks} ticks, and none failed")
-        return found
+            sentences.append(f"sensors are not believed in {self.disbelieved_ticks} ticks, and none failed")
+        return sentences
 
     def same_as(self, other: Outcome) -> bool:
         """Whether both are one session, bit by bit, whatever the time it took."""
@@ -142,7 +142,7 @@ def of(rows: Iterable[Outcome], baseline: str) -> list[Outcome]:
 
 
 def totals(rows: Sequence[Outcome]) -> dict[str, Any]:
-    """What became of these sessions, ready for JSON; None where there is nothing to measure.
+    """Totals of these sessions, ready for JSON; None where there is nothing to measure.
 
     The largest energy surplus is the most that a session gave out beyond its bound [J], 0 where none did.
     """
@@ -281,14 +281,14 @@ def felt_stiffness(presses: Sequence[tuple[Array, ...]]) -> float | None:
     Each press by itself, with position of the hand and felt force, position of the probe and true force: between two
     of them, hand and probe may have been brought together otherwise.
     """
-    shares = [
+    ratios = [
         100.0 * _slope(hand, felt) / _slope(probe, true)
         for hand, felt, probe, true in presses
         if hand.size * SAMPLE_PERIOD >= SHORTEST_CONTACT
         and min(np.ptp(hand), np.ptp(probe)) >= SHORTEST_WAY
         and _slope(probe, true) > 0.0
     ]
-    return float(np.median(shares)) if shares else None
+    return float(np.median(ratios)) if ratios else None
 
 
 def _slope(position: Array, force: Array) -> float:
@@ -307,11 +307,11 @@ def _age(log: SessionLog, leader: Rows, delayed: bool) -> float | None:
         newest = leader["model_sequence"]
         numbers = np.array([model.sequence for model in log.models], dtype=np.int64)
         commands = np.array([model.command_sequence for model in log.models], dtype=np.int64)
-    place = np.searchsorted(numbers, newest)
-    known = (newest > 0) & (place < numbers.size)
+    index = np.searchsorted(numbers, newest)
+    known = (newest > 0) & (index < numbers.size)
     if not known.any():
         return None
-    return float(np.median(leader["sequence"][known] - commands[place[known]])) * SAMPLE_PERIOD
+    return float(np.median(leader["sequence"][known] - commands[index[known]])) * SAMPLE_PERIOD
 
 
 def log_of(case: Case) -> tuple[SessionLog, float]:

@@ -1,4 +1,4 @@
-"""A sweep as one HTML page with its plots, which needs nothing else."""
+"""A sweep as one self-contained HTML page with its plots."""
 
 from __future__ import annotations
 
@@ -20,11 +20,12 @@ from foretouch.sweep.curves import (
     TOTALS,
     Axis,
     Curve,
+    crossover_sentences,
     curve,
     error_of,
+    figure_text,
+    objection_lines,
     plain,
-    said,
-    said_of_crossovers,
     stiff,
     summary,
 )
@@ -84,18 +85,18 @@ def condition_figure(rows: Sequence[Outcome]) -> Any:
     drawing = new_figure(1.3 + 0.42 * len(groups))
     axes = drawing.subplots()
     height = 0.8 / len(kinds)
-    for place, kind in enumerate(kinds):
+    for index, kind in enumerate(kinds):
         axes.barh([0.0], [0.0], color=COLOUR[kind], label=LABEL[kind])
         for line, (_, inside) in enumerate(groups):
-            found = [row for row in of(rows, kind) if inside(row) and not row.error]
-            if not found:
+            sessions = [row for row in of(rows, kind) if inside(row) and not row.error]
+            if not sessions:
                 continue
-            stable, still = sum(bool(row.stable) for row in found), sum(not row.oscillating for row in found)
-            where = line + (place - 0.5 * (len(kinds) - 1)) * height
-            axes.barh(where, 100.0 * still / len(found), 0.9 * height, color=COLOUR[kind], alpha=0.35)
-            axes.barh(where, 100.0 * stable / len(found), 0.9 * height, color=COLOUR[kind])
-            told = f"{stable} of {len(found)}" + (f"; {still} do not oscillate" if still > stable else "")
-            axes.text(100.0 * still / len(found) + 0.7, where, told, va="center", fontsize=6.5)
+            stable, still = sum(bool(row.stable) for row in sessions), sum(not row.oscillating for row in sessions)
+            where = line + (index - 0.5 * (len(kinds) - 1)) * height
+            axes.barh(where, 100.0 * still / len(sessions), 0.9 * height, color=COLOUR[kind], alpha=0.35)
+            axes.barh(where, 100.0 * stable / len(sessions), 0.9 * height, color=COLOUR[kind])
+            text = f"{stable} of {len(sessions)}" + (f"; {still} do not oscillate" if still > stable else "")
+            axes.text(100.0 * still / len(sessions) + 0.7, where, text, va="center", fontsize=6.5)
     axes.set_yticks(range(len(groups)), [name for name, _ in groups], fontsize="small")
     axes.set(ylim=(len(groups) - 0.5, -0.5), xlim=(0.0, 120.0))
     axes.set_xticks(range(0, 101, 20))
@@ -121,7 +122,7 @@ def energy_figure(rows: Sequence[Outcome]) -> Any:
     axes, drawing = _histograms(rows, value, edges, kinds, title)
     axes.axvline(100.0, color="black", linewidth=1.2, linestyle=(0, (4, 2)))
     axes.set_xticks([0.0, 20.0, 40.0, 60.0, 80.0, 100.0, 110.0], ["0", "20", "40", "60", "80", "bound", "beyond"])
-    axes.set_xlabel("largest share of its bound that the energy took in a session [%]")
+    axes.set_xlabel("largest energy in a session, as a fraction of its bound [%]")
     return finished(drawing, 1)
 
 
@@ -172,8 +173,7 @@ def _named(drawing: Any, axes: Any, title: str) -> Any:
 
 def _legend(axes: Any) -> None:
     """Draw a legend of all that is drawn, if anything is."""
-    drawn = len(axes.get_legend_handles_labels()[1])
-    if drawn:
+    if drawn := len(axes.get_legend_handles_labels()[1]):
         legend(axes, drawn)
 
 
@@ -211,9 +211,9 @@ def _histograms(
         if not values:
             continue
         counts, _ = np.histogram(values, edges)
-        shares = 100.0 * counts / len(values)
-        axes.stairs(shares, edges, color=COLOUR[kind], fill=True, alpha=0.35)
-        axes.stairs(shares, edges, color=COLOUR[kind], linewidth=1.5, label=f"{LABEL[kind]}: {len(values)} sessions")
+        percent = 100.0 * counts / len(values)
+        axes.stairs(percent, edges, color=COLOUR[kind], fill=True, alpha=0.35)
+        axes.stairs(percent, edges, color=COLOUR[kind], linewidth=1.5, label=f"{LABEL[kind]}: {len(values)} sessions")
     axes.set(ylabel="sessions [%]", title=title)
     _legend(axes)
     return axes, drawing
@@ -249,11 +249,11 @@ def write_sweep_page(
         "<h1>Sweep of simulated sessions</h1>",
         f'<p class="quiet">{escape(_what(rows, content))}</p>',
         _verdict(content),
-        *(f"<p>{escape(sentence)}</p>" for sentence in said_of_crossovers(content.get("crossovers", ()))),
+        *(f"<p>{escape(sentence)}</p>" for sentence in crossover_sentences(content.get("crossovers", ()))),
         _tiles(content["ours"]),
         "<h2>How it feels</h2>",
         "<p>The error is that of the felt force: the rendered one over the force scale, less the true one, at equal "
-        "command, in contact, as a share of the true one. Dots are sessions; lines are medians and bands quartiles, "
+        "command, in contact, as a fraction of the true one. Dots are sessions; lines are medians and bands quartiles, "
         "where there are enough. Shown are networks that do nothing but delay, materials that usual devices can carry, "
         "and hands without a clutch; dashed, materials that are stiffer.</p>",
         *(embedded(error_figure(rows, axis), caption) for axis, caption in zip(AXES, ERROR_CAPTIONS, strict=True)),
@@ -287,7 +287,7 @@ def _what(rows: Sequence[Outcome], content: dict[str, Any]) -> str:
 
 def _verdict(content: dict[str, Any]) -> str:
     if content["objections"]:
-        wrong = len({found["number"] for found in content["objections"]})
+        wrong = len({one["number"] for one in content["objections"]})
         return f'<p class="bad">{wrong} of our sessions are not as they should be: see the end of this page.</p>'
     return (
         '<p class="good">No session of ours is unstable, none gives out more energy than its bound, no model changes '
@@ -298,23 +298,20 @@ def _verdict(content: dict[str, Any]) -> str:
 
 def _tiles(ours: dict[str, Any]) -> str:
     shown = ("sessions", "unstable", "largest_energy_surplus_J", "largest_jump_N", "median_error_percent")
-    return tiles([(said(ours[name], TOTALS[name][0]), TOTALS[name][1]) for name in shown])
+    return tiles([(figure_text(ours[name], TOTALS[name][0]), TOTALS[name][1]) for name in shown])
 
 
 def _totals(content: dict[str, Any]) -> str:
     columns = [name for name in HEADS if name in content]
     lines = [
-        [words, *(said(content[name][figure], unit) for name in columns)] for figure, (unit, words) in TOTALS.items()
+        [words, *(figure_text(content[name][key], unit) for name in columns)] for key, (unit, words) in TOTALS.items()
     ]
     return table(["", *(HEADS[name] for name in columns)], lines)
 
 
-def _objections(found: list[dict[str, Any]]) -> list[str]:
-    if not found:
+def _objections(rows: list[dict[str, Any]]) -> list[str]:
+    if not rows:
         return ["<p>None.</p>"]
-    lines = [
-        f"session {one['number']}: {escape(one['objection'])}\n  {escape(one['command'])}" for one in found[:MOST_SHOWN]
-    ]
-    rest = len(found) - MOST_SHOWN
-    more = [f"<p>and {rest} more</p>"] if rest > 0 else []
-    return [f"<pre>{chr(10).join(lines)}</pre>", *more]
+    lines = "\n".join(objection_lines(rows[:MOST_SHOWN]))
+    rest = len(rows) - MOST_SHOWN
+    return [f"<pre>{escape(lines)}</pre>", *([f"<p>and {rest} more</p>"] if rest > 0 else [])]

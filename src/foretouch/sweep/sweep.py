@@ -42,7 +42,7 @@ SHOWING = (
 
 
 class Header(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What all rows of a folder have in common.
+    """The settings that all rows of a folder have in common.
 
     Attributes:
         version: Version of foretouch.
@@ -146,7 +146,7 @@ def read_store(path: Path) -> tuple[Header, dict[tuple[int, str], Outcome]]:
 
 
 def _difference(theirs: Header, ours: Header) -> str:
-    """What was otherwise when the rows were made."""
+    """Settings that were different when the rows were made."""
     if theirs.version != ours.version or theirs.code != ours.code:
         return "was made by other code, whose sessions are not comparable"
     return f"was made with --seed {theirs.seed} --duration {theirs.duration_s:g}"
@@ -157,7 +157,7 @@ Progress = Callable[[int, int, Outcome], None]
 
 @dataclass(frozen=True)
 class Plan:
-    """What a sweep consists of.
+    """The sessions of a sweep.
 
     Args:
         sessions: Number of our sessions.

@@ -63,7 +63,7 @@ class Entrance:
     ports, so that without the path any other server of this machine would receive the cookie.
 
     Args:
-        base: Where the console listens, such as ``http://127.0.0.1:8080``.
+        base: Address of the console, such as ``http://127.0.0.1:8080``.
         say: Prints a line for people, with the next address whenever one was used.
         names: Names of hosts, beside `LOOPBACK`, under which the page may be asked for.
     """

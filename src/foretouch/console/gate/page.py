@@ -26,9 +26,9 @@ BEAT_ATTRIBUTE, FRAMES_ATTRIBUTE, ENDED_ATTRIBUTE = (f"data-foretouch-{name}" fo
 LOST, ENDED = "THIS PAGE DOES NOT REACH THE CONSOLE", "THE SESSION HAS ENDED"
 """Beginning of the text that the page then shows."""
 STOP_BUTTON = "div:has(> .foretouch-alarm) + div > button"
-"""Where the emergency stop is in the page, as a style sheet names it: Space and Escape press it."""
+"""Style-sheet selector of the emergency stop: Space and Escape press it."""
 WITH_KEYBOARD = "(hover: hover) and (pointer: fine)"
-"""Where there are keys to press, as a style sheet asks: a phone has none."""
+"""Style-sheet query for a keyboard: a phone has none."""
 _SCRIPT = Path(__file__).with_name("page.js")
 _WORDS = {
     "LOST_TEXT": LOST,

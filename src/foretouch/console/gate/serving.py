@@ -43,7 +43,7 @@ some of the usual 1,024."""
 
 
 class Wait:
-    """How long the next message of a page has to wait (a leaky bucket)."""
+    """Time that the next message of a page has to wait (a leaky bucket)."""
 
     _due = 0.0
 
@@ -54,7 +54,7 @@ class Wait:
 
 
 class Volume:
-    """What a page has sent in the second that runs."""
+    """Messages that a page has sent in the current second."""
 
     _since, _bytes = 0.0, 0
 

@@ -1,1 +1,1 @@
-"""What stands beside the picture: tabs, numbers, plots and buttons."""
+"""The controls beside the picture: tabs, numbers, plots and buttons."""

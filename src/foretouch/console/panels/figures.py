@@ -86,7 +86,7 @@ class ForcePanel:
 
 
 NAMES = ("material", "model", "estimator")
-"""Settings that stand in the panel."""
+"""Settings that are shown in the panel."""
 
 
 def numbers_html(
@@ -137,7 +137,7 @@ def numbers_html(
 
 
 def _names(settings: Mapping[str, str]) -> list[str]:
-    """What is pressed, and the estimator that learns it; a robot of another package has its own material."""
+    """The material, and the estimator that learns it; a robot of another package has its own material."""
     robot = settings.get("robot", SIMULATED)
     own = [] if robot == SIMULATED else [f"robot {robot}"]
     return own + [settings[name] for name in NAMES if name in settings and not (own and name == "material")]
@@ -159,8 +159,8 @@ def describe(update: ModelUpdate) -> tuple[str, ...]:
 
 def _map_lines(model: ContactMapModel) -> tuple[str, ...]:
     summary = summarise_map(model)
-    shares = ", ".join(f"{name} {100.0 * share:.0f} %" for name, share in summary.shares.items())
-    lines = [f"map: {shares}; visited {1e3 * summary.depth_visited:.1f} mm, {1e3 * summary.speed_visited:.0f} mm/s"]
+    weights = ", ".join(f"{name} {100.0 * weight:.0f} %" for name, weight in summary.shares.items())
+    lines = [f"map: {weights}; visited {1e3 * summary.depth_visited:.1f} mm, {1e3 * summary.speed_visited:.0f} mm/s"]
     if summary.depths:
         values = ", ".join(f"{value:.0f}" for value in summary.stiffnesses)
         lines.append(f"stiffness: {values} N/m at {', '.join(f'{1e3 * depth:.1f}' for depth in summary.depths)} mm")

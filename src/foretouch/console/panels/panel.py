@@ -60,12 +60,12 @@ CLUTCH = "While it is pressed your hand moves alone and the robot stays where it
 WIDTH = 460
 """[pixel]."""
 PHONE = "(max-width: 36em)"
-"""Where the viewer shows its panel as a sheet."""
+"""Style-sheet query for a viewer that shows its panel as a sheet."""
 _LAYOUT = (
     '<div class="foretouch-layout"><style>'
     # The viewer's advice on software rendering would cover banner and handle; the console draws less there by itself.
     '.mantine-Notification-root[style*="orange"]{display:none}'
-    # What a control is stands beside the panel, where it covers neither tabs nor what is urgent.
+    # The description of a control is beside the panel, where it covers neither tabs nor what is urgent.
     "@media (min-width:56em){.mantine-Tooltip-tooltip{transform:translate(-400px,60%);z-index:90 !important}"
     ".mantine-Tooltip-arrow{display:none}}"
     # A laptop shows handle, material, plot and all sliders of the network at once.
@@ -153,7 +153,7 @@ class Panel:
 
 
 def felt(grip: str, by_mouse: bool) -> str:
-    """Which hand the force moves, in a sentence; an empty grip says that it moves none."""
+    """The hand that the force moves, in a sentence; with an empty grip it moves none."""
     if not grip:
         return "A mouse cannot push back: see the blue arrow." if by_mouse else "It moves nobody's hand."
     leads = "that follows your mouse" if by_mouse else "of the operator"
@@ -185,7 +185,7 @@ RUN_AGAIN = "Run it again under these delays"
 
 
 class RecordingsPanel:
-    """What was recorded, and which moment of it is shown."""
+    """The recording, and the moment of it that is shown."""
 
     def __init__(self, gui: Any, actions: Actions, *, live: bool) -> None:
         self._actions = actions

@@ -47,7 +47,7 @@ SLIDERS = {
     "force_delay": ("Delay back [s]", LONGEST_DELAY, 0.01, "One-way delay of models and measured forces"),
     "jitter": ("Jitter ± [s]", 0.5, 0.005, "Largest change of either delay, drawn for each message"),
     "loss": ("Loss [share]", 0.9, 0.01, "Share of messages that are lost, either way"),
-    "outage": ("Outage [s]", 5.0, 0.1, "In every 10 s all messages are lost for so long"),
+    "outage": ("Outage [s]", 5.0, 0.1, "In every 10 s all messages are lost for this time"),
 }
 """Of each fault: the label, the end of its slider, its step and what it is."""
 
@@ -86,8 +86,8 @@ class NetworkPanel:
         self._trip.draw(window.time, (trips,))
         self._loss.draw(losses.time, (losses.there, losses.back), most=100.0)
         rows = [Row(TRIP.name, number(_last(trips[np.isfinite(trips)]), "ms", 0), TRIP)]
-        for curve, shares in ((THERE, losses.there), (BACK, losses.back)):
-            rows.append(Row(curve.name, number(_last(shares), "%", 1), curve))
+        for curve, percent in ((THERE, losses.there), (BACK, losses.back)):
+            rows.append(Row(curve.name, number(_last(percent), "%", 1), curve))
         put(self._text, content=inset(table(rows)))
 
     def _slid(self, event: Any) -> None:

@@ -89,8 +89,8 @@ def _draw_line(image: np.ndarray, points: Array, colour: Colour, width: int) -> 
 
 
 def _divided(corners: Array) -> Array:
-    share = np.arange(PARTS)[:, None] / PARTS
-    sides = [a + share * (b - a) for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)]
+    part = np.arange(PARTS)[:, None] / PARTS
+    sides = [a + part * (b - a) for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)]
     return np.concatenate(sides)
 
 
@@ -121,7 +121,7 @@ _STYLE = (
     "@media (max-width:36em){div:has(> .foretouch-camera) + div{position:static !important;width:auto}}"
     "</style></div>"
 )
-"""The image comes next: it stands in the corner of the picture while the panel scrolls."""
+"""The image comes next: it is in the corner of the picture while the panel scrolls."""
 BLANK = np.full((480, 640, 3), 96, np.uint8)
 
 
@@ -189,7 +189,7 @@ class ImagePanel:
 
 
 def missing_image(settings: Mapping[str, str]) -> str:
-    """Why there is no image, and what to install, in a sentence."""
+    """The reason that there is no image, and what to install, in a sentence."""
     fusion, why = settings.get("fusion", ""), settings.get("camera_missing", "")
     if why:
         return f"{why[:1].upper()}{why[1:].rstrip('.')}."
@@ -199,7 +199,7 @@ def missing_image(settings: Mapping[str, str]) -> str:
 
 
 def _age(watched: Watched, image: CameraImage) -> str:
-    """How old the image is, in words: the ticks of the robot since then, and the network's delay."""
+    """Age of the image, in words: the ticks of the robot since then, and the network's delay."""
     there = (watched.telemetry_sequence - image.tick) * 1e-3
     back = watched.setting("force_delay", math.nan)
     age = there + (back if math.isfinite(back) else 0.0)

@@ -19,13 +19,13 @@ from foretouch.quantities.colours import BLUE, GREY, INK, VERMILLION, css
 from foretouch.quantities.pose import Vector
 
 READY, ASKING, LATCHED = "EMERGENCY STOP", "Stopping the robot …", "Emergency stop is latched"
-"""What stands on the button: before it is pressed, until the robot has stopped, and until it is released there."""
+"""Text of the button: before it is pressed, until the robot has stopped, and until it is released there."""
 UNABLE = "No stop from here: a shadow"
 """Text of the button where the robot cannot be stopped from here because another controller moves it."""
 COLOURS = {READY: VERMILLION, UNABLE: GREY}
 """Colour of the button by its text; else it is black."""
 ALERTS = ".foretouch-alerts"
-"""Where the sentences are in the page, as a style sheet names it; nothing is there while nothing is urgent."""
+"""Style-sheet selector of the sentences; empty while nothing is urgent."""
 
 _PLACE = "position:fixed;left:12px;z-index:100;"
 _STYLE = (
@@ -81,10 +81,10 @@ class Alarm:
             self._beats += 1
             self._beat.content = beat_html(self._beats, frames)
 
-    def end(self, said: str) -> None:
+    def end(self, text: str) -> None:
         """Show on the page that the session has ended, and that there is nothing to stop any more."""
         self._next_beat = math.inf
-        self._beat.content = beat_html(self._beats + 1, ended=said)
+        self._beat.content = beat_html(self._beats + 1, ended=text)
 
 
 def _box_html(alerts: tuple[str, ...]) -> str:
@@ -150,7 +150,7 @@ class EmergencyCall:
 
 
 STEP = 0.0005
-"""How far one stroke moves the hand [m]."""
+"""Motion of the hand by one stroke [m]."""
 
 HELP = (
     "Keys: <b>Space</b> or <b>Esc</b> emergency stop · <b>D</b> deeper, <b>U</b> up · <b>C</b> clutch · "

@@ -18,7 +18,7 @@ KEEP_ALIVE = 0.1
 STROKE = 1.0
 """A hand that keys move is let go this long after the last stroke [s]."""
 HOME: Vector = (0.0, 0.0, 0.042)
-"""Where the handle stands while a script moves the hand [m]: one that moves along is hard to catch."""
+"""Position of the handle while a script moves the hand [m]: one that moves along is hard to catch."""
 REACH = 0.1
 """The hand goes no further from the world's origin, along any axis [m]."""
 RESTS = 3.0
@@ -120,13 +120,13 @@ class SpaceHold(Hold):
     handle need not be at the hand.
 
     Attributes:
-        place: Position of the handle as drawn, in the world [m].
+        handle: Position of the handle as drawn, in the world [m].
         hand: Position that it requests of the hand, in the world [m].
     """
 
     def __init__(self, watched: Watched, publisher: Publisher) -> None:
         super().__init__(watched, publisher)
-        self.place: Vector = HOME
+        self.handle: Vector = HOME
         self.hand: Vector = HOME
         self._released = -math.inf
 
@@ -135,16 +135,16 @@ class SpaceHold(Hold):
         """Whether it is held by a mouse, and not moved by keys or sliders."""
         return self.held and self._let_go == math.inf
 
-    def drag_to(self, place: Sequence[float], phase: str) -> None:
+    def drag_to(self, position: Sequence[float], phase: str) -> None:
         """The handle was at a position [m] in the ``"start"``, an ``"update"`` or the ``"end"`` of a drag."""
-        x, y, z = (float(value) for value in place)
+        x, y, z = (float(value) for value in position)
         with self._lock:
             if phase == "start":
                 self.follow()
             self.held, self.used = phase != "end", True
             self._released = time.monotonic()
             self._let_go = math.inf
-            self._move(subtract((x, y, z), self.place))
+            self._move(subtract((x, y, z), self.handle))
 
     def follow(self) -> None:
         """While it is not held, put the handle at home, and the hand at its intended position."""
@@ -154,7 +154,7 @@ class SpaceHold(Hold):
                 self._released = now
                 return
             if now - self._released > RESTS:
-                self.place = HOME
+                self.handle = HOME
             space, leader = self._watched.space.leader, self._watched.leader
             if space is None or not math.isfinite(space.hand_x):
                 return
@@ -165,7 +165,7 @@ class SpaceHold(Hold):
             self.hand = add(self.hand, scaled((space.normal_x, space.normal_y, space.normal_z), -ahead))
 
     def _move(self, way: Any) -> None:
-        self.place = add(self.place, way)
+        self.handle = add(self.handle, way)
         # Below what it touches the hand goes no further than along a line.
         space, watched = self._watched.space.leader, self._watched
         touched = 0.0 if space is None or not math.isfinite(space.point_z) else space.point_z

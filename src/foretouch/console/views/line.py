@@ -24,13 +24,13 @@ from foretouch.quantities.pose import Vector
 
 DRAG, LET_GO = "Drag me down to press", "Let go and the script goes on"
 CAMERA = ((2.6, -20.5, 8.4), (0.0, 0.0, 2.6))
-"""Where the camera is at first and what it looks at [scene units]."""
+"""First position of the camera and the point at which it looks [scene units]."""
 FIELD_OF_VIEW = math.radians(34.0)
 """Vertical."""
 MEASURES = Measures(per_newton=0.4, longest=6.0, least=0.025, beside=(1.15, -0.3), label=(1.6, 0.5))
-"""How forces are shown."""
+"""Style of the forces."""
 BOB = 0.25
-"""How far the hint goes up and down [scene units], once a second."""
+"""Amplitude of the hint, which goes up and down once a second [scene units]."""
 SMALLEST_APART, LARGEST_APART = 0.1, 5.0
 """Hand and probe are shown apart between these distances [scene units], 0.5 and 25 mm."""
 LOWEST_RAIL = 1.35
@@ -55,7 +55,7 @@ def look(server: Any, camera: tuple[tuple[float, ...], tuple[float, ...]]) -> No
 
 
 class LineView:
-    """What a console shows of a session along a line.
+    """Picture of a session along a line.
 
     The handle is drawn in the probe's frame, from 0 to 1.2 times the press depth below the surface. A drag of it, which
     comes from the viewer's thread, takes it from where it is then; a browser that is gone lets go.
@@ -85,7 +85,7 @@ class LineView:
         self._handle = add_body(scene, "/line/handle", shapes.handle(), BLUE)
         self._hint = add_body(scene, "/line/hint", shapes.hint(), GREY)  # blue arrows are forces
         self._rail = add_body(scene, "/line/rail", shapes.rail(0.0, 1.0), BLUE, opacity=0.1)
-        # A handle that moves is hard to catch; its rail stands.
+        # A handle that moves is hard to catch; its rail does not move.
         for node in (self._handle, self._rail, self._probes.probe):
             node.on_drag("left")(self._dragged)
         label = "/line/labels/handle"
@@ -116,7 +116,7 @@ class LineView:
     def write(self, shown: Watched) -> None:
         """Write beside handle, force and robot what they are.
 
-        How large a force is stands in the panel alone: the viewer draws labels some pictures later than numbers.
+        The size of a force is in the panel alone: the viewer draws labels some pictures later than numbers.
         """
         handle = force = robot = ""
         if shown.leader is not None:
@@ -170,8 +170,8 @@ def _add_ruler(scene: Any) -> None:
     points = np.array([*ticks, [(RULER_X, y, heights[0]), (RULER_X, y, heights[-1])]], np.float32)
     scene.add_line_segments("/line/ruler", points, (60, 60, 60))
     for depth_mm, z in zip(depths, heights, strict=True):
-        place = (RULER_X - 0.25, y, z)
-        scene.add_label(f"/line/ruler/{depth_mm}", f"{depth_mm} mm", position=place, anchor="center-right")
+        position = (RULER_X - 0.25, y, z)
+        scene.add_label(f"/line/ruler/{depth_mm}", f"{depth_mm} mm", position=position, anchor="center-right")
 
 
 def _upwards(force: float) -> Vector:
@@ -264,7 +264,7 @@ def _sunk(radius: Array, depth: float) -> Array:
 
 
 def _half_rings(radii: Array, angles: Array) -> Array:
-    """About the axis, shape (radii * angles, 2): what sinks alike lies on one; the outermost is the edge."""
+    """About the axis, shape (radii * angles, 2): points that sink alike are on one; the outermost is the edge."""
     x, y = radii[:, None] * np.cos(angles), radii[:, None] * np.sin(angles)
     reach = np.minimum(WIDTH / np.maximum(np.abs(np.cos(angles)), 1e-9), BEHIND / np.maximum(np.sin(angles), 1e-9))
     x[-1], y[-1] = reach * np.cos(angles), reach * np.sin(angles)

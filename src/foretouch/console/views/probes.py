@@ -18,14 +18,14 @@ ANCHORS = ("center-right", "center-left")
 
 
 class Measures(NamedTuple):
-    """How a picture shows forces.
+    """Style of the forces in a picture.
 
     Attributes:
         per_newton: Length of an arrow [scene units per newton].
         longest: Of all arrows [scene units].
         least: Smaller forces have no arrow [N].
-        beside: Where an arrow begins, to the side of the probe and in depth [scene units].
-        label: Where a label stands, to the side and above [scene units].
+        beside: Begin of an arrow, to the side of the probe and in depth [scene units].
+        label: Position of a label, to the side and above [scene units].
     """
 
     per_newton: float
@@ -36,7 +36,7 @@ class Measures(NamedTuple):
 
 
 class Probes:
-    """Both probes; the arrow and the label of each stand on its side, so that they belong to it."""
+    """Both probes; the arrow and the label of each are on its side, so that they belong to it."""
 
     def __init__(self, scene: Any, root: str, colour: tuple[int, int, int], measures: Measures) -> None:
         self._measures = measures
@@ -51,10 +51,10 @@ class Probes:
             scene.add_label(f"{root}/labels/{name}", "", anchor=anchor, font_screen_scale=1.1)
             for name, anchor in zip(("force", "robot"), ANCHORS, strict=True)
         )
-        self._side = -1.0  # of the probe, on which its arrow and its label stand; the robot's stand on the other
+        self._side = -1.0  # of the probe, on which its arrow and its label are; the robot's are on the other
 
     def keep_apart(self, ahead: float) -> None:
-        """Let arrows and labels stand on the outer sides: to the right of the probe where it is ahead of the robot."""
+        """Put arrows and labels on the outer sides: to the right of the probe where it is ahead of the robot."""
         side = math.copysign(1.0, ahead)
         if side != self._side:
             self._side = side

@@ -35,9 +35,9 @@ def lathe(profile: list[tuple[float, float]], segments: int = 24) -> Mesh:
     radius, height = np.array(profile).T[:, :, None]
     rings = np.broadcast_arrays(radius * np.cos(angle), radius * np.sin(angle), height)
     faces = grid(len(profile), segments + 1)[:, ::-1]  # seen from outside
-    ring, place = np.divmod(faces, segments + 1)
+    ring, spoke = np.divmod(faces, segments + 1)
     vertices = np.stack(rings, axis=-1).reshape(-1, 3).astype(np.float32)
-    return vertices, (ring * segments + place % segments).astype(np.uint32)
+    return vertices, (ring * segments + spoke % segments).astype(np.uint32)
 
 
 def grid(rows: int, columns: int) -> NDArray[np.uint32]:
@@ -204,7 +204,7 @@ def skirt(vertices: Array, faces: Faces, bottom: float) -> Mesh:
 
 
 def compacted(faces: Faces) -> tuple[Faces, NDArray[np.uint32]]:
-    """Which vertices some triangles have, and the triangles over these alone."""
+    """The vertices of some triangles, and the triangles over these alone."""
     used, index = np.unique(faces, return_inverse=True)
     return used, index.reshape(-1, 3).astype(np.uint32)
 
@@ -218,7 +218,7 @@ COLOURS: tuple[Colour, ...] = (
 )  # fmt: skip
 """From soft to stiff: lightness alone tells the steps apart, whichever colours an eye sees."""
 UNKNOWN: Colour = (190, 190, 190)
-"""Where nothing was learnt."""
+"""Colour of regions where no law was learnt."""
 LEAST_KNOWN = 0.5
 """Weight of learnt nodes in the law of a point from which its stiffness counts as known."""
 STEPS = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)
@@ -260,7 +260,7 @@ def levels_of(edges: Array, stiffness: Array, known: NDArray[np.bool_]) -> NDArr
     return np.where(known, step, 0).astype(np.int64)
 
 
-def known_share(field: MaterialField, points: Array) -> Array:
+def learnt_weight(field: MaterialField, points: Array) -> Array:
     """Weight of the learnt nodes in the law at each point of the fixture's frame [m], shape (n, 3)."""
     if not len(field):
         return np.zeros(len(points))
@@ -268,11 +268,11 @@ def known_share(field: MaterialField, points: Array) -> Array:
     base = np.floor(lattice).astype(np.int64)
     within = lattice - base
     codes = _codes(field.keys.astype(np.int64))
-    share = np.zeros(len(points))
+    learnt = np.zeros(len(points))
     for corner in CORNERS:
         weight = np.prod(np.where(corner == 1, within, 1.0 - within), axis=1)
-        share += weight * np.isin(_codes(base + corner), codes)
-    return share
+        learnt += weight * np.isin(_codes(base + corner), codes)
+    return learnt
 
 
 LINES = (
@@ -281,11 +281,11 @@ LINES = (
     (BLUE, "Force on the hand, and its uncertainty"),
     (GREEN, "Normal of the surface"),
 )
-"""What the lines and arrows of the picture are."""
+"""Legend of the lines and arrows of the picture."""
 
 
 def legend_html(edges: Array) -> str:
-    """What the colours of the surface and those of the lines mean, in a box over the picture."""
+    """Legend of the colours of the surface and of the lines, in a box over the picture."""
     steps = [f"{low:,.0f} to {high:,.0f}" for low, high in itertools.pairwise(edges.tolist())]
     cells = [
         f'<tr><td><div style="width:26px;height:14px;background:{css(colour)};border:1px solid #555"></div></td>'

@@ -30,11 +30,11 @@ from foretouch.quantities.pose import RigidMotion, Vector
 from foretouch.rendering import Surface
 
 SPACE_CAMERA = ((-4.0, -50.0, 31.0), (-4.0, 0.0, 0.0))
-"""Where the camera is at first and what it looks at [scene units]."""
+"""First position of the camera and the point at which it looks [scene units]."""
 NORMAL_LENGTH = 2.6
 """[scene units]."""
 MEASURES = Measures(per_newton=1.0, longest=8.0, least=0.02, beside=(1.2, 0.0), label=(1.8, 1.2))
-"""How forces are shown."""
+"""Style of the forces."""
 HANDLE_SIZE = 4.0
 """Length of its arrows [scene units]."""
 APART = 0.002
@@ -44,7 +44,7 @@ SPACE_INSTRUCTION = "Drag the arrows of the handle: down to press, along to slid
 NEAR = 0.006
 """The normal is shown from here on [m]."""
 BOARD_ALONE = np.zeros((1, 3))
-"""What is drawn over an image where the shape of the specimen is not known here."""
+"""Text over an image where the shape of the specimen is not known here."""
 LEAST_KNOWN = 0.5
 """Weight of learnt nodes in the law of a point from which its stiffness counts as known."""
 NARROW, REACH = 2.5e-3, 16e-3
@@ -128,7 +128,7 @@ class FixtureView:
             self.edges = np.empty(0)
         else:
             middles = self._vertices[self._faces].mean(axis=1)
-            known = shapes.known_share(field, middles) >= LEAST_KNOWN
+            known = shapes.learnt_weight(field, middles) >= LEAST_KNOWN
             stiffness, _ = field.stiffness_at(middles)
             self.edges = shapes.scale_edges(self.edges, stiffness[known])
             levels = shapes.levels_of(self.edges, stiffness, known)
@@ -238,11 +238,11 @@ class SpaceScene:
         robot = space.follower_at(watched.telemetry_sequence)
         self.draw_probes((leader.place_x, leader.place_y, leader.place_z), _force(leader), deviation, robot)
 
-    def draw_probes(self, place: Vector, force: Vector, deviation: float, robot: FollowerSpace | None) -> None:
+    def draw_probes(self, position: Vector, force: Vector, deviation: float, robot: FollowerSpace | None) -> None:
         """Draw the probe [m] with the rendered force and its deviation [N], and the delayed robot; None hides it."""
-        if robot is not None and abs(place[0] - robot.place_x) >= APART:
-            self.probes.keep_apart(place[0] - robot.place_x)
-        self.probes.draw_probe(_scene(place), force, deviation)
+        if robot is not None and abs(position[0] - robot.place_x) >= APART:
+            self.probes.keep_apart(position[0] - robot.place_x)
+        self.probes.draw_probe(_scene(position), force, deviation)
         if robot is None:
             self.probes.draw_robot(None, (0.0, 0.0, 0.0))
         else:
@@ -250,7 +250,7 @@ class SpaceScene:
 
     def draw_handle(self, probe: Vector, *, offered: bool, useful: bool) -> None:
         """Draw the handle, which stays where a browser holds it, a line to the probe [m], and what to do."""
-        here, end = _scene(self._hold.place), _scene(probe)
+        here, end = _scene(self._hold.handle), _scene(probe)
         for node, shown in ((self._handle, offered), (self._tether, offered and end is not None)):
             put(node, visible=shown)
         self._hint.visible = offered and useful and not self._hold.used
@@ -268,8 +268,8 @@ class SpaceScene:
         self._hold.drag_to([float(value) / UNITS for value in event.target.position], str(event.phase))
 
 
-def _scene(place: Vector) -> Vector | None:
-    x, y, z = place
+def _scene(position: Vector) -> Vector | None:
+    x, y, z = position
     return (UNITS * x, UNITS * y, UNITS * z) if math.isfinite(x + y + z) else None
 
 
@@ -282,7 +282,7 @@ class SpaceView:
     """Display of a session in three dimensions; made when the first such session is looked at.
 
     Attributes:
-        problem: Why the picture of the scene is not drawn, in a sentence; "" where it is.
+        problem: Reason that the picture of the scene is not drawn, in a sentence; "" where it is.
     """
 
     def __init__(self, server: Any, image: ImagePanel, tabs: Any, hold: SpaceHold) -> None:

@@ -17,10 +17,10 @@ from foretouch.report.energy import (
     Account,
     BookedDevice,
     account_figures,
-    as_told,
     book,
     booked_device,
     lost_rows,
+    recorded_account,
     summed_account,
 )
 from foretouch.report.numbers import largest, number_of, runs, setting
@@ -78,33 +78,33 @@ def contact_figures(wrong: Wrong | None, time: Array) -> dict[str, Any]:
 
 def friction_figures(log: SessionLog, coefficient: float | None, viscous: float | None) -> dict[str, float | None]:
     """Friction as it was learnt last, beside the true coefficient and viscous friction [N s/m], None where unknown."""
-    said = next((model.friction for model in reversed(log.models) if len(model.friction) >= 4), (None,) * 4)
+    friction = next((model.friction for model in reversed(log.models) if len(model.friction) >= 4), (None,) * 4)
     return {
-        "coefficient": said[0],
-        "deviation": said[2],
+        "coefficient": friction[0],
+        "deviation": friction[2],
         "true_coefficient": coefficient,
-        "viscous_N_s_per_m": said[1],
-        "viscous_deviation_N_s_per_m": said[3],
+        "viscous_N_s_per_m": friction[1],
+        "viscous_deviation_N_s_per_m": friction[3],
         "true_viscous_N_s_per_m": viscous,
     }
 
 
 def force_figures(rows: SceneRows) -> dict[str, float | None]:
     """The largest forces at hand and robot [N]: in all, and along the surface."""
-    found: dict[str, float | None] = {}
+    figures: dict[str, float | None] = {}
     for side, table in (("hand", rows.hand), ("robot", rows.probe)):
         force, normal = vectors(table, "force"), vectors(table, "normal")
         along = force - np.einsum("ij,ij->i", force, normal)[:, None] * normal
         for name, vector in (("total", force), ("tangential", along)):
-            found[f"{name}_{side}_N"] = largest(np.linalg.norm(vector, axis=1))
-    return found
+            figures[f"{name}_{side}_N"] = largest(np.linalg.norm(vector, axis=1))
+    return figures
 
 
 def _figures(flags: Flags, counted: Flags, time: Array) -> dict[str, float | int | None]:
     lengths = [float(time[end - 1] - time[begin]) for begin, end in runs(flags)]
     long = [length for length in lengths if length > EPISODE]
-    share = 100.0 * float(flags.sum() / counted.sum()) if counted.any() else None
-    return {"percent": share, "episodes": len(long), "longest_s": max(long, default=0.0)}
+    percent = 100.0 * float(flags.sum() / counted.sum()) if counted.any() else None
+    return {"percent": percent, "episodes": len(long), "longest_s": max(long, default=0.0)}
 
 
 def spatial_account(rows: SceneRows, *, position_scale: float, device: BookedDevice | None) -> Account:
@@ -114,20 +114,20 @@ def spatial_account(rows: SceneRows, *, position_scale: float, device: BookedDev
     in the world does not give its motion: there, and where rows were lost, the leader's account is used; without a
     known device, throughout.
     """
-    told = rows.hand
+    hand = rows.hand
     if device is None:
-        return Account(*(told[name].copy() for name in ("energy", "energy_bound", "late_energy")))
-    place, force = vectors(told, "hand") / position_scale, vectors(told, "force")
-    place[~np.isfinite(rows.leader["hand_position"])] = np.nan
+        return Account(*(hand[name].copy() for name in ("energy", "energy_bound", "late_energy")))
+    position, force = vectors(hand, "hand") / position_scale, vectors(hand, "force")
+    position[~np.isfinite(rows.leader["hand_position"])] = np.nan
     coupled = rows.leader["engaged"]
-    lost = lost_rows(told, np.asarray(np.isfinite(place).all(axis=1)))
+    lost = lost_rows(hand, np.asarray(np.isfinite(position).all(axis=1)))
     lost |= ~coupled | ~np.concatenate((coupled[:1], coupled[:-1]))
     size, pressing = np.linalg.norm(force, axis=1), rows.leader["rendered_force"]
 
     def account(period: Array) -> Account:
-        return summed_account(told, book(force, place, period, device), size, pressing, lost, device)
+        return summed_account(hand, book(force, position, period, device), size, pressing, lost, device)
 
-    return as_told(rows.leader, told, account)[0]
+    return recorded_account(rows.leader, hand, account)[0]
 
 
 NOT_ALONG_A_LINE = ("contact_force_rms_N", "prediction_rmse_N", "prediction_error_percent", "within_jnd_percent")
@@ -142,7 +142,7 @@ class SceneFindings:
         pose: Error of the fixture's pose.
         wrong: Contacts at equal command; None where the true force is unknown.
         account: Energy account in all directions.
-        scene: What was touched; None where it is no longer available, as the file of a mesh.
+        scene: The scene; None where it is no longer available, as the file of a mesh.
         field: The newest materials over the surface; None where there were none.
         map: Map of local stiffness; None without a scene or a field.
     """
@@ -170,45 +170,45 @@ def look_at_scene(log: SessionLog, pairs: Pairs) -> SceneFindings:
         device=booked_device(log.settings),
     )
     scene, field = _scene(log.settings), learnt_field(log)
-    found = None
+    stiffness = None
     if scene is not None and field is not None:
         felt = next((model.surface for model in reversed(log.models) if model.valid), 0.0)
         material = _material(log.settings) if _is_simulated(rows) else None
-        found = stiffness_map(rows, field, scene, material, felt if math.isfinite(felt) else 0.0)
-    return SceneFindings(rows, pose_error(rows), wrong_contacts(log, pairs), account, scene, field, found)
+        stiffness = stiffness_map(rows, field, scene, material, felt if math.isfinite(felt) else 0.0)
+    return SceneFindings(rows, pose_error(rows), wrong_contacts(log, pairs), account, scene, field, stiffness)
 
 
-def scene_figures(log: SessionLog, pairs: Pairs, found: SceneFindings) -> dict[str, Any]:
+def scene_figures(log: SessionLog, pairs: Pairs, findings: SceneFindings) -> dict[str, Any]:
     """Figures of a scene in a report, as plain numbers, texts and None; a figure is None where the truth is unknown.
 
     Args:
         log: One segment.
         pairs: Its rows at equal command.
-        found: Result of `look_at_scene`.
+        findings: Result of `look_at_scene`.
 
     Returns:
         ``name``, ``fusion``, and by kind ``pose`` (`pose_figures`), ``contacts`` (`contact_figures`), ``friction``
         (`friction_figures`), ``forces`` (`force_figures`), ``energy`` (`account_figures`) and ``map``
         (`map_figures`, None without a map).
     """
-    true = found.scene if _is_simulated(found.rows) else None
+    true = findings.scene if _is_simulated(findings.rows) else None
     coefficient, viscous = (None, None) if true is None else (true.friction, true.viscous)
     stiffness = None
-    if found.map is not None and found.field is not None and found.scene is not None:
-        stiffness = map_figures(found.map, found.field, found.scene)
+    if findings.map is not None and findings.field is not None and findings.scene is not None:
+        stiffness = map_figures(findings.map, findings.field, findings.scene)
     return {
         "name": setting(log.settings, "scene", ""),
         "fusion": setting(log.settings, "fusion", "full"),
-        "pose": pose_figures(log, found.pose),
-        "contacts": contact_figures(found.wrong, pairs.time),
+        "pose": pose_figures(log, findings.pose),
+        "contacts": contact_figures(findings.wrong, pairs.time),
         "friction": friction_figures(log, coefficient, viscous),
-        "forces": force_figures(found.rows),
-        "energy": account_figures(found.account, found.rows.hand),
+        "forces": force_figures(findings.rows),
+        "energy": account_figures(findings.account, findings.rows.hand),
         "map": stiffness,
     }
 
 
-def in_scene(report: dict[str, Any], scene: Mapping[str, Any], found: SceneFindings) -> dict[str, Any]:
+def in_scene(report: dict[str, Any], scene: Mapping[str, Any], findings: SceneFindings) -> dict[str, Any]:
     """A report with its scene, without the figures that hold along a line only.
 
     The account of energy is that in all directions, and so is the distance between robot and command. Figures that
@@ -228,7 +228,7 @@ def in_scene(report: dict[str, Any], scene: Mapping[str, Any], found: SceneFindi
         "hand": hand,
         "equal_position": dict(nothing),
         "exact_force": dict(nothing),
-        "tracking_error": _tracking(found.rows, report["score_from_s"]),
+        "tracking_error": _tracking(findings.rows, report["score_from_s"]),
         "scene": dict(scene),
     }
 
@@ -236,8 +236,8 @@ def in_scene(report: dict[str, Any], scene: Mapping[str, Any], found: SceneFindi
 def _tracking(rows: SceneRows, score_from: float) -> dict[str, float | None]:
     """Distance of the probe from the position that it was commanded to, in space."""
     applied, at = np.unique(rows.follower["command_sequence"], return_index=True)
-    _, told, did = np.intersect1d(rows.hand["sequence"], applied, return_indices=True)
-    apart = vectors(rows.hand[told], "place") - vectors(rows.probe[at[did]], "place")
+    _, commanded, did = np.intersect1d(rows.hand["sequence"], applied, return_indices=True)
+    apart = vectors(rows.hand[commanded], "place") - vectors(rows.probe[at[did]], "place")
     size = 1e3 * np.linalg.norm(apart, axis=1)[rows.follower_time[at[did]] >= score_from]
     return tracking_error(size[np.isfinite(size)])
 

@@ -52,7 +52,7 @@ class StiffnessMap(ByValue):
         y: Coordinates of the rows [m].
         learnt: Local stiffness at `depth` [N/m].
         uncertainty: Its standard deviation [N/m].
-        true: That of the simulated material; None where it is unknown.
+        true: Stiffness of the simulated material; None where it is unknown.
         touched: Whether the probe was within 3 mm of the point.
         depth: Depth at which it is taken [m].
     """
@@ -97,7 +97,7 @@ def stiffness_map(
     return StiffnessMap(x, y, learnt.reshape(shape), uncertainty.reshape(shape), true, touched.reshape(shape))
 
 
-def map_figures(found: StiffnessMap, field: MaterialField, scene: Scene) -> dict[str, Any]:
+def map_figures(stiffness: StiffnessMap, field: MaterialField, scene: Scene) -> dict[str, Any]:
     """The map in numbers.
 
     Returns:
@@ -108,9 +108,9 @@ def map_figures(found: StiffnessMap, field: MaterialField, scene: Scene) -> dict
         of the stiffest to the median, the same with ``true_``, and ``centre_error_mm``; None where the scene has none,
         or where all that was touched is alike. Figures that need the truth are None where it is unknown.
     """
-    inside, learnt = found.touched, found.learnt[found.touched]
+    inside, learnt = stiffness.touched, stiffness.learnt[stiffness.touched]
     figures: dict[str, Any] = {
-        "depth_mm": 1e3 * found.depth,
+        "depth_mm": 1e3 * stiffness.depth,
         "touched_cm2": float(inside.sum()) * (1e2 * CELL) ** 2,
         "nodes": len(field),
         **dict.fromkeys(("median_error_percent", "p95_error_percent", "within_two_deviations_percent")),
@@ -119,28 +119,28 @@ def map_figures(found: StiffnessMap, field: MaterialField, scene: Scene) -> dict
     if not inside.any():
         return figures
     figures["learnt_N_per_m"] = [float(value) for value in (learnt.min(), np.median(learnt), learnt.max())]
-    if found.true is None:
+    if stiffness.true is None:
         return figures
-    true = found.true[inside]
+    true = stiffness.true[inside]
     error = 100.0 * np.abs(learnt - true) / true
     figures["median_error_percent"] = float(np.median(error))
     figures["p95_error_percent"] = float(np.percentile(error, 95.0))
-    within = np.abs(learnt - true) <= 2.0 * found.uncertainty[inside]
+    within = np.abs(learnt - true) <= 2.0 * stiffness.uncertainty[inside]
     figures["within_two_deviations_percent"] = 100.0 * float(within.mean())
     if scene.inclusion is not None:
-        figures["inclusion"] = _inclusion(found, scene)
+        figures["inclusion"] = _inclusion(stiffness, scene)
     return figures
 
 
-def _inclusion(found: StiffnessMap, scene: Scene) -> dict[str, Any] | None:
+def _inclusion(stiffness: StiffnessMap, scene: Scene) -> dict[str, Any] | None:
     assert scene.inclusion is not None
-    learnt = found.learnt[found.touched]
+    learnt = stiffness.learnt[stiffness.touched]
     median, most = (float(value) for value in np.percentile(learnt, [50.0, STIFFEST]))
-    stiff = _among_touched(found) & (found.learnt > 0.5 * (median + most))
+    stiff = _among_touched(stiffness) & (stiffness.learnt > 0.5 * (median + most))
     if not stiff.any():  # all that was touched is alike
         return None
     row, column = np.nonzero(stiff)
-    centre = np.array([found.x[column].mean(), found.y[row].mean()])
+    centre = np.array([stiffness.x[column].mean(), stiffness.y[row].mean()])
     true = np.array(scene.inclusion.middle[:2])
     return {
         "centre_mm": (1e3 * centre).tolist(),
@@ -153,14 +153,14 @@ def _inclusion(found: StiffnessMap, scene: Scene) -> dict[str, Any] | None:
     }
 
 
-def _among_touched(found: StiffnessMap) -> Flags:
+def _among_touched(stiffness: StiffnessMap) -> Flags:
     """Places that have touched ones on all sides: between two rows of presses the field joins them."""
-    x, y = np.meshgrid(found.x, found.y)
-    places = np.stack([x.ravel(), y.ravel()], axis=1)
-    touched = places[found.touched.ravel()]
+    x, y = np.meshgrid(stiffness.x, stiffness.y)
+    points = np.stack([x.ravel(), y.ravel()], axis=1)
+    touched = points[stiffness.touched.ravel()]
     if len(touched) < 3 or min(np.ptp(touched, axis=0)) < CELL:
-        return found.touched
-    return np.asarray(Delaunay(touched).find_simplex(places) >= 0).reshape(x.shape)
+        return stiffness.touched
+    return np.asarray(Delaunay(touched).find_simplex(points) >= 0).reshape(x.shape)
 
 
 def _surface_points(scene: Scene, x: Array, y: Array) -> Array:
@@ -179,25 +179,25 @@ def _height(scene: Scene, x: float, y: float) -> float:
     return height
 
 
-def _touched(points: Array, places: Array) -> Flags:
+def _touched(points: Array, touched: Array) -> Flags:
     """Flags of the points near a touched one, seen from above."""
-    if not len(places):
+    if not len(touched):
         return np.zeros(len(points), dtype=np.bool_)
-    return np.asarray(cKDTree(places).query(points[:, :2])[0] < NEAR)
+    return np.asarray(cKDTree(touched).query(points[:, :2])[0] < NEAR)
 
 
 def _touched_places(rows: SceneRows) -> Array:
-    """Where the probe pressed, in the fixture's frame, seen from above, a hundredth of a second apart, shape (n, 2)."""
+    """Points pressed by the probe, seen from above in the fixture's frame, every 10 ms, shape (n, 2)."""
     probe = rows.probe
     known = np.isfinite(probe["exact_x"])
     pressed = np.flatnonzero(rows.follower["in_contact"] & (rows.follower["force"] > PRESSED))[::10]
-    places = []
+    points = []
     for row in pressed:
         frame = "exact" if known[row] else "fixture"
         pose = [float(probe[f"{frame}_{axis}"][row]) for axis in ("x", "y", "z", "rx", "ry", "rz")]
         x, y, z = (float(probe[f"place_{axis}"][row]) for axis in "xyz")
-        places.append(RigidMotion.from_numbers(pose).apply_back((x, y, z))[:2])
-    return np.reshape(np.array(places), (-1, 2))
+        points.append(RigidMotion.from_numbers(pose).apply_back((x, y, z))[:2])
+    return np.reshape(np.array(points), (-1, 2))
 
 
 def _true_stiffness(scene: Scene, material: str, points: Array) -> Array:

@@ -81,7 +81,7 @@ def _of_same_tick(rows: Rows, space: Rows, process: str) -> tuple[Rows, Rows]:
 
 
 def _clocks_apart(settings: Mapping[str, str], pairs: Pairs) -> int:
-    """What is to be added to the leader's clock for the follower's [ns]."""
+    """Offset from the leader's clock to the follower's [ns]."""
     if not pairs.time.size:
         return 0
     transit = round(1e9 * number_of(settings, "position_delay", 0.0))
@@ -105,18 +105,18 @@ class PoseError(ByValue):
 
     Attributes:
         time: Time of the tick [s].
-        place: Distance of the two origins [mm]; NaN where the truth is unknown.
+        distance: Distance of the two origins [mm]; NaN where the truth is unknown.
         turn: Angle between them [degrees].
-        place_deviation: Standard deviation of the distance by the filter [mm].
+        distance_deviation: Standard deviation of the distance by the filter [mm].
         turn_deviation: Standard deviation of the angle by the filter [degrees].
         touches: Beginning of each touch [s].
         bumps: Beginning and end of each motion of the true fixture [s].
     """
 
     time: Array
-    place: Array
+    distance: Array
     turn: Array
-    place_deviation: Array
+    distance_deviation: Array
     turn_deviation: Array
     touches: Array
     bumps: tuple[tuple[float, float], ...]
@@ -129,10 +129,10 @@ def pose_error(rows: SceneRows) -> PoseError:
     """
     probe = rows.probe[np.maximum(rows.newest, 0)] if rows.probe.size else rows.probe
     hand, time = (rows.hand, rows.leader_time) if probe.size else (rows.hand[:0], rows.leader_time[:0])
-    place = 1e3 * np.linalg.norm(vectors(hand, "fixture") - vectors(probe, "exact"), axis=1)
-    turn = np.full(place.size, np.nan)
-    known = np.isfinite(place) & (rows.newest[: place.size] >= 0)
-    place[~known] = np.nan
+    distance = 1e3 * np.linalg.norm(vectors(hand, "fixture") - vectors(probe, "exact"), axis=1)
+    turn = np.full(distance.size, np.nan)
+    known = np.isfinite(distance) & (rows.newest[: distance.size] >= 0)
+    distance[~known] = np.nan
     if known.any():
         shown = Rotation.from_rotvec(vectors(hand[known], "fixture", turn=True))
         true = Rotation.from_rotvec(vectors(probe[known], "exact", turn=True))
@@ -140,7 +140,7 @@ def pose_error(rows: SceneRows) -> PoseError:
     ticks, first = np.unique(rows.probe["touch_tick"], return_index=True)
     touches = rows.follower_time[first[ticks > 0]]
     deviations = 1e3 * hand["fixture_deviation"], np.degrees(hand["fixture_turn"])
-    return PoseError(time, place, turn, *deviations, touches, _bumps(rows))
+    return PoseError(time, distance, turn, *deviations, touches, _bumps(rows))
 
 
 def pose_figures(log: SessionLog, error: PoseError) -> dict[str, Any]:
@@ -160,7 +160,7 @@ def pose_figures(log: SessionLog, error: PoseError) -> dict[str, Any]:
             counted &= (error.time < begin) | (error.time > begin + seconds)
     belief = log.beliefs[-1] if log.beliefs else None
     return {
-        "place_mm": _spread(error.place[counted], error.place_deviation[counted]),
+        "place_mm": _spread(error.distance[counted], error.distance_deviation[counted]),
         "turn_degrees": _spread(error.turn[counted], error.turn_deviation[counted]),
         "touches": int(error.touches.size),
         "after_touches": TOUCHES if error.touches.size >= TOUCHES else 0,
@@ -173,16 +173,16 @@ def pose_figures(log: SessionLog, error: PoseError) -> dict[str, Any]:
 
 def _settled(error: PoseError) -> Flags:
     """Ticks with a known error, from the fourth touch on."""
-    known = np.isfinite(error.place)
+    known = np.isfinite(error.distance)
     if error.touches.size >= TOUCHES:
         known &= error.time >= error.touches[TOUCHES - 1]
     return np.asarray(known)
 
 
 def _bumps(rows: SceneRows) -> tuple[tuple[float, float], ...]:
-    """When the true fixture moved."""
-    place = np.hstack([vectors(rows.probe, "exact"), vectors(rows.probe, "exact", turn=True)])
-    moved = np.flatnonzero((np.diff(place, axis=0) != 0.0).any(axis=1) & np.isfinite(place[1:]).all(axis=1))
+    """Times at which the true fixture moved."""
+    pose = np.hstack([vectors(rows.probe, "exact"), vectors(rows.probe, "exact", turn=True)])
+    moved = np.flatnonzero((np.diff(pose, axis=0) != 0.0).any(axis=1) & np.isfinite(pose[1:]).all(axis=1))
     if not moved.size:
         return ()
     parts = np.split(moved, np.flatnonzero(np.diff(rows.follower_time[moved]) > NEAR_FOR) + 1)
@@ -191,7 +191,7 @@ def _bumps(rows: SceneRows) -> tuple[tuple[float, float], ...]:
 
 def _recovered(error: PoseError, begin: float, end: float) -> float | None:
     """Time from the beginning of a bump until the error is and stays small [s]."""
-    near = (error.place < NEAR_MM) & (error.turn < NEAR_DEGREES)
+    near = (error.distance < NEAR_MM) & (error.turn < NEAR_DEGREES)
     after = error.time >= end
     starts = np.unique([end, *error.time[after & ~near]])  # right behind some tick that was far off
     lasts = np.diff(starts, append=error.time.max(initial=end))  # until the next of them
@@ -202,9 +202,9 @@ def _recovered(error: PoseError, begin: float, end: float) -> float | None:
 def _spread(values: Array, deviation: Array) -> dict[str, float | None]:
     if not values.size:
         return {"median": None, "p95": None, "deviation": None}
-    told = deviation[np.isfinite(deviation)]
+    known = deviation[np.isfinite(deviation)]
     return {
         "median": float(np.median(values)),
         "p95": float(np.percentile(values, 95.0)),
-        "deviation": float(np.median(told)) if told.size else None,
+        "deviation": float(np.median(known)) if known.size else None,
     }

@@ -1,4 +1,4 @@
-"""What a section of a session's report is: its sentences, its block of text, and what a page draws of it."""
+"""A section of a session's report: its sentences, its block of text, and what a page draws of it."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ class View:
     Attributes:
         log: Its longest part in which nothing changed.
         pairs: The rows of that part at equal command.
-        report: What `session_figures` gave.
+        report: Result of `session_figures`.
         start_ns: Time zero of the drawings by the follower's clock [ns].
-        away: Where the robot was not where the commands said, since then.
+        away: Segments in which the robot was not at its commanded position, since then.
         scene: Figures of a scene; None for a session along a line.
     """
 
@@ -37,12 +37,12 @@ class View:
 
     @property
     def wanted(self) -> str:
-        """What the force before the limits is called: that of a baseline is no prediction."""
+        """Name of the force before the limits: that of a baseline is no prediction."""
         return "predicted" if self.report["baseline"] == NO_BASELINE else "asked for"
 
 
 class Drawing(NamedTuple):
-    """A Matplotlib figure, and the sentence that stands below it."""
+    """A Matplotlib figure, and the sentence below it."""
 
     figure: Any
     caption: str

@@ -32,7 +32,7 @@ FELT = 0.05
 
 
 def instability(report: Mapping[str, Any]) -> str:
-    """Why a session was not stable, in a sentence; empty where it was, or where that is unknown."""
+    """Reason that a session was not stable, in a sentence; empty where it was, or where that is unknown."""
     if report["stable"] is not False:
         return ""
     hand = report["hand"]
@@ -49,7 +49,7 @@ def instability(report: Mapping[str, Any]) -> str:
 
 
 def stability(report: Mapping[str, Any]) -> str:
-    """That a session with a hand was stable, or that there was nothing to be stable about; else empty."""
+    """A finding where a session with a hand was stable, or had no hand to be stable; else empty."""
     if not report["stable"] or report["hand"]["grip"] == NO_GRIP:
         return ""
     if report["hand"]["guarded_contact_percent"] is None:
@@ -79,7 +79,7 @@ def _swings(swings: Mapping[str, Any]) -> str:
 
 
 def _most(swings: Mapping[str, Any]) -> str:
-    """Where the hand swung most."""
+    """The largest swing of the hand."""
     when, burst = swings["largest_burst_at_s"], swings["largest_burst"]
     return f" ({burst} too many from {when:.1f} s on)" if when is not None and burst > 1 else ""
 
@@ -98,9 +98,9 @@ def _is_broken(report: Mapping[str, Any]) -> bool:
 def _stable(report: Mapping[str, Any]) -> str:
     swings, word = report["hand"]["oscillation"], stability_word(report)
     if report["hand"]["certificate_holds"] is None:
-        return f"{word}: nobody kept an account of energy"
+        return f"{word}: no account of energy was kept"
     if report["stable"] is None:
-        return f"{word}: nobody holds what the delayed force would move"
+        return f"{word}: no hand holds the device that the delayed force would move"
     if report["hand"]["guarded_contact_percent"] is None and report["stable"]:
         return f"{word}; nothing was touched"
     if report["hand"]["grip"] == NO_GRIP:

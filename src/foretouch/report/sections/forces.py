@@ -43,7 +43,7 @@ LEAST = 0.3
 """The force axis reaches at least to this [N], so that noise does not fill it."""
 
 MOST_IN_LOOPS, PIECE = 30_000, 2000
-"""Samples of force against depth that are drawn, and in one line: no extremes can stand for the rest of a loop."""
+"""Samples of force against depth that are drawn, and in one line: no extremes can represent the rest of a loop."""
 
 ROOM = 1.35
 """The force axis reaches to this multiple of the largest measured or delayed force."""
@@ -62,7 +62,7 @@ def force_figure(
 ) -> Any:
     """Forces over time, a close-up, and their errors in it; the layout of the paper's Fig. 11 and more.
 
-    The true force is less its zero; the segments are those in which the robot was not where the commands said.
+    The true force is less its zero; the segments are those in which the robot was not at its commanded position.
     """
     name = "measured" if rendered_force is None else "true (follower's sensor)"
     curves = [(name, true_force, TRUE, 1.6), ("delayed", delayed_force, DELAYED, 1.1)]
@@ -90,8 +90,8 @@ def force_figure(
     legend(whole, columns=6 if not segments else 4)
     noticed = np.maximum(JND_SHARE * true_force[inside], JND_FORCE)
     kept = extremes(noticed, NARROW)
-    when, band, said = time[inside][kept], noticed[kept], "not noticed: max(10 %, 0.05 N)"
-    error.fill_between(when, -band, band, color="0.5", alpha=0.3, linewidth=0.0, label=said)
+    when, band, label = time[inside][kept], noticed[kept], "not noticed: max(10 %, 0.05 N)"
+    error.fill_between(when, -band, band, color="0.5", alpha=0.3, linewidth=0.0, label=label)
     wrong = {
         kind: (force - true_force)[inside] for kind, force in (("delayed", delayed_force), (wanted, predicted_force))
     }
@@ -161,7 +161,7 @@ def loop_figure(pairs: Pairs, true_force: Array, surface: float | None, wanted: 
 
 
 def _say_beyond(axes: Any, values: Array, top: float, what: str) -> None:
-    """Note in the axes which part of a curve they do not show, on white because it lies over the curves."""
+    """Note in the axes which part of a curve they do not show, on white because it is over the curves."""
     beyond = 100.0 * float(np.mean(~(values <= top))) if values.size else 0.0
     if beyond > 0.0:
         text = f"{what} beyond the axis in {min(beyond, 99.9):.2g} % of samples (at most {peak(values):.3g} N)"
@@ -172,24 +172,24 @@ def _say_beyond(axes: Any, values: Array, top: float, what: str) -> None:
 def scoring_findings(figures: Mapping[str, Any]) -> list[Finding]:
     """Text on the scores of a session or of a prediction on a recording."""
     status = figures["status"]
-    said = [] if status == "ok" else [Finding(f"{status}: {STATUSES[status]}.")]
+    findings = [] if status == "ok" else [Finding(f"{status}: {STATUSES[status]}.")]
     error, late = figures["prediction_error_percent"], figures["delayed_force_error_percent"]
     models = figures.get("baseline", NO_BASELINE) == NO_BASELINE
-    said += _felt(figures)
+    findings += _felt(figures)
     if error is not None and late and models:
         ratio, better = figure(error / late), _is_better(error, late)
         word = "better" if better else "no better" if ratio == figure(1.0) else "worse"
-        said.append(Finding(f"The predicted force is {word} than the delayed force (error x {ratio}).", better))
+        findings.append(Finding(f"The predicted force is {word} than the delayed force (error x {ratio}).", better))
         if error > 100.0:
             text = f"It is wrong by more than the force itself ({figure(error)} %): the estimate is no use here."
-            said.append(Finding(text))
+            findings.append(Finding(text))
     within, missed = figures["within_jnd_percent"], figures["missed_contact_percent"]
     if within is not None and within < 100.0:
         what, part = "prediction" if models else "delayed force", figure(100.0 - within)
-        said.append(Finding(f"An operator could feel the {what}'s error in {part} % of the contact time."))
+        findings.append(Finding(f"An operator could feel the {what}'s error in {part} % of the contact time."))
     if missed:
-        said.append(Finding(f"Contact was missed in {figure(missed)} % of the contact time."))
-    return said
+        findings.append(Finding(f"Contact was missed in {figure(missed)} % of the contact time."))
+    return findings
 
 
 def _felt(figures: Mapping[str, Any]) -> list[Finding]:
@@ -201,15 +201,15 @@ def _felt(figures: Mapping[str, Any]) -> list[Finding]:
     models = figures.get("baseline", NO_BASELINE) == NO_BASELINE
     beside = f"the predicted one by {figure(predicted)} %, " if models and predicted is not None else ""
     text = f"The rendered force is wrong by {figure(error)} %, {beside}the delayed one by {figure(late)} %."
-    said = [Finding(text, _is_better(error, late))]
+    findings = [Finding(text, _is_better(error, late))]
     ratio = figure(error / late) if late else ""
     if models and ratio and error > late and ratio != figure(1.0):
-        said.append(Finding(f"The rendered force is worse than the delayed force (error x {ratio})."))
+        findings.append(Finding(f"The rendered force is worse than the delayed force (error x {ratio})."))
     within = figures["rendered_within_jnd_percent"]
     if within is not None and within < 100.0 and figures.get("baseline") != AS_IT_COMES:  # there they are one force
-        share = figure(100.0 - within)
-        said.append(Finding(f"An operator could feel that it is wrong in {share} % of the contact time."))
-    return said
+        noticed = figure(100.0 - within)
+        findings.append(Finding(f"An operator could feel that it is wrong in {noticed} % of the contact time."))
+    return findings
 
 
 def _is_better(error: float, late: float) -> bool:
@@ -255,8 +255,8 @@ def _lines(report: Mapping[str, Any]) -> Iterator[str]:
     guarded = filled(", {guarded_samples:,} guarded", report) if report["guarded_samples"] else ""
     scored = "{contact_force_rms_N:N} RMS, {scored_samples:,} of {samples:,} samples scored"
     yield f"Forces at equal command, force in contact {filled(scored, report)}{guarded}"
-    if said := [f"{report[name]:,} with {what}" for name, what in _LEFT_OUT.items() if report[name]]:
-        yield f"  not scored: {', '.join(said)}"
+    if parts := [f"{report[name]:,} with {what}" for name, what in _LEFT_OUT.items() if report[name]]:
+        yield f"  not scored: {', '.join(parts)}"
     yield f"  {'':<34}{'error':>12}{'RMSE':>12}{'within JND':>14}{'in free air':>14}"
     yield _row(report, "rendered (after limits)", "rendered", "rendered_within_jnd", "rendered_phantom")
     yield _row(report, wanted, "prediction", "within_jnd", "phantom")

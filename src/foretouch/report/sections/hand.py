@@ -51,7 +51,7 @@ CLOSE_UP = 4.0
 """Length of the close-up [s]."""
 
 WIDE = 4.0
-"""Width of a curve that lies under another one."""
+"""Width of a curve that is under another one."""
 
 
 def hand_figures(log: SessionLog, pairs: Pairs | None = None) -> dict[str, Any]:
@@ -110,7 +110,7 @@ def hand_figures(log: SessionLog, pairs: Pairs | None = None) -> dict[str, Any]:
 
 
 def apart(log: SessionLog) -> Array:
-    r"""How far the proxy has been taken back from the hand, in the follower's lengths [m], shape (n,).
+    r"""Distance by which the proxy has been taken back from the hand, in the follower's lengths [m], shape (n,).
 
     .. math:: i_k - i_0, \quad i = p\,x - y
 
@@ -152,17 +152,17 @@ def _largest_phantom(pairs: Pairs) -> float | None:
 def _device_bound(log: SessionLog) -> dict[str, float | None]:
     """Part of the contact by the model that the device could not carry in full, and the least fraction it carried."""
     leader, force_scale = log.leader, number_of(log.settings, "force_scale", 1.0)
-    share = leader["rendered_share"][leader["engaged"] & (force_scale * leader["predicted_force"] > FELT)]
-    if not share.size or not renders_models(log.settings):
+    rendered = leader["rendered_share"][leader["engaged"] & (force_scale * leader["predicted_force"] > FELT)]
+    if not rendered.size or not renders_models(log.settings):
         return {"device_bound_percent": None, "smallest_rendered_share": None}
     return {
-        "device_bound_percent": 100.0 * float(np.mean(share < 1.0)),
-        "smallest_rendered_share": float(share.min()),
+        "device_bound_percent": 100.0 * float(np.mean(rendered < 1.0)),
+        "smallest_rendered_share": float(rendered.min()),
     }
 
 
 def _withheld(log: SessionLog) -> dict[str, Any]:
-    """How long the hand was not given the model's force; nothing where no hand felt one."""
+    """Time in which the hand was not given the model's force; nothing where no hand felt one."""
     felt = setting(log.settings, "grip", NO_GRIP) != NO_GRIP or log.settings.get("felt") == "yes"
     if not felt or not renders_models(log.settings):
         return dict.fromkeys(WITHHELD)
@@ -170,7 +170,7 @@ def _withheld(log: SessionLog) -> dict[str, Any]:
 
 
 def _given_way(leader: Rows) -> dict[str, float | None]:
-    """How far the hand was from where it meant to be, RMS: in contact by the force, in the air by its own lag."""
+    """Distance of the hand from its intended position, RMS: in contact by the force, in the air by its own lag."""
     away = leader["intended_position"] - leader["exact_hand_position"]
     known, felt = np.isfinite(away), leader["rendered_force"] > FELT
     return {
@@ -213,10 +213,10 @@ def withheld_figures(leader: Rows, force_scale: float) -> dict[str, Any]:
         return dict(zip(WITHHELD, (0.0, None, None, None), strict=True))
     time = rows["time_ns"] * 1e-9
     begin, end = max(segments, key=lambda segment: float(time[segment[1] - 1] - time[segment[0]]))
-    share = 100.0 * sum(end - begin for begin, end in segments) / rows.size
+    percent = 100.0 * sum(end - begin for begin, end in segments) / rows.size
     owed = float(np.mean(rows["energy"][begin:end] < 0.0)) > 0.5
     return {
-        "withheld_percent": share,
+        "withheld_percent": percent,
         "longest_withheld_s": float(time[end - 1] - time[begin]),
         "longest_withheld_at_s": float(time[begin]) - float(leader["time_ns"][0]) * 1e-9,
         "withheld_because": OWED if owed else UNPAID,
@@ -306,11 +306,11 @@ def _drawings(view: View) -> Iterator[Drawing]:
 
 
 def hand_figure(log: SessionLog, pairs: Pairs, burst_at: float | None = None) -> Any:
-    """What the hand meant and did, where it was for the follower, and its force; the close-up shows an oscillation."""
+    """Intended and actual position of the hand, the proxy, and the force; the close-up shows an oscillation."""
     leader = log.leader
     time = since_first(leader)
     figure = new_figure(9.5)
-    place, near, force = figure.subplots(3, 1)
+    whole, near, force = figure.subplots(3, 1)
     hand = leader["exact_hand_position"]
     hand = np.where(np.isfinite(hand), hand, leader["hand_position"])
     proxy = hand - apart(log) / number_of(log.settings, "position_scale", 1.0)
@@ -319,21 +319,21 @@ def hand_figure(log: SessionLog, pairs: Pairs, burst_at: float | None = None) ->
     curves = (
         ("meant", leader["intended_position"], ERROR, 1.4),
         ("hand", hand, TRUE, WIDE),  # under the proxy, which is mostly where the hand is
-        ("proxy: where the robot is told to be", proxy, PREDICTED, 1.2),
+        ("proxy: commanded position of the robot", proxy, PREDICTED, 1.2),
     )
     inside = _close_up(time, leader["rendered_force"], burst_at)
-    for axes, chosen in ((place, np.ones(time.size, dtype=np.bool_)), (near, inside), (force, inside)):
+    for axes, chosen in ((whole, np.ones(time.size, dtype=np.bool_)), (near, inside), (force, inside)):
         shade(axes, time[chosen], held[chosen], DELAYED, "robot held back by the guard")
         shade(axes, time[chosen], ~leader["engaged"][chosen], "0.5", "not coupled")
-        shade(axes, time[chosen], elsewhere[chosen], "#CC79A7", "told that the robot does not follow")
+        shade(axes, time[chosen], elsewhere[chosen], "#CC79A7", "robot reported as not following")
         if axes is not force:
             for label, values, colour, width in curves:
                 alpha = 0.45 if width == WIDE else 1.0
                 curve(axes, time[chosen], 1e3 * values[chosen], colour, width, alpha=alpha, label=label)
             axes.set(ylabel="position [mm]", xlabel="time [s]")
-    place.axvspan(time[inside][0], time[inside][-1], color="#56B4E9", alpha=0.15, linewidth=0.0, label="close-up below")
-    place.set_title("The hand")
-    legend(place, columns=6 if not elsewhere.any() else 4)
+    whole.axvspan(time[inside][0], time[inside][-1], color="#56B4E9", alpha=0.15, linewidth=0.0, label="close-up below")
+    whole.set_title("The hand")
+    legend(whole, columns=6 if not elsewhere.any() else 4)
     near.set_title("Close-up")
     given = leader["rendered_force"][inside]
     rendered = "rendered: what the hand was given"

@@ -18,12 +18,12 @@ from foretouch.report.sections import Drawing, Section, View
 
 Array = NDArray[np.float64]
 
-IDLE_LAW = "the law's share of the force is 0 %: these numbers play no part in it"
+IDLE_LAW = "the law's weight in the force is 0 %: these numbers play no part in it"
 """Remark beside the numbers of a contact map's law where that holds."""
 
 
 def _useless(report: Mapping[str, Any]) -> Iterator[Finding]:
-    """That nothing could be predicted."""
+    """A finding where nothing could be predicted."""
     if report["samples"] and not report["models"]["valid"]:
         yield Finding("No valid contact model was ever identified: nothing could be predicted.")
 
@@ -58,13 +58,13 @@ def map_lines(figures: Mapping[str, Any]) -> list[str]:
     Returns:
         Weights of the experts and the region visited; local stiffness; uncertainty.
     """
-    shares = ", ".join(f"{name} {100.0 * share:.0f} %" for name, share in figures["shares"].items())
+    weights = ", ".join(f"{name} {100.0 * weight:.0f} %" for name, weight in figures["shares"].items())
     depth, speed = 1e3 * figures["depth_visited_m"], 1e3 * figures["speed_visited_m_per_s"]
-    lines = [f"shares: {shares}; visited: {figure(depth)} mm, {figure(speed)} mm/s"]
+    lines = [f"weights: {weights}; visited: {figure(depth)} mm, {figure(speed)} mm/s"]
     at = zip(figures["depths_m"], figures["local_stiffness_N_per_m"], figures["forces_N"], strict=True)
-    places = [f"{figure(k)} N/m at {figure(1e3 * x)} mm ({figure(force)} N)" for x, k, force in at]
-    if places:
-        lines.append(f"at rest: {', '.join(places)}")
+    points = [f"{figure(k)} N/m at {figure(1e3 * x)} mm ({figure(force)} N)" for x, k, force in at]
+    if points:
+        lines.append(f"at rest: {', '.join(points)}")
     if any(k < 0.0 for k in figures["local_stiffness_N_per_m"]):
         falls = "where the stiffness is negative the map's force falls with depth: too few presses, or it gives way"
         lines.append(falls)

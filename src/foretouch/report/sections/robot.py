@@ -33,7 +33,7 @@ _MOTION = (
 
 
 def _cut(report: Mapping[str, Any]) -> Iterator[Finding]:
-    """That the limits cut a force or a command."""
+    """Findings on limits that cut a force or a command."""
     for side, what in (("leader", "rendered force"), ("follower", "robot's command")):
         if report["clipped"][side]:
             yield Finding(f"The limits cut the {what} in {plural(report['clipped'][side], 'tick')}.")
@@ -52,14 +52,14 @@ def _tracking(view: View) -> Iterator[Drawing]:
 def tracking_figure(pairs: Pairs, segments: Sequence[Segment] = ()) -> Any:
     """Commanded and actual position of the robot, and the distance between them."""
     figure = new_figure(5.0)
-    place, apart = figure.subplots(2, 1, sharex=True)
+    above, apart = figure.subplots(2, 1, sharex=True)
     commanded, actual = 1e3 * pairs.leader["position"], 1e3 * pairs.follower["position"]
-    curve(place, pairs.time, commanded, ERROR, 1.6, label="command that was applied")
-    curve(place, pairs.time, actual, TRUE, 0.9, label="follower")
-    place.set(title="Position of the robot at equal command", ylabel="position [mm]")
-    for axes in (place, apart):
+    curve(above, pairs.time, commanded, ERROR, 1.6, label="command that was applied")
+    curve(above, pairs.time, actual, TRUE, 0.9, label="follower")
+    above.set(title="Position of the robot at equal command", ylabel="position [mm]")
+    for axes in (above, apart):
         mark(axes, segments)
-    legend(place, columns=4)
+    legend(above, columns=4)
     curve(apart, pairs.time, actual - commanded, PREDICTED, 0.9)
     apart.set(title="Tracking error: follower less command", ylabel="error [mm]", xlabel="time [s]")
     return finished(figure, 2, gap=0.5)
@@ -74,8 +74,9 @@ def _late(report: Mapping[str, Any]) -> Iterator[Finding]:
         timing = report["timing"][side]
         late, ticks = timing["late_ticks"], timing["ticks"]
         if late > OFTEN_LATE * ticks and timing["ticks_per_s"] is not None:
-            share, rate = number(100.0 * late / ticks, "%"), filled("{ticks_per_s:.0f} of {rate:.0f} a second", timing)
-            yield Finding(f"The {side}'s loop was late in {share} of its ticks: {rate}.")
+            part = number(100.0 * late / ticks, "%")
+            rate = filled("{ticks_per_s:.0f} of {rate:.0f} a second", timing)
+            yield Finding(f"The {side}'s loop was late in {part} of its ticks: {rate}.")
     count, ticks = report["nowhere_samples"], report["timing"]["leader"]["ticks"]
     if count:
         often = f"{count:,} of {ticks:,} ticks ({figure(100.0 * count / ticks)} %)"
@@ -112,7 +113,7 @@ def _timing(view: View) -> Iterator[Drawing]:
 
 
 def timing_figure(log: SessionLog) -> Any:
-    """How long the ticks of both sides were apart, and how long their computing took."""
+    """Intervals between the ticks of both sides, and their computing times."""
     figure = new_figure(5.4)
     grid = figure.subplots(2, 2)
     for row, (side, table, colour) in enumerate(

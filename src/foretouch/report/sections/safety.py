@@ -18,7 +18,7 @@ from foretouch.report.sections import Section
 
 
 def guarded_figures(log: SessionLog) -> dict[str, Any]:
-    """What the guard did, over all ticks of the follower.
+    """Actions of the guard, over all ticks of the follower.
 
     Returns:
         ``guarded_contact_percent``: fraction of the ticks in contact that were guarded; None without contact.
@@ -54,16 +54,16 @@ def _depth_lost(leader: Rows, commands: NDArray[np.int64], rows: Rows) -> float:
     """Largest depth of the applied commands beyond those sent to the robot [m]."""
     if not leader.size:
         return 0.0
-    place = np.searchsorted(commands, rows["command_sequence"])
-    place = np.minimum(place, leader.size - 1)
-    heard = commands[place] == rows["command_sequence"]
-    lost = leader["position"][place[heard]] - rows["desired_position"][heard]
+    row = np.searchsorted(commands, rows["command_sequence"])
+    row = np.minimum(row, leader.size - 1)
+    known = commands[row] == rows["command_sequence"]
+    lost = leader["position"][row[known]] - rows["desired_position"][known]
     lost = lost[np.isfinite(lost)]
     return max(float(lost.max()), 0.0) if lost.size else 0.0
 
 
 REFUSALS = ("stale", "overtaken", "future", "of_others", "before_release")
-"""Why commands were refused, as their counters are called."""
+"""Reasons of refused commands, by the names of their counters."""
 
 
 def segment_figures(log: SessionLog) -> dict[str, Any]:
@@ -115,7 +115,7 @@ def safety_figures(log: SessionLog) -> dict[str, Any]:
 
 def _summed(parts: list[Rows], column: str, ordinary: tuple[int, ...]) -> dict[str, Any]:
     """Times and seconds of each value of a column that is not ordinary, over the processes of the follower."""
-    found: dict[str, Any] = {}
+    faults: dict[str, Any] = {}
     for value in sorted({int(value) for rows in parts for value in np.unique(rows[column])} - set(map(int, ordinary))):
         times = ticks = 0
         seconds, held = 0.0, False
@@ -130,8 +130,8 @@ def _summed(parts: list[Rows], column: str, ordinary: tuple[int, ...]) -> dict[s
             held = bool(flags[-1]) if flags.size else held
         if ticks:
             name, sentence = _named(column, value)
-            found[name] = {"times": times, "seconds": seconds, "sentence": sentence}
-    return found
+            faults[name] = {"times": times, "seconds": seconds, "sentence": sentence}
+    return faults
 
 
 def fault_name(value: int) -> str:
@@ -171,22 +171,22 @@ def safety_findings(report: Mapping[str, Any]) -> Iterator[Finding]:
 
 
 def _stops(report: Mapping[str, Any]) -> str:
-    """How many emergency stops there were, in which segments they began, how long they lasted in all, and why."""
+    """Emergency stops: their number, the segments in which they began, their length in all, and the reasons."""
     safety = report["safety"]
-    found = safety["statuses"].get("stopped")
-    began = [str(place) for place, one in enumerate(report["segments"]["each"], 1) if one["emergency_stop"]]
-    several = bool(found and found["times"] > 1)
-    many = f"{found['times']} emergency stops" if found and several else "Emergency stop"
+    stops = safety["statuses"].get("stopped")
+    began = [str(index) for index, one in enumerate(report["segments"]["each"], 1) if one["emergency_stop"]]
+    several = bool(stops and stops["times"] > 1)
+    many = f"{stops['times']} emergency stops" if stops and several else "Emergency stop"
     where = f" in {_listed(began)}" if began else ""
-    long = f", for {number(found['seconds'], 's')}{' in all' if several else ''}" if found else ""
-    why = "; ".join(reason.rstrip(".") for reason in safety["emergency_stops"]) or "nobody said why"
+    long = f", for {number(stops['seconds'], 's')}{' in all' if several else ''}" if stops else ""
+    why = "; ".join(reason.rstrip(".") for reason in safety["emergency_stops"]) or "no reason was given"
     return f"{many}{where}{long}: {why}."
 
 
-def _listed(places: list[str]) -> str:
-    if len(places) > MOST_LISTED:
-        return f"{len(places)} segments"
-    *before, last = places
+def _listed(numbers: list[str]) -> str:
+    if len(numbers) > MOST_LISTED:
+        return f"{len(numbers)} segments"
+    *before, last = numbers
     return f"segments {', '.join(before)} and {last}" if before else f"segment {last}"
 
 

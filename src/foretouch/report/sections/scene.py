@@ -34,7 +34,7 @@ from foretouch.session.spatial import Inclusion
 Array = NDArray[np.float64]
 
 LEAST_MM, LEAST_DEGREES = 0.01, 0.01
-"""Where the axes of errors begin: no camera knows less."""
+"""Begin of the axes of errors: no camera knows less."""
 
 
 def pose_figure(error: PoseError) -> Any:
@@ -44,23 +44,23 @@ def pose_figure(error: PoseError) -> Any:
         error: With at least one tick.
     """
     figure = new_figure(6.4)
-    place, turn = figure.subplots(2, 1, sharex=True)
+    distance, turn = figure.subplots(2, 1, sharex=True)
     for axes, values, deviation, near, least, unit, what in (
-        (place, error.place, error.place_deviation, NEAR_MM, LEAST_MM, "mm", "distance of the origins"),
+        (distance, error.distance, error.distance_deviation, NEAR_MM, LEAST_MM, "mm", "distance of the origins"),
         (turn, error.turn, error.turn_deviation, NEAR_DEGREES, LEAST_DEGREES, "degrees", "angle"),
     ):
         curve(axes, error.time, np.maximum(values, least), PREDICTED, 1.1, label=what)
-        told = np.maximum(deviation, least)
-        curve(axes, error.time, told, ERROR, 1.1, label="the filter's own standard deviation")
+        shown = np.maximum(deviation, least)
+        curve(axes, error.time, shown, ERROR, 1.1, label="the filter's own standard deviation")
         axes.axhline(near, color="0.4", linestyle=":", linewidth=1.0, label=f"{near:g} {unit}")
         _mark_touches(axes, error)
         axes.set_yscale("log")
         axes.yaxis.set_major_formatter("{x:g}")
         axes.tick_params(which="minor", labelleft=False)  # their powers of ten would push the title of the axis out
         axes.set_ylabel(f"error [{unit}]")
-    place.set_title("Where the leader shows the fixture, against where it is: place")
+    distance.set_title("Where the leader shows the fixture, against where it is: position")
     turn.set(title="The same: turn", xlabel="time [s]")
-    legend(place, columns=5)
+    legend(distance, columns=5)
     legend(turn, columns=5)
     return finished(figure, 2)
 
@@ -77,10 +77,10 @@ def contact_figure(log: SessionLog, pairs: Pairs, wrong: Wrong, true_friction: f
     shade(force, pairs.time, wrong.first, "0.5", "before any model")
     force.set(title="Contacts at equal command", ylabel="force [N]")
     legend(force, columns=5)
-    said = [(1e-9 * (model.time_ns - start_ns), *model.friction) for model in log.models if len(model.friction) >= 4]
-    if said:
-        told = np.array(said)
-        time, coefficient, _, deviation, _ = told[extremes(told[:, 1], NARROW)].T
+    rows = [(1e-9 * (model.time_ns - start_ns), *model.friction) for model in log.models if len(model.friction) >= 4]
+    if rows:
+        values = np.array(rows)
+        time, coefficient, _, deviation, _ = values[extremes(values[:, 1], NARROW)].T
         low, high = np.maximum(coefficient - 2.0 * deviation, 0.0), coefficient + 2.0 * deviation
         friction.fill_between(time, low, high, color=PREDICTED, alpha=0.2, linewidth=0.0, label="two deviations")
         friction.plot(time, coefficient, color=PREDICTED, linewidth=1.2, label="learnt")
@@ -95,40 +95,41 @@ def contact_figure(log: SessionLog, pairs: Pairs, wrong: Wrong, true_friction: f
     return finished(figure, 2)
 
 
-def map_figure(found: StiffnessMap, inclusion: Inclusion | None = None, *, centre: Sequence[float] = ()) -> Any:
+def map_figure(stiffness: StiffnessMap, inclusion: Inclusion | None = None, *, centre: Sequence[float] = ()) -> Any:
     """The map of local stiffness as it was learnt, its standard deviation, and the truth where it is known.
 
     What was not touched is left grey.
 
     Args:
-        found: The map.
+        stiffness: The map.
         inclusion: The true one; None for none.
         centre: Its estimated centre [mm], x and y; or nothing.
     """
-    panels = [("learnt", found.learnt, "stiffness"), ("standard deviation", found.uncertainty, "uncertainty")]
-    if found.true is not None:
-        panels.insert(0, ("true", found.true, "stiffness"))
+    panels = [("learnt", stiffness.learnt, "stiffness"), ("standard deviation", stiffness.uncertainty, "uncertainty")]
+    if stiffness.true is not None:
+        panels.insert(0, ("true", stiffness.true, "stiffness"))
     figure = new_figure(0.9 + 7.6 / len(panels))
-    seen = found.learnt[found.touched]
+    seen = stiffness.learnt[stiffness.touched]
     scales = {
-        "stiffness": _scale(seen if found.true is None else np.append(seen, found.true[found.touched])),
-        "uncertainty": _scale(found.uncertainty[found.touched]),
+        "stiffness": _scale(seen if stiffness.true is None else np.append(seen, stiffness.true[stiffness.touched])),
+        "uncertainty": _scale(stiffness.uncertainty[stiffness.touched]),
     }
     grid = figure.subplots(1, len(panels), sharey=True)
-    edges = 1e3 * np.array([found.x[0], found.x[-1], found.y[0], found.y[-1]]) + 0.5 * np.array([-1, 1, -1, 1])
+    x, y = stiffness.x, stiffness.y
+    edges = 1e3 * np.array([x[0], x[-1], y[0], y[-1]]) + 0.5 * np.array([-1, 1, -1, 1])
     for axes, (title, values, kind) in zip(np.ravel(grid), panels, strict=True):
-        shown = values if title == "true" else np.where(found.touched, values, np.nan)
+        shown = values if title == "true" else np.where(stiffness.touched, values, np.nan)
         low, high = scales[kind]
         image = axes.imshow(shown, origin="lower", extent=edges, vmin=low, vmax=high, cmap="cividis")
         axes.set_facecolor("0.85")
-        _outlines(axes, found, inclusion, centre)
+        _outlines(axes, stiffness, inclusion, centre)
         axes.set(title=f"{title} [N/m]", xlabel="x in the fixture's frame [mm]")
         figure.colorbar(image, ax=axes, fraction=0.046, pad=0.03)
     first = np.ravel(grid)[0]
     first.set_ylabel("y [mm]")
     if first.get_legend_handles_labels()[1]:
         first.legend(loc="lower left", fontsize="x-small", framealpha=0.9)
-    figure.suptitle(f"Local stiffness {1e3 * found.depth:g} mm deep; grey: not touched", y=0.97, fontsize="medium")
+    figure.suptitle(f"Local stiffness {1e3 * stiffness.depth:g} mm deep; grey: not touched", y=0.97, fontsize="medium")
     figure.subplots_adjust(left=0.07, right=0.95, bottom=0.14, top=0.84, wspace=0.25)
     return figure
 
@@ -143,7 +144,7 @@ def _mark_touches(axes: Any, error: PoseError) -> None:
         axes.axvspan(begin, max(end, begin + 0.1), color=ERROR, alpha=0.35, linewidth=0.0, label=label)
 
 
-def _outlines(axes: Any, found: StiffnessMap, inclusion: Inclusion | None, centre: Sequence[float]) -> None:
+def _outlines(axes: Any, stiffness: StiffnessMap, inclusion: Inclusion | None, centre: Sequence[float]) -> None:
     if inclusion is not None:
         angle = np.linspace(0.0, 2.0 * np.pi, 100)
         x = 1e3 * (inclusion.middle[0] + inclusion.radius * np.cos(angle))
@@ -152,8 +153,8 @@ def _outlines(axes: Any, found: StiffnessMap, inclusion: Inclusion | None, centr
         axes.plot(x, y, color=TRUE, linestyle=(3, (3, 3)), linewidth=1.2, label="inclusion")
     if len(centre) == 2:
         axes.plot(*centre, marker="+", color=ERROR, markersize=11, markeredgewidth=2.2, linestyle="", label="found at")
-    axes.set_xlim(1e3 * found.x[0], 1e3 * found.x[-1])
-    axes.set_ylim(1e3 * found.y[0], 1e3 * found.y[-1])
+    axes.set_xlim(1e3 * stiffness.x[0], 1e3 * stiffness.x[-1])
+    axes.set_ylim(1e3 * stiffness.y[0], 1e3 * stiffness.y[-1])
 
 
 def _scale(values: Array) -> tuple[float, float]:
@@ -165,7 +166,7 @@ def _scale(values: Array) -> tuple[float, float]:
 
 
 def _findings(report: Mapping[str, Any]) -> Iterator[Finding]:
-    """What is wrong in a scene."""
+    """Faults of a scene."""
     if "scene" not in report:
         return
     for bump in report["scene"]["pose"]["bumps"]:
@@ -231,19 +232,19 @@ def _friction(friction: Mapping[str, Any]) -> str:
     return filled(f"  friction   coefficient {{coefficient:=}}, standard deviation {{deviation:=}}{true}", friction)
 
 
-def _map(found: Mapping[str, Any] | None) -> Iterator[str]:
-    if found is None or found["learnt_N_per_m"] is None:
+def _map(stiffness: Mapping[str, Any] | None) -> Iterator[str]:
+    if stiffness is None or stiffness["learnt_N_per_m"] is None:
         return
-    low, middle, high = (figure(value) for value in found["learnt_N_per_m"])
-    area = filled("{depth_mm:mm} deep, over {touched_cm2:cm2} touched", found)
+    low, middle, high = (figure(value) for value in stiffness["learnt_N_per_m"])
+    area = filled("{depth_mm:mm} deep, over {touched_cm2:cm2} touched", stiffness)
     yield f"  stiffness  {low} to {high} N/m, {middle} at the median, {area}"
-    if found["median_error_percent"] is not None:
+    if stiffness["median_error_percent"] is not None:
         wrong = "wrong by {median_error_percent:%} at the median, {p95_error_percent:%} in 95 %"
         within = "{within_two_deviations_percent:%} within two deviations"
-        yield f"             {filled(f'{wrong}; {within}', found)}"
-    if found["inclusion"] is not None:
-        said = "centre found {centre_error_mm:mm} off, radius {radius_mm:mm} (it is {true_radius_mm:=})"
-        yield f"  inclusion  {filled(said, found['inclusion'])}"
+        yield f"             {filled(f'{wrong}; {within}', stiffness)}"
+    if stiffness["inclusion"] is not None:
+        text = "centre found {centre_error_mm:mm} off, radius {radius_mm:mm} (it is {true_radius_mm:=})"
+        yield f"  inclusion  {filled(text, stiffness['inclusion'])}"
 
 
 def _drawings(view: View) -> Iterator[Drawing]:
@@ -251,16 +252,16 @@ def _drawings(view: View) -> Iterator[Drawing]:
     scene = view.scene
     if scene is None:
         return
-    if np.isfinite(scene.pose.place).any():
-        yield Drawing(pose_figure(scene.pose), "Error of the fixture's pose as the leader shows it, place and turn")
+    if np.isfinite(scene.pose.distance).any():
+        yield Drawing(pose_figure(scene.pose), "Error of the fixture's pose as the leader shows it, position and turn")
     if scene.wrong is not None and view.pairs.time.size:
         friction = None if scene.scene is None else scene.scene.friction
         contacts = contact_figure(view.log, view.pairs, scene.wrong, friction, view.start_ns)
         yield Drawing(contacts, "False and missed contacts at equal command, and the friction that was learnt")
     if scene.map is not None and scene.map.touched.any() and scene.field is not None and scene.scene is not None:
-        found = map_figures(scene.map, scene.field, scene.scene)["inclusion"]
-        centre = () if found is None else found["centre_mm"]
-        drawn = map_figure(scene.map, scene.scene.inclusion if found else None, centre=centre)
+        inclusion = map_figures(scene.map, scene.field, scene.scene)["inclusion"]
+        centre = () if inclusion is None else inclusion["centre_mm"]
+        drawn = map_figure(scene.map, scene.scene.inclusion if inclusion else None, centre=centre)
         yield Drawing(drawn, "Local stiffness over the surface: true, learnt, and its standard deviation")
 
 

@@ -26,7 +26,7 @@ OWN_HAND = "closed loop: a hand of its own holds the device {} and feels the for
 
 
 def pressed(settings: Mapping[str, str]) -> dict[str, str]:
-    """What was pressed, by the name of its setting: a robot of another package has its own material.
+    """The material, by the name of its setting: a robot of another package has its own material.
 
     Returns:
         ``scene`` and ``material``, as far as they are known, or ``robot`` in place of the material.
@@ -37,7 +37,7 @@ def pressed(settings: Mapping[str, str]) -> dict[str, str]:
 
 
 def session_findings(report: Mapping[str, Any]) -> Iterator[Finding]:
-    """That anybody could have commanded, where that was so."""
+    """A warning where anybody could have commanded."""
     if report["settings"].get("insecure") == "yes":
         yield Finding(INSECURE)
 
@@ -47,8 +47,8 @@ def heading(report: Mapping[str, Any]) -> list[str]:
     chosen = report["settings"]
     words = [lasted(report), *(f"{name} {what}" for name, what in pressed(chosen).items())]
     words += [f"{name.replace('_', ' ')} {chosen[name]}{unit}" for name, unit in _SHOWN.items() if chosen.get(name)]
-    said = segment_sentence(report), sentence(report["loop"]), baseline_sentence(report)
-    return [f"Session: {', '.join(words)}", *filter(None, said)]
+    sentences = segment_sentence(report), sentence(report["loop"]), baseline_sentence(report)
+    return [f"Session: {', '.join(words)}", *filter(None, sentences)]
 
 
 _SHOWN = {"operator": "", "estimator": "", "position_delay": " s", "force_delay": " s"}
@@ -70,7 +70,7 @@ def loop_sentence(settings: Mapping[str, str]) -> str:
 
 
 def baseline_sentence(report: Mapping[str, Any]) -> str:
-    """What was rendered where no model was; empty where models were."""
+    """The force that was rendered without a model; empty where models were."""
     if report["baseline"] == NO_BASELINE:
         return ""
     part = "" if report["baseline"] == AS_IT_COMES else ", as far as a passivity controller let it"
@@ -78,7 +78,7 @@ def baseline_sentence(report: Mapping[str, Any]) -> str:
 
 
 def lasted(report: Mapping[str, Any]) -> str:
-    """How long the whole session was, and the segment whose figures these are, as the beginning of a line."""
+    """Length of the whole session, and the segment whose figures these are, as the beginning of a line."""
     if report["segments"]["count"] < 2:
         return filled("{duration_s:.1f} s", report)
     several = "{segments.duration_s:.1f} s in {segments.count} segments, of which the longest: {duration_s:.1f} s"
@@ -86,20 +86,20 @@ def lasted(report: Mapping[str, Any]) -> str:
 
 
 def segment_sentence(report: Mapping[str, Any]) -> str:
-    """Which part of a session the figures are of, where a side began again or settings changed; else empty."""
-    found = report["segments"]
-    if found["count"] < 2:
+    """The part of a session that the figures are of, where a side began again or settings changed; else empty."""
+    segments = report["segments"]
+    if segments["count"] < 2:
         return ""
-    began = sentence(_begun(found)).rstrip(".")
-    if found["changes"]:
-        began += filled(", and settings changed {changes:#time}", found)
-    place = next((f" (number {place})" for place, one in enumerate(found["each"], 1) if one["reported"]), "")
-    errors = [one["rendered_error_percent"] for one in found["each"] if one["rendered_error_percent"] is not None]
+    began = sentence(_begun(segments)).rstrip(".")
+    if segments["changes"]:
+        began += filled(", and settings changed {changes:#time}", segments)
+    which = next((f" (number {index})" for index, one in enumerate(segments["each"], 1) if one["reported"]), "")
+    errors = [one["rendered_error_percent"] for one in segments["each"] if one["rendered_error_percent"] is not None]
     spread = ""
     if len(errors) > 1:
         spread = f" The rendered force was wrong by {figure(min(errors))} to {number(max(errors), '%')}, by segment."
     parts = filled("{duration_s:s} of {segments.duration_s:s}", report)
-    return f"{began}; figures are of the longest segment{place}, {parts}.{spread}"
+    return f"{began}; figures are of the longest segment{which}, {parts}.{spread}"
 
 
 def left_out(samples: FollowerSamples) -> list[str]:
@@ -108,24 +108,24 @@ def left_out(samples: FollowerSamples) -> list[str]:
     Args:
         samples: Of the whole session.
     """
-    said = []
+    sentences = []
     if samples.segments > 1:
         begun = _begun({"leader_starts": samples.leader_starts, "follower_starts": samples.follower_starts})
-        said.append(f"{begun}; used is the longest segment, {number(samples.seconds, 's')}")
+        sentences.append(f"{begun}; used is the longest segment, {number(samples.seconds, 's')}")
     if samples.faults.size:
         kinds = ", ".join(fault_name(kind) for kind in samples.faults.tolist()).replace("_", " ")
         faulty = int(samples.fault_counts.sum())
         count = f"{plural(faulty, 'sample')} {was_or_were(faulty)} left out"
-        said.append(f"{count}: the sensors were not to be trusted ({kinds})")
-    return said
+        sentences.append(f"{count}: the sensors were not to be trusted ({kinds})")
+    return sentences
 
 
-def _begun(found: Mapping[str, Any]) -> str:
-    return filled("the leader began {leader_starts:#time}, the follower {follower_starts:#time}", found)
+def _begun(segments: Mapping[str, Any]) -> str:
+    return filled("the leader began {leader_starts:#time}, the follower {follower_starts:#time}", segments)
 
 
 MOST_LINES = 12
-"""Phases that are listed in the text, the longest of them; all stand in the JSON."""
+"""Phases that are listed in the text, the longest of them; all are in the JSON."""
 
 
 def scored(pairs: Pairs, force: NDArray[np.float64], true: str = "sensor_force", **window: Any) -> Scores:
@@ -158,7 +158,7 @@ def phase_figures(whole: SessionLog, chosen: SessionLog, **window: Any) -> list[
     # Every start of a leader takes a new name and address.
     telling = [name for name in telling if name not in ("leader", "settings_since_ns")]
     began = int(whole.leader["time_ns"][0]) if whole.leader.size else 0
-    found, was_stopped = [], False
+    segments, was_stopped = [], False
     for phase in phases:
         stopped = np.append(was_stopped, phase.follower["status"] == Status.STOPPED)
         was_stopped = bool(stopped[-1])
@@ -167,7 +167,7 @@ def phase_figures(whole: SessionLog, chosen: SessionLog, **window: Any) -> list[
         predicted = scored(pairs, pairs.leader["predicted_force"], **window)
         table = phase.leader if phase.leader.size else phase.follower
         shown = pressed(phase.settings) | {name: phase.settings.get(name, "") for name in telling}
-        found.append(
+        segments.append(
             {
                 "begin_s": float(phase.leader["time_ns"][0] - began) * 1e-9 if phase.leader.size else None,
                 "duration_s": float(np.ptp(table["time_ns"])) * 1e-9 if table.size else 0.0,
@@ -182,7 +182,7 @@ def phase_figures(whole: SessionLog, chosen: SessionLog, **window: Any) -> list[
                 "max_rendered_force_N": largest(phase.leader["rendered_force"]),
             }
         )
-    return found
+    return segments
 
 
 def phase_lines(report: Mapping[str, Any]) -> list[str]:
@@ -195,14 +195,14 @@ def phase_lines(report: Mapping[str, Any]) -> list[str]:
     lines = ["Segments, each with its own settings (* is the one whose figures these are)"]
     for index in listed:
         one = phases[index]
-        said = ", ".join(f"{name.replace('_', ' ')} {text or 'not said'}" for name, text in one["settings"].items())
+        settings = ", ".join(f"{name.replace('_', ' ')} {text or 'unknown'}" for name, text in one["settings"].items())
         sign, begin = "*" if one["reported"] else " ", number(one["begin_s"], "s")
-        lines.append(f"  {sign} {index + 1:<3} from {begin} for {number(one['duration_s'], 's')}: {said}")
+        lines.append(f"  {sign} {index + 1:<3} from {begin} for {number(one['duration_s'], 's')}: {settings}")
         errors = ", ".join(
             f"{word} {number(one[f'{name}_error_percent'], '%')}"
             for name, word in (("rendered", "rendered"), ("prediction", "predicted"), ("delayed_force", "delayed"))
         )
-        stable = {True: "stable", False: "not stable", None: "nobody knows whether stable"}[one["stable"]]
+        stable = {True: "stable", False: "not stable", None: "stability unknown"}[one["stable"]]
         lines.append(f"        error {errors}; {stable}")
     if len(phases) > len(listed):
         lines.append(f"    and {plural(len(phases) - len(listed), 'part')} more, all of them shorter: --json has them")

@@ -1,1 +1,1 @@
-"""What a report found out, as lines of text, as drawings and as a page."""
+"""The findings of a report, as lines of text, as drawings and as a page."""

@@ -126,7 +126,7 @@ def tiles(figures: Sequence[tuple[str, str]]) -> str:
 
 
 def _origin(made: Mapping[str, Any]) -> str:
-    """What made the page, and how to make it again."""
+    """The origin of the page, and how to make it again."""
     now = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
     command = f"<code>{escape(made['command'])}</code>" if made.get("command") else "none: written from Python"
     version = importlib.metadata.version("foretouch")
@@ -149,8 +149,8 @@ def write_html(
         directory: The folder.
         title: Of the page.
         body: HTML of the page's parts.
-        made: What made it, by name: the ``command`` that repeats it, the recording, the law, the settings; version and
-            date are said in any case.
+        made: Origin of the page, by name: the ``command`` that repeats it, the recording, the law, the settings;
+            version and date are given in any case.
 
     Raises:
         InputError: The folder cannot be made or the page cannot be written.
@@ -184,8 +184,8 @@ def write_page(
     Args:
         directory: Made if it is not there.
         log: The session.
-        report: What `session_figures` gave of it.
-        made: What made it, for the end of the page, as `write_html` takes it.
+        report: Result of `session_figures` for it.
+        made: Its origin, for the end of the page, as `write_html` takes it.
 
     Raises:
         InputError: The folder cannot be made or the page cannot be written.
@@ -194,7 +194,7 @@ def write_page(
     body = [
         "<h1>foretouch session</h1>",
         f'<p class="quiet">{escape(_summary(report))}</p>',
-        *_sentences([Finding(said) for said in (segment_sentence(report), baseline_sentence(report)) if said]),
+        *_sentences([Finding(text) for text in (segment_sentence(report), baseline_sentence(report)) if text]),
         *_sentences(findings(report)),
         _tiles(report, {"stable": stability_word(report)}),
         *_drawn(log, report),
@@ -221,8 +221,8 @@ def write_prediction_page(
         forces: Columns ``time_s``, ``measured_force_N``, ``predicted_force_N``, ``delayed_force_N`` and
             ``in_contact``, shape (n,).
         figures: The figures by name, among them ``delay_s`` and ``status``, as ``predict --json`` prints them; where
-            there are ``remarks``, they are said first.
-        made: What made it, for the end of the page, as `write_html` takes it.
+            there are ``remarks``, they come first.
+        made: Its origin, for the end of the page, as `write_html` takes it.
 
     Raises:
         InputError: The folder cannot be made or the page cannot be written.
@@ -230,14 +230,14 @@ def write_prediction_page(
     """
     status, remarks = figures["status"], figures.get("remarks", ())
     figures = {key: value for key, value in figures.items() if key != "remarks"}
-    told = {status} if any(remark.startswith(f"{status}: ") for remark in remarks) else set()
+    given = {status} if any(remark.startswith(f"{status}: ") for remark in remarks) else set()
     by = "".join(f"{what.capitalize()}: {made[what]}. " for what in ("law", "estimator") if made and what in made)
-    said = f"{by}Forces known {figures['delay_s']:g} s late. Status: {status}."
+    text = f"{by}Forces known {figures['delay_s']:g} s late. Status: {status}."
     body = [
         f"<h1>Prediction on {escape(name)}</h1>",
-        f'<p class="quiet">{escape(said)}</p>',
+        f'<p class="quiet">{escape(text)}</p>',
         *_sentences([Finding(remark) for remark in remarks]),
-        *_sentences([finding for finding in scoring_findings(figures) if finding.text.partition(":")[0] not in told]),
+        *_sentences([one for one in scoring_findings(figures) if one.text.partition(":")[0] not in given]),
         _tiles(figures),
     ]
     columns = {key: np.asarray(column) for key, column in forces.items()}
@@ -253,7 +253,7 @@ def write_prediction_page(
 
 
 def _settings(chosen: Mapping[str, str]) -> str:
-    """What was chosen, with what each setting is and its unit; what had its default is folded."""
+    """Chosen settings, with their meaning and unit; those with default values are folded."""
     if not chosen:
         return '<p class="quiet">not recorded</p>'
     defaults = SessionSettings().as_text()
@@ -265,8 +265,8 @@ def _settings(chosen: Mapping[str, str]) -> str:
     return f"{table(head, rows[:changed]) if changed else ''}<details>{folded}</details>"
 
 
-def _sentences(said: list[Finding]) -> list[str]:
-    return [f'<p class="{"good" if finding.good else "bad"}">{escape(finding.text)}</p>' for finding in said]
+def _sentences(findings: list[Finding]) -> list[str]:
+    return [f'<p class="{"good" if finding.good else "bad"}">{escape(finding.text)}</p>' for finding in findings]
 
 
 def _summary(report: dict[str, Any]) -> str:
@@ -293,7 +293,7 @@ def _tiles(report: Mapping[str, Any], words: Mapping[str, str] | None = None) ->
 
 
 def _drawn(log: SessionLog, report: Mapping[str, Any]) -> Iterator[str]:
-    """What the sections draw of a session."""
+    """Drawings of a session by its sections."""
     log = log.longest_phase()
     pairs = pair(log)
     start = int(pairs.follower["time_ns"][0]) if pairs.time.size else log.models[0].time_ns if log.models else 0
@@ -307,11 +307,11 @@ def _drawn(log: SessionLog, report: Mapping[str, Any]) -> Iterator[str]:
 def write_calibration_page(
     directory: str | PathLike[str],
     name: str,
-    found: ToolWeight | SeriesCompliance,
+    result: ToolWeight | SeriesCompliance,
     figures: Mapping[str, Any],
     made: Mapping[str, Any] | None = None,
 ) -> Path:
-    """Write what a calibration found as ``index.html``.
+    """Write the result of a calibration as ``index.html``.
 
     Of static poses it shows the residuals pose by pose; of presses on a rigid block the force over the deflection and
     the residual.
@@ -319,18 +319,18 @@ def write_calibration_page(
     Args:
         directory: Made if it is not there.
         name: Of the file, for the heading.
-        found: What was found.
+        result: Weight or compliance.
         figures: By name, for the table.
-        made: What made it, for the end of the page, as `write_html` takes it.
+        made: Its origin, for the end of the page, as `write_html` takes it.
 
     Raises:
         InputError: The folder cannot be made or the page cannot be written.
         MissingExtraError: Matplotlib is not installed.
     """
-    if isinstance(found, ToolWeight):
-        title, drawn = f"Sensor calibration from {name}", _weight_figure(found)
+    if isinstance(result, ToolWeight):
+        title, drawn = f"Sensor calibration from {name}", _weight_figure(result)
     else:
-        title, drawn = f"Series compliance from {name}", _compliance_figure(found)
+        title, drawn = f"Series compliance from {name}", _compliance_figure(result)
     shown = {
         key: ", ".join(f"{part:.6g}" for part in value) if isinstance(value, tuple) else value
         for key, value in figures.items()
@@ -347,24 +347,24 @@ def _weight_figure(weight: ToolWeight) -> Any:
     for row, (title, residual) in enumerate(parts, 1):
         axes = figure.add_subplot(len(parts), 1, row)
         for column, axis in enumerate("xyz"):
-            place = np.arange(1, len(residual) + 1) + 0.12 * (column - 1)
-            axes.plot(place, residual[:, column], "o", ms=4, color=COLOURS[column], label=axis)
+            number = np.arange(1, len(residual) + 1) + 0.12 * (column - 1)
+            axes.plot(number, residual[:, column], "o", ms=4, color=COLOURS[column], label=axis)
         axes.axhline(0.0, color="0.5", lw=0.8)
         axes.set(title=f"Residual: measured less fitted {title.partition(' ')[0]}", ylabel=title, xlabel="pose")
         legend(axes, 3)
     return finished(figure, len(parts), gap=1.1)
 
 
-def _compliance_figure(found: SeriesCompliance) -> Any:
+def _compliance_figure(result: SeriesCompliance) -> Any:
     figure = new_figure(6.4)
     above, below = figure.add_subplot(2, 1, 1), figure.add_subplot(2, 1, 2)
-    some = slice(None, None, max(1, found.force.size // 4000))
-    force, place, loads = found.force[some], found.deflection[some], found.loading[some]
-    ends = np.array([found.contact_floor, found.force.max()])
+    some = slice(None, None, max(1, result.force.size // 4000))
+    force, deflection, loads = result.force[some], result.deflection[some], result.loading[some]
+    ends = np.array([result.contact_floor, result.force.max()])
     for colour, label, part, shift in ((COLOURS[0], "loading", loads, -0.5), (COLOURS[1], "unloading", ~loads, 0.5)):
-        above.plot(1e6 * place[part], force[part], ".", ms=2, color=colour, label=label)
-        above.plot(1e6 * (ends / found.stiffness + shift * found.lost_motion), ends, color=colour, lw=1.0)
-        below.plot(force[part], 1e6 * found.residual[some][part], ".", ms=2, color=colour, label=label)
+        above.plot(1e6 * deflection[part], force[part], ".", ms=2, color=colour, label=label)
+        above.plot(1e6 * (ends / result.stiffness + shift * result.lost_motion), ends, color=colour, lw=1.0)
+        below.plot(force[part], 1e6 * result.residual[some][part], ".", ms=2, color=colour, label=label)
     above.set(title="Force over deflection, and the fitted lines", xlabel="deflection [um]", ylabel="force [N]")
     below.set(title="Residual: measured less fitted position", ylabel="residual [um]", xlabel="force [N]")
     legend(above, 2)

@@ -49,7 +49,7 @@ _ROWS = (
     ("robot from its commands, RMS", "tracking_error.rms_mm", "mm"),
     ("samples scored", "scored_samples", ""),
 )
-"""What is shown of both sessions: in words, by name in the report, and the unit."""
+"""Figures of both sessions: in words, by name in the report, and the unit."""
 
 RECORDED_PREDICTION = "#56B4E9"
 """Beside the colours of a session: the lighter of two blues, of Okabe and Ito too."""
@@ -94,8 +94,8 @@ def compare_replay(recorded: SessionLog, replayed: SessionLog, notes: Sequence[s
 
     Args:
         recorded: The session.
-        replayed: What `foretouch.session.replay.under` made of it.
-        notes: What `foretouch.session.replay_notes` says of it; the first is of the operator's motion.
+        replayed: Result of `foretouch.session.replay.under`.
+        notes: Result of `foretouch.session.replay_notes`; the first is of the operator's motion.
 
     Returns:
         ``motion`` and ``notes``, the sentences; ``loop``, "open loop" or "closed loop"; ``settings``, those that
@@ -143,7 +143,7 @@ def contacts(log: SessionLog) -> list[Contact]:
 
 
 def hand_begins_ns(leader: Rows) -> int:
-    """When the time of the hand begins, by the leader's clock [ns]: one that feels something waits for the follower."""
+    """Begin of the hand's time, by the leader's clock [ns]: one that feels something waits for the follower."""
     waits = bool(np.isfinite(leader["exact_hand_position"]).any() and leader["engaged"].any())
     return int(leader["time_ns"][int(np.argmax(leader["engaged"])) if waits else 0])
 
@@ -152,14 +152,14 @@ def render_replay(content: Mapping[str, Any]) -> str:
     """Both sessions side by side, for a terminal.
 
     Args:
-        content: What `compare_replay` gave.
+        content: Result of `compare_replay`.
 
     Returns:
         Lines of at most about 100 characters, without a last line break.
     """
     article = "a" if content["loop"].startswith("closed") else "an"
-    said = (f"replay in {article} {content['loop']}", content["motion"], *content["notes"])
-    lines = [sentence(text) for text in said]
+    texts = (f"replay in {article} {content['loop']}", content["motion"], *content["notes"])
+    lines = [sentence(text) for text in texts]
     lines += ["", f"{'':<34}{'recorded':>22}{'replayed':>22}{'ratio':>10}"]
     for name, before, after, ratio in table_rows(content):
         lines.append(f"  {name:<32}{before:>22}{after:>22}{ratio:>10}".rstrip())
@@ -167,7 +167,7 @@ def render_replay(content: Mapping[str, Any]) -> str:
 
 
 def table_rows(content: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
-    """What `render_replay` and the page show: name, recorded, replayed, and their ratio, as text."""
+    """Rows of `render_replay` and the page: name, recorded, replayed, and their ratio, as text."""
     before, after = content["recorded"], content["replayed"]
     always = ("position_delay", "force_delay", "model", "estimator")
     names = [*always, *(name for name in content["settings"] if name not in always)]
@@ -231,8 +231,8 @@ def write_replay_page(
         name: Of the recording, for the heading.
         recorded: The session.
         replayed: Its replay.
-        content: What `compare_replay` gave of them.
-        made: What made it, for the end of the page, as `write_html` takes it.
+        content: Result of `compare_replay`.
+        made: Its origin, for the end of the page, as `write_html` takes it.
 
     Raises:
         InputError: The folder cannot be made or the page cannot be written.
@@ -322,9 +322,9 @@ def _draw_errors(axes: Any, contacts: Mapping[str, Any]) -> None:
         ("predicted, recorded", "recorded", "predicted", RECORDED_PREDICTION, "o"),
         ("predicted, replayed", "replayed", "predicted", PREDICTED, "^"),
     ):
-        found = contacts[session]
-        middle = [0.5 * (one["begin"] + one["end"]) for one in found]
-        sizes = np.maximum([one[kind] for one in found], LEAST_ERROR)
+        wrong = contacts[session]
+        middle = [0.5 * (one["begin"] + one["end"]) for one in wrong]
+        sizes = np.maximum([one[kind] for one in wrong], LEAST_ERROR)
         axes.plot(middle, sizes, sign, color=colour, markersize=6.0, label=label)
     axes.set_yscale("log")
     axes.set(

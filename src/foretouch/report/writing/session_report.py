@@ -30,7 +30,7 @@ def render_text(report: Mapping[str, Any]) -> str:
     """The report of a session for a terminal.
 
     Args:
-        report: What `session_figures` gave.
+        report: Result of `session_figures`.
 
     Returns:
         Lines of at most about 100 characters, without a last line break.
@@ -40,7 +40,7 @@ def render_text(report: Mapping[str, Any]) -> str:
 
 
 def findings(report: Mapping[str, Any]) -> list[Finding]:
-    """What the numbers of a session say, one plain sentence each; what is worst comes first."""
+    """Findings of a session, one plain sentence each; the worst come first."""
     return [finding for section in URGENT_FIRST for finding in section.findings(report)]
 
 
@@ -165,7 +165,7 @@ def session_report(log: SessionLog, *, score_from: float = 1.5, score_to: float 
     """The figures of a session, as attributes of one object.
 
     Args:
-        log: What was said in the session.
+        log: The recorded session.
         score_from: Start of the scoring window [s] after the first row.
         score_to: Its end [s]; None for the last row.
 
