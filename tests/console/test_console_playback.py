@@ -15,7 +15,7 @@ from console_driver import simulated_session
 from foretouch.console.models_seen import figures_of
 from foretouch.console.playback import NOT_YET, Library, Playback
 from foretouch.errors import RecordingError
-from foretouch.messages import LEADER_DTYPE, Said, SessionLog
+from foretouch.messages import LEADER_DTYPE, SessionLog, SettingsReport
 
 pytest.importorskip("mujoco")
 SECONDS = 5.0
@@ -224,13 +224,13 @@ def test_playback_shows_what_was_set_then(recorded: tuple[Path, SessionLog]) -> 
     leader["run"] = follower["run"] = 105
     changed = int(leader["time_ns"][3000])
     said = (
-        Said("follower", 105, 0, {"material": "foam", "position_delay": "0.08"}),
-        Said("leader", 5, 0, {"grip": "none", "force_delay": "0.3"}),
-        Said("leader", 5, changed, {"grip": "none", "force_delay": "0.6"}),
-        Said("follower", 109, 0, {"material": "sponge", "position_delay": "0.08"}),
-        Said("leader", 9, 0, {"grip": "normal", "force_delay": "0.6"}),
+        SettingsReport("follower", 105, 0, {"material": "foam", "position_delay": "0.08"}),
+        SettingsReport("leader", 5, 0, {"grip": "none", "force_delay": "0.3"}),
+        SettingsReport("leader", 5, changed, {"grip": "none", "force_delay": "0.6"}),
+        SettingsReport("follower", 109, 0, {"material": "sponge", "position_delay": "0.08"}),
+        SettingsReport("leader", 9, 0, {"grip": "normal", "force_delay": "0.6"}),
     )
-    shown = Playback(dataclasses.replace(log, leader=leader, follower=follower, said=said, settings={"grip": "normal"}))
+    shown = Playback(dataclasses.replace(log, leader=leader, follower=follower, reports=said, settings={"grip": "normal"}))
     for moment, delay in ((1.0, 0.3), (2.9, 0.3), (3.1, 0.6), (1.0, 0.3)):
         shown.go_to(moment)
         assert shown.settings["material"] == "foam"

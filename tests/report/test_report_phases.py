@@ -163,8 +163,8 @@ def test_nobody_fills_the_memory_of_what_was_said() -> None:
     for number in range(5000):
         hellos.take(hello("leader", number % 7, number, force_delay=str(number)))
         hellos.take(hello("recorder", number, number, recorder_failed=str(number)))
-    assert len(hellos.said) < 300
-    assert hellos.said[0].settings == {"force_delay": "0"}
+    assert len(hellos.reports) < 300
+    assert hellos.reports[0].settings == {"force_delay": "0"}
 
 
 @pytest.mark.parametrize("late", [1, 2, 150])

@@ -112,12 +112,12 @@ class Playback(Watched):
     def _settings_at(self, row: int, telemetry: int) -> Mapping[str, str]:
         """Settings of the moment: a network can be changed while a session runs."""
         segment = self._segment
-        if not segment.said:
+        if not segment.reports:
             return segment.settings
         leader = self._leader[row]
         felt_ns = int(self._follower["time_ns"][max(telemetry, 0)]) if self._follower.size else None
         run = int(self._follower["run"][0]) if self._follower.size else 0
-        return settings_at(segment.said, int(leader["epoch"]), run, int(leader["time_ns"]), felt_ns)
+        return settings_at(segment.reports, int(leader["epoch"]), run, int(leader["time_ns"]), felt_ns)
 
 
 PATTERN = "*.mcap"

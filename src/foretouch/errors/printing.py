@@ -30,15 +30,15 @@ def printable(text: str, *, lines: bool = False) -> str:
     )
 
 
-def one_line(said: object, longest: int = LONGEST_LINE) -> str:
+def one_line(text: object, longest: int = LONGEST_LINE) -> str:
     """What an exception, or a text, says: on one line, short, and `printable`; of one that cannot say it, nothing.
 
     Args:
-        said: An exception, of any package, or a text from outside.
+        text: An exception, of any package, or a text from outside.
         longest: Largest number of characters.
     """
     try:
-        words = " ".join(str(said)[: 4 * longest].split())
+        words = " ".join(str(text)[: 4 * longest].split())
     except Exception:  # of another package
         return ""
     return printable(words[:longest])[:longest]

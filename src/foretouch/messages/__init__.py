@@ -5,7 +5,17 @@ msgpack bytes and back, strictly.
 """
 
 from foretouch.messages.codec import CHANNELS, LARGEST_MESSAGE, Channel, as_printed, decode, encode, foreign_speaker
-from foretouch.messages.hellos import COUNT_PREFIX, LEAVES, NEWS, PROCESS, SINCE, Hellos, Said, settings_at, split_texts
+from foretouch.messages.hellos import (
+    COUNT_PREFIX,
+    LEAVES,
+    NEWS,
+    PROCESS,
+    SINCE,
+    Hellos,
+    SettingsReport,
+    settings_at,
+    split_texts,
+)
 from foretouch.messages.schema import (
     SIDES,
     SPEAKERS,
@@ -68,10 +78,10 @@ __all__ = [
     "LeaderState",
     "Message",
     "ModelUpdate",
-    "Said",
     "SessionLog",
     "SessionRows",
     "Settings",
+    "SettingsReport",
     "Status",
     "Stop",
     "Telemetry",

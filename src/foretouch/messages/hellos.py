@@ -8,7 +8,7 @@ from typing import NamedTuple
 from foretouch.messages.schema import SIDES, SPEAKERS, Hello
 
 
-class Said(NamedTuple):
+class SettingsReport(NamedTuple):
     """The settings that one process reported, from some time on.
 
     Attributes:
@@ -25,7 +25,11 @@ class Said(NamedTuple):
 
 
 def settings_at(
-    reports: Sequence[Said], epoch: int, run: int, leader_ns: int | None = None, follower_ns: int | None = None
+    reports: Sequence[SettingsReport],
+    epoch: int,
+    run: int,
+    leader_ns: int | None = None,
+    follower_ns: int | None = None,
 ) -> dict[str, str]:
     """The settings with which one process of the leader and one of the follower worked at a moment.
 
@@ -107,7 +111,7 @@ class Hellos:
 
     def __init__(self) -> None:
         self._settings: dict[str, dict[str, str]] = {}
-        self._reports: dict[str, list[Said]] = {role: [] for role in ROLES}
+        self._reports: dict[str, list[SettingsReport]] = {role: [] for role in ROLES}
         self.news: dict[str, tuple[str, ...]] = {}
         self._counts: dict[str, dict[str, dict[str, int]]] = {role: {} for role in ROLES}
 
@@ -132,19 +136,19 @@ class Hellos:
         """Remember from when on a side's process has its settings, and of any other role its last settings."""
         reports, process = self._reports[hello.role], _number(hello.texts.get(PROCESS, ""))
         if hello.role not in SIDES:
-            reports[:] = [Said(hello.role, process, 0, settings)]
+            reports[:] = [SettingsReport(hello.role, process, 0, settings)]
             return
         before = next((one for one in reversed(reports) if one.process == process), None)
         if before is not None and before.settings == settings:
             return
         since = 0 if before is None else _number(hello.texts.get(SINCE, "")) or hello.time_ns
-        new = Said(hello.role, process, since, settings)
+        new = SettingsReport(hello.role, process, since, settings)
         while reports and (len(reports) >= MOST_CHANGES or sum(map(_length, (*reports, new))) > MOST_TEXT):
             reports.pop()
         reports.append(new)
 
     @property
-    def said(self) -> tuple[Said, ...]:
+    def reports(self) -> tuple[SettingsReport, ...]:
         """Settings that each process reported, and the times from which they hold."""
         return tuple(one for reports in self._reports.values() for one in reports)
 
@@ -163,7 +167,7 @@ class Hellos:
         return total
 
 
-def _length(report: Said) -> int:
+def _length(report: SettingsReport) -> int:
     return sum(len(name) + len(value) for name, value in report.settings.items())
 
 

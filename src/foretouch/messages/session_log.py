@@ -15,7 +15,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.messages.hellos import Said, settings_at
+from foretouch.messages.hellos import SettingsReport, settings_at
 from foretouch.messages.schema import EmergencyStop, LeaderState, Message, ModelUpdate, Telemetry
 from foretouch.messages.spatial import CameraImage, FieldUpdate, FixtureBelief, FollowerSpace, LeaderSpace
 from foretouch.quantities import ByValue, Columns, Rows
@@ -55,27 +55,27 @@ def split_session(log: SessionLog) -> tuple[SessionLog, ...]:
 
 def split_by_settings(segment: SessionLog) -> tuple[SessionLog, ...]:
     """The parts of a segment in which no setting changed: see `SessionLog.phases`."""
-    if not segment.said:
+    if not segment.reports:
         return (segment,)
     # The leader's and the follower's process, 0 for a side that is not there.
     epoch = int(segment.leader["epoch"][0]) if segment.leader.size else 0
     run = int(segment.follower["run"][0]) if segment.follower.size else 0
-    first = settings_at(segment.said, epoch, run, _first_ns(segment.leader), _first_ns(segment.follower))
+    first = settings_at(segment.reports, epoch, run, _first_ns(segment.leader), _first_ns(segment.follower))
     changes = _changes(segment, epoch, run)
     if not changes:
-        return (replace(segment, settings=first, said=()),)
+        return (replace(segment, settings=first, reports=()),)
     begins = [0, *(sequence for sequence, _, _ in changes)]
     ends = [*begins[1:], int(np.iinfo(np.int64).max)]
-    settings = [first, *(settings_at(segment.said, epoch, run, *times) for _, *times in changes)]
+    settings = [first, *(settings_at(segment.reports, epoch, run, *times) for _, *times in changes)]
     return tuple(_cut(segment, *part) for part in zip(begins, ends, settings, strict=True))
 
 
 def _with_own_settings(log: SessionLog, epoch: int, run: int) -> SessionLog:
     """A segment with the settings of its own processes; itself where it has them."""
-    if not log.said:
+    if not log.reports:
         return log
     last = (int(rows["time_ns"][-1]) if rows.size else None for rows in (log.leader, log.follower))
-    settings = settings_at(log.said, epoch, run, *last)
+    settings = settings_at(log.reports, epoch, run, *last)
     return log if settings == log.settings else replace(log, settings=settings)
 
 
@@ -84,7 +84,7 @@ def _changes(segment: SessionLog, epoch: int, run: int) -> list[tuple[int, int, 
     leader, follower = segment.leader, segment.follower
     sides = {("leader", epoch): (leader, "sequence", 0), ("follower", run): (follower, "command_sequence", 1)}
     every: list[tuple[int, str, int]] = []
-    for one in segment.said:
+    for one in segment.reports:
         rows, column, after = sides.get((one.role, one.process), (leader[:0], "", 0))
         if rows.size and one.since_ns > rows["time_ns"][0]:
             row = min(int(np.searchsorted(rows["time_ns"], one.since_ns)), rows.size - 1)
@@ -115,7 +115,7 @@ def _cut(segment: SessionLog, begin: int, end: int, settings: dict[str, str]) ->
     # The model that is rendered at first was sent before.
     oldest = int(leader["model_sequence"][0]) if leader.size and begin else 0
     models = tuple(one for one in segment.models if one.sequence >= oldest and one.command_sequence < end)
-    return replace(segment, leader=leader, follower=follower, models=models, settings=settings, said=())
+    return replace(segment, leader=leader, follower=follower, models=models, settings=settings, reports=())
 
 
 def side_seconds(rows: Rows) -> float:
@@ -222,7 +222,7 @@ class SessionLog(Columns):
         fields: Every `FieldUpdate`.
         images: Every `CameraImage`.
         beliefs: Every `FixtureBelief`.
-        said: Settings that each process reported, and the times from which they hold.
+        reports: Settings that each process reported, and the times from which they hold.
     """
 
     _timing = _TIMING
@@ -238,7 +238,7 @@ class SessionLog(Columns):
     fields: tuple[FieldUpdate, ...] = ()
     images: tuple[CameraImage, ...] = ()
     beliefs: tuple[FixtureBelief, ...] = ()
-    said: tuple[Said, ...] = ()
+    reports: tuple[SettingsReport, ...] = ()
 
     @classmethod
     def from_messages(

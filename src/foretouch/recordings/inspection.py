@@ -262,7 +262,7 @@ def _clock_note(bag: Bag, topics: list[str]) -> list[str]:
         return []  # the reader of the whole reports why
     if clocks is None or not clocks.differ:
         return []
-    return [f"header stamps begin {clocks.apart:.6g} s apart: two clocks? ({clocks.said})"]
+    return [f"header stamps begin {clocks.apart:.6g} s apart: two clocks? ({clocks.text})"]
 
 
 def _span(recording: Recording) -> tuple[float, float]:

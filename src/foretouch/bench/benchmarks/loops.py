@@ -228,7 +228,7 @@ def _processes(
 
 def _said(folder: Path, name: str) -> Path:
     """What a process of a session says to people."""
-    return folder / f"{name}-said.txt"
+    return folder / f"{name}-output.txt"
 
 
 def measure_loops(scope: Scope) -> list[Row]:

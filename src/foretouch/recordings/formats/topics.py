@@ -267,21 +267,23 @@ Packed: TypeAlias = tuple[tuple[StandardTopic, bytes], ...]
 
 
 BESIDE: Final[dict[type[Message], Callable[[Any], Packed]]] = {
-    Telemetry: lambda said: (
-        (WRENCH, wrench(said.time_ns, said.force)),
-        (FOLLOWER_JOINTS, joint_state(said.time_ns, said.position, said.velocity, said.force)),
+    Telemetry: lambda message: (
+        (WRENCH, wrench(message.time_ns, message.force)),
+        (FOLLOWER_JOINTS, joint_state(message.time_ns, message.position, message.velocity, message.force)),
     ),
-    LeaderState: lambda said: (
-        (LEADER_JOINTS, joint_state(said.time_ns, said.position, said.velocity, said.rendered_force)),
+    LeaderState: lambda message: (
+        (LEADER_JOINTS, joint_state(message.time_ns, message.position, message.velocity, message.rendered_force)),
     ),
-    ModelUpdate: lambda said: (
-        (MODEL, contact_model(said, _stamp(said.time_ns), "probe")),
-        (NUMBERS, number_array(said)),
+    ModelUpdate: lambda message: (
+        (MODEL, contact_model(message, _stamp(message.time_ns), "probe")),
+        (NUMBERS, number_array(message)),
     ),
-    FollowerSpace: lambda said: ((PROBE, pose(said.time_ns, (said.place_x, said.place_y, said.place_z))),),
-    FixtureBelief: lambda said: (
-        ((FIXTURE, pose(said.time_ns, said.pose[:3], said.pose[3:])),) if len(said.pose) == 6 else ()
+    FollowerSpace: lambda message: (
+        (PROBE, pose(message.time_ns, (message.place_x, message.place_y, message.place_z))),
     ),
-    CameraImage: lambda said: ((IMAGE, compressed_image(said.time_ns, said.jpeg)),) if said.jpeg else (),
+    FixtureBelief: lambda message: (
+        ((FIXTURE, pose(message.time_ns, message.pose[:3], message.pose[3:])),) if len(message.pose) == 6 else ()
+    ),
+    CameraImage: lambda message: ((IMAGE, compressed_image(message.time_ns, message.jpeg)),) if message.jpeg else (),
 }
 """What is written beside a message, topic by topic; an image that the stream dropped has nothing beside it."""

@@ -208,7 +208,7 @@ def _frame_notes(*signals: Signal | None) -> tuple[str, ...]:
         known = None if signal is None else robot_column(signal.column)
         if signal is not None and known is not None:
             x, y, _ = known.axes
-            position = f"{signal.column} is taken for {known.quantity}: {known.said}"
+            position = f"{signal.column} is taken for {known.quantity}: {known.text}"
             notes.append(f"{position}, z; numbers {x} and {y} are x and y (--map takes them)")
     return tuple(notes)
 

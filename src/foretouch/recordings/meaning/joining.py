@@ -49,7 +49,7 @@ class Clocks(NamedTuple):
         return len(self.topics) > 1 and self.apart > max(LEAST_SAID, self.spread, self.period)
 
     @property
-    def said(self) -> str:
+    def text(self) -> str:
         """The medians, for people."""
         each = (f"{_seconds(median)} for {topic}" for topic, median in zip(self.topics, self.medians, strict=True))
         return f"log time less stamp is {' and '.join(each)}, medians"
@@ -95,13 +95,13 @@ def clock_of(source: object, series: list[Series], asked: str) -> tuple[list[Tim
         return _aligned(stamps, clocks)
     if len(series) > 1 and clocks.apart > CLOCKS_AGREE:
         names = " and ".join(clocks.topics)
-        problem = f"header stamps of {names} are on two clocks {_seconds(clocks.apart)} apart ({clocks.said})"
+        problem = f"header stamps of {names} are on two clocks {_seconds(clocks.apart)} apart ({clocks.text})"
         if asked == "header":
             return stamps, [f"{problem}; stamps are taken all the same, as the map says"]
         how = f"log time is taken for both, which jitters by {_seconds(clocks.jitter)}"
         return log, [f'{problem}; {how}; [time] stamp = "aligned" takes stamps, less that distance']
     if asked == "auto" and clocks.differ:
-        problem = f"{clocks.said}: two clocks {_seconds(clocks.apart)} apart, or one topic that is that much later"
+        problem = f"{clocks.text}: two clocks {_seconds(clocks.apart)} apart, or one topic that is that much later"
         return stamps, [
             f'{problem}; header stamps are taken as they are, [time] stamp = "aligned" takes them less that distance'
         ]
@@ -117,7 +117,7 @@ def _aligned(stamps: list[Times], clocks: Clocks) -> tuple[list[Times], list[str
         return stamps, []
     shift = clocks.medians[0] - clocks.medians[-1]
     text = f"stamps of {clocks.topics[0]} are moved by {_seconds(shift)} (spread {_seconds(clocks.spread)})"
-    return [stamps[0] + round(shift * 1e9), *stamps[1:]], [f"{text}, as the map says: {clocks.said}"]
+    return [stamps[0] + round(shift * 1e9), *stamps[1:]], [f"{text}, as the map says: {clocks.text}"]
 
 
 def in_time(topic: str, times: Times, columns: dict[str, Array]) -> tuple[Times, dict[str, Array], list[str]]:

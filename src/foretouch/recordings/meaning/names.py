@@ -169,7 +169,7 @@ class RobotColumn(NamedTuple):
     # quantity and nothing else, above one that has a word of it
     rank: float
     unit: str  # unit as a map writes it
-    said: str  # its name and frame, for people
+    text: str  # its name and frame, for people
     axes: tuple[int, int, int]  # numbers of the columns along x, y and z there
 
 

@@ -57,7 +57,7 @@ class Candidate:
     rate: float  # messages per second [1/s]
 
     @property
-    def said(self) -> str:
+    def text(self) -> str:
         """Place and rate, for people."""
         return f"{self.signal.place} ({self.rate:.4g} a second)"
 
@@ -99,7 +99,7 @@ def choose_topic(bag: Bag, quantity: str) -> Chosen:
         there = ", ".join(other.signal.topic for other in rivals[:NAMED])
         more = f" and {len(rivals) - NAMED} more" if len(rivals) > NAMED else ""
         notes.append(
-            f"{quantity} is {one.said}, for no other topic of such messages comes {LEAST_RATE:g} times a second: "
+            f"{quantity} is {one.text}, for no other topic of such messages comes {LEAST_RATE:g} times a second: "
             f"not {there}{more}"
         )
     return Chosen(one.signal, tuple(problems), tuple(notes), names if problems else ())
@@ -170,6 +170,6 @@ def _rate(bag: Bag, topic: Topic, before: int) -> float:
 
 
 def _some(candidates: Sequence[Candidate]) -> str:
-    named = ", ".join(one.said for one in candidates[:NAMED])
+    named = ", ".join(one.text for one in candidates[:NAMED])
     more = len(candidates) - NAMED
     return f"{named} and {more} more" if more > 0 else named

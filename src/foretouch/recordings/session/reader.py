@@ -169,7 +169,7 @@ class _Scan:
             fields=tuple(self._kept[FieldUpdate]),
             images=tuple(self._kept[CameraImage]),
             beliefs=tuple(self._kept[FixtureBelief]),
-            said=self._hellos.said,
+            reports=self._hellos.reports,
         )
 
     def records_of(self, data: bytes | mmap.mmap, position: int) -> bool:
