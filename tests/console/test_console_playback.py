@@ -230,7 +230,9 @@ def test_playback_shows_what_was_set_then(recorded: tuple[Path, SessionLog]) -> 
         SettingsReport("follower", 109, 0, {"material": "sponge", "position_delay": "0.08"}),
         SettingsReport("leader", 9, 0, {"grip": "normal", "force_delay": "0.6"}),
     )
-    shown = Playback(dataclasses.replace(log, leader=leader, follower=follower, reports=said, settings={"grip": "normal"}))
+    shown = Playback(
+        dataclasses.replace(log, leader=leader, follower=follower, reports=said, settings={"grip": "normal"})
+    )
     for moment, delay in ((1.0, 0.3), (2.9, 0.3), (3.1, 0.6), (1.0, 0.3)):
         shown.go_to(moment)
         assert shown.settings["material"] == "foam"
