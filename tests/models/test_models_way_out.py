@@ -104,7 +104,7 @@ def test_a_memory_with_a_number_that_is_none_is_none(call, at, bad) -> None:
     arguments = 4e-3, 0.05, 1e-3
     found = call(model._maps, tuple(state), *arguments)
     assert repr(found) == repr(call(model._maps, (math.nan,) * MEMORY, *arguments))
-    assert all(type(number) is float and math.isfinite(number) for number in found[-2:])
+    assert all(isinstance(number, float) and math.isfinite(number) for number in found[-2:])
 
 
 @pytest.mark.parametrize("state", [(), (1e-3,), (1e-3,) * (MEMORY + 1)])
