@@ -1,1 +1,1 @@
-"""The estimators that the paper compares its own with, each for its law."""
+"""Estimators of one law each, among them those that the paper compares its own with."""
