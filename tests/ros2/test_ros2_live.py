@@ -160,7 +160,7 @@ def test_it_ends_with_the_session(running: list[subprocess.Popen[str]]) -> None:
         (("--connect", "tcp/127.0.0.1:7447"), "cannot be the session's and the ROS 2 router's"),
         (("--connect", "tcp/127.0.0.1:7451", "--domain", 500), "domain = 500: must be 0 to 232, as ROS_DOMAIN_ID"),
         (("--connect", "tcp/127.0.0.1:7451", "--namespace", "robot"), "namespace = 'robot': must be /, or names"),
-        (("--connect", "tcp/127.0.0.1:7451", "--rate", 0), "rate = 0.0: must be above 0 topics a second"),
+        (("--connect", "tcp/127.0.0.1:7451", "--rate", 0), "rate = 0.0: must be above 0 messages a second"),
         (("--connect", "tcp/127.0.0.1:7451", "--router", "localhost"), "endpoint 'localhost': write it as"),
         (("--connect", "tcp/127.0.0.1:7451", "--router", "tcp/192.0.2.1:7447"), "--insecure"),
         (("--connect", "tls/127.0.0.1:7451", "--keys", "/nowhere"), "keys"),

@@ -68,7 +68,7 @@ class Descent(Record):
     samples: float
 
 
-@compiled("b1(Descent[::1], f8, f8, f8, f8)")
+@compiled
 def _update(descents: NDArray[np.void], step: float, depth: float, velocity: float, force: float) -> bool:
     """One step in place; False where the sample cannot be used: nothing but the reference depth has changed then."""
     descent = descents[0]

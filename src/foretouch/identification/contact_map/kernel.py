@@ -59,7 +59,7 @@ def begin(bank: Bank) -> None:
     notes.begun = notes.updates
 
 
-@compiled("void(Bank[::1])", error_model="numpy")
+@compiled(error_model="numpy")
 def reset(banks: Banks) -> None:
     """Forget all samples; what was set stays, and how many changes there were."""
     bank = banks[0]
@@ -70,7 +70,7 @@ def reset(banks: Banks) -> None:
     begin(bank)
 
 
-@compiled("void(Bank[::1], f8)", error_model="numpy")
+@compiled(error_model="numpy")
 def move_surface(banks: Banks, change: float) -> None:
     """Depths count from a surface that is deeper by a change [m] from now on; the map stays where it is."""
     if not math.isfinite(change):
@@ -83,14 +83,14 @@ def move_surface(banks: Banks, change: float) -> None:
         begin(bank)
 
 
-@compiled("void(Bank[::1], f8)", error_model="numpy")
+@compiled(error_model="numpy")
 def move_offset(banks: Banks, change: float) -> None:
     """Forces count from an offset that is larger by a change [N] from now on; the map keeps the raw forces."""
     if math.isfinite(change):
         banks[0].map[0].zero += change
 
 
-@compiled("i8(Bank[::1], f8, f8, f8, f8, b1)", error_model="numpy")
+@compiled(error_model="numpy")
 def take(banks: Banks, time: float, depth: float, velocity: float, force: float, in_contact: bool) -> int:
     """Process one sample, in place; returns its result."""
     bank, learnt, notes = banks[0], banks[0].map[0], banks[0].notes[0]
@@ -132,7 +132,7 @@ def take(banks: Banks, time: float, depth: float, velocity: float, force: float,
     return GONE
 
 
-@compiled("void(Bank[::1], f8[::1], f8[::1], f8[::1], f8[::1], b1[::1], i1[::1])", error_model="numpy")
+@compiled(error_model="numpy")
 def run(
     banks: Banks,
     time: Array,

@@ -233,7 +233,7 @@ def update(
     return code
 
 
-@compiled("void(Filter[::1], f8)", error_model="numpy")
+@compiled(error_model="numpy")
 def move_surface(filters: NDArray[np.void], change: float) -> None:
     """The given surface has moved deeper by a change [m]: the same law above it, or none if it moved far."""
     belief = filters[0].belief[0]
@@ -246,7 +246,7 @@ def move_surface(filters: NDArray[np.void], change: float) -> None:
             project(belief, filters[0].settings)
 
 
-@compiled("i8(Filter[::1], f8, f8, f8, f8)", error_model="numpy")
+@compiled(error_model="numpy")
 def take(filters: NDArray[np.void], time: float, depth: float, velocity: float, force: float) -> int:
     """`update` on the whole state; one that has failed is reset."""
     beliefs = filters[0].belief
@@ -256,7 +256,7 @@ def take(filters: NDArray[np.void], time: float, depth: float, velocity: float, 
     return code
 
 
-@compiled("void(Filter[::1], f8[::1], f8[::1], f8[::1], f8[::1], b1[::1], i1[::1])", error_model="numpy")
+@compiled(error_model="numpy")
 def run(
     filters: NDArray[np.void],
     time: Array,

@@ -104,7 +104,7 @@ def remember(memory: Array, position: float, period: float) -> None:
     write(moved(numbers_of(memory), position, rate_of(period)), memory)
 
 
-@compiled("void(Map[::1], f8[::1], f8[::1], f8[::1])", error_model="numpy")
+@compiled(error_model="numpy")
 def run(maps: NDArray[np.void], memory: Array, depths: Array, periods: Array) -> None:
     """Update the memory by `moved` for one sample after the other, in place."""
     now, period, origin = numbers_of(memory), -1.0, maps[0].origin
@@ -251,7 +251,7 @@ def memory_of(state: ContactState) -> Memory:
     return state[0], state[1], state[2], state[3], state[4]
 
 
-@compiled("Tuple((UniTuple(f8, 5), f8, f8))(Map[::1], UniTuple(f8, 5), f8, f8, f8)")
+@compiled
 def advance(
     maps: NDArray[np.void], state: ContactState, depth: float, velocity: float, period: float
 ) -> tuple[ContactState, float, float]:
@@ -259,7 +259,7 @@ def advance(
     return advanced(maps[0], memory_of(state), depth, velocity, period)
 
 
-@compiled("UniTuple(f8, 2)(Map[::1], UniTuple(f8, 5), f8, f8, f8)")
+@compiled
 def local_slopes(
     maps: NDArray[np.void], state: ContactState, depth: float, velocity: float, reach: float
 ) -> tuple[float, float]:
@@ -274,7 +274,7 @@ def local_slopes(
     return max(abs(deeper - here), abs(here - shallower)) / reach, (faster - slower) / (2.0 * SPEED_STEP)
 
 
-@compiled("UniTuple(f8, 2)(Map[::1], UniTuple(f8, 5), f8, f8, f8)")
+@compiled
 def leaving_work(
     maps: NDArray[np.void], state: ContactState, depth: float, offset: float, largest: float
 ) -> tuple[float, float]:

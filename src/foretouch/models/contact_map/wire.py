@@ -32,7 +32,7 @@ def mark_part(learnt: Map, grid: Grid, begin: int, needed: Flags) -> int:
     return knots + grid.size
 
 
-@compiled("void(Map[::1], i1[::1])")
+@compiled
 def mark(maps: NDArray[np.void], needed: Flags) -> None:
     """Mark the numbers that a force can be computed from: a header, and the knots around the positions visited.
 
@@ -46,7 +46,7 @@ def mark(maps: NDArray[np.void], needed: Flags) -> None:
         mark_part(learnt, FINE, end, needed)
 
 
-@compiled("b1(Map[::1])")
+@compiled
 def is_sensible(maps: NDArray[np.void]) -> bool:
     """Whether the numbers before the coarse map can be those of a model."""
     learnt, numbers = maps[0], maps.view(np.float64)
