@@ -40,7 +40,7 @@ def test_the_position_of_a_turn_is_its_extreme() -> None:
 @QUICK
 @given(st.lists(st.integers(-714_285, 714_285), max_size=40))
 def test_turns_alternate_and_lie_a_swing_apart_both_ways(steps: list[int]) -> None:
-    position = 7e-9 * np.array(steps, dtype=float)  # within 5 mm; no two are a swing of 0.5 mm apart but for rounding
+    position = 7e-9 * np.array(steps, dtype=float)  # within 5 mm; no two are just 0.5 mm apart, a swing
     turns = turning_points(position)
     legs = np.diff(position[turns])
     assert (np.abs(legs) > 5e-4).all()
