@@ -107,17 +107,17 @@ def test_bash_completes_by_what_install_completion_writes(tmp_path: Path) -> Non
     assert reply.stdout.split() == ["simulate"], reply.stderr
 
 
-def test_help_takes_a_fraction_of_a_second_of_a_processor() -> None:
+def test_help_takes_less_than_three_tenths_of_a_second_of_a_processor() -> None:
     def processor_time() -> float:
         used = resource.getrusage(resource.RUSAGE_CHILDREN)
         return used.ru_utime + used.ru_stime
 
     took = []
-    for _ in range(3):
+    while len(took) < 10 and min(took, default=1.0) >= 0.3:  # a busy machine only adds to the least
         before = processor_time()
         assert foretouch_command("--help").returncode == 0
         took.append(processor_time() - before)
-    assert min(took) < 0.6  # 0.2 s on a quiet machine; `foretouch bench` measures it
+    assert min(took) < 0.3
 
 
 def test_the_page_and_the_help_list_the_exit_codes_that_there_are() -> None:
