@@ -16,6 +16,8 @@ SOURCE = Path(__file__).resolve().parents[1] / "src" / "foretouch"
 FILES, LINES = 357, 69_800
 FLAT, LARGEST, MEDIAN = 12, 400, range(120, 226)
 PARAMETERS, LONG_SIGNATURES = 8, 1
+COMPILED = ("compiled", "entry_point", "inlined", "kernel")
+"""Decorators of compiled functions."""
 FIELDS, LARGE_CLASSES = 20, 3
 RECORDS = ("sweep.outcome.Outcome", "report.writing.session_report.SessionReport")
 """One row of a table and one JSON object: like a message, each is as large as what it says."""
@@ -71,7 +73,7 @@ def test_what_one_neighbour_alone_imports_is_part_of_it() -> None:
     for name, text in texts().items():
         importers = imports().find_modules_that_directly_import(f"foretouch.{name}")
         room = name.rpartition(".")[0]
-        kernel = "@compiled" in text or "@inlined" in text
+        kernel = any(f"@{decorator}" in text for decorator in COMPILED)
         if len(importers) == 1 and not kernel and room not in ALTERNATIVES:
             (importer,) = importers
             alone += [name] if importer.rpartition(".")[0] == f"foretouch.{room}" else []
@@ -88,7 +90,7 @@ def sizes(kind: type[ast.AST]) -> dict[str, int]:
                 found[f"{name}.{node.name}"] = sum(isinstance(one, ast.AnnAssign) for one in node.body)
             elif isinstance(node, kind) and isinstance(node, ast.FunctionDef):
                 every = (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)
-                compiled = any("compiled" in ast.unparse(one) for one in node.decorator_list)
+                compiled = any(ast.unparse(one).startswith(COMPILED) for one in node.decorator_list)
                 found[f"{name}.{node.name}"] = 0 if compiled else len({one.arg for one in every} - {"self", "cls"})
     return found
 

@@ -14,7 +14,9 @@ from numba import config
 from numba.core import caching
 
 from foretouch.core import compiling
+from foretouch.core.compiling import interpreted
 from foretouch.session.safety import kernel as safety_kernel
+from foretouch.session.safety.force_guard import ForceGuard, guarded_speed
 
 PACKAGE = compiling.PACKAGE
 
@@ -24,7 +26,7 @@ from foretouch.session.safety import force_guard as force_guard_kernel
 from foretouch.session.safety.force_guard import ForceGuard
 
 speed = force_guard_kernel.guarded_speed(ForceGuard.new(), 0.0, 1.0, False, 15.0, 0.0)
-print(speed, sum(force_guard_kernel.guarded_speed.stats.cache_hits.values()), complete_mark())
+print(speed, sum(force_guard_kernel.guarded_speed.function.stats.cache_hits.values()), complete_mark())
 """
 """The guard's speed far from anything: a force over 50 N/m times 10 ms, the latter a constant of another file."""
 
@@ -102,7 +104,7 @@ def test_numba_keeps_what_is_compiled_of_us_where_we_say_and_of_others_where_it_
     folder = compiling.compiled_folder(safety_kernel.__file__)
     assert folder is not None
     assert folder.name == f"session.safety.kernel-{compiling.digest_of(Path(safety_kernel.__file__))}"
-    assert safety_kernel.keep_safe._cache.cache_path == str(folder)
+    assert safety_kernel.keep_safe.function._cache.cache_path == str(folder)
     assert list(folder.glob("kernel.keep_safe-*.nbi"))
     assert caching.CacheImpl._locator_classes[0].from_function(np.sum, np.__file__) is None
 
@@ -170,3 +172,14 @@ def test_what_others_may_have_written_is_not_loaded(
         assert list(folder.iterdir()) == []
     finally:
         compiling.compiled_folder.cache_clear()
+
+
+def test_a_kernel_takes_integers_as_numbers_and_refuses_what_is_no_array_of_records() -> None:
+    guards = ForceGuard.new()
+    as_floats = guarded_speed(guards, 0.0, 1.0, False, 15.0, 0.0)
+    assert guarded_speed.entry(guards, 0, 1, False, 15, 0) == as_floats
+    if not config.DISABLE_JIT:
+        assert len(guarded_speed.function.overloads) == 1  # type: ignore[attr-defined]
+        with pytest.raises(TypeError):
+            guarded_speed(np.zeros(3), 0.0, 1.0, False, 15.0, 0.0)
+    assert interpreted(guarded_speed)(guards, 0.0, 1.0, False, 15.0, 0.0) == as_floats  # type: ignore[arg-type]

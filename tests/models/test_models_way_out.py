@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numba import config
 
+from foretouch.core.compiling import interpreted
 from foretouch.models import (
     ContactMapModel,
     ContactModel,
@@ -131,6 +132,6 @@ def test_interpreted_calls_give_the_same(seed: int, state: tuple[float, ...], de
         (local_slopes, (depth, velocity, 1e-4)),
         (leaving_work, (depth, 0.1, 10.0)),
     ):
-        plain = getattr(call, "py_func", call)  # without, nothing is compiled here
-        compiled, interpreted = call(maps, state, *arguments), plain(maps, state, *arguments)
-        np.testing.assert_allclose(np.hstack(compiled), np.hstack(interpreted), rtol=1e-12, atol=1e-15)
+        plain = interpreted(call)
+        compiled, expected = call(maps, state, *arguments), plain(maps, state, *arguments)
+        np.testing.assert_allclose(np.hstack(compiled), np.hstack(expected), rtol=1e-12, atol=1e-15)

@@ -227,6 +227,7 @@ def fork(renderer: Renderer) -> Renderer:
     predictor = twin.predictor
     predictor._motion, predictor._states = copy.copy(predictor._motion), predictor._states.copy()
     predictor._places, predictor._periods = predictor._places.copy(), predictor._periods.copy()
+    twin.account._accounts = twin.account._accounts.copy()
     predictor._waiting = predictor._newest = None
     return twin
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from foretouch.core.compiling import compiled
+from foretouch.core.compiling import Kernel, compiled, kernel
 from foretouch.core.records import Record
 
-__all__ = ["Record", "compiled"]
+__all__ = ["Kernel", "Record", "compiled", "kernel"]

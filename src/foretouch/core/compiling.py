@@ -20,24 +20,26 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import cache, partial
 from pathlib import Path
-from typing import Any, TypeVar, overload
+from typing import Any, Generic, ParamSpec, TypeVar, overload
 
 import numba
 import numpy as np
 from numba import config
-from numba.core import caching
+from numba.core import caching, sigutils
 from numba.core.registry import cpu_target
 
 from foretouch.core.records import Record
 
 Function = TypeVar("Function", bound=Callable[..., Any])
+Arguments = ParamSpec("Arguments")
+Result = TypeVar("Result")
 
 PACKAGE = Path(__file__).resolve().parents[1]
 
 IMPORT = re.compile(r"^(?:from|import) +(foretouch[\w.]*)(?: +import +(\([^)]*\)|[^\n]*))?", re.MULTILINE)
 """An import at the margin: a kernel has no other, for it cannot import while it runs."""
 
-DECORATED = re.compile(r"^@(compiled|inlined|entry_point)\b", re.MULTILINE)
+DECORATED = re.compile(r"^@(compiled|inlined|entry_point|kernel)\b", re.MULTILINE)
 """A function that is compiled where it is defined."""
 
 KEPT = 8
@@ -83,6 +85,48 @@ def _signature(written: str, function: Callable[..., Any]) -> Any:
     return eval(written, vars(numba.types) | records)
 
 
+class Kernel(Generic[Arguments, Result]):
+    """What Python calls of compiled code: its types are stated, so that an integer from a driver compiles nothing anew.
+
+    It is compiled, or loaded, where its `entry` is first asked for, which is before any loop.
+
+    Args:
+        function: A compiled function.
+        types: In Numba's terms, where a `foretouch.core.Record` that the function's module knows is named as its class:
+            those of the result and the arguments, ``"f8(Peak[::1], f8)"``, or of the arguments, ``"(Peak[::1], f8)"``.
+    """
+
+    __slots__ = ("__name__", "_entry", "function", "types")
+
+    def __init__(self, function: Callable[Arguments, Result], types: str) -> None:
+        self.__name__, self.function, self.types = function.__name__, function, types
+        self._entry: Callable[Arguments, Result] | None = None
+
+    @property
+    def entry(self) -> Callable[Arguments, Result]:
+        """The function for a loop: of arguments in their order; to look at their types would be most of a call."""
+        if self._entry is None:
+            self._entry = self._load()
+        return self._entry
+
+    def __call__(self, *arguments: Arguments.args, **named: Arguments.kwargs) -> Result:
+        """Call it outside of a loop."""
+        return self.entry(*arguments, **named)
+
+    def _load(self) -> Any:
+        function: Any = self.function
+        if config.DISABLE_JIT:
+            return np.errstate(all="ignore")(function)
+        types = _signature(self.types, function.py_func)
+        function.compile(types)
+        return function.overloads[sigutils.normalize_signature(types)[0]].entry_point
+
+
+def kernel(types: str, /, **options: Any) -> Callable[[Callable[Arguments, Result]], Kernel[Arguments, Result]]:
+    """A decorator: `compiled`, with these options, and its `Kernel` of these types."""
+    return lambda function: Kernel(compiled(**options)(function), types)
+
+
 def inlined(function: Function) -> Function:
     """A compiled function that becomes part of each compiled caller; its arithmetic is that of IEEE 754.
 
@@ -94,7 +138,8 @@ def inlined(function: Function) -> Function:
 
 def interpreted(function: Function) -> Function:
     """The function as Python runs it, of one that is compiled; itself where nothing is."""
-    plain: Function = getattr(function, "py_func", function)
+    compiled_one = getattr(function, "function", function)
+    plain: Function = getattr(compiled_one, "py_func", compiled_one)
     return plain
 
 

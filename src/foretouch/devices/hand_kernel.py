@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core import Record, compiled
+from foretouch.core import Record, compiled, kernel
 
 Array = NDArray[np.float64]
 
@@ -127,7 +127,7 @@ def _short_step(held: Held, aim: float, aim_speed: float, force: float, period: 
     held.velocity = 0.0
 
 
-@compiled("void(Held[::1], f8, f8, f8, f8)")
+@kernel("void(Held[::1], f8, f8, f8, f8)")
 def move(hands: NDArray[np.void], aim: float, aim_speed: float, force: float, period: float) -> None:
     """Move one hand and its device on by a time.
 

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
-from typing import Generic, Protocol, Self, TypeVar, runtime_checkable
+from typing import Annotated, Any, Protocol, Self, TypeAlias, runtime_checkable
 
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.core import Record, compiled, kernel
 from foretouch.errors.checks import require
-from foretouch.quantities.pose import Vector, add, dot, norm, scaled
+from foretouch.quantities import pose
+from foretouch.quantities.pose import Vector, norm, scaled
 
 
 @runtime_checkable
@@ -56,11 +60,118 @@ bound. Twice what a device may show by its conformance check."""
 SAMPLE_PERIOD = 1e-3
 """Default period of a loop [s]."""
 
+_norm = compiled(pose.norm)
+_dot = compiled(pose.dot)
 
-V = TypeVar("V")
+Numbers3: TypeAlias = Annotated[NDArray[Any], float, 3]
+
+Balance: TypeAlias = tuple[float, float, float, float, float, float]
+"""E, L, the bound, the ceiling, F, and the longest motion that counts in the next tick: see `Ledger`."""
 
 
-class Ledger(ABC, Generic[V]):
+class Account(Record):
+    """State of an account, in space; along a line the first of three numbers is all of it."""
+
+    count: float  # of the encoders, Delta [m]
+    period: float  # T [s]
+    delay: float  # d [s]
+    ends: float  # time from its tick on after which a force ends [s]
+    lasts: float  # time for which the former force acts in the coming tick [s]
+    elapsed: float  # time since the newest position [s], 0 with one
+    newest_step: float  # D of the newest tick [m]
+    largest_step: float  # D [m]
+    position: Numbers3  # the newest [m], NaN before the first
+    force: Numbers3  # f, as it pushes the hand, held now [N]
+    before: Numbers3  # force held in the tick before [N]
+    acted: Numbers3  # mean force that counts in E [N]
+    late: Numbers3  # force beyond it times time [N s]
+    energy: float  # E [J]
+    late_energy: float  # L [J]
+    largest_force: float  # F [N]
+
+
+@compiled
+def _ceiling(account: Account, bound: float) -> float:
+    """Largest force that may be held now [N], after the present one, which still acts for d."""
+    held = _norm((account.force[0], account.force[1], account.force[2]))
+    if account.elapsed > 0.0:  # the position of the hand is unknown
+        return held
+    if account.energy >= 0.0:
+        return math.inf
+    largest, delta = account.largest_force, account.delay / account.period
+    reach = account.largest_step - 0.5 * account.count
+    ceiling = (1.0 + 2.0 * delta) * largest - delta * held + account.energy / reach
+    if ceiling >= WAY_BACK * largest:
+        return ceiling
+    left = (account.energy + bound) / account.largest_step - delta * held  # of the half count, as a force
+    least = min(WAY_BACK * largest, left / (1.0 + delta))
+    return max(ceiling, least, 0.0)
+
+
+@compiled
+def _balance(account: Account) -> Balance:
+    bound = (1.0 + 2.0 * (account.delay / account.period)) * account.largest_force * account.largest_step
+    step = max(account.newest_step, account.largest_step)
+    return account.energy, account.late_energy, bound, _ceiling(account, bound), account.largest_force, step
+
+
+@compiled
+def _pass(account: Account, period: float) -> tuple[float, float]:
+    """Let a tick pass [s]: how long the former and the newest force acted beyond their nominal part [s]."""
+    period = period if 0.0 < period < math.inf else account.period
+    until = min(period, account.ends)
+    if account.elapsed > 0.0:
+        former, newest = min(account.lasts, period), max(until - account.delay, 0.0)
+    else:
+        former, newest = 0.0, max(until - account.period, 0.0)
+    account.lasts = min(account.delay, account.ends - until)
+    account.elapsed += period
+    return former, newest
+
+
+@kernel("UniTuple(f8, 6)(Account[::1], f8, f8, f8, f8)")
+def _observe(accounts: NDArray[np.void], x: float, y: float, z: float, period: float) -> Balance:
+    """Book the work of the held force up to the hand's present position [m]: see `Ledger.observe`."""
+    account = accounts[0]
+    if not account.elapsed > 0.0:
+        first, second = account.lasts / account.period, 1.0 - account.delay / account.period
+        for axis in range(3):
+            account.acted[axis] = first * account.before[axis] + second * account.force[axis]
+    former, newest = _pass(account, period)
+    for axis in range(3):
+        account.late[axis] += former * account.before[axis] + newest * account.force[axis]
+        account.before[axis] = account.force[axis]
+    if not _norm((x, y, z)) < math.inf:
+        return _balance(account)
+    position, acted, late = account.position, account.acted, account.late
+    moved = (x - position[0], y - position[1], z - position[2])
+    position[0], position[1], position[2] = x, y, z
+    elapsed, account.elapsed = max(account.elapsed, account.period), 0.0
+    distance = _norm(moved)
+    if distance < math.inf:  # there was a position before
+        even, longest = account.period / elapsed, FASTEST_HAND * account.period
+        part = even if not even * distance > longest else longest / distance  # of the motion, which E takes
+        work = -_dot((acted[0], acted[1], acted[2]), moved)
+        account.energy += part * work
+        beyond = 1.0 / elapsed * -_dot((late[0], late[1], late[2]), moved)
+        account.late_energy = min(account.late_energy + ((even - part) * work + beyond), 0.0)
+        account.newest_step = part * distance + account.count
+        if acted[0] != 0.0 or acted[1] != 0.0 or acted[2] != 0.0:
+            account.largest_step = max(account.largest_step, account.newest_step)
+    late[0] = late[1] = late[2] = 0.0
+    return _balance(account)
+
+
+@kernel("UniTuple(f8, 6)(Account[::1], f8, f8, f8)")
+def _hold(accounts: NDArray[np.void], x: float, y: float, z: float) -> Balance:
+    """Hold a force [N] from now on, as it pushes the hand."""
+    account = accounts[0]
+    account.force[0], account.force[1], account.force[2] = x, y, z
+    account.largest_force = max(account.largest_force, _norm((x, y, z)))
+    return _balance(account)
+
+
+class Ledger:
     r"""Books the work of a force that is held from tick to tick, and limits the force that may be held.
 
     Debts are kept over contacts, surplus is forgiven at the loss of each: dissipation in one press pays for nothing in
@@ -93,18 +204,30 @@ class Ledger(ABC, Generic[V]):
     Attributes:
         energy: E [J].
         late_energy: L, never positive [J].
-        force: Force f, held now [N].
+        bound: (1 + 2 delta) F D [J]: the account is never further below zero.
+        ceiling: Largest force that may be held now [N], after the present one, which still acts for d.
         largest_force: F [N].
-        largest_step: D [m].
     """
 
     __slots__ = (
-        "_acted", "_before", "_count", "_delay", "_elapsed", "_ends", "_lasts", "_late", "_newest_step", "_period",
-        "_position", "_share", "energy", "force", "largest_force", "largest_step", "late_energy",
-    )  # fmt: skip
+        "_accounts",
+        "_factor",
+        "_hold",
+        "_longest",
+        "_observe",
+        "bound",
+        "ceiling",
+        "energy",
+        "largest_force",
+        "late_energy",
+    )
 
     axes: int
-    nothing: V
+    energy: float
+    late_energy: float
+    bound: float
+    ceiling: float
+    largest_force: float
 
     def __init__(
         self,
@@ -118,18 +241,19 @@ class Ledger(ABC, Generic[V]):
         require("sample_period", sample_period, above=0.0)
         require("delay", delay, at_least=0.0, at_most=sample_period)
         require("watchdog", watchdog, at_least=0.0)
-        self._count = max(resolution, SMALLEST_COUNT) * math.sqrt(self.axes)
-        self._period = sample_period
-        self._delay = self._lasts = delay  # time for which the former force acts in the coming tick
-        self._share = delay / sample_period
-        self._ends = delay + (watchdog or math.inf)  # of a force, after its tick began
-        self._elapsed = 0.0
-        self._newest_step = 0.0
-        self._position: V | None = None
-        self.force = self._acted = self._late = self._before = self.nothing
-        self.energy = self.late_energy = 0.0
-        self.largest_force = 0.0
-        self.largest_step = self._count
+        count = max(resolution, SMALLEST_COUNT) * math.sqrt(self.axes)
+        self._observe, self._hold = _observe.entry, _hold.entry
+        self._factor = 1.0 + 2.0 * (delay / sample_period)
+        self._accounts = Account.new(
+            count=count,
+            period=sample_period,
+            delay=delay,
+            ends=delay + (watchdog or math.inf),
+            lasts=delay,
+            position=math.nan,
+            largest_step=count,
+        )
+        self._take(self._hold(self._accounts, 0.0, 0.0, 0.0))
 
     @classmethod
     def of(cls, device: RenderingDevice | None, sample_period: float = SAMPLE_PERIOD) -> Self:
@@ -138,99 +262,27 @@ class Ledger(ABC, Generic[V]):
             return cls(sample_period=sample_period)
         return cls(device.resolution, sample_period=sample_period, delay=device.delay, watchdog=device.watchdog)
 
+    @property
+    def largest_step(self) -> float:
+        """D [m]."""
+        return float(self._accounts["largest_step"][0])
+
     def close(self) -> None:
         """End the contact: forgive what the hand has put in beyond what it was given. A debt stays."""
         if self.energy > 0.0:
+            self._accounts[0].energy = 0.0
             self.energy = 0.0
-
-    @property
-    def bound(self) -> float:
-        """(1 + 2 delta) F D [J]: the account is never further below zero."""
-        return (1.0 + 2.0 * self._share) * self.largest_force * self.largest_step
 
     def bound_with(self, force: float) -> float:
         """The bound [J] as it will be once this force [N] has been held over a tick like the newest."""
-        largest, step = self.largest_force, self.largest_step
-        step = self._newest_step if self._newest_step > step else step
-        return (1.0 + 2.0 * self._share) * (force if force > largest else largest) * step
+        largest = self.largest_force
+        return self._factor * (force if force > largest else largest) * self._longest
 
-    @property
-    def ceiling(self) -> float:
-        """Largest force that may be held now [N], after the present one, which still acts for d."""
-        held = self.size(self.force)
-        if self._elapsed > 0.0:  # the position of the hand is unknown
-            return held
-        if self.energy >= 0.0:
-            return math.inf
-        largest, delta = self.largest_force, self._share
-        reach = self.largest_step - 0.5 * self._count
-        ceiling = (1.0 + 2.0 * delta) * largest - delta * held + self.energy / reach
-        if ceiling >= WAY_BACK * largest:
-            return ceiling
-        left = (self.energy + self.bound) / self.largest_step - delta * held  # of the half count, as a force
-        least = min(WAY_BACK * largest, left / (1.0 + delta))
-        return max(ceiling, least, 0.0)
-
-    def observe(self, position: V, period: float = 0.0) -> None:
-        """Book the work of the held force up to the hand's present position.
-
-        Args:
-            position: Position of the hand [m]; one that is not finite is missing.
-            period: Time since the previous tick [s]; an invalid one counts as the nominal one.
-        """
-        mixed, held = self.mixed, self.force
-        if not self._elapsed > 0.0:
-            self._acted = mixed(self._before, self._lasts / self._period, held, 1.0 - self._share)
-        former, newest = self._pass(period)
-        self._late = mixed(self._late, 1.0, mixed(self._before, former, held, newest), 1.0)
-        self._before = held
-        if not self.size(position) < math.inf:
-            return
-        before, self._position = self._position, position
-        elapsed, self._elapsed = max(self._elapsed, self._period), 0.0
-        late, self._late = self._late, self.nothing
-        if before is None:
-            return
-        moved = mixed(position, 1.0, before, -1.0)
-        distance, acted = self.size(moved), self.work(self._acted, moved)
-        even, longest = self._period / elapsed, FASTEST_HAND * self._period
-        part = even if not even * distance > longest else longest / distance  # of the motion, which E takes
-        self.energy += part * acted
-        owed = self.late_energy + ((even - part) * acted + 1.0 / elapsed * self.work(late, moved))
-        self.late_energy = owed if owed < 0.0 else 0.0
-        self._newest_step = step = part * distance + self._count
-        if step > self.largest_step and self._acted != self.nothing:
-            self.largest_step = step
-
-    def _pass(self, period: float) -> tuple[float, float]:
-        """Let a tick pass [s]: how long the former and the newest force acted beyond their nominal part [s]."""
-        period = period if 0.0 < period < math.inf else self._period
-        until = period if period < self._ends else self._ends
-        if self._elapsed > 0.0:
-            late = min(self._lasts, period), max(until - self._delay, 0.0)
-        else:
-            late = 0.0, max(until - self._period, 0.0)
-        self._lasts = min(self._delay, self._ends - until)
-        self._elapsed += period
-        return late
-
-    @staticmethod
-    @abstractmethod
-    def size(value: V, /) -> float:
-        """Size of a force or a motion."""
-
-    @staticmethod
-    @abstractmethod
-    def mixed(first: V, weight: float, second: V, other: float) -> V:
-        """Weighted sum of two forces or positions."""
-
-    @staticmethod
-    @abstractmethod
-    def work(force: V, moved: V) -> float:
-        """Work of the hand on a force that it moved against."""
+    def _take(self, balance: Balance) -> None:
+        self.energy, self.late_energy, self.bound, self.ceiling, self.largest_force, self._longest = balance
 
 
-class EnergyAccount(Ledger[float]):
+class EnergyAccount(Ledger):
     """The account along a line: see `Ledger`; x grows into the material, and f pushes out.
 
     References:
@@ -240,27 +292,28 @@ class EnergyAccount(Ledger[float]):
     """
 
     __slots__ = ()
-    axes, nothing = 1, 0.0
-    size = staticmethod(abs)
+    axes = 1
 
-    @staticmethod
-    def mixed(first: float, weight: float, second: float, other: float) -> float:
-        """Weighted sum."""
-        return weight * first + other * second
+    @property
+    def force(self) -> float:
+        """Force f, held now [N]."""
+        return -float(self._accounts["force"][0, 0])
 
-    @staticmethod
-    def work(force: float, moved: float) -> float:
-        """Force times motion."""
-        return force * moved
+    def observe(self, position: float, period: float = 0.0) -> None:
+        """Book the work of the held force up to the hand's present position.
+
+        Args:
+            position: Position of the hand [m]; one that is not finite is missing.
+            period: Time since the previous tick [s]; an invalid one counts as the nominal one.
+        """
+        self._take(self._observe(self._accounts, position, 0.0, 0.0, period))
 
     def hold(self, force: float) -> None:
         """Hold this force from now on [N], 0 or more."""
-        self.force = force
-        if force > self.largest_force:
-            self.largest_force = force
+        self._take(self._hold(self._accounts, -force, 0.0, 0.0))
 
 
-class SpatialEnergyAccount(Ledger[Vector]):
+class SpatialEnergyAccount(Ledger):
     r"""The hand's work on the rendered force, in all directions, and the ceiling that keeps it in bounds.
 
     As `EnergyAccount`, whose proof holds for vectors too: a tick takes the force times its step at most. D is the
@@ -271,27 +324,24 @@ class SpatialEnergyAccount(Ledger[Vector]):
     """
 
     __slots__ = ()
-    axes, nothing = 3, (0.0, 0.0, 0.0)
-    size = staticmethod(norm)
+    axes = 3
 
-    @staticmethod
-    def mixed(first: Vector, weight: float, second: Vector, other: float) -> Vector:
-        """Weighted sum."""
-        return add(scaled(first, weight), scaled(second, other))
+    @property
+    def force(self) -> Vector:
+        """Force held now [N]."""
+        ((x, y, z),) = self._accounts["force"].tolist()
+        return x, y, z
 
-    @staticmethod
-    def work(force: Vector, moved: Vector) -> float:
-        """Negative inner product: the force pushes the hand."""
-        return -dot(force, moved)
+    def observe(self, position: Vector, period: float = 0.0) -> None:
+        """Book the work of the held force up to the hand's present position, as `EnergyAccount.observe` does."""
+        self._take(self._observe(self._accounts, *position, period))
 
     def hold(self, force: Vector) -> Vector:
         """Hold a force [N] from now on, cut to the ceiling; returns the held force."""
         size = norm(force)
         if not size < math.inf:
-            force, size = self.nothing, 0.0
-        ceiling = self.ceiling
-        if size > ceiling:
-            force, size = self.mixed(force, ceiling / size, self.nothing, 0.0), ceiling
-        self.force = force
-        self.largest_force = max(self.largest_force, size)
+            force = (0.0, 0.0, 0.0)
+        elif size > self.ceiling:
+            force = scaled(force, self.ceiling / size)
+        self._take(self._hold(self._accounts, *force))
         return force

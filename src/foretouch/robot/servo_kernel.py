@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core import Record, compiled
+from foretouch.core import Record, compiled, kernel
 from foretouch.robot.engine import GRAVITY, MOVED_MASS, RAIL_DAMPING, TOOL_MASS
 
 Array = NDArray[np.float64]
@@ -149,7 +149,7 @@ class Arm(Record):
     accelerometer_noise: float  # [m/s^2]
 
 
-@compiled("void(Arm[::1], f8, f8)")
+@kernel("void(Arm[::1], f8, f8)")
 def begin(arms: States, desired: float, velocity: float) -> None:
     """A sample period begins, with a command [m]; one that is not finite is left out."""
     arm = arms[0]
@@ -160,14 +160,14 @@ def begin(arms: States, desired: float, velocity: float) -> None:
     arm.speed = velocity
 
 
-@compiled("f8(Arm[::1], f8, f8)")
+@kernel("f8(Arm[::1], f8, f8)")
 def effort(arms: States, position: float, velocity: float) -> float:
     """Drive force for the next physics step [N], net of gravity."""
     arm = arms[0]
     return drive(arm.servo, position, velocity, arm.sensor + arm.noise - arm.tool, arm.h)
 
 
-@compiled("void(Arm[::1], f8, f8)")
+@kernel("void(Arm[::1], f8, f8)")
 def sense(arms: States, velocity: float, compression: float) -> None:
     """Update after a physics step what sensor and drive measure of the force between carriage and tool [N]."""
     arm = arms[0]
@@ -177,7 +177,7 @@ def sense(arms: States, velocity: float, compression: float) -> None:
     arm.speed = velocity
 
 
-@compiled("Tuple((f8, f8, f8, f8, b1))(Arm[::1], f8, f8, f8, f8)")
+@kernel("Tuple((f8, f8, f8, f8, b1))(Arm[::1], f8, f8, f8, f8)")
 def show(
     arms: States, exact: float, encoder: float, sensor: float, accelerometer: float
 ) -> tuple[float, float, float, float, bool]:
@@ -215,14 +215,14 @@ class Gantry(Record):
     low_pass: float  # fraction that the low-pass moves in it
 
 
-@compiled("void(Gantry[::1], f8, f8, f8)")
+@kernel("void(Gantry[::1], f8, f8, f8)")
 def begin_gantry(gantries: States, x: float, y: float, z: float) -> None:
     """A sample period begins, with a command [m]."""
     for axis, position in enumerate((x, y, z)):
         take(gantries[0].servos[axis], WAYS[axis] * position)
 
 
-@compiled("b1(Gantry[::1], f8[::1], f8[::1], f8[::1])")
+@kernel("b1(Gantry[::1], f8[::1], f8[::1], f8[::1])")
 def push_gantry(gantries: States, place: Array, velocity: Array, efforts: Array) -> bool:
     """Write the drive forces for the next physics step [N]; whether a force limit has cut in this sample period.
 
@@ -238,7 +238,7 @@ def push_gantry(gantries: States, place: Array, velocity: Array, efforts: Array)
     return bool(clipped)
 
 
-@compiled("void(Gantry[::1], f8[::1], f8[::1])")
+@kernel("void(Gantry[::1], f8[::1], f8[::1])")
 def sense_gantry(gantries: States, velocity: Array, interaction: Array) -> None:
     """Update after a physics step what is measured of the force that the tool needs from the carriage [N]."""
     gantry = gantries[0]

@@ -27,8 +27,7 @@ from foretouch.identification import ContactMap, SensorWatch
 from foretouch.identification.conditioning.conditioner import Conditioner, SensorLag
 from foretouch.link import FaultStage
 from foretouch.models import Predictor
-from foretouch.rendering import ForceLimiter, Mediation, Proxy, Renderer
-from foretouch.rendering.energy import Ledger
+from foretouch.rendering import EnergyAccount, ForceLimiter, Mediation, Proxy, Renderer
 from foretouch.session.network.model_sender import ModelSender
 from foretouch.session.network.playout import Playout
 from foretouch.session.steps import follower, leader
@@ -177,7 +176,10 @@ PARTS: dict[str, tuple[Part, ...]] = {
         Part("predicting the force", ((Predictor, "update"),)),
         Part("mediating", ((Mediation, "update"),)),
         Part("predicting the work to leave contact", ((Renderer, "_leaving_work"),), within="mediating"),
-        Part("keeping the energy account", ((Ledger, "observe"), (Ledger, "bound_with"))),
+        Part(
+            "keeping the energy account",
+            ((EnergyAccount, "observe"), (EnergyAccount, "bound_with"), (EnergyAccount, "hold")),
+        ),
         Part("limiting", ((ForceLimiter, "update"),)),
         Part("making command and record", ((leader, "Command"), (leader, "LeaderState"))),
         Part(ELSE),

@@ -9,8 +9,7 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core.compiling import compiled
-from foretouch.core.records import Record
+from foretouch.core import Record, kernel
 from foretouch.errors import SettingError
 from foretouch.errors.checks import require
 from foretouch.identification.conditioning.conditioner import ContactSample
@@ -68,7 +67,7 @@ class Descent(Record):
     samples: float
 
 
-@compiled
+@kernel("b1(Descent[::1], f8, f8, f8, f8)")
 def _update(descents: NDArray[np.void], step: float, depth: float, velocity: float, force: float) -> bool:
     """One step in place; False where the sample cannot be used: nothing but the reference depth has changed then."""
     descent = descents[0]

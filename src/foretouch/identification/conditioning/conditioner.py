@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from foretouch.core import Kernel
 from foretouch.errors import InputError
 from foretouch.errors.checks import require
 from foretouch.identification.conditioning.kernel import (
@@ -33,6 +34,9 @@ LONGEST_LAG = 0.05  # Largest lag of a sensor [s]
 LEAST_TIME = 0.2  # Least time of moving contact for an estimate [s]
 
 
+_take_lagged = Kernel(take_lagged, "(Lag[::1], f8, f8, f8, f8)")
+
+
 class SensorLag:
     r"""The least lag that a passive material allows, from samples in moving contact.
 
@@ -49,12 +53,11 @@ class SensorLag:
         memory: State of the estimate, one record.
     """
 
-    __slots__ = ("memory",)
+    __slots__ = ("_take", "memory")
 
     def __init__(self) -> None:
         self.memory = Lag.new()
-        self.update(0.0, 0.0, 0.0, 0.0)  # compiled here, before any loop
-        self.reset()
+        self._take = _take_lagged.entry
 
     def reset(self) -> None:
         """Forget all samples."""
@@ -69,7 +72,7 @@ class SensorLag:
             force: Force [N].
             period: Time since the previous sample [s].
         """
-        take_lagged(self.memory, position, velocity, force, period)
+        self._take(self.memory, position, velocity, force, period)
 
     @property
     def time(self) -> float:
@@ -218,7 +221,7 @@ class Conditioner:
         require("sensor_lag", sensor_lag, at_least=0.0, at_most=LONGEST_LAG)
         self._given = (surface, force_offset, contact_floor, sensor_lag)
         self.reset()
-        take(self.memory, math.nan, math.nan, math.nan, 0.0, False)  # compiled here, before any loop
+        self._take = take.entry
         lose_surface(make_memory(*self._given))
 
     def reset(self) -> None:
@@ -263,7 +266,7 @@ class Conditioner:
     def update(self, time: float, position: float, force: float, velocity: float | None = None) -> ContactSample:
         """Take one sample; a sample that is not finite is answered with "no contact" and changes nothing."""
         known = velocity is not None
-        result = take(self.memory, time, position, force, 0.0 if velocity is None else velocity, known)
+        result = self._take(self.memory, time, position, force, 0.0 if velocity is None else velocity, known)
         depth, velocity, force, touching, self.surface, self.surface_error, self.force_offset, full = result
         self.in_contact = touching
         if full:

@@ -11,7 +11,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core import Record, compiled
+from foretouch.core import Record, compiled, kernel
 from foretouch.core.compiling import inlined
 from foretouch.models.predictor import VELOCITY_CUTOFF
 
@@ -348,7 +348,7 @@ def condition(
 Taken = tuple[float, float, float, bool, float, float, float, bool]
 
 
-@compiled(error_model="numpy")
+@kernel("(Tuple((Conditioning[::1], f8[:, ::1])), f8, f8, f8, f8, b1)", error_model="numpy")
 def take(memory: Memory, time: float, position: float, force: float, velocity: float, measured: bool) -> Taken:
     """`condition` for a loop in Python.
 

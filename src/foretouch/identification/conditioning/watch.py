@@ -12,7 +12,7 @@ from typing import Annotated, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core import Record, compiled
+from foretouch.core import Record, compiled, kernel
 from foretouch.errors import SettingError
 from foretouch.errors.checks import require
 from foretouch.identification.conditioning.fault_kernels import (
@@ -205,7 +205,7 @@ def _compare(watch: Watch, position: float, force: float, contact: float, period
     return OFFSET_STEP if stepped else GOOD
 
 
-@compiled("Tuple((i8, b1, f8))(Watch[::1], f8, f8, f8, f8, f8, f8, f8)")
+@kernel("Tuple((i8, b1, f8))(Watch[::1], f8, f8, f8, f8, f8, f8, f8)")
 def look(
     watches: NDArray[np.void],
     time: float,
@@ -296,7 +296,7 @@ class SensorWatch:
         SettingError: A setting out of range.
     """
 
-    __slots__ = ("_settings", "_watches", "effort", "state", "uncertain")
+    __slots__ = ("_look", "_settings", "_watches", "effort", "state", "uncertain")
 
     def __init__(
         self,
@@ -323,6 +323,7 @@ class SensorWatch:
             "mass": moving_mass,
             "step": Step.new(least=least_step)[0],
         }
+        self._look = look.entry
         self.effort = 0.0
         self.reset()
 
@@ -359,7 +360,9 @@ class SensorWatch:
             effort: What the drive pushes inwards with, beyond weight and inertia [N]; NaN where it is not measured.
             slid: By how much the probe has moved across the surface since the sample before [m].
         """
-        state, self.uncertain, self.effort = look(self._watches, time, position, force, tool_force, zero, effort, slid)
+        state, self.uncertain, self.effort = self._look(
+            self._watches, time, position, force, tool_force, zero, effort, slid
+        )
         if state != self.state:
             self.state = SensorState(state)
         return self.state

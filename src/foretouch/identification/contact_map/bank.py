@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from foretouch.core import Kernel
 from foretouch.errors import SettingError
 from foretouch.errors.checks import require
 from foretouch.identification.conditioning.conditioner import ContactSample, ContactSamples
@@ -46,6 +47,8 @@ LONGEST_HORIZON = 0.3
 
 
 Array = NDArray[np.float64]
+
+_take = Kernel(take, "(Bank[::1], f8, f8, f8, f8, b1)")
 
 _STATUS = {
     FREE_AIR: Status.FREE_AIR,
@@ -123,7 +126,7 @@ class ContactMap(Estimator):
         begin_regressions(self._state.coarse, self._state.fine)
         self.horizon = horizon
         self.reset()
-        take(self._states, 0.0, math.nan, 0.0, 0.0, False)  # compiled here, before any loop
+        self._take = _take.entry
         move_surface(self._states, 0.0)
         move_offset(self._states, 0.0)
 
@@ -147,7 +150,7 @@ class ContactMap(Estimator):
     def update(self, sample: ContactSample) -> Status:
         """See `Estimator.update`."""
         time, depth, velocity, force, in_contact = sample
-        code = take(self._states, time, depth, velocity, force, in_contact)
+        code = self._take(self._states, time, depth, velocity, force, in_contact)
         if code >= LEARNT:
             self._read_counts()
         return _STATUSES[code]

@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from foretouch.core import Kernel
 from foretouch.errors import SettingError
 from foretouch.errors.checks import require
 from foretouch.identification.conditioning.conditioner import ContactSample, ContactSamples
@@ -101,6 +102,9 @@ _STATUS = {
 _INDICES = status_indices(_STATUS[code] for code in range(len(_STATUS)))
 
 
+_take = Kernel(take, "(Filter[::1], f8, f8, f8, f8)")
+
+
 class _ExactFilter(Estimator):
     """The filter that `ExactContinuousSwitching` explains, for each law of the family (4).
 
@@ -121,8 +125,7 @@ class _ExactFilter(Estimator):
         settings = Settings.new(**same, priors=priors, s_bounds=s_bounds, alpha_bounds=alpha_bounds)
         self._filters = Filter.new(settings=settings[0])
         self.place_in(self._filters)
-        # Compiled here, before any loop.
-        take(self._filters, 0.0, 0.0, 0.0, 0.0)
+        self._take = _take.entry
         move_surface(self._filters, 0.0)
         self.reset()
 
@@ -142,7 +145,7 @@ class _ExactFilter(Estimator):
         time, depth, velocity, force, in_contact = sample
         if not in_contact:
             return Status.FREE_AIR
-        code = take(self._filters, time, depth, velocity, force)
+        code = self._take(self._filters, time, depth, velocity, force)
         if code <= CHANGED:
             self.updates += 1
             self.changes += code

@@ -34,7 +34,7 @@ from foretouch.identification.linear.options import (
 from foretouch.identification.linear.recording import run
 from foretouch.identification.linear.recovery import DepthSummary, Recovered, recover
 from foretouch.identification.linear.recursion import LARGEST_TRACE, error_along
-from foretouch.identification.linear.sample import begin, update, warm
+from foretouch.identification.linear.sample import begin, update
 from foretouch.models import LinearisedContinuousSwitching
 from foretouch.quantities import ByValue
 
@@ -189,7 +189,7 @@ class LinearisedEstimator(Estimator):
         self._state = self._recordings[0].state
         self._depths = DepthSummary(self._state.bins)
         self.reset()
-        warm(self._recordings)
+        self._update = update.entry
 
     def reset(self) -> None:
         """Forget all samples."""
@@ -203,7 +203,7 @@ class LinearisedEstimator(Estimator):
     def update(self, sample: ContactSample) -> Status:
         """One step; see `Estimator.update`."""
         _, depth, velocity, force, in_contact = sample
-        done = update(self._recordings, depth, velocity, force, in_contact)
+        done = self._update(self._recordings, depth, velocity, force, in_contact)
         if done in LEARNT_FROM:
             self.updates += 1
             self.perturbations += done == PERTURBED

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import config
 from numpy.typing import NDArray
 
-from foretouch.core.compiling import compiled, entry_point, inlined
+from foretouch.core import compiled, kernel
+from foretouch.core.compiling import inlined
 from foretouch.identification.linear.kernel import (
     bounded_rate,
     forgetting,
@@ -17,7 +17,16 @@ from foretouch.identification.linear.kernel import (
     weight_of,
     write,
 )
-from foretouch.identification.linear.options import BINS, FREE_AIR, LEARNT, PERTURBED, RESTARTED, Packed, State
+from foretouch.identification.linear.options import (  # noqa: F401  # a record is named in the types of kernels
+    BINS,
+    FREE_AIR,
+    LEARNT,
+    PERTURBED,
+    RESTARTED,
+    Packed,
+    Recording,
+    State,
+)
 from foretouch.identification.linear.recovery import BINS_PER_DECADE
 from foretouch.identification.linear.recursion import logarithm
 
@@ -62,7 +71,7 @@ def count_depth(state: State, log_depth: float, velocity: float, inverse_mu: flo
         state.gain = 1.0
 
 
-@entry_point
+@kernel("(Recording[::1], f8, f8, f8, b1)", error_model="numpy")
 def update(recordings: NDArray[np.void], depth: float, velocity: float, force: float, in_contact: bool) -> int:
     """One sample, in place.
 
@@ -107,18 +116,7 @@ def update(recordings: NDArray[np.void], depth: float, velocity: float, force: f
     return done
 
 
-@entry_point
+@kernel("(Recording[::1],)", error_model="numpy")
 def begin(recordings: NDArray[np.void]) -> None:
     """Back to theta_0 and P_0, all samples forgotten."""
     restart(recordings[0].state, recordings[0].options)
-
-
-def warm(recordings: NDArray[np.void]) -> None:
-    """Compile `update`, or load it, before any loop, and let nothing be compiled inside one.
-
-    Numbers of other types, an integer depth for example, are turned into floats from then on. The last depth is
-    forgotten.
-    """
-    update(recordings, 1.0, 0.0, 1.0, False)
-    if not config.DISABLE_JIT:
-        update.disable_compile()  # type: ignore[attr-defined]

@@ -12,7 +12,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core.compiling import compiled, inlined
+from foretouch.core import compiled, kernel
+from foretouch.core.compiling import inlined
 from foretouch.models.contact_map import layout
 from foretouch.models.contact_map.layout import COARSE, FINE, CoarseMap, FineMap, Grid, Map
 from foretouch.models.contact_model import EXIT_SPEED, SLICE_BEYOND, SLICES, SLICES_BEYOND, SPEED_STEP, ContactState
@@ -251,7 +252,7 @@ def memory_of(state: ContactState) -> Memory:
     return state[0], state[1], state[2], state[3], state[4]
 
 
-@compiled
+@kernel("(Map[::1], UniTuple(f8, 5), f8, f8, f8)")
 def advance(
     maps: NDArray[np.void], state: ContactState, depth: float, velocity: float, period: float
 ) -> tuple[ContactState, float, float]:
@@ -259,7 +260,7 @@ def advance(
     return advanced(maps[0], memory_of(state), depth, velocity, period)
 
 
-@compiled
+@kernel("(Map[::1], UniTuple(f8, 5), f8, f8, f8)")
 def local_slopes(
     maps: NDArray[np.void], state: ContactState, depth: float, velocity: float, reach: float
 ) -> tuple[float, float]:
@@ -274,7 +275,7 @@ def local_slopes(
     return max(abs(deeper - here), abs(here - shallower)) / reach, (faster - slower) / (2.0 * SPEED_STEP)
 
 
-@compiled
+@kernel("(Map[::1], UniTuple(f8, 5), f8, f8, f8)")
 def leaving_work(
     maps: NDArray[np.void], state: ContactState, depth: float, offset: float, largest: float
 ) -> tuple[float, float]:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cache
 from importlib import import_module
 from types import ModuleType
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,19 +86,19 @@ class ContactMapModel(Brief, ContactModel):
     ) -> tuple[ContactState, float, float]:
         """One step: see `foretouch.models.advance`."""
         state = state if len(state) == len(UNTOUCHED) else UNTOUCHED
-        return _compiled("kernel").advance(self._maps, state, depth, velocity, sample_period)  # type: ignore[no-any-return]
+        return _kernel("advance")(self._maps, state, depth, velocity, sample_period)  # type: ignore[no-any-return]
 
     def local_slopes(self, state: ContactState, depth: float, velocity: float, reach: float) -> tuple[float, float]:
         """See `ContactModel.local_slopes`."""
         state = state if len(state) == len(UNTOUCHED) else UNTOUCHED
-        return _compiled("kernel").local_slopes(self._maps, state, depth, velocity, reach)  # type: ignore[no-any-return]
+        return _kernel("local_slopes")(self._maps, state, depth, velocity, reach)  # type: ignore[no-any-return]
 
     def leaving_work(
         self, state: ContactState, depth: float, offset: float = 0.0, largest: float = math.inf
     ) -> tuple[float, float]:
         """See `ContactModel.leaving_work`."""
         state = state if len(state) == len(UNTOUCHED) else UNTOUCHED
-        return _compiled("kernel").leaving_work(self._maps, state, depth, offset, largest)  # type: ignore[no-any-return]
+        return _kernel("leaving_work")(self._maps, state, depth, offset, largest)  # type: ignore[no-any-return]
 
     def remember(
         self, state: ContactState, depth: NDArray[np.float64], sample_period: NDArray[np.float64]
@@ -113,6 +114,11 @@ class ContactMapModel(Brief, ContactModel):
 def _compiled(name: str) -> ModuleType:
     """A module of compiled code, loaded when it is needed."""
     return import_module(f"foretouch.models.contact_map.{name}")
+
+
+@cache
+def _kernel(name: str) -> Callable[..., Any]:
+    return getattr(_compiled("kernel"), name).entry  # type: ignore[no-any-return]
 
 
 DEPTH_SHARES = (0.25, 0.5, 0.9)

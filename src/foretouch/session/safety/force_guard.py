@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core import Record, compiled
+from foretouch.core import Record, compiled, kernel
 from foretouch.errors.checks import require
 
 PATIENCE = 0.01
@@ -90,7 +90,7 @@ def allowed_speed(guard: ForceGuard, limit: float, damping: float) -> float:
     return float(missing / (guard.stiffness * PATIENCE + (damping if missing > 0.0 else 0.0)))
 
 
-@compiled("f8(ForceGuard[::1], f8, f8, b1, f8, f8)")
+@kernel("f8(ForceGuard[::1], f8, f8, b1, f8, f8)")
 def guarded_speed(
     guards: NDArray[np.void], position: float, force: float, in_contact: bool, limit: float, damping: float
 ) -> float:

@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core import Record, compiled
+from foretouch.core import Record, compiled, kernel
 from foretouch.messages import Status
 from foretouch.session.safety.force_guard import AWAY, PATIENCE, ForceGuard, allowed_speed, observe
 from foretouch.session.safety.motion import Path, begin, limited
@@ -188,7 +188,7 @@ def _see(memory: Memory, position: float, force: float, in_contact: bool, faulty
         memory.came = position if math.isnan(path) else path
 
 
-@compiled("Tuple((f8, i8, b1, f8, f8))(Memory[::1], b1, f8, f8, f8, b1, f8, f8, b1, b1, f8, b1)")
+@kernel("Tuple((f8, i8, b1, f8, f8))(Memory[::1], b1, f8, f8, f8, b1, f8, f8, b1, b1, f8, b1)")
 def keep_safe(
     memories: NDArray[np.void],
     stopped: bool,

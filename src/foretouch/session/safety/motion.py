@@ -12,7 +12,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core import Record, compiled
+from foretouch.core import Record, compiled, kernel
 from foretouch.errors.checks import require
 from foretouch.models.predictor import VELOCITY_CUTOFF
 from foretouch.quantities import pose as rigid
@@ -316,7 +316,7 @@ def _move(path: Path) -> None:
     _write(path.position, _add(_vector(path.position), _scaled(velocity, period)))
 
 
-@compiled("void(Path[::1])")
+@kernel("void(Path[::1])")
 def moved(paths: NDArray[np.void]) -> None:
     """One tick of a path: see `MotionLimits.move`; what is asked has been written."""
     _move(paths[0])

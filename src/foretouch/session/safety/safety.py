@@ -144,6 +144,7 @@ class Safety:
         self._memories = kernel.Memory.new(
             limits=dataclasses.astuple(limits), period=sample_period, impedance=impedance
         )
+        self._keep_safe = kernel.keep_safe.entry
         self.limits, self._period = limits, sample_period
         path = self._memories["motion"]
         self._motion = MotionLimits(limits.speed, limits.acceleration, limits.jerk, sample_period, paths=path)
@@ -223,7 +224,7 @@ class Safety:
             free: Position up to which the air is free, though the robot has not gone there itself [m].
         """
         position, force, in_contact, faulty, uncertain = sensed
-        commanded, status, self.pressing, self.fastest, self.shifted = kernel.keep_safe(
+        commanded, status, self.pressing, self.fastest, self.shifted = self._keep_safe(
             self._memories,
             self.stop_reason != "",
             desired,
