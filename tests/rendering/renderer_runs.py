@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from hypothesis import strategies as st
 
+from foretouch.core import Held
 from foretouch.devices import DeviceSpecification
 from foretouch.models import (
     ContactMapModel,
@@ -219,15 +220,24 @@ class Books:
         return (1.0 + 2.0 * self.delay / TICK) * self.largest_force * self.largest_step
 
 
+def hold(held: Held, records: np.ndarray) -> Held:
+    """The same kind of object, of other records."""
+    made = object.__new__(type(held))
+    Held.__init__(made, records)
+    return made
+
+
 def fork(renderer: Renderer) -> Renderer:
     """The same renderer once more, which waits for no model."""
-    twin = copy.copy(renderer)
-    for name in ("predictor", "proxy", "mediation", "limiter", "account"):
-        setattr(twin, name, copy.copy(getattr(renderer, name)))
+    twin, rendering = copy.copy(renderer), renderer._rendering.copy()
+    twin.predictor, twin._rendering = copy.copy(renderer.predictor), rendering
+    parts = (("proxy", rendering), ("mediation", rendering), ("limiter", rendering))
+    for name, records in parts:
+        setattr(twin, name, hold(getattr(renderer, name), records[name]))
+    twin.account = hold(renderer.account, renderer.account.records.copy())
     predictor = twin.predictor
     predictor._motion, predictor._states = copy.copy(predictor._motion), predictor._states.copy()
     predictor._places, predictor._periods = predictor._places.copy(), predictor._periods.copy()
-    twin.account._accounts = twin.account._accounts.copy()
     predictor._waiting = predictor._newest = None
     return twin
 

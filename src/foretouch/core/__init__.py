@@ -3,6 +3,6 @@
 from __future__ import annotations
 
 from foretouch.core.compiling import Kernel, compiled, kernel
-from foretouch.core.records import Record
+from foretouch.core.records import Held, Record
 
-__all__ = ["Kernel", "Record", "compiled", "kernel"]
+__all__ = ["Held", "Kernel", "Record", "compiled", "kernel"]

@@ -75,14 +75,15 @@ def compiled(what: Any = "", /, **options: Any) -> Any:
     return compile_one
 
 
-def _signature(written: str, function: Callable[..., Any]) -> Any:
-    """The types of a function, with those of the records that its module knows."""
-    records = {
-        name: numba.from_dtype(kind.layout)
-        for name, kind in function.__globals__.items()
-        if isinstance(kind, type) and issubclass(kind, Record) and kind is not Record
-    }
-    return eval(written, vars(numba.types) | records)
+def _signature(written: str, function: Callable[..., Any], records: tuple[type[Record], ...] = ()) -> Any:
+    """The types of a function, with those of these records and of those that its module knows."""
+    known = [kind for kind in function.__globals__.values() if _is_record(kind)]
+    named = {kind.__name__: numba.from_dtype(kind.layout) for kind in (*known, *records)}
+    return eval(written, vars(numba.types) | named)
+
+
+def _is_record(kind: Any) -> bool:
+    return isinstance(kind, type) and issubclass(kind, Record) and kind is not Record
 
 
 class Kernel(Generic[Arguments, Result]):
@@ -94,12 +95,13 @@ class Kernel(Generic[Arguments, Result]):
         function: A compiled function.
         types: In Numba's terms, where a `foretouch.core.Record` that the function's module knows is named as its class:
             those of the result and the arguments, ``"f8(Peak[::1], f8)"``, or of the arguments, ``"(Peak[::1], f8)"``.
+        *records: More records to name.
     """
 
-    __slots__ = ("__name__", "_entry", "function", "types")
+    __slots__ = ("__name__", "_entry", "function", "records", "types")
 
-    def __init__(self, function: Callable[Arguments, Result], types: str) -> None:
-        self.__name__, self.function, self.types = function.__name__, function, types
+    def __init__(self, function: Callable[Arguments, Result], types: str, *records: type[Record]) -> None:
+        self.__name__, self.function, self.types, self.records = function.__name__, function, types, records
         self._entry: Callable[Arguments, Result] | None = None
 
     @property
@@ -117,14 +119,16 @@ class Kernel(Generic[Arguments, Result]):
         function: Any = self.function
         if config.DISABLE_JIT:
             return np.errstate(all="ignore")(function)
-        types = _signature(self.types, function.py_func)
+        types = _signature(self.types, function.py_func, self.records)
         function.compile(types)
         return function.overloads[sigutils.normalize_signature(types)[0]].entry_point
 
 
-def kernel(types: str, /, **options: Any) -> Callable[[Callable[Arguments, Result]], Kernel[Arguments, Result]]:
-    """A decorator: `compiled`, with these options, and its `Kernel` of these types."""
-    return lambda function: Kernel(compiled(**options)(function), types)
+def kernel(
+    types: str, /, *records: type[Record], **options: Any
+) -> Callable[[Callable[Arguments, Result]], Kernel[Arguments, Result]]:
+    """A decorator: `compiled`, with these options, and its `Kernel` of these types and records."""
+    return lambda function: Kernel(compiled(**options)(function), types, *records)
 
 
 def inlined(function: Function) -> Function:

@@ -78,6 +78,32 @@ class Record(Void):
         return made
 
 
+class Held:
+    """Python's hold of one record: its numbers are attributes, which compiled code reads and writes, too.
+
+    Args:
+        records: An array of one record, which may be part of another record.
+    """
+
+    __slots__ = ("records",)
+
+    records: NDArray[Any]
+
+    def __init__(self, records: NDArray[Any]) -> None:
+        object.__setattr__(self, "records", records)
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_") or name not in (self.records.dtype.names or ()):
+            raise AttributeError(f"{type(self).__name__!r} has no attribute {name!r}")
+        return self.records[name].item()
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name in (self.records.dtype.names or ()):
+            self.records[name] = value
+        else:
+            object.__setattr__(self, name, value)
+
+
 def _kind_and_shape(hint: Any) -> tuple[Any, Any]:
     """What a field is made of, and its shape."""
     kind, shape = get_args(hint)[1:] if get_origin(hint) is Annotated else (hint, ())

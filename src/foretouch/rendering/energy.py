@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any, Protocol, Self, TypeAlias, runtime_checkable
 
-import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core import Record, compiled, kernel
+from foretouch.core import Held, Kernel, Record, compiled
 from foretouch.errors.checks import require
 from foretouch.quantities import pose
 from foretouch.quantities.pose import Vector, norm, scaled
@@ -65,9 +64,6 @@ _dot = compiled(pose.dot)
 
 Numbers3: TypeAlias = Annotated[NDArray[Any], float, 3]
 
-Balance: TypeAlias = tuple[float, float, float, float, float, float]
-"""E, L, the bound, the ceiling, F, and the longest motion that counts in the next tick: see `Ledger`."""
-
 
 class Account(Record):
     """State of an account, in space; along a line the first of three numbers is all of it."""
@@ -91,7 +87,20 @@ class Account(Record):
 
 
 @compiled
-def _ceiling(account: Account, bound: float) -> float:
+def bound_of(account: Account) -> float:
+    """(1 + 2 delta) F D [J]."""
+    return float((1.0 + 2.0 * (account.delay / account.period)) * account.largest_force * account.largest_step)
+
+
+@compiled
+def bound_with(account: Account, force: float) -> float:
+    """See `Ledger.bound_with`."""
+    factor, step = 1.0 + 2.0 * (account.delay / account.period), max(account.newest_step, account.largest_step)
+    return float(factor * max(force, account.largest_force) * step)
+
+
+@compiled
+def ceiling_of(account: Account) -> float:
     """Largest force that may be held now [N], after the present one, which still acts for d."""
     held = _norm((account.force[0], account.force[1], account.force[2]))
     if account.elapsed > 0.0:  # the position of the hand is unknown
@@ -103,16 +112,9 @@ def _ceiling(account: Account, bound: float) -> float:
     ceiling = (1.0 + 2.0 * delta) * largest - delta * held + account.energy / reach
     if ceiling >= WAY_BACK * largest:
         return ceiling
-    left = (account.energy + bound) / account.largest_step - delta * held  # of the half count, as a force
+    left = (account.energy + bound_of(account)) / account.largest_step - delta * held  # of the half count, as a force
     least = min(WAY_BACK * largest, left / (1.0 + delta))
     return max(ceiling, least, 0.0)
-
-
-@compiled
-def _balance(account: Account) -> Balance:
-    bound = (1.0 + 2.0 * (account.delay / account.period)) * account.largest_force * account.largest_step
-    step = max(account.newest_step, account.largest_step)
-    return account.energy, account.late_energy, bound, _ceiling(account, bound), account.largest_force, step
 
 
 @compiled
@@ -129,10 +131,9 @@ def _pass(account: Account, period: float) -> tuple[float, float]:
     return former, newest
 
 
-@kernel("UniTuple(f8, 6)(Account[::1], f8, f8, f8, f8)")
-def _observe(accounts: NDArray[np.void], x: float, y: float, z: float, period: float) -> Balance:
-    """Book the work of the held force up to the hand's present position [m]: see `Ledger.observe`."""
-    account = accounts[0]
+@compiled
+def observe(account: Account, x: float, y: float, z: float, period: float) -> None:
+    """Book the work of the held force up to the hand's present position [m], this time [s] after the last tick."""
     if not account.elapsed > 0.0:
         first, second = account.lasts / account.period, 1.0 - account.delay / account.period
         for axis in range(3):
@@ -142,7 +143,7 @@ def _observe(accounts: NDArray[np.void], x: float, y: float, z: float, period: f
         account.late[axis] += former * account.before[axis] + newest * account.force[axis]
         account.before[axis] = account.force[axis]
     if not _norm((x, y, z)) < math.inf:
-        return _balance(account)
+        return
     position, acted, late = account.position, account.acted, account.late
     moved = (x - position[0], y - position[1], z - position[2])
     position[0], position[1], position[2] = x, y, z
@@ -159,19 +160,30 @@ def _observe(accounts: NDArray[np.void], x: float, y: float, z: float, period: f
         if acted[0] != 0.0 or acted[1] != 0.0 or acted[2] != 0.0:
             account.largest_step = max(account.largest_step, account.newest_step)
     late[0] = late[1] = late[2] = 0.0
-    return _balance(account)
 
 
-@kernel("UniTuple(f8, 6)(Account[::1], f8, f8, f8)")
-def _hold(accounts: NDArray[np.void], x: float, y: float, z: float) -> Balance:
+@compiled
+def hold(account: Account, x: float, y: float, z: float) -> None:
     """Hold a force [N] from now on, as it pushes the hand."""
-    account = accounts[0]
     account.force[0], account.force[1], account.force[2] = x, y, z
     account.largest_force = max(account.largest_force, _norm((x, y, z)))
-    return _balance(account)
 
 
-class Ledger:
+@compiled
+def close(account: Account) -> None:
+    """See `Ledger.close`."""
+    account.energy = min(account.energy, 0.0)
+
+
+_observe = Kernel(observe, "(Account, f8, f8, f8, f8)")
+_hold = Kernel(hold, "(Account, f8, f8, f8)")
+_close = Kernel(close, "(Account,)")
+_bound = Kernel(bound_of, "(Account,)")
+_bound_with = Kernel(bound_with, "(Account, f8)")
+_ceiling = Kernel(ceiling_of, "(Account,)")
+
+
+class Ledger(Held):
     r"""Books the work of a force that is held from tick to tick, and limits the force that may be held.
 
     Debts are kept over contacts, surplus is forgiven at the loss of each: dissipation in one press pays for nothing in
@@ -204,30 +216,17 @@ class Ledger:
     Attributes:
         energy: E [J].
         late_energy: L, never positive [J].
-        bound: (1 + 2 delta) F D [J]: the account is never further below zero.
-        ceiling: Largest force that may be held now [N], after the present one, which still acts for d.
         largest_force: F [N].
+        largest_step: D [m].
     """
 
-    __slots__ = (
-        "_accounts",
-        "_factor",
-        "_hold",
-        "_longest",
-        "_observe",
-        "bound",
-        "ceiling",
-        "energy",
-        "largest_force",
-        "late_energy",
-    )
+    __slots__ = ()
 
     axes: int
     energy: float
     late_energy: float
-    bound: float
-    ceiling: float
     largest_force: float
+    largest_step: float
 
     def __init__(
         self,
@@ -242,9 +241,7 @@ class Ledger:
         require("delay", delay, at_least=0.0, at_most=sample_period)
         require("watchdog", watchdog, at_least=0.0)
         count = max(resolution, SMALLEST_COUNT) * math.sqrt(self.axes)
-        self._observe, self._hold = _observe.entry, _hold.entry
-        self._factor = 1.0 + 2.0 * (delay / sample_period)
-        self._accounts = Account.new(
+        made = Account.new(
             count=count,
             period=sample_period,
             delay=delay,
@@ -253,7 +250,7 @@ class Ledger:
             position=math.nan,
             largest_step=count,
         )
-        self._take(self._hold(self._accounts, 0.0, 0.0, 0.0))
+        super().__init__(made)
 
     @classmethod
     def of(cls, device: RenderingDevice | None, sample_period: float = SAMPLE_PERIOD) -> Self:
@@ -263,23 +260,22 @@ class Ledger:
         return cls(device.resolution, sample_period=sample_period, delay=device.delay, watchdog=device.watchdog)
 
     @property
-    def largest_step(self) -> float:
-        """D [m]."""
-        return float(self._accounts["largest_step"][0])
+    def bound(self) -> float:
+        """(1 + 2 delta) F D [J]: the account is never further below zero."""
+        return _bound.entry(self.records[0])
 
-    def close(self) -> None:
-        """End the contact: forgive what the hand has put in beyond what it was given. A debt stays."""
-        if self.energy > 0.0:
-            self._accounts[0].energy = 0.0
-            self.energy = 0.0
+    @property
+    def ceiling(self) -> float:
+        """Largest force that may be held now [N], after the present one, which still acts for d."""
+        return _ceiling.entry(self.records[0])
 
     def bound_with(self, force: float) -> float:
         """The bound [J] as it will be once this force [N] has been held over a tick like the newest."""
-        largest = self.largest_force
-        return self._factor * (force if force > largest else largest) * self._longest
+        return _bound_with.entry(self.records[0], force)
 
-    def _take(self, balance: Balance) -> None:
-        self.energy, self.late_energy, self.bound, self.ceiling, self.largest_force, self._longest = balance
+    def close(self) -> None:
+        """End the contact: forgive what the hand has put in beyond what it was given. A debt stays."""
+        _close.entry(self.records[0])
 
 
 class EnergyAccount(Ledger):
@@ -297,7 +293,7 @@ class EnergyAccount(Ledger):
     @property
     def force(self) -> float:
         """Force f, held now [N]."""
-        return -float(self._accounts["force"][0, 0])
+        return -float(self.records["force"][0, 0])
 
     def observe(self, position: float, period: float = 0.0) -> None:
         """Book the work of the held force up to the hand's present position.
@@ -306,11 +302,11 @@ class EnergyAccount(Ledger):
             position: Position of the hand [m]; one that is not finite is missing.
             period: Time since the previous tick [s]; an invalid one counts as the nominal one.
         """
-        self._take(self._observe(self._accounts, position, 0.0, 0.0, period))
+        _observe.entry(self.records[0], position, 0.0, 0.0, period)
 
     def hold(self, force: float) -> None:
         """Hold this force from now on [N], 0 or more."""
-        self._take(self._hold(self._accounts, -force, 0.0, 0.0))
+        _hold.entry(self.records[0], -force, 0.0, 0.0)
 
 
 class SpatialEnergyAccount(Ledger):
@@ -329,12 +325,12 @@ class SpatialEnergyAccount(Ledger):
     @property
     def force(self) -> Vector:
         """Force held now [N]."""
-        ((x, y, z),) = self._accounts["force"].tolist()
+        ((x, y, z),) = self.records["force"].tolist()
         return x, y, z
 
     def observe(self, position: Vector, period: float = 0.0) -> None:
         """Book the work of the held force up to the hand's present position, as `EnergyAccount.observe` does."""
-        self._take(self._observe(self._accounts, *position, period))
+        _observe.entry(self.records[0], *position, period)
 
     def hold(self, force: Vector) -> Vector:
         """Hold a force [N] from now on, cut to the ceiling; returns the held force."""
@@ -343,5 +339,5 @@ class SpatialEnergyAccount(Ledger):
             force = (0.0, 0.0, 0.0)
         elif size > self.ceiling:
             force = scaled(force, self.ceiling / size)
-        self._take(self._hold(self._accounts, *force))
+        _hold.entry(self.records[0], *force)
         return force

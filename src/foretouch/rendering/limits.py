@@ -6,7 +6,10 @@ import math
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
+from foretouch.core import Held, Kernel, Record, compiled
+from foretouch.core.compiling import interpreted
 from foretouch.errors.checks import require
 from foretouch.models.predictor import VELOCITY_CUTOFF
 
@@ -20,7 +23,33 @@ LARGEST_FORCE_RATE = 200.0
 """Default limit of the force rate [N/s]."""
 
 
-class ForceLimiter:
+class Limiter(Record):
+    """State of a `ForceLimiter`."""
+
+    largest_force: float = LARGEST_FORCE  # [N]
+    largest_rate: float = LARGEST_FORCE_RATE  # [N/s]
+    force: float  # the newest limited force [N]
+    clipped: bool
+
+
+@compiled
+def limit(limiter: Limiter, wanted: float, period: float, ceiling: float) -> float:
+    """See `ForceLimiter.update`."""
+    step = limiter.largest_rate * (period if period > 0.0 else 0.0)
+    lowest, highest = limiter.force - step, limiter.force + step
+    force = min(wanted if 0.0 <= wanted < math.inf else 0.0, limiter.largest_force)
+    force = lowest if force < lowest else force
+    force = highest if force > highest else force
+    force = ceiling if force > ceiling else force
+    limiter.force = force
+    limiter.clipped = not -NOTICED <= force - wanted <= NOTICED
+    return force
+
+
+_limit = Kernel(limit, "(Limiter, f8, f8, f8)")
+
+
+class ForceLimiter(Held):
     r"""Clamps a force and its rate.
 
     .. math:: F_k = \mathrm{clip}\big(\mathrm{clip}(F, 0, F_{max}),\;
@@ -31,6 +60,7 @@ class ForceLimiter:
     Args:
         largest_force: Limit of the force [N], positive.
         largest_rate: Limit of the rate [N/s], positive.
+        limiters: Array of one `Limiter` that this one takes, part of another record; None for one of its own.
 
     Attributes:
         largest_force: Limit of the force [N].
@@ -38,29 +68,27 @@ class ForceLimiter:
         clipped: Whether a limit changed the newest force, by more than 1 mN.
     """
 
-    __slots__ = ("_largest_rate", "clipped", "force", "largest_force")
+    __slots__ = ()
 
-    def __init__(self, largest_force: float = LARGEST_FORCE, largest_rate: float = LARGEST_FORCE_RATE) -> None:
+    largest_force: float
+    force: float
+    clipped: bool
+
+    def __init__(
+        self,
+        largest_force: float = LARGEST_FORCE,
+        largest_rate: float = LARGEST_FORCE_RATE,
+        *,
+        limiters: NDArray[np.void] | None = None,
+    ) -> None:
         require("largest_force", largest_force, above=0.0)
         require("largest_rate", largest_rate, above=0.0)
-        self.largest_force = largest_force
-        self._largest_rate = largest_rate
-        self.force = 0.0
-        self.clipped = False
+        super().__init__(Limiter.new() if limiters is None else limiters)
+        self.records[:] = Limiter.new(largest_force=largest_force, largest_rate=largest_rate)
 
     def update(self, wanted: float, period: float, ceiling: float = math.inf) -> float:
         """Limit one tick's force [N], this time after the last [s]; the ceiling [N] holds whatever the rate."""
-        step = self._largest_rate * (period if period > 0.0 else 0.0)
-        lowest, highest = self.force - step, self.force + step
-        force = wanted if 0.0 <= wanted < math.inf else 0.0
-        # Without `min` and `max`, which take longer than the rest.
-        force = self.largest_force if force > self.largest_force else force
-        force = lowest if force < lowest else force
-        force = highest if force > highest else force
-        force = ceiling if force > ceiling else force
-        self.force = force
-        self.clipped = not -NOTICED <= force - wanted <= NOTICED
-        return force
+        return _limit.entry(self.records[0], wanted, period, ceiling)
 
 
 COSINES = 4001
@@ -112,19 +140,29 @@ def rendered_share(
         Journal of Robotic Systems 14(1). Diolaiti, Niemeyer, Barbagli and Salisbury (2006), Stability of haptic
         rendering: discretization, quantization, time delay, and Coulomb effects, IEEE Transactions on Robotics 22(2).
     """
-    gain, left = _low_pass(sample_period, delay)
+    constants = device_damping, sample_period, delay, stiffness_by_encoder, *low_pass(sample_period, delay)
+    return interpreted(carried)(stiffness, rendered_damping, constants)
+
+
+Carrier = tuple[float, float, float, float, float, float]
+"""b [N s/m], T [s], d [s], K_e [N/m], c and kappa of `rendered_share`."""
+
+
+@compiled
+def carried(stiffness: float, rendered_damping: float, device: Carrier) -> float:
+    """See `rendered_share`."""
+    device_damping, period, delay, by_encoder, gain, left = device
     against = -rendered_damping if rendered_damping < 0.0 else left * rendered_damping
-    needed = stiffness * (0.5 * sample_period + delay) + against
+    needed = stiffness * (0.5 * period + delay) + against
     fraction = device_damping / needed if needed > device_damping else 1.0
-    counted = stiffness + gain / sample_period * abs(rendered_damping)
+    counted = stiffness + gain / period * abs(rendered_damping)
     if not counted > 0.0:
         return fraction
-    by_encoder = stiffness_by_encoder / counted
-    return by_encoder if by_encoder < fraction else fraction
+    return min(by_encoder / counted, fraction)
 
 
 @lru_cache(maxsize=16)
-def _low_pass(sample_period: float, delay: float) -> tuple[float, float]:
+def low_pass(sample_period: float, delay: float) -> tuple[float, float]:
     """c, of the low-pass of `MotionFilter`, and kappa, the fraction of damping behind it that has to be carried."""
     gain, delta = -math.expm1(-2.0 * math.pi * VELOCITY_CUTOFF * sample_period), delay / sample_period
     kept = 1.0 - gain

@@ -5,6 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.core import Held, Kernel, Record, compiled
+
 LARGEST_STEP = 0.08
 """Largest change of force by models in one tick [N]; people do not feel 0.1 N."""
 
@@ -18,7 +23,74 @@ SMALLEST_OFFSET = 1e-6
 """Offset below which it counts as zero [N]."""
 
 
-class Mediation:
+class MediationState(Record):
+    """State of a `Mediation`."""
+
+    offset: float  # o [N]
+    force: float  # m [N]
+    step: float  # [N]
+    surplus: float  # [N]
+    held_back: bool
+    lowest: float = math.inf  # least E of this contact [J]
+
+
+@compiled
+def mediate(
+    mediation: MediationState,
+    wanted: float,
+    jump: float,
+    period: float,
+    leaving: bool,
+    surplus: float,
+    energy: float,
+    bound: float,
+    work: float,
+    way: float,
+) -> float:
+    """See `Mediation.update`; W [J] and x [m] are of the offset less `jump` and `surplus`."""
+    before = mediation.offset
+    offset = before - jump - surplus
+    mediation.surplus = surplus
+    release = 0.0
+    if offset != 0.0:
+        release = abs(offset) * -math.expm1(-(period if period > 0.0 else 0.0) / RELEASE_TIME)
+        release = min(release, LARGEST_STEP)
+    change = -release if offset > 0.0 else release
+    held_back = False
+    mediation.lowest = lowest = min(mediation.lowest, energy)
+    if wanted > 0.0:
+        left = energy - work
+        beyond = work - max(energy + bound, GIVEN_BACK * (energy - lowest))
+        if beyond > 0.0 and way > 0.0:
+            change = min(change, 0.0, -min(beyond / way, LARGEST_STEP))
+            held_back = True
+        elif offset < 0.0:
+            paid = left / way if left > 0.0 and way > 0.0 and not leaving else 0.0
+            held_back = paid < release
+            change = paid if held_back else release
+    mediation.held_back = held_back
+    offset = offset + change if held_back or abs(offset) >= SMALLEST_OFFSET else 0.0
+    mediation.offset = max(offset, -wanted)
+    force = max(wanted + mediation.offset, 0.0)
+    mediation.force = force
+    without = wanted - jump - surplus + before  # without a new model and a change of offset
+    mediation.step = force - without if without > 0.0 else force
+    return force
+
+
+@compiled
+def wind_down(mediation: MediationState, rendered: float) -> None:
+    """See `Mediation.wind_down`."""
+    cut = mediation.force - rendered
+    if mediation.offset > 0.0 and cut > 0.0:
+        mediation.offset -= min(mediation.offset, cut)
+
+
+_mediate = Kernel(mediate, "(MediationState, f8, f8, f8, b1, f8, f8, f8, f8, f8)")
+_wind_down = Kernel(wind_down, "(MediationState, f8)")
+
+
+class Mediation(Held):
     r"""Continuity first, then the change, as fast as energy allows.
 
     The force that is rendered is
@@ -65,6 +137,9 @@ class Mediation:
         surplus: Part of the newest growth of F that was put into the offset, because the hand was leaving [N].
         held_back: Whether energy kept the offset from being raised in the newest tick, or lowered it.
 
+    Args:
+        mediations: Array of one `MediationState` that this one takes, part of another record; None for one of its own.
+
     References:
         Franken, Stramigioli, Misra, Secchi, Macchelli (2011), Bilateral telemanipulation with time delays: a two-layer
         approach combining passivity and transparency, IEEE Transactions on Robotics 27(4): the tank. Passivity of
@@ -72,18 +147,20 @@ class Mediation:
         stiffness, ICRA.
     """
 
-    __slots__ = ("_lowest", "force", "held_back", "offset", "step", "surplus")
+    __slots__ = ()
 
-    def __init__(self) -> None:
-        self.offset = 0.0
-        self.force = 0.0
-        self.step = self.surplus = 0.0
-        self.held_back = False
-        self._lowest = math.inf
+    offset: float
+    force: float
+    step: float
+    surplus: float
+    held_back: bool
+
+    def __init__(self, *, mediations: NDArray[np.void] | None = None) -> None:
+        super().__init__(MediationState.new() if mediations is None else mediations)
 
     def part(self, energy: float) -> None:
         """End the contact at this E [J]: the work of the next press counts from here."""
-        self._lowest = energy
+        self.lowest = energy
 
     def update(
         self,
@@ -112,39 +189,9 @@ class Mediation:
         Returns:
             The rendered force m [N].
         """
-        before = self.offset
-        offset = before - jump - surplus
-        self.surplus = surplus
-        release = 0.0
-        if offset != 0.0:
-            release = abs(offset) * -math.expm1(-(period if period > 0.0 else 0.0) / RELEASE_TIME)
-            release = release if release < LARGEST_STEP else LARGEST_STEP
-        change = -release if offset > 0.0 else release
-        self.held_back = False
-        self._lowest = lowest = min(self._lowest, energy)
-        if wanted > 0.0:
-            work, way = leaving_work(offset)
-            left = energy - work
-            beyond = work - max(energy + bound, GIVEN_BACK * (energy - lowest))
-            if beyond > 0.0 and way > 0.0:
-                change = min(change, 0.0, -min(beyond / way, LARGEST_STEP))
-                self.held_back = True
-            elif offset < 0.0:
-                paid = left / way if left > 0.0 and way > 0.0 and not leaving else 0.0
-                self.held_back = paid < release
-                change = paid if self.held_back else release
-        offset = offset + change if self.held_back or abs(offset) >= SMALLEST_OFFSET else 0.0
-        if offset < -wanted:
-            offset = -wanted
-        self.offset = offset
-        force = wanted + offset
-        self.force = force = force if force > 0.0 else 0.0
-        without = wanted - jump - surplus + before  # without a new model and a change of offset
-        self.step = force - without if without > 0.0 else force
-        return force
+        work, way = leaving_work(self.offset - jump - surplus) if wanted > 0.0 else (0.0, 0.0)
+        return _mediate.entry(self.records[0], wanted, jump, period, leaving, surplus, energy, bound, work, way)
 
     def wind_down(self, rendered: float) -> None:
         """Reduce an offset above zero to its rendered part; the force was cut to this one [N]."""
-        cut = self.force - rendered
-        if self.offset > 0.0 and cut > 0.0:
-            self.offset -= min(self.offset, cut)
+        _wind_down.entry(self.records[0], rendered)

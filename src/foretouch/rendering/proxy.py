@@ -4,13 +4,87 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.core import Held, Kernel, Record, compiled
 from foretouch.errors.checks import require
 
 RETURN_SPEED = 0.01
 """Speed of the proxy at which the indexed distance is given back [m/s]."""
 
 
-class Proxy:
+class ProxyState(Record):
+    """State of a `Proxy`."""
+
+    scale: float = 1.0  # p
+    reference: float  # i_0 [m]
+    hand: float = math.nan  # x [m]
+    position: float = math.nan  # y [m]
+    engaged: bool
+    indexed: float  # i_1 [m]
+    yielded: float  # i_2 [m]
+
+
+@compiled
+def place(proxy: ProxyState) -> None:
+    """Put the proxy where its distance from the hand says."""
+    proxy.position = proxy.scale * proxy.hand - (proxy.reference + proxy.indexed + proxy.yielded)
+
+
+@compiled
+def engage(proxy: ProxyState, hand: float, position: float) -> None:
+    """See `Proxy.engage`."""
+    proxy.hand, proxy.reference = hand, proxy.scale * hand - position
+    proxy.indexed = proxy.yielded = 0.0
+    proxy.engaged = True
+    place(proxy)
+
+
+@compiled
+def leave(proxy: ProxyState) -> None:
+    """See `Proxy.leave`."""
+    proxy.engaged = False
+    proxy.position = math.nan
+
+
+@compiled
+def follow(proxy: ProxyState, hand: float, share: float, free: float) -> float:
+    """See `Proxy.follow`."""
+    if proxy.engaged and math.isfinite(hand):
+        if share != 1.0:
+            way = proxy.scale * (hand - proxy.hand)
+            carried = max(way - free, 0.0) if way > 0.0 else way
+            proxy.yielded = max(proxy.yielded + (1.0 - share) * carried, 0.0)
+        proxy.hand = hand
+        place(proxy)
+    return float(proxy.position)
+
+
+@compiled
+def index(proxy: ProxyState, distance: float) -> None:
+    """See `Proxy.index`."""
+    proxy.indexed += distance
+    place(proxy)
+
+
+@compiled
+def give_back(proxy: ProxyState, distance: float, yielded: bool) -> None:
+    """See `Proxy.give_back`."""
+    returned = min(distance, proxy.indexed)
+    proxy.indexed -= returned
+    if yielded:
+        proxy.yielded -= min(distance - returned, proxy.yielded)
+    place(proxy)
+
+
+_engage = Kernel(engage, "(ProxyState, f8, f8)")
+_follow = Kernel(follow, "(ProxyState, f8, f8, f8)")
+_index = Kernel(index, "(ProxyState, f8)")
+_give_back = Kernel(give_back, "(ProxyState, f8, b1)")
+
+
+class Proxy(Held):
     r"""The point that is sent to the follower and at which the model is evaluated; the hand carries it along.
 
     .. math:: y = p\,x - i, \quad i = i_0 + i_1 + i_2
@@ -28,6 +102,7 @@ class Proxy:
 
     Args:
         scale: p, positive.
+        proxies: Array of one `ProxyState` that this one takes, part of another record; None for one of its own.
 
     Attributes:
         position: Position y [m]; NaN until hand and proxy are coupled.
@@ -36,17 +111,17 @@ class Proxy:
         yielded: i_2 [m], not negative.
     """
 
-    __slots__ = ("_hand", "_reference", "_scale", "engaged", "indexed", "position", "yielded")
+    __slots__ = ()
 
-    def __init__(self, scale: float = 1.0) -> None:
+    position: float
+    engaged: bool
+    indexed: float
+    yielded: float
+
+    def __init__(self, scale: float = 1.0, *, proxies: NDArray[np.void] | None = None) -> None:
         require("position_scale", scale, above=0.0)
-        self._scale = scale
-        self._reference = 0.0
-        self._hand = math.nan
-        self.position = math.nan
-        self.engaged = False
-        self.indexed = 0.0
-        self.yielded = 0.0
+        super().__init__(ProxyState.new() if proxies is None else proxies)
+        self.records[:] = ProxyState.new(scale=scale)
 
     @property
     def apart(self) -> float:
@@ -55,11 +130,7 @@ class Proxy:
 
     def engage(self, hand: float, position: float | None = None) -> None:
         """Couple the hand with a proxy at this position [m]; without one, at the scaled position of the hand."""
-        self._hand = hand
-        self._reference = 0.0 if position is None else self._scale * hand - position
-        self.indexed = self.yielded = 0.0
-        self.engaged = True
-        self._place()
+        _engage.entry(self.records[0], hand, self.scale * hand if position is None else position)
 
     def release(self) -> None:
         """Uncouple the hand; the proxy stays."""
@@ -67,8 +138,7 @@ class Proxy:
 
     def leave(self) -> None:
         """Uncouple the hand; the proxy has no position until it is coupled again."""
-        self.engaged = False
-        self.position = math.nan
+        self.engaged, self.position = False, math.nan
 
     def follow(self, hand: float, share: float = 1.0, free: float = 0.0) -> float:
         """Carry the proxy along with the hand [m]; returns y [m].
@@ -78,27 +148,12 @@ class Proxy:
             share: Share rho of the motion, 0 to 1.
             free: Distance of the proxy to the surface [m], over which there is nothing to carry.
         """
-        if self.engaged and math.isfinite(hand):
-            if share != 1.0:
-                way = self._scale * (hand - self._hand)
-                carried = max(way - free, 0.0) if way > 0.0 else way
-                self.yielded = max(self.yielded + (1.0 - share) * carried, 0.0)
-            self._hand = hand
-            self._place()
-        return self.position
+        return _follow.entry(self.records[0], hand, share, free)
 
     def index(self, distance: float) -> None:
         """Move the proxy outwards by this distance [m]; inwards, if negative, by at most the indexed distance."""
-        self.indexed += distance
-        self._place()
+        _index.entry(self.records[0], distance)
 
     def give_back(self, distance: float, *, yielded: bool) -> None:
         """Bring the proxy back by at most this distance [m]; with `yielded` that distance too, last."""
-        returned = min(distance, self.indexed)
-        self.indexed -= returned
-        if yielded:
-            self.yielded -= min(distance - returned, self.yielded)
-        self._place()
-
-    def _place(self) -> None:
-        self.position = self._scale * self._hand - (self._reference + self.indexed + self.yielded)
+        _give_back.entry(self.records[0], distance, yielded)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from foretouch.quantities import Rows, brief_text
 from foretouch.rendering.energy import FASTEST_HAND, SAMPLE_PERIOD, SMALLEST_COUNT
-from foretouch.rendering.renderer import FARTHEST, PHANTOM
+from foretouch.rendering.tick import FARTHEST, PHANTOM
 from foretouch.report.numbers import finite_or_none, largest
 
 Array = NDArray[np.float64]

@@ -17,7 +17,7 @@ from foretouch.identification.linear.kernel import (
     weight_of,
     write,
 )
-from foretouch.identification.linear.options import (  # noqa: F401  # a record is named in the types of kernels
+from foretouch.identification.linear.options import (
     BINS,
     FREE_AIR,
     LEARNT,
@@ -71,7 +71,7 @@ def count_depth(state: State, log_depth: float, velocity: float, inverse_mu: flo
         state.gain = 1.0
 
 
-@kernel("(Recording[::1], f8, f8, f8, b1)", error_model="numpy")
+@kernel("(Recording[::1], f8, f8, f8, b1)", Recording, error_model="numpy")
 def update(recordings: NDArray[np.void], depth: float, velocity: float, force: float, in_contact: bool) -> int:
     """One sample, in place.
 
@@ -116,7 +116,7 @@ def update(recordings: NDArray[np.void], depth: float, velocity: float, force: f
     return done
 
 
-@kernel("(Recording[::1],)", error_model="numpy")
+@kernel("(Recording[::1],)", Recording, error_model="numpy")
 def begin(recordings: NDArray[np.void]) -> None:
     """Back to theta_0 and P_0, all samples forgotten."""
     restart(recordings[0].state, recordings[0].options)

@@ -62,7 +62,6 @@ class DelayedForce(Renderer):
         # Passive rendering of a damper from samples requires b > |B|.
         self._controller = PassivityController(device.damping) if settings.baseline == "delayed-tdpa" else None
         self._hand_motion, self._proxy_motion = MotionFilter(), MotionFilter()
-        self.share = math.nan
 
     def adopt(
         self,
@@ -79,7 +78,7 @@ class DelayedForce(Renderer):
         proxy, account, follower_view = self.proxy, self.account, self._follower_view
         assert isinstance(account, EnergyAccount)
         account.observe(hand, period)
-        self.energy, self.energy_bound, self.late_energy = account.energy, account.bound, account.late_energy
+        energy = account.energy, account.bound, account.late_energy
         if free:
             proxy.leave()
         elif not self.closed_loop and not proxy.engaged and math.isfinite(hand):
@@ -104,6 +103,7 @@ class DelayedForce(Renderer):
         if not touching and rendered == 0.0:
             account.close()
         account.hold(rendered)
+        self.shown = (proxy.position, proxy.engaged, self.limiter.clipped, wanted, 0.0, *energy, math.nan)
         self.mediation.force, self.predictor.force = wanted, wanted / self._settings.force_scale
         return rendered
 

@@ -164,7 +164,7 @@ def step(state: State, inputs: Inputs[float], now_ns: int) -> tuple[State, Outpu
     if state.start_ns is None:
         state.start_ns = now_ns
     renderer, follower_view = state.renderer, state.follower_view
-    predictor, proxy = renderer.predictor, renderer.proxy
+    predictor = renderer.predictor
     for telemetry in inputs.telemetry:
         follower_view.take_telemetry(telemetry)
     ours = [model for model in inputs.models if follower_view.is_for_us(model)] if inputs.models else inputs.models
@@ -179,12 +179,13 @@ def step(state: State, inputs: Inputs[float], now_ns: int) -> tuple[State, Outpu
     period = moving_time(inputs.period_ns, inputs.exact_position, now_ns, state.newest_ns)
     state.newest_ns = now_ns
     rendered = renderer.update((now_ns - state.start_ns) * 1e-9, inputs.position, period, free=free)
+    position, engaged, clipped, mediated, step_by_models, energy, energy_bound, late_energy, share = renderer.shown
     state.sequence += 1
     command = Command(
         VERSION,
         state.sequence,
         now_ns,
-        proxy.position,
+        position,
         predictor.message,
         state.guarded,
         state.holder,
@@ -196,7 +197,7 @@ def step(state: State, inputs: Inputs[float], now_ns: int) -> tuple[State, Outpu
         VERSION,
         state.sequence,
         now_ns,
-        proxy.position,
+        position,
         predictor.velocity,
         predictor.force,
         rendered,
@@ -204,22 +205,22 @@ def step(state: State, inputs: Inputs[float], now_ns: int) -> tuple[State, Outpu
         follower_view.telemetry.newest,
         follower_view.models.newest,
         predictor.jump,
-        renderer.limiter.clipped,
+        clipped,
         inputs.period_ns,
         inputs.compute_ns,
         predictor.standard_deviation,
         inputs.position,
         inputs.exact_position,
         inputs.intended_position,
-        renderer.mediation.force,
-        renderer.mediation.step,
-        renderer.energy,
-        renderer.energy_bound,
-        renderer.share,
-        proxy.engaged,
+        mediated,
+        step_by_models,
+        energy,
+        energy_bound,
+        share,
+        engaged,
         state.epoch,
         follower_view.run,
-        renderer.late_energy,
+        late_energy,
     )
     return state, Outputs(command, record)
 
