@@ -21,11 +21,8 @@ LAWS_HELP = (
     "threshold-switching, quadratic (that of scenes)."
 )
 
-NO_GRIP = "none"
-"""The grip of an operator whose hand the force does not move."""
-
-NO_BASELINE = "none"
-"""The baseline of a session that renders models."""
+NO_GRIP = "none"  # The grip of an operator whose hand the force does not move
+NO_BASELINE = "none"  # The baseline of a session that renders models
 
 SIMULATED = "simulated"
 """The robot of the package: an arm in MuJoCo that presses the settings' material."""
@@ -92,11 +89,8 @@ _pressed, _robot, _scene, _safety, _network = map(_group, (PRESSED, ROBOT, SCENE
 _hand, _given = _group(HAND, "leader"), _group(GIVEN, "leader")
 
 
-DELAY = {"at_least": 0.0, "at_most": 10.0}
-"""A longer delay [s] is in another unit."""
-
-SCALE = {"at_least": 0.01, "at_most": 100.0}
-"""Of either scale."""
+DELAY = {"at_least": 0.0, "at_most": 10.0}  # A longer delay [s] is in another unit
+SCALE = {"at_least": 0.01, "at_most": 100.0}  # Of either scale
 
 
 @dataclass(frozen=True)

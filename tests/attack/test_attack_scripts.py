@@ -47,6 +47,7 @@ def attack(*options: str) -> str:
     return done.stdout
 
 
+@pytest.mark.long  # tests/recordings damages files in small
 def test_some_damaged_files_and_small_bombs() -> None:
     said = attack("--files", "8", "--quick")
     assert "20 honest files, 8 damaged ones" in said

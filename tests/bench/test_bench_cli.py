@@ -146,6 +146,7 @@ def test_every_benchmark_can_be_had() -> None:
     assert all(callable(benchmark(name)) and BENCHMARKS[name] for name in BENCHMARKS)
 
 
+@pytest.mark.long  # all of them are run by the next one, and rows are checked in test_bench_page
 def test_one_benchmark_as_json() -> None:
     rows = rows_of("--only", "batch", "--only", "batch")
     assert [(row["unit"], row["reach"]) for row in rows] == [

@@ -26,6 +26,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.long  # tests/report/test_report_scene.py reports one without the command
 def test_a_scene_is_simulated_recorded_and_reported_again(recorded: Path, tmp_path: Path) -> None:
     report = json.loads(recorded.with_suffix(".json").read_text())
     assert report["scene"]["pose"]["touches"] == 1

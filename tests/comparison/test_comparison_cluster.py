@@ -65,6 +65,7 @@ def press(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.long  # in parallel, test_comparison_compare compares them
 def test_the_results_are_those_of_one_process(press: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(press.parent)  # workers stand elsewhere
     cases = [comparison.file_case("press.csv"), comparison.file_case("no.csv"), comparison.simulated_case("tapping")]

@@ -281,6 +281,7 @@ def test_a_recording_is_played_and_its_bar_is_dragged_while_the_stop_stays_the_r
     bench.wait_for(lambda: page.get_by_text(NOT_LIVE).count() == 0)
 
 
+@pytest.mark.long  # test_console_playback looks at the same page's state
 def test_with_recordings_alone_nothing_pretends_to_stop_or_move_a_robot(bench, tmp_path):
     simulated_session(tmp_path / "pressed.mcap")
     sent: list[Message] = []

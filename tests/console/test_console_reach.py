@@ -101,6 +101,7 @@ CONNECT = """async address => await new Promise(done => {
 })"""
 
 
+@pytest.mark.long  # test_console_gate refuses their requests without a browser
 def test_pages_of_other_origins_are_refused_in_the_browser_that_has_come_in(inside: Inside) -> None:
     import viser
     from playwright.sync_api import Error

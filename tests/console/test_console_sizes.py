@@ -88,6 +88,7 @@ def test_handle_material_plot_and_all_sliders_of_the_network_are_seen_at_once(
         assert on_top(page, *on_screen(page, (0.0, 0.0, height))) == "CANVAS"
 
 
+@pytest.mark.long  # what is wider than the panel is looked for in each tab
 def test_the_panel_keeps_its_width_and_its_tables_keep_theirs(bench: Bench) -> None:
     page = bench.shown(LAPTOP)
     table = page.locator(".foretouch-table:visible").first
@@ -129,6 +130,7 @@ def test_nothing_of_a_tab_is_wider_than_the_panel(bench: Bench, tab: str) -> Non
     assert page.evaluate(wider) == []
 
 
+@pytest.mark.long  # test_console_playback looks at a moment's numbers
 def test_every_number_of_a_picture_is_of_one_moment(bench: Bench) -> None:
     """The panel's own, and the newest points of its plot; in the scene no number stands that could be older."""
     both = """() => {

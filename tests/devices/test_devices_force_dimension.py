@@ -248,6 +248,7 @@ def test_damping_and_delay_that_nobody_states_are_the_worst_and_are_said(monkeyp
         assert all(f" {words}" in said[0] for words in taken)
 
 
+@pytest.mark.long  # a gamepad's library is missing in test_devices_gamepad
 def test_without_the_sdk_the_command_ends_with_one_line() -> None:
     done = subprocess.run(
         [sys.executable, "-m", "foretouch", "plugins", "check", "force-dimension"], capture_output=True, text=True

@@ -25,6 +25,7 @@ WORDS = {
     "compare_laws.py": [PRESS],
     "read_a_session.py": ["session.mcap"],
 }
+LONG = ("compare_laws.py", "walk_through.py")
 WRITTEN = {
     "identify_a_press.py": "identified.png",
     "compare_laws.py": "compared.png",
@@ -54,7 +55,7 @@ def test_each_example_is_short_and_says_what_it_shows() -> None:
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.long) if name == "compare_laws.py" else name for name in NAMES]
+    "name", [pytest.param(name, marks=pytest.mark.long) if name in LONG else name for name in NAMES]
 )
 def test_it_runs(name: str, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.chdir(folder)

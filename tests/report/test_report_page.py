@@ -216,6 +216,7 @@ def figure_bytes(page: Path) -> list[int]:
     return [len(base64.b64decode(data)) for data in re.findall(r"svg\+xml;base64,([^\"]+)", page.read_text())]
 
 
+@pytest.mark.long  # a page does not grow with the session
 def test_a_long_session_has_a_page_that_can_be_sent(tmp_path: Path) -> None:
     log = wild(repeated(make_session(2.0), 40))
     page = write_page(tmp_path / "long", log, session_figures(log))

@@ -132,6 +132,7 @@ def test_palpating_with_passivity_control_gives_out_no_more_than_ticks_do() -> N
         assert surplus(palpated("delayed-tdpa", "foam-measured", grip, 0.4)) < 2e-4
 
 
+@pytest.mark.long  # what a start imports is tested in tests/cli
 def test_no_default_imports_it() -> None:
     code = (
         "import sys; from foretouch.devices import ScriptedOperator; from foretouch.robot import make_robot;"

@@ -253,6 +253,7 @@ def test_in_space_an_offset_of_known_size_is_found_where_it_was_taken_for_contac
     assert with_it[-1][0].force == pytest.approx(math.hypot(*with_it[-1][2]), abs=0.2)
 
 
+@pytest.mark.long  # a shadow's are, and those along a line
 def test_in_space_lag_and_compliance_are_used_along_the_normal(tmp_path: Path) -> None:
     path = calibration(tmp_path, sensor_lag=0.004, series_stiffness=10_000.0)
     settings = SessionSettings(scene="plane", calibration=path)

@@ -18,21 +18,20 @@ from foretouch.errors import SettingError, UnknownNameError
 from foretouch.link import ZenohLink, free_endpoint
 from foretouch.messages import VERSION, Choice, EmergencyStop, Hello, Settings, Stop
 from foretouch.session import SessionSettings, StopFlag
-from foretouch.session.processes import children
-from foretouch.session.processes.children import (
+from foretouch.session.runners import children
+from foretouch.session.runners.children import (
     CHOICE_CHANNELS,
     LATCHING,
     SUPERVISOR,
     Child,
     Desk,
-    choose,
     end_session,
     retire,
-    with_faults,
 )
 from foretouch.session.runners.housekeeping import BEAT, COMPILING
 from foretouch.session.runners.live import LEAVING
 from foretouch.session.runners.news import HANGS_AFTER
+from foretouch.session.settings import choose, with_faults
 
 BEATS = f"""
 import os, time
@@ -280,7 +279,7 @@ def child(program: str, role: str = "leader") -> Child:
 
 
 def test_who_is_retired_ends_by_himself_or_is_killed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("foretouch.session.processes.children.PATIENCE", 0.5)
+    monkeypatch.setattr("foretouch.session.runners.children.PATIENCE", 0.5)
     rounds: list[int] = []
     good, stubborn = child(GOOD), child(STUBBORN, "follower")
     retire([good, stubborn], meanwhile=lambda: rounds.append(1))

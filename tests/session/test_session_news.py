@@ -14,8 +14,9 @@ import pytest
 from foretouch.link import ZenohLink, free_endpoint
 from foretouch.messages import LEAVES, Hello, Status
 from foretouch.session import Process, SessionSettings, StopFlag, make_session_robot
-from foretouch.session.processes import children, processes
-from foretouch.session.processes.children import Child
+from foretouch.session.processes import processes
+from foretouch.session.runners import children
+from foretouch.session.runners.children import Child
 from foretouch.session.runners.housekeeping import NOT_RECORDED, WELCOME, Housekeeper
 from foretouch.session.runners.news import ANEW, QUIET, Repeats, follower_news, leader_news
 from foretouch.session.steps import follower

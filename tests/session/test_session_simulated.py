@@ -201,7 +201,7 @@ print(len(made), made)
     "options",
     [
         {"grip": "normal"},
-        {"scene": "phantom", "fusion": "contact"},
+        pytest.param({"scene": "phantom", "fusion": "contact"}, marks=pytest.mark.long),
         pytest.param({}, marks=pytest.mark.long),
         pytest.param({"model": "continuous-switching"}, marks=pytest.mark.long),
     ],

@@ -43,6 +43,7 @@ def stranger() -> Iterator[tuple[ZenohLink, Any]]:
         yield link, session
 
 
+@pytest.mark.long  # a console's bound is tested in test_console_watched
 @pytest.mark.parametrize("kind", ["other roles", "other names", "more than it may have"])
 def test_memory_does_not_grow_with_hellos(stranger: tuple[ZenohLink, Any], kind: str) -> None:
     (link, session), count = stranger, 200

@@ -39,6 +39,7 @@ def test_the_adjoint_carries_a_twist_from_right_to_left(first: np.ndarray, secon
     assert right.rotation == pytest.approx(left.rotation, abs=1e-8)
 
 
+@pytest.mark.long  # test_vision_images draws one
 def test_covariances_are_those_of_many_draws() -> None:
     random = np.random.default_rng(3)
     a, b = Pose.exp([0.2, 0.1, -0.3, 0.5, -0.4, 1.0]), Pose.exp([-0.1, 0.3, 0.2, 1.2, 0.3, -0.2])

@@ -26,8 +26,7 @@ from foretouch.errors import RecordingError
 BAND, SHORT_BAND = 1.6, 2.5
 """Largest ratio to the baseline, full and short form; the short form has few rounds."""
 
-STALE = 0.8
-"""A ratio below this fraction of its baseline is so by more than noise: a later slowdown would go unnoticed."""
+STALE = 0.8  # A ratio below this fraction of its baseline is so by more than noise: a later slowdown would go unnoticed
 
 ROUNDS, SHORT_ROUNDS, TURNS, ATTEMPTS = 40, 4, 6, 3
 """Rounds, full and short form; runs in a round of all but the session; and attempts at a ratio that fails."""

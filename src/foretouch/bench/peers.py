@@ -62,14 +62,12 @@ PERIOD, SPEED, SHALLOWEST, DEEPEST = 1e-3, 0.02, 2e-3, 10e-3
 STIFFNESS, DAMPING, EXPONENT = 2000.0, 100.0, 1.4
 """Parameters of the Hunt-Crossley law that is pressed: k [N/m^n], lambda [N s/m^(n+1)], n."""
 
-INITIAL_COVARIANCE = 1e6
-"""P_0 = this times I, the paper's, for ours and for the peers."""
+INITIAL_COVARIANCE = 1e6  # P_0 = this times I, the paper's, for ours and for the peers
 
 OPTIONS = FPRLSOptions(initial_covariance=INITIAL_COVARIANCE, perturbation=0.0)
 """Options without the self-perturbing test, which no peer has."""
 
-FORGETTING_FACTOR = forgetting_by_distance(OPTIONS.forgetting_rate, SPEED * PERIOD)
-"""The paper's mu at this speed."""
+FORGETTING_FACTOR = forgetting_by_distance(OPTIONS.forgetting_rate, SPEED * PERIOD)  # The paper's mu at this speed
 
 
 class Press(NamedTuple):
@@ -201,8 +199,7 @@ def recursion_over_many(regressors: Array, targets: Array, forgetting_factor: Ar
 Peer = Callable[[], Array]
 """Runs the whole problem from the beginning and returns the last theta, shape (4,)."""
 
-RIVER_WITHOUT_FORGETTING = "river, mu = 1"
-"""River as it is fastest."""
+RIVER_WITHOUT_FORGETTING = "river, mu = 1"  # River as it is fastest
 
 
 def _padasip(problem: Problem) -> Peer:

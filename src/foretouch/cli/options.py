@@ -225,8 +225,7 @@ def _option(name: str, panel: str, default: object) -> inspect.Parameter:
     return _parameter(name, default, kind, typer.Option(help=SETTINGS[name].sentence, rich_help_panel=panel))
 
 
-ENDED = "the session was ended"
-"""Why a process that only listens has ended without being asked to."""
+ENDED = "the session was ended"  # Why a process that only listens has ended without being asked to
 
 ANY_USER = "every user of this machine may command there"
 

@@ -14,8 +14,7 @@ from foretouch.cli.options import say
 Given = ParamSpec("Given")
 Made = TypeVar("Made")
 
-SHOWN_AFTER = 1.0
-"""What takes less than this [s] shows no bar."""
+SHOWN_AFTER = 1.0  # What takes less than this [s] shows no bar
 
 
 class Bar:

@@ -35,12 +35,9 @@ Array = NDArray[np.float64]
 
 SAMPLE_PERIOD: Final = 1e-3
 """Time between two samples of a simulated recording [s]."""
-FORCE_NOISE: Final = 0.02
-"""Standard deviation of the force sensor [N], white."""
-ENCODER_STEP: Final = 5e-6
-"""Resolution of the positions [m]."""
-FREE_AIR: Final = 1.0
-"""Time in free air before the first touch [s]."""
+FORCE_NOISE: Final = 0.02  # Standard deviation of the force sensor [N], white
+ENCODER_STEP: Final = 5e-6  # Resolution of the positions [m]
+FREE_AIR: Final = 1.0  # Time in free air before the first touch [s]
 GRADUAL_DURATION: Final = 25.0
 """Length of the gradual change, as in Fig. 8 of the paper [s]."""
 CHANGES: Final = (7.0, 15.0)
@@ -48,8 +45,7 @@ CHANGES: Final = (7.0, 15.0)
 
 KELVIN_VOIGT: Final = KelvinVoigt(6000.0, 500.0)
 HUNT_CROSSLEY: Final = HuntCrossley(3000.0, 1500.0, 1.4)
-BETWEEN: Final = ContinuousSwitching(4500.0, 1000.0, 0.7, 0.5)
-"""Parameters of the paper's simulations, depth in metres."""
+BETWEEN: Final = ContinuousSwitching(4500.0, 1000.0, 0.7, 0.5)  # Parameters of the paper's simulations, depth in metres
 
 
 @dataclass(frozen=True)

@@ -27,8 +27,7 @@ if TYPE_CHECKING:
 
 Progress = Callable[[int, int, Result], None]
 
-FEW = 8
-"""Number of results shown in the representation of all."""
+FEW = 8  # Number of results shown in the representation of all
 
 
 _IN_A_ROW = ("recording", "model", "estimator", "status", "reason", "samples", "contact_samples", "residual_percent")

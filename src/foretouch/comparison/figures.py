@@ -105,8 +105,7 @@ def _short(value: float | None) -> str:
 Pair = tuple[str, str]
 Key = TypeVar("Key")
 
-JND: Final = (7.0, 10.0)
-"""Just noticeable difference of two forces felt by a hand [%]."""
+JND: Final = (7.0, 10.0)  # Just noticeable difference of two forces felt by a hand [%]
 
 COLUMNS: Final = 3
 PROMINENT: Final[dict[Pair, tuple[str, str]]] = {
@@ -125,10 +124,8 @@ LAW_COLOURS: Final = {
 """Colours of the laws, for thin curves and floors."""
 OTHER_COLOUR: Final = COLOURS[3]
 JND_COLOUR: Final = "#f0e9c8"
-LOWEST: Final = 0.2
-"""Smallest error on the panels [%]."""
-LABEL_HEIGHT: Final = 0.075
-"""Height of a curve's name as a fraction of the panel's height."""
+LOWEST: Final = 0.2  # Smallest error on the panels [%]
+LABEL_HEIGHT: Final = 0.075  # Height of a curve's name as a fraction of the panel's height
 
 
 class Curve(NamedTuple):

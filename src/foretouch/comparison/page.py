@@ -15,8 +15,7 @@ from foretouch.comparison.result import Result, convergence_text, delays_of, not
 from foretouch.errors import plural
 from foretouch.report import embedded, table, write_html
 
-MOST_MATRICES = 3
-"""Largest number of delays that all have matrices; with more, only the one nearest to 0.3 s has them."""
+MOST_MATRICES = 3  # Largest number of delays that all have matrices; with more, only the one nearest to 0.3 s has them
 
 
 def write_comparison_page(

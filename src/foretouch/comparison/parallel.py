@@ -21,14 +21,9 @@ Outcome = TypeVar("Outcome")
 PATIENCE = 5.0
 """Time within which a scheduler answers, or there is none [s]; connecting, with all its questions, takes twice that."""
 
-ABSENCE = 60.0
-"""Time without any worker after which waiting for one ends [s]."""
-
-NOTICE = 1.0
-"""Period at which the scheduler is asked for its workers while no outcome comes [s]."""
-
-POLL = 0.02
-"""Time between two polls for outcomes [s]."""
+ABSENCE = 60.0  # Time without any worker after which waiting for one ends [s]
+NOTICE = 1.0  # Period at which the scheduler is asked for its workers while no outcome comes [s]
+POLL = 0.02  # Time between two polls for outcomes [s]
 
 
 def run_on_cluster(

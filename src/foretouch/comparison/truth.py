@@ -18,20 +18,11 @@ from foretouch.report import delayed_force
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-LEARNING_TIME: Final = 0.1
-"""Time granted for learning a changed law, beyond the delay [s]."""
-
-CONVERGED_SPAN: Final = 0.5
-"""Time over which a converged estimate predicts the force [s]."""
-
-CONVERGED_ERROR: Final = 0.10
-"""Largest error of this prediction, as a ratio to the true force."""
-
-CONVERGED_STEP: Final = 0.02
-"""Time between the moments at which convergence is tested [s]."""
-
-CONVERGED_SAMPLES: Final = 100
-"""Number of samples of the span that are examined."""
+LEARNING_TIME: Final = 0.1  # Time granted for learning a changed law, beyond the delay [s]
+CONVERGED_SPAN: Final = 0.5  # Time over which a converged estimate predicts the force [s]
+CONVERGED_ERROR: Final = 0.10  # Largest error of this prediction, as a ratio to the true force
+CONVERGED_STEP: Final = 0.02  # Time between the moments at which convergence is tested [s]
+CONVERGED_SAMPLES: Final = 100  # Number of samples of the span that are examined
 
 HOLDS: Final[dict[str, tuple[str, ...]]] = {
     "kelvin-voigt": ("kelvin-voigt", "threshold-switching", "continuous-switching"),

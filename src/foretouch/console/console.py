@@ -40,12 +40,9 @@ from foretouch.messages import Choice, EmergencyStop, Message, Settings, Status,
 
 ROUND_PERIOD, PLOT_PERIOD, TEXT_PERIOD, LIST_PERIOD = 1 / 30, 1 / 12, 1 / 6, 2.0
 """Periods at which a due picture is looked for, and forces, numbers and the list of recordings are sent at most [s]."""
-LOOK_PERIOD = 0.5
-"""Period at which the lateness of the loops is read [s]."""
-LAST_WORD = 0.3
-"""Time that the pages have to learn that the session has ended [s]."""
-UNSEEN_PERIOD = 0.5
-"""Period without a browser [s]: the first that comes sees no older state."""
+LOOK_PERIOD = 0.5  # Period at which the lateness of the loops is read [s]
+LAST_WORD = 0.3  # Time that the pages have to learn that the session has ended [s]
+UNSEEN_PERIOD = 0.5  # Period without a browser [s]: the first that comes sees no older state
 ANSWERS = (Status.STOPPED, Status.SHADOW)
 """Statuses that answer a request for an emergency stop: the robot has stopped, or cannot be stopped from here."""
 INTRODUCTION = {"position_delay", "force_delay", "operator"}

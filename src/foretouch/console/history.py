@@ -27,8 +27,7 @@ Array = NDArray[np.float64]
 NAN = math.nan
 CONTACT_FLOOR = 0.05
 """True force [N] above which a sample counts for the errors shown."""
-LARGEST_GAP = 50
-"""Commands in a row without a true force that a line may bridge."""
+LARGEST_GAP = 50  # Commands in a row without a true force that a line may bridge
 KNOWN = ("delayed_force", "standard_deviation", "rendered_force", "energy", "energy_bound", "late_energy")
 """Columns of a leader's tick that stay as they are."""
 LEADER = ("sequence", "time_ns", "position", "predicted_force", "telemetry_sequence", "epoch", *KNOWN)
@@ -131,8 +130,7 @@ COUNTERS = {"follower": ("commands_lost", CHANNELS["command"].rate), "leader": (
 """By the side that counts: the counter, and the messages a second of which it counts the lost ones."""
 LATE_NS, LOOKS = 1_500_000, 6
 """A tick is late if it begins more than this after the one before [ns]; percentages are over this many looks."""
-LATE = 5.0
-"""Fraction of late ticks from which a machine is reported as late [%]; a quiet one has about 1 %."""
+LATE = 5.0  # Fraction of late ticks from which a machine is reported as late [%]; a quiet one has about 1 %
 GIVE_WAY, TAKE_BACK = 0.6, 1.15
 """Factors on the picture rate at a look while the loops are late, and while they are not."""
 SLOWEST, FASTEST = 4.0, 30.0

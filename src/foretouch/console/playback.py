@@ -19,8 +19,7 @@ from foretouch.console.watched import Watched
 from foretouch.errors import ForetouchError, RecordingError, one_line
 from foretouch.messages import VERSION, LeaderState, SessionLog, Telemetry, settings_at
 
-TOLERANCE = 1e-6
-"""A tick counts as being at a moment that is at most this much before it [s]."""
+TOLERANCE = 1e-6  # A tick counts as being at a moment that is at most this much before it [s]
 
 
 class Playback(Watched):
@@ -121,8 +120,7 @@ class Playback(Watched):
 
 
 PATTERN = "*.mcap"
-MOST = 50
-"""Largest number of recordings that are listed, the newest first."""
+MOST = 50  # Largest number of recordings that are listed, the newest first
 NOT_YET = "It is being recorded just now: it shows what there was when it was chosen. Choose it again for more."
 """Note on the file that a recorder is writing."""
 

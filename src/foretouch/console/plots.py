@@ -12,8 +12,7 @@ import numpy as np
 from foretouch.console.history import NAN, Array
 from foretouch.quantities.colours import Colour, css, faint
 
-SECONDS = 6.0
-"""Length of all plots [s]."""
+SECONDS = 6.0  # Length of all plots [s]
 
 WIDTHS, WIDTHS_OF_TWO = ("47%", "28%", "25%"), ("66%", "34%", "0")
 """Widths of a table's columns, with heads and without: it keeps them whatever the numbers are."""

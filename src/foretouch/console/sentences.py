@@ -18,8 +18,7 @@ HAS_ENDED = (
     "This page can be closed."
 )
 """Text of the page when the session has ended."""
-NOTHING_LIVE = "Nothing live is connected: this console shows recordings alone."
-"""Instead of what the session does."""
+NOTHING_LIVE = "Nothing live is connected: this console shows recordings alone."  # Instead of what the session does
 WAITING_INSTRUCTION = "Wait: no session has been heard yet."
 SILENT_INSTRUCTION = "The session is silent: nothing can be pressed."
 COMPILING_INSTRUCTION = "Wait: the session is being compiled."
@@ -32,16 +31,10 @@ GONE_SILENT = (
     "foretouch teleop."
 )
 
-RECORDER_SILENT = 3.0
-"""A recorder speaks twice a second; it is silent when nothing has come for this time [s]."""
-
-FAULT = "the follower has a fault"
-"""Part of the robot side's text after an exception there, whatever the robot does."""
-NOBODY_YET = "No robot has been heard yet: nothing that is pressed here reaches one."
-"""Until anybody speaks."""
-
-RELEASE = "foretouch release"
-"""Part of the robot side's text while it waits to be released."""
+RECORDER_SILENT = 3.0  # A recorder speaks twice a second; it is silent when nothing has come for this time [s]
+FAULT = "the follower has a fault"  # Part of the robot side's text after an exception there, whatever the robot does
+NOBODY_YET = "No robot has been heard yet: nothing that is pressed here reaches one."  # Until anybody speaks
+RELEASE = "foretouch release"  # Part of the robot side's text while it waits to be released
 
 CALM = (Status.FOLLOWING, Status.GUARDED, Status.RETURNING, Status.SHADOW)
 """Statuses in which the robot does what it should, and which raise no alarm."""

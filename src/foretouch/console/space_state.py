@@ -23,8 +23,7 @@ from foretouch.messages import (
 )
 
 TICKS_PER_SECOND = 1000
-LENGTH = 16_384
-"""Ticks of the follower that are kept: as long as a delay may be."""
+LENGTH = 16_384  # Ticks of the follower that are kept: as long as a delay may be
 MOST_IMAGES, MOST_FIELDS = 360, 128
 """At 30 and at 10 a second: 12 s."""
 TRACE_PERIOD_NS, TRACE_STRIDE, TRACE_LENGTH = 50_000_000, 50, 400

@@ -25,10 +25,8 @@ DEEPEST, SMALLEST_SCALE = 1.2, 1e-3
 SUPERVISOR_SILENT = 3.0
 """The supervisor, which can start the sides again with another choice, speaks twice a second; it is gone when nothing
 has come for this time [s]."""
-MODEL_SHARE = 0.5
-"""Fraction of the press depth at which models are compared."""
-MOST_SPEAKERS = 16
-"""Largest number of leaders and roles that are distinguished."""
+MODEL_SHARE = 0.5  # Fraction of the press depth at which models are compared
+MOST_SPEAKERS = 16  # Largest number of leaders and roles that are distinguished
 
 
 class Watched:

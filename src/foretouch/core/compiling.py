@@ -98,8 +98,6 @@ class Kernel(Generic[Arguments, Result]):
         *records: More records to name.
     """
 
-    __slots__ = ("__name__", "_entry", "function", "records", "types")
-
     def __init__(self, function: Callable[Arguments, Result], types: str, *records: type[Record]) -> None:
         self.__name__, self.function, self.types, self.records = function.__name__, function, types, records
         self._entry: Callable[Arguments, Result] | None = None

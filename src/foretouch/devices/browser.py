@@ -8,16 +8,12 @@ from typing import ClassVar, Literal
 from foretouch.devices.device import PEAK_SPEED_RATIO, Device, Tracker, limit_force, minimum_jerk
 from foretouch.errors.checks import require
 
-TRACKING_RATE = 100.0
-"""Rate [1/s] of the critically damped tracker: it lags by 2 / rate = 20 ms."""
+TRACKING_RATE = 100.0  # Rate [1/s] of the critically damped tracker: it lags by 2 / rate = 20 ms
 RAMP_SHARE, LONGEST_RAMP = 0.8, 0.05
 """Fraction of the usual time between positions in which each new one is approached, and its largest value [s]."""
-LARGEST_SPEED = 0.25
-"""Bound on the speed of the aim [m/s]."""
-SILENCE = 1.0
-"""Silence after which a held handle or clutch counts as released [s]: its browser may be gone."""
-HOLD_TIME = 3.0
-"""Time for which the hand stays where it was released [s]."""
+LARGEST_SPEED = 0.25  # Bound on the speed of the aim [m/s]
+SILENCE = 1.0  # Silence after which a held handle or clutch counts as released [s]: its browser may be gone
+HOLD_TIME = 3.0  # Time for which the hand stays where it was released [s]
 EASE_TIME, EASE_SPEED = 1.5, 0.1
 """Shortest way back into the script [s], and the peak speed [m/s] above which it takes longer."""
 

@@ -13,8 +13,7 @@ from typing import ClassVar, NamedTuple
 
 from foretouch.errors.checks import require
 
-COUNT_FORCE = 0.1
-"""Largest change of force by one count of the encoder on a device without friction [N]."""
+COUNT_FORCE = 0.1  # Largest change of force by one count of the encoder on a device without friction [N]
 
 LEAST_DAMPING = 0.1
 """Damping assumed for a device that a person feels where none is stated [N s/m]. No measurement of a product: a
@@ -112,8 +111,7 @@ class DeviceSpecification:
         return max(2.0 * self.friction, COUNT_FORCE) / self.resolution if self.resolution > 0.0 else math.inf
 
 
-PEAK_SPEED_RATIO = 1.875
-"""Peak speed of a minimum-jerk move over its mean speed."""
+PEAK_SPEED_RATIO = 1.875  # Peak speed of a minimum-jerk move over its mean speed
 
 
 def minimum_jerk(fraction: float) -> float:
@@ -206,8 +204,7 @@ class Tracker:
         return self.position
 
 
-FORCE_LIMIT = 10.0
-"""Largest force [N] that a device without a limit of its own accepts."""
+FORCE_LIMIT = 10.0  # Largest force [N] that a device without a limit of its own accepts
 
 
 class Device(ABC):

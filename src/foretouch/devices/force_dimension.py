@@ -23,11 +23,8 @@ SUCCESS = (0, 1, 2)
 """What the SDK's functions return where they did it: 0; 1, asked again too soon (DHD_TIMEGUARD); 2, a motor at its end
 (DHD_MOTOR_SATURATED)."""
 
-FAILURES = 10
-"""Failed reads in a row after which the device counts as dead: no force until it is opened anew."""
-
-PATIENCE = 0.05
-"""Time without a `render` after which a thread of its own sets the force to zero [s]."""
+FAILURES = 10  # Failed reads in a row after which the device counts as dead: no force until it is opened anew
+PATIENCE = 0.05  # Time without a `render` after which a thread of its own sets the force to zero [s]
 
 WATCHDOG_TICKS = 160
 """Time after which a device with a watchdog sets the force to zero itself: 20 ms, in counts of 125 us."""

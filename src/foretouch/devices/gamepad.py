@@ -35,10 +35,8 @@ UNKNOWN_REACH = Reach(math.nan, math.nan)
 """Reach of a robot that does not report what it presses: the surface is found by touching."""
 
 
-FULL = 32767.0
-"""A controller's axis at its end."""
-RUMBLE_MS = 1000
-"""Time after which a rumble ends by itself [ms]: a process that is gone leaves no pad shaking."""
+FULL = 32767.0  # A controller's axis at its end
+RUMBLE_MS = 1000  # Time after which a rumble ends by itself [ms]: a process that is gone leaves no pad shaking
 
 
 class PygamePad:
@@ -109,20 +107,14 @@ class PygamePad:
         self._pygame.display.quit()
 
 
-STICK_SPEED = 0.06
-"""Speed of the handle at full deflection [m/s]."""
-DEAD_ZONE = 0.15
-"""Deflections below this are a stick at rest."""
-TRACKING_RATE = 60.0
-"""Rate [1/s] of the critically damped tracker: the handle lags by 2 / rate = 33 ms."""
-LARGEST_SPEED = 0.2
-"""Bound on the speed of what the tracker follows [m/s]: a trigger is pulled within milliseconds."""
+STICK_SPEED = 0.06  # Speed of the handle at full deflection [m/s]
+DEAD_ZONE = 0.15  # Deflections below this are a stick at rest
+TRACKING_RATE = 60.0  # Rate [1/s] of the critically damped tracker: the handle lags by 2 / rate = 33 ms
+LARGEST_SPEED = 0.2  # Bound on the speed of what the tracker follows [m/s]: a trigger is pulled within milliseconds
 FARTHEST, TRIGGER_REACH = 0.2, 0.02
 """Largest depth of the handle, and depth that the trigger presses, where the surface is not known [m]."""
-PRESSES = 1.2
-"""Largest depth of the handle, where the reach is known, over the press depth [-]."""
-LONGEST_STEP = 0.05
-"""Upper limit to which a gap between two reads is cut [s]."""
+PRESSES = 1.2  # Largest depth of the handle, where the reach is known, over the press depth [-]
+LONGEST_STEP = 0.05  # Upper limit to which a gap between two reads is cut [s]
 FULL_RUMBLE, RUMBLE_PERIOD_NS, RUMBLE_STEP = 10.0, 50_000_000, 0.02
 """Force of the strongest rumble [N]; shortest time between commands to the pad [ns]; least change of strength [-]."""
 

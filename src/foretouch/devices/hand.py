@@ -141,8 +141,7 @@ class HeldForce(Generic[F]):
             time_ns = until_ns
 
 
-LONGEST_GAP = 1.0
-"""Upper limit to which a gap between two ticks is cut [s]: what lasts longer is no late tick."""
+LONGEST_GAP = 1.0  # Upper limit to which a gap between two ticks is cut [s]: what lasts longer is no late tick
 
 
 class Hand(Device):

@@ -14,18 +14,14 @@ from foretouch.errors.checks import require
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
 
-KNOT_PERIOD = 0.01
-"""Spacing of the interpolated points [s]."""
-SMOOTHING = 0.008
-"""Width of the Gaussian [s] (its cut-off is 17 Hz): encoder steps go, what a hand can do stays."""
+KNOT_PERIOD = 0.01  # Spacing of the interpolated points [s]
+SMOOTHING = 0.008  # Width of the Gaussian [s] (its cut-off is 17 Hz): encoder steps go, what a hand can do stays
 JOIN_TIME, JOIN_SPEED = 0.3, 0.05
 """Shortest join [s], and the mean speed [m/s] that a longer one keeps in the recording's own scale."""
-CLEARANCE = 0.003
-"""Height of the highest point of the motion above the surface [m]."""
+CLEARANCE = 0.003  # Height of the highest point of the motion above the surface [m]
 APPROACH_TIME, APPROACH_SPEED = 1.0, 0.05
 """Shortest first approach [s] and its peak speed [m/s]."""
-START_TIME = 0.5
-"""Time in which the recording's clock gathers speed, so that the hand starts from rest [s]."""
+START_TIME = 0.5  # Time in which the recording's clock gathers speed, so that the hand starts from rest [s]
 
 
 class RecordedOperator(Operator):

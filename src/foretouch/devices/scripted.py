@@ -28,20 +28,15 @@ class RestingOperator(Device):
         return limit_force(force)
 
 
-APPROACH_SPEED = 0.05
-"""Peak speed [m/s] of the first approach through free air."""
+APPROACH_SPEED = 0.05  # Peak speed [m/s] of the first approach through free air
 APPROACH_TIME, FREE_AIR_TIME = 0.6, 1.0
 """Shortest approach [s], and when the first press begins [s] (later only where the surface is far away)."""
 FIRST_SPEED, SLOWEST, FASTEST = 0.045, 0.015, 0.055
 """Peak speeds of presses [m/s]: of the first, and the bounds of all others."""
-SHORTEST_MOVE = 0.25
-"""Shortest time of a press [s]: a small one would otherwise be a jerk."""
-CLEARANCE = (0.002, 0.004)
-"""Height at which the hand rests above the surface between presses [m]."""
-LARGEST_DRIFT = 2e-4
-"""Bound on the slow wander [m]."""
-DRIFT_RATES = (0.62, 1.74)
-"""Rates of the wander's two sines [rad/s]."""
+SHORTEST_MOVE = 0.25  # Shortest time of a press [s]: a small one would otherwise be a jerk
+CLEARANCE = (0.002, 0.004)  # Height at which the hand rests above the surface between presses [m]
+LARGEST_DRIFT = 2e-4  # Bound on the slow wander [m]
+DRIFT_RATES = (0.62, 1.74)  # Rates of the wander's two sines [rad/s]
 
 
 class ScriptedOperator(Operator):

@@ -20,14 +20,9 @@ from foretouch.quantities.pose import RigidMotion, Vector
 Keyframe = tuple[float, Vector]
 """A time [s] and a place in the fixture's frame [m]."""
 
-SEEING_TIME = 0.15
-"""Time constant with which an operator follows what the scene shows [s]."""
-
-TABLE_PERIOD = 2e-3
-"""Time between computed points of the path [s]; between them it is straight."""
-
-HALF_REACH = 0.25
-"""Largest distance of a handle in the browser from the world's origin, along any axis [m]."""
+SEEING_TIME = 0.15  # Time constant with which an operator follows what the scene shows [s]
+TABLE_PERIOD = 2e-3  # Time between computed points of the path [s]; between them it is straight
+HALF_REACH = 0.25  # Largest distance of a handle in the browser from the world's origin, along any axis [m]
 
 NOWHERE: Vector = (math.nan, math.nan, math.nan)
 

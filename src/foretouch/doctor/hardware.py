@@ -18,11 +18,8 @@ from pathlib import Path
 from foretouch.doctor.finding import Finding, Verdict
 from foretouch.files.children import last_line
 
-FEWEST_CORES = 2
-"""A session has two loops at 1 kHz, and each wants a processor when its tick is due."""
-
-BUSIEST = 0.7
-"""Load for each core from which on loops have to wait for their turn."""
+FEWEST_CORES = 2  # A session has two loops at 1 kHz, and each wants a processor when its tick is due
+BUSIEST = 0.7  # Load for each core from which on loops have to wait for their turn
 
 CPUS, CGROUP = Path("/sys/devices/system/cpu"), Path("/sys/fs/cgroup")
 
@@ -121,11 +118,8 @@ def check_real_time(slice_s: float | None, limits: Iterable[int] | None = None) 
 
 WIDTH, HEIGHT = 320, 240
 
-PATIENCE = 60.0
-"""Time after which a silent driver counts as failed [s]."""
-
-LEAST_CONTRAST = 30.0
-"""Standard deviation of a drawn image over its pixels, of 255; an empty one has 0."""
+PATIENCE = 60.0  # Time after which a silent driver counts as failed [s]
+LEAST_CONTRAST = 30.0  # Standard deviation of a drawn image over its pixels, of 255; an empty one has 0
 
 
 def check_graphics() -> Finding:

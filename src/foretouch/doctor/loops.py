@@ -46,8 +46,7 @@ LoopReport = dict[str, float]
 
 KINDS = ("session", "bare")
 
-READY_PATIENCE = 180.0
-"""Longest time that compiling a session's code takes [s], the first time."""
+READY_PATIENCE = 180.0  # Longest time that compiling a session's code takes [s], the first time
 
 LATE, VERY_LATE, HOLD = 5e-4, 5e-3, 5e-2
 """Half a period [s]; what a hand can feel as unsteady; and what makes a follower hold (`hold_after`)."""

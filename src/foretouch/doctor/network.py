@@ -21,31 +21,20 @@ from foretouch.errors import ForetouchError, PeerVersionError, install_command
 from foretouch.link import Faults, FaultStage, ZenohLink
 from foretouch.messages import SIDES, Hello, Message, Telemetry
 
-DOCTOR_CHANNELS = ("hello", "telemetry")
-"""Channels that a doctor's link receives."""
+DOCTOR_CHANNELS = ("hello", "telemetry")  # Channels that a doctor's link receives
 
 ROLE = "doctor"
 
-PEERS = (*SIDES, ROLE)
-"""Roles of a peer: the sides of a session, or another doctor."""
-
-MOST_ANSWERS = 100_000
-"""Largest number of messages noted; more were not asked for."""
+PEERS = (*SIDES, ROLE)  # Roles of a peer: the sides of a session, or another doctor
+MOST_ANSWERS = 100_000  # Largest number of messages noted; more were not asked for
 
 ASKS, ANSWERS, PRESENT = "asks", "answers", "present"
 """Names of the texts of its `Hello`: a question with its number, the same in an answer, and that it is there."""
 
-RATE = 100.0
-"""Questions a second [1/s]."""
-
-PRESENCE_PERIOD = 0.25
-"""Period at which a doctor announces itself [s]."""
-
-SETTLING = 0.7
-"""Time to wait for others after the first hello [s]: the sides of a session send it twice a second."""
-
-LAST_PATIENCE = 2.0
-"""Longest wait for answers to the last questions [s]."""
+RATE = 100.0  # Questions a second [1/s]
+PRESENCE_PERIOD = 0.25  # Period at which a doctor announces itself [s]
+SETTLING = 0.7  # Time to wait for others after the first hello [s]: the sides of a session send it twice a second
+LAST_PATIENCE = 2.0  # Longest wait for answers to the last questions [s]
 
 
 @dataclass(frozen=True, slots=True)
@@ -238,8 +227,7 @@ def _text(message: Message, name: str) -> str:
     return message.texts.get(name, "")
 
 
-UNSTEADY = 0.05
-"""Gap in commands that makes a follower hold [s]."""
+UNSTEADY = 0.05  # Gap in commands that makes a follower hold [s]
 
 FAR = 2.0
 """Round trip from which a peer counts as far [s]: after a sudden change the rendered force is wrong for this time."""

@@ -21,11 +21,8 @@ from typing import Any
 from foretouch.doctor.finding import Finding, Verdict
 from foretouch.errors import ForetouchError, LinkError, MissingExtraError, install_command
 
-NEEDED = ("sim", "link")
-"""Extras without which no session runs; others are for what their names say."""
-
-FOR_DEVELOPERS = ("dev", "docs", "all")
-"""Extras that are no part of what the package can do."""
+NEEDED = ("sim", "link")  # Extras without which no session runs; others are for what their names say
+FOR_DEVELOPERS = ("dev", "docs", "all")  # Extras that are no part of what the package can do
 
 _REQUIREMENT = re.compile(r"(?P<name>[A-Za-z0-9._-]+)(?:\[[^]]*\])?\s*(?P<rule>[^;]*)(?:;(?P<marker>.*))?")
 _EXTRA = re.compile(r"""extra\s*==\s*['"](?P<extra>[^'"]+)['"]""")
@@ -135,8 +132,7 @@ def _problems(needed: Mapping[str, str]) -> dict[str, str]:
     return problems
 
 
-PORTS = {8080: "the console", 7447: "a link"}
-"""Ports that commands take by default, and their use."""
+PORTS = {8080: "the console", 7447: "a link"}  # Ports that commands take by default, and their use
 
 LITTLE, TOO_LITTLE = 2e9, 2e8
 """Free space [bytes]: a session writes 25 MB a minute, so they are enough for 80 and for 8 minutes."""

@@ -8,8 +8,7 @@ from numbers import Real
 
 from foretouch.errors import ArgumentTypeError, SettingError
 
-NUMBER = (float, int, Real)
-"""Every number, NumPy's among them; what is most likely is asked first."""
+NUMBER = (float, int, Real)  # Every number, NumPy's among them; what is most likely is asked first
 
 
 def require(

@@ -8,8 +8,7 @@ from __future__ import annotations
 import json
 from urllib.parse import unquote, urlparse
 
-LONGEST_LINE = 300
-"""Characters of a text of others on a line of ours: it says what is wrong, and leaves room for where."""
+LONGEST_LINE = 300  # Characters of a text of others on a line of ours: it says what is wrong, and leaves room for where
 
 
 def printable(text: str, *, lines: bool = False) -> str:

@@ -20,14 +20,12 @@ ONE_THREAD = dict.fromkeys(
 )
 """No pool of threads takes a core that another contestant has."""
 
-GRACE = 5.0
-"""Time after which a process that was asked to end is killed [s]."""
+GRACE = 5.0  # Time after which a process that was asked to end is killed [s]
 
 ENDINGS = (signal.SIGTERM, signal.SIGHUP)
 """Signals that end a process, besides SIGINT: its children, in sessions of their own, do not receive them."""
 
-SHOWN = 4
-"""Number of arguments shown of a process that failed."""
+SHOWN = 4  # Number of arguments shown of a process that failed
 
 
 class Ended(NamedTuple):

@@ -14,8 +14,7 @@ from foretouch.identification.conditioning.conditioner import ContactSample, Con
 from foretouch.models import NO_STATE, ContactModel, ContactState
 from foretouch.quantities import brief_number, brief_text
 
-FEWEST_UPDATES = 20
-"""No force is rendered from fewer samples; the paper's simulations settle at the 20th."""
+FEWEST_UPDATES = 20  # No force is rendered from fewer samples; the paper's simulations settle at the 20th
 
 
 class Status(Enum):

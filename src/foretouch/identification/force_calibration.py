@@ -16,21 +16,15 @@ from foretouch.quantities import ByValue, Recording, numbers_of
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-OFFSET_WINDOW = 0.05
-"""Length of the window whose lowest mean is the zero of the measured force [s]."""
-
-THRESHOLD_SHARE = 0.05
-"""Contact threshold as a fraction of the 98th percentile of the measured force."""
-
-TOUCH = 0.01
-"""Time over which the mean force must be above the threshold [s]; otherwise it is noise, and no contact."""
+OFFSET_WINDOW = 0.05  # Length of the window whose lowest mean is the zero of the measured force [s]
+THRESHOLD_SHARE = 0.05  # Contact threshold as a fraction of the 98th percentile of the measured force
+TOUCH = 0.01  # Time over which the mean force must be above the threshold [s]; otherwise it is noise, and no contact
 
 REST_SLOPE = 0.25
 """Ratio of the force slope below the contact threshold to the slope above it, from which on a recording counts as never
 out of contact. Measured files: foam and skin at most 0.1, preloaded springs at least 0.8."""
 
-FEWEST_SAMPLES = 10
-"""Least number of samples in an offset window, unless most windows of the file hold fewer."""
+FEWEST_SAMPLES = 10  # Least number of samples in an offset window, unless most windows of the file hold fewer
 
 BLOCK, OVERLAP = 1 << 18, 1 << 15
 """Number of samples whose means are taken at once, and how many of them overlap the previous block: more than a window
@@ -129,11 +123,8 @@ def median_period(clock: Array) -> float:
     return float(np.median(np.diff(clock))) if clock.size > 1 else 0.0
 
 
-FEWEST_POSES = 6
-"""Least number of orientations, which differ by more than `SAME_POSE`."""
-
-SAME_POSE = 0.1
-"""Largest angle between gravity directions of the same pose [rad]."""
+FEWEST_POSES = 6  # Least number of orientations, which differ by more than `SAME_POSE`
+SAME_POSE = 0.1  # Largest angle between gravity directions of the same pose [rad]
 
 LEAST_SPREAD = 0.2
 """Least standard deviation of the gravity direction along the second of its principal axes [-]: a rotation about one

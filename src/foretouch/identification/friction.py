@@ -7,42 +7,29 @@ from collections.abc import Sequence
 
 from foretouch.identification.estimator import Status
 
-SLOWEST = 2e-3
-"""Least speed of sliding [m/s]: below it the probe may stick."""
-
-LEAST_NORMAL_FORCE = 0.3
-"""Least normal force [N]: below it the sensor's noise would be learnt."""
-
-LEAST_WAY = 1e-3
-"""Least distance in one direction [m]: before it tool and material still bend instead of sliding."""
-
-SAME_DIRECTION = 0.7
-"""Least cosine to the direction in which the motion began; below it another motion begins."""
-
-SMOOTHING = 0.01
-"""Time constant of the low-pass of velocity and forces [s]."""
+SLOWEST = 2e-3  # Least speed of sliding [m/s]: below it the probe may stick
+LEAST_NORMAL_FORCE = 0.3  # Least normal force [N]: below it the sensor's noise would be learnt
+LEAST_WAY = 1e-3  # Least distance in one direction [m]: before it tool and material still bend instead of sliding
+SAME_DIRECTION = 0.7  # Least cosine to the direction in which the motion began; below it another motion begins
+SMOOTHING = 0.01  # Time constant of the low-pass of velocity and forces [s]
 
 FORCE_NOISE, SHARE_NOISE = 0.05, 0.05
 """Standard deviation of the tangential force: constant [N], and the fraction that no law of friction explains."""
 
-MEMORY = 10.0
-"""Time constant of sliding after which samples are forgotten [s]: surfaces get wet, and dry."""
+MEMORY = 10.0  # Time constant of sliding after which samples are forgotten [s]: surfaces get wet, and dry
 
 PRIOR = (0.3, 0.0)
-PRIOR_DEVIATIONS = (0.5, 2.0)
-"""Standard deviations of mu [-] and c [N s/m] before the first sample."""
+PRIOR_DEVIATIONS = (0.5, 2.0)  # Standard deviations of mu [-] and c [N s/m] before the first sample
 
 FEWEST, SURE = 50, 0.1
 """Least number of samples, and largest standard deviation of mu, for a known coefficient."""
 
-LARGEST_COEFFICIENT = 2.0
-"""Largest coefficient of a surface [-]."""
+LARGEST_COEFFICIENT = 2.0  # Largest coefficient of a surface [-]
 
 LARGEST_FORCE = 1e3
 """Largest force of a sample [N]; others are left out."""
 
-LARGEST_SPEED = 10.0
-"""Largest speed of a sample [m/s]; others are left out."""
+LARGEST_SPEED = 10.0  # Largest speed of a sample [m/s]; others are left out
 
 
 class FrictionEstimator:

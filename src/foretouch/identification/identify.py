@@ -20,8 +20,7 @@ from foretouch.quantities import ByValue, Columns, Recording
 
 Array = NDArray[np.float64]
 
-FEWEST_CONTACT_SAMPLES = 50
-"""Least number of samples in contact: fewer do not determine four parameters."""
+FEWEST_CONTACT_SAMPLES = 50  # Least number of samples in contact: fewer do not determine four parameters
 
 
 @dataclass(frozen=True)

@@ -173,8 +173,7 @@ def learner_of(recording: Recording, learner: Learner | Estimator | None) -> Lea
     return Learner(learner, contact_floor=recording.contact_floor)
 
 
-BLOCK = 1 << 15
-"""Number of samples taken at once: their copies stay small, and an interruption is heeded."""
+BLOCK = 1 << 15  # Number of samples taken at once: their copies stay small, and an interruption is heeded
 
 
 @dataclass(frozen=True, eq=False)

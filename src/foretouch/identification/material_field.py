@@ -25,8 +25,7 @@ REFERENCE_DEPTH, REFERENCE_SPEED = 5e-3, 0.05
 SCALES = np.array([1.0 / REFERENCE_DEPTH, 1.0 / REFERENCE_DEPTH**2, 1.0 / (REFERENCE_DEPTH * REFERENCE_SPEED)])
 """Factors that convert the unknowns to a, b and c."""
 
-FIRST_DEVIATION = 300.0
-"""Standard deviation of each unknown before the first sample [N]."""
+FIRST_DEVIATION = 300.0  # Standard deviation of each unknown before the first sample [N]
 
 FORCE_NOISE, SHARE_NOISE = 0.05, 0.15
 """Standard deviation of a force: constant [N], and the fraction of it that the law misses. Errors of successive samples
@@ -38,30 +37,24 @@ FORGETTING, MEAN_FORGETTING = 2e-3, 5e-5
 SPREAD, FREEDOM = 1.0, 0.2
 """Standard deviation of a node from the mean law, relative to its force: common to its unknowns, and of each alone."""
 
-TOGETHER = 0.9
-"""Correlation of the common deviation of nodes that begin together."""
-
-CHANGED_SPREAD = 4.0
-"""Factor on the standard deviation of a node whose material has changed, relative to a new one."""
+TOGETHER = 0.9  # Correlation of the common deviation of nodes that begin together
+CHANGED_SPREAD = 4.0  # Factor on the standard deviation of a node whose material has changed, relative to a new one
 
 DEPTH_STEP, WAY_STEP = 2e-5, 1e-4
 """Least change of depth [m] or of position [m] from the last sample for a sample to carry new information."""
 
-FEWEST_UPDATES = 20
-"""Fewest samples from which a force is rendered."""
+FEWEST_UPDATES = 20  # Fewest samples from which a force is rendered
 
 MEAN_UPDATES = 300
 """Number of samples after which nodes are made, unless the mean law is more certain than they will be before: its own
 uncertainty would otherwise be taken for differences between positions."""
 
-LEAST_WEIGHT = 1e-3
-"""Least weight for which a node is made."""
+LEAST_WEIGHT = 1e-3  # Least weight for which a node is made
 
 LARGEST_DEPTH, LARGEST_SPEED, LARGEST_FORCE = 0.1, 5.0, 1e4
 """Largest depth [m], speed [m/s] and force [N] of a sample; others are left out."""
 
-LARGEST_UNKNOWN = 1e7
-"""Largest valid estimate of an unknown [N]."""
+LARGEST_UNKNOWN = 1e7  # Largest valid estimate of an unknown [N]
 
 MISFIT_RATE, LARGEST_RATIO = 0.02, 9.0
 """Rate and largest value of the running mean of squared innovations over their expectation, which scales the noise."""

@@ -16,11 +16,8 @@ from foretouch.core.records import Record
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-UNKNOWNS = 3
-"""Number of unknowns of a node."""
-
-OUTLIER = 9.0
-"""Ratio of a squared innovation to its variance beyond which it weighs less."""
+UNKNOWNS = 3  # Number of unknowns of a node
+OUTLIER = 9.0  # Ratio of a squared innovation to its variance beyond which it weighs less
 
 
 class Node(Record):

@@ -18,21 +18,15 @@ from foretouch.quantities import ByValue
 
 Array = NDArray[np.float64]
 
-FEWEST_SAMPLES = 20
-"""Least number of samples of a fit."""
+FEWEST_SAMPLES = 20  # Least number of samples of a fit
 
 LARGEST_BUFFER = 4096
 """Largest number of samples that the estimator holds; when it is reached, every second one is dropped and only every
 second one of those to come is taken, so that the buffer always covers the whole recording evenly."""
 
-STARTS = 3
-"""Number of local searches, from the best points of a grid over s and alpha."""
-
-GRID_SAMPLES = 400
-"""Number of samples, spread evenly, that choose the starts, about."""
-
-UNIFORM_INFORMATION = 12.0
-"""Inverse variance of an exponent before any data, which is uniform over a range of length 1."""
+STARTS = 3  # Number of local searches, from the best points of a grid over s and alpha
+GRID_SAMPLES = 400  # Number of samples, spread evenly, that choose the starts, about
+UNIFORM_INFORMATION = 12.0  # Inverse variance of an exponent before any data, which is uniform over a range of length 1
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,20 +13,11 @@ from foretouch.identification.conditioning.conditioner import LONGEST_LAG, Condi
 from foretouch.identification.offline import likeness_of
 from foretouch.quantities import ByValue, Recording, SensorCalibration
 
-FLOOR_SHARE = 0.1
-"""Least force that is used, as a fraction of the largest: below it the contact still seats itself."""
-
-SMOOTHING = 0.02
-"""Time over which the force is averaged to tell loading from unloading [s]."""
-
-SLOWEST_SHARE = 0.05
-"""Least rate of that mean in loading or unloading, as a fraction of its largest rate."""
-
-FEWEST_SAMPLES = 50
-"""Least number of samples in loading, and in unloading."""
-
-LARGEST_ERROR = 0.1
-"""Largest standard error of a stiffness, as a fraction of it; a less certain one is refused."""
+FLOOR_SHARE = 0.1  # Least force that is used, as a fraction of the largest: below it the contact still seats itself
+SMOOTHING = 0.02  # Time over which the force is averaged to tell loading from unloading [s]
+SLOWEST_SHARE = 0.05  # Least rate of that mean in loading or unloading, as a fraction of its largest rate
+FEWEST_SAMPLES = 50  # Least number of samples in loading, and in unloading
+LARGEST_ERROR = 0.1  # Largest standard error of a stiffness, as a fraction of it; a less certain one is refused
 
 Array = NDArray[np.float64]
 

@@ -183,12 +183,10 @@ def load_credentials(
     return Credentials(identity, authority, allowed, soon if left <= WARNING_DAYS else "")
 
 
-PREFIX = "foretouch/"
-"""Beginning of every network key."""
+PREFIX = "foretouch/"  # Beginning of every network key
 
 HELLO, COMMAND = "hello", "command"
-NAMED = (HELLO, COMMAND)
-"""Channels whose keys end, between machines, with the sender's name."""
+NAMED = (HELLO, COMMAND)  # Channels whose keys end, between machines, with the sender's name
 
 _SENDERS = {"leader": ("any", "leader"), "follower": ("any", "follower"), "watcher": ("any", "console")}
 

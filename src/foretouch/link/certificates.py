@@ -12,8 +12,7 @@ from typing import Any
 
 from foretouch.errors import MissingExtraError, SettingError
 
-AUTHORITY_DAYS = 3650
-"""Lifetime of an authority [days]; no certificate outlasts it."""
+AUTHORITY_DAYS = 3650  # Lifetime of an authority [days]; no certificate outlasts it
 
 CERTIFICATE_DAYS = 365
 """Lifetime of a certificate [days] where none is given."""

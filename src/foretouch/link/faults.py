@@ -16,11 +16,8 @@ from typing import Any, Generic, TypeVar
 
 from foretouch.errors import SettingError
 
-LONGEST_DELAY = 10.0
-"""Delays beyond this [s] are refused: they are in other units."""
-
-SPELL_SPACING = 10.0
-"""Length of the windows [s] in each of which one outage and one stall begin, at seeded moments."""
+LONGEST_DELAY = 10.0  # Delays beyond this [s] are refused: they are in other units
+SPELL_SPACING = 10.0  # Length of the windows [s] in each of which one outage and one stall begin, at seeded moments
 
 LONGEST_BURST = 10_000.0
 """Longest mean burst of losses [messages]: 10 s at 1 kHz. What lasts longer is an outage."""

@@ -24,8 +24,7 @@ from foretouch.link.certificates import CERTIFICATE_DAYS, Identity, make_authori
 ROLES = ("leader", "follower", "watcher")
 """Roles of processes; recorder and console are watchers."""
 
-LARGEST_FILE = 65_536
-"""Largest file [bytes]: longer ones are refused unread."""
+LARGEST_FILE = 65_536  # Largest file [bytes]: longer ones are refused unread
 
 _AUTHORITY_KEY, _AUTHORITY, _ALLOWED = "authority.key", "authority.crt", "allowed.txt"
 _NAME = re.compile(r"[a-z0-9][a-z0-9-]{0,31}")

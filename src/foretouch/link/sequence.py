@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from array import array
 
-REMEMBERED = 2**15
-"""Number of the newest sequence numbers that are remembered one by one: at 1 kHz, half a minute."""
+REMEMBERED = 2**15  # Number of the newest sequence numbers that are remembered one by one: at 1 kHz, half a minute
 
 
 class SequenceCounter:

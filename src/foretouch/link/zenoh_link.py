@@ -55,8 +55,7 @@ PATIENCE = 1.5
 """Time [s] without a hello in this version after which a peer of another version counts as one: each peer says hello
 twice a second."""
 
-MOST_PEERS = 64
-"""Peers that may be connected at a time."""
+MOST_PEERS = 64  # Peers that may be connected at a time
 
 
 class ZenohLink:

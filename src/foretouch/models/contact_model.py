@@ -12,17 +12,10 @@ if TYPE_CHECKING:
 
     Array: TypeAlias = NDArray[np.float64]
 
-LARGEST_DEPTH = 1.0
-"""Depths beyond this [m], on either side, count as this: no law is asked for forces that overflow."""
-
-LARGEST_SPEED = 10.0
-"""Velocities beyond this [m/s] count as this."""
-
-TICK = 1e-3
-"""Sample period where one is asked for and none passes [s]."""
-
-SPEED_STEP = 2e-3
-"""Local damping is the slope over twice this [m/s]."""
+LARGEST_DEPTH = 1.0  # Depths beyond this [m], on either side, count as this: no law is asked for forces that overflow
+LARGEST_SPEED = 10.0  # Velocities beyond this [m/s] count as this
+TICK = 1e-3  # Sample period where one is asked for and none passes [s]
+SPEED_STEP = 2e-3  # Local damping is the slope over twice this [m/s]
 
 EXIT_SPEED, SLICES = 0.05, 16
 """Speed [m/s] and slices of the way out to the surface, on which energy comes back."""

@@ -11,8 +11,7 @@ from foretouch.models.contact_map.model import ContactMapModel
 from foretouch.models.contact_model import ContactModel
 from foretouch.models.memoryless_law import LinearisedContinuousSwitching, QuadraticContact
 
-LARGEST_PARAMETER = 1e15
-"""Larger parameters are refused: no material has them, and forces could overflow."""
+LARGEST_PARAMETER = 1e15  # Larger parameters are refused: no material has them, and forces could overflow
 
 LAWS: dict[str, type[ContactModel]] = {
     law.law: law

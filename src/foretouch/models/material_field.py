@@ -26,14 +26,9 @@ MOST_NODES = 1024
 FIELD_DEPTH = 2e-3
 """Depth at which the uncertainty of local stiffness is stated [m]."""
 
-LARGEST_LAW = (1e7, 1e10, 1e9)
-"""Laws with a larger a [N/m], b [N/m^2] or c [N s/m^2] are refused: no material has them."""
-
-LARGEST_DEVIATION = 1e9
-"""Fields with a larger standard deviation of local stiffness [N/m] are refused."""
-
-SPACINGS = (5e-4, 0.1)
-"""Least and largest spacing of nodes [m]."""
+LARGEST_LAW = (1e7, 1e10, 1e9)  # Laws with a larger a [N/m], b [N/m^2] or c [N s/m^2] are refused: no material has them
+LARGEST_DEVIATION = 1e9  # Fields with a larger standard deviation of local stiffness [N/m] are refused
+SPACINGS = (5e-4, 0.1)  # Least and largest spacing of nodes [m]
 
 _MAGIC, _VERSION = b"MF", 1
 _HEADER = struct.Struct("<2sBxHxxf3ff")  # magic, version, count, spacing, mean law, uncertainty

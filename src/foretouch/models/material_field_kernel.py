@@ -15,14 +15,9 @@ from foretouch.core.compiling import compiled
 Array = NDArray[np.float64]
 Codes = NDArray[np.int64]
 
-CORNERS = 8
-"""Number of nodes about a point."""
-
-NUMBERS = 4
-"""Numbers of a node: a, b, c of its law, and the standard deviation of its local stiffness."""
-
-HALF = 32768
-"""Bound on the keys, which go from minus this to this, less one."""
+CORNERS = 8  # Number of nodes about a point
+NUMBERS = 4  # Numbers of a node: a, b, c of its law, and the standard deviation of its local stiffness
+HALF = 32768  # Bound on the keys, which go from minus this to this, less one
 
 
 @compiled

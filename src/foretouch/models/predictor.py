@@ -19,8 +19,7 @@ from foretouch.quantities import brief_number, brief_text
 VELOCITY_CUTOFF = 80.0
 """Cut-off of the velocity low-pass [Hz]: a 5 um encoder at 1 kHz leaves 0.5 mm/s of noise, and it lags by 2 ms."""
 
-ACCELERATION_CUTOFF = 40.0
-"""Cut-off of the acceleration low-pass [Hz]."""
+ACCELERATION_CUTOFF = 40.0  # Cut-off of the acceleration low-pass [Hz]
 
 
 class MotionFilter:
@@ -86,15 +85,13 @@ class MotionFilter:
         return np.array([self.update(t, x) for t, x in zip(time, position, strict=True)])
 
 
-HISTORY = 8192
-"""Number of samples of its own motion that a predictor keeps."""
+HISTORY = 8192  # Number of samples of its own motion that a predictor keeps
 
 STATE_TOLERANCE = 2e-4
 """Largest difference at which an arriving state is taken for the predictor's own at that sample [m]: the robot is never
 exactly where the operator was, and every state of the laws is a position."""
 
-SLICE = 1000
-"""Number of samples of past motion that are run again in one tick, so that it stays short."""
+SLICE = 1000  # Number of samples of past motion that are run again in one tick, so that it stays short
 
 
 _Arrived: TypeAlias = tuple[ContactModel, float, ContactState, int, int]

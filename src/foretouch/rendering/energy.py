@@ -45,8 +45,7 @@ class RenderingDevice(Protocol):
         """The stiffest spring that it renders passively at this period [s], by its damping and its encoder [N/m]."""
 
 
-SMALLEST_COUNT = 1e-6
-"""Least count of an encoder [m]."""
+SMALLEST_COUNT = 1e-6  # Least count of an encoder [m]
 
 WAY_BACK = 1e-3
 """Fraction of the largest force that is not cut while half a count of the encoder pays for it: with it, an operator who

@@ -10,8 +10,7 @@ from foretouch.quantities.pose import Vector, add, dot, norm, scaled, subtract
 
 NOTHING: Vector = (0.0, 0.0, 0.0)
 
-VELOCITY_CUTOFF = 30.0
-"""Cut-off of the velocity low-pass [Hz]: counts of the encoder are not to be felt."""
+VELOCITY_CUTOFF = 30.0  # Cut-off of the velocity low-pass [Hz]: counts of the encoder are not to be felt
 
 VISCOUS_SHARE = 0.5
 """Largest fraction of the device's damping that carries viscous friction; the rest carries the bristle."""

@@ -16,8 +16,7 @@ from foretouch.models.predictor import VELOCITY_CUTOFF
 LARGEST_FORCE = 10.0
 """Default limit of the rendered force [N]."""
 
-NOTICED = 1e-3
-"""Least change by a limit that is reported [N]."""
+NOTICED = 1e-3  # Least change by a limit that is reported [N]
 
 LARGEST_FORCE_RATE = 200.0
 """Default limit of the force rate [N/s]."""
@@ -91,8 +90,7 @@ class ForceLimiter(Held):
         return _limit.entry(self.records[0], wanted, period, ceiling)
 
 
-COSINES = 4001
-"""Number of frequencies of the search for kappa, even in the cosine: its maximum is found to six digits."""
+COSINES = 4001  # Number of frequencies of the search for kappa, even in the cosine: its maximum is found to six digits
 
 
 def rendered_share(

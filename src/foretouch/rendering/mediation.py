@@ -13,14 +13,12 @@ from foretouch.core import Held, Kernel, Record, compiled
 LARGEST_STEP = 0.08
 """Largest change of force by models in one tick [N]; people do not feel 0.1 N."""
 
-RELEASE_TIME = 0.01
-"""Time constant in which the offset is removed [s]."""
+RELEASE_TIME = 0.01  # Time constant in which the offset is removed [s]
 
 GIVEN_BACK = 0.75
 """Fraction of the work put in by a press that it may get back although the account is beyond its bound."""
 
-SMALLEST_OFFSET = 1e-6
-"""Offset below which it counts as zero [N]."""
+SMALLEST_OFFSET = 1e-6  # Offset below which it counts as zero [N]
 
 
 class MediationState(Record):

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from foretouch.core import Held, Kernel, Record, compiled
 from foretouch.errors.checks import require
 
-RETURN_SPEED = 0.01
-"""Speed of the proxy at which the indexed distance is given back [m/s]."""
+RETURN_SPEED = 0.01  # Speed of the proxy at which the indexed distance is given back [m/s]
 
 
 class ProxyState(Record):

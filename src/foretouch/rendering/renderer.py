@@ -69,7 +69,7 @@ class Renderer:
         self._surface, self._time = math.nan, -math.inf
         self._move, self._want = tick.move.entry, tick.want.entry
         self._render, self._carry = tick.render.entry, tick.carry.entry
-        self._rendering = tick.Rendering.new(period=sample_period, force_scale=force_scale)
+        self._rendering = tick.Rendering.new()
         proxies, mediations, limiters = (self._rendering[name] for name in ("proxy", "mediation", "limiter"))
         self._largest_force = largest = LARGEST_FORCE if device is None else min(LARGEST_FORCE, device.force_limit)
         self.predictor = Predictor()
@@ -78,14 +78,16 @@ class Renderer:
         self.limiter = ForceLimiter(largest, limiters=limiters)
         self.account: EnergyAccount | SpatialEnergyAccount
         self.account = EnergyAccount.of(device, sample_period) if account is None else account
-        state = Held(self._rendering)
-        state.position_scale, state.along, state.closed_loop = position_scale, account is None, device is not None
+        setup = Held(self._rendering["setup"])
+        setup.closed_loop, setup.along, setup.period = device is not None, account is None, sample_period
+        setup.position_scale, setup.force_scale = position_scale, force_scale
         if device is not None:
-            state.stiffest = min(largest_stiffness or math.inf, device.largest_stiffness(sample_period))
-            state.device_damping, state.delay = device.damping, device.delay
-            state.by_encoder = device.stiffness_by_encoder
-            state.gain, state.left = low_pass(sample_period, device.delay)
-        self.shown: tick.Shown = (math.nan, False, False, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+            setup.stiffest = min(largest_stiffness or math.inf, device.largest_stiffness(sample_period))
+            setup.device_damping, setup.delay = device.damping, device.delay
+            setup.by_encoder = device.stiffness_by_encoder
+            setup.gain, setup.left = low_pass(sample_period, device.delay)
+        self.shown: tick.Shown = (math.nan, False, False, 0.0, 0.0, 1.0)
+        self.booked = (0.0, 0.0, 0.0)
 
     def __repr__(self) -> str:
         """Predictor, and the force on the hand."""
@@ -121,22 +123,22 @@ class Renderer:
     @property
     def share(self) -> float:
         """rho, share of the hand's motion that the proxy takes part in until the next tick."""
-        return self.shown[8]
+        return self.shown[5]
 
     @property
     def energy(self) -> float:
         """Energy of the account at the newest tick [J], before its force acts."""
-        return self.shown[5]
+        return self.booked[0]
 
     @property
     def energy_bound(self) -> float:
         """Bound of the account then [J]."""
-        return self.shown[6]
+        return self.booked[1]
 
     @property
     def late_energy(self) -> float:
         """Late energy of the account then [J]."""
-        return self.shown[7]
+        return self.booked[2]
 
     def update(self, time: float, hand: float, period: float, *, free: bool = False) -> float:
         """One tick.
@@ -159,7 +161,7 @@ class Renderer:
         self._time = time
         predictor, r, account = self.predictor, self._rendering, self.account.records
         predictor.catch_up()
-        position = self._move(r, account, hand, period, free)
+        position, self.booked = self._move(r, account, hand, period, free)
         if predictor.surface != self._surface and predictor.model is not None:
             self._meet_surface(predictor.surface)
             position = self.proxy.position

@@ -18,8 +18,7 @@ from foretouch.rendering.limits import Limiter, carried, limit
 from foretouch.rendering.mediation import MediationState, mediate
 from foretouch.rendering.proxy import RETURN_SPEED, ProxyState
 
-FARTHEST = 10.0
-"""Largest distance of a hand from its zero [m]."""
+FARTHEST = 10.0  # Largest distance of a hand from its zero [m]
 
 PHANTOM = 0.05
 """Force [N] below which, both wanted and rendered, contact is lost: maps give some millinewtons in the air, and people
@@ -29,38 +28,29 @@ SHARE_RATE = 0.05
 """Fraction of the remaining way by which the rendered share of the motion rises in a tick; it falls at once. A share
 that went up and down with every encoder count would be felt as chatter."""
 
-SHARE_ROUNDING = 0.01
-"""Difference from the target below which the rendered share is set to it [-]."""
+SHARE_ROUNDING = 0.01  # Difference from the target below which the rendered share is set to it [-]
 
 FORCE_IN_AIR = 0.3
 """Largest force [N] of a map in front of its surface that is limited by one encoder count alone, not by the damping of
 the device: to yield all the way through the air costs more than so small a force can do."""
 
-CLEARANCE = 1e-3
-"""Distance from the surface up to which the proxy is brought back in free air [m]."""
+CLEARANCE = 1e-3  # Distance from the surface up to which the proxy is brought back in free air [m]
 
 SHORTEST_REACH = 3e-5
 """Least distance over which local slopes are taken [m]; it is longer where the next tick may get further."""
 
-YIELDING_RATE = 0.05
-"""Weight of the newest tick in the average of the hand's motion per step of the proxy [-]."""
-
-LARGEST_RETURN = 0.02
-"""Largest change of force in a tick by giving back in contact [N]."""
-
-MISSING = 3
-"""Number of missing positions in a row from which on the position of the hand counts as unknown."""
-
-FADING = 5
-"""Number of ticks in which the force then fades to zero: within 5 ms."""
+YIELDING_RATE = 0.05  # Weight of the newest tick in the average of the hand's motion per step of the proxy [-]
+LARGEST_RETURN = 0.02  # Largest change of force in a tick by giving back in contact [N]
+MISSING = 3  # Number of missing positions in a row from which on the position of the hand counts as unknown
+FADING = 5  # Number of ticks in which the force then fades to zero: within 5 ms
 
 MEDIATED_SHARE = 0.5
 """Fraction of the account's bound that mediation uses up; the rest is for what it cannot foresee, and for the first
 tick of a new contact of a hand whose account is in debt."""
 
 
-class Rendering(Record):
-    """State of a `Renderer`."""
+class Setup(Record):
+    """What does not change in a session."""
 
     closed_loop: bool
     along: bool  # whether the energy account is one along this line, in which the tick books and holds
@@ -73,6 +63,12 @@ class Rendering(Record):
     by_encoder: float = math.inf  # stiffness that one count of the encoder allows [N/m]
     gain: float  # c of the velocity's low-pass
     left: float  # kappa, the fraction of damping behind it that has to be carried
+
+
+class Rendering(Record):
+    """State of a `Renderer`."""
+
+    setup: Setup
     hand: float = math.nan  # newest valid position of the hand [m]
     there: bool  # whether there is one in this tick
     leaves: bool  # whether the hand moved outwards in this tick
@@ -87,49 +83,48 @@ class Rendering(Record):
     share: float = 1.0  # rho, share of the hand's motion that the proxy takes part in until the next tick
     free: float  # distance of the proxy to the surface [m]
     yielding: float = 1.0  # motion of the hand per step of the proxy, averaged
-    energy: float  # of the account at the newest tick, before its force acts [J]
-    energy_bound: float  # of the account then [J]
-    late_energy: float  # of the account then [J]
     proxy: ProxyState
     mediation: MediationState
     limiter: Limiter
 
 
-Shown = tuple[float, bool, bool, float, float, float, float, float, float]
+Shown = tuple[float, bool, bool, float, float, float]
 """Of a tick: the proxy's position [m], whether it is engaged, whether a limit changed the force, mediated force and its
-step by models [N], energy, its bound and late energy [J], and the share of the motion until the next tick."""
+step by models [N], and the share of the motion until the next tick."""
 
 
 @compiled
 def show(r: Rendering) -> Shown:
     """What a `Renderer` shows of its newest tick."""
-    return (
-        r.proxy.position, r.proxy.engaged, r.limiter.clipped, r.mediation.force, r.mediation.step,
-        r.energy, r.energy_bound, r.late_energy, r.share,
-    )  # fmt: skip
+    return r.proxy.position, r.proxy.engaged, r.limiter.clipped, r.mediation.force, r.mediation.step, r.share
 
 
-@kernel("f8(Rendering[::1], Account[::1], f8, f8, b1)", Account)
-def move(renderings: NDArray[np.void], accounts: NDArray[np.void], hand: float, period: float, free: bool) -> float:
-    """Take the hand's position [m] after a time [s]: book its work, and carry the proxy along; where that is [m].
+@kernel("Tuple((f8, UniTuple(f8, 3)))(Rendering[::1], Account[::1], f8, f8, b1)", Account)
+def move(
+    renderings: NDArray[np.void], accounts: NDArray[np.void], hand: float, period: float, free: bool
+) -> tuple[float, tuple[float, float, float]]:
+    """Take the hand's position [m] after a time [s]: book its work, and carry the proxy along.
 
     A hand that is `free` is uncoupled.
+
+    Returns:
+        Where the proxy is [m]; energy, its bound and late energy [J], before the force of this tick acts.
     """
     r, account = renderings[0], accounts[0]
     r.there = abs(hand) <= FARTHEST
     r.missing = 0 if r.there else r.missing + 1
-    if r.along:
+    if r.setup.along:
         energy.observe(account, hand if r.there else math.nan, 0.0, 0.0, period)
-    r.energy, r.energy_bound, r.late_energy = account.energy, energy.bound_of(account), account.late_energy
+    booked = account.energy, energy.bound_of(account), account.late_energy
     if free:
         proxy.leave(r.proxy)
-    elif not r.closed_loop and r.there and math.isnan(r.proxy.position):
+    elif not r.setup.closed_loop and r.there and math.isnan(r.proxy.position):
         proxy.engage(r.proxy, hand, r.proxy.scale * hand)
-    r.leaves = r.closed_loop and r.there and hand < r.hand
-    if not r.there:
-        return float(r.proxy.position)
-    r.hand = hand
-    return proxy.follow(r.proxy, hand, r.share, r.free)
+    r.leaves = r.setup.closed_loop and r.there and hand < r.hand
+    if r.there:
+        r.hand = hand
+        proxy.follow(r.proxy, hand, r.share, r.free)
+    return r.proxy.position, booked
 
 
 @kernel("UniTuple(f8, 2)(Rendering[::1], f8, f8, f8)")
@@ -144,10 +139,10 @@ def want(renderings: NDArray[np.void], predicted: float, jump: float, velocity: 
     r.was_felt = felt
     # Force beyond the limit is never rendered: mediated, it would take minutes to come down.
     largest = r.limiter.largest_force
-    wanted = min(r.force_scale * predicted if felt else 0.0, largest)
+    wanted = min(r.setup.force_scale * predicted if felt else 0.0, largest)
     r.jump = 0.0
     if jump != 0.0 or felt != was_felt:  # a new model, the clutch, or a hand that is lost or seen again
-        r.jump = wanted - (min(r.force_scale * (predicted - jump), largest) if was_felt else 0.0)
+        r.jump = wanted - (min(r.setup.force_scale * (predicted - jump), largest) if was_felt else 0.0)
     r.wanted = wanted
     r.surplus = _surplus(r, wanted - r.jump, velocity) if r.leaves else 0.0
     return wanted, r.mediation.offset - r.jump - r.surplus
@@ -163,7 +158,7 @@ def _surplus(r: Rendering, force: float, velocity: float) -> float:
     grown = force - r.wanted_before
     if not grown > 0.0:
         return 0.0
-    return float(max(grown - r.device_damping * (abs(velocity - r.velocity) / r.position_scale), 0.0))
+    return float(max(grown - r.setup.device_damping * (abs(velocity - r.velocity) / r.setup.position_scale), 0.0))
 
 
 @compiled
@@ -176,17 +171,17 @@ def _leaving_work(r: Rendering, work: float, way: float, offset: float, force: f
     """
     if not way > 0.0:
         return 0.0, 0.0
-    scale, yielded = r.force_scale, r.proxy.yielded
+    scale, yielded = r.setup.force_scale, r.proxy.yielded
     force = max(min(force, r.limiter.largest_force / scale) + offset / scale, 0.0)
     mean, top = 1.0 + yielded / way, r.yielding
     if top > mean and work > 0.0:
         steepness = max(force * way / work - 1.0, 0.0)
         mean += (top - mean) * steepness / (steepness + 2.0)
-    work *= scale * mean / r.position_scale
-    if r.stiffest > 0.0:
-        least = 0.5 * (scale * force) ** 2 / r.stiffest
+    work *= scale * mean / r.setup.position_scale
+    if r.setup.stiffest > 0.0:
+        least = 0.5 * (scale * force) ** 2 / r.setup.stiffest
         work = least if least > work else work
-    return work, (way + yielded) / r.position_scale
+    return work, (way + yielded) / r.setup.position_scale
 
 
 @compiled
@@ -238,17 +233,19 @@ def render(
     # A late tick is no reason for a larger step of force; nor may the limit of its rate push a hand that leaves
     # with more force than the model has.
     ceiling = min(energy.ceiling_of(account), _fade(r))
-    held = period if period < r.period else r.period
+    held = period if period < r.setup.period else r.setup.period
     rendered = limit(r.limiter, mediated, held, mediated if mediated < ceiling else ceiling)
     mediation.wind_down(r.mediation, rendered)
     if r.there and rendered <= PHANTOM and wanted <= PHANTOM:  # unknown while the hand is missing
         energy.close(account)
         r.mediation.lowest = account.energy
-    if r.along:
+    if r.setup.along:
         energy.hold(account, -rendered, 0.0, 0.0)
     r.wanted_before, r.velocity = wanted, velocity
-    reach = max(1.5 * abs(velocity) * r.period, SHORTEST_REACH)
-    if not (r.closed_loop and r.proxy.engaged) or (depth < -2.0 * reach and not r.force_scale * force > 0.0):
+    reach = max(1.5 * abs(velocity) * r.setup.period, SHORTEST_REACH)
+    if not (r.setup.closed_loop and r.proxy.engaged) or (
+        depth < -2.0 * reach and not r.setup.force_scale * force > 0.0
+    ):
         reach = 0.0
     return rendered, reach, _way_back(r, depth)
 
@@ -265,7 +262,7 @@ def _return(r: Rendering, distance: float, yielded: bool) -> float:
 def return_in_air(renderings: NDArray[np.void], depth: float) -> float:
     """Bring the proxy back freely, up to a distance from the surface; how far it moved [m]."""
     r = renderings[0]
-    return _return(r, min(max(-CLEARANCE - depth, 0.0), RETURN_SPEED * r.period), True)
+    return _return(r, min(max(-CLEARANCE - depth, 0.0), RETURN_SPEED * r.setup.period), True)
 
 
 @kernel("f8(Rendering[::1], Account[::1], f8, f8, f8, f8)", Account)
@@ -276,10 +273,10 @@ def return_in_contact(
 
     The surface moves out against the force: its work is that force over the proxy's way.
     """
-    r, step = renderings[0], RETURN_SPEED * renderings[0].period
+    r, step = renderings[0], RETURN_SPEED * renderings[0].setup.period
     stored = _leaving_work(r, work, way, 0.0, force)[0]
-    paid = max(accounts[0].energy - stored, 0.0) * r.position_scale / r.wanted
-    stiffness = r.force_scale * stiffness
+    paid = max(accounts[0].energy - stored, 0.0) * r.setup.position_scale / r.wanted
+    stiffness = r.setup.force_scale * stiffness
     gentle = LARGEST_RETURN / stiffness if stiffness > 0.0 else step
     return _return(r, min(step, paid, gentle), False)
 
@@ -289,24 +286,23 @@ def _carried(r: Rendering, stiffness: float, damping: float, reach: float, force
     """Share of the hand's motion at which the device can carry the model until the next tick."""
     if not reach > 0.0:
         return 1.0
-    outside, force = depth < -2.0 * reach, r.force_scale * force
-    scale = r.force_scale * r.position_scale
+    s = r.setup
+    outside, force = depth < -2.0 * reach, s.force_scale * force
+    scale = s.force_scale * s.position_scale
     stiffness, damping = scale * stiffness, scale * damping
     light = outside and force <= FORCE_IN_AIR
-    device_damping = math.inf if light else r.device_damping
-    fraction = carried(stiffness, damping, (device_damping, r.period, r.delay, r.by_encoder, r.gain, r.left))
-    if light or not stiffness > 0.0:
-        return fraction
-    return min(r.stiffest / stiffness, fraction)
+    device_damping = math.inf if light else s.device_damping
+    fraction = carried(stiffness, damping, (device_damping, s.period, s.delay, s.by_encoder, s.gain, s.left))
+    return fraction if light or not stiffness > 0.0 else min(s.stiffest / stiffness, fraction)
 
 
-@kernel("Tuple((f8, b1, b1, f8, f8, f8, f8, f8, f8))(Rendering[::1], f8, f8, f8, f8, f8)")
+@kernel("Tuple((f8, b1, b1, f8, f8, f8))(Rendering[::1], f8, f8, f8, f8, f8)")
 def carry(
     renderings: NDArray[np.void], stiffness: float, damping: float, reach: float, force: float, depth: float
 ) -> Shown:
     """Set the share of the hand's motion that the proxy takes part in until the next tick, by the law's slopes."""
     r = renderings[0]
-    if not r.closed_loop:
+    if not r.setup.closed_loop:
         return show(r)
     target, fraction = _carried(r, stiffness, damping, reach, force, depth), r.share
     if fraction == target == r.yielding == 1.0:  # in free air, and on soft material

@@ -4,14 +4,9 @@ from __future__ import annotations
 
 from foretouch.rendering.limits import LARGEST_FORCE
 
-LEAST_FORCE = 0.5
-"""Least force of a model whose lack is noticed [N]."""
-
-LEAST_SHARE = 0.5
-"""Ratio of rendered to due force below which the force counts as withheld."""
-
-REDUCED_BELOW = 0.9
-"""Ratio of rendered to due force below which a console reports a reduced force."""
+LEAST_FORCE = 0.5  # Least force of a model whose lack is noticed [N]
+LEAST_SHARE = 0.5  # Ratio of rendered to due force below which the force counts as withheld
+REDUCED_BELOW = 0.9  # Ratio of rendered to due force below which a console reports a reduced force
 
 LEAST_TICKS = 500
 """Number of ticks in a row with a model's force after which it is withheld: half a second. Times between presses,

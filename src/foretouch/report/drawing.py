@@ -99,8 +99,7 @@ def last_contact(time: Array, force: Array, length: float) -> tuple[float, float
 GAP, GAP_PERIODS = 0.05, 10.0
 """Times further apart than this [s], and than this many usual periods, are not joined by a line."""
 
-NARROW = 500
-"""Part of the time shown below which two marks are not distinguished."""
+NARROW = 500  # Part of the time shown below which two marks are not distinguished
 
 
 def extremes(values: Array, buckets: int = 1500) -> NDArray[np.intp]:

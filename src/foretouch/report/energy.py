@@ -32,8 +32,7 @@ class BookedDevice(NamedTuple):
     watchdog: float = 0.0
 
 
-NO_DEVICE = BookedDevice()
-"""The device of an open loop, which no hand holds."""
+NO_DEVICE = BookedDevice()  # The device of an open loop, which no hand holds
 
 
 def booked_device(settings: Mapping[str, str]) -> BookedDevice | None:
@@ -97,8 +96,7 @@ def book(force: Array, position: Array, period: Array, device: BookedDevice) -> 
     return Booked(work, late, reach + count)
 
 
-ROUNDING = 1e-9
-"""Largest error of sums of floating-point numbers [J]."""
+ROUNDING = 1e-9  # Largest error of sums of floating-point numbers [J]
 
 
 SAME = 1e-9

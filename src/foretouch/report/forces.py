@@ -134,24 +134,17 @@ def _periods(time: Array) -> Array:
     return np.concatenate((np.full(min(1, time.size), np.nan), np.diff(time)))
 
 
-APART = 0.1
-"""Touches that are nearer to each other than this [s] are one."""
-
-BEGINNING = 0.02
-"""A recording begins in contact if it is in contact for this time from the first sample on [s]."""
+APART = 0.1  # Touches that are nearer to each other than this [s] are one
+BEGINNING = 0.02  # A recording begins in contact if it is in contact for this time from the first sample on [s]
 
 GAP, SHORTEST_GAP = 10.0, 0.02
 """A time between two samples is a gap if it exceeds this multiple of the usual one, and this length [s]."""
 
-SLOWEST = 0.008
-"""With more time between two samples than this [s] a recording is slow: an impact lasts about as long."""
-
-OUTERMOST = 0.15
-"""Drift is looked for in this outermost part of the range of positions."""
+SLOWEST = 0.008  # With more time between two samples than this [s] a recording is slow: an impact lasts about as long
+OUTERMOST = 0.15  # Drift is looked for in this outermost part of the range of positions
 FEWEST_SAMPLES, SPAN_SHARE = 50, 0.5
 """Drift is looked for if there are at least this many samples there, over at least this part of the recording."""
-CLEAR = 3.0
-"""Drift over the recording is reported from this multiple of the residual on."""
+CLEAR = 3.0  # Drift over the recording is reported from this multiple of the residual on
 
 
 def remarks(forces: Forces, scores: Scores, delay: float, score_from: float | None = None) -> tuple[str, ...]:

@@ -14,8 +14,7 @@ from foretouch.errors import plural
 from foretouch.quantities import measured, parameter_unit
 from foretouch.settings import NO_BASELINE
 
-AS_IT_COMES = "delayed"
-"""The baseline that renders the delayed force itself."""
+AS_IT_COMES = "delayed"  # The baseline that renders the delayed force itself
 
 
 class Finding(NamedTuple):

@@ -221,8 +221,7 @@ def free_hand(log: SessionLog) -> Array | None:
     return hands
 
 
-SWING = 5e-4
-"""Smallest swing that counts [m]: fifty encoder counts, and less than a hand means by a press."""
+SWING = 5e-4  # Smallest swing that counts [m]: fifty encoder counts, and less than a hand means by a press
 
 DYING = 0.5
 """A swing shorter than this fraction of the one before it in the same direction dies away by itself: a hand that hits

@@ -23,8 +23,7 @@ Flags = NDArray[np.bool_]
 APART_NS = 100_000_000
 """Segments that are nearer to each other than this are one [ns]: about its speed a command comes and goes."""
 
-A_MOMENT_NS = 100_000_000
-"""A robot that joins the first command within this time [ns] does not count as returned."""
+A_MOMENT_NS = 100_000_000  # A robot that joins the first command within this time [ns] does not count as returned
 
 FOUND_WITHIN_NS = 100_000_000
 """A fault of the sensors is detected within this time after it began [ns], except for steps in contact."""

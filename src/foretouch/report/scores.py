@@ -23,11 +23,8 @@ from foretouch.report.numbers import finite_or_none
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-JND_SHARE = 0.10
-"""Just noticeable difference of force, as a fraction of the force."""
-
-JND_FORCE = 0.05
-"""The smallest just noticeable difference that is asked for [N]."""
+JND_SHARE = 0.10  # Just noticeable difference of force, as a fraction of the force
+JND_FORCE = 0.05  # The smallest just noticeable difference that is asked for [N]
 
 STATUSES: dict[str, str] = {
     "nothing_to_score": "no sample is in the window, those that were guarded or not coupled left out",

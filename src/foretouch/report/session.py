@@ -29,11 +29,8 @@ Array = NDArray[np.float64]
 CONTACT_FLOOR = 0.05
 """Smallest force that counts as contact in a session [N]."""
 
-LONGEST_LAG = 0.2
-"""Tracking lags are looked for up to this [s]."""
-
-LATE = 1.5
-"""A tick is late when its period is longer than this many nominal periods."""
+LONGEST_LAG = 0.2  # Tracking lags are looked for up to this [s]
+LATE = 1.5  # A tick is late when its period is longer than this many nominal periods
 
 
 def session_figures(

@@ -23,8 +23,7 @@ MOST_SENDERS = 64
 """Largest number of processes of a session kept apart; beyond it, the one that was met first is forgotten."""
 
 
-READS = 5
-"""Number of readings of both clocks, of which the closest counts: a process may be put aside between the two."""
+READS = 5  # Number of readings of both clocks, of which the closest counts: a process may be put aside between the two
 
 
 def wall_offset_ns() -> int:
@@ -129,11 +128,8 @@ SENDERS: Final = {
 BRIDGE_CHANNELS: Final = (*SENDERS, "hello", "stop")
 """Channels that the bridge's link receives."""
 
-POLL_PERIOD = 0.002
-"""Time between two polls of the link [s]."""
-
-ROUTER_PERIOD = 2.0
-"""Time between two looks for the router, and at the clock [s]."""
+POLL_PERIOD = 0.002  # Time between two polls of the link [s]
+ROUTER_PERIOD = 2.0  # Time between two looks for the router, and at the clock [s]
 
 
 class Bridge:

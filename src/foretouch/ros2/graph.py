@@ -180,11 +180,8 @@ def probe_on_a_line(telemetry: Telemetry, stamp_ns: int) -> tuple[tuple[Standard
     return () if telemetry.validity else ((PROBE, pose_on_a_line(stamp_ns, telemetry.position)),)
 
 
-CONNECTING_MS = 1000
-"""Longest time that an attempt to reach the router takes [ms]."""
-
-NODE_NUMBER = 0
-"""Number of the node in its session; publishers have the numbers behind it."""
+CONNECTING_MS = 1000  # Longest time that an attempt to reach the router takes [ms]
+NODE_NUMBER = 0  # Number of the node in its session; publishers have the numbers behind it
 
 
 @dataclass

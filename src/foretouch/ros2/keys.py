@@ -17,11 +17,8 @@ from typing import Final
 
 from foretouch.errors import SettingError
 
-BEST_EFFORT: Final = 2
-"""Number of that reliability in ``rmw/types.h``; a token without one means reliable."""
-
-USUAL_DEPTH: Final = 42
-"""Depth that a token without one means (``rmw_zenoh_cpp``, ``qos.cpp``)."""
+BEST_EFFORT: Final = 2  # Number of that reliability in ``rmw/types.h``; a token without one means reliable
+USUAL_DEPTH: Final = 42  # Depth that a token without one means (``rmw_zenoh_cpp``, ``qos.cpp``)
 
 
 @dataclass(frozen=True)
@@ -56,8 +53,7 @@ DEFAULT: Final = Qos(reliable=True, depth=10)
 """``rmw_qos_profile_default``: reliable, 10 kept."""
 
 
-LARGEST_DOMAIN: Final = 232
-"""Largest ``ROS_DOMAIN_ID`` with any middleware."""
+LARGEST_DOMAIN: Final = 232  # Largest ``ROS_DOMAIN_ID`` with any middleware
 
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _NAMESPACE = re.compile(r"/|(/[A-Za-z_][A-Za-z0-9_]*)+")
@@ -156,8 +152,7 @@ def _mangled(name: str) -> str:
     return name.replace("/", "%")
 
 
-SHORTEST: Final = 129
-"""Bytes of the shortest text that has an identifier here."""
+SHORTEST: Final = 129  # Bytes of the shortest text that has an identifier here
 
 LONGEST_MIDDLE: Final = 240
 STRIPE, LANES, SECRET_STEP = 64, 8, 8

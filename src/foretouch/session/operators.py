@@ -31,8 +31,7 @@ from foretouch.session.frames import FramedRobot, device_inside, framed_device, 
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.settings import NO_GRIP, SIMULATED
 
-RECORDED_MOTION = "tue/b-foam"
-"""Dataset whose leader lever moves the ``recorded`` operator."""
+RECORDED_MOTION = "tue/b-foam"  # Dataset whose leader lever moves the ``recorded`` operator
 
 STAYS_IN_THE_AIR = (
     "does not say where its surface is, so a script stays in the air: take the handle in the console, or an operator "

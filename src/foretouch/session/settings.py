@@ -15,9 +15,10 @@ from foretouch.errors.checks import NUMBER, require
 from foretouch.identification import DEFAULT_ESTIMATORS, ESTIMATORS, Estimator, make_estimator
 from foretouch.identification.conditioning.kernel import CONTACT_FLOOR
 from foretouch.link import Faults
+from foretouch.messages import Choice, Settings
 from foretouch.plugins import load_plugin, plugin_names
 from foretouch.quantities import Brief, Frame, shortest
-from foretouch.robot import MATERIALS, SensorFault, material_names
+from foretouch.robot import MATERIALS, SensorFault, make_material, material_names
 from foretouch.settings import (
     DEFAULTS,
     FAULTS,
@@ -35,11 +36,8 @@ from foretouch.vision import ImageFault
 SAMPLE_PERIOD = 1e-3
 """Period of both loops [s]."""
 
-RATE = 1.0 / SAMPLE_PERIOD
-"""Rate of both loops [Hz]."""
-
-ROBOTS = (SIMULATED,)
-"""Names of the robots in the package; others come from `foretouch.plugins`."""
+RATE = 1.0 / SAMPLE_PERIOD  # Rate of both loops [Hz]
+ROBOTS = (SIMULATED,)  # Names of the robots in the package; others come from `foretouch.plugins`
 
 GUARDED_FORCES = (10.0 * CONTACT_FLOOR, 15.0)
 """Least and largest holding force of a guarded follower [N]: nearer to the least force that counts as contact, sensor
@@ -48,11 +46,8 @@ noise decides the force held, and the surface is learnt from too little."""
 SIMULATED_DAMPING, SIMULATED_DELAY = 2.0, 5e-4
 """Default damping and delay of the device that a simulated hand holds [N s/m, s]."""
 
-NO_FRAME = Frame()
-"""Frame of a machine that counts as the session does."""
-
-SOFTEST = 1.0
-"""A device that is held carries at least this [N/m], or there is nothing to feel."""
+NO_FRAME = Frame()  # Frame of a machine that counts as the session does
+SOFTEST = 1.0  # A device that is held carries at least this [N/m], or there is nothing to feel
 
 
 @documented
@@ -265,8 +260,7 @@ TYPES: dict[str, tuple[tuple[type, ...], str]] = {
 }
 """What a setting that is annotated so may be, and how that is called."""
 
-ABSENT = ("", "none", 0.0)
-"""Defaults that stand for nothing, for which None may be given."""
+ABSENT = ("", "none", 0.0)  # Defaults that stand for nothing, for which None may be given
 
 SCENE_DEFAULTS = {"model": ("contact-map", "quadratic"), "material": ("foam-measured", "hunt-crossley")}
 """What stands for the default of a session along a line where there is a scene."""
@@ -316,3 +310,20 @@ def shadow_settings(settings: SessionSettings) -> SessionSettings:
         first_touch="follow",
         baseline="none",
     )
+
+
+def choose(settings: SessionSettings, choice: Choice) -> SessionSettings:
+    """Settings with the console's choice applied, whose "" change nothing; errors where other settings forbid it."""
+    named = {name: getattr(choice, name) for name in ("material", "operator", "grip")}
+    chosen = replace(settings, **{name: value for name, value in named.items() if value})
+    make_material(chosen.material)
+    return chosen
+
+
+def with_faults(settings: SessionSettings, faults: Settings) -> SessionSettings:
+    """Settings with the delays and faults set at a console since, unless other settings forbid them."""
+    names = ("position_delay", "force_delay", "jitter", "loss", "outage")
+    try:
+        return replace(settings, **{name: getattr(faults, name) for name in names})
+    except SettingError:
+        return settings

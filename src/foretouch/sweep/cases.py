@@ -16,11 +16,8 @@ from foretouch.robot import MATERIALS, make_material
 from foretouch.session import SessionSettings
 from foretouch.session.operators import SHALLOWEST
 
-LONGEST_ROUND_TRIP = 5.0
-"""Largest round trip [s]."""
-
-CLEAN = "delay only"
-"""The network with delay only."""
+LONGEST_ROUND_TRIP = 5.0  # Largest round trip [s]
+CLEAN = "delay only"  # The network with delay only
 
 NETWORKS = {
     CLEAN: 0.36,
@@ -43,8 +40,7 @@ STIFF = ("bone", "kelvin-voigt")
 SHARES = {"device": 0.25, "scales": 0.2, "clutch": 0.15}
 """Fraction of sessions with another device, with scales other than 1, and with a clutch."""
 
-SCALES = (0.25, 4.0)
-"""Bounds of position and force scale."""
+SCALES = (0.25, 4.0)  # Bounds of position and force scale
 
 LONGEST_SPELL = 9.5
 """Longest outage and stall [s]: one begins in every 10 s, and one of 10 s would be no network at all."""

@@ -19,8 +19,7 @@ Figure = Callable[[Outcome], float | None]
 LABEL = {"none": "models (ours)", "delayed": "delayed force", "delayed-tdpa": "delayed force, passivity controller"}
 """Names of the rendered forces in figures, by baseline."""
 
-FEWEST = 3
-"""Smallest number of sessions of a bin that is drawn."""
+FEWEST = 3  # Smallest number of sessions of a bin that is drawn
 
 
 @dataclass(frozen=True)

@@ -21,8 +21,7 @@ LARGEST_JUMP = 0.1
 """Largest change of force that models may make in one tick, before limits [N]."""
 
 
-FORCE_CEILING = SessionSettings.force_ceiling
-"""Largest force with which a robot may press [N]."""
+FORCE_CEILING = SessionSettings.force_ceiling  # Largest force with which a robot may press [N]
 
 
 class Outcome(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -194,11 +193,8 @@ Array = NDArray[np.float64]
 
 _ENERGY = ("net_energy_J", "energy_bound_J", "energy_margin_J", "energy_used_percent", "net_energy_exact_J")
 
-SHORTEST_CONTACT = 0.2
-"""Shortest contact from which the feel is judged [s]."""
-
-SHORTEST_WAY = 2e-3
-"""Shortest path of hand and probe in a press that shows a stiffness [m]."""
+SHORTEST_CONTACT = 0.2  # Shortest contact from which the feel is judged [s]
+SHORTEST_WAY = 2e-3  # Shortest path of hand and probe in a press that shows a stiffness [m]
 
 
 def measure(log: SessionLog, settings: SessionSettings) -> dict[str, Any]:

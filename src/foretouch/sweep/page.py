@@ -35,8 +35,7 @@ COLOUR = {"none": COLOURS[0], "delayed": COLOURS[1], "delayed-tdpa": COLOURS[3]}
 MARKER = {"none": "o", "delayed": "s", "delayed-tdpa": "^"}
 """Markers by baseline; they distinguish them without colour too."""
 
-JND = (7.0, 10.0)
-"""Just noticeable differences of force for people [%]."""
+JND = (7.0, 10.0)  # Just noticeable differences of force for people [%]
 
 
 def error_figure(rows: Sequence[Outcome], axis: Axis) -> Any:
@@ -219,8 +218,7 @@ def _histograms(
     return axes, drawing
 
 
-MOST_SHOWN = 100
-"""Largest number of objections listed."""
+MOST_SHOWN = 100  # Largest number of objections listed
 
 ERROR_CAPTIONS = (
     "Both ways together, without what else holds messages up.",

@@ -22,8 +22,7 @@ from foretouch.settings import BASELINES
 from foretouch.sweep.cases import Case, baseline_numbers, draw_case
 from foretouch.sweep.outcome import Outcome, failed, run_case
 
-FILE_NAME = "sessions.jsonl"
-"""Name of the file: a header, then one row a line."""
+FILE_NAME = "sessions.jsonl"  # Name of the file: a header, then one row a line
 
 ROOMS = (
     *("quantities", "models", "messages", "identification", "rendering", "robot", "devices", "link", "recordings"),

@@ -114,8 +114,7 @@ def make_board_image(board: Board, pixels: int = 840) -> NDArray[np.uint8]:
 
 
 LARGEST_IMAGE = 8192
-STEPS = 50
-"""Largest number of Newton steps: four or five are needed; what has not settled after these never will."""
+STEPS = 50  # Largest number of Newton steps: four or five are needed; what has not settled after these never will
 
 
 @dataclass(frozen=True, slots=True)

@@ -35,8 +35,7 @@ SURFACE, HIGHEST, DEEPEST, PRESSES = 0.010, 0.004, 0.006, 0.9
 OFFSET, NOISE = 0.5, 0.005
 """Offset and noise of the force sensor [N]."""
 
-COLUMNS = 3
-"""Time, position and force, 8 bytes each a sample."""
+COLUMNS = 3  # Time, position and force, 8 bytes each a sample
 
 
 def recorded_press(seconds: float) -> dict[str, Array]:
@@ -76,11 +75,8 @@ RECORDINGS, FULL_RECORDINGS, SECONDS = 40, 1_000, 60.0
 """Number of recordings, short and full, and their length [s]: enough that starting a process, some 2 s, is small beside
 its part of the work, some 20 s; the full number takes half an hour."""
 
-COMPARE_ROUNDS = 2
-"""Number of rounds: each contestant goes first once."""
-
-CHOSEN = ("--models", "kelvin-voigt", "--estimators", "rls")
-"""The cheapest law: the fan-out is compared."""
+COMPARE_ROUNDS = 2  # Number of rounds: each contestant goes first once
+CHOSEN = ("--models", "kelvin-voigt", "--estimators", "rls")  # The cheapest law: the fan-out is compared
 
 
 def measure_compare(scope: Scope) -> list[Row]:
@@ -114,17 +110,13 @@ def write_recordings(folder: Path, count: int, seconds: float) -> list[Path]:
 BRIEF, SHORT, LONG, HOUR = 1.0, 60.0, 600.0, 3600.0
 """Lengths of recordings [s]."""
 
-RUNS = 5
-"""Runs of each recording from which an hour is extrapolated, interleaved; noise only adds."""
+RUNS = 5  # Runs of each recording from which an hour is extrapolated, interleaved; noise only adds
 
 REACHES = {"CSV": (".csv", 6.0), "Parquet": (".parquet", 3.0), "MCAP": (".mcap", 60.0)}
 """Longest time for an hour [s], by ending."""
 
-REACH_AGAIN = 3.0
-"""Longest time for reading MCAP of an hour again [s]."""
-
-LARGEST_SHARE = 3.0
-"""Most memory over that of the columns."""
+REACH_AGAIN = 3.0  # Longest time for reading MCAP of an hour again [s]
+LARGEST_SHARE = 3.0  # Most memory over that of the columns
 
 CACHE = "by the samples kept beside it"
 

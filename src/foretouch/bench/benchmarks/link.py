@@ -33,20 +33,14 @@ from foretouch.link.certificates import utc_now
 from foretouch.messages import VERSION, Command, decode, encode
 from foretouch.session.runners.loop_timer import LoopTimer, steady
 
-KINDS = ("tcp", "tls", "quic")
-"""Transports of the bare wires."""
-
-DELAYED = "delayed"
-"""The link of a session, over TCP, with a delay in it."""
+KINDS = ("tcp", "tls", "quic")  # Transports of the bare wires
+DELAYED = "delayed"  # The link of a session, over TCP, with a delay in it
 
 KEY = "foretouch/bench"
 
 PERIOD = 1e-3
-SEGMENT = 1000
-"""Time between commands [s], and number sent before the next wire's turn."""
-
-SETTLING = 2.0
-"""Time that wires have to find each other before the first command [s]."""
+SEGMENT = 1000  # Time between commands [s], and number sent before the next wire's turn
+SETTLING = 2.0  # Time that wires have to find each other before the first command [s]
 
 
 def open_wire(kind: str, endpoint: str, folder: Path, *, listen: bool) -> Any:
@@ -119,8 +113,7 @@ def _sender(session: Any) -> Callable[[Command], object]:
 
 DELAY, SEGMENTS = 0.08, 4
 REACH_MS = 0.4
-POLL = 2e-5
-"""Period at which the stage is polled [s]; a follower polls once a tick."""
+POLL = 2e-5  # Period at which the stage is polled [s]; a follower polls once a tick
 
 Times = NDArray[np.float64]
 

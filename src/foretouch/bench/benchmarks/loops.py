@@ -31,8 +31,7 @@ from foretouch.files.children import children, last_line, measure_process
 from foretouch.link import free_endpoint
 from foretouch.quantities import Rows
 
-LATE_NS = 500_000
-"""A tick that woke later than this after its deadline [ns] counts as late: half a period."""
+LATE_NS = 500_000  # A tick that woke later than this after its deadline [ns] counts as late: half a period
 
 PERIOD_NS = 1_000_000
 
@@ -144,11 +143,8 @@ SIDES = ("leader", "follower")
 SECONDS, ROUNDS = 6.0, 3
 FULL_SECONDS, FULL_ROUNDS = 60.0, 5
 
-SETTLING_NS = 1_500_000_000
-"""Time after the start during which a session is not counted [ns]: its processes still load."""
-
-ENDING = 20.0
-"""Time that the other processes have to end after the leader has [s]."""
+SETTLING_NS = 1_500_000_000  # Time after the start during which a session is not counted [ns]: its processes still load
+ENDING = 20.0  # Time that the other processes have to end after the leader has [s]
 
 REACH_MS = 0.1
 

@@ -27,7 +27,7 @@ from foretouch.identification import ContactMap, SensorWatch
 from foretouch.identification.conditioning.conditioner import Conditioner, SensorLag
 from foretouch.link import FaultStage
 from foretouch.models import Predictor
-from foretouch.rendering import EnergyAccount, ForceLimiter, Mediation, Proxy, Renderer
+from foretouch.rendering import tick
 from foretouch.session.network.model_sender import ModelSender
 from foretouch.session.network.playout import Playout
 from foretouch.session.steps import follower, leader
@@ -154,8 +154,7 @@ def without_cost(took: Array, spent: Array, calls: Array, cost: Cost, inner: Map
 
 ROUNDS = 5
 
-BANDS = {50: (40.0, 60.0), 99: (98.5, 99.5)}
-"""Ticks that stand for a percentile: those between two others."""
+BANDS = {50: (40.0, 60.0), 99: (98.5, 99.5)}  # Ticks that stand for a percentile: those between two others
 
 STEP, WITHOUT, ELSE = "the whole step", "the whole step, without clocks in it", "all else"
 
@@ -172,15 +171,11 @@ PARTS: dict[str, tuple[Part, ...]] = {
     "leader": (
         Part("hearing the follower", ((FollowerView, "take_telemetry"), (FollowerView, "is_for_us"))),
         Part("letting a model in", ((leader, "_adopt"),)),
-        Part("placing the proxy", ((Proxy, "follow"),)),
+        Part("booking energy and placing the proxy", ((tick.move, "_entry"),)),
         Part("predicting the force", ((Predictor, "update"),)),
-        Part("mediating", ((Mediation, "update"),)),
-        Part("predicting the work to leave contact", ((Renderer, "_leaving_work"),), within="mediating"),
-        Part(
-            "keeping the energy account",
-            ((EnergyAccount, "observe"), (EnergyAccount, "bound_with"), (EnergyAccount, "hold")),
-        ),
-        Part("limiting", ((ForceLimiter, "update"),)),
+        Part("predicting the work to leave contact", ((Predictor, "leaving_work"),)),
+        Part("mediating and limiting", ((tick.want, "_entry"), (tick.render, "_entry"))),
+        Part("carrying what the device can", ((Predictor, "local_slopes"), (tick.carry, "_entry"))),
         Part("making command and record", ((leader, "Command"), (leader, "LeaderState"))),
         Part(ELSE),
     ),

@@ -96,8 +96,7 @@ def measure_batch(scope: Scope) -> list[Row]:
 SMALLEST, LARGEST = 100_000, 100_000_000
 """Samples of the shortest and of the longest stream."""
 
-BLOCK = 100_000
-"""Number of samples in memory at a time; the press repeats itself."""
+BLOCK = 100_000  # Number of samples in memory at a time; the press repeats itself
 
 GROWTH_ROUNDS = 3
 

@@ -89,11 +89,8 @@ def measure_fprls(scope: Scope) -> list[Row]:
 
 
 CALL_SIZE, CALL_ROUNDS = 10_000, 11
-CALLS = 100_000
-"""Number of calls after which nothing may have grown."""
-
-TURNS = 3
-"""Repetitions of these calls; a leak shows in each of them, other growth of the process only in some."""
+CALLS = 100_000  # Number of calls after which nothing may have grown
+TURNS = 3  # Repetitions of these calls; a leak shows in each of them, other growth of the process only in some
 
 CALLED: dict[str, tuple[Callable[[], Estimator], float]] = {
     "FPRLS": (lambda: FPRLS(OPTIONS), 1.0),
@@ -169,8 +166,7 @@ def measure_call(scope: Scope) -> list[Row]:
 MAP_SIZE, CELLS_SIZE, MAP_ROUNDS = 100_000, 20_000, 9
 """Samples of the recording, and of each of those that visit more cells."""
 
-DEEPEST = (4e-3, 8e-3, 16e-3, 32e-3)
-"""Depths that they reach [m]; all begin at 2 mm."""
+DEEPEST = (4e-3, 8e-3, 16e-3, 32e-3)  # Depths that they reach [m]; all begin at 2 mm
 
 MAP_REACH_NS = 500.0
 

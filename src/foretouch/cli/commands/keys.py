@@ -139,11 +139,8 @@ def _line(path: Path, identity: Identity) -> str:
 PATIENCE, LOOK = 5.0, 0.1
 """Longest time for which it is looked whether the robot follows again, and the time between two looks [s]."""
 
-WORD = "release"
-"""Word that has to be typed to release a robot."""
-
-SAID = 1.0
-"""Time after which a follower that was stopped has reported it [s]."""
+WORD = "release"  # Word that has to be typed to release a robot
+SAID = 1.0  # Time after which a follower that was stopped has reported it [s]
 
 
 @command()

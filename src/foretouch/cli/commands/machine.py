@@ -30,8 +30,7 @@ if TYPE_CHECKING:
     from foretouch.messages import Message
 
 
-WIDTH = 130
-"""Width in columns of tables that go into a file or a pipe."""
+WIDTH = 130  # Width in columns of tables that go into a file or a pipe
 
 
 @command(json_help="Print the rows as a JSON array, at the end.")
@@ -128,8 +127,7 @@ def _judge_ratios() -> Answer:
     return Answer(rows, (one.sentence for one in checked), code=int(not all(one.passed for one in checked)))
 
 
-LONGEST = 600.0
-"""The longest examination of loops and peers [s]."""
+LONGEST = 600.0  # The longest examination of loops and peers [s]
 
 
 @command(endpoints=Endpoints)

@@ -22,8 +22,7 @@ if TYPE_CHECKING:
     from foretouch.quantities import Recording
     from foretouch.recordings import RecordingOptions
 
-WORTHLESS = 50.0
-"""Residual from which on a law is reported not to describe a recording [% of the force in contact]."""
+WORTHLESS = 50.0  # Residual from which on a law is reported not to describe a recording [% of the force in contact]
 
 
 @dataclass(frozen=True)

@@ -120,8 +120,7 @@ def fit_material(
     return Answer({one.name: {"residual_percent": one.residual_percent} for one in fit.files}, lines)
 
 
-MOST_SHOWN = 40
-"""Topics or columns that are shown unless all are asked for."""
+MOST_SHOWN = 40  # Topics or columns that are shown unless all are asked for
 
 recordings = typer.Typer(
     help="Recordings: what is in them, other formats, making whole what was cut.", no_args_is_help=True

@@ -126,11 +126,8 @@ def simulate(
     return report_of(session.log, recording, report, elapsed=session.elapsed)
 
 
-RECORDED = "session.mcap"
-"""Name of the recording in the folder of its report."""
-
-LARGE = 5.0
-"""Reading a larger recording takes more than a second [MB]."""
+RECORDED = "session.mcap"  # Name of the recording in the folder of its report
+LARGE = 5.0  # Reading a larger recording takes more than a second [MB]
 
 
 def _recorded(path: Path, directory: Path | None, json_output: bool, code: int) -> Answer:

@@ -34,23 +34,12 @@ if TYPE_CHECKING:
     from foretouch.devices import Device, SpatialDevice
     from foretouch.session import SessionSettings, StopFlag
 
-LONGEST_NAME = 64
-"""Characters of a leader's name that a command carries."""
-
-WAITS = "waiting for a leader"
-"""State of a follower before it hears a leader, for people."""
-
-PATIENCE = 5.0
-"""Longest time for which an emergency stop is asked for [s]."""
-
-LOOK = 0.05
-"""Time between two looks whether the followers of this machine have stopped [s]."""
-
-BY_SWITCH = "stop it by its own switch"
-"""Advice where a stop did not arrive."""
-
-LONGEST_REACH = 0.1
-"""Largest surface position and press depth [m] that a leader takes from a follower."""
+LONGEST_NAME = 64  # Characters of a leader's name that a command carries
+WAITS = "waiting for a leader"  # State of a follower before it hears a leader, for people
+PATIENCE = 5.0  # Longest time for which an emergency stop is asked for [s]
+LOOK = 0.05  # Time between two looks whether the followers of this machine have stopped [s]
+BY_SWITCH = "stop it by its own switch"  # Advice where a stop did not arrive
+LONGEST_REACH = 0.1  # Largest surface position and press depth [m] that a leader takes from a follower
 
 
 @command(endpoints=Endpoints, settings=session_settings())

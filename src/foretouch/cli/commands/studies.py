@@ -140,8 +140,7 @@ def compare(
     return Answer(content, comparison.render_table(results), code=int(failed))
 
 
-LINES = 20
-"""How many lines of progress are printed where the output is not a terminal."""
+LINES = 20  # How many lines of progress are printed where the output is not a terminal
 
 
 @dataclass(frozen=True)

@@ -31,12 +31,9 @@ def require_free_port(port: int, host: str = "127.0.0.1") -> None:
 
 LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
 """Names by which a browser reaches this machine, at any port: a tunnel may end at another than the console's."""
-COOKIE = "foretouch"
-"""Name of the cookie of a browser that has come in."""
-UNGUESSABLE = 32
-"""Bytes of chance in token and cookie."""
-PATH_BYTES = 9
-"""Random bytes in the path, which is secret only to pages at other ports of this machine."""
+COOKIE = "foretouch"  # Name of the cookie of a browser that has come in
+UNGUESSABLE = 32  # Bytes of chance in token and cookie
+PATH_BYTES = 9  # Random bytes in the path, which is secret only to pages at other ports of this machine
 
 _HOST = re.compile(r"(?P<name>\[[0-9a-f:.]+\]|[^\s:/?#@\[\]]+)(:\d{1,5})?")
 

@@ -20,15 +20,13 @@ import msgspec
 
 from foretouch.quantities.colours import URGENT, css
 
-BEAT_PERIOD = 0.1
-"""Period at which the console shows the page that it draws [s]."""
+BEAT_PERIOD = 0.1  # Period at which the console shows the page that it draws [s]
 BEAT_ATTRIBUTE, FRAMES_ATTRIBUTE, ENDED_ATTRIBUTE = (f"data-foretouch-{name}" for name in ("beat", "frames", "ended"))
 LOST, ENDED = "THIS PAGE DOES NOT REACH THE CONSOLE", "THE SESSION HAS ENDED"
 """Beginning of the text that the page then shows."""
 STOP_BUTTON = "div:has(> .foretouch-alarm) + div > button"
 """Style-sheet selector of the emergency stop: Space and Escape press it."""
-WITH_KEYBOARD = "(hover: hover) and (pointer: fine)"
-"""Style-sheet query for a keyboard: a phone has none."""
+WITH_KEYBOARD = "(hover: hover) and (pointer: fine)"  # Style-sheet query for a keyboard: a phone has none
 _SCRIPT = Path(__file__).with_name("page.js")
 _WORDS = {
     "LOST_TEXT": LOST,
@@ -56,8 +54,7 @@ def with_watch(page: bytes) -> bytes:
 
 LARGEST_MESSAGE = 16_384
 """Longest message [byte]. Those of a page are a few hundred long; the longest name of a recording is 255."""
-FARTHEST = 1e6
-"""Largest coordinate of a point in the scene [scene units]; the pictures here are some ten units wide."""
+FARTHEST = 1e6  # Largest coordinate of a point in the scene [scene units]; the pictures here are some ten units wide
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]

@@ -33,10 +33,8 @@ MOST_BYTES = 262_144
 (pings, empty ones) cost some microseconds each and do not wait."""
 READ_AT_ONCE = 8_192
 """Between two reads of one page the others have their turn [byte]: some 1,300 pings of 6 bytes, a few milliseconds."""
-LARGEST_BACKLOG = 16_777_216
-"""A page that sends while more than this waits for it to be read is cut off [byte]."""
-MOST_PAGES = 16
-"""Pages that may be open at once."""
+LARGEST_BACKLOG = 16_777_216  # A page that sends while more than this waits for it to be read is cut off [byte]
+MOST_PAGES = 16  # Pages that may be open at once
 MOST_CONNECTIONS = 200
 """Largest number of open connections, including those without a request yet; files and the session's connections need
 some of the usual 1,024."""
@@ -66,8 +64,7 @@ class Volume:
         return self._bytes > MOST_BYTES
 
 
-OPEN_TIMEOUT = 5.0
-"""Time in which a connection must send its request [s]."""
+OPEN_TIMEOUT = 5.0  # Time in which a connection must send its request [s]
 HEADERS = {
     # The page cannot be shown within another, nothing of its address leaves it, and it talks to its console alone.
     "Content-Security-Policy": "frame-ancestors 'none'; connect-src 'self' data: blob:",

@@ -85,8 +85,7 @@ class ForcePanel:
         put(self._text, content=content)
 
 
-NAMES = ("material", "model", "estimator")
-"""Settings that are shown in the panel."""
+NAMES = ("material", "model", "estimator")  # Settings that are shown in the panel
 
 
 def numbers_html(

@@ -57,10 +57,8 @@ CHOOSE_RECORDING = "Choose a recording below, in the tab Recordings."
 WATCH_RECORDING = "A recording: play it, or drag its time bar."
 PRESS_CLUTCH, RELEASE_CLUTCH = "Clutch (C)", "Clutch is pressed: let it go (C)"
 CLUTCH = "While it is pressed your hand moves alone and the robot stays where it is"
-WIDTH = 460
-"""[pixel]."""
-PHONE = "(max-width: 36em)"
-"""Style-sheet query for a viewer that shows its panel as a sheet."""
+WIDTH = 460  # [pixel]
+PHONE = "(max-width: 36em)"  # Style-sheet query for a viewer that shows its panel as a sheet
 _LAYOUT = (
     '<div class="foretouch-layout"><style>'
     # The viewer's advice on software rendering would cover banner and handle; the console draws less there by itself.
@@ -176,8 +174,7 @@ def _head_html(instruction: str, note: str) -> str:
 SETTLED = 0.3
 """Time without a motion after which a bar is put where the recording is [s], whatever a page shows: the value sent to
 it last may have crossed one that a person typed into it."""
-SLIGHTLY = 0.01
-"""Smallest difference from the former value: the viewer does not send a repetition [s]."""
+SLIGHTLY = 0.01  # Smallest difference from the former value: the viewer does not send a repetition [s]
 CHOOSE = "choose one to look at it"
 PLAY, PAUSE = "Play (P)", "Pause (P)"
 BACK, CLOSE = "Back to live", "Close the recording"

@@ -23,10 +23,8 @@ from foretouch.quantities.colours import BLUE, GREY, INK, VERMILLION, css
 from foretouch.robot import MATERIALS
 from foretouch.settings import NO_GRIP
 
-LONGEST_DELAY = 2.0
-"""End of the sliders of delays [s]."""
-OWN = 2.0
-"""Time for which a slider that was moved stays as it is [s], until the session sends the new value too."""
+LONGEST_DELAY = 2.0  # End of the sliders of delays [s]
+OWN = 2.0  # Time for which a slider that was moved stays as it is [s], until the session sends the new value too
 TRIP = Curve("Round trip: age of the answer", INK, 2.0)
 THERE = Curve("Lost on the way there", BLUE, 2.0)
 BACK = Curve("Lost on the way back", VERMILLION, 2.0, "dashed")
@@ -125,8 +123,7 @@ CHOICES: dict[str, tuple[str, Sequence[str], str]] = {
     "grip": ("Grip", (NO_GRIP, *GRIPS), "How a hand holds the device that the force moves"),
 }
 """Of each choice: the label, what there is, and what comes of it."""
-BEGINNING = 20.0
-"""Time for which a choice is shown before the session has confirmed it [s]."""
+BEGINNING = 20.0  # Time for which a choice is shown before the session has confirmed it [s]
 CLOSED = 0.3
 """For at least this time [s] nothing else can be chosen. Were a dropdown opened again in the moment in which it was
 closed, the browser would hear of neither, and the focus would stay in it, where no key stops the robot."""

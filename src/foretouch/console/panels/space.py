@@ -26,11 +26,9 @@ from foretouch.quantities.colours import BLUE, GREEN, INK, VERMILLION, Colour, c
 from foretouch.quantities.pose import Vector
 from foretouch.vision.camera import opencv
 
-ROD = 0.03
-"""Length of the probe that is drawn [m]."""
+ROD = 0.03  # Length of the probe that is drawn [m]
 TIP_RADIUS = 2.25e-3
-PARTS = 8
-"""Number of parts in which a side of the outline is drawn: a lens bends it."""
+PARTS = 8  # Number of parts in which a side of the outline is drawn: a lens bends it
 QUALITY = 80
 
 
@@ -104,13 +102,10 @@ DRAW_PROBE = "Probe over image"
 WHAT_IS_DRAWN = "Draw the virtual probe (blue) and the fixture as rendered (green) over the delayed image"
 NO_OPENCV = "OpenCV is not here: the probe cannot be drawn over images. "
 NO_CAMERA = "There is no camera at the robot."
-NOT_USED = ("contact", "none")
-"""With these values of ``fusion`` no image is needed."""
+NOT_USED = ("contact", "none")  # With these values of ``fusion`` no image is needed
 NO_IMAGE = "No image has come yet."
-CAMERA_DELAY = 0.05
-"""Time from exposure to reading [s] until the session sends its value."""
-MARKERS = 4
-"""Number of markers on the board."""
+CAMERA_DELAY = 0.05  # Time from exposure to reading [s] until the session sends its value
+MARKERS = 4  # Number of markers on the board
 TITLE = "Camera at the robot, delayed"
 _STYLE = (
     '<div class="foretouch-camera"><style>'
@@ -208,8 +203,7 @@ def _age(watched: Watched, image: CameraImage) -> str:
 
 BOARD, MARKER = 0.060, 0.024
 """Sides of the board and of a marker as they are drawn [m]."""
-MARGIN = 0.004
-"""Distance of the outline from what it encloses [m]."""
+MARGIN = 0.004  # Distance of the outline from what it encloses [m]
 
 
 def footprint(vertices: np.ndarray) -> np.ndarray:
@@ -222,16 +216,13 @@ def footprint(vertices: np.ndarray) -> np.ndarray:
 PLACE = Curve("Deviation of its position", BLUE, 2.0)
 TURN = Curve("Deviation of its rotation", VERMILLION, 2.0, "dashed")
 AGE = Curve("Since an image showed it", INK, 2.0)
-AGED = 0.5
-"""An older pose is worth a sentence [s]."""
+AGED = 0.5  # An older pose is worth a sentence [s]
 CAMERA_SILENT = 1.0
 """The tracker of the fixture speaks thirty times a second; it is gone when nothing has come for this time [s]."""
 MOST_AGE = 60.0
 SLIDERS = ("Hand to the right, x [mm]", "Hand away, y [mm]", "Hand up, z [mm]")
-HALF_RANGE = 100.0
-"""[mm]."""
-SMALLEST_MOVE = 0.3
-"""A slider follows the hand by steps of this [mm]."""
+HALF_RANGE = 100.0  # [mm]
+SMALLEST_MOVE = 0.3  # A slider follows the hand by steps of this [mm]
 
 
 class SpacePanel:

@@ -24,8 +24,7 @@ UNABLE = "No stop from here: a shadow"
 """Text of the button where the robot cannot be stopped from here because another controller moves it."""
 COLOURS = {READY: VERMILLION, UNABLE: GREY}
 """Colour of the button by its text; else it is black."""
-ALERTS = ".foretouch-alerts"
-"""Style-sheet selector of the sentences; empty while nothing is urgent."""
+ALERTS = ".foretouch-alerts"  # Style-sheet selector of the sentences; empty while nothing is urgent
 
 _PLACE = "position:fixed;left:12px;z-index:100;"
 _STYLE = (
@@ -104,10 +103,8 @@ def _with_command(alert: str) -> str:
     return re.sub(r"foretouch release \d+", command, html.escape(alert))
 
 
-ASKING_PERIOD = 0.05
-"""Between two askings [s]."""
-LEAST_ASKED = 4
-"""Least number of requests: a confirmation may have been under way since an earlier stop."""
+ASKING_PERIOD = 0.05  # Between two askings [s]
+LEAST_ASKED = 4  # Least number of requests: a confirmation may have been under way since an earlier stop
 
 
 class EmergencyCall:
@@ -149,8 +146,7 @@ class EmergencyCall:
             self._closed.wait(ASKING_PERIOD)
 
 
-STEP = 0.0005
-"""Motion of the hand by one stroke [m]."""
+STEP = 0.0005  # Motion of the hand by one stroke [m]
 
 HELP = (
     "Keys: <b>Space</b> or <b>Esc</b> emergency stop · <b>D</b> deeper, <b>U</b> up · <b>C</b> clutch · "

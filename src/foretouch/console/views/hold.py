@@ -13,16 +13,12 @@ from foretouch.console.watched import Watched
 from foretouch.messages import Handle
 from foretouch.quantities.pose import Vector, add, scaled, subtract
 
-KEEP_ALIVE = 0.1
-"""Longest period at which a held handle sends its position [s], so that silence means a lost browser."""
-STROKE = 1.0
-"""A hand that keys move is let go this long after the last stroke [s]."""
+KEEP_ALIVE = 0.1  # Longest period at which a held handle sends its position [s], so that silence means a lost browser
+STROKE = 1.0  # A hand that keys move is let go this long after the last stroke [s]
 HOME: Vector = (0.0, 0.0, 0.042)
 """Position of the handle while a script moves the hand [m]: one that moves along is hard to catch."""
-REACH = 0.1
-"""The hand goes no further from the world's origin, along any axis [m]."""
-RESTS = 3.0
-"""A handle that was let go stays where it is for this time [s], as the hand does."""
+REACH = 0.1  # The hand goes no further from the world's origin, along any axis [m]
+RESTS = 3.0  # A handle that was let go stays where it is for this time [s], as the hand does
 
 
 class Hold:

@@ -25,27 +25,19 @@ from foretouch.quantities.pose import Vector
 DRAG, LET_GO = "Drag me down to press", "Let go and the script goes on"
 CAMERA = ((2.6, -20.5, 8.4), (0.0, 0.0, 2.6))
 """First position of the camera and the point at which it looks [scene units]."""
-FIELD_OF_VIEW = math.radians(34.0)
-"""Vertical."""
+FIELD_OF_VIEW = math.radians(34.0)  # Vertical
 MEASURES = Measures(per_newton=0.4, longest=6.0, least=0.025, beside=(1.15, -0.3), label=(1.6, 0.5))
 """Style of the forces."""
-BOB = 0.25
-"""Amplitude of the hint, which goes up and down once a second [scene units]."""
+BOB = 0.25  # Amplitude of the hint, which goes up and down once a second [scene units]
 SMALLEST_APART, LARGEST_APART = 0.1, 5.0
 """Hand and probe are shown apart between these distances [scene units], 0.5 and 25 mm."""
-LOWEST_RAIL = 1.35
-"""The rail ends above the material, though a hand may want to go on [scene units]."""
+LOWEST_RAIL = 1.35  # The rail ends above the material, though a hand may want to go on [scene units]
 RULER_X = -4.4
-EDGE = 3.9
-"""Distance from the axis at which the material does not sink any more [scene units]."""
-SHALLOW = math.sqrt(0.5)
-"""Width of a shallow dent [scene units]."""
-SMALLEST_CHANGE = 0.002
-"""Changes below this [scene units], 0.01 mm, are not drawn."""
-LARGEST_DEPTH = 2.9
-"""The picture of the block goes no deeper [scene units]."""
-STEPS = (0.1, 0.4, 0.9, 1.5)
-"""Depths at which the dent's colour changes [scene units]: 0.5, 2, 4.5 and 7.5 mm."""
+EDGE = 3.9  # Distance from the axis at which the material does not sink any more [scene units]
+SHALLOW = math.sqrt(0.5)  # Width of a shallow dent [scene units]
+SMALLEST_CHANGE = 0.002  # Changes below this [scene units], 0.01 mm, are not drawn
+LARGEST_DEPTH = 2.9  # The picture of the block goes no deeper [scene units]
+STEPS = (0.1, 0.4, 0.9, 1.5)  # Depths at which the dent's colour changes [scene units]: 0.5, 2, 4.5 and 7.5 mm
 
 
 def look(server: Any, camera: tuple[tuple[float, ...], tuple[float, ...]]) -> None:

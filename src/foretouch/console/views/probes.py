@@ -11,10 +11,8 @@ from foretouch.console.views.shapes import add_body, along
 from foretouch.quantities.colours import BLUE, VERMILLION
 from foretouch.quantities.pose import Vector
 
-UNITS = 200.0
-"""Scene units per metre: one unit is 5 mm."""
-ANCHORS = ("center-right", "center-left")
-"""Anchors of the left and of the right label."""
+UNITS = 200.0  # Scene units per metre: one unit is 5 mm
+ANCHORS = ("center-right", "center-left")  # Anchors of the left and of the right label
 
 
 class Measures(NamedTuple):

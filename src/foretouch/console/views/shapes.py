@@ -25,8 +25,7 @@ Faces = NDArray[np.int64]
 Quaternion = tuple[float, float, float, float]
 
 TIP_RADIUS = 0.45
-HANDLE_HEIGHT = 4.6
-"""Height of the middle of the handle above the tip [scene units]."""
+HANDLE_HEIGHT = 4.6  # Height of the middle of the handle above the tip [scene units]
 
 
 def lathe(profile: list[tuple[float, float]], segments: int = 24) -> Mesh:
@@ -217,16 +216,12 @@ COLOURS: tuple[Colour, ...] = (
     (253, 231, 157), (247, 196, 108), (232, 155, 84), (205, 113, 79), (165, 78, 77), (116, 53, 71), (66, 30, 54)
 )  # fmt: skip
 """From soft to stiff: lightness alone tells the steps apart, whichever colours an eye sees."""
-UNKNOWN: Colour = (190, 190, 190)
-"""Colour of regions where no law was learnt."""
-LEAST_KNOWN = 0.5
-"""Weight of learnt nodes in the law of a point from which its stiffness counts as known."""
-STEPS = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)
-"""A step is one of these times a power of ten."""
+UNKNOWN: Colour = (190, 190, 190)  # Colour of regions where no law was learnt
+LEAST_KNOWN = 0.5  # Weight of learnt nodes in the law of a point from which its stiffness counts as known
+STEPS = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)  # A step is one of these times a power of ten
 SMALLEST, LARGEST = 1.0, 1e7
 """Steps stay within these [N/m]."""
-LEAST_SHARE = 0.05
-"""Least step as a fraction of the scale's stiff end: less is noise, and one material has few colours."""
+LEAST_SHARE = 0.05  # Least step as a fraction of the scale's stiff end: less is noise, and one material has few colours
 CORNERS = np.array(list(itertools.product((0, 1), repeat=3)))
 WIDE = np.int64(1 << 20)
 

@@ -31,28 +31,19 @@ from foretouch.rendering import Surface
 
 SPACE_CAMERA = ((-4.0, -50.0, 31.0), (-4.0, 0.0, 0.0))
 """First position of the camera and the point at which it looks [scene units]."""
-NORMAL_LENGTH = 2.6
-"""[scene units]."""
-MEASURES = Measures(per_newton=1.0, longest=8.0, least=0.02, beside=(1.2, 0.0), label=(1.8, 1.2))
-"""Style of the forces."""
-HANDLE_SIZE = 4.0
-"""Length of its arrows [scene units]."""
-APART = 0.002
-"""Distance of one probe past the other at which arrows and labels change sides [m]."""
+NORMAL_LENGTH = 2.6  # [scene units]
+MEASURES = Measures(per_newton=1.0, longest=8.0, least=0.02, beside=(1.2, 0.0), label=(1.8, 1.2))  # Style of the forces
+HANDLE_SIZE = 4.0  # Length of its arrows [scene units]
+APART = 0.002  # Distance of one probe past the other at which arrows and labels change sides [m]
 HINT = "Drag the arrows: the hand goes along"
 SPACE_INSTRUCTION = "Drag the arrows of the handle: down to press, along to slide."
-NEAR = 0.006
-"""The normal is shown from here on [m]."""
-BOARD_ALONE = np.zeros((1, 3))
-"""Text over an image where the shape of the specimen is not known here."""
-LEAST_KNOWN = 0.5
-"""Weight of learnt nodes in the law of a point from which its stiffness counts as known."""
+NEAR = 0.006  # The normal is shown from here on [m]
+BOARD_ALONE = np.zeros((1, 3))  # Text over an image where the shape of the specimen is not known here
+LEAST_KNOWN = 0.5  # Weight of learnt nodes in the law of a point from which its stiffness counts as known
 NARROW, REACH = 2.5e-3, 16e-3
 """Width of a shallow dent, and where every dent ends [m]."""
-THICKNESS = 0.012
-"""Thickness of specimen and board as they are drawn [m]."""
-SMALLEST_CHANGE = 2e-5
-"""Smallest change of a dent that is drawn [m]."""
+THICKNESS = 0.012  # Thickness of specimen and board as they are drawn [m]
+SMALLEST_CHANGE = 2e-5  # Smallest change of a dent that is drawn [m]
 HALO, LARGEST_HALO = 2.0, 0.02
 """Number of standard deviations that the halo shows, and its largest size [m]."""
 SCREEN = {"thickness_units": "screen"}

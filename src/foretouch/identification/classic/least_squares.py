@@ -279,8 +279,7 @@ class HuntCrossleyLogRLS(_LeastSquares):
         return level - exponent * math.log(self._depth_scale), rate / self._velocity_scale, exponent
 
 
-LARGEST_EXPONENT = 10.0
-"""Exponents that stage 1 is computed with stay in -10 to 10: x^n neither overflows nor vanishes."""
+LARGEST_EXPONENT = 10.0  # Exponents that stage 1 is computed with stay in -10 to 10: x^n neither overflows nor vanishes
 
 
 @dataclass(frozen=True, slots=True)

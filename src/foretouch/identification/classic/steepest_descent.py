@@ -17,18 +17,12 @@ from foretouch.identification.estimator import FEWEST_UPDATES, Estimator, Status
 from foretouch.identification.exact.law import EXACT_LAWS, REFERENCE_TIME
 from foretouch.models import ContactModel
 
-DEPTH_MEMORY = 1000.0
-"""Samples over which the reference depth and the force scale are taken."""
-
-REFERENCE_STEP = 0.4
-"""x0 follows the mean depth in steps of at least this much in ln x."""
-
-SMALLEST_DEPTH = 0.02
-"""Nearer to the surface than this share of x0 nothing is learnt."""
+DEPTH_MEMORY = 1000.0  # Samples over which the reference depth and the force scale are taken
+REFERENCE_STEP = 0.4  # x0 follows the mean depth in steps of at least this much in ln x
+SMALLEST_DEPTH = 0.02  # Nearer to the surface than this share of x0 nothing is learnt
 
 LARGEST_LOG_FORCE = 25.0
-LARGEST_DAMPING = 20.0
-"""Bounds of ln F0 on either side, and of D in F0."""
+LARGEST_DAMPING = 20.0  # Bounds of ln F0 on either side, and of D in F0
 
 
 @dataclass(frozen=True, slots=True)

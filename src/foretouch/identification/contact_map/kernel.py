@@ -32,8 +32,7 @@ Array = NDArray[np.float64]
 Banks = NDArray[np.void]
 
 
-FEWEST_UPDATES = 8
-"""Least number of samples from which a force is rendered."""
+FEWEST_UPDATES = 8  # Least number of samples from which a force is rendered
 
 LARGEST_SHIFT, LARGEST_SHIFT_IN_YOUTH, YOUTH = 9e-3, 1e-3, 0.3
 """Largest shift of the surface from where the map began [m], after which the map begins anew; a smaller one in its

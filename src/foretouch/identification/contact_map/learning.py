@@ -20,11 +20,8 @@ from foretouch.identification.contact_map.state import RING, Bank
 from foretouch.models.contact_map.kernel import features
 from foretouch.models.contact_map.layout import COARSE, FINE, SIZE
 
-PERIOD = 0.004
-"""Least time between two samples that are learnt [s]."""
-
-LONGEST_PERIOD = 0.1
-"""Largest period between samples [s]; a longer pause counts as this."""
+PERIOD = 0.004  # Least time between two samples that are learnt [s]
+LONGEST_PERIOD = 0.1  # Largest period between samples [s]; a longer pause counts as this
 
 LEARNT, CHANGED, FAILED = range(3)
 """Result of a step."""
@@ -33,8 +30,7 @@ FADING = 1.0 / 3000.0
 """Fraction by which the covariance goes back towards the prior in each second in contact [1/s]: what was learnt long
 ago can be learnt again."""
 
-RING_PERIOD = 0.02
-"""Time between two snapshots of the map [s]."""
+RING_PERIOD = 0.02  # Time between two snapshots of the map [s]
 
 SCORED_FROM = 0.1
 """Least time in contact [s] after which a snapshot is scored: an earlier one does not show what can be learnt."""

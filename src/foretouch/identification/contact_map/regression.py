@@ -33,8 +33,7 @@ from foretouch.models.contact_map.layout import COARSE, FINE, LARGEST_FEATURES, 
 Array = NDArray[np.float64]
 Field = NDArray[Any]
 
-ACTIVE = 4 * (1 + LARGEST_FEATURES)
-"""Largest number of weights whose splines are not zero at a sample."""
+ACTIVE = 4 * (1 + LARGEST_FEATURES)  # Largest number of weights whose splines are not zero at a sample
 
 
 class Elastic(Record):

@@ -9,30 +9,21 @@ from foretouch.identification.contact_map.state import Bank
 from foretouch.models.contact_map.kernel import experts, uncertainty
 from foretouch.models.contact_map.layout import EXPERTS, SPEED, UNCERTAINTIES, Map
 
-SCORE_TIME = 1.0
-"""Time constant in contact with which scores fade [s]."""
-FIRST_ERRORS = (0.1, 0.2, 0.3)
-"""Relative errors of law, coarse and fine map that are assumed at first."""
-FIRST_TIME = 0.1
-"""Time in contact for which the assumed first errors count [s]."""
+SCORE_TIME = 1.0  # Time constant in contact with which scores fade [s]
+FIRST_ERRORS = (0.1, 0.2, 0.3)  # Relative errors of law, coarse and fine map that are assumed at first
+FIRST_TIME = 0.1  # Time in contact for which the assumed first errors count [s]
 PENALTIES = (1.2, 1.0, 1.0)
 """Factors on the experts' errors: the law has to be clearly better than the map, for it is right nowhere where it is
 not right everywhere."""
-SHARPNESS = 8.0
-"""Exponent of the inverse error in the weights, the fourth power of its square."""
+SHARPNESS = 8.0  # Exponent of the inverse error in the weights, the fourth power of its square
 LEAST_SHARE = 1e-3
 FINE_DEPTH, COARSE_DEPTH = 4e-4, 3e-4
 """Depths [m] beyond which the fine map, and short of which the coarse map, has less weight."""
 
-CONTACT_SHARE = 0.05
-"""Fraction of the peak above which predictions are scored out of contact too."""
-
-UNCERTAINTY_TIME = 5.0
-"""Time constant with which late errors fade [s]."""
-LEAST_UNCERTAINTY = 0.01
-"""Least standard deviation, relative to the peak force."""
-FIRST_UNCERTAINTY = 0.25
-"""Standard deviation of a force before any is estimated, relative to the force."""
+CONTACT_SHARE = 0.05  # Fraction of the peak above which predictions are scored out of contact too
+UNCERTAINTY_TIME = 5.0  # Time constant with which late errors fade [s]
+LEAST_UNCERTAINTY = 0.01  # Least standard deviation, relative to the peak force
+FIRST_UNCERTAINTY = 0.25  # Standard deviation of a force before any is estimated, relative to the force
 SPREAD_RATE = 0.01
 OUTSIDE = 0.25
 """Fraction of errors beyond one standard deviation; less than a Gaussian's 0.32, for their tails are heavier, and two

@@ -13,8 +13,7 @@ from foretouch.models.contact_map.layout import EXPERTS, LARGEST_FEATURES, MEMOR
 
 Field = NDArray[Any]
 
-RING = 128
-"""Number of snapshots of the map that are kept to be scored on later samples."""
+RING = 128  # Number of snapshots of the map that are kept to be scored on later samples
 
 
 class Notes(Record):

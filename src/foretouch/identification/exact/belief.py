@@ -16,8 +16,7 @@ Array = NDArray[np.float64]
 Field = NDArray[Any]
 
 
-FEWEST_UPDATES = 20
-"""No force is rendered from fewer samples."""
+FEWEST_UPDATES = 20  # No force is rendered from fewer samples
 
 LARGEST_DAMPING = 20.0
 LARGEST_SURFACE = 0.5

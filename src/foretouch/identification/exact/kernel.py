@@ -38,18 +38,12 @@ ALARM_PAUSE = 50.0
 ALARM_DEPTH = 0.3
 """Least depth for alarms, as a fraction of x0: nearer to the surface a wrong surface looks like a change."""
 
-SMALLEST_DEPTH = 0.02
-"""Least depth that is learnt, as a fraction of x0."""
-
-REFERENCE_STEP = 0.4
-"""Least change of ln x by which x0 follows the mean depth."""
+SMALLEST_DEPTH = 0.02  # Least depth that is learnt, as a fraction of x0
+REFERENCE_STEP = 0.4  # Least change of ln x by which x0 follows the mean depth
 
 FADE_TIME = 0.1
-FADE_FROM = 2.5
-"""Mean of squared normalised innovations over 0.1 s above which the covariance is too small."""
-
-LARGEST_GAP = 1.0
-"""Longest time for which a pause adds to the random walk [s]."""
+FADE_FROM = 2.5  # Mean of squared normalised innovations over 0.1 s above which the covariance is too small
+LARGEST_GAP = 1.0  # Longest time for which a pause adds to the random walk [s]
 
 
 class Filter(Record):

@@ -21,11 +21,8 @@ from foretouch.models import ContactModel, ContinuousSwitching, HuntCrossley, Ke
 
 UNKNOWNS = 5
 
-REFERENCE_TIME = 0.1
-"""T0 [s]: hands press and release in tenths of a second."""
-
-LARGEST_S = 2.0 - 1e-6
-"""Equation (5) wants s below 2."""
+REFERENCE_TIME = 0.1  # T0 [s]: hands press and release in tenths of a second
+LARGEST_S = 2.0 - 1e-6  # Equation (5) wants s below 2
 
 
 @dataclass(frozen=True, slots=True)

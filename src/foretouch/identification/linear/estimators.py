@@ -13,8 +13,7 @@ from foretouch.errors.checks import require
 from foretouch.identification.linear.linearised import LinearisedEstimator
 from foretouch.identification.linear.options import Forgetting, FPRLSOptions, RobustOptions
 
-FORGETTING_FACTOR = 0.999
-"""Of `ForgettingRLS` at each sample: a memory of 1,000 samples, which is 1 s at 1 kHz."""
+FORGETTING_FACTOR = 0.999  # Of `ForgettingRLS` at each sample: a memory of 1,000 samples, which is 1 s at 1 kHz
 
 
 class RLS(LinearisedEstimator):

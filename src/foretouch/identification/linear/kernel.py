@@ -34,8 +34,7 @@ from foretouch.identification.linear.options import (
 )
 from foretouch.identification.linear.recursion import LARGEST_LOG, LARGEST_TRACE, exponential
 
-FADED = 40.0
-"""exp(-40) of the share of mu that fades is no longer a digit of it."""
+FADED = 40.0  # exp(-40) of the share of mu that fades is no longer a digit of it
 
 
 @inlined

@@ -22,8 +22,7 @@ from foretouch.identification.linear.recursion import logarithm
 
 Array = NDArray[np.float64]
 
-LANES = 128
-"""Recordings of a block: their numbers stay in the first cache."""
+LANES = 128  # Recordings of a block: their numbers stay in the first cache
 
 RESULT_SIZE = 19
 COUNTS = 16

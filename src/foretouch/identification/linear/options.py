@@ -20,17 +20,10 @@ from foretouch.identification.estimator import Status
 from foretouch.identification.linear.recovery import BINS_PER_DECADE, DECADES
 from foretouch.identification.linear.recursion import ErrorUnit, PerturbationForm, PerturbationMoment
 
-SMALLEST_FORCE = 1e-3
-"""Forces below this [N] have no usable logarithm: the sensor's noise is larger."""
-
-SMALLEST_DEPTH = 1e-5
-"""Depths below this [m] have no usable logarithm: encoders do not resolve them."""
-
-REFERENCE_DEPTH = 0.01
-"""Depth [m] that scaled regressors are measured by."""
-
-REFERENCE_VELOCITY = 0.05
-"""Velocity [m/s] that scaled regressors are measured by."""
+SMALLEST_FORCE = 1e-3  # Forces below this [N] have no usable logarithm: the sensor's noise is larger
+SMALLEST_DEPTH = 1e-5  # Depths below this [m] have no usable logarithm: encoders do not resolve them
+REFERENCE_DEPTH = 0.01  # Depth [m] that scaled regressors are measured by
+REFERENCE_VELOCITY = 0.05  # Velocity [m/s] that scaled regressors are measured by
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,17 +14,13 @@ Array = NDArray[np.float64]
 
 BINS_PER_DECADE = 24
 DECADES = 5
-DEEPEST = 1.0
-"""Largest depth of the summary [m], which covers 10 um to 1 m."""
+DEEPEST = 1.0  # Largest depth of the summary [m], which covers 10 um to 1 m
 
 LEAST_SPREAD = 0.05
 """Least ratio of the spread of 1 / x to its RMS; below it only one depth was seen, and b1 and b2 are not separable."""
 
-LARGEST_UNCERTAINTY = 0.25
-"""Largest standard error of the fraction of b2 in the damping, which is from 0 to 1."""
-
-SHARE_MARGIN = 0.1
-"""Distance by which noise may put that fraction outside of 0 to 1; it then counts as 0 or 1."""
+LARGEST_UNCERTAINTY = 0.25  # Largest standard error of the fraction of b2 in the damping, which is from 0 to 1
+SHARE_MARGIN = 0.1  # Distance by which noise may put that fraction outside of 0 to 1; it then counts as 0 or 1
 
 
 class Recovered(NamedTuple):

@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 
 from foretouch.core.compiling import compiled, inlined
 
-LARGEST_EXPONENT = 708.0
-"""Arguments of the exponential count as at most this, and as at least minus this."""
+LARGEST_EXPONENT = 708.0  # Arguments of the exponential count as at most this, and as at least minus this
 
 ROOT_HALF_BITS = 0x3FE6A09E00000000  # of sqrt(1/2), rounded down
 SHIFT = 0x3FF0000000000000 - ROOT_HALF_BITS
@@ -123,8 +122,7 @@ BROKEN, LEARNT, PERTURBED = 0, 1, 2
 LARGEST_TRACE = 1e100
 """A covariance beyond this has nothing left to say, and would overflow soon: the estimator begins again."""
 
-LARGEST_LOG = 600.0
-"""Logarithms of forces count as at most this where they are turned into newtons: no overflow."""
+LARGEST_LOG = 600.0  # Logarithms of forces count as at most this where they are turned into newtons: no overflow
 
 
 @compiled

@@ -34,8 +34,7 @@ Array = NDArray[np.float64]
 
 BINS_PER_LOG = BINS_PER_DECADE / np.log(10.0)
 
-LARGEST_GAIN = 1e100
-"""Beyond this gain of the histogram its bins shrink after all: no overflow."""
+LARGEST_GAIN = 1e100  # Beyond this gain of the histogram its bins shrink after all: no overflow
 
 
 @compiled

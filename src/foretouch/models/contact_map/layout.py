@@ -13,23 +13,15 @@ from foretouch.core.records import Record
 
 Field = NDArray[Any]
 
-COARSENESS = 3
-"""Ratio of the knots' distances of features and elastic part: features vary more slowly over depth."""
-
-PLAYS = (1e-4, 3e-4)
-"""Radii of the play operators [m]."""
-
-TIMES = (0.05, 0.3, 1.5)
-"""Time constants of the averages of depth [s]."""
-
-SPEED = 0.05
-"""Unit of speed [m/s]."""
+COARSENESS = 3  # Ratio of the knots' distances of features and elastic part: features vary more slowly over depth
+PLAYS = (1e-4, 3e-4)  # Radii of the play operators [m]
+TIMES = (0.05, 0.3, 1.5)  # Time constants of the averages of depth [s]
+SPEED = 0.05  # Unit of speed [m/s]
 
 MEMORY = len(PLAYS) + len(TIMES)
 """Number of values of memory: positions of the plays, then the averages [m]; all NaN before the first sample."""
 
-LARGEST_FEATURES = 1 + MEMORY
-"""Number of features of the coarse map: velocity, plays, averages."""
+LARGEST_FEATURES = 1 + MEMORY  # Number of features of the coarse map: velocity, plays, averages
 
 
 class Grid(NamedTuple):
@@ -68,30 +60,21 @@ def _grid(spacing: float, below: int, above: int, features: int) -> Grid:
 GRIDS = COARSE, FINE = _grid(1e-3, 10, 40, LARGEST_FEATURES), _grid(3e-5, 50, 60, 1)
 """The coarse map reaches 10 mm out and 40 mm in, and has all features; the fine one has velocity only."""
 
-REACH = 1.0
-"""Factor on the range of the features so far, beyond which they are clamped."""
+REACH = 1.0  # Factor on the range of the features so far, beyond which they are clamped
 
 STEEPEST = 1.5
 """Largest ratio of the slope beyond the visited depth, which is the last one, to that of the chord from the surface,
 which is also its least value."""
 
-SPEED_REACH = 1.5
-"""Factor on the largest speed so far, beyond which the law clamps speeds."""
+SPEED_REACH = 1.5  # Factor on the largest speed so far, beyond which the law clamps speeds
 
 LARGEST_FORCE = 1e6
 """Largest force of a model [N]."""
 
-FINE_REACH = FINE.above * FINE.spacing
-"""Depth at which the knots of the fine map end [m]."""
-
-MOST = 20.0
-"""Largest ratio of a force beyond the visited depth to the largest that was felt."""
-
-LETTING_GO = 5e-3
-"""Distance outside the visited range after which a force is zero at the latest [m]."""
-
-LEAST_DEPTH = 1e-4
-"""Least depth to which a law is used [m], also if it was learnt from less."""
+FINE_REACH = FINE.above * FINE.spacing  # Depth at which the knots of the fine map end [m]
+MOST = 20.0  # Largest ratio of a force beyond the visited depth to the largest that was felt
+LETTING_GO = 5e-3  # Distance outside the visited range after which a force is zero at the latest [m]
+LEAST_DEPTH = 1e-4  # Least depth to which a law is used [m], also if it was learnt from less
 
 EXPERTS = 3
 UNCERTAINTIES = 3
@@ -128,8 +111,7 @@ class Map(Record):
     fine: FineMap
 
 
-SIZE = Map.layout.itemsize // 8
-"""Number of all numbers of a map."""
+SIZE = Map.layout.itemsize // 8  # Number of all numbers of a map
 
 HEADER = Map.layout.fields["coarse"][1] // 8  # type: ignore[index]
 """Number of those before the coarse map."""

@@ -121,11 +121,8 @@ def _kernel(name: str) -> Callable[..., Any]:
     return getattr(_compiled("kernel"), name).entry  # type: ignore[no-any-return]
 
 
-DEPTH_SHARES = (0.25, 0.5, 0.9)
-"""Fractions of the deepest visited depth at which local stiffness is given."""
-
-STEP = 0.02
-"""Half the distance over which it is taken, as a fraction of that depth."""
+DEPTH_SHARES = (0.25, 0.5, 0.9)  # Fractions of the deepest visited depth at which local stiffness is given
+STEP = 0.02  # Half the distance over which it is taken, as a fraction of that depth
 
 PERIOD = 1e-3
 

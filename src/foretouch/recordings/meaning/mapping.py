@@ -20,8 +20,7 @@ Array = NDArray[np.float64]
 LENGTHS: Final = POSITION_UNITS | {"rad": 1.0, "deg": 180.0 / np.pi, "raw": 1.0}
 """How many of a unit make a metre; of an angle, a radian."""
 
-FORCES: Final = FORCE_UNITS | {"Nm": 1.0, "raw": 1.0}
-"""How many of a unit make a newton; of a torque, a newton metre."""
+FORCES: Final = FORCE_UNITS | {"Nm": 1.0, "raw": 1.0}  # How many of a unit make a newton; of a torque, a newton metre
 
 TIMES: Final = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9, "min": 1.0 / 60.0, "h": 1.0 / 3600.0}
 """How many of a unit make a second."""

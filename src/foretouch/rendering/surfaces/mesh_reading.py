@@ -75,14 +75,12 @@ def _numbers(words: list[str]) -> list[float | None]:
     return values
 
 
-FORMATS = (".stl", ".obj", ".ply")
-"""Suffixes of the files that are read."""
+FORMATS = (".stl", ".obj", ".ply")  # Suffixes of the files that are read
 
 MOST_TRIANGLES = 1_000_000
 """Largest number of triangles; larger meshes must be reduced first, as a hand does not feel the difference."""
 
-MOST_BYTES = 400_000_000
-"""Size above which files are refused unread [bytes]: that of a million triangles as text."""
+MOST_BYTES = 400_000_000  # Size above which files are refused unread [bytes]: that of a million triangles as text
 
 
 def read_mesh(

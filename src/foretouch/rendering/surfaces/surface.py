@@ -17,15 +17,13 @@ Array: TypeAlias = NDArray[np.float64]
 Memory: TypeAlias = NDArray[Any]  # of one contact: zeros at first, written by the surface
 Point: TypeAlias = tuple[float, float, float]
 
-FARTHEST = 1e3
-"""Largest distance of a probe from the origin [m]."""
+FARTHEST = 1e3  # Largest distance of a probe from the origin [m]
 
 FACES_ALL_WAYS = 0.1
 """Least length of a mean normal: a shorter one is the remainder of sides that face each other, or of a few missing
 ones."""
 
-NO_TRIANGLE = -1
-"""Index of the touched triangle where a surface has none."""
+NO_TRIANGLE = -1  # Index of the touched triangle where a surface has none
 
 
 class SurfaceContact(NamedTuple):

@@ -33,11 +33,8 @@ from foretouch.session.spatial import Scene, make_scene
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-FELT = 0.05
-"""A force above this is one that is felt [N]."""
-
-EPISODE = 0.02
-"""Shorter ones are edges of a contact, which are never quite where they were [s]."""
+FELT = 0.05  # A force above this is one that is felt [N]
+EPISODE = 0.02  # Shorter ones are edges of a contact, which are never quite where they were [s]
 
 
 class Wrong(NamedTuple):

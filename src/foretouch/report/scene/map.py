@@ -21,14 +21,9 @@ from foretouch.session.spatial import Scene
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-CELL = 1e-3
-"""Side of a cell of the map [m]."""
-
-NEAR = 3e-3
-"""Largest distance of the probe from a point that counts as touched [m], half the distance of two nodes."""
-
-PRESSED = 0.05
-"""Force of a touch [N]."""
+CELL = 1e-3  # Side of a cell of the map [m]
+NEAR = 3e-3  # Largest distance of the probe from a point that counts as touched [m], half the distance of two nodes
+PRESSED = 0.05  # Force of a touch [N]
 
 MIDDLE, REACH = (0.075, 0.0), 0.03
 """Middle of the map in the fixture's frame, and half its side [m]."""
@@ -36,11 +31,8 @@ MIDDLE, REACH = (0.075, 0.0), 0.03
 HIGH, CLOSE, STEPS = 0.2, 1e-6, 30
 """Height above the surface at which rays begin, distance at which they end [m], and their largest number of steps."""
 
-STIFFEST = 98.0
-"""Percentile of the local stiffness taken as the largest: a single point may overshoot."""
-
-SMALL = 1e-6
-"""Difference of depths over which a slope is taken [m]."""
+STIFFEST = 98.0  # Percentile of the local stiffness taken as the largest: a single point may overshoot
+SMALL = 1e-6  # Difference of depths over which a slope is taken [m]
 
 
 @dataclass(frozen=True, eq=False)

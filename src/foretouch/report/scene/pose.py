@@ -92,8 +92,7 @@ def _clocks_apart(settings: Mapping[str, str], pairs: Pairs) -> int:
 
 Flags = NDArray[np.bool_]
 
-TOUCHES = 4
-"""Number of touches after which a pose should be known."""
+TOUCHES = 4  # Number of touches after which a pose should be known
 
 NEAR_MM, NEAR_DEGREES, NEAR_FOR = 0.5, 0.5, 0.5
 """A pose is right again after a bump once it has been nearer than this [mm, degrees] for this time [s]."""

@@ -27,8 +27,7 @@ from foretouch.report.numbers import Finding, number
 from foretouch.report.sections import Drawing, Section, View
 from foretouch.settings import NO_GRIP
 
-FELT = 0.05
-"""Rendered force from which on a tick counts as contact at the hand [N]."""
+FELT = 0.05  # Rendered force from which on a tick counts as contact at the hand [N]
 
 
 def instability(report: Mapping[str, Any]) -> str:

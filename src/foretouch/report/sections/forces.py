@@ -36,17 +36,13 @@ from foretouch.settings import NO_BASELINE, SIMULATED
 
 Array = NDArray[np.float64]
 
-ZOOM = 4.0
-"""Length of the close-up [s], and of shorter recordings half of them."""
-
-LEAST = 0.3
-"""The force axis reaches at least to this [N], so that noise does not fill it."""
+ZOOM = 4.0  # Length of the close-up [s], and of shorter recordings half of them
+LEAST = 0.3  # The force axis reaches at least to this [N], so that noise does not fill it
 
 MOST_IN_LOOPS, PIECE = 30_000, 2000
 """Samples of force against depth that are drawn, and in one line: no extremes can represent the rest of a loop."""
 
-ROOM = 1.35
-"""The force axis reaches to this multiple of the largest measured or delayed force."""
+ROOM = 1.35  # The force axis reaches to this multiple of the largest measured or delayed force
 
 
 def force_figure(

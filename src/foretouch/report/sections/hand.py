@@ -41,17 +41,10 @@ PHANTOM, PHANTOM_TICKS = 0.3, 50
 """A hand felt what the robot did not touch where the rendered force was above this [N] for more than this many commands
 in a row: the edge of a contact is never quite where it was."""
 
-MUCH = 5.0
-"""Part of the contact from which the report says that the device could not carry the model [%]."""
-
-GUARDED_LONG = 5.0
-"""Part of the contact above which the report says at its top that the guard held the robot back [%]."""
-
-CLOSE_UP = 4.0
-"""Length of the close-up [s]."""
-
-WIDE = 4.0
-"""Width of a curve that is under another one."""
+MUCH = 5.0  # Part of the contact from which the report says that the device could not carry the model [%]
+GUARDED_LONG = 5.0  # Part of the contact above which the report says at its top that the guard held the robot back [%]
+CLOSE_UP = 4.0  # Length of the close-up [s]
+WIDE = 4.0  # Width of a curve that is under another one
 
 
 def hand_figures(log: SessionLog, pairs: Pairs | None = None) -> dict[str, Any]:

@@ -18,8 +18,7 @@ from foretouch.report.sections import Drawing, Section, View
 
 Array = NDArray[np.float64]
 
-OFTEN_LATE = 0.1
-"""A loop that is late in more than this fraction of its ticks does not keep its rate."""
+OFTEN_LATE = 0.1  # A loop that is late in more than this fraction of its ticks does not keep its rate
 
 _MOTION = (
     "Motion and limits",

@@ -157,8 +157,7 @@ REFUSED = {
 }
 """Commands that were refused, in words."""
 
-MOST_LISTED = 5
-"""Number of segments above which only their number is given."""
+MOST_LISTED = 5  # Number of segments above which only their number is given
 
 
 def safety_findings(report: Mapping[str, Any]) -> Iterator[Finding]:

@@ -124,8 +124,7 @@ def _begun(segments: Mapping[str, Any]) -> str:
     return filled("the leader began {leader_starts:#time}, the follower {follower_starts:#time}", segments)
 
 
-MOST_LINES = 12
-"""Phases that are listed in the text, the longest of them; all are in the JSON."""
+MOST_LINES = 12  # Phases that are listed in the text, the longest of them; all are in the JSON
 
 
 def scored(pairs: Pairs, force: NDArray[np.float64], true: str = "sensor_force", **window: Any) -> Scores:

@@ -61,18 +61,12 @@ pre { overflow-x: auto; background: var(--card); border: 1px solid var(--line); 
 """
 
 
-MOST_COLUMNS = 6
-"""Largest number of cards beside each other on a wide page."""
+MOST_COLUMNS = 6  # Largest number of cards beside each other on a wide page
 
 
-MOST_BYTES = 400_000
-"""Most bytes that a figure may take as lines; one with more has its curves as pixels."""
-
-MOST_WORDS = 100
-"""Words among the curves are pixels too where there are more than this: the numbers of a matrix."""
-
-PIXELS = 150
-"""Pixels per inch of such curves: half as many again as the widest page has."""
+MOST_BYTES = 400_000  # Most bytes that a figure may take as lines; one with more has its curves as pixels
+MOST_WORDS = 100  # Words among the curves are pixels too where there are more than this: the numbers of a matrix
+PIXELS = 150  # Pixels per inch of such curves: half as many again as the widest page has
 
 
 def embedded(figure: Any, caption: str) -> str:

@@ -27,11 +27,8 @@ from foretouch.session import SessionSettings
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-APART = 0.05
-"""Touches that are nearer to each other than this [s] are one contact."""
-
-SHORTEST = 0.05
-"""Shortest contact [s] for which an error is given."""
+APART = 0.05  # Touches that are nearer to each other than this [s] are one contact
+SHORTEST = 0.05  # Shortest contact [s] for which an error is given
 
 _ROWS = (
     ("force in contact", "contact_force_rms_N", "N"),
@@ -54,20 +51,11 @@ _ROWS = (
 RECORDED_PREDICTION = "#56B4E9"
 """Beside the colours of a session: the lighter of two blues, of Okabe and Ito too."""
 
-ZOOM = 4.0
-"""Length of the close-up [s]."""
-
-LEAST = 0.3
-"""The force axes reach at least to this [N]."""
-
-LEAST_ERROR = 0.3
-"""Smallest error that the axis shows [%]."""
-
-ERROR_TICKS = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)
-"""[%]."""
-
-ROOM = 1.25
-"""The force axes reach to this multiple of the largest true or delayed force."""
+ZOOM = 4.0  # Length of the close-up [s]
+LEAST = 0.3  # The force axes reach at least to this [N]
+LEAST_ERROR = 0.3  # Smallest error that the axis shows [%]
+ERROR_TICKS = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)  # [%]
+ROOM = 1.25  # The force axes reach to this multiple of the largest true or delayed force
 
 
 @dataclass(frozen=True)

@@ -30,14 +30,9 @@ from foretouch.reproduction.theory.impact import (
 LAWS = {rf"$\alpha$ = {alpha:g}": (round(1.4 * (1.0 - alpha), 12), alpha) for alpha in (0.0, 0.25, 0.5, 0.75, 1.0)}
 """n and alpha of the laws whose impacts are integrated: the paper's way from <2> to <1>."""
 
-DAMPED = np.geomspace(1e-3, 1.0, 10)
-"""Damping ratios at which they are integrated [-]."""
-
-UNDAMPED = 1e-4
-"""Damping ratio that counts as none [-]."""
-
-TOLERANCE = 0.1
-"""Error of (12) at which the low-damping approximation is taken to end [-]."""
+DAMPED = np.geomspace(1e-3, 1.0, 10)  # Damping ratios at which they are integrated [-]
+UNDAMPED = 1e-4  # Damping ratio that counts as none [-]
+TOLERANCE = 0.1  # Error of (12) at which the low-damping approximation is taken to end [-]
 
 Array = NDArray[np.float64]
 

@@ -30,14 +30,11 @@ from foretouch.session.robots import make_session_robot
 from foretouch.session.runners.news import where
 from foretouch.session.settings import ROBOTS, SessionSettings
 
-LONGEST_ANSWER = 5.0
-"""Time without return after which a call of a device or robot counts as hanging [s]."""
+LONGEST_ANSWER = 5.0  # Time without return after which a call of a device or robot counts as hanging [s]
 LONGEST_MAKING = 30.0
 """The same time for the call that makes a device or robot, which may have to find its home position [s]."""
-LONGEST_CHECK = 60.0
-"""Longest duration of one check of a device or robot whose calls are not visible in Python [s]."""
-LOOK_PERIOD = 0.1
-"""Time between two checks of a running call [s]."""
+LONGEST_CHECK = 60.0  # Longest duration of one check of a device or robot whose calls are not visible in Python [s]
+LOOK_PERIOD = 0.1  # Time between two checks of a running call [s]
 ROOM = __name__.rpartition(".")[0]
 
 

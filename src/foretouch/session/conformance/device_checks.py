@@ -29,17 +29,13 @@ from foretouch.session.settings import SAMPLE_PERIOD
 TICK_NS = round(SAMPLE_PERIOD * 1e9)
 FARTHEST, FASTEST = 0.5, 1.0
 """Largest distance from its start [m] and speed [m/s] of a hand; more shows another unit or slow sampling."""
-NEAREST = 1e-4
-"""Smallest displacement that counts as motion [m]."""
-LONGEST_CALL = 2e-4
-"""Longest duration of 99 of 100 reads or renders [s]."""
-FAR_TOO_LONG = 1e-3
-"""Median duration of a call, a whole tick, above which no other check is run [s]."""
+NEAREST = 1e-4  # Smallest displacement that counts as motion [m]
+LONGEST_CALL = 2e-4  # Longest duration of 99 of 100 reads or renders [s]
+FAR_TOO_LONG = 1e-3  # Median duration of a call, a whole tick, above which no other check is run [s]
 TIME_RULE = f"99 of 100 take at most {1e3 * LONGEST_CALL:g} ms"
 MOVING_TIME, REAL_TIME = 20.0, 4.0
 """Observation time of a device that moves by itself, and of one that a person moves [s]."""
-PUSH = 1.0
-"""Force that must move a simulated hand [N]."""
+PUSH = 1.0  # Force that must move a simulated hand [N]
 
 
 class Motion(NamedTuple):

@@ -35,12 +35,9 @@ SOFT = HuntCrossley(3000.0, 300.0, 1.4)
 """Estimators of all other laws learn presses of this one, which every law of the paper can be near to."""
 SURFACE, OFFSET, DEEPEST = 0.01, 0.3, 0.01
 """Start of the presses [m], the sensor's force in free air [N], and depth of the presses [m]."""
-LEAST_FORCE = 1e-3
-"""Less than this [N] is none: a map may have rounding beyond its surface."""
-LARGEST_ERROR = 0.1
-"""Residual of the learnt law over the force in contact, both as RMS."""
-LONGEST_UPDATE = 1e-4
-"""Half of all updates take at most this [s]."""
+LEAST_FORCE = 1e-3  # Less than this [N] is none: a map may have rounding beyond its surface
+LARGEST_ERROR = 0.1  # Residual of the learnt law over the force in contact, both as RMS
+LONGEST_UPDATE = 1e-4  # Half of all updates take at most this [s]
 NONSENSE = (math.nan, math.inf, -math.inf, 0.0, -1.0, 1e300, 1e-300)
 
 

@@ -13,8 +13,7 @@ import numpy as np
 
 from foretouch.errors import ForetouchError
 
-LONGEST_LOOK = 2.0
-"""Time over which slow calls are timed, at least ten of them [s]."""
+LONGEST_LOOK = 2.0  # Time over which slow calls are timed, at least ten of them [s]
 
 
 @dataclass(frozen=True, slots=True)

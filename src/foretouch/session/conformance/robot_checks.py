@@ -36,12 +36,9 @@ STEP, SPEED = 0.005, 0.02
 """Distance and speed of the commanded motion, in from the robot's position and back [m, m/s]."""
 SWING, SWINGS = 0.001, 3.0
 """Amplitude [m] and frequency [Hz] of the motion that tests the accelerometer."""
-STILL = 1e-3
-"""Largest motion of a robot that is commanded nothing [m]."""
-TOUCH = 0.3
-"""Least force that counts as contact [N]."""
-FAR_TOO_LONG = 3e-3
-"""Median duration of an exchange above which no other check is run [s]."""
+STILL = 1e-3  # Largest motion of a robot that is commanded nothing [m]
+TOUCH = 0.3  # Least force that counts as contact [N]
+FAR_TOO_LONG = 3e-3  # Median duration of an exchange above which no other check is run [s]
 STEP_TIME = 3e-4
 """Approximate duration of a follower's step [s], by which a driver that waits for its bus's next cycle waits less."""
 ROUND = 1.1 * SAMPLE_PERIOD
@@ -50,8 +47,7 @@ TIME_RULE = (
     f"99 of 100 exchanges take at most the sample period, {1e3 * SAMPLE_PERIOD:g} ms; where they wait for the next "
     f"cycle of a bus, with {1e3 * STEP_TIME:g} ms of other work before each at most {1e3 * ROUND:g} ms in all"
 )
-HELD = 1.05
-"""Largest ratio of the force held in the end to the limit: sensors have noise."""
+HELD = 1.05  # Largest ratio of the force held in the end to the limit: sensors have noise
 
 
 @dataclass(frozen=True)

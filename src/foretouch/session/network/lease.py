@@ -9,14 +9,12 @@ from collections.abc import Callable
 from foretouch.errors import SettingError
 from foretouch.messages import Command, Hello
 
-LEASE = 1.0
-"""Silence after which a leader no longer holds control [s]."""
+LEASE = 1.0  # Silence after which a leader no longer holds control [s]
 
 MOST_ENDED = 4096
 """Largest number of ended tenures remembered; then no new one is admitted, for a forgotten one could return."""
 
-RANDOM_BITS = 21
-"""Number of random bits in an epoch; the rest is the time in milliseconds."""
+RANDOM_BITS = 21  # Number of random bits in an epoch; the rest is the time in milliseconds
 
 _MS_NS = 1_000_000
 
@@ -120,11 +118,8 @@ MANY = 20
 """Number of another leader's commands within `WINDOW_NS` above which it is reported: some of a leader that was just
 killed may still be under way."""
 
-WINDOW_NS = 1_000_000_000
-"""Time over which these commands are counted [ns]."""
-
-TOLD_NS = 5_000_000_000
-"""Time for which a contest is reported after it was last detected [ns]."""
+WINDOW_NS = 1_000_000_000  # Time over which these commands are counted [ns]
+TOLD_NS = 5_000_000_000  # Time for which a contest is reported after it was last detected [ns]
 
 
 class Contest:

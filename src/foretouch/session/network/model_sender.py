@@ -19,11 +19,8 @@ from foretouch.identification import (
 from foretouch.messages import VERSION, FieldUpdate, ModelUpdate, encode
 from foretouch.models import ContactMapModel, ContactModel
 
-PERIOD_NS = 1_000_000_000
-"""Interval over which the smallest round trip is taken, and after which it is reported [ns]."""
-
-LARGEST_MEMORY = 4096
-"""Largest number of models and commands remembered: a leader that never answers fills no memory."""
+PERIOD_NS = 1_000_000_000  # Interval over which the smallest round trip is taken, and after which it is reported [ns]
+LARGEST_MEMORY = 4096  # Largest number of models and commands remembered: a leader that never answers fills no memory
 
 
 class RoundTrip:
@@ -87,18 +84,14 @@ class RoundTrip:
         return smallest * 1e-9 if smallest < math.inf else None
 
 
-SURFACE_CHANGE = 1e-4
-"""Motion of a surface since the last model above which one is sent at once [m]."""
+SURFACE_CHANGE = 1e-4  # Motion of a surface since the last model above which one is sent at once [m]
 
 BYTE_RATE, LARGEST_BURST = 43e3, 3e3
 """Byte rate of the models [byte/s], and bytes that may be sent at once after a silence: with the one that may exceed
 it, no second holds more than 50 kB. A model that does not fit waits, and is sent as it is by then."""
 
-ERRORS_PERIOD_NS = 500_000_000
-"""Time between two computations of the parameters' standard errors [ns]."""
-
-CHANGE_TOLD_NS = 2_000_000_000
-"""Time for which models report that the material has changed [ns]."""
+ERRORS_PERIOD_NS = 500_000_000  # Time between two computations of the parameters' standard errors [ns]
+CHANGE_TOLD_NS = 2_000_000_000  # Time for which models report that the material has changed [ns]
 
 
 class ModelSender:
@@ -234,11 +227,8 @@ class ModelSender:
         return f"the material changed {(now_ns - self._changed_ns) * 1e-9:.1f} s ago: it is learnt anew"
 
 
-FIELD_PERIOD_NS = 100_000_000
-"""Shortest time between two fields of materials [ns]."""
-
-FIELD_RATE = 30e3
-"""Largest byte rate of the fields [byte/s]."""
+FIELD_PERIOD_NS = 100_000_000  # Shortest time between two fields of materials [ns]
+FIELD_RATE = 30e3  # Largest byte rate of the fields [byte/s]
 
 
 class FieldSender:

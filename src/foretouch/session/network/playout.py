@@ -14,11 +14,8 @@ from enum import IntEnum
 from foretouch.errors.checks import require
 from foretouch.quantities import LARGEST_POSITION
 
-MEMORY_NS = 60_000_000_000
-"""Time over which the smallest transit is taken [ns]."""
-
-BLOCK_NS = 1_000_000_000
-"""The smallest transit is kept by blocks of this length [ns]."""
+MEMORY_NS = 60_000_000_000  # Time over which the smallest transit is taken [ns]
+BLOCK_NS = 1_000_000_000  # The smallest transit is kept by blocks of this length [ns]
 
 SLACK_NS = 1_000_000_000
 """Largest lead of a command's number over its clock [ns]; its clock may lead ours by ten times that."""
@@ -108,17 +105,13 @@ class Freshness:
 LONGEST_BRIDGE = 250
 """Number of periods in which playback reaches the newest command after an outage; commands between are not played."""
 
-LARGEST_LEAD = 2 * LONGEST_BRIDGE
-"""Lead above which there was an outage [periods]; a smaller one is reduced gradually."""
+LARGEST_LEAD = 2 * LONGEST_BRIDGE  # Lead above which there was an outage [periods]; a smaller one is reduced gradually
 
 LOOK_BACK = 500
 """Number of ticks over one to two times which the smallest lead is taken, which shows how much of it is needed."""
 
-LARGEST_HASTE = 1.0
-"""Largest increase of the pace: at most twice the pace of sending."""
-
-HASTE_PER_LEAD = 0.004
-"""Pace added for each period of lead that was never needed."""
+LARGEST_HASTE = 1.0  # Largest increase of the pace: at most twice the pace of sending
+HASTE_PER_LEAD = 0.004  # Pace added for each period of lead that was never needed
 
 
 class Playout:

@@ -11,41 +11,33 @@ from pathlib import Path
 from foretouch.errors import ForetouchError
 from foretouch.link import ZenohLink, free_endpoint
 from foretouch.messages import Choice
-from foretouch.session.processes.children import (
+from foretouch.session.processes.recorder import RECORDING_INCOMPLETE
+from foretouch.session.runners.children import (
     CHOICE_CHANNELS,
     POLL_PERIOD,
     SIDES,
     Child,
     Desk,
-    choose,
     end_session,
     retire,
     start,
     wait_for,
-    with_faults,
 )
-from foretouch.session.processes.recorder import RECORDING_INCOMPLETE
 from foretouch.session.runners.housekeeping import StopFlag
 from foretouch.session.runners.warm_up import compiled_share
-from foretouch.session.settings import SessionSettings
+from foretouch.session.settings import SessionSettings, choose, with_faults
 
 WATCHERS = {"console": "console", "record": "recorder", "camera": "camera"}
 """Processes without which the session goes on, unless their options are refused (exit code 2)."""
 
-SETTLING = 15.0
-"""Time after a choice within which a side that fails is started again with the settings before it [s]."""
+SETTLING = 15.0  # Time after a choice within which a side that fails is started again with the settings before it [s]
 
 SLOW_BEGINNING = 30.0
 """Time after which a side that has not begun is reported, apart from the time in which it compiles [s]."""
 
-TOLD_EVERY = 0.2
-"""Fraction of compiling done between two reports of its progress."""
-
-ENDING = 3.0
-"""Time after which a session that was ended by request ends even if no leader received the request [s]."""
-
-ENDING_TOLD = 2.0
-"""Time between two reports of what the end waits for [s]."""
+TOLD_EVERY = 0.2  # Fraction of compiling done between two reports of its progress
+ENDING = 3.0  # Time after which a session that was ended by request ends even if no leader received the request [s]
+ENDING_TOLD = 2.0  # Time between two reports of what the end waits for [s]
 
 LATCHED = "the emergency stop is latched: release it first, for a robot that begins anew would have forgotten it"
 

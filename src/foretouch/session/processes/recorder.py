@@ -23,7 +23,7 @@ from foretouch.messages import (
 )
 from foretouch.recordings import SessionWriter
 from foretouch.session.network.lease import ContestPrinter
-from foretouch.session.runners.housekeeping import ORPHANED, StopFlag, orphaned
+from foretouch.session.runners.housekeeping import ORPHANED, Greeter, StopFlag, orphaned
 
 RECORDER_CHANNELS = (
     "telemetry",
@@ -44,17 +44,9 @@ RECORDER_CHANNELS = (
 RECORDING_INCOMPLETE = 3
 """Exit code of a recorder, and of a session, whose recording is incomplete or not at the requested path."""
 
-FLUSH_PERIOD = 0.4
-"""Time between two flushes [s]: a killed recorder loses that much."""
-
-HELLO_PERIOD = 0.5
-"""Time between two `Hello` messages of the recorder [s]."""
-
-POLL_PERIOD = 0.02
-"""Time between two checks of the inboxes [s]."""
-
-GRACE = 1.0
-"""Time for which listening goes on after a `Stop`, for the last messages of the other side [s]."""
+FLUSH_PERIOD = 0.4  # Time between two flushes [s]: a killed recorder loses that much
+POLL_PERIOD = 0.02  # Time between two checks of the inboxes [s]
+GRACE = 1.0  # Time for which listening goes on after a `Stop`, for the last messages of the other side [s]
 
 MOST_PROCESSES = 64
 """Largest number of starts of a side whose gaps in the sequence are counted as messages missing from the recording."""
@@ -191,10 +183,9 @@ def _listen(
     link: ZenohLink, recorder: Recorder, stop: StopFlag, say: Callable[[str], None], parent: int | None
 ) -> None:
     """Record until the end; report a problem as soon as it occurs."""
-    problem, hellos = "", 0
+    problem, greeter = "", Greeter(link, "recorder")
     contest = ContestPrinter("recorder", say, parent)
-    flushed, spoken = time.monotonic(), -math.inf
-    end = math.inf
+    flushed, end = time.monotonic(), math.inf
     while not stop.reason and (now := time.monotonic()) <= end:
         for name in RECORDER_CHANNELS:
             arrivals = link.take(name)
@@ -209,11 +200,12 @@ def _listen(
             if orphaned(parent):
                 stop.set(ORPHANED)
         if recorder.problem != problem:
-            problem, spoken = recorder.problem, -math.inf
+            problem = recorder.problem
+            greeter.hurry()
             say(f"recorder: {problem}; {recorder.kept}; the session goes on")
-        if now - spoken >= HELLO_PERIOD and (problem or {"leader", "follower"} <= recorder.heard):
-            spoken, hellos = now, hellos + 1
-            link.publish(_hello(hellos, _counts(link, recorder), problem))
+        if greeter.due() and (problem or {"leader", "follower"} <= recorder.heard):
+            texts = {COUNT_PREFIX + name: str(count) for name, count in _counts(link, recorder).items()}
+            greeter.greet(texts | ({"recorder_failed": problem} if problem else {}))
         if not recorder.heard and _other_version(link, parent) is not None:
             return
         time.sleep(POLL_PERIOD)
@@ -231,11 +223,3 @@ def _counts(link: ZenohLink, recorder: Recorder) -> dict[str, int]:
         "recorder_dropped": link.dropped,
         "recorder_missed": recorder.missed,
     }
-
-
-def _hello(number: int, counts: dict[str, int], problem: str) -> Hello:
-    """The recorder's `Hello`."""
-    texts = {COUNT_PREFIX + name: str(count) for name, count in counts.items()}
-    if problem:
-        texts["recorder_failed"] = problem
-    return Hello.of("recorder", number, time.monotonic_ns(), texts)

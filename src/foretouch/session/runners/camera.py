@@ -7,9 +7,9 @@ from collections import deque
 from collections.abc import Callable, Mapping
 
 from foretouch.link import ZenohLink
-from foretouch.messages import CameraImage, FollowerSpace, Hello
+from foretouch.messages import CameraImage, FollowerSpace
 from foretouch.session.network.lease import own_epoch
-from foretouch.session.runners.housekeeping import ORPHANED, StopFlag, orphaned
+from foretouch.session.runners.housekeeping import ORPHANED, Greeter, StopFlag, orphaned
 from foretouch.session.settings import SessionSettings
 from foretouch.session.spatial import tracker
 from foretouch.session.spatial.camera import IMAGE_PERIOD, VIEW, SimulatedCamera
@@ -19,9 +19,7 @@ CAMERA_CHANNELS = ("follower-space", "stop")
 """Channels that the camera's link receives: a simulated camera sees the world of the follower's simulation."""
 
 POLL_PERIOD = 0.005
-HELLO_PERIOD = 0.5
-GRACE = 1.0
-"""Time for which it goes on after the end of the session was announced [s]."""
+GRACE = 1.0  # Time for which it goes on after the end of the session was announced [s]
 
 
 def run_camera(
@@ -52,8 +50,8 @@ def run_camera(
     epoch = own_epoch()
     images: deque[tuple[float, CameraImage]] = deque()
     newest: FollowerSpace | None = None
-    begun = exposed = spoken = time.monotonic()
-    end, hellos = float("inf"), 0
+    begun = exposed = time.monotonic()
+    end, greeter = float("inf"), Greeter(link, "camera")
     while not stop.reason and (now := time.monotonic()) <= end:
         spaces = [space for _, space in link.take("follower-space")]
         if spaces:
@@ -76,9 +74,8 @@ def run_camera(
                 link.publish(belief)
         if link.take("stop"):
             end = min(end, now + GRACE)
-        if now - spoken >= HELLO_PERIOD:
-            spoken, hellos = now, hellos + 1
-            link.publish(Hello.of("camera", hellos, time.monotonic_ns(), description()))
+        if greeter.due():
+            greeter.greet(description())
             if orphaned(parent):
                 stop.set(ORPHANED)
         time.sleep(POLL_PERIOD)

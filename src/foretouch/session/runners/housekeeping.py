@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import signal
 import sys
@@ -17,27 +18,17 @@ from foretouch.link import WaitingNote, ZenohLink
 from foretouch.messages import LEAVES, SIDES, VERSION, Hello, Stop
 from foretouch.session.runners.news import HANGS_AFTER, LoopWatch, Repeats, connected
 
-HELLO_PERIOD = 0.5
-"""Time between two `Hello` messages [s]."""
-
-WELCOME = 4
-"""Number of `Hello` messages of a restarting leader after which its commands come at the latest."""
+HELLO_PERIOD = 0.5  # Time between two `Hello` messages [s]
+WELCOME = 4  # Number of `Hello` messages of a restarting leader after which its commands come at the latest
 
 BEAT = b"\x06"
 """Written to the standard output, for a parent process, once in every `HELLO_PERIOD` in which the loop has ticked and
 was not to end."""
 
-COMPILING = b"\x05"
-"""Written there at the same rate before the loop begins, while code is compiled or loaded."""
-
-CLOSING = 1.0
-"""Time for the driver of a loop that hangs to close [s]."""
-
-LONGEST_REASON = 400
-"""Largest number of characters of the reason in a `Stop`, as the message allows."""
-
-LEAVING = 3.0
-"""Time in which a robot that a session leaves in contact may unload [s]."""
+COMPILING = b"\x05"  # Written there at the same rate before the loop begins, while code is compiled or loaded
+CLOSING = 1.0  # Time for the driver of a loop that hangs to close [s]
+LONGEST_REASON = 400  # Largest number of characters of the reason in a `Stop`, as the message allows
+LEAVING = 3.0  # Time in which a robot that a session leaves in contact may unload [s]
 
 GIVING_UP = HANGS_AFTER + HELLO_PERIOD + CLOSING + HELLO_PERIOD
 """Time after which a process whose loop hangs has ended [s]: a check detects it, the driver may close, and the last
@@ -49,8 +40,7 @@ NOT_RECORDED = (
 )
 """Printed at the end for a person who runs a side by hand."""
 
-ORPHANED = "the parent process has gone"
-"""Reason to stop when `orphaned`."""
+ORPHANED = "the parent process has gone"  # Reason to stop when `orphaned`
 
 
 def orphaned(parent: int | None) -> bool:
@@ -113,6 +103,32 @@ class Process(NamedTuple):
     parent: int | None = None
 
 
+class Greeter:
+    """Publishes the `Hello` messages of a process, every `HELLO_PERIOD`.
+
+    Args:
+        link: Link to publish on.
+        role: Role of the process.
+    """
+
+    def __init__(self, link: ZenohLink, role: str) -> None:
+        self._link, self.role = link, role
+        self._count, self._newest = 0, -math.inf
+
+    def due(self) -> bool:
+        """Whether it is time for one."""
+        return time.monotonic() - self._newest >= HELLO_PERIOD
+
+    def hurry(self) -> None:
+        """Make one due now."""
+        self._newest = -math.inf
+
+    def greet(self, texts: Mapping[str, str]) -> None:
+        """Publish one, with these texts."""
+        self._count, self._newest = self._count + 1, time.monotonic()
+        self._link.publish(Hello.of(self.role, self._count, time.monotonic_ns(), texts))
+
+
 class Housekeeper(threading.Thread):
     """Publishes `Hello` twice a second, takes those of others, and prints news for people, once a second.
 
@@ -161,7 +177,7 @@ class Housekeeper(threading.Thread):
         self._repeats = Repeats()
         self._note: WaitingNote | None = None
         self._texts_of: dict[str, dict[str, str]] = {}
-        self._hellos = 0
+        self._greeter = Greeter(self._link, role)
         self._greetings = WELCOME  # of the newest leader, since one left
         self._reported = self._foreign = 0
         self._reported_too_large = False
@@ -185,8 +201,7 @@ class Housekeeper(threading.Thread):
     def say_hello(self) -> None:
         """Publish one `Hello` now."""
         texts = self._describe() | ({LEAVES: "yes"} if self._stop_flag.quiet else {})
-        self._hellos += 1
-        self._link.publish(Hello.of(self.role, self._hellos, time.monotonic_ns(), texts))
+        self._greeter.greet(texts)
 
     def say_end(self, reason: str) -> None:
         """Print why the session ended, where no parent process does."""

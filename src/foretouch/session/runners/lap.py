@@ -55,8 +55,7 @@ class SimulatedSession(Columns):
         return self.log.columns()
 
 
-TRACKER_PERIOD_NS = 5_000_000
-"""Time between two steps of the tracker, as in its process [ns]."""
+TRACKER_PERIOD_NS = 5_000_000  # Time between two steps of the tracker, as in its process [ns]
 
 
 class CameraAndTracker:

@@ -44,14 +44,12 @@ SPACE_FOLLOWER_CHANNELS = SpaceFollower.channels
 SPACE_LEADER_CHANNELS = SpaceLeader.channels
 """Further channels that a leader's link receives in three dimensions."""
 
-MOST_PRESSES = 1024
-"""Number of emergency-stop presses remembered, so that a repeated message is recognised."""
+MOST_PRESSES = 1024  # Number of emergency-stop presses remembered, so that a repeated message is recognised
 
 ANSWERS = 1000
 """Follower ticks that must arrive, the newest confirming the stop, before an emergency stop is no longer sent."""
 
-RECORDER_PATIENCE = 10.0
-"""Longest wait of a leader for a recorder that it was asked to wait for [s]."""
+RECORDER_PATIENCE = 10.0  # Longest wait of a leader for a recorder that it was asked to wait for [s]
 
 
 def wait_for_hello(

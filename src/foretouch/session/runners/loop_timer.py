@@ -71,8 +71,7 @@ def wakes_late_ns() -> int:
     return PROMPT_NS if 0 < slack <= SLACK_NS else USUAL_NS
 
 
-LONGEST_CATCH_UP = 50
-"""Largest number of sample periods that a simulated robot makes up at once after a delay."""
+LONGEST_CATCH_UP = 50  # Largest number of sample periods that a simulated robot makes up at once after a delay
 
 LONGEST_EXCHANGE_NS = 500_000
 """Mean duration of an exchange above which no further period is made up [ns]: half a tick, for a slow simulation would

@@ -18,8 +18,7 @@ from foretouch.session.network.lease import LEASE
 from foretouch.session.steps import follower
 from foretouch.session.steps.follower_view import FollowerView
 
-RELEASE = "foretouch release"
-"""Marks a sentence about a condition that waits for a person."""
+RELEASE = "foretouch release"  # Marks a sentence about a condition that waits for a person
 
 
 def release_command() -> str:
@@ -27,8 +26,7 @@ def release_command() -> str:
     return f"{RELEASE} {os.getpid()}"
 
 
-QUIET = 10.0
-"""Time for which a sentence that comes again is only counted, and then printed with its number [s]."""
+QUIET = 10.0  # Time for which a sentence that comes again is only counted, and then printed with its number [s]
 
 
 class Repeats:
@@ -117,8 +115,7 @@ def _of_python(file: str) -> bool:
     return file.startswith("<frozen") or (file.startswith(sysconfig.get_path("stdlib")) and not installed)
 
 
-LONGEST_SILENCE = 0.5
-"""Silence of the follower after which the operator is informed [s]."""
+LONGEST_SILENCE = 0.5  # Silence of the follower after which the operator is informed [s]
 
 
 ANEW = "the leader begins anew, as was chosen: the robot waits for it"

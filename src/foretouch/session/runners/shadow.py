@@ -29,11 +29,8 @@ from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings, shadow_se
 from foretouch.session.steps import follower, leader
 from foretouch.session.steps.counting import as_texts, fault_texts, follower_counts, leader_counts, link_counts
 
-SCORED_AFTER = 1.5
-"""Time after the first tick at which scoring begins [s], as in a session's report."""
-
-LONGEST_TICK = 0.1
-"""Longest time since the previous tick that a tick counts for [s]: beyond it, nothing was observed."""
+SCORED_AFTER = 1.5  # Time after the first tick at which scoring begins [s], as in a session's report
+LONGEST_TICK = 0.1  # Longest time since the previous tick that a tick counts for [s]: beyond it, nothing was observed
 
 
 class ShadowScore:
@@ -102,8 +99,7 @@ class ShadowScore:
 SHADOW_CHANNELS = ("settings", "stop", "emergency", "hello")
 """Channels that a shadow's link receives: no commands."""
 
-NAME = "shadow"
-"""Name of the leader inside, and of the session's operator in the recording."""
+NAME = "shadow"  # Name of the leader inside, and of the session's operator in the recording
 
 
 @dataclass(slots=True)

@@ -52,8 +52,7 @@ SPECIFICATION = RobotSpecification(SAMPLE_PERIOD, 15.0, 0.0, 0.0, 0.0, 0.0, 0.02
 KERNELS = {"map": (112, 0.6), "others": (228, 0.4)}
 """Number of functions compiled in each part and its fraction of the time, from which progress is estimated."""
 
-LOOK_PERIOD = 0.2
-"""Time between two readings of the progress [s]."""
+LOOK_PERIOD = 0.2  # Time between two readings of the progress [s]
 
 
 def warm_up(settings: SessionSettings | None = None) -> None:

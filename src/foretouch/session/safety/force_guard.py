@@ -34,7 +34,7 @@ class ForceGuard(Record):
     with tau = 10 ms, b the assumed damping, and K twice the steepest of this contact's secant, force over depth since
     its onset, and its tangent over 0.1 mm; where the material is less steep further on, K is halved every 0.1 mm. The
     force then approaches its limit as by a first-order low-pass, and does not pass it, on any material that stiffens by
-    no more than that. The effect of speed and mass in an impact is not included: `foretouch.models.impact_bound`.
+    no more than that. The effect of speed and mass in an impact is not included (`impact_impedance` is).
     """
 
     stiffness: float = SOFTEST  # K of this contact [N/m]

@@ -17,8 +17,7 @@ from foretouch.vision import Board, BoardDetector, CameraModel, FaultyCamera, Im
 CAMERA = CameraModel(640, 480, 610.0, 610.0, k1=-0.15, k2=0.03, p1=5e-4, p2=-5e-4)
 """Intrinsics and distortion, as a calibration would give them."""
 
-IMAGE_PERIOD = 1.0 / 30.0
-"""[s]."""
+IMAGE_PERIOD = 1.0 / 30.0  # [s]
 
 
 def _looking(eye: tuple[float, float, float], at: tuple[float, float, float]) -> Pose:

@@ -14,11 +14,8 @@ Numbers6: TypeAlias = tuple[float, float, float, float, float, float]
 """A position [m] and a rotation vector [rad]."""
 
 
-ROUNDING = 1e-9
-"""[m]."""
-
-FARTHEST = 10.0
-"""No fixture is believed further away than this [m], or turned by more [rad]."""
+ROUNDING = 1e-9  # [m]
+FARTHEST = 10.0  # No fixture is believed further away than this [m], or turned by more [rad]
 
 
 class ClosestPoint(NamedTuple):
@@ -122,11 +119,8 @@ def _six(pose: Sequence[float]) -> Numbers6:
     return x, y, z, a, b, c
 
 
-HELD = 0.7
-"""Fraction of the largest force with which an obstacle at the side is pushed at most."""
-
-OBSTACLE = 0.5
-"""Excess over friction above which a force is an obstacle [N]."""
+HELD = 0.7  # Fraction of the largest force with which an obstacle at the side is pushed at most
+OBSTACLE = 0.5  # Excess over friction above which a force is an obstacle [N]
 
 NOWHERE = (math.nan, math.nan, math.nan)
 NO_VECTOR: Vector = (0.0, 0.0, 0.0)

@@ -33,8 +33,7 @@ from foretouch.session.spatial.course import ClosestPoint, Course, SurfaceLine, 
 from foretouch.session.spatial.safety import MISSED, MISSED_TICKS, LastLimit, WayIn
 from foretouch.session.steps import follower
 
-BIAS_RATE = 2e-4
-"""Weight per tick of the measured force in the sensor's offset in free air, once it is known from 5 s."""
+BIAS_RATE = 2e-4  # Weight per tick of the measured force in the sensor's offset in free air, once it is known from 5 s
 
 QUIET, SETTLING = 0.3, 50
 """Largest deviation from the offset in free air [N], and number of ticks after which the offset is known."""
@@ -53,8 +52,7 @@ NAN3 = (math.nan, math.nan, math.nan)
 POSE_NUMBERS = 6
 
 
-LATEST = 2e-3
-"""Depth at which a contact may have been noticed at most [m]; one noticed deeper tells no surface."""
+LATEST = 2e-3  # Depth at which a contact may have been noticed at most [m]; one noticed deeper tells no surface
 
 FELT_WAY, TOUCH_EXPONENT = 1e-3, 1.15
 """The surface is known from how the force grows over this way [m], with this exponent of depth."""

@@ -32,11 +32,8 @@ from foretouch.session.spatial.course import ClosestPoint, SurfaceLine
 from foretouch.session.steps import leader
 from foretouch.settings import NO_GRIP
 
-FAR_FROM_LAW = 1e-3
-"""Displacement of the hand after which the material is looked up again [m]."""
-
-NEAR = 5e-3
-"""Distance from the surface within which materials are taken from the field [m]."""
+FAR_FROM_LAW = 1e-3  # Displacement of the hand after which the material is looked up again [m]
+NEAR = 5e-3  # Distance from the surface within which materials are taken from the field [m]
 
 NOWHERE = (math.nan, math.nan, math.nan)
 
@@ -93,8 +90,7 @@ class TouchedMaterial:
 MOST_FRICTION, MOST_VISCOUS = 2.0, 20.0
 """Largest coefficients of friction that are rendered, whatever a follower sends [-, N s/m]."""
 
-REACH = 1e-4
-"""Interval over which the local stiffness is given [m]."""
+REACH = 1e-4  # Interval over which the local stiffness is given [m]
 
 
 @dataclass(slots=True)

@@ -28,14 +28,9 @@ from foretouch.session.spatial.camera import SimulatedCamera
 from foretouch.session.spatial.scenes import Scene, palpation
 from foretouch.settings import NO_GRIP
 
-BUMP_TIME = 0.15
-"""Duration of a bump of the fixture [s]."""
-
-BUMP_SHARE = 0.4
-"""Largest bump as a fraction of the first displacement."""
-
-STICTION_SPEED = 1e-3
-"""Speed at which friction reaches about its full size [m/s]."""
+BUMP_TIME = 0.15  # Duration of a bump of the fixture [s]
+BUMP_SHARE = 0.4  # Largest bump as a fraction of the first displacement
+STICTION_SPEED = 1e-3  # Speed at which friction reaches about its full size [m/s]
 
 SECOND_LAW = "remembers what was done to it, and in a scene each place would need a memory of its own"
 
@@ -126,8 +121,7 @@ def _numbers(pose: Pose) -> tuple[float, ...]:
     return (*pose.translation.tolist(), *pose.rotation_vector().tolist())
 
 
-PRESS_DEPTH = 0.005
-"""Press depth of a palpating hand [m]."""
+PRESS_DEPTH = 0.005  # Press depth of a palpating hand [m]
 
 STOPPED_AT_MOST = 0.7
 """Largest fraction of the probe's speed that a damper may take in one physics step: with 1 it stops, with 2 it swings

@@ -27,8 +27,7 @@ from foretouch.settings import MESH_ENDINGS, SCENES
 SMALLEST_SIDE, LARGEST_SIDE = 0.005, 0.5
 """Seen from above a specimen is at least and at most as wide as this [m]: others are in another unit."""
 
-REACH = 0.04
-"""Largest distance of a mesh's middle, seen from above, and of its top from where specimens stand [m]."""
+REACH = 0.04  # Largest distance of a mesh's middle, seen from above, and of its top from where specimens stand [m]
 
 TRIED = (0.0, -0.25, 0.25)
 """Offsets tried for the hand's descent on a mesh, as fractions of its sides: the middle may be a hole."""
@@ -85,8 +84,7 @@ def _is_met(mesh: TriangleMesh, low: Array, high: Array) -> bool:
 MIDDLE: Vector = (0.075, 0.0, 0.0)
 """Centre of the specimen, in the fixture's frame [m]; the origin is in the middle of the board."""
 
-SIDE = 0.08
-"""Of the specimen [m]."""
+SIDE = 0.08  # Of the specimen [m]
 
 NOMINAL = (-0.075, 0.0, 0.0, 0.0, 0.0, 0.0)
 """Pose of the fixture where nobody has moved it: the specimen is above the world's origin."""

@@ -19,15 +19,11 @@ from foretouch.vision import ContactSeen, FixtureFilter, FusionSettings, ImageSe
 TOUCH_DEVIATION = 2e-4
 """Standard deviation of where a touch puts the surface along its normal [m]: encoders, sensor noise, softness."""
 
-FIRST_TICKS = 100
-"""Largest tick number at a tracker's first contact with the follower for which it has missed no touch."""
-
-REMEMBERED = 3000
-"""Number of ticks whose times are remembered: images come late."""
+FIRST_TICKS = 100  # Largest tick number at a tracker's first contact with the follower for which it has missed no touch
+REMEMBERED = 3000  # Number of ticks whose times are remembered: images come late
 
 SECOND = 1e-9
-SENDING_PERIOD = 0.03
-"""Time after which the belief is sent again, for its uncertainty grows [s]."""
+SENDING_PERIOD = 0.03  # Time after which the belief is sent again, for its uncertainty grows [s]
 
 
 @dataclass(slots=True)

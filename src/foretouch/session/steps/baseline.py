@@ -38,8 +38,7 @@ from foretouch.session.steps import leader
 from foretouch.session.steps.follower_view import FollowerView
 from foretouch.settings import NO_GRIP
 
-LOCAL_DAMPING = 5.0
-"""Damping of the local damper that is added to a delayed force, at the hand [N s/m]."""
+LOCAL_DAMPING = 5.0  # Damping of the local damper that is added to a delayed force, at the hand [N s/m]
 
 
 class DelayedForce(Renderer):
@@ -78,7 +77,7 @@ class DelayedForce(Renderer):
         proxy, account, follower_view = self.proxy, self.account, self._follower_view
         assert isinstance(account, EnergyAccount)
         account.observe(hand, period)
-        energy = account.energy, account.bound, account.late_energy
+        self.booked = account.energy, account.bound, account.late_energy
         if free:
             proxy.leave()
         elif not self.closed_loop and not proxy.engaged and math.isfinite(hand):
@@ -103,7 +102,7 @@ class DelayedForce(Renderer):
         if not touching and rendered == 0.0:
             account.close()
         account.hold(rendered)
-        self.shown = (proxy.position, proxy.engaged, self.limiter.clipped, wanted, 0.0, *energy, math.nan)
+        self.shown = (proxy.position, proxy.engaged, self.limiter.clipped, wanted, 0.0, math.nan)
         self.mediation.force, self.predictor.force = wanted, wanted / self._settings.force_scale
         return rendered
 

@@ -10,15 +10,13 @@ from foretouch.messages import ModelUpdate, Status, Telemetry
 STOPPED, SHADOW = int(Status.STOPPED), int(Status.SHADOW)
 """States of the robot as encoded in messages."""
 
-AS_DEEP = 5e-4
-"""Tolerance of depth [m] within which a robot has been as deep as one before, and so has felt the same."""
+AS_DEEP = 5e-4  # Tolerance of depth [m] within which a robot has been as deep as one before, and so has felt the same
 
 MOST_OF_FORMER = 200
 """Number of messages from a process taken to be gone, with none from its successor, that show that it is not gone: its
 messages only came later."""
 
-MOST_FORMER = 4096
-"""Largest number of processes remembered as gone; the oldest are forgotten first."""
+MOST_FORMER = 4096  # Largest number of processes remembered as gone; the oldest are forgotten first
 
 TOUCHED_ENOUGH = 3000
 """Ticks of contact after which a process knows more than one that is gone: the material may be another."""

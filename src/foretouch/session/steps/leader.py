@@ -48,8 +48,7 @@ def moving_time(period_ns: int, exact_position: float, now_ns: int, newest_ns: i
     return (now_ns - newest_ns) * 1e-9
 
 
-SAME_SURFACE = 1e-3
-"""Largest distance of surfaces found by two processes that count as the same surface [m]."""
+SAME_SURFACE = 1e-3  # Largest distance of surfaces found by two processes that count as the same surface [m]
 
 
 @dataclass(slots=True)
@@ -179,7 +178,8 @@ def step(state: State, inputs: Inputs[float], now_ns: int) -> tuple[State, Outpu
     period = moving_time(inputs.period_ns, inputs.exact_position, now_ns, state.newest_ns)
     state.newest_ns = now_ns
     rendered = renderer.update((now_ns - state.start_ns) * 1e-9, inputs.position, period, free=free)
-    position, engaged, clipped, mediated, step_by_models, energy, energy_bound, late_energy, share = renderer.shown
+    position, engaged, clipped, mediated, step_by_models, share = renderer.shown
+    energy, energy_bound, late_energy = renderer.booked
     state.sequence += 1
     command = Command(
         VERSION,

@@ -22,8 +22,7 @@ would be subtracted from every material."""
 SAME_GRAVITY = 1.0
 """Largest difference of gravity along the approach for the same direction [m/s^2]: 6 degrees for a level robot."""
 
-SURE = 3.0
-"""Number of standard errors within which a bias is assumed."""
+SURE = 3.0  # Number of standard errors within which a bias is assumed
 
 NOISE_FACTOR = 6.0
 """Number of standard deviations of the sensor's noise above which a force is contact, as in conditioning."""
@@ -114,8 +113,7 @@ def _refuse(settings: SessionSettings, rule: str) -> None:
     raise SettingError("calibration", settings.calibration, rule)
 
 
-LONGEST_TEXT = 200
-"""Largest number of characters kept of an exception's text."""
+LONGEST_TEXT = 200  # Largest number of characters kept of an exception's text
 
 
 class Failures:
@@ -158,11 +156,8 @@ LEAST_RATE = 500
 AGAIN_FROM = 600
 """Tick rate from which a slow loop is fast enough again [1/s]: the hysteresis keeps the judgement from flickering."""
 
-WINDOW = 500
-"""Number of ticks over which the rate is taken: a second at the least rate, half a second at the usual one."""
-
-LONGEST_NS = 250_000_000
-"""Largest time that one tick counts for [ns]: a process that stood still once is not slow."""
+WINDOW = 500  # Number of ticks over which the rate is taken: a second at the least rate, half a second at the usual one
+LONGEST_NS = 250_000_000  # Largest time that one tick counts for [ns]: a process that stood still once is not slow
 
 _USUAL_NS = 1_000_000
 """Period assumed of a loop before its first tick [ns]."""

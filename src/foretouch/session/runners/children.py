@@ -1,11 +1,10 @@
-"""Processes of a session: started, ended in order, and killed where they do not end.
+"""The parent's end of a session's processes: they are started, watched, ended in order, and killed where they hang.
 
-A console's choices while a session runs are received by the process that supervises the others.
+Their own end is `foretouch.session.runners.housekeeping`. A console's choices while a session runs are received here.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import os
 import signal
@@ -16,38 +15,15 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from foretouch.errors import SettingError
 from foretouch.link import ZenohLink
-from foretouch.messages import Choice, EmergencyStop, Hello, Settings
-from foretouch.robot import make_material
-from foretouch.session.runners.housekeeping import BEAT, COMPILING, GIVING_UP, HELLO_PERIOD, LEAVING
-from foretouch.session.settings import SessionSettings
+from foretouch.messages import Choice, EmergencyStop, Settings
+from foretouch.session.runners.housekeeping import BEAT, COMPILING, GIVING_UP, HELLO_PERIOD, LEAVING, Greeter
 
-CHOICE_CHANNELS = ("choice", "settings", "stop", "emergency", "hello")
-"""Channels that the supervisor's link receives."""
-
-SUPERVISOR = "supervisor"
-"""Role of the supervisor in `Hello` messages."""
+CHOICE_CHANNELS = ("choice", "settings", "stop", "emergency", "hello")  # Channels that the supervisor's link receives
+SUPERVISOR = "supervisor"  # Role of the supervisor in `Hello` messages
 
 LATCHING = 2.0
 """Time for which a requested emergency stop counts as latched, whatever the follower has reported so far [s]."""
-
-
-def choose(settings: SessionSettings, choice: Choice) -> SessionSettings:
-    """Settings with the console's choice applied, whose "" change nothing; errors where other settings forbid it."""
-    named = {name: getattr(choice, name) for name in ("material", "operator", "grip")}
-    chosen = dataclasses.replace(settings, **{name: value for name, value in named.items() if value})
-    make_material(chosen.material)
-    return chosen
-
-
-def with_faults(settings: SessionSettings, faults: Settings) -> SessionSettings:
-    """Settings with the delays and faults set at a console since, unless other settings forbid them."""
-    names = ("position_delay", "force_delay", "jitter", "loss", "outage")
-    try:
-        return dataclasses.replace(settings, **{name: getattr(faults, name) for name in names})
-    except SettingError:
-        return settings
 
 
 class Desk:
@@ -65,9 +41,7 @@ class Desk:
     """
 
     def __init__(self, link: ZenohLink) -> None:
-        self._link = link
-        self._hellos = 0
-        self._spoken = -math.inf
+        self._link, self._greeter = link, Greeter(link, SUPERVISOR)
         self._stop_asked = -math.inf
         self._stop_said = ""
         self.refused = ""
@@ -97,18 +71,16 @@ class Desk:
 
     def say(self) -> None:
         """Publish a `Hello` if it is time for one."""
-        now = time.monotonic()
-        if now - self._spoken < HELLO_PERIOD:
+        if not self._greeter.due():
             return
-        self._spoken, self._hellos = now, self._hellos + 1
         texts = {"supervised": "yes", "recording": self.recording, "refused": self.refused}
         if self.compiling:
             texts["compiling"] = self.compiling
-        self._link.publish(Hello.of(SUPERVISOR, self._hellos, time.monotonic_ns(), texts))
+        self._greeter.greet(texts)
 
     def say_now(self) -> None:
         """Publish a `Hello` at once, after a change."""
-        self._spoken = -math.inf
+        self._greeter.hurry()
         self.say()
 
     def close(self) -> None:
@@ -120,8 +92,7 @@ PATIENCE = LEAVING + GIVING_UP
 """Time that a process has to end by itself before it is terminated, and again before it is killed [s]. A follower
 unloads its robot first, and its driver may hang then."""
 
-POLL_PERIOD = 0.05
-"""Time between two checks of the processes [s]."""
+POLL_PERIOD = 0.05  # Time between two checks of the processes [s]
 
 SIDES = ("follower", "leader")
 """Roles whose loops are monitored, in the order in which they begin."""
@@ -130,11 +101,8 @@ GOING = 2.0
 """Time for a side to end with its own exit code after the other has ended in order and sent the last message [s]: a
 signal that comes while an interpreter ends would replace that code."""
 
-BEGINNING = 180.0
-"""Time for a side to begin, apart from the time in which it compiles [s]."""
-
-LONGEST_LOOK = 0.5
-"""Largest time counted between two checks [s]: the supervisor itself may have been stopped meanwhile."""
+BEGINNING = 180.0  # Time for a side to begin, apart from the time in which it compiles [s]
+LONGEST_LOOK = 0.5  # Largest time counted between two checks [s]: the supervisor itself may have been stopped meanwhile
 
 
 @dataclass

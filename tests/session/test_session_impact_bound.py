@@ -11,10 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from foretouch.models import KelvinVoigt
-from foretouch.models.impact_bound import impact_impedance
 from foretouch.robot import RcmArm, make_robot
 from foretouch.robot.materials.catalogue import Material
-from foretouch.session.safety.safety import REACTION, SafetyLimits
+from foretouch.session.safety.safety import REACTION, SafetyLimits, impact_impedance
 
 SURFACE, TICK = 0.01, 1e-3
 STIFFEST, MOST_DAMPED = SafetyLimits().stiffest, SafetyLimits().most_damped
