@@ -97,19 +97,22 @@ def test_within_ten_seconds_the_predicted_and_the_delayed_force_are_seen_to_diff
 
 @pytest.mark.live  # how old the newest sample of a picture is, a busy machine decides
 def test_plot_shows_three_forces_that_rise_and_fall(bench):
-    def pressed() -> bool:
-        data = plot_data(bench.page)
-        return len(data[0]) > 100 and np.nanmax(data[1]) > 0.3
+    pictures = []
 
-    bench.wait_for(pressed, 20.0)
-    time_axis, true, predicted, delayed = plot_data(bench.page)[:4]
+    def pressed() -> bool:
+        """A picture of a press, of which a busy machine has lost nothing for longer than a line bridges."""
+        pictures[:] = [plot_data(bench.page)]
+        time, true = pictures[0][:2]
+        return len(time) > 100 and np.nanmax(true) > 0.3 and bool(np.isfinite(true[time < -0.2]).all())
+
+    bench.wait_for(pressed, 30.0)
+    time_axis, true, predicted, delayed = pictures[0][:4]
     assert (time_axis >= -6.0).all()
     assert (time_axis <= 0.0).all()
     known = np.isfinite(true)
     # The law differs by some per cent, and the true force is known only up to the delay of the commands.
     assert 0.02 < np.sqrt(np.mean((predicted - true)[known] ** 2) / np.mean(true[known] ** 2)) < 0.1
     assert not known[time_axis > -0.04].any()  # a picture may be some samples late
-    assert known[time_axis < -0.2].all()
     assert np.nanmax(delayed) > 0.3
     scales = bench.page.evaluate(
         "(({x, y}) => [x.min, x.max, x.time, y.min, y.max])"

@@ -31,7 +31,7 @@ def higher(peak: Peak, force: float) -> None:
     peak.count += 1
 
 
-@compiled("f8(Both[::1], f8)")
+@compiled
 def touch(states: NDArray[Any], force: float) -> float:
     both = states[0]
     both.touched = True

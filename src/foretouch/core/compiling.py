@@ -50,29 +50,22 @@ few megabytes."""
 @overload
 def compiled(function: Function, /) -> Function: ...
 @overload
-def compiled(signature: str = "", /, **options: Any) -> Callable[[Function], Function]: ...
-def compiled(what: Any = "", /, **options: Any) -> Any:
+def compiled(**options: Any) -> Callable[[Function], Function]: ...
+def compiled(function: Any = None, /, **options: Any) -> Any:
     """A compiled function, or a decorator that compiles: loaded where it was compiled of the same sources before.
 
-    Where there is no folder to keep it in, it is compiled in each process.
+    It is compiled for the types of each call: see `Kernel` for those that Python calls in a loop. Where there is no
+    folder to keep it in, it is compiled in each process.
 
     Args:
-        what: A function of numbers, arrays, tuples and records; or its types, in Numba's terms, where a
-            `foretouch.core.Record` that the function's module knows is named as its class: ``f8(Peak[::1], f8)``; or
-            nothing, to compile for the types of each call.
+        function: A function of numbers, arrays, tuples and records.
         **options: Of `numba.njit`, such as ``error_model`` and ``forceinline``. Never ``fastmath``: tests for NaN go.
     """
-    if callable(what):
-        return compiled()(what)
-
-    def compile_one(function: Function) -> Function:
-        kept = compiled_folder(function.__code__.co_filename) is not None
-        types = (_signature(what, function),) if what else ()
-        # A wrapper for callers in C is compiled with each function otherwise, and there are none.
-        made: Function = numba.njit(*types, cache=kept, no_cfunc_wrapper=True, **options)(function)
-        return made
-
-    return compile_one
+    if function is None:
+        return partial(compiled, **options)
+    kept = compiled_folder(function.__code__.co_filename) is not None
+    # A wrapper for callers in C is compiled with each function otherwise, and there are none.
+    return numba.njit(cache=kept, no_cfunc_wrapper=True, **options)(function)
 
 
 def _signature(written: str, function: Callable[..., Any], records: tuple[type[Record], ...] = ()) -> Any:

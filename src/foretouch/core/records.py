@@ -39,7 +39,7 @@ class Record(Void):
         >>> print(states)
         [(2., [1., 1., 1.])]
 
-    In the types of a compiled function (`foretouch.core.compiled`) ``Peak[::1]`` is an array of such records, and
+    In the types of a kernel (`foretouch.core.Kernel`) ``Peak[::1]`` is an array of such records, and
     ``Peak`` is one.
 
     Attributes:

@@ -12,7 +12,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core import Record, compiled, kernel
+from foretouch.core import Kernel, Record, compiled, kernel
 from foretouch.errors.checks import require
 from foretouch.models.predictor import VELOCITY_CUTOFF
 from foretouch.quantities import pose as rigid
@@ -149,7 +149,7 @@ class MotionLimits:
 
     def begin(self, x: float, y: float = 0.0, z: float = 0.0) -> None:
         """Begin where the robot is, at rest [m]."""
-        begin(self._paths[0], x, y, z)
+        _begin.entry(self._paths[0], x, y, z)
 
     def update(self, wanted: float, upwards: float = math.inf, shifted: float = 0.0) -> float:
         """One tick on a line: the next position of the path [m]; no number before it has begun.
@@ -161,7 +161,7 @@ class MotionLimits:
             shifted: Displacement of the stream by a limit since the last tick [m], which is no motion of it; NaN, or
                 more than 1 km, is 0.
         """
-        return limited(self._paths[0], wanted, upwards, shifted)
+        return _limited.entry(self._paths[0], wanted, upwards, shifted)
 
     def move(
         self,
@@ -278,7 +278,7 @@ def _catch_up(path: Path, lag: Vector, stream: Vector, last_velocity: Vector, la
     return _brake(path, velocity, last_velocity, lag)
 
 
-@compiled("void(Path, f8, f8, f8)")
+@compiled
 def begin(path: Path, x: float, y: float, z: float) -> None:
     """See `MotionLimits.begin`; the path is written."""
     _write(path.position, (x, y, z))
@@ -322,7 +322,7 @@ def moved(paths: NDArray[np.void]) -> None:
     _move(paths[0])
 
 
-@compiled("f8(Path, f8, f8, f8)")
+@compiled
 def limited(path: Path, wanted: float, upwards: float, shifted: float) -> float:
     """One tick on a line: the next position [m]. The arguments are those of `MotionLimits.update`."""
     asked = path.asked
@@ -333,3 +333,7 @@ def limited(path: Path, wanted: float, upwards: float, shifted: float) -> float:
     asked.bounds[0, 0], asked.bounds[0, 3] = 1.0, upwards
     _move(path)
     return float(path.position[0])
+
+
+_begin = Kernel(begin, "(Path, f8, f8, f8)")
+_limited = Kernel(limited, "(Path, f8, f8, f8)")

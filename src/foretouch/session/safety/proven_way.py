@@ -79,7 +79,7 @@ def _set_out(way: ProvenWay) -> None:
     way.largest = way.least = 0.0
 
 
-@compiled("void(ProvenWay)")
+@compiled
 def forget_way(way: ProvenWay) -> None:
     """Forget all that was proven: it is another point."""
     way.time = 0.0
@@ -144,7 +144,7 @@ def _go_out(way: ProvenWay, before: float, place: float, least: float) -> None:
         edge -= 1.0
 
 
-@compiled("void(ProvenWay, f8, f8, f8)")
+@compiled
 def observe_way(way: ProvenWay, position: float, force: float, period: float) -> None:
     """Take one sample of the sensors, finite.
 
@@ -180,7 +180,7 @@ def observe_way(way: ProvenWay, position: float, force: float, period: float) ->
     way.time += period
 
 
-@compiled("f8(ProvenWay, f8, f8)")
+@compiled
 def proven_speed(way: ProvenWay, position: float, allowed: float) -> float:
     """Speed w at which the cell at a position may be crossed [m/s]; 0 where nothing is proven.
 
@@ -198,7 +198,7 @@ def proven_speed(way: ProvenWay, position: float, allowed: float) -> float:
     return float(_allowed(way.speeds[at], way.highest[at], way.lowest[at], allowed))
 
 
-@compiled("f8(ProvenWay, f8)")
+@compiled
 def proven_force(way: ProvenWay, position: float) -> float:
     """Largest force when the cell at a position was crossed [N]; 0 where nothing is proven."""
     if not abs(position) < FARTHEST:

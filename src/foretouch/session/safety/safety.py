@@ -7,11 +7,14 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from foretouch.core import Kernel
 from foretouch.errors.checks import require
 from foretouch.messages import Status
 from foretouch.session.safety import kernel
 from foretouch.session.safety.motion import MotionLimits
-from foretouch.session.safety.proven_way import forget_way
+from foretouch.session.safety.proven_way import ProvenWay, forget_way
+
+_forget_way = Kernel(forget_way, "(ProvenWay,)", ProvenWay)
 
 REACTION = 3e-3
 """Time after its first touch for which a robot keeps its speed before it stops [s]: the delay of its sensor and drive.
@@ -237,7 +240,7 @@ class Safety:
 
     def forget_way(self) -> None:
         """Forget the proven approach, which is of another point: all counts as untouched again."""
-        forget_way(self._memories[0].way)
+        _forget_way.entry(self._memories[0].way)
 
     def update(
         self,

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core.compiling import compiled
+from foretouch.core import Kernel, compiled, kernel
 from foretouch.identification import SensorState
 from foretouch.messages import FixtureBelief
 from foretouch.quantities.pose import Vector, add, dot, norm, scaled, subtract
@@ -26,7 +26,7 @@ from foretouch.session.steps import follower
 Array = NDArray[np.float64]
 
 
-@compiled("f8(f8[:,::1], f8, f8, f8, f8, f8, f8)")
+@compiled
 def height_variance(covariance: Array, a: float, b: float, c: float, x: float, y: float, z: float) -> float:
     """J P J^T for J = (-n, n x q), n = (a, b, c) and q = (x, y, z)."""
     derivative = (-a, -b, -c, b * z - c * y, c * x - a * z, a * y - b * x)
@@ -37,7 +37,10 @@ def height_variance(covariance: Array, a: float, b: float, c: float, x: float, y
     return total
 
 
-@compiled("Tuple((f8, f8, f8))(f8[:,::1], f8, f8, f8, f8, f8, f8)")
+_height_variance = Kernel(height_variance, "(f8[:, ::1], f8, f8, f8, f8, f8, f8)")
+
+
+@kernel("(f8[:, ::1], f8, f8, f8, f8, f8, f8)")
 def variances(
     covariance: Array, a: float, b: float, c: float, x: float, y: float, z: float
 ) -> tuple[float, float, float]:
@@ -111,9 +114,9 @@ class PoseUncertainty:
         Returns:
             How much nearer [m] and otherwise inclined [rad] it may be; the largest where the pose is unknown.
         """
-        height, position, turn = variances(self._covariance, *normal, *point)
+        height, position, turn = variances.entry(self._covariance, *normal, *point)
         if self._relief > 0.0:
-            height = max(height, height_variance(self._covariance, *self._facing, *point))
+            height = max(height, _height_variance.entry(self._covariance, *self._facing, *point))
         if not (
             self._known and 0.0 <= height < math.inf and 0.0 <= position < math.inf and -ROUNDING <= turn < math.inf
         ):
