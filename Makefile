@@ -33,7 +33,7 @@ mark-earlier: setup  ## write onto the pages which of their measured tables are 
 
 # Laws, estimators, the contact map, rendering and steps, where their tests take seconds with nothing compiled.
 INTERPRETED := $(addprefix tests/models/test_models_,$(addsuffix .py,catching_up contact_map contact_map_wire laws \
-    linearisation memoryless motion predictor_catch_up way_out)) \
+    linearisation memoryless motion predictor_catch_up leaving_work)) \
   $(addprefix tests/rendering/test_rendering_,$(addsuffix .py,energy friction limits mediation passivity_control promises \
     proxy rest share spatial_energy)) \
   $(addprefix tests/identification/test_identification_,$(addsuffix .py,classic conditioning elementary force_zero fprls \

@@ -52,8 +52,8 @@ def test_a_folder_holds_a_dozen_and_says_its_rule() -> None:
     for door in SOURCE.rglob("__init__.py"):
         flat = [path for path in door.parent.glob("*.py") if path.name != "__init__.py"]
         assert len(flat) <= FLAT, f"{door.parent}: put what belongs together into a folder"
-        said = ast.get_docstring(ast.parse(door.read_text())) or ""
-        assert said.partition("\n\n")[0].rstrip().endswith("."), f"{door}: say in one sentence what belongs here"
+        output = ast.get_docstring(ast.parse(door.read_text())) or ""
+        assert output.partition("\n\n")[0].rstrip().endswith("."), f"{door}: say in one sentence what belongs here"
 
 
 def test_no_file_and_no_folder_imports_one_that_imports_it() -> None:
@@ -83,16 +83,16 @@ def test_what_one_neighbour_alone_imports_is_part_of_it() -> None:
 @functools.cache
 def sizes(kind: type[ast.AST]) -> dict[str, int]:
     """How many parameters each function takes that is not compiled, or how many fields each class lists."""
-    found = {}
+    result = {}
     for name, text in texts().items():
         for node in ast.walk(ast.parse(text)):
             if isinstance(node, kind) and isinstance(node, ast.ClassDef):
-                found[f"{name}.{node.name}"] = sum(isinstance(one, ast.AnnAssign) for one in node.body)
+                result[f"{name}.{node.name}"] = sum(isinstance(one, ast.AnnAssign) for one in node.body)
             elif isinstance(node, kind) and isinstance(node, ast.FunctionDef):
                 every = (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)
                 compiled = any(ast.unparse(one).startswith(COMPILED) for one in node.decorator_list)
-                found[f"{name}.{node.name}"] = 0 if compiled else len({one.arg for one in every} - {"self", "cls"})
-    return found
+                result[f"{name}.{node.name}"] = 0 if compiled else len({one.arg for one in every} - {"self", "cls"})
+    return result
 
 
 def test_signatures_and_classes_are_small() -> None:

@@ -165,8 +165,10 @@ def recordings(target: Target, folder: Path) -> Iterator[Tally]:
         page.hear(2.5)  # the list is read again every two seconds
         for name in names:
             page.update(listed, value=name)
-            said = str(page.hear(1.0))
-            tally.count("Reading" in said or "No such file" in said or "is not an MCAP" in said or "looked at:" in said)
+            output = str(page.hear(1.0))
+            tally.count(
+                "Reading" in output or "No such file" in output or "is not an MCAP" in output or "looked at:" in output
+            )
     yield tally
 
 

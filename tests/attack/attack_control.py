@@ -36,7 +36,7 @@ def deepest(rows: list[Any]) -> float:
 
 
 def with_a_key_of_its_own(target: Target, score: Score) -> None:
-    heard: deque[Command] = deque(maxlen=10)
+    received: deque[Command] = deque(maxlen=10)
     rows: list[Any] = []
     target.telemetry()
     bob = target.identity("leader.bob")
@@ -45,13 +45,13 @@ def with_a_key_of_its_own(target: Target, score: Score) -> None:
         intruder(connect=target.at_leader, identity=bob, trusts=target.authority) as listening,
     ):
         kept = listening.declare_subscriber(
-            "foretouch/command/leader", lambda one: heard.append(decode(one.payload.to_bytes(), Command))
+            "foretouch/command/leader", lambda one: received.append(decode(one.payload.to_bytes(), Command))
         )
-        until(lambda: heard, 15.0, "a leader's commands are heard by another leader, as documented")
+        until(lambda: received, 15.0, "a leader's commands are heard by another leader, as documented")
         time.sleep(4.0)  # presses of the operator, to know how deep they go
         before = target.telemetry()
-        newest, clock, begun = before[-1], heard[-1].time_ns, time.monotonic()
-        holder, end, tried = heard[-1].holder, begun + SECONDS, 0
+        newest, clock, begun = before[-1], received[-1].time_ns, time.monotonic()
+        holder, end, tried = received[-1].holder, begun + SECONDS, 0
         while time.monotonic() < end:
             for ahead in (1, 700, -20):
                 forged = commands(newest, holder, clock, ahead, begun)

@@ -44,47 +44,47 @@ def strangers(keys: KeyFolder) -> dict[str, tuple[Identity | None, Identity | No
 
 
 def knock(target: Target, endpoint: str, identity: Identity | None, trusts: Identity | None) -> tuple[int, int]:
-    heard: list[str] = []
-    said = 0
+    received: list[str] = []
+    output = 0
     with intruder(connect=endpoint, identity=identity, trusts=trusts) as session:
         keys = ("foretouch/**", "foretouch/telemetry", "foretouch/command", "foretouch/leader")
-        kept = [listen(session, key, heard) for key in keys]
+        kept = [listen(session, key, received) for key in keys]
         end = time.monotonic() + SECONDS
         while time.monotonic() < end:
             say_everything(session)
-            said += len(CHANNELS) + 2 * len(ROLES)
+            output += len(CHANNELS) + 2 * len(ROLES)
             time.sleep(0.05)
         for one in kept:
             one.undeclare()
-    return said, len(heard)
+    return output, len(received)
 
 
 def overstep(target: Target, endpoint: str, name: str) -> tuple[int, bool]:
     """Say what this certificate may not: how often, and whether it was let in as far as its role goes."""
-    role, said, heard = role_of(name), [], []
+    role, output, received = role_of(name), [], []
     for channel in sorted(set(CHANNELS) - set(may_publish(role))):
-        said.append((f"foretouch/{channel}", sample(channel)))
+        output.append((f"foretouch/{channel}", sample(channel)))
     for other in ("leader", "follower", "watcher"):
         forged = msgspec.structs.replace(sample("command"), holder=other)
         if other != name:
-            said.append((key_to_send("command", other), forged))
-            said.append((f"foretouch/command/{name}", forged))
+            output.append((key_to_send("command", other), forged))
+            output.append((f"foretouch/command/{name}", forged))
         if other != role:
-            said.append((key_to_send("hello", other), hello_of(other)))
+            output.append((key_to_send("hello", other), hello_of(other)))
     with intruder(connect=endpoint, identity=target.identity(name), trusts=target.authority) as session:
-        kept = [listen(session, f"foretouch/{channel}", heard) for channel in ("telemetry", "leader")]
+        kept = [listen(session, f"foretouch/{channel}", received) for channel in ("telemetry", "leader")]
         end = time.monotonic() + 5.0
-        while not heard and time.monotonic() < end:
+        while not received and time.monotonic() < end:
             time.sleep(0.02)
         tried, end = 0, time.monotonic() + SECONDS
         while time.monotonic() < end:
-            for key, message in said:
+            for key, message in output:
                 session.put(key, encode(message))
                 tried += 1
             time.sleep(0.02)
         for one in kept:
             one.undeclare()
-    return tried, bool(heard)
+    return tried, bool(received)
 
 
 def changed(before: dict[str, object], after: dict[str, object]) -> str:
@@ -100,10 +100,10 @@ def main() -> int:
         before = target.traces()
         for name, (identity, trusts) in strangers(target.keys).items():
             endpoint = target.at_follower if name != "without TLS" else target.at_follower.replace("tls/", "tcp/")
-            tried, heard = knock(target, endpoint, identity, trusts)
+            tried, received = knock(target, endpoint, identity, trusts)
             before, was = target.traces(), before
             traces = changed(was, before)
-            score.note(name, tried, heard + bool(traces), traces)
+            score.note(name, tried, received + bool(traces), traces)
         print("door: what a role may not say")
         for name in ("watcher", "follower", "leader.bob"):
             for side, place in (("follower", target.at_follower), ("leader", target.at_leader)):

@@ -63,9 +63,9 @@ def damaged(content: bytes, rng: random.Random, *, text: bool) -> bytes:
             parts[rng.randrange(len(parts))] = rng.choice(TOKENS)
         return b"".join(parts)
     damage = rng.choice((_flipped, _flipped, _cut, _number, _again, _filled, _inserted, _left_out, _swapped))
-    found = bytearray(content)
-    damage(found, rng)
-    return bytes(found)
+    result = bytearray(content)
+    damage(result, rng)
+    return bytes(result)
 
 
 def _place(found: bytearray, rng: random.Random) -> int:

@@ -29,13 +29,13 @@ def flood(target: Target, words: Words, count: int) -> int:
     before = [side.memory for side in sides]
     import zenoh
 
-    heard: list[str] = []
+    received: list[str] = []
     with (
         intruder(connect=target.at_follower, identity=watcher, trusts=target.authority) as one,
         intruder(connect=target.at_leader, identity=watcher, trusts=target.authority) as two,
     ):
-        kept = [listen(one, "foretouch/telemetry", heard), listen(two, "foretouch/leader", heard)]
-        until(lambda: {"foretouch/telemetry", "foretouch/leader"} <= set(heard), 15.0, "a watcher hears both sides")
+        kept = [listen(one, "foretouch/telemetry", received), listen(two, "foretouch/leader", received)]
+        until(lambda: {"foretouch/telemetry", "foretouch/leader"} <= set(received), 15.0, "a watcher hears both sides")
         for each in kept:
             each.undeclare()
         for number in range(count):

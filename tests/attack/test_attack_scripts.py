@@ -49,9 +49,9 @@ def attack(*options: str) -> str:
 
 @pytest.mark.long  # tests/recordings damages files in small
 def test_some_damaged_files_and_small_bombs() -> None:
-    said = attack("--files", "8", "--quick")
-    assert "20 honest files, 8 damaged ones" in said
-    assert "nothing failed" in said
+    output = attack("--files", "8", "--quick")
+    assert "20 honest files, 8 damaged ones" in output
+    assert "nothing failed" in output
 
 
 @pytest.mark.long

@@ -39,16 +39,16 @@ from foretouch.recordings.session.follower_samples import LARGE
 
 def rows(late_ns: list[int], compute_ns: list[int] | None = None) -> np.ndarray:
     """Rows of a loop at 1 kHz whose ticks woke so late after the first deadline that each missed."""
-    found, woke, deadline = np.zeros(len(late_ns), FOLLOWER_DTYPE), 0, 10**12
+    result, woke, deadline = np.zeros(len(late_ns), FOLLOWER_DTYPE), 0, 10**12
     for place, late in enumerate(late_ns):
         if place:
             deadline += PERIOD_NS
         now = deadline + late
         deadline += late // PERIOD_NS * PERIOD_NS  # as the loop passes over what is gone
-        found[place]["sequence"], found[place]["time_ns"] = place + 1, deadline
-        found[place]["period_ns"], woke = now - woke if woke else 0, now
-        found[place]["compute_ns"] = compute_ns[place] if compute_ns else 0
-    return found
+        result[place]["sequence"], result[place]["time_ns"] = place + 1, deadline
+        result[place]["period_ns"], woke = now - woke if woke else 0, now
+        result[place]["compute_ns"] = compute_ns[place] if compute_ns else 0
+    return result
 
 
 @given(st.lists(st.integers(0, 5_000_000), min_size=2, max_size=50))
@@ -70,10 +70,10 @@ def test_every_late_tick_has_one_cause() -> None:
     compute[5] = 3_600_000  # the tick before computed for so long
     ticks = ticks_of(rows(late, compute))
     deadline = int(ticks.deadline_ns[8])
-    found = causes(ticks, [(deadline - 100_000, deadline + 300_000)])
-    assert found == {"scheduler": 1, "garbage collection": 1, "us": 1}
-    assert sum(found.values()) == int((ticks.late_ns > LATE_NS).sum())
-    assert tuple(found) == CAUSES
+    result = causes(ticks, [(deadline - 100_000, deadline + 300_000)])
+    assert result == {"scheduler": 1, "garbage collection": 1, "us": 1}
+    assert sum(result.values()) == int((ticks.late_ns > LATE_NS).sum())
+    assert tuple(result) == CAUSES
 
 
 def test_a_side_notes_its_collections(tmp_path: Path) -> None:
@@ -126,11 +126,11 @@ def test_a_missing_package_leaves_out_the_rows_of_its_format_alone(monkeypatch: 
     monkeypatch.setattr(commands, "REACHES", {name: commands.REACHES[name] for name in ("MCAP", "CSV")})
     for module in [name for name in sys.modules if name.partition(".")[0] == "mcap"] + ["mcap"]:
         monkeypatch.setitem(sys.modules, module, None)  # as where it is not installed
-    said: list[str] = []
-    rows = commands.measure_identify(Scope(False, said.append))
+    output: list[str] = []
+    rows = commands.measure_identify(Scope(False, output.append))
     assert [row.what.split(", ")[1].partition(":")[0] for row in rows] == ["CSV", "CSV"]
-    assert len(said) == 1
-    assert said[0].startswith("the rows of MCAP are left out: mcap is not installed")
+    assert len(output) == 1
+    assert output[0].startswith("the rows of MCAP are left out: mcap is not installed")
 
 
 def test_a_slope_tells_linear_from_quadratic() -> None:

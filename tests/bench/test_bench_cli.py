@@ -91,12 +91,12 @@ MARK = "FORETOUCH_TEST_OF_BENCH"
 
 def marked(mark: str) -> list[int]:
     """Processes that have a mark in their environment."""
-    found = []
+    result = []
     for folder in Path("/proc").glob("[0-9]*"):
         with contextlib.suppress(OSError):
             if f"{MARK}={mark}".encode() in (folder / "environ").read_bytes():
-                found.append(int(folder.name))
-    return found
+                result.append(int(folder.name))
+    return result
 
 
 @pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="it looks for processes in /proc")
@@ -115,11 +115,11 @@ def test_who_ends_the_parent_alone_leaves_nothing_running_and_has_what_was_done(
             assert time.monotonic() < until
             time.sleep(0.01)
         os.kill(asked.pid, number)
-        output, said = asked.communicate(timeout=30.0)
+        output, text = asked.communicate(timeout=30.0)
         left = marked(mark)
     assert not left
     assert asked.returncode == 130
-    assert said.splitlines() == ["1 of 2 benchmarks were done", "foretouch: interrupted"]
+    assert text.splitlines() == ["1 of 2 benchmarks were done", "foretouch: interrupted"]
     assert len(json.loads(output)) == 4
 
 
@@ -183,9 +183,9 @@ def test_a_session_is_timed_beside_a_bare_loop(tmp_path: Any) -> None:
     from foretouch.bench.benchmarks.loops import SIDES, bare_round, session_round
 
     assert bare_round(tmp_path, 1.0).size == 1000
-    found = session_round(tmp_path, 4.0)
+    result = session_round(tmp_path, 4.0)
     for name in SIDES:
-        ticks, why = found[name]
+        ticks, why = result[name]
         assert ticks.late_ns.size > 1000
         assert sum(why.values()) == int((ticks.late_ns > 500_000).sum())
 

@@ -52,10 +52,10 @@ def test_ours_and_the_bare_loop_solve_the_problem(problem: Problem) -> None:
 @pytest.mark.filterwarnings("ignore")  # of their own house
 @pytest.mark.parametrize("name", PEERS)
 def test_a_peer_computes_the_same(name: str, problem: Problem) -> None:
-    said: list[str] = []
-    run = peer(name, problem, said.append)
+    output: list[str] = []
+    run = peer(name, problem, output.append)
     if run is None:
-        pytest.skip(said[0])
+        pytest.skip(output[0])
     factor = 1.0 if name == RIVER_WITHOUT_FORGETTING else FORGETTING_FACTOR
     ours = theta_of(press(SIZE)) if factor < 1.0 else solved(problem, 1.0)
     assert agree(run(), ours, problem) < 1e-5
@@ -66,11 +66,11 @@ def test_a_peer_that_is_not_there_is_said_in_one_line(problem: Problem, monkeypa
     import sys
 
     monkeypatch.setitem(sys.modules, "padasip", None)  # as where it is not installed
-    said: list[str] = []
-    assert peer("padasip", problem, said.append) is None
-    assert len(said) == 1
-    assert "padasip is left out" in said[0]
-    assert "\n" not in said[0]
+    output: list[str] = []
+    assert peer("padasip", problem, output.append) is None
+    assert len(output) == 1
+    assert "padasip is left out" in output[0]
+    assert "\n" not in output[0]
 
 
 def test_many_recordings_at_once_are_each_as_one() -> None:

@@ -106,9 +106,9 @@ def test_ticks_near_a_percentile_stand_for_it() -> None:
 
 def test_each_tick_counts_in_its_middle_round() -> None:
     rounds = [Timed(np.array([a, b]), np.array([[a, 0.0], [0.0, b]])) for a, b in ((1.0, 9.0), (3.0, 5.0), (2.0, 7.0))]
-    found = middle(rounds)
-    assert found.took.tolist() == [2.0, 7.0]
-    assert found.parts.tolist() == [[2.0, 0.0], [0.0, 7.0]]
+    result = middle(rounds)
+    assert result.took.tolist() == [2.0, 7.0]
+    assert result.parts.tolist() == [[2.0, 0.0], [0.0, 7.0]]
 
 
 @pytest.fixture(scope="module")
@@ -127,12 +127,12 @@ def test_the_parts_add_up_and_each_is_there(session: TapedSession) -> None:
 
 
 def test_a_profile_says_where_the_time_goes(session: TapedSession) -> None:
-    found = profile(session, 1)
-    for (side, _), times in found.items():
+    result = profile(session, 1)
+    for (side, _), times in result.items():
         names = [part.name for part in PARTS[side]]
         assert list(times) == [STEP, *names, WITHOUT]
         assert sum(times[name] for name in names) == pytest.approx(times[STEP])
         assert names[-1] == ELSE
     for side in PARTS:
-        assert found[side, 50][STEP] < found[side, 99][STEP]
-        assert found[side, 50][STEP] == pytest.approx(found[side, 50][WITHOUT], rel=0.5)
+        assert result[side, 50][STEP] < result[side, 99][STEP]
+        assert result[side, 50][STEP] == pytest.approx(result[side, 50][WITHOUT], rel=0.5)

@@ -42,8 +42,8 @@ def test_times_are_of_one_unit_of_work() -> None:
 
 def test_a_machine_that_slows_down_between_rounds_does_not_change_a_ratio() -> None:
     slowness = np.random.default_rng(0).uniform(1.0, 10.0, 50)
-    found = ratio({"ours": 2.0 * slowness, "theirs": 6.0 * slowness}, "theirs", "ours")
-    assert (found.lower, found.median, found.upper) == pytest.approx((3.0, 3.0, 3.0))
+    result = ratio({"ours": 2.0 * slowness, "theirs": 6.0 * slowness}, "theirs", "ours")
+    assert (result.lower, result.median, result.upper) == pytest.approx((3.0, 3.0, 3.0))
 
 
 def test_all_take_turns_after_a_round_to_warm_up() -> None:
@@ -65,7 +65,7 @@ def test_the_collector_is_off_inside_and_on_again_after() -> None:
 
 @given(st.lists(st.floats(1e-9, 1e9), min_size=1, max_size=30))
 def test_a_spread_is_in_order_and_among_the_figures(figures: list[float]) -> None:
-    found = spread(figures)
-    assert min(figures) == found.least
-    assert found.least <= found.lower <= found.median <= found.upper <= max(figures)
-    assert spread(figures, 2.0).median == pytest.approx(2.0 * found.median)
+    result = spread(figures)
+    assert min(figures) == result.least
+    assert result.least <= result.lower <= result.median <= result.upper <= max(figures)
+    assert spread(figures, 2.0).median == pytest.approx(2.0 * result.median)

@@ -32,16 +32,16 @@ def test_the_example_files_are_those_of_the_script(truth: ModuleType) -> None:
 
 def test_the_truth_lies_within_three_standard_errors(truth: ModuleType, tmp_path: Path) -> None:
     content = output_of("calibrate", "sensor", POSES, "--output", tmp_path / "sensor.toml")
-    found = read_calibration(tmp_path / "sensor.toml")
+    result = read_calibration(tmp_path / "sensor.toml")
     for name, expected in (
         ("force_bias", truth.FORCE_BIAS),
         ("torque_bias", truth.TORQUE_BIAS),
         ("tool_mass", truth.MASS),
         ("centre_of_mass", truth.CENTRE),
     ):
-        away = np.abs((np.array(getattr(found, name)) - expected) / np.array(getattr(found, f"{name}_error")))
+        away = np.abs((np.array(getattr(result, name)) - expected) / np.array(getattr(result, f"{name}_error")))
         assert np.all(away < 3.0), name
-    assert content["force_bias_N"] == list(found.force_bias or ())
+    assert content["force_bias_N"] == list(result.force_bias or ())
     assert content["free_air_force_N"] == pytest.approx(-truth.FORCE_BIAS[2] - truth.MASS * truth.GRAVITY, abs=0.03)
     assert content["poses"] == 8
     assert 0.005 < content["force_residual_rms_N"] < 0.03
@@ -51,13 +51,13 @@ def test_both_commands_fill_one_file_and_identify_takes_it(truth: ModuleType, tm
     output = tmp_path / "sensor.toml"
     lag = output_of("calibrate", "sensor", POSES, "--motion", SPRING, "--output", output)
     assert lag["sensor_lag_s"] == pytest.approx(truth.LAG, abs=3e-4)
-    found = output_of("calibrate", "compliance", BLOCK, "--output", output)
+    fit = output_of("calibrate", "compliance", BLOCK, "--output", output)
     series = 1.0 / (1.0 / truth.STIFFNESS + 1.0 / 400e3)  # the block gives way too
-    assert found["series_stiffness_N_per_m"] == pytest.approx(series, abs=3.0 * found["series_stiffness_error_N_per_m"])
-    assert found["lost_motion_m"] == pytest.approx(truth.LOST_MOTION, abs=1.5e-6)
+    assert fit["series_stiffness_N_per_m"] == pytest.approx(series, abs=3.0 * fit["series_stiffness_error_N_per_m"])
+    assert fit["lost_motion_m"] == pytest.approx(truth.LOST_MOTION, abs=1.5e-6)
     both = read_calibration(output)
     assert both.tool_mass is not None
-    assert both.series_stiffness == found["series_stiffness_N_per_m"]
+    assert both.series_stiffness == fit["series_stiffness_N_per_m"]
     again = output_of("calibrate", "sensor", POSES, "--output", output)  # without motion the lag stays
     assert again["sensor_lag_s"] == lag["sensor_lag_s"]
     assert read_calibration(output) == both

@@ -131,18 +131,18 @@ def test_the_page_and_the_help_list_the_exit_codes_that_there_are() -> None:
 
 def test_every_exit_code_in_the_code_is_listed() -> None:
     """Literal codes of `typer.Exit` and `sys.exit`, and named ones, as the modules define them."""
-    found: set[int] = set()
+    result: set[int] = set()
     for path in (SOURCE / "cli").rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.Call) and ast.unparse(node.func) in ("typer.Exit", "sys.exit") and node.args:
                 (argument,) = node.args
                 if isinstance(argument, ast.Constant):
-                    found.add(int(argument.value))
+                    result.add(int(argument.value))
                 else:
                     assert ast.unparse(argument) in ("code", "self.code", "INTERRUPTED"), f"{path}: {ast.unparse(node)}"
     from foretouch.session import RECORDING_INCOMPLETE
 
-    assert found | {0, RECORDING_INCOMPLETE, INTERRUPTED} == set(EXIT_CODES)
+    assert result | {0, RECORDING_INCOMPLETE, INTERRUPTED} == set(EXIT_CODES)
 
 
 @pytest.mark.parametrize(
@@ -181,12 +181,12 @@ def test_errors_say_what_to_do_in_few_lines_and_no_traceback(
     monkeypatch.setattr(sys, "argv", ["foretouch", *arguments])
     with pytest.raises(SystemExit) as ended:
         main()
-    said = capsys.readouterr()
+    output = capsys.readouterr()
     assert ended.value.code == 2
-    assert said.out == ""
-    assert what_to_do in said.err
-    assert "Traceback" not in said.err
-    assert len(said.err.strip().splitlines()) <= 4
+    assert output.out == ""
+    assert what_to_do in output.err
+    assert "Traceback" not in output.err
+    assert len(output.err.strip().splitlines()) <= 4
 
 
 def test_json_is_the_whole_output(tmp_path: Path) -> None:

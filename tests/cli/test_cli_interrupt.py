@@ -24,23 +24,23 @@ BEGINS, ENDS = 90.0, 30.0
 
 def parents() -> dict[int, int]:
     """Parent of every process that runs, by number."""
-    found = {}
+    result = {}
     for path in Path("/proc").glob("[0-9]*/stat"):
         try:
             state, parent = path.read_text().rpartition(")")[2].split()[:2]
         except OSError:
             continue
         if state != "Z":
-            found[int(path.parent.name)] = int(parent)
-    return found
+            result[int(path.parent.name)] = int(parent)
+    return result
 
 
 def descendants(process: int) -> set[int]:
     """All that a process has started, and what these have."""
-    running, found = parents(), {process}
-    while more := {child for child, parent in running.items() if parent in found} - found:
-        found |= more
-    return found - {process}
+    running, result = parents(), {process}
+    while more := {child for child, parent in running.items() if parent in result} - result:
+        result |= more
+    return result - {process}
 
 
 def wait(done: Callable[[], bool], patience: float) -> bool:
@@ -56,8 +56,8 @@ def interrupted(folder: Path, arguments: list[str], begun: Callable[[int], bool]
     Returns:
         Exit code, what it said, which processes are still there, and how long it took to end [s].
     """
-    said = folder / "said"
-    with said.open("w") as stream:
+    output = folder / "said"
+    with output.open("w") as stream:
         process = subprocess.Popen(
             [sys.executable, "-m", "foretouch", *arguments],
             cwd=folder,
@@ -68,16 +68,16 @@ def interrupted(folder: Path, arguments: list[str], begun: Callable[[int], bool]
         )
     started: set[int] = set()
     try:
-        assert wait(lambda: begun(process.pid) or process.poll() is not None, BEGINS), said.read_text()
-        assert process.poll() is None, said.read_text()
+        assert wait(lambda: begun(process.pid) or process.poll() is not None, BEGINS), output.read_text()
+        assert process.poll() is None, output.read_text()
         started = descendants(process.pid)
-        assert started, f"nothing was started: {said.read_text()}"
+        assert started, f"nothing was started: {output.read_text()}"
         at = time.monotonic()
         os.killpg(process.pid, signal.SIGINT)
         code = process.wait(ENDS)
         took = time.monotonic() - at
         wait(lambda: not started & parents().keys(), 5.0)
-        return code, said.read_text(), started & parents().keys(), took
+        return code, output.read_text(), started & parents().keys(), took
     finally:
         for number in {process.pid, *started} & parents().keys():
             os.kill(number, signal.SIGKILL)
@@ -97,45 +97,45 @@ def has_led(recording: Path) -> bool:
 def test_a_session_ends_with_its_report(tmp_path: Path) -> None:
     recording = tmp_path / "session.mcap"
     arguments = ["teleop", "--headless", "--operator", "scripted", "--recording", str(recording)]
-    code, said, left, _ = interrupted(
+    code, output, left, _ = interrupted(
         tmp_path, arguments, lambda process: has_led(recording) and len(descendants(process)) >= 3
     )
     assert not left
-    assert code == 0, said
-    assert "Traceback" not in said
-    assert f"recording  {recording}" in said  # the last line of its report
+    assert code == 0, output
+    assert "Traceback" not in output
+    assert f"recording  {recording}" in output  # the last line of its report
 
 
 @pytest.mark.long
 def test_a_comparison_ends_at_once(tmp_path: Path) -> None:
     arguments = ["compare", "--simulated", "--jobs", "2"]
-    code, said, left, took = interrupted(
+    code, output, left, took = interrupted(
         tmp_path, arguments, lambda process: (tmp_path / "said").read_text().count(" by ") >= 2
     )
     assert not left
-    assert code == 130, said
-    assert "foretouch: interrupted" in said
-    assert "Traceback" not in said
+    assert code == 130, output
+    assert "foretouch: interrupted" in output
+    assert "Traceback" not in output
     assert took < 10.0
 
 
 @pytest.mark.long
 def test_a_sweep_ends_at_once_and_goes_on_from_there(tmp_path: Path) -> None:
     arguments = ["sweep", "--out", "sweep", "--sessions", "200", "--baselines", "0", "--duration", "6", "--jobs", "2"]
-    code, said, left, took = interrupted(
+    code, output, left, took = interrupted(
         tmp_path, arguments, lambda process: any((tmp_path / "sweep").glob("*")) and len(descendants(process)) >= 2
     )
     assert not left
-    assert code == 130, said
-    assert "Traceback" not in said
+    assert code == 130, output
+    assert "Traceback" not in output
     assert took < 10.0
 
 
 def test_a_doctor_ends_at_once(tmp_path: Path) -> None:
-    code, said, left, took = interrupted(
+    code, output, left, took = interrupted(
         tmp_path, ["doctor", "--seconds", "60"], lambda process: len(descendants(process)) >= 2
     )
     assert not left
-    assert code == 130, said
-    assert "Traceback" not in said
+    assert code == 130, output
+    assert "Traceback" not in output
     assert took < 5.0

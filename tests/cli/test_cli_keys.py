@@ -146,13 +146,13 @@ def test_an_insecure_session_says_so_on_every_screen(tmp_path: Path) -> None:
         "leader": start("leader", *connect[:2], "--listen", there, "--duration", "1.5", "--wait-for-recorder"),
     }
     try:
-        said = {name: process.communicate(timeout=60)[1] for name, process in processes.items()}
+        output = {name: process.communicate(timeout=60)[1] for name, process in processes.items()}
     finally:
         for process in processes.values():
             process.kill()
-    assert "INSECURE: nothing is encrypted and nobody is checked" in said["leader"]
-    assert "INSECURE: nothing is encrypted and nobody is checked" in said["follower"]
-    assert "INSECURE" not in said["recorder"]  # its own endpoints are on this machine
+    assert "INSECURE: nothing is encrypted and nobody is checked" in output["leader"]
+    assert "INSECURE: nothing is encrypted and nobody is checked" in output["follower"]
+    assert "INSECURE" not in output["recorder"]  # its own endpoints are on this machine
     assert "INSECURE: nothing was encrypted and nobody was checked" in good("report", tmp_path / "s.mcap").stdout
 
 

@@ -91,8 +91,8 @@ def test_a_law_that_does_not_describe_the_recording_is_said_to(press: Path) -> N
     arguments = ("identify", press, "--surface", 0.018, "--model", "kelvin-voigt")
     content = output_of(*arguments)
     assert content["residual_percent"] > 50.0
-    said = f"its residual is {content['residual_percent']:.0f} % of the force in contact; check the signs of force"
-    assert said in content["hint"]
+    output = f"its residual is {content['residual_percent']:.0f} % of the force in contact; check the signs of force"
+    assert output in content["hint"]
     assert run(*arguments).stdout.splitlines()[-1].strip() == content["hint"]
 
 
@@ -128,11 +128,11 @@ def test_a_law_says_whether_its_errors_hold_that_of_the_surface(press: Path) -> 
 
 def test_a_law_that_plays_no_part_in_the_force_is_said_to(press: Path) -> None:
     """Whose share of the contact map's force is 0 % as it is printed; a law alone is the force."""
-    said = "(the law's weight in the force is 0 %: these numbers play no part in it)"
+    output = "(the law's weight in the force is 0 %: these numbers play no part in it)"
     text = run("identify", press).stdout
     assert "law 0 %" in text
-    assert said in text
-    assert said not in run("identify", press, "--model", "kelvin-voigt").stdout
+    assert output in text
+    assert output not in run("identify", press, "--model", "kelvin-voigt").stdout
 
 
 def test_the_help_names_every_law() -> None:
@@ -342,34 +342,34 @@ def test_a_measured_recording_is_named_instead_of_a_file(measured: Callable[[str
     name, law = "tue/b-foam", ("--model", "kelvin-voigt", "--estimator", "rls")
     for command in ("identify", "predict"):
         assert output_of(command, "--dataset", name, *law) == output_of(command, measured(name), *law)
-    said = run("predict", "--dataset", name, *law, "--report", tmp_path / "page")
-    assert said.stdout.startswith(f"{name}: kelvin-voigt by rls")
+    output = run("predict", "--dataset", name, *law, "--report", tmp_path / "page")
+    assert output.stdout.startswith(f"{name}: kelvin-voigt by rls")
     assert name in (tmp_path / "page" / "index.html").read_text()
-    found = output_of(
+    matches = output_of(
         "compare", "--dataset", name, "--dataset", "tue/a-rigid", "--models", "kelvin-voigt", "--estimators", "rls",
         "--jobs", 1,
     )  # fmt: skip
-    assert [result["recording"] for result in found["results"]] == [name, "tue/a-rigid"]
+    assert [row["recording"] for row in matches["results"]] == [name, "tue/a-rigid"]
 
 
 @pytest.mark.parametrize("command", ["identify", "predict"])
 def test_one_recording_is_given_and_no_more(command: str) -> None:
-    for arguments, said in (
+    for arguments, output in (
         ((), "RECORDING = 'nothing': give a file, or --dataset with a name of `foretouch datasets list`"),
         (("press.csv", "--dataset", "tue/b-foam"), "dataset = 'tue/b-foam': press.csv is given too: give one of them"),
         (("--dataset", "foam"), "unknown dataset 'foam': choose one of aurora/100-mN, "),
     ):
         refusal = run(command, *arguments).exception
         assert isinstance(refusal, ForetouchError)
-        assert said in str(refusal)
+        assert output in str(refusal)
 
 
 def test_the_lag_of_a_filtered_sensor_is_found_and_can_be_waited_for(measured: Callable[[str], Path]) -> None:
     """The logged force of this spring went through a low-pass near 50 Hz, which is about 3 ms late."""
     logged = ("identify", measured("tue/d-spring"), "--force-channel", "logged", "--json")
-    found = json.loads(run(*logged).stdout)
-    assert found["sensor_lag_s"] == pytest.approx(0.003, abs=0.001)
-    assert found["sensor_lag_error_s"] < 0.001
+    result = json.loads(run(*logged).stdout)
+    assert result["sensor_lag_s"] == pytest.approx(0.003, abs=0.001)
+    assert result["sensor_lag_error_s"] < 0.001
     assert json.loads(run(*logged, "--sensor-lag", 0.003).stdout)["sensor_lag_s"] < 0.001
     refused = run(*logged, "--sensor-lag", 0.9)
     assert isinstance(refused.exception, ForetouchError)

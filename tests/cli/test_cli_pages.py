@@ -61,7 +61,7 @@ LONG = ("replay", "sweep", "reproduce")
 
 @pytest.mark.parametrize("name", [pytest.param(one, marks=pytest.mark.long) if one in LONG else one for one in SAID])
 def test_it_says_version_date_command_and_what_it_is_of(name: str, simulated: Path, tmp_path: Path) -> None:
-    words, said = SAID[name]
+    words, output = SAID[name]
     folder = simulated
     if name != "simulate":
         folder = tmp_path
@@ -74,5 +74,5 @@ def test_it_says_version_date_command_and_what_it_is_of(name: str, simulated: Pa
     assert f"foretouch {__version__}" in made
     assert " UTC" in made
     assert f"<code>{shlex.join(['foretouch', *words])}</code>" in made
-    for part in said:
+    for part in output:
         assert part in made, part

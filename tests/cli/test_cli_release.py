@@ -60,17 +60,17 @@ def release(*words: str, said: str) -> tuple[int, str]:
 
 def test_who_does_not_say_so_twice_releases_nothing_and_who_does_releases_it(robot: subprocess.Popen[str]) -> None:
     for answers in ("n\n", "y\ny\n", "y\n\n", ""):
-        code, said = release(said=answers)
+        code, output = release(said=answers)
         assert code == 1, answers
-        assert ("not released: nobody answered" in said) == (answers in ("y\n\n", "")), answers
-        assert "Abort" not in said, answers
-        assert ('"y" was typed, and "release" releases it' in said) == (answers == "y\ny\n"), answers
-        assert ("commands again: " in said) == answers.startswith("y"), answers  # with room for what is typed
+        assert ("not released: nobody answered" in output) == (answers in ("y\n\n", "")), answers
+        assert "Abort" not in output, answers
+        assert ('"y" was typed, and "release" releases it' in output) == (answers == "y\ny\n"), answers
+        assert ("commands again: " in output) == answers.startswith("y"), answers  # with room for what is typed
         assert followers()[robot.pid], answers
-    code, said = release(said="y\nrelease\n")
+    code, output = release(said="y\nrelease\n")
     assert code == 0
-    assert f"follower {robot.pid}: emergency stop (somebody): it is unloaded" in said
-    assert said.endswith("the robot follows again, slowly at first\n")
+    assert f"follower {robot.pid}: emergency stop (somebody): it is unloaded" in output
+    assert output.endswith("the robot follows again, slowly at first\n")
     assert followers() == {robot.pid: ""}
 
 
@@ -78,12 +78,12 @@ def test_a_robot_that_stays_stopped_is_told(monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setattr("foretouch.cli.commands.keys.PATIENCE", 0.3)
     process = stopped("moves")
     try:
-        code, said = release(said="y\nrelease\n")
+        code, output = release(said="y\nrelease\n")
     finally:
         process.kill()
         process.communicate()
     assert code == 1
-    assert "NOT released (after 0.3 s): emergency stop (somebody)" in said
+    assert "NOT released (after 0.3 s): emergency stop (somebody)" in output
 
 
 def test_where_none_waits_or_several_do_one_line_says_so(robot: subprocess.Popen[str]) -> None:
@@ -92,18 +92,18 @@ def test_where_none_waits_or_several_do_one_line_says_so(robot: subprocess.Popen
         first, second = sorted((robot.pid, other.pid))
         several = f"followers {first}, {second} of yours wait to be released: say which, such as `foretouch"
         assert f"{several} release {first}`" in release(said="")[1]
-        code, said = release(str(os.getpid()), said="")
+        code, output = release(str(os.getpid()), said="")
         assert code != 0
-        assert said.endswith(f"is no follower of yours that waits to be released; these are: {first}, {second}")
+        assert output.endswith(f"is no follower of yours that waits to be released; these are: {first}, {second}")
         assert release(str(other.pid), said="y\nrelease\n")[0] == 0
     finally:
         other.kill()
         other.communicate()
     robot.kill()
     robot.wait()
-    code, said = release(said="")
+    code, output = release(said="")
     assert code != 0
-    assert said.endswith("no follower of yours on this machine waits to be released")
+    assert output.endswith("no follower of yours on this machine waits to be released")
 
 
 def test_a_folder_that_others_can_write_is_not_believed_and_a_process_that_was_killed_leaves_nothing(

@@ -123,9 +123,9 @@ def test_a_setting_is_named_as_the_option_that_was_typed() -> None:
     assert as_typed(wrong, ["report", "a.mcap"]) == str(wrong)
     assert as_typed(LinkError("no peer"), ["stop"]) == "no peer"
     typed = [sys.executable, "-m", "foretouch", "simulate", "--loss", "3"]
-    said = subprocess.run(typed, capture_output=True, text=True, check=False)
-    assert (said.returncode, said.stdout) == (2, "")
-    assert said.stderr.startswith("foretouch: --loss = 3.0: ")
+    output = subprocess.run(typed, capture_output=True, text=True, check=False)
+    assert (output.returncode, output.stdout) == (2, "")
+    assert output.stderr.startswith("foretouch: --loss = 3.0: ")
 
 
 class Peer(threading.Thread):
@@ -189,9 +189,9 @@ def test_a_shadow_that_another_process_records_gives_a_report(tmp_path: Path) ->
         for process in processes:
             process.kill()
     assert [process.returncode for process in processes] == [0, 0], ends
-    said = ends[0][1]
-    assert "the scripted operator moves it and nothing is commanded" in said
-    assert "s in contact at" in said.splitlines()[-1]
+    output = ends[0][1]
+    assert "the scripted operator moves it and nothing is commanded" in output
+    assert "s in contact at" in output.splitlines()[-1]
     report = json.loads(run("report", path, "--json").stdout)
     assert report["status"] == "ok"
     assert report["operator"] == "shadow"

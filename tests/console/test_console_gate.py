@@ -246,9 +246,9 @@ def test_controls_take_values_of_their_own_alone(bench: Bench) -> None:
         assert bench.session.of(Settings) == []
         assert bench.session.of(Choice) == []
         page.update(slider, value=0.25)
-        wait_until(lambda: [said.position_delay for said in bench.session.of(Settings)] == [0.25])
+        wait_until(lambda: [one.position_delay for one in bench.session.of(Settings)] == [0.25])
         page.update(material, value="bone")
-        wait_until(lambda: [said.material for said in bench.session.of(Choice)] == ["bone"])
+        wait_until(lambda: [one.material for one in bench.session.of(Choice)] == ["bone"])
         hidden = page.control("GuiButtonMessage", "Back to live")  # disabled until a recording is looked at
         page.update(hidden, value=True)
     assert bench.console.trouble == ""
@@ -271,10 +271,10 @@ def test_malformed_messages_end_neither_the_page_s_connection_nor_the_console(
 
 def test_of_what_is_permitted_only_the_listed_fields_go_on() -> None:
     raw = msgspec.msgpack.encode(CAMERA | {"excluded_self_client": 3, "more": "x" * 100})
-    said = permitted(raw, lambda uuid: None)
-    assert said is not None
-    heard = msgspec.msgpack.decode(said)
-    assert heard == {name: list(v) if isinstance(v, tuple) else v for name, v in CAMERA.items()}
+    output = permitted(raw, lambda uuid: None)
+    assert output is not None
+    received = msgspec.msgpack.decode(output)
+    assert received == {name: list(v) if isinstance(v, tuple) else v for name, v in CAMERA.items()}
     assert permitted(msgspec.msgpack.encode(CAMERA | {"near": 2 * FARTHEST}), lambda uuid: None) is None
 
 
@@ -457,8 +457,8 @@ def test_the_pages_of_a_session_that_has_ended_say_so_and_those_of_a_console_tha
                 for _ in range(100):
                     page.hear(0.05)
         closing.join()
-        heard = str(page.shown)
-        assert (ENDED_ATTRIBUTE in heard and "foretouch teleop" in heard) == ended
+        received = str(page.shown)
+        assert (ENDED_ATTRIBUTE in received and "foretouch teleop" in received) == ended
 
 
 def test_a_picture_that_cannot_be_drawn_leaves_the_emergency_stop(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -196,7 +196,9 @@ def test_a_second_run_under_another_delay_stands_beside_the_recorded_one(recorde
     while library.busy:
         notes.add(library.note)
         time.sleep(0.02)
-    percents = [int(found[1]) for note in notes if (found := re.fullmatch(r"Running it again … (\d+) %, \d+ s", note))]
+    percents = [
+        int(result[1]) for note in notes if (result := re.fullmatch(r"Running it again … (\d+) %, \d+ s", note))
+    ]
     assert len(percents) > 2
     assert max(percents) > 50
     library.run_again(0.0, 0.05, closed_loop=False)
@@ -223,7 +225,7 @@ def test_playback_shows_what_was_set_then(recorded: tuple[Path, SessionLog]) -> 
     leader["epoch"] = follower["epoch"] = 5
     leader["run"] = follower["run"] = 105
     changed = int(leader["time_ns"][3000])
-    said = (
+    output = (
         SettingsReport("follower", 105, 0, {"material": "foam", "position_delay": "0.08"}),
         SettingsReport("leader", 5, 0, {"grip": "none", "force_delay": "0.3"}),
         SettingsReport("leader", 5, changed, {"grip": "none", "force_delay": "0.6"}),
@@ -231,7 +233,7 @@ def test_playback_shows_what_was_set_then(recorded: tuple[Path, SessionLog]) -> 
         SettingsReport("leader", 9, 0, {"grip": "normal", "force_delay": "0.6"}),
     )
     shown = Playback(
-        dataclasses.replace(log, leader=leader, follower=follower, reports=said, settings={"grip": "normal"})
+        dataclasses.replace(log, leader=leader, follower=follower, reports=output, settings={"grip": "normal"})
     )
     for moment, delay in ((1.0, 0.3), (2.9, 0.3), (3.1, 0.6), (1.0, 0.3)):
         shown.go_to(moment)

@@ -57,7 +57,7 @@ def bench() -> Iterator[Bench]:
 
 def box_of(locator: Any) -> dict[str, float]:
     """Where something is; the panel writes some of it anew many times a second, and in between it is nowhere."""
-    box = next((found for _ in range(20) if (found := locator.bounding_box()) is not None), None)
+    box = next((result for _ in range(20) if (result := locator.bounding_box()) is not None), None)
     assert box is not None
     return {"left": box["x"], "top": box["y"], "right": box["x"] + box["width"], "bottom": box["y"] + box["height"]}
 

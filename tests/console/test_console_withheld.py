@@ -26,9 +26,9 @@ def hears(heard: Watched, ticks: int, **changes: Any) -> None:
 
 
 def session(**texts: str) -> Watched:
-    heard, said = Watched(), {"grip": "normal", "operator": "browser"} | texts
-    heard.take(Hello(VERSION, 1, 1, "leader", tuple(said), tuple(said.values())), NOW)
-    return heard
+    received, output = Watched(), {"grip": "normal", "operator": "browser"} | texts
+    received.take(Hello(VERSION, 1, 1, "leader", tuple(output), tuple(output.values())), NOW)
+    return received
 
 
 def status(heard: Watched) -> str:
@@ -36,44 +36,44 @@ def status(heard: Watched) -> str:
 
 
 def test_force_that_is_withheld_is_said_after_half_a_second_and_no_more_once_it_is_back() -> None:
-    heard = session()
-    hears(heard, 450, energy=-2e-3)
-    assert "withheld" not in status(heard)
-    hears(heard, 100, energy=-2e-3)
-    assert status(heard).startswith(f"The force is withheld: {OWED}; leave the surface and press again. You press.")
-    hears(heard, 300, predicted_force=0.0)  # between two presses
-    assert "withheld" in status(heard)
-    hears(heard, 1, rendered_force=3.0)
-    assert "withheld" not in status(heard)
+    received = session()
+    hears(received, 450, energy=-2e-3)
+    assert "withheld" not in status(received)
+    hears(received, 100, energy=-2e-3)
+    assert status(received).startswith(f"The force is withheld: {OWED}; leave the surface and press again. You press.")
+    hears(received, 300, predicted_force=0.0)  # between two presses
+    assert "withheld" in status(received)
+    hears(received, 1, rendered_force=3.0)
+    assert "withheld" not in status(received)
 
 
 def test_why_it_is_withheld_is_told() -> None:
-    heard = session()
-    hears(heard, 600, energy=1e-5)
-    assert UNPAID in status(heard)
+    received = session()
+    hears(received, 600, energy=1e-5)
+    assert UNPAID in status(received)
 
 
 def test_a_hand_that_has_gone_is_not_told_for_long() -> None:
-    heard = session()
-    hears(heard, 600)
-    hears(heard, 2100, predicted_force=0.0)
-    assert "withheld" not in status(heard)
+    received = session()
+    hears(received, 600)
+    hears(received, 2100, predicted_force=0.0)
+    assert "withheld" not in status(received)
 
 
 def test_a_scaled_force_a_clutch_and_an_open_loop_are_none() -> None:
-    for heard, changes in (
+    for received, changes in (
         (session(force_scale="0.1"), {"rendered_force": 0.4}),
         (session(), {"engaged": False}),
         (session(grip="none"), {}),
         (session(baseline="delayed"), {}),
     ):
-        hears(heard, 600, **changes)
-        assert "withheld" not in status(heard)
+        hears(received, 600, **changes)
+        assert "withheld" not in status(received)
 
 
 def test_a_force_reduced_by_less_than_half_is_said_with_its_part() -> None:
-    heard = session()
-    hears(heard, 600, rendered_force=2.8, energy=1e-5)
-    assert status(heard).startswith(f"The force is reduced by about 30 %: {UNPAID}; leave the surface")
-    hears(heard, 1, rendered_force=3.9, energy=1e-5)
-    assert "reduced" not in status(heard)
+    received = session()
+    hears(received, 600, rendered_force=2.8, energy=1e-5)
+    assert status(received).startswith(f"The force is reduced by about 30 %: {UNPAID}; leave the surface")
+    hears(received, 1, rendered_force=3.9, energy=1e-5)
+    assert "reduced" not in status(received)

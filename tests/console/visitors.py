@@ -195,5 +195,5 @@ class Printed:
         with contextlib.suppress(ValueError):  # who ends the command closes its pipe
             for line in stream:
                 self.lines.append(line)
-                if found := re.search(r"console: .*?(http://\S+)", line):
-                    self._addresses.append(found[1])
+                if result := re.search(r"console: .*?(http://\S+)", line):
+                    self._addresses.append(result[1])

@@ -45,23 +45,23 @@ def run_in(folder: Path, kept: Path) -> tuple[float, int, str]:
     environment = os.environ | {"PYTHONPATH": str(folder), "NUMBA_CACHE_DIR": str(kept), "PYTHONDONTWRITEBYTECODE": "1"}
     environment.pop("NUMBA_DISABLE_JIT", None)
     done = subprocess.run([sys.executable, "-c", SPEED], env=environment, capture_output=True, text=True, check=True)
-    speed, found, mark = done.stdout.split()
-    return float(speed), int(found), mark
+    speed, result, mark = done.stdout.split()
+    return float(speed), int(result), mark
 
 
 def test_a_constant_that_changes_in_another_file_is_compiled_anew_and_a_second_clone_compiles_nothing(
     tmp_path: Path,
 ) -> None:
     first, second, kept = copy_of_the_package(tmp_path / "first"), tmp_path / "second", tmp_path / "kept"
-    speed, found, mark = run_in(first, kept)
-    assert (speed, found) == (pytest.approx(14.0 / (50.0 * 0.01)), 0)
+    speed, result, mark = run_in(first, kept)
+    assert (speed, result) == (pytest.approx(14.0 / (50.0 * 0.01)), 0)
     assert mark.startswith(str(kept / "complete-"))
     copy_of_the_package(second)
     rules = second / "foretouch" / "session" / "safety" / "force_guard.py"
     sources = rules.read_text()
     rules.write_text(sources.replace("PATIENCE = 0.01\n", "PATIENCE = 0.04\n"))
-    speed, found, changed = run_in(second, kept)
-    assert (speed, found) == (pytest.approx(14.0 / (50.0 * 0.04)), 0)
+    speed, result, changed = run_in(second, kept)
+    assert (speed, result) == (pytest.approx(14.0 / (50.0 * 0.04)), 0)
     assert changed != mark
     # Another copy of the same sources, as of a second clone, finds what was compiled of the first, and still does.
     rules.write_text(sources)

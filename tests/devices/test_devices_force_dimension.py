@@ -239,13 +239,13 @@ def test_damping_and_delay_that_nobody_states_are_the_worst_and_are_said(monkeyp
         (None, 5e-4, ("0.1 N s/m", "100 N/m")),
         (1.5, 5e-4, ()),
     ):
-        said: list[str] = []
+        output: list[str] = []
         settings = SessionSettings(operator="force-dimension", device_damping=damping, device_delay=delay)
-        make_operator(settings, surface=math.nan, press_depth=math.nan, say=said.append).close()
+        make_operator(settings, surface=math.nan, press_depth=math.nan, say=output.append).close()
         assert opened[-1].damping == (LEAST_DAMPING if damping is None else damping)
         assert opened[-1].delay == (SAMPLE_PERIOD if delay is None else delay)
-        assert len(said) == bool(taken)
-        assert all(f" {words}" in said[0] for words in taken)
+        assert len(output) == bool(taken)
+        assert all(f" {words}" in output[0] for words in taken)
 
 
 @pytest.mark.long  # a gamepad's library is missing in test_devices_gamepad

@@ -37,13 +37,13 @@ def blocks() -> Iterator[Block]:
 
 def commands() -> dict[str, str]:
     """Arguments of every `foretouch` command in a fenced block, and where it stands first."""
-    found: dict[str, str] = {}
+    result: dict[str, str] = {}
     for block in blocks():
         for number, line in enumerate(block.text.replace("\\\n", " ").splitlines(), block.line + 1):
             match = _COMMAND.match(line.strip())
             if match:
-                found.setdefault(match["arguments"], f"{block.page}:{number}")
-    return found
+                result.setdefault(match["arguments"], f"{block.page}:{number}")
+    return result
 
 
 def code_spans() -> Iterator[tuple[str, str]]:

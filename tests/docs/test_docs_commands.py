@@ -130,16 +130,16 @@ COMMAND: Any = get_command(app)
 
 def examples() -> dict[str, str]:
     """The examples in the help of the commands."""
-    found: dict[str, str] = {}
+    result: dict[str, str] = {}
 
     def look(command: Any, name: str) -> None:
         for text in re.findall(r"Example: foretouch (.+)", " ".join((command.help or "").split())):
-            found[text] = f"foretouch {name} --help"
+            result[text] = f"foretouch {name} --help"
         for child, inner in getattr(command, "commands", {}).items():
             look(inner, f"{name} {child}".strip())
 
     look(COMMAND, "")
-    return found
+    return result
 
 
 SHOWN = examples() | commands()
@@ -207,11 +207,11 @@ def write_foreign_press(folder: Path, columns: dict[str, np.ndarray]) -> None:
             stamp = of["builtin_interfaces/msg/Time"](1_700_000_000 + tick // 1000, tick % 1000 * 1_000_000)
             header, log_ns = of["std_msgs/msg/Header"](stamp, "tool"), (1_700_000_000_000 + tick) * 1_000_000
             wrench = of["geometry_msgs/msg/Wrench"](vector(0.0, 0.0, f), vector(0.0, 0.0, 0.0))
-            said = {"/ft/wrench": of[kinds["/ft/wrench"]](header, wrench)}
+            output = {"/ft/wrench": of[kinds["/ft/wrench"]](header, wrench)}
             if tick % 2 == 0:
                 at = np.array([x / 0.075])
-                said["/joint_states"] = of[kinds["/joint_states"]](header, ["lever"], at, nothing, nothing)
-            for name, message in said.items():
+                output["/joint_states"] = of[kinds["/joint_states"]](header, ["lever"], at, nothing, nothing)
+            for name, message in output.items():
                 writer.write(topics[name], log_ns, store.serialize_cdr(message, kinds[name]))
 
 
@@ -257,11 +257,11 @@ def one_now(many: list[Any], *, slow: bool = False) -> list[Any]:
 
 def one_of_each_now() -> list[Any]:
     """The first of each command as it is, the others among what takes long; the options of all are looked at."""
-    found: dict[tuple[str, ...], list[str]] = {}
+    result: dict[tuple[str, ...], list[str]] = {}
     for text in SHOWN:
         if (key := kind(text)) in OFFLINE and key is not None:
-            found.setdefault(key, []).append(text)
-    return [one for key, many in found.items() for one in one_now(many, slow=key in SLOW)]
+            result.setdefault(key, []).append(text)
+    return [one for key, many in result.items() for one in one_now(many, slow=key in SLOW)]
 
 
 def publish(name: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -412,8 +412,8 @@ def stop_the_robot(arguments: list[str], folder: Path, seconds: float = 40.0) ->
 def release_the_robot(folder: Path) -> None:
     (text,) = set(of("release"))
     command = [sys.executable, "-m", "foretouch", *shlex.split(text)]
-    said = subprocess.run(command, cwd=folder, input="y\nrelease\n", capture_output=True, text=True, timeout=20)
-    assert said.stdout.endswith("the robot follows again, slowly at first\n"), said.stderr
+    output = subprocess.run(command, cwd=folder, input="y\nrelease\n", capture_output=True, text=True, timeout=20)
+    assert output.stdout.endswith("the robot follows again, slowly at first\n"), output.stderr
 
 
 @pytest.mark.live
@@ -441,11 +441,11 @@ def test_the_sides_run_one_by_one(
         release_the_robot(tmp_path)
     waits = "--listen" in leader and recorder.count("--connect") == 2
     running.append(start([*leader, "--json", *(["--wait-for-recorder"] if waits else [])], tmp_path))
-    said = [json.loads(finish(process)) for process in reversed(running)]
-    assert all(one["ended"] for one in said)
-    assert said[0]["commands_sent"] > 1000
-    assert said[0]["ended"] == said[-1]["ended"] == "the duration is over"
-    assert [one["problem"] for one in said if "recording" in one] == [None]
+    output = [json.loads(finish(process)) for process in reversed(running)]
+    assert all(one["ended"] for one in output)
+    assert output[0]["commands_sent"] > 1000
+    assert output[0]["ended"] == output[-1]["ended"] == "the duration is over"
+    assert [one["problem"] for one in output if "recording" in one] == [None]
     assert (tmp_path / recorder[1]).stat().st_size > 10_000
 
 

@@ -122,10 +122,10 @@ def test_a_gaussian_process_within_its_budget_is_the_exact_one(designs: SimpleNa
     basis, weights, _ = kernels._learn(inputs, force, np.zeros(count, np.bool_), 60, NOISE**2, 1e-9)
     covariance = np.array([[kernels._covariance(a, b) for b in inputs] for a in inputs])
     asked = np.column_stack((random.uniform(0.0, 8.0, 5), random.normal(size=(5, 3))))
-    said = kernels._ask(asked, inputs, basis, weights, np.full(5, count - 1))
+    output = kernels._ask(asked, inputs, basis, weights, np.full(5, count - 1))
     across = np.array([[kernels._covariance(a, b) for b in inputs] for a in asked])
     exact = across @ np.linalg.solve(covariance + NOISE**2 * np.eye(count), force)
-    np.testing.assert_allclose(said, exact, rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(output, exact, rtol=1e-6, atol=1e-8)
 
 
 @pytest.mark.usefixtures("interpreted")
@@ -137,8 +137,8 @@ def test_a_full_budget_is_kept(designs: SimpleNamespace) -> None:
     assert kept.max() == 10
     assert kept[-1] == 10
     assert len(set(basis[-1])) == 10
-    said = designs.kernels._ask(inputs, inputs, basis, weights, np.full(80, 79))
-    assert np.abs(said - force).mean() < 0.3  # the process forgot samples, not what they said
+    output = designs.kernels._ask(inputs, inputs, basis, weights, np.full(80, 79))
+    assert np.abs(output - force).mean() < 0.3  # the process forgot samples, not what they said
 
 
 @pytest.mark.long
@@ -161,11 +161,11 @@ def test_the_page_shows_the_designs_that_the_script_chooses(designs: SimpleNames
 def test_the_lines_of_the_page_are_those_of_the_tables(designs: SimpleNamespace) -> None:
     compare = designs.compare
     heads = [*compare.SHOWN, "Cost [us]"]
-    found = {
+    result = {
         table: {design: {head: f"{design} {head}" for head in heads} for design in lines}
         for table, lines in compare.TABLES.items()
     }
-    lines = compare.shown(found).splitlines()
+    lines = compare.shown(result).splitlines()
     assert len(lines) == 2 + len(compare.ON_PAGE)
     assert lines[3].startswith(
         "| zero of the springs not given | the same, zero of the springs not given Foam, median |"

@@ -45,9 +45,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_each_example_is_short_and_says_what_it_shows() -> None:
-    found = sorted(EXAMPLES.glob("*.py"))
-    assert len(found) >= 8
-    for path in found:
+    result = sorted(EXAMPLES.glob("*.py"))
+    assert len(result) >= 8
+    for path in result:
         lines = path.read_text().splitlines()
         assert len(lines) <= LONGEST, path.name
         assert lines[0].startswith('"""'), path.name
@@ -62,9 +62,9 @@ def test_it_runs(name: str, folder: Path, monkeypatch: pytest.MonkeyPatch, capsy
     monkeypatch.setenv("MPLBACKEND", "Agg")
     monkeypatch.setattr(sys, "argv", [str(EXAMPLES / name), *WORDS.get(name, [])])
     runpy.run_path(str(EXAMPLES / name), run_name="__main__")
-    said = capsys.readouterr().out
-    assert said.strip()
-    assert "nan" not in said.lower().split()
+    output = capsys.readouterr().out
+    assert output.strip()
+    assert "nan" not in output.lower().split()
     if name in WRITTEN:
         assert (folder / WRITTEN[name]).read_bytes().startswith(b"\x89PNG")
 
@@ -74,7 +74,7 @@ def test_the_walk_through_is_a_notebook_of_five_steps() -> None:
     _, *cells = (EXAMPLES / "walk_through.py").read_text().split("\n# %%")
     texts, codes = cells[0::2], cells[1::2]
     headings = [re.search(r"^ \[markdown\]\n# ## (\w+)\n", text) for text in texts]
-    assert [found and found[1] for found in headings] == ["Read", "Identify", "Predict", "Simulate", "Plot"]
+    assert [result and result[1] for result in headings] == ["Read", "Identify", "Predict", "Simulate", "Plot"]
     for code in codes:
         compile(code, "cell", "exec")
 

@@ -74,8 +74,8 @@ def small(tmp_path: Path) -> Path:
 
 
 def reached(docs: SimpleNamespace, folder: Path, *roots: str, ignored: tuple[str, ...] = ()) -> set[str]:
-    found = docs.sources.Sources([folder], ignored).reached(roots)
-    return {f"{module.removeprefix('pack.')}:{name}" for module, name in found if name}
+    result = docs.sources.Sources([folder], ignored).reached(roots)
+    return {f"{module.removeprefix('pack.')}:{name}" for module, name in result if name}
 
 
 def test_names_are_followed_through_packages_modules_and_imports_inside_functions(
@@ -268,9 +268,9 @@ def test_a_table_that_is_made_stale_is_named_and_marked_and_filled_again(docs: S
     assert constant is not None
 
     def block() -> re.Match[str]:
-        found = list(docs.measured_blocks.BLOCK.finditer((copy / PAGE).read_text()))
-        assert [one["name"] for one in found] == ["sensor-faults"]
-        return found[0]
+        result = list(docs.measured_blocks.BLOCK.finditer((copy / PAGE).read_text()))
+        assert [one["name"] for one in result] == ["sensor-faults"]
+        return result[0]
 
     assert check(copy, "--mark").returncode == 0
     fill(copy, "sensor-faults", "| new \\1 |\n")
@@ -376,10 +376,10 @@ def test_failures_count_as_worse_than_every_number(docs: SimpleNamespace) -> Non
 def test_blocks_of_earlier_code_are_counted_by_page(
     docs: SimpleNamespace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    blocks, said = docs.measured_blocks, docs.measured_blocks.EARLIER
+    blocks, output = docs.measured_blocks, docs.measured_blocks.EARLIER
     there = [
         blocks.Block(tmp_path, (page, "x"), None, text)
-        for page, text in (("a.md", said), ("b.md", "1"), ("a.md", said))
+        for page, text in (("a.md", output), ("b.md", "1"), ("a.md", output))
     ]
     monkeypatch.setattr(blocks, "blocks", lambda: iter(there))
     assert blocks.earlier() == "2 measured blocks say that they are of earlier code: a.md 2"

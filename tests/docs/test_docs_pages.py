@@ -150,10 +150,10 @@ def test_results_have_every_recording_that_the_design_was_chosen_on() -> None:
 def test_results_are_those_of_the_command(name: str) -> None:
     """The figures that no estimator enters: they change only with the data or the scoring."""
     window = ["--delay", "0.02", "--score-from", "0.5", "--score-to", "1.6"] if name.startswith("aurora/") else []
-    found = json.loads(CliRunner().invoke(app, ["predict", "--dataset", name, *window, "--json"]).stdout)
+    result = json.loads(CliRunner().invoke(app, ["predict", "--dataset", name, *window, "--json"]).stdout)
     row = results()[name]
     force, late = row["Force RMS [N]"], row["Delayed [%]"]
-    for shown, value in ((force, found["contact_force_rms_N"]), (late, found["delayed_force_error_percent"])):
+    for shown, value in ((force, result["contact_force_rms_N"]), (late, result["delayed_force_error_percent"])):
         if value is None:
             assert shown == "–"
         else:

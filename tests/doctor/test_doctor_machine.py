@@ -68,14 +68,14 @@ def test_code_that_was_never_compiled_is_a_warning(tmp_path: Path, monkeypatch: 
     (tmp_path / "kept").chmod(0o777)
     compiling._say_once.cache_clear()
     assert check_compiled().verdict is Verdict.WARNING
-    assert "each start compiles" in check_compiled().found
+    assert "each start compiles" in check_compiled().summary
 
 
 def test_a_package_that_is_missing_or_too_old_is_named_with_what_brings_it() -> None:
     finding = check_packages(["numpy>=2.0", "no-such-package-of-ours>=1", "scipy>=999"])
     assert finding.verdict is Verdict.BAD
-    assert "no-such-package-of-ours is not installed" in finding.found
-    assert "needed is >=999" in finding.found
+    assert "no-such-package-of-ours is not installed" in finding.summary
+    assert "needed is >=999" in finding.summary
     assert finding.mend.startswith("pip install")
 
 
@@ -88,13 +88,13 @@ def test_extras_that_no_session_needs_are_no_warning() -> None:
     needed = check_extras(["no-such-package-of-ours<2; extra == 'link'", *lines])
     assert needed.verdict is Verdict.WARNING
     assert needed.mend == install_command("link")
-    assert "no-such-package-of-ours is not installed" in needed.found
+    assert "no-such-package-of-ours is not installed" in needed.summary
 
 
 def test_an_extra_of_the_wrong_version_is_a_warning() -> None:
     finding = check_extras(["numpy>=999; extra == 'gamepad'"])
     assert finding.verdict is Verdict.WARNING
-    assert f"numpy {metadata.version('numpy')} is installed, needed is >=999" in finding.found
+    assert f"numpy {metadata.version('numpy')} is installed, needed is >=999" in finding.summary
 
 
 def test_own_requirements_are_told_apart() -> None:
@@ -144,12 +144,12 @@ def test_real_time_is_good_where_slices_are_granted_and_else_wants_a_priority() 
     assert "limits.d" in without.mend
     assert check_real_time(0.0, (20, 0)).mend.startswith("chrt --fifo")
     assert check_real_time(None, (0, 0)).verdict is Verdict.UNKNOWN
-    assert "nice down to -10" in check_real_time(1e-4, (0, 30)).found
+    assert "nice down to -10" in check_real_time(1e-4, (0, 30)).summary
 
 
 def test_text_that_is_no_utf_8_is_told() -> None:
     assert check_text().figures.keys() >= {"output", "locale", "file_names"}
-    script = "from foretouch.doctor.surroundings import check_text as c; f = c(); print(f.verdict, f.mend, f.found)"
+    script = "from foretouch.doctor.surroundings import check_text as c; f = c(); print(f.verdict, f.mend, f.summary)"
     plain = {"PATH": os.environ["PATH"], "LC_ALL": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0"}
     told = subprocess.run([sys.executable, "-c", script], env=plain, capture_output=True, text=True, check=True).stdout
     assert told.startswith("warning export PYTHONUTF8=1 not all is UTF-8")
@@ -176,7 +176,7 @@ def test_a_port_is_free_until_somebody_listens() -> None:
         taken.listen()
         finding = check_port(port)
         assert finding.verdict is Verdict.WARNING
-        assert f"port {port} on 127.0.0.1 is in use" in finding.found
+        assert f"port {port} on 127.0.0.1 is in use" in finding.summary
         assert finding.mend == f"ss -ltnp 'sport = :{port}'"
     assert check_port(port).verdict is Verdict.GOOD
 
@@ -203,10 +203,10 @@ def test_a_certificate_that_ends_tomorrow_is_a_warning_and_one_that_ended_is_bad
     assert soon.verdict is Verdict.WARNING
     assert soon.mend == "foretouch keys rotate follower.lab"
     assert soon.figures["days_left"]["follower.lab"] == pytest.approx(1.0, abs=1e-3)
-    assert "in 1.0 days" in soon.found
+    assert "in 1.0 days" in soon.summary
     gone = check_keys(keys, now=NOW + timedelta(days=3))
     assert gone.verdict is Verdict.BAD
-    assert "follower.lab has expired 2.0 days ago" in gone.found
+    assert "follower.lab has expired 2.0 days ago" in gone.summary
 
 
 def test_a_certificate_of_another_authority_is_bad(keys: Path, tmp_path: Path) -> None:
@@ -232,7 +232,7 @@ def test_a_key_that_others_can_read_is_bad_and_the_command_says_how(keys: Path) 
 def test_an_image_is_really_drawn() -> None:
     finding = check_graphics()
     if finding.verdict is not Verdict.GOOD:
-        pytest.skip(finding.found)
+        pytest.skip(finding.summary)
     assert finding.figures["contrast"] > 30.0
     assert 0.0 < finding.figures["draw_s"] < 10.0
 
@@ -242,7 +242,7 @@ def test_nobody_who_draws_is_a_warning_with_the_packages_that_bring_it(monkeypat
     monkeypatch.setenv("__EGL_VENDOR_LIBRARY_DIRS", "/nowhere")  # where the library looks for who draws
     finding = check_graphics()
     assert finding.verdict is Verdict.WARNING
-    assert "no camera image can be drawn" in finding.found
+    assert "no camera image can be drawn" in finding.summary
     assert finding.mend.startswith("sudo apt-get install")
 
 
@@ -257,7 +257,7 @@ def test_two_loops_really_run() -> None:
     assert reports["session"]["compute_p50_s"] > reports["bare"]["compute_p50_s"]
     finding = check_loops(reports)
     assert finding.verdict in (Verdict.GOOD, Verdict.WARNING, Verdict.BAD)
-    assert f"p99 {1e3 * reports['bare']['late_p99_s']:.3f}" in finding.found
+    assert f"p99 {1e3 * reports['bare']['late_p99_s']:.3f}" in finding.summary
 
 
 def report(late: float, most: float) -> dict[str, float]:
@@ -286,17 +286,17 @@ def test_loops_are_judged_by_lateness(
 ) -> None:
     finding = check_loops({"session": session, "bare": bare})
     assert finding.verdict is verdict
-    assert says in finding.found
+    assert says in finding.summary
 
 
 def test_loops_that_could_not_run_say_why(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "executable", "/bin/false")
     with pytest.raises(RuntimeError, match="loop ended"):
         run_loops(1.0)
-    found = {finding.name: finding for finding in examine(seconds=1.0, say=lambda _: None)}
-    assert found["loop at 1 kHz"].verdict is Verdict.UNKNOWN
-    assert found["real time"].verdict is Verdict.UNKNOWN
-    assert found["graphics"].verdict is Verdict.WARNING
+    result = {finding.name: finding for finding in examine(seconds=1.0, say=lambda _: None)}
+    assert result["loop at 1 kHz"].verdict is Verdict.UNKNOWN
+    assert result["real time"].verdict is Verdict.UNKNOWN
+    assert result["graphics"].verdict is Verdict.WARNING
 
 
 def test_nothing_heavy_is_loaded_by_the_examination_itself() -> None:

@@ -55,28 +55,28 @@ def answering(faults: Faults | None = None) -> Iterator[str]:
 def checked(endpoint: str, seconds: float = 1.0) -> dict[str, tuple[Verdict, str, str]]:
     host, _, port = endpoint.partition("/")[2].rpartition(":")
     findings = check_peer(endpoint, host, int(port), connecting(endpoint), seconds)
-    return {finding.name.split()[0]: (finding.verdict, finding.found, finding.mend) for finding in findings}
+    return {finding.name.split()[0]: (finding.verdict, finding.summary, finding.mend) for finding in findings}
 
 
 def test_a_peer_beside_answers_every_question_at_once() -> None:
     with answering() as endpoint:
-        heard = ask(connecting(endpoint), 1.0)
-    assert heard.roles == {"doctor"}
-    assert heard.asked == RATE
-    assert heard.loss == 0.0
-    assert 0.0 < heard.percentile(0.5) < 0.02
-    assert heard.percentile(1.0) == max(heard.times)
+        received = ask(connecting(endpoint), 1.0)
+    assert received.roles == {"doctor"}
+    assert received.asked == RATE
+    assert received.loss == 0.0
+    assert 0.0 < received.percentile(0.5) < 0.02
+    assert received.percentile(1.0) == max(received.times)
 
 
 @pytest.mark.long
 def test_a_delay_and_losses_of_the_network_are_measured() -> None:
     with answering(Faults(delay=0.12, loss=0.3, seed=4)) as endpoint:
-        heard = ask(connecting(endpoint), 3.0)
-    assert min(heard.times) >= 0.12
-    assert statistics.median(heard.times) == pytest.approx(0.12, abs=0.02)
+        received = ask(connecting(endpoint), 3.0)
+    assert min(received.times) >= 0.12
+    assert statistics.median(received.times) == pytest.approx(0.12, abs=0.02)
     # 300 independent losses of 0.3: their share is within four standard deviations, 4 sqrt(0.3 0.7 / 300) = 0.106.
-    assert heard.loss == pytest.approx(0.3, abs=0.106)
-    finding = judge_round_trips("link", heard, "")
+    assert received.loss == pytest.approx(0.3, abs=0.106)
+    finding = judge_round_trips("link", received, "")
     assert finding.verdict is Verdict.BAD
     assert "foretouch simulate --position-delay 0.06" in finding.mend
 
@@ -84,9 +84,9 @@ def test_a_delay_and_losses_of_the_network_are_measured() -> None:
 @pytest.mark.long
 def test_jitter_that_makes_a_follower_hold_is_a_warning() -> None:
     with answering(Faults(delay=0.1, jitter=0.08, seed=1)) as endpoint:
-        found = checked(endpoint)
-    assert found["reach"][0] is Verdict.GOOD
-    verdict, _, mend = found["link"]
+        result = checked(endpoint)
+    assert result["reach"][0] is Verdict.GOOD
+    verdict, _, mend = result["link"]
     assert verdict is Verdict.WARNING
     assert "--jitter" in mend
 
@@ -100,16 +100,16 @@ def test_two_who_ask_at_once_count_their_own_answers_alone() -> None:
             thread.start()
         for thread in threads:
             thread.join()
-    assert [(len(heard.times), heard.asked) for heard in results] == [(RATE, RATE)] * 2
+    assert [(len(received.times), received.asked) for received in results] == [(RATE, RATE)] * 2
 
 
 def test_nobody_at_the_port_is_bad_and_says_what_to_start_there() -> None:
     endpoint = free_endpoint()
-    found = checked(endpoint)
-    assert found.keys() == {"reach"}
-    verdict, said, mend = found["reach"]
+    result = checked(endpoint)
+    assert result.keys() == {"reach"}
+    verdict, output, mend = result["reach"]
     assert verdict is Verdict.BAD
-    assert "nobody listens" in said
+    assert "no program listens" in output
     assert mend == f"on the other machine: foretouch doctor --listen {endpoint}"
 
 
@@ -131,12 +131,12 @@ def test_an_endpoint_that_answers_nothing_is_bad(monkeypatch: pytest.MonkeyPatch
             each.setblocking(False)
             each.connect_ex(address)
         time.sleep(0.1)
-        found = checked(f"tcp/127.0.0.1:{address[1]}")
+        result = checked(f"tcp/127.0.0.1:{address[1]}")
         for each in waiting:
             each.close()
-    verdict, said, mend = found["reach"]
+    verdict, output, mend = result["reach"]
     assert verdict is Verdict.BAD
-    assert "nothing came back within 0.5 s" in said
+    assert "nothing came back within 0.5 s" in output
     assert mend == f"on the other machine: sudo ufw allow {address[1]}/tcp"
 
 
@@ -145,10 +145,10 @@ def test_another_program_at_the_port_is_a_warning() -> None:
     with socket.socket() as other:
         other.bind(("127.0.0.1", 0))
         other.listen()
-        found = checked(f"tcp/127.0.0.1:{other.getsockname()[1]}", seconds=0.2)
-    assert found["reach"][0] is Verdict.GOOD
-    assert found["link"][0] is Verdict.WARNING
-    assert "no side of a session is heard" in found["link"][1]
+        result = checked(f"tcp/127.0.0.1:{other.getsockname()[1]}", seconds=0.2)
+    assert result["reach"][0] is Verdict.GOOD
+    assert result["link"][0] is Verdict.WARNING
+    assert "no side of a session answers" in result["link"][1]
 
 
 @pytest.mark.long
@@ -177,20 +177,20 @@ def test_a_session_is_listened_to_and_nothing_is_sent_into_it(beside_a_doctor: b
     thread = threading.Thread(target=speak)
     thread.start()
     try:
-        heard = ask(connecting(endpoint), 1.0)
+        received = ask(connecting(endpoint), 1.0)
     finally:
         ended.set()
         thread.join()
         link.close()
-    assert heard.roles == ({"follower", "doctor"} if beside_a_doctor else {"follower"})
-    assert heard.asked == 0
-    assert heard.heard > 50
-    assert heard.loss == pytest.approx(0.1, abs=0.02)
-    assert 0.002 < heard.longest_gap < 1.0
+    assert received.roles == ({"follower", "doctor"} if beside_a_doctor else {"follower"})
+    assert received.asked == 0
+    assert received.received > 50
+    assert received.loss == pytest.approx(0.1, abs=0.02)
+    assert 0.002 < received.longest_gap < 1.0
     assert {message.role for message in arrived if isinstance(message, Hello)} <= {"follower", "doctor"}
     assert not [message for message in arrived if isinstance(message, Hello) and message.names == ("asks",)]
     assert all(isinstance(message, Hello) for message in arrived)
-    assert "the round trip needs a doctor there" in judge_round_trips("link", heard, "").found
+    assert "the round trip needs a doctor there" in judge_round_trips("link", received, "").summary
 
 
 @pytest.mark.long
@@ -208,13 +208,13 @@ def test_a_peer_of_another_version_is_bad() -> None:
     try:
         with pytest.raises(PeerVersionError):
             ask(connecting(endpoint), 0.2)
-        verdict, said, mend = checked(endpoint, seconds=0.2)["link"]
+        verdict, output, mend = checked(endpoint, seconds=0.2)["link"]
     finally:
         ended.set()
         thread.join()
         link.close()
     assert verdict is Verdict.BAD
-    assert "message version" in said
+    assert "message version" in output
     assert mend.startswith("pip install")
 
 
@@ -234,13 +234,13 @@ def test_between_machines_watchers_ask_and_answer(tmp_path: Path) -> None:
     thread = threading.Thread(target=answerer.run, args=(ended.is_set,))
     thread.start()
     try:
-        heard = ask(opens(connect=[endpoint]), 0.5)
+        received = ask(opens(connect=[endpoint]), 0.5)
     finally:
         ended.set()
         thread.join()
         answerer.close()
-    assert heard.roles == {"doctor"}
-    assert heard.loss == 0.0
+    assert received.roles == {"doctor"}
+    assert received.loss == 0.0
 
 
 def test_keys_that_are_missing_are_a_bad_link() -> None:
@@ -252,7 +252,7 @@ def test_keys_that_are_missing_are_a_bad_link() -> None:
         other.listen()
         port = other.getsockname()[1]
         _, link = check_peer(f"tls/127.0.0.1:{port}", "127.0.0.1", port, refuse, 0.1)
-    assert (link.verdict, link.found, link.mend) == (Verdict.BAD, "no keys", "foretouch keys show")
+    assert (link.verdict, link.summary, link.mend) == (Verdict.BAD, "no keys", "foretouch keys show")
 
 
 def test_figures_of_nothing_are_none() -> None:
@@ -282,8 +282,8 @@ def test_the_command_answers_and_asks(tmp_path: Path) -> None:
     assert answers.returncode == 0
     asked = round(0.5 * RATE)
     assert json.loads(out) == {"answered": asked}
-    found = {finding["name"]: finding for finding in json.loads(good.stdout)["findings"]}
-    assert found[f"link {endpoint}"]["figures"]["answered"] == asked
+    result = {finding["name"]: finding for finding in json.loads(good.stdout)["findings"]}
+    assert result[f"link {endpoint}"]["figures"]["answered"] == asked
     assert good.exit_code == (1 if json.loads(good.stdout)["verdict"] == "bad" else 0)
     assert json.loads(bad.stdout)["verdict"] == "bad"
     assert bad.exit_code == 1

@@ -37,8 +37,8 @@ def installed(folder: Path, stated: dict[str, object] | None) -> importlib.metad
 def test_what_was_installed_from_a_folder_is_asked_of_that_folder(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, stated: dict[str, object] | None, command: list[str]
 ) -> None:
-    found = installed(tmp_path, stated)
-    monkeypatch.setattr(importlib.metadata, "distribution", lambda name: found)
+    result = installed(tmp_path, stated)
+    monkeypatch.setattr(importlib.metadata, "distribution", lambda name: result)
     assert shlex.split(install_command("sim")) == command
     assert str(MissingExtraError("mujoco", "sim")).endswith(install_command("sim"))
     assert "--force-reinstall" in install_command(again=True)

@@ -98,12 +98,12 @@ def test_a_factor_that_is_none_is_refused(said: str, file: Path, monkeypatch: py
 
 def test_a_result_comes_back_as_it_was(file: Path) -> None:
     assert within_budget(file, None, hungry.given_back, 1, "ü", path=file) == ((1, "ü"), {"path": file})
-    found = within_budget(file, None, hungry.arrays, 100_000)
+    result = within_budget(file, None, hungry.arrays, 100_000)
     wanted = hungry.arrays(100_000)
-    assert all(np.array_equal(found[name], wanted[name]) for name in wanted)
-    assert not found["fixed"].flags.writeable
-    found["free"][0, 0] = 7.0  # nobody else sees it
-    assert found["free"].flags.aligned
+    assert all(np.array_equal(result[name], wanted[name]) for name in wanted)
+    assert not result["fixed"].flags.writeable
+    result["free"][0, 0] = 7.0  # nobody else sees it
+    assert result["free"].flags.aligned
 
 
 def test_it_was_another_process_but_for_no_limit(file: Path) -> None:
@@ -125,9 +125,9 @@ REFUSED = {
 
 @pytest.mark.parametrize("name", REFUSED)
 def test_what_goes_wrong_is_one_line(name: str, file: Path) -> None:
-    given, said = REFUSED[name]
-    factor = 0.05 if "1 s" in said else None
-    with pytest.raises(RecordingError, match=said) as caught:
+    given, output = REFUSED[name]
+    factor = 0.05 if "1 s" in output else None
+    with pytest.raises(RecordingError, match=output) as caught:
         within_budget(file, factor, getattr(hungry, name), *given)
     assert len(str(caught.value).splitlines()) == 1
     assert str(caught.value).startswith(f"{file}: ")

@@ -45,14 +45,14 @@ class DenseRegression:
     def regressor(self, place: float, values: Array) -> Array:
         """h, shape (n,)."""
         grid, splines = GRIDS[self.kind], np.empty(4)
-        found = np.zeros(self.weights.size)
+        result = np.zeros(self.weights.size)
         first = locate(place, grid.spacing, grid.below, grid.knots, splines)
-        found[first : first + 4] = splines
+        result[first : first + 4] = splines
         first = grid.knots + locate(place, grid.feature_spacing, grid.feature_below, grid.feature_knots, splines)
         for feature in range(grid.features):
             begin = first + feature * grid.feature_knots
-            found[begin : begin + 4] = splines * values[feature]
-        return found
+            result[begin : begin + 4] = splines * values[feature]
+        return result
 
     def fit(self, place: float, values: Array, force: float) -> float:
         """One sample; returns the error before."""

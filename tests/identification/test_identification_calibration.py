@@ -27,37 +27,37 @@ def wrenches(directions, seed=0, force_noise=0.02, torque_noise=5e-4):
 
 
 def test_without_noise_the_truth_comes_out():
-    found = fit_tool_weight(AXES, *wrenches(AXES, 0, 0.0, 0.0))
-    np.testing.assert_allclose(found.force_bias, BIAS, atol=1e-12)
-    np.testing.assert_allclose(found.torque_bias, TORQUE_BIAS, atol=1e-12)
-    np.testing.assert_allclose(found.centre_of_mass, CENTRE, atol=1e-12)
-    assert found.mass == pytest.approx(MASS, abs=1e-12)
-    assert found.mass_error < 1e-9
-    assert found.poses == 6
-    assert found.spread == pytest.approx([3**-0.5] * 3)
+    result = fit_tool_weight(AXES, *wrenches(AXES, 0, 0.0, 0.0))
+    np.testing.assert_allclose(result.force_bias, BIAS, atol=1e-12)
+    np.testing.assert_allclose(result.torque_bias, TORQUE_BIAS, atol=1e-12)
+    np.testing.assert_allclose(result.centre_of_mass, CENTRE, atol=1e-12)
+    assert result.mass == pytest.approx(MASS, abs=1e-12)
+    assert result.mass_error < 1e-9
+    assert result.poses == 6
+    assert result.spread == pytest.approx([3**-0.5] * 3)
 
 
 def test_standard_errors_are_those_of_the_closed_form():
     """Six poses along the axes: bias and mass are orthogonal, var b = s^2 / 6 and var m = s^2 / (6 g^2)."""
-    found = fit_tool_weight(AXES, *wrenches(AXES, 3))
-    variance = np.sum(found.force_residual**2) / (18 - 4)
-    np.testing.assert_allclose(found.force_bias_error, np.sqrt(variance / 6.0))
-    assert found.mass_error == pytest.approx(np.sqrt(variance / 6.0) / GRAVITY)
+    result = fit_tool_weight(AXES, *wrenches(AXES, 3))
+    variance = np.sum(result.force_residual**2) / (18 - 4)
+    np.testing.assert_allclose(result.force_bias_error, np.sqrt(variance / 6.0))
+    assert result.mass_error == pytest.approx(np.sqrt(variance / 6.0) / GRAVITY)
     # the moment h enters two components of every pose that is not along it: var h = s^2 / (4 g^2)
-    variance = np.sum(found.torque_residual**2) / (18 - 6)
+    variance = np.sum(result.torque_residual**2) / (18 - 6)
     moment_error = np.sqrt(variance / 4.0) / GRAVITY
-    expected = np.hypot(moment_error, np.abs(found.centre_of_mass) * found.mass_error) / found.mass
-    np.testing.assert_allclose(found.centre_of_mass_error, expected)
+    expected = np.hypot(moment_error, np.abs(result.centre_of_mass) * result.mass_error) / result.mass
+    np.testing.assert_allclose(result.centre_of_mass_error, expected)
 
 
 def test_the_truth_lies_within_three_standard_errors_as_often_as_it_should():
     """t with 14 and 12 degrees of freedom: within 3 in 99 %; within 1 in 66 %."""
     away = []
     for seed in range(200):
-        found = fit_tool_weight(AXES, *wrenches(AXES, seed))
-        away += [*(found.force_bias - BIAS) / found.force_bias_error, (found.mass - MASS) / found.mass_error]
-        away += [*(found.torque_bias - TORQUE_BIAS) / found.torque_bias_error]
-        away += [*(found.centre_of_mass - CENTRE) / found.centre_of_mass_error]
+        result = fit_tool_weight(AXES, *wrenches(AXES, seed))
+        away += [*(result.force_bias - BIAS) / result.force_bias_error, (result.mass - MASS) / result.mass_error]
+        away += [*(result.torque_bias - TORQUE_BIAS) / result.torque_bias_error]
+        away += [*(result.centre_of_mass - CENTRE) / result.centre_of_mass_error]
     away = np.abs(away)
     assert (away < 3.0).mean() > 0.98
     assert 0.6 < (away < 1.0).mean() < 0.72
@@ -68,15 +68,15 @@ def test_any_well_spread_poses_do(seed, count):
     random = np.random.default_rng(seed)
     directions = random.normal(size=(count, 3))
     directions = np.vstack((AXES, directions / np.linalg.norm(directions, axis=1, keepdims=True)))
-    found = fit_tool_weight(directions, *wrenches(directions, seed))
-    assert abs(found.mass - MASS) < 6.0 * found.mass_error
-    assert np.all(np.abs(found.centre_of_mass - CENTRE) < 6.0 * found.centre_of_mass_error)
+    result = fit_tool_weight(directions, *wrenches(directions, seed))
+    assert abs(result.mass - MASS) < 6.0 * result.mass_error
+    assert np.all(np.abs(result.centre_of_mass - CENTRE) < 6.0 * result.centre_of_mass_error)
 
 
 def test_without_torques_there_is_no_centre():
-    found = fit_tool_weight(AXES, wrenches(AXES)[0])
-    assert found.centre_of_mass is None
-    assert found.torque_residual is None
+    result = fit_tool_weight(AXES, wrenches(AXES)[0])
+    assert result.centre_of_mass is None
+    assert result.torque_residual is None
 
 
 def turned_about_x(count, widest):
@@ -99,9 +99,9 @@ def test_poses_that_tell_nothing_are_refused_with_what_is_missing():
 def test_a_half_circle_about_one_axis_is_enough():
     """Two directions of spread determine all: the third component of the bias follows from the mass."""
     wide = turned_about_x(8, 2.0)
-    found = fit_tool_weight(wide, *wrenches(wide))
-    assert found.spread[2] == pytest.approx(0.0, abs=1e-12)
-    assert np.all(np.abs(found.centre_of_mass - CENTRE) < 5.0 * found.centre_of_mass_error)
+    result = fit_tool_weight(wide, *wrenches(wide))
+    assert result.spread[2] == pytest.approx(0.0, abs=1e-12)
+    assert np.all(np.abs(result.centre_of_mass - CENTRE) < 5.0 * result.centre_of_mass_error)
 
 
 def test_bad_arrays_and_reactions_are_refused():
@@ -140,11 +140,11 @@ def test_series_stiffness_and_lost_motion_come_out():
 
 
 def test_their_standard_errors_cover_the_truth():
-    found = [fit_series_compliance(block(seed)) for seed in range(12)]
-    away = np.abs([(one.stiffness - STIFFNESS) / one.stiffness_error for one in found])
+    result = [fit_series_compliance(block(seed)) for seed in range(12)]
+    away = np.abs([(one.stiffness - STIFFNESS) / one.stiffness_error for one in result])
     assert (away < 3.0).all()
     assert (away < 1.0).sum() >= 4
-    lost = np.abs([(one.lost_motion - LOST) / one.lost_motion_error for one in found])
+    lost = np.abs([(one.lost_motion - LOST) / one.lost_motion_error for one in result])
     assert (lost < 3.0).all()
 
 
@@ -175,8 +175,8 @@ def test_the_lag_is_found_from_presses_and_from_taps(lag):
 
         noise = np.random.default_rng(1).normal(0.0, 0.005, time.size)
         recording = Recording(time, 0.02 + 0.01 * np.sin(speed * time), felt(time - lag) + noise)
-        found, error = find_sensor_lag(recording)
-        assert found == pytest.approx(lag, abs=4e-4)
+        result, error = find_sensor_lag(recording)
+        assert result == pytest.approx(lag, abs=4e-4)
         assert error < 1e-3
 
 

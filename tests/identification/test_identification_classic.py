@@ -95,32 +95,32 @@ def test_hunt_crossley_by_logarithm_knows_its_errors() -> None:
             HuntCrossleyLogRLS(options), samples(HuntCrossley(3000.0, 1500.0, 1.4), 500, noise=0.02, seed=seed)
         )
         runs.append((estimator.model.parameters, list(estimator.standard_errors.values())))
-    spread = np.std([found for found, _ in runs], axis=0)
+    spread = np.std([result for result, _ in runs], axis=0)
     np.testing.assert_allclose(np.mean([errors for _, errors in runs], axis=0), spread, rtol=0.2)
 
 
 def test_the_logarithm_is_as_good_as_phi_is_small() -> None:
     """Pressing only: damping is found to 1 % at phi = 0.02, and far too small at 0.8."""
-    found = []
+    result = []
     for damping in (1500.0, 60_000.0):
         data = [s for s in samples(HuntCrossley(3000.0, damping, 1.4)) if s.velocity > 0.0]
-        found.append(fed(HuntCrossleyLogRLS(), data).model.damping / damping)
-    assert found[0] == pytest.approx(1.0, abs=0.02)
-    assert found[1] < 0.8
+        result.append(fed(HuntCrossleyLogRLS(), data).model.damping / damping)
+    assert result[0] == pytest.approx(1.0, abs=0.02)
+    assert result[1] < 0.8
 
 
 @pytest.mark.parametrize("start", [1.0, 1.5, 2.0])
 def test_two_stages_find_the_force_soon_and_the_law_where_regressors_are_scaled(start: float) -> None:
     law = HuntCrossley(3000.0, 3000.0, 1.4)
-    found = {}
+    result = {}
     for robust in (RobustOptions(), SCALED):
         estimator = fed(HuntCrossleyTwoStage(TwoStageOptions(initial_exponent=start, robust=robust)), samples(law))
         assert estimator.standard_errors is None
-        found[robust.scaled] = estimator.model
+        result[robust.scaled] = estimator.model
         ours, true = (one.advance((), 0.009, 0.0, 1.0)[1] for one in (estimator.model, law))
         assert ours == pytest.approx(true, rel=0.1)
-    np.testing.assert_allclose(found[True].parameters, law.parameters, rtol=0.05)
-    assert abs(found[False].exponent - 1.4) > abs(found[True].exponent - 1.4)
+    np.testing.assert_allclose(result[True].parameters, law.parameters, rtol=0.05)
+    assert abs(result[False].exponent - 1.4) > abs(result[True].exponent - 1.4)
 
 
 def test_error_feeds_back_between_the_stages_where_the_depth_hardly_changes() -> None:

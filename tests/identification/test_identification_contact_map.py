@@ -108,32 +108,32 @@ def test_a_sample_beyond_the_fine_map_leaves_it_alone() -> None:
 def test_the_prior_is_a_doubly_integrated_noise_and_a_smooth_process() -> None:
     """Cov(g(s), g(t)) = level + slope s t + curvature * integral of (s - u)(t - u) up to the nearer, one side each."""
     for kind in (0, 1):
-        found, knots = prior(kind), GRIDS[kind].knots
+        result, knots = prior(kind), GRIDS[kind].knots
         for s, t in ((3.0, 7.0), (5.0, 5.0), (-2.0, -6.0), (-3.0, 4.0), (0.0, 8.0)):
             expected = LEVEL**2 + SLOPE**2 * s * t
             if s * t > 0.0:
                 u = (np.arange(20_000) + 0.5) / 20_000 * min(abs(s), abs(t))
                 expected += CURVATURE**2 * float(np.mean((abs(s) - u) * (abs(t) - u))) * min(abs(s), abs(t))
             row, column = (int(place) + GRIDS[kind].below + 1 for place in (s, t))
-            assert found[row, column] == pytest.approx(expected, rel=1e-6)
-        apart = found[knots, knots + 2]
+            assert result[row, column] == pytest.approx(expected, rel=1e-6)
+        apart = result[knots, knots + 2]
         distance = 2.0 * COARSENESS / FEATURE_REACH
         assert apart == pytest.approx(FEATURE_SIZE**2 * math.exp(-0.5 * distance**2), rel=1e-6)
-        assert not found[:knots, knots:].any()
-        assert np.linalg.eigvalsh(found)[0] > 0.0
+        assert not result[:knots, knots:].any()
+        assert np.linalg.eigvalsh(result)[0] > 0.0
 
 
 def history(time: Array, depth: Array) -> Array:
     """Plays, then averages, after each sample; written out from the definitions."""
-    found = np.zeros((time.size, len(PLAYS) + len(TIMES)))
+    result = np.zeros((time.size, len(PLAYS) + len(TIMES)))
     plays, averages = np.full(len(PLAYS), depth[0]), np.full(len(TIMES), max(depth[0], 0.0))
     for index, place in enumerate(depth):
         plays = np.clip(plays, place - np.array(PLAYS), place + np.array(PLAYS))
         if index:
             kept = np.exp(-(time[index] - time[index - 1]) / np.array(TIMES))
             averages = kept * averages + (1.0 - kept) * max(place, 0.0)
-        found[index] = [*plays, *averages]
-    return found
+        result[index] = [*plays, *averages]
+    return result
 
 
 def test_the_coarse_map_alone_is_a_least_squares_fit_of_what_was_felt() -> None:
@@ -158,8 +158,8 @@ def test_the_coarse_map_alone_is_a_least_squares_fit_of_what_was_felt() -> None:
     model = bank.model
     assert isinstance(model, ContactMapModel)
     assert bank.state == pytest.approx(tuple(memory[-1]), abs=1e-15)
-    found = [advance(model, tuple(memory[k - 1]), depth[k], velocity[k], PERIOD)[1] for k in range(1, time.size)]
-    np.testing.assert_allclose(found, expected[1:], rtol=1e-4, atol=1e-4)
+    result = [advance(model, tuple(memory[k - 1]), depth[k], velocity[k], PERIOD)[1] for k in range(1, time.size)]
+    np.testing.assert_allclose(result, expected[1:], rtol=1e-4, atol=1e-4)
     assert np.sqrt(np.mean((expected - force) ** 2)) < 0.1 * np.sqrt(np.mean(force**2))
     assert bank.changes == 0
 
@@ -344,8 +344,8 @@ def test_one_absurd_sample_does_not_end_learning(field: str, number: float) -> N
     without = recorded(samples, ContactMap())
     samples[500] = samples[500]._replace(**{field: number})
     bank, positions = recorded(samples, ContactMap()), np.linspace(0.0, 4e-3, 20)
-    found, expected = forces_at(bank, positions, 0.0), forces_at(without, positions, 0.0)
-    np.testing.assert_allclose(found, expected, rtol=0.0, atol=0.1 * expected.max())
+    result, expected = forces_at(bank, positions, 0.0), forces_at(without, positions, 0.0)
+    np.testing.assert_allclose(result, expected, rtol=0.0, atol=0.1 * expected.max())
 
 
 def test_a_sample_of_nonsense_is_said_to_be_one() -> None:

@@ -86,15 +86,15 @@ def test_the_newest_force_allowed_is_used() -> None:
 
 def published(recording: Recording, until: float) -> list[tuple[int, LearntModel]]:
     """Every twentieth model up to a time, with the number of the sample that it belongs to."""
-    found, source = [], learner(recording)
+    result, source = [], learner(recording)
     columns = (recording.time.tolist(), recording.position.tolist(), recording.force.tolist())
     for tick, row in enumerate(zip(*columns, strict=True), start=1):
         if row[0] > until:
             break
         source.update(*row)
         if tick % 20 == 0:
-            found.append((tick, source.learnt()))
-    return found
+            result.append((tick, source.learnt()))
+    return result
 
 
 def led(time: Array, position: Array, models: list[tuple[int, LearntModel]], late: int) -> Array:
@@ -219,11 +219,11 @@ def better_than_late(found: Reached) -> bool:
 
 @pytest.mark.parametrize("name", FOAM)
 def test_measured_foam(reached: Callable[[str], Reached], name: str) -> None:
-    found = reached(name)
-    assert percent(found) < 13.0
-    assert better_than_late(found)
-    assert found.changes == 0
-    assert np.isfinite(found.forces.predicted).all()
+    result = reached(name)
+    assert percent(result) < 13.0
+    assert better_than_late(result)
+    assert result.changes == 0
+    assert np.isfinite(result.forces.predicted).all()
 
 
 def test_the_median_of_measured_foam(reached: Callable[[str], Reached]) -> None:
@@ -245,10 +245,10 @@ def test_measured_rigid(reached: Callable[[str], Reached], name: str) -> None:
 
 @pytest.mark.parametrize("name", [name for name, kind in MEASURED.items() if kind == "free"])
 def test_free_motion_gives_no_force(reached: Callable[[str], Reached], name: str) -> None:
-    found = reached(name)
-    assert found.scores.status == "no_contact"
-    assert found.changes == 0
-    assert found.forces.predicted.max() < 0.3
+    result = reached(name)
+    assert result.scores.status == "no_contact"
+    assert result.changes == 0
+    assert result.forces.predicted.max() < 0.3
 
 
 @pytest.mark.parametrize(
@@ -256,11 +256,11 @@ def test_free_motion_gives_no_force(reached: Callable[[str], Reached], name: str
     missed(SKIN, {"aurora/100-mN": "11 to 12 % where half of the delayed force's error is 8.8 %"}),
 )
 def test_measured_skin(reached: Callable[[str], Reached], name: str) -> None:
-    found = reached(name)
-    late = found.scores.delayed_force_error_percent
+    result = reached(name)
+    late = result.scores.delayed_force_error_percent
     assert late is not None
-    assert percent(found) < 0.5 * late
-    assert found.changes == 0
+    assert percent(result) < 0.5 * late
+    assert result.changes == 0
 
 
 @pytest.mark.parametrize("name", [name for name, kind in MEASURED.items() if kind != "free"])
@@ -317,24 +317,24 @@ def test_simulated_presses_held_out(simulated: Callable[[str, int], Reached], na
 @pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.long) for seed in HELD_OUT)])
 @pytest.mark.parametrize("name", missed(SIMULATED, {}, later=LATER))
 def test_simulated_is_sound(simulated: Callable[[str, int], Reached], name: str, seed: int) -> None:
-    found = simulated(name, seed)
-    assert better_than_late(found)
-    assert found.changes == (2 if name == "sudden-change" else 0)
-    assert np.isfinite(found.forces.predicted).all()
+    result = simulated(name, seed)
+    assert better_than_late(result)
+    assert result.changes == (2 if name == "sudden-change" else 0)
+    assert np.isfinite(result.forces.predicted).all()
 
 
 def test_sudden_changes_are_said_when_they_are_felt() -> None:
     """Always in contact, so they are felt at once."""
     made = simulate("sudden-change")
     recording, source = made.recording, learner(made.recording)
-    said = []
+    output = []
     for row in zip(recording.time.tolist(), recording.position.tolist(), recording.force.tolist(), strict=True):
         source.update(*row)
         if source.status is Status.CHANGED:
-            said.append(row[0])
+            output.append(row[0])
             assert source.learnt().reason == Status.CHANGED.value or source.learnt().model is None
-    assert source.estimator.changes == len(said) == 2
-    for moment, change in zip(said, made.truth.changes, strict=True):
+    assert source.estimator.changes == len(output) == 2
+    for moment, change in zip(output, made.truth.changes, strict=True):
         assert 0.0 < moment - change < 0.1
 
 

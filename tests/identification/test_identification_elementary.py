@@ -27,11 +27,11 @@ def test_both_are_within_one_unit_in_the_last_place() -> None:
     arguments = np.concatenate(
         [np.exp(random.uniform(-700.0, 700.0, 20_000)), random.uniform(0.5, 2.0, 20_000), 1.0 + 1e-9 * np.arange(1, 99)]
     )
-    found = np.array([logarithm(x) for x in arguments.tolist()])
-    assert units_apart(found, np.log(arguments.astype(np.longdouble))) < 1.0
+    result = np.array([logarithm(x) for x in arguments.tolist()])
+    assert units_apart(result, np.log(arguments.astype(np.longdouble))) < 1.0
     arguments = np.concatenate([random.uniform(-700.0, 700.0, 20_000), random.uniform(-1.0, 1.0, 20_000)])
-    found = np.array([exponential(x) for x in arguments.tolist()])
-    assert units_apart(found, np.exp(arguments.astype(np.longdouble))) < 1.0
+    result = np.array([exponential(x) for x in arguments.tolist()])
+    assert units_apart(result, np.exp(arguments.astype(np.longdouble))) < 1.0
 
 
 def test_where_they_are_exact() -> None:

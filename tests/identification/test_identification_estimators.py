@@ -60,8 +60,8 @@ def test_it_learns_a_clean_press_of_its_own_law(estimator: Estimator) -> None:
     model = estimator.model
     assert model is not None
     for depth in (0.004, 0.008):
-        found, expected = (law.advance((), depth, 0.0, 1e-3)[1] for law in (model, true))
-        assert found == pytest.approx(expected, rel=0.05)
+        matches, expected = (law.advance((), depth, 0.0, 1e-3)[1] for law in (model, true))
+        assert matches == pytest.approx(expected, rel=0.05)
     assert recording.position.max() > 0.01 + 0.008  # it was pressed so deep
 
 
@@ -120,7 +120,7 @@ def test_a_run_is_an_update_with_each_sample(estimator: Estimator) -> None:
 
 def arbitrary_samples(count: int) -> list[ContactSample]:
     """Presses, held positions, jumps and nonsense, in turns."""
-    random, found = np.random.default_rng(7), []
+    random, result = np.random.default_rng(7), []
     while count > 0:
         size = min(count, 500)
         kind = random.integers(4)
@@ -136,9 +136,9 @@ def arbitrary_samples(count: int) -> list[ContactSample]:
             depth, velocity, force = (random.normal(size=size) * 10.0 ** random.uniform(-9, 9, size) for _ in range(3))
         contact = random.random(size) < 0.9
         for row in zip(depth.tolist(), velocity.tolist(), force.tolist(), contact.tolist(), strict=True):
-            found.append(ContactSample(0.0, *row))
+            result.append(ContactSample(0.0, *row))
         count -= size
-    return found
+    return result
 
 
 def test_no_samples_unbound_its_covariance(estimator: Estimator) -> None:

@@ -61,8 +61,8 @@ def test_clean_data_gives_the_law(law: Law) -> None:
     assert model is not None
     determined = {name: error for name, error in errors.items() if error is not None and math.isfinite(error)}
     assert len(determined) >= 2
-    for name, found, true in zip(NAMES, model.parameters, law, strict=True):
-        assert name not in determined or found == pytest.approx(true, abs=determined[name])
+    for name, result, true in zip(NAMES, model.parameters, law, strict=True):
+        assert name not in determined or result == pytest.approx(true, abs=determined[name])
     for depth in (0.003, 0.008, 0.014):
         for velocity in (-0.04, 0.0, 0.04):
             force = model.advance((), depth + estimator.surface_correction, velocity, 1e-3)[1]
@@ -161,8 +161,8 @@ def test_a_sudden_change_is_relearnt_within_a_tenth_of_a_second(
     for index in range(first, first + 300):
         model = estimator.model
         assert model is not None
-        found = model.advance((), depth[index] + estimator.surface_correction, velocity[index], 1e-3)[1]
-        square += (found - true[index]) ** 2
+        result = model.advance((), depth[index] + estimator.surface_correction, velocity[index], 1e-3)[1]
+        square += (result - true[index]) ** 2
         estimator.update(data[index])
     assert math.sqrt(square / np.sum(true[first : first + 300] ** 2)) < tolerance
 
@@ -180,8 +180,8 @@ def test_spikes_are_not_taken_for_changes() -> None:
     for depth in (0.004, 0.012):
         model = estimator.model
         assert model is not None
-        found = model.advance((), depth + estimator.surface_correction, 0.0, 1e-3)[1]
-        assert found == pytest.approx(BETWEEN[0] * depth**1.2, rel=0.03)
+        result = model.advance((), depth + estimator.surface_correction, 0.0, 1e-3)[1]
+        assert result == pytest.approx(BETWEEN[0] * depth**1.2, rel=0.03)
 
 
 @pytest.mark.parametrize("rate", [1000.0, 100.0])
@@ -199,8 +199,8 @@ def test_the_gradual_change_of_the_papers_figure_8_is_followed(rate: float) -> N
     for index, sample in enumerate(data):
         model = estimator.model
         if sample.in_contact and model is not None and sample.time > 2.0:
-            found = model.advance((), depth[index] + estimator.surface_correction, velocity[index], 1.0 / rate)[1]
-            error.append(found - true[index])
+            result = model.advance((), depth[index] + estimator.surface_correction, velocity[index], 1.0 / rate)[1]
+            error.append(result - true[index])
             force.append(true[index])
         estimator.update(sample)
     assert np.linalg.norm(error) < 0.05 * np.linalg.norm(force)
@@ -398,9 +398,9 @@ def test_measured_foam_and_spring_are_predicted_over_a_delay_of_300_ms(
     """Percent of the force RMS; no power law fits these foams better than 8 to 14 %."""
     recording = read_recording(measured(name))
     estimator = ExactContinuousSwitching()
-    found = predict(recording, Learner(estimator, contact_floor=recording.contact_floor), delay=0.3).force
+    result = predict(recording, Learner(estimator, contact_floor=recording.contact_floor), delay=0.3).force
     learner_force = recording.force - lowest_mean(recording.time, recording.force)
     window = recording.time - recording.time[0] >= 1.5
-    true, error = learner_force[window], (found - learner_force)[window]
-    scored = (true > 0.3) | (found[window] > 0.3)
+    true, error = learner_force[window], (result - learner_force)[window]
+    scored = (true > 0.3) | (result[window] > 0.3)
     assert 100.0 * rms(error[scored]) < largest * rms(true[true > 0.3])

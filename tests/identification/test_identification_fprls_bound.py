@@ -17,10 +17,10 @@ def test_the_bound_counts_the_operations_of_the_chain() -> None:
 @pytest.mark.skipif(bool(config.DISABLE_JIT), reason="interpreted, there are no latencies to measure")
 def test_latencies_are_those_of_operations_that_wait_for_each_other() -> None:
     """None was left out by the compiler: a divide takes longer than a sum on every processor."""
-    found = measure_latencies(rounds=5)
-    assert 0.05 < found.sum < found.divide < 1000.0
-    assert 0.05 < found.product < found.divide
-    assert 0.05 < found.fma < found.divide
+    result = measure_latencies(rounds=5)
+    assert 0.05 < result.sum < result.divide < 1000.0
+    assert 0.05 < result.product < result.divide
+    assert 0.05 < result.fma < result.divide
 
 
 def test_the_chains_compute_what_they_time() -> None:

@@ -61,11 +61,11 @@ def run(estimator: LinearisedEstimator, recording: Any) -> list[Status]:
 
 def by_sample(estimator: LinearisedEstimator, recording: Recorded) -> tuple[list[Status], Array]:
     """`update` with every sample: what it said, and theta after it."""
-    said, theta = [], []
+    output, theta = [], []
     for row in zip(*(column.tolist() for column in recording), strict=True):
-        said.append(estimator.update(ContactSample(0.0, *row)))
+        output.append(estimator.update(ContactSample(0.0, *row)))
         theta.append(estimator.linear_parameters)
-    return said, np.array(theta)
+    return output, np.array(theta)
 
 
 def same(one: LinearisedEstimator, other: LinearisedEstimator) -> None:
@@ -81,8 +81,8 @@ def test_a_recording_is_its_samples_one_by_one(name: str) -> None:
     """Over three blocks of 1,024 samples."""
     recording = recorded(2500, 1)
     single, whole = FPRLS(OPTIONS[name]), FPRLS(OPTIONS[name])
-    said, theta = by_sample(single, recording)
-    assert run(whole, recording) == said
+    output, theta = by_sample(single, recording)
+    assert run(whole, recording) == output
     same(single, whole)
     whole.reset()
     np.testing.assert_array_equal(whole.trajectory(samples(recording)), theta)
@@ -98,13 +98,13 @@ def test_many_recordings_are_each_by_itself(name: str) -> None:
     for index, recording in enumerate(recordings):
         estimator = FPRLS(OPTIONS[name])
         np.testing.assert_array_equal(many.every[:, index], FPRLS(OPTIONS[name]).trajectory(samples(recording)))
-        said = run(estimator, recording)
+        output = run(estimator, recording)
         np.testing.assert_array_equal(many.theta[index], estimator.linear_parameters)
         np.testing.assert_array_equal(many.unscaled_covariance[index], estimator.unscaled_covariance)
         variance = np.nan if estimator._variance is None else estimator._variance
         np.testing.assert_array_equal(many.residual_variance[index], variance)
         assert many.updates[index] == estimator.updates
-        assert many.restarts[index] == said.count(Status.RESTARTED)
+        assert many.restarts[index] == output.count(Status.RESTARTED)
         assert many.perturbations[index] == estimator.perturbations
     for field in ("theta", "unscaled_covariance", "residual_variance", "updates", "restarts", "perturbations", "every"):
         np.testing.assert_array_equal(getattr(parallel, field), getattr(many, field))
@@ -115,7 +115,7 @@ def test_the_recordings_have_all_that_can_happen() -> None:
     estimators = {name: FPRLS(options) for name, options in OPTIONS.items()}
     runs = {name: run(estimator, recorded(2500, 1)) for name, estimator in estimators.items()}
     for status in (Status.LEARNT, Status.FREE_AIR, Status.UNUSABLE):
-        assert all(said.count(status) > 20 for said in runs.values())
+        assert all(output.count(status) > 20 for output in runs.values())
     assert runs["gates"].count(Status.GATED) > 20
     assert runs["breaking"].count(Status.RESTARTED) > 5
     assert runs["as printed"].count(Status.RESTARTED) > 0
@@ -163,8 +163,8 @@ def test_whatever_comes(rows: list[tuple[float, float, float, bool]], name: str)
     depth, velocity, force, touching = (np.array(column) for column in zip(*rows, strict=True))
     recording = (depth, velocity, force, touching)
     single, whole = FPRLS(OPTIONS[name]), FPRLS(OPTIONS[name])
-    said, _ = by_sample(single, recording)
-    assert run(whole, recording) == said
+    output, _ = by_sample(single, recording)
+    assert run(whole, recording) == output
     same(single, whole)
     many = fprls_many(*(column[:, None] for column in recording), options=OPTIONS[name])
     np.testing.assert_array_equal(many.theta[0], single.linear_parameters)
@@ -206,11 +206,11 @@ def test_an_empty_recording_changes_nothing() -> None:
 def test_without_contact_flags_what_has_no_depth_is_left_out() -> None:
     depth, velocity, force, _ = recorded(300, 7)
     plain, flagged = FPRLS(), FPRLS()
-    said = run(plain, (depth, velocity, force))
+    output = run(plain, (depth, velocity, force))
     run(flagged, (depth, velocity, force, np.ones(300, bool)))
     same(plain, flagged)
-    assert said.count(Status.FREE_AIR) == 0
-    assert said.count(Status.UNUSABLE) > 100
+    assert output.count(Status.FREE_AIR) == 0
+    assert output.count(Status.UNUSABLE) > 100
 
 
 PRINTED = FPRLSOptions(initial_covariance=100.0, perturbation=10.0)

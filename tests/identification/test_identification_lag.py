@@ -28,9 +28,9 @@ def feel(lag, damping=0.0, noise=0.0, duration=4.0):
 
 @pytest.mark.parametrize("lag", [0.0, 0.001, 0.003, 0.01])
 def test_on_a_spring_the_lag_itself_is_found(lag):
-    found = feel(lag, noise=0.02)
-    assert found.lag == pytest.approx(lag, abs=3e-4)
-    assert found.standard_error < 1e-3
+    result = feel(lag, noise=0.02)
+    assert result.lag == pytest.approx(lag, abs=3e-4)
+    assert result.standard_error < 1e-3
 
 
 def test_damping_hides_it_and_no_lag_is_invented():

@@ -105,13 +105,13 @@ def test_more_than_one_block_and_in_pieces() -> None:
     recording = press(noise=0.02, duration=1.1 * BLOCK / 1000.0)
     one, residual = both(recording)
     pieces = Learner(ContactMap())
-    begin, found = 0, []
+    begin, result = 0, []
     for end in (1, 700, 12_345, len(recording)):
         part = [None if column is None else column[begin:end] for column in columns(recording)]
-        found.append(pieces.run(*part).residual)  # type: ignore[arg-type]
+        result.append(pieces.run(*part).residual)  # type: ignore[arg-type]
         begin = end
     assert_alike(one, pieces)
-    np.testing.assert_array_equal(np.concatenate(found), residual)
+    np.testing.assert_array_equal(np.concatenate(result), residual)
 
 
 def test_nothing_touched() -> None:

@@ -106,10 +106,10 @@ def pressed(size: int = 6000) -> list[ContactSample]:
     force = np.maximum(stiffness * np.maximum(depth, 0.0) ** 1.1 * (1.0 + velocity), 0.0)
     force += np.random.default_rng(3).normal(0.0, 0.02, size)
     rows = zip(time.tolist(), depth.tolist(), velocity.tolist(), force.tolist(), (depth > 0.0).tolist(), strict=True)
-    found = [ContactSample(*row) for row in rows]
-    found[1000] = found[1000]._replace(force=np.nan)
-    found[1500] = found[1499]
-    return found
+    result = [ContactSample(*row) for row in rows]
+    result[1000] = result[1000]._replace(force=np.nan)
+    result[1500] = result[1499]
+    return result
 
 
 def columns(data: list[ContactSample]) -> ContactSamples:

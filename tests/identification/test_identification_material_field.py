@@ -52,8 +52,8 @@ def errors_of(field: MaterialField, law: Law, size: float = 0.03) -> tuple[np.nd
     axis = np.linspace(-size, size, 41)
     points = np.array([(x, y, 1e-3 * math.sin(200.0 * x)) for x in axis for y in axis])
     true = np.array([law(x, y)[0] + 0.004 * law(x, y)[1] for x, y, _ in points.tolist()])
-    found, deviations = field.stiffness_at(points, 0.002)
-    return found / true - 1.0, (found - true) / deviations
+    result, deviations = field.stiffness_at(points, 0.002)
+    return result / true - 1.0, (result - true) / deviations
 
 
 @pytest.fixture(scope="module")

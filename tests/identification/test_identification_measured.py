@@ -47,8 +47,8 @@ def foam(measured: Callable[[str], Path]) -> list[Recording]:
 def errors(recording: Recording, make: Callable[[], Estimator]) -> tuple[float, float]:
     """One-step residual, and error of the prediction at 300 ms, both in % of the contact force RMS."""
     try:
-        found = identify(recording, Learner(make()))
-        one_step = 100.0 * found.residual_rms / found.contact_force_rms
+        result = identify(recording, Learner(make()))
+        one_step = 100.0 * result.residual_rms / result.contact_force_rms
     except RecordingError:
         one_step = math.nan  # no model at the end
     late = delayed_force(recording.time, recording.force, DELAY)

@@ -61,8 +61,8 @@ def test_standard_errors_are_honest(law: Law) -> None:
     for seed in range(40):
         force = clean + np.random.default_rng(seed).normal(0.0, 0.05, clean.size)
         fit = fit_offline(depth[keep], velocity[keep], force[keep])
-        found, errors = np.array(fit.model.parameters), np.array(list(fit.standard_errors.values()))
-        squares += ((found - np.array(law)) / errors) ** 2
+        result, errors = np.array(fit.model.parameters), np.array(list(fit.standard_errors.values()))
+        squares += ((result - np.array(law)) / errors) ** 2
         assert fit.residual_rms == pytest.approx(0.05, rel=0.1)
     assert np.all((squares > 17.9) & (squares < 73.4))  # 0.1 % and 99.9 %
 

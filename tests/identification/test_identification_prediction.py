@@ -84,13 +84,13 @@ def test_only_models_that_arrive_are_used() -> None:
     motion = Motion(
         recording.time, recording.position, np.array([2000, 2100]), np.array([2.5, np.inf]), np.array([2001, 2101])
     )
-    found = predict_motion(recording, learner(), motion)
-    forces = found.force
+    result = predict_motion(recording, learner(), motion)
+    forces = result.force
     assert not forces[recording.time < 2.5 - 1e-6].any()
     assert forces.any()
-    assert np.flatnonzero(found.jump).tolist() == [2500]
-    assert found.jump[2500] == forces[2500]
-    assert np.isnan(found.standard_deviation).all()  # a power law carries no uncertainty
+    assert np.flatnonzero(result.jump).tolist() == [2500]
+    assert result.jump[2500] == forces[2500]
+    assert np.isnan(result.standard_deviation).all()  # a power law carries no uncertainty
     later = changed(recording, force_from=2.05)  # would show in the model that was lost
     np.testing.assert_array_equal(predict_motion(later, learner(), motion).force, forces)
 

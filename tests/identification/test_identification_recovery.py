@@ -39,11 +39,11 @@ def test_the_law_is_found_again_from_its_own_linear_numbers(alpha: float, dampin
     )[0]
     k, s = 3000.0, 1.5
     damping = damping_share * k
-    found = recover((math.log(k), s, a1 * damping / k, a2 * damping / k), SURE, summary(depth, velocity))
-    assert found.stiffness == pytest.approx(k)
-    assert found.switching == pytest.approx(alpha, abs=5e-3)
-    assert found.damping == pytest.approx(damping, rel=0.03)
-    assert found.exponent == pytest.approx(s - alpha, abs=5e-3)
+    result = recover((math.log(k), s, a1 * damping / k, a2 * damping / k), SURE, summary(depth, velocity))
+    assert result.stiffness == pytest.approx(k)
+    assert result.switching == pytest.approx(alpha, abs=5e-3)
+    assert result.damping == pytest.approx(damping, rel=0.03)
+    assert result.exponent == pytest.approx(s - alpha, abs=5e-3)
 
 
 def test_the_limits_of_17_are_hunt_crossley_and_kelvin_voigt() -> None:
@@ -69,9 +69,9 @@ def test_the_limits_of_17_are_hunt_crossley_and_kelvin_voigt() -> None:
 def test_undetermined_is_an_answer(
     linear: tuple[float, float, float, float], uncertainty: float, depths: tuple[np.ndarray, np.ndarray]
 ) -> None:
-    found = recover(linear, uncertainty**2 * np.eye(4), summary(*depths))
-    assert found[1:] == (None, None, None)
-    assert found.stiffness == pytest.approx(math.exp(8.0))
+    result = recover(linear, uncertainty**2 * np.eye(4), summary(*depths))
+    assert result[1:] == (None, None, None)
+    assert result.stiffness == pytest.approx(math.exp(8.0))
 
 
 sizes = st.one_of(st.floats(-10.0, 10.0), st.floats(allow_nan=False, allow_infinity=False))
@@ -85,9 +85,9 @@ def test_no_numbers_make_it_raise_or_answer_with_none_such(
     seen = summary(*motion(count=50))
     for depth, velocity in rows:
         seen.add(depth, velocity)
-    found = recover(linear, variance * np.eye(4), seen)
-    assert all(value is None or math.isfinite(value) for value in found)
-    assert found.switching is None or 0.0 <= found.switching <= 1.0
+    result = recover(linear, variance * np.eye(4), seen)
+    assert all(value is None or math.isfinite(value) for value in result)
+    assert result.switching is None or 0.0 <= result.switching <= 1.0
 
 
 def test_without_a_covariance_nothing_but_the_stiffness_is_determined() -> None:
@@ -115,12 +115,12 @@ def test_least_squares_finds_the_exact_law(alpha: float, options: dict[str, obje
     estimator = RLS(FPRLSOptions(**options))  # type: ignore[arg-type]
     for sample in exact(alpha):
         estimator.update(sample)
-    found = estimator.parameters
-    assert list(found) == ["ln_k", "s", "b1", "b2", "stiffness", "damping", "exponent", "switching"]
-    assert found["stiffness"] == pytest.approx(3000.0, rel=0.02)
-    assert found["switching"] == pytest.approx(alpha, abs=0.05)
-    assert found["exponent"] == pytest.approx(1.5 - alpha, abs=0.05)
-    assert found["damping"] == pytest.approx(0.02 * 0.006**alpha / 0.01 * 3000.0, rel=0.3)
+    result = estimator.parameters
+    assert list(result) == ["ln_k", "s", "b1", "b2", "stiffness", "damping", "exponent", "switching"]
+    assert result["stiffness"] == pytest.approx(3000.0, rel=0.02)
+    assert result["switching"] == pytest.approx(alpha, abs=0.05)
+    assert result["exponent"] == pytest.approx(1.5 - alpha, abs=0.05)
+    assert result["damping"] == pytest.approx(0.02 * 0.006**alpha / 0.01 * 3000.0, rel=0.3)
 
 
 def test_noise_makes_it_uncertainty_then_give_up() -> None:

@@ -192,14 +192,14 @@ def test_each_estimator_forgets_as_it_says() -> None:
     """A change too small for the self-perturbing test: only those that forget follow it."""
     data = [*samples(600, noise=0.0), *samples(600, noise=0.0, theta=TRUE + np.array([0.5, 0.0, 0.0, 0.0]))]
     quick = FPRLS(FPRLSOptions(forgetting_rate=1e4))
-    found = {
+    result = {
         type(estimator).__name__: linear(fed(estimator, data))[0] - TRUE[0]
         for estimator in (RLS(), SelfPerturbingRLS(), ForgettingRLS(forgetting_factor=0.97), quick)
     }
-    assert found["ForgettingRLS"] == pytest.approx(0.5, abs=0.02)
-    assert found["FPRLS"] == pytest.approx(0.5, abs=0.02)
-    assert abs(found["RLS"] - 0.5) > 0.1
-    assert abs(found["SelfPerturbingRLS"] - 0.5) > 0.1
+    assert result["ForgettingRLS"] == pytest.approx(0.5, abs=0.02)
+    assert result["FPRLS"] == pytest.approx(0.5, abs=0.02)
+    assert abs(result["RLS"] - 0.5) > 0.1
+    assert abs(result["SelfPerturbingRLS"] - 0.5) > 0.1
 
 
 def test_what_is_forgotten_is_forgotten_by_distance_moved() -> None:
@@ -213,13 +213,13 @@ def test_what_is_forgotten_is_forgotten_by_distance_moved() -> None:
 
 
 def test_standard_errors_are_the_spread_of_the_estimates() -> None:
-    found, claimed = [], []
+    result, claimed = [], []
     for seed in range(150):
         estimator = fed(RLS(), samples(200, seed=seed))
-        found.append(linear(estimator))
+        result.append(linear(estimator))
         errors = estimator.standard_errors
         claimed.append([errors[name] for name in ("ln_k", "s", "b1", "b2")])
-    np.testing.assert_allclose(np.mean(claimed, axis=0), np.std(found, axis=0), rtol=0.2)
+    np.testing.assert_allclose(np.mean(claimed, axis=0), np.std(result, axis=0), rtol=0.2)
     for other in (FPRLS(), SelfPerturbingRLS(), RobustFPRLS()):
         assert fed(other, samples(200)).standard_errors is None
     assert fed(ForgettingRLS(), samples(200)).standard_errors is not None

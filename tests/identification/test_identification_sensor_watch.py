@@ -56,18 +56,18 @@ def test_a_loop_that_is_held_up_is_no_dropout(late: float) -> None:
 def test_what_is_no_number_is_found_at_once_and_passes_in_half_a_second(bad: float, column: int) -> None:
     samples = free_air()
     samples[1000] = tuple(bad if place == column else value for place, value in enumerate(samples[1000]))  # type: ignore[assignment]
-    found = states(samples)
-    assert found.index(SensorState.NOT_FINITE) == 1000
-    assert set(found[1000:1490]) == {SensorState.NOT_FINITE}
-    assert set(found[1510:]) == {SensorState.GOOD}
+    result = states(samples)
+    assert result.index(SensorState.NOT_FINITE) == 1000
+    assert set(result[1000:1490]) == {SensorState.NOT_FINITE}
+    assert set(result[1510:]) == {SensorState.GOOD}
 
 
 @pytest.mark.parametrize("size", [1.0, -1.0, 30.0])
 def test_a_spike_is_found_a_sample_later_and_passes(size: float) -> None:
-    found = states(off(free_air(), 1000, 1001, force=size))
-    assert found.index(SensorState.SPIKE) == 1001
-    assert found[1490] is SensorState.SPIKE
-    assert set(found[1510:]) == {SensorState.GOOD}
+    result = states(off(free_air(), 1000, 1001, force=size))
+    assert result.index(SensorState.SPIKE) == 1001
+    assert result[1490] is SensorState.SPIKE
+    assert set(result[1510:]) == {SensorState.GOOD}
 
 
 def test_a_blow_that_slows_the_probe_is_no_spike() -> None:
@@ -83,9 +83,9 @@ def test_a_blow_that_slows_the_probe_is_no_spike() -> None:
 def test_a_sensor_that_hangs() -> None:
     samples = free_air(speed=0.04)
     hung = [(time, position, samples[min(index, 999)][2]) for index, (time, position, _) in enumerate(samples)]
-    found = states(hung)
-    assert found.index(SensorState.STUCK) in (1098, 1099, 1100)
-    assert set(found[1100:]) == {SensorState.STUCK}  # stays
+    result = states(hung)
+    assert result.index(SensorState.STUCK) in (1098, 1099, 1100)
+    assert set(result[1100:]) == {SensorState.STUCK}  # stays
     lost = states(samples[:1000] + [(time, *samples[999][1:]) for time, *_ in samples[1000:1200]] + samples[1200:])
     assert lost.index(SensorState.DROPOUT) in (1018, 1019, 1020)
     assert lost[1690] is SensorState.DROPOUT
@@ -110,9 +110,9 @@ def test_repetition_alone_is_no_fault() -> None:
 @pytest.mark.parametrize("end", [49.5, -49.5, 80.0])
 def test_the_end_of_the_range_is_found_from_two_samples_and_stays(end: float) -> None:
     samples = free_air()
-    found = states(samples[:1000] + [(time, place, end) for time, place, _ in samples[1000:1100]] + samples[1100:])
-    assert found.index(SensorState.SATURATED) == 1001
-    assert set(found[1001:]) == {SensorState.SATURATED}
+    result = states(samples[:1000] + [(time, place, end) for time, place, _ in samples[1000:1100]] + samples[1100:])
+    assert result.index(SensorState.SATURATED) == 1001
+    assert set(result[1001:]) == {SensorState.SATURATED}
 
 
 def test_an_unknown_end_is_never_reached() -> None:
@@ -123,24 +123,24 @@ def test_an_unknown_end_is_never_reached() -> None:
 
 @pytest.mark.parametrize("step", [0.4, -0.4, 5.0, -5.0])
 def test_a_step_of_the_offset_of_a_still_probe(step: float) -> None:
-    found = states(off(free_air(), 1000, 2000, force=step))
-    assert 1045 <= found.index(SensorState.OFFSET_STEP) <= 1055
-    assert found[-1] is SensorState.OFFSET_STEP
+    result = states(off(free_air(), 1000, 2000, force=step))
+    assert 1045 <= result.index(SensorState.OFFSET_STEP) <= 1055
+    assert result[-1] is SensorState.OFFSET_STEP
 
 
 @pytest.mark.parametrize("step", [1.0, 5.0, -1.0])
 @pytest.mark.parametrize("begin", [2100, 2300, 2500, 2700])
 def test_a_step_of_the_offset_of_a_moving_probe_shows_as_it_leaves(step: float, begin: int) -> None:
-    found = states(off(free_air(4000, speed=0.04), begin, 4000, force=step))
-    assert found.index(SensorState.OFFSET_STEP) - begin < 1000
-    assert set(found[:begin]) == {SensorState.GOOD}
+    result = states(off(free_air(4000, speed=0.04), begin, 4000, force=step))
+    assert result.index(SensorState.OFFSET_STEP) - begin < 1000
+    assert set(result[:begin]) == {SensorState.GOOD}
 
 
 def test_an_encoder_that_jumps_is_believed_again_after_a_reset() -> None:
     watch = SensorWatch()
-    found = states(off(free_air(), 1000, 2000, position=2e-3), watch)
-    assert found.index(SensorState.ENCODER_JUMP) == 1000
-    assert found[-1] is SensorState.ENCODER_JUMP
+    result = states(off(free_air(), 1000, 2000, position=2e-3), watch)
+    assert result.index(SensorState.ENCODER_JUMP) == 1000
+    assert result[-1] is SensorState.ENCODER_JUMP
     assert watch.sentence == SENSOR_SENTENCES[SensorState.ENCODER_JUMP]
     watch.reset()
     assert watch.state is SensorState.GOOD

@@ -28,22 +28,22 @@ def press(law: tuple[float, float, float], seed: int) -> Recording:
 @pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
 def test_the_true_surface_lies_within_two_standard_errors(law: tuple[float, float, float]) -> None:
     for seed in range(4):
-        found = identify(press(law, seed), Learner(make_estimator("contact-map", "bank")))
-        assert found.surface > 0.0  # noticed too deep, always
-        assert found.surface <= 2.0 * found.surface_error, seed
-        assert found.surface_error < 1e-3, seed  # and not said of everything
+        result = identify(press(law, seed), Learner(make_estimator("contact-map", "bank")))
+        assert result.surface > 0.0  # noticed too deep, always
+        assert result.surface <= 2.0 * result.surface_error, seed
+        assert result.surface_error < 1e-3, seed  # and not said of everything
 
 
 def test_a_surface_that_is_given_has_no_error() -> None:
-    found = identify(press(LAWS["1.35"], 0), Learner(make_estimator("contact-map", "bank"), surface=0.0))
-    assert found.surface_error == 0.0
+    result = identify(press(LAWS["1.35"], 0), Learner(make_estimator("contact-map", "bank"), surface=0.0))
+    assert result.surface_error == 0.0
 
 
 @pytest.mark.parametrize("name", [pytest.param("1.35", marks=pytest.mark.long), "1.5"])
 def test_an_offline_law_lies_within_two_errors_that_hold_those_of_the_surface(name: str) -> None:
     """And not within five of those that take the surface, found too deep, for right."""
-    found = identify(press(LAWS[name], 0), Learner(make_estimator("hunt-crossley", "offline")))
-    given, alone, both = found.parameters, found.standard_errors, found.standard_errors_with_surface
+    result = identify(press(LAWS[name], 0), Learner(make_estimator("hunt-crossley", "offline")))
+    given, alone, both = result.parameters, result.standard_errors, result.standard_errors_with_surface
     assert alone is not None
     assert both is not None
     for (key, value), true in zip(given.items(), LAWS[name], strict=True):
@@ -53,9 +53,9 @@ def test_an_offline_law_lies_within_two_errors_that_hold_those_of_the_surface(na
 
 
 def test_errors_at_a_surface_that_is_given_are_those_of_the_law() -> None:
-    found = identify(press(LAWS["1.35"], 0), Learner(make_estimator("hunt-crossley", "offline"), surface=0.0))
-    assert found.standard_errors_with_surface == found.standard_errors
-    assert found.parameters["exponent"] == pytest.approx(1.35, abs=0.01)
+    result = identify(press(LAWS["1.35"], 0), Learner(make_estimator("hunt-crossley", "offline"), surface=0.0))
+    assert result.standard_errors_with_surface == result.standard_errors
+    assert result.parameters["exponent"] == pytest.approx(1.35, abs=0.01)
 
 
 @pytest.mark.parametrize(("exponent", "ratio"), [(1.0, 3.0), (1.5, 1.5), (2.0, 1.0)])
@@ -65,7 +65,7 @@ def test_what_is_unnoticed_is_exact_at_the_exponent_two_and_more_than_enough_bel
     offset, depth = 0.4e-3, np.linspace(-1e-3, 5e-3, 60_001)
     force = 3000.0 * np.maximum(depth + offset, 0.0) ** exponent
     threshold = 2.0 * 3000.0 * offset**exponent
-    found = unnoticed_depth(depth, force, threshold)
-    assert found >= offset * (0.9 if exponent == 2.0 else 1.0)
-    assert found <= 1.1 * ratio * offset
+    result = unnoticed_depth(depth, force, threshold)
+    assert result >= offset * (0.9 if exponent == 2.0 else 1.0)
+    assert result <= 1.1 * ratio * offset
     assert unnoticed_depth(depth[:10], force[:10], threshold) == 0.0

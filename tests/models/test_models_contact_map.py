@@ -36,11 +36,11 @@ def histories(depth: list[float], period: float | list[float] = 1e-3, *, origin:
     maps = example_numbers()
     maps[0].origin = origin
     memory = np.full(MEMORY, math.nan)
-    found = []
+    result = []
     for place, time in np.broadcast(np.asarray(depth), np.asarray(period)):
         run(maps, memory, np.array([place]), np.array([time]))
-        found.append(memory.copy())
-    return np.array(found)
+        result.append(memory.copy())
+    return np.array(result)
 
 
 def said(maps: np.ndarray, place: float, velocity: float = 0.0, values: np.ndarray | None = None) -> np.ndarray:
@@ -53,30 +53,30 @@ def said(maps: np.ndarray, place: float, velocity: float = 0.0, values: np.ndarr
 
 def play(depth: list[float], radius: float) -> list[float]:
     """A block of half-width `radius` that is pushed along by whoever reaches its edge."""
-    position, found = depth[0], []
+    position, result = depth[0], []
     for place in depth:
         if place > position + radius:
             position = place - radius
         elif place < position - radius:
             position = place + radius
-        found.append(position)
-    return found
+        result.append(position)
+    return result
 
 
 @given(places, st.floats(-2e-3, 2e-3))
 def test_plays_are_blocks_that_are_pushed(depth: list[float], origin: float) -> None:
-    found = histories(depth, origin=origin)
+    result = histories(depth, origin=origin)
     for k, radius in enumerate(PLAYS):
         expected = np.array(play([place - origin for place in depth], radius))
-        np.testing.assert_allclose(found[:, k], expected, rtol=0.0, atol=1e-17)
+        np.testing.assert_allclose(result[:, k], expected, rtol=0.0, atol=1e-17)
 
 
 @given(st.floats(1e-3, 15e-3), st.floats(0.0, 1.0))
 def test_a_press_and_its_release_leave_the_play_between(peak: float, share: float) -> None:
     back = share * peak
-    found = histories([0.0, peak, back])[-1]
+    result = histories([0.0, peak, back])[-1]
     for k, radius in enumerate(PLAYS):
-        assert found[k] == pytest.approx(min(peak - radius, back + radius), abs=1e-15)
+        assert result[k] == pytest.approx(min(peak - radius, back + radius), abs=1e-15)
 
 
 @given(places)
@@ -91,12 +91,12 @@ def test_plays_do_not_know_how_fast_it_was(depth: list[float]) -> None:
 def test_averages_follow_a_step_as_first_order_lags_do(period: list[float], depth: float) -> None:
     """x (1 - exp(-t / T)) after a step from outside, exp(-t / T) of it after the step back, whatever the periods."""
     inside = [1e-3, *period]
-    found = histories([-2e-3] + [depth] * len(period) + [-1e-3] * len(period), [*inside, *period])[:, len(PLAYS) :]
+    result = histories([-2e-3] + [depth] * len(period) + [-1e-3] * len(period), [*inside, *period])[:, len(PLAYS) :]
     since = np.cumsum(period)[:, None]
     risen = depth * (1.0 - np.exp(-since / TIMES))
-    np.testing.assert_array_equal(found[0], 0.0)  # outside counts as no depth
-    np.testing.assert_allclose(found[1 : len(period) + 1], risen, rtol=1e-12, atol=1e-18)
-    np.testing.assert_allclose(found[len(period) + 1 :], risen[-1] * np.exp(-since / TIMES), rtol=1e-11, atol=1e-18)
+    np.testing.assert_array_equal(result[0], 0.0)  # outside counts as no depth
+    np.testing.assert_allclose(result[1 : len(period) + 1], risen, rtol=1e-12, atol=1e-18)
+    np.testing.assert_allclose(result[len(period) + 1 :], risen[-1] * np.exp(-since / TIMES), rtol=1e-11, atol=1e-18)
 
 
 @given(st.lists(st.tuples(st.floats(-5e-3, 15e-3), periods), min_size=1, max_size=30), st.booleans())
@@ -273,8 +273,8 @@ def test_the_force_is_the_experts_in_their_shares(seed: int, place: float, veloc
 def test_the_uncertainty_grows_where_nobody_has_been() -> None:
     model, depths = example_map(), np.array([4e-3, 8e-3, 10e-3, 20e-3, 40e-3])
     state = (0.0,) * MEMORY
-    found = np.array([advance(model, state, depth, 0.0, 1e-3)[1:] for depth in depths.tolist()])
-    relative = found[:, 1] / found[:, 0]
+    result = np.array([advance(model, state, depth, 0.0, 1e-3)[1:] for depth in depths.tolist()])
+    relative = result[:, 1] / result[:, 0]
     assert (np.diff(relative[1:]) > 0.0).all()
     assert relative[-1] > 3.0 * relative[0]
 

@@ -24,11 +24,11 @@ INDEX = {name: offset // 8 for name, (_, offset) in Map.layout.fields.items()}  
 
 def forces(maps: np.ndarray, depths: np.ndarray, velocities: np.ndarray) -> np.ndarray:
     """Force and standard deviation along a motion, shape (n, 2)."""
-    memory, found = (math.nan,) * MEMORY, []
+    memory, result = (math.nan,) * MEMORY, []
     for depth, velocity in zip(depths.tolist(), velocities.tolist(), strict=True):
         memory, *after = kernel_advance(maps, memory, depth, velocity, 2e-3)
-        found.append(after)
-    return np.array(found)
+        result.append(after)
+    return np.array(result)
 
 
 @given(st.integers(0, 10_000), st.booleans())

@@ -40,13 +40,13 @@ def test_its_slopes_are_finite_differences(depth: float, velocity: float, reach:
 def test_inside_the_lattice_it_is_trilinear_interpolation() -> None:
     axes = [H * (np.arange(n) - 2) for n in SHAPE]
     points = RANDOM.uniform([axis[0] for axis in axes], [axis[-1] for axis in axes], (300, 3))
-    found = np.array([[*law.parameters, deviation] for law, deviation, _ in map(FIELD.law_at, points.tolist())])
+    result = np.array([[*law.parameters, deviation] for law, deviation, _ in map(FIELD.law_at, points.tolist())])
     for column in range(3):
         scipy = RegularGridInterpolator(axes, VALUES[:, column].reshape(SHAPE).astype(float))
-        np.testing.assert_allclose(found[:, column], scipy(points), rtol=1e-12)
+        np.testing.assert_allclose(result[:, column], scipy(points), rtol=1e-12)
     stiffness, deviations = FIELD.stiffness_at(points, 0.003)
-    np.testing.assert_allclose(stiffness, found[:, 0] + 0.006 * found[:, 1])
-    np.testing.assert_allclose(deviations, found[:, 3])
+    np.testing.assert_allclose(stiffness, result[:, 0] + 0.006 * result[:, 1])
+    np.testing.assert_allclose(deviations, result[:, 3])
     shares = np.prod(np.maximum(1.0 - np.abs(points[:, None] - H * GRID) / H, 0.0), axis=2)  # of all nodes, the tent
     np.testing.assert_allclose(deviations, np.sqrt(shares**2 @ VALUES[:, 3].astype(float) ** 2))
 

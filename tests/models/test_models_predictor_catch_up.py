@@ -37,11 +37,11 @@ class Course:
 def states_of(course: Course, model: ContactMapModel, samples: int) -> list[tuple[float, ...]]:
     """What the material remembers after each sample, from the first one with a period on; the first is empty."""
     periods = np.diff(course.time, prepend=course.time[0])
-    state, found = (), [(), ()]
+    state, result = (), [(), ()]
     for depth, period in zip((course.position - SURFACE)[1:samples], periods[1:samples], strict=True):
         state = model.remember(state, np.array([depth]), np.array([period]))
-        found.append(state)
-    return found
+        result.append(state)
+    return result
 
 
 @settings(max_examples=10)
@@ -174,10 +174,10 @@ def test_of_a_past_beyond_what_is_remembered_the_rest_is_run() -> None:
     course.lead(always, 0, samples)
     course.lead(newcomer, 0, samples)
     newcomer.adopt(MAP, SURFACE, (1e-3,) * MEMORY, 10)
-    expected, found = course.lead(always, samples, samples + 20), course.lead(newcomer, samples, samples + 20)
+    expected, result = course.lead(always, samples, samples + 20), course.lead(newcomer, samples, samples + 20)
     needed = math.ceil((HISTORY - 1) / SLICE) - 2
-    assert not found[:needed].any()  # no former model
-    np.testing.assert_allclose(found[needed:], expected[needed:], rtol=0.05, atol=1e-3)
+    assert not result[:needed].any()  # no former model
+    np.testing.assert_allclose(result[needed:], expected[needed:], rtol=0.05, atol=1e-3)
     assert expected.max() > 0.1
 
 

@@ -79,7 +79,7 @@ def caught(findings: list[Finding], case: str, message: str) -> None:
     """The check fails, and its sentence says what was found."""
     (finding,) = [one for one in findings if one.check == case.partition(" / ")[0]]
     assert finding.passed is False, findings
-    assert message in finding.found
+    assert message in finding.summary
     assert finding.rule
 
 
@@ -109,13 +109,13 @@ def test_a_wrong_estimator_is_caught(case: str) -> None:
 
 def test_every_check_has_one_that_it_catches() -> None:
     """A check that nothing fails would check nothing."""
-    found: dict[str, tuple[list[Finding], dict[str, object]]] = {
+    result: dict[str, tuple[list[Finding], dict[str, object]]] = {
         "device": (check_device(wrong_devices.Held), dict(wrong_devices.WRONG)),
         "robot": (check_robot(wrong_robots.Rail), dict(wrong_robots.WRONG)),
         "material": (check_material(wrong_materials.WRONG["name"][0]), dict(wrong_materials.WRONG)),
         "estimator": (check_estimator(Windowed), dict(wrong_estimators.WRONG)),
     }
-    for findings, wrong in found.values():
+    for findings, wrong in result.values():
         assert {finding.check for finding in findings} == {case.partition(" / ")[0] for case in wrong}
 
 
@@ -137,9 +137,9 @@ def test_what_cannot_be_seen_is_not_called_broken() -> None:
             return super().exchange(desired_position)
 
     robot = Real()
-    found = summary(check_robot(lambda: robot))
+    result = summary(check_robot(lambda: robot))
     assert not any(abs(position) < float("inf") for position in robot.asked)
-    assert found["sign of position"] is None
+    assert result["sign of position"] is None
     assert summary(check_robot(Real, move=True))["sign of position"] is True
     assert summary(check_robot(Real, move=True))["sign of force"] is None
 
@@ -149,11 +149,11 @@ def test_what_was_not_seen_is_not_told_as_kept(install: Callable[..., None]) -> 
     source += "def make(settings):\n    rail = Rail()\n"
     source += "    rail.specification = replace(rail.specification, simulated=False)\n    return rail\n"
     install("real", {"robot": {"arm": "real:make"}}, source)
-    said = CliRunner().invoke(app, ["plugins", "check", "arm"]).output
-    assert "  not seen  workspace                    it is a real one, which no check drives into anything" in said
-    assert said.endswith("\n6 rules are kept, 5 were not seen; --move shows 2 of them\n")
-    said = CliRunner().invoke(app, ["plugins", "check", "arm", "--move"]).output
-    assert said.endswith("\n8 rules are kept, 3 were not seen\n")
+    output = CliRunner().invoke(app, ["plugins", "check", "arm"]).output
+    assert "  not seen  workspace                    it is a real one, which no check drives into anything" in output
+    assert output.endswith("\n6 rules are kept, 5 were not seen; --move shows 2 of them\n")
+    output = CliRunner().invoke(app, ["plugins", "check", "arm", "--move"]).output
+    assert output.endswith("\n8 rules are kept, 3 were not seen\n")
 
 
 @pytest.mark.parametrize("make", [lambda: 3, dict])
@@ -168,9 +168,9 @@ def test_the_command_prints_what_was_found_and_ends_with_1_where_a_rule_is_broke
 ) -> None:
     result = CliRunner().invoke(app, ["plugins", "check", "sponge", "--json"])
     assert result.exit_code == 0
-    said = json.loads(result.output)
-    assert said["passed"] is True
-    assert {row["of"] for row in said["checks"]} == {"material sponge"}
+    output = json.loads(result.output)
+    assert output["passed"] is True
+    assert {row["of"] for row in output["checks"]} == {"material sponge"}
     source = "from foretouch.devices import ScriptedOperator\nclass Mine(ScriptedOperator):\n    name = 'mine'\n"
     source += "    def read(self, now_ns): return -super().read(now_ns)\n"
     source += "def make(settings, reach): return Mine(*reach)\n"

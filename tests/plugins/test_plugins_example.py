@@ -99,8 +99,8 @@ def test_its_estimator_is_compared_identified_and_simulated(here: Callable[..., 
     results = {row["estimator"]: row for row in here("compare", "press.csv", *chosen)["results"]}
     assert results["windowed"]["status"] == "ok"
     assert results["windowed"]["predictions"][0]["prediction_error_percent"] < 5.0
-    found = here("identify", "press.csv", "--model", "kelvin-voigt", "--estimator", "windowed")
-    assert found["parameters"]["stiffness"] == pytest.approx(600.0, rel=0.03)
+    result = here("identify", "press.csv", "--model", "kelvin-voigt", "--estimator", "windowed")
+    assert result["parameters"]["stiffness"] == pytest.approx(600.0, rel=0.03)
 
 
 def test_its_device_moves_a_simulated_session(here: Callable[..., Any], installed: Path) -> None:

@@ -24,14 +24,14 @@ LONGEST = 60.0
 
 def processes_in(folder: Path) -> list[int]:
     """Processes that run in this folder."""
-    found = []
+    result = []
     for entry in Path("/proc").iterdir():
         try:
             if entry.name.isdigit() and (entry / "cwd").readlink() == folder:
-                found.append(int(entry.name))
+                result.append(int(entry.name))
         except OSError:
             continue
-    return found
+    return result
 
 
 @pytest.mark.live
@@ -130,8 +130,8 @@ def test_it_is_said_where_a_thread_is_and_not_where_python_waits() -> None:
     thread.start()
     inside.wait()
     time.sleep(0.05)
-    said = where(sys._current_frames()[thread.ident or 0])
+    output = where(sys._current_frames()[thread.ident or 0])
     leave.set()
     thread.join()
-    assert said.startswith("in hangs (test_plugins_hanging.py, line ")
+    assert output.startswith("in hangs (test_plugins_hanging.py, line ")
     assert where(None) == "in a place that is not known"

@@ -197,14 +197,14 @@ def test_the_list_has_all_and_the_broken_with_the_reason(install: Install) -> No
     code, output = run("plugins", "--json")
     assert code == 0
     rows = json.loads(output)["plugins"]
-    found = {(row["kind"], row["name"]): row for row in rows}
+    result = {(row["kind"], row["name"]): row for row in rows}
     assert (
-        found["device", "steady"] | {"package": "good", "version": "1.2", "status": "ok"} == found["device", "steady"]
+        result["device", "steady"] | {"package": "good", "version": "1.2", "status": "ok"} == result["device", "steady"]
     )
-    assert found["estimator", "own"]["laws"] == ["kelvin-voigt"]
-    assert found["device", "wobble"]["status"] == "broken"
-    assert "No module named 'nowhere'" in found["device", "wobble"]["problem"]
-    assert found["robot", "simulated"]["package"] == "foretouch"
+    assert result["estimator", "own"]["laws"] == ["kelvin-voigt"]
+    assert result["device", "wobble"]["status"] == "broken"
+    assert "No module named 'nowhere'" in result["device", "wobble"]["problem"]
+    assert result["robot", "simulated"]["package"] == "foretouch"
     assert {row["status"] for row in rows if row["package"] == "foretouch"} == {"ok"}
     code, text = run("plugins")
     assert re.search(r"^device +wobble +bad 1.2\n +broken: raises ModuleNotFoundError", text, re.MULTILINE)

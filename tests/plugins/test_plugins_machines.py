@@ -91,12 +91,14 @@ def test_where_nobody_knows_the_surface_a_script_says_so_and_a_hand_is_taken() -
     for operator in ("scripted", "recorded"):
         with pytest.raises(SettingError, match="this robot does not say where it is: take one that you move"):
             operator_of(replace(settings, operator=operator), reach)
-    said: list[str] = []
+    output: list[str] = []
     mouse = make_operator(
-        replace(settings, operator="browser"), surface=reach.surface, press_depth=reach.press_depth, say=said.append
+        replace(settings, operator="browser"), surface=reach.surface, press_depth=reach.press_depth, say=output.append
     )
-    assert len(said) == 1
-    assert said[0].startswith("operator: robot 'rail' does not say where its surface is, so a script stays in the air")
+    assert len(output) == 1
+    assert output[0].startswith(
+        "operator: robot 'rail' does not say where its surface is, so a script stays in the air"
+    )
     assert isinstance(mouse, BrowserOperator)
     assert {mouse.read(tick * 10**6) for tick in range(3000)} == {0.0}  # nobody presses before somebody takes it
     mouse.take(0.012, True, 3 * 10**9)

@@ -43,9 +43,9 @@ def test_what_is_far_too_slow_is_told_first_and_nothing_else_looked_at(
     assert time.monotonic() - begun < 5.0
     assert findings[0].check == check
     assert findings[0].passed is False
-    assert found in findings[0].found
+    assert found in findings[0].summary
     assert len(findings) > 8
-    assert all(finding.passed is None and "not looked at" in finding.found for finding in findings[1:])
+    assert all(finding.passed is None and "not looked at" in finding.summary for finding in findings[1:])
     assert told == [(title, finding) for finding in findings]
 
 
@@ -61,9 +61,9 @@ def test_what_is_late_by_less_is_looked_at_altogether() -> None:
     assert (time_found.passed, time_found.rule) == (False, "the rule")
     assert (other.check, other.passed) == ("other", None)
     begun = time.monotonic()
-    found, *_ = too_slow("time", lambda: time.sleep(0.3), 2e-4, 1e-3, "the rule", [])
+    result, *_ = too_slow("time", lambda: time.sleep(0.3), 2e-4, 1e-3, "the rule", [])
     assert time.monotonic() - begun < 10.0
-    assert "at the median of 10," in found.found
+    assert "at the median of 10," in result.summary
 
 
 @pytest.mark.long
@@ -92,7 +92,7 @@ def test_one_that_cannot_be_made_is_waited_for_longer_and_then_told(install: Cal
     begun = time.monotonic()
     watched(check, told.append, longest=0.1, making=1.0)
     assert 1.0 <= time.monotonic() - begun < 10.0
-    assert "in stuck (made_up.py, line" in told[0].found
+    assert "in stuck (made_up.py, line" in told[0].summary
 
 
 def test_many_calls_are_no_long_one_and_what_a_check_raises_is_raised() -> None:
@@ -177,9 +177,9 @@ def test_a_robot_of_another_package_is_named_in_place_of_a_material(
 ) -> None:
     install("made-up", {"robot": {"probe": "made_up:probe"}}, odd_drivers.ROBOT)
     settings = SessionSettings(robot="probe", operator="browser")
-    said: list[str] = []
-    hand = make_operator(settings, surface=float("nan"), press_depth=float("nan"), say=said.append)
-    (line,) = said
+    output: list[str] = []
+    hand = make_operator(settings, surface=float("nan"), press_depth=float("nan"), say=output.append)
+    (line,) = output
     assert line.startswith("operator: robot 'probe' does not say where its surface is, so a script stays in the air")
     log = simulate(settings, duration=3.0, operator=hand, robot=make_session_robot(settings)[0]).log
     report = session_figures(log)

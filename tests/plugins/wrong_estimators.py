@@ -36,8 +36,8 @@ class InAir(Windowed):
 class TwiceAsStiff(Windowed):
     @property
     def model(self) -> KelvinVoigt | None:
-        found = super().model
-        return found and KelvinVoigt(2.0 * found.stiffness, found.damping)
+        result = super().model
+        return result and KelvinVoigt(2.0 * result.stiffness, result.damping)
 
 
 @dataclass(frozen=True)
@@ -58,8 +58,8 @@ class Flat(ContactModel):
 class Unfeeling(Windowed):
     @property
     def model(self) -> object:
-        found = super().model
-        return found and Flat(found.stiffness, found.damping)
+        result = super().model
+        return result and Flat(result.stiffness, result.damping)
 
 
 class Renamed(KelvinVoigt):
@@ -71,8 +71,8 @@ class Renamed(KelvinVoigt):
 class WrongLaw(Windowed):
     @property
     def model(self) -> KelvinVoigt | None:
-        found = super().model
-        return found and Renamed(found.stiffness, found.damping)
+        result = super().model
+        return result and Renamed(result.stiffness, result.damping)
 
 
 class BadErrors(Windowed):
@@ -115,12 +115,12 @@ class Poisoned(Windowed):
 
     @property
     def model(self) -> KelvinVoigt | None:
-        found = super().model
+        result = super().model
         if not math.isfinite(self.poison):
             broken = KelvinVoigt(600.0, 2.0)
             object.__setattr__(broken, "stiffness", math.nan)
             return broken
-        return found
+        return result
 
 
 class Remembering(Windowed):

@@ -28,7 +28,7 @@ def results() -> dict[str, object]:
     learner = foretouch.Learner()
     simple = foretouch.Learner(foretouch.KelvinVoigtRLS())
     predicted = foretouch.predict(recording, simple, delay=0.1)
-    found = foretouch.identify(recording, learner, keep_history=True)
+    result = foretouch.identify(recording, learner, keep_history=True)
     known = foretouch.delayed_force(recording.time, recording.force, 0.1)
     return {
         "settings": settings,
@@ -37,8 +37,8 @@ def results() -> dict[str, object]:
         "rows": session.log.rows(),
         "model": session.log.models[-1],
         "recording": recording,
-        "identification": found,
-        "map": found.model,
+        "identification": result,
+        "map": result.model,
         "prediction": predicted,
         "scores": foretouch.score_prediction(
             TIME, recording.force, predicted.force, known, contact_floor=0.05, score_from=0.0

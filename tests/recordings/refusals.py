@@ -10,9 +10,9 @@ def refusal(path, **options):
     """The error of a recording that must be refused."""
     with pytest.raises(RecordingError) as caught:
         read_with_notes(path, **options)
-    said = str(caught.value)
-    assert "\n" not in said
-    assert said.startswith((str(path), str(options.get("map_file", path))))
+    output = str(caught.value)
+    assert "\n" not in output
+    assert output.startswith((str(path), str(options.get("map_file", path))))
     return caught.value
 
 

@@ -151,13 +151,13 @@ def test_a_measured_velocity_is_read_in_the_position_s_unit(tmp_path, by_map):
 
 def test_what_is_wrong_with_a_bag_is_said_in_one_line(tmp_path, by_map):
     bag = write_bag(tmp_path / "bag", press_messages(0.1), topics=[("/silent", WRENCH)])
-    for old, new, said in (
+    for old, new, output in (
         ('"/ft"', '"/fd"', "no topic /fd; there are /silent, /joint_states, /ft"),
         ("wrench.force.z", "force.z", r"/ft \(geometry_msgs/msg/WrenchStamped\) has no number force.z; it has header"),
         ("position[0]", "position[3]", r"has no number position\[3\]"),
         ('"/ft"', '"/silent"', "/silent has no messages"),
     ):
-        assert re.search(said, refused(bag, map_file=by_map(MAP.replace(old, new))))
+        assert re.search(output, refused(bag, map_file=by_map(MAP.replace(old, new))))
     assert "takes topic and field, not column" in refused(
         bag, map_file=by_map('[time]\ncolumn="t"\n[position]\ncolumn="x"\nunit="m"\n[force]\ncolumn="f"\nunit="N"\n')
     )
@@ -186,21 +186,23 @@ def test_a_guess_needs_no_map_where_types_tell(tmp_path):
 
 def test_signs_that_look_wrong_are_said(tmp_path, by_map):
     bag = write_bag(tmp_path / "bag", press_messages())
-    said = {}
+    output = {}
     for position in (1, -1):
         for force in (1, -1):
             signs = f"\nsign = {position}\n[force]\nsign = {force}\n"
             notes = read_with_notes(bag, map_file=by_map(MAP.replace("\n[force]\n", signs))).notes
-            said[position, force] = [note.split(":")[0] for note in notes]
+            output[position, force] = [note.split(":")[0] for note in notes]
     shrink, negative = "positions shrink as the force grows", "forces are mostly negative"
-    assert said == {(1, 1): [], (-1, 1): [shrink], (1, -1): [negative], (-1, -1): [negative, shrink]}
+    assert output == {(1, 1): [], (-1, 1): [shrink], (1, -1): [negative], (-1, -1): [negative, shrink]}
 
 
 def test_several_sensors_are_not_chosen_from(tmp_path):
     several = [(f"/ft{place}", WRENCH, BEGIN + tick, wrench(BEGIN, 1.0)) for place in (1, 2) for tick in (1, 2)]
     bag = write_bag(tmp_path / "bag", [*several, *press_messages(0.01)])
-    said = refused(bag)
-    assert re.search(r"could be force: /ft wrench.force.z \(1000 a second\), /ft1 \S+ \(111.1 a second\), /ft2 ", said)
+    output = refused(bag)
+    assert re.search(
+        r"could be force: /ft wrench.force.z \(1000 a second\), /ft1 \S+ \(111.1 a second\), /ft2 ", output
+    )
 
 
 def outcome(path, map_file):
@@ -285,10 +287,10 @@ def test_a_bag_of_thousands_of_topics_is_looked_at_quickly(tmp_path):
             writer.add_message(writer.register_channel(topic, "cdr", number), 1, b"\0\1\0\0" + bytes(40), 1)
         writer.finish()
     begin = time.process_time()
-    found = inspect_recording(path)
+    result = inspect_recording(path)
     assert time.process_time() - begin < 8.0
-    assert len(found.topics) == 3000
-    assert found.guess.open
+    assert len(result.topics) == 3000
+    assert result.guess.open
 
 
 def test_bags_in_a_folder_named_like_a_file(tmp_path, by_map):

@@ -52,8 +52,8 @@ def test_a_recording_reads_back_bit_by_bit(tmp_path, suffix, velocity, begin):
 
 
 def test_a_csv_says_that_it_keeps_no_contact_floor(tmp_path):
-    (said,) = write_recording(tmp_path / "press.csv", made(floor=0.3))
-    assert "contact_floor = 0.3" in said
+    (output,) = write_recording(tmp_path / "press.csv", made(floor=0.3))
+    assert "contact_floor = 0.3" in output
 
 
 def learnt(recording):
@@ -101,8 +101,8 @@ def test_two_other_readers_find_the_numbers(tmp_path):
 
 def test_times_before_zero_are_moved_and_said(tmp_path):
     path, expected = tmp_path / "press.mcap", made(begin=-2.0)
-    (said,) = write_recording(path, expected)
-    assert "times begin at 0 instead of -2 s" in said
+    (output,) = write_recording(path, expected)
+    assert "times begin at 0 instead of -2 s" in output
     np.testing.assert_allclose(read_recording(path).time, expected.time + 2.0, atol=1e-9)
     close = Recording([0.0, 1e-10], [0.0, 0.1], [0.0, 1.0])
     with pytest.raises(RecordingError, match="less than a nanosecond apart"):
@@ -113,13 +113,13 @@ def test_times_before_zero_are_moved_and_said(tmp_path):
 def test_nothing_half_written_is_left(tmp_path):
     source = tmp_path / "press.csv"
     source.write_text("time_s,position_m,force_N\n0,0,0\n1,0,nan\n")
-    for target, said in (
+    for target, output in (
         ("out.mcap", "row 3: force is nan"),
         ("out.txt", "must end with one of .csv, .parquet, .mcap"),
     ):
         done = run("convert", source, tmp_path / target)
         assert done.exit_code == 1
-        assert re.search(said, str(done.exception))
+        assert re.search(output, str(done.exception))
     done = run("convert", source, source)
     assert "is the recording itself" in str(done.exception)
     write_recording(source, made())
@@ -151,15 +151,15 @@ def test_inspect_prints_what_is_there_and_saves_the_map(tmp_path):
 def test_inspect_prints_one_object(tmp_path):
     path = tmp_path / "press.csv"
     path.write_text("Zeit [s];Weg [mm];Kraft [N]\n0,0;1,0;0\n0,5;2,0;1\n")
-    found = json.loads(run("inspect", path, "--json").output)
-    assert (found["format"], found["duration_s"], found["rate_per_s"]) == ("CSV", 0.5, 2.0)
-    assert [(one["column"], one["count"], one["unit"]) for one in found["columns"]] == [
+    result = json.loads(run("inspect", path, "--json").output)
+    assert (result["format"], result["duration_s"], result["rate_per_s"]) == ("CSV", 0.5, 2.0)
+    assert [(one["column"], one["count"], one["unit"]) for one in result["columns"]] == [
         ("Zeit [s]", 2, "s"), ("Weg [mm]", 2, "mm"), ("Kraft [N]", 2, "N"),
     ]  # fmt: skip
-    assert found["open"] == []
-    (tmp_path / "map.toml").write_text(found["map"])
+    assert result["open"] == []
+    (tmp_path / "map.toml").write_text(result["map"])
     assert read_recording(path, map_file=tmp_path / "map.toml").position.tolist() == [0.001, 0.002]
-    assert inspect_recording(path).as_json() == found
+    assert inspect_recording(path).as_json() == result
 
 
 def test_every_command_that_takes_a_recording_takes_a_map(tmp_path):
@@ -174,8 +174,8 @@ def test_every_command_that_takes_a_recording_takes_a_map(tmp_path):
         plain = CliRunner().invoke(app, [name, str(alone), *options])
         assert by_map.exit_code == plain.exit_code == 0, by_map.output
         assert "two clocks 2 s apart" in by_map.stderr
-        found, expected = (json.loads(done.stdout) for done in (by_map, plain))
+        result, expected = (json.loads(done.stdout) for done in (by_map, plain))
         if name == "compare":
-            found, expected = ({**one["results"][0], "recording": ""} for one in (found, expected))
-            found, expected = ({key: one[key] for key in one if key != "us_per_sample"} for one in (found, expected))
-        assert found == expected
+            result, expected = ({**one["results"][0], "recording": ""} for one in (result, expected))
+            result, expected = ({key: one[key] for key in one if key != "us_per_sample"} for one in (result, expected))
+        assert result == expected

@@ -83,8 +83,8 @@ def test_units_and_flip(table, unit, factor, force_unit, force_factor, flip):
 
 def test_options_are_one_object_or_are_named_and_not_both(table):
     path, given = table(GOOD), RecordingOptions(position_unit="mm", flip=True)
-    found, named = read_recording(path, given), read_recording(path, position_unit="mm", flip=True)
-    assert found.position.tobytes() == named.position.tobytes() != read_recording(path).position.tobytes()
+    result, named = read_recording(path, given), read_recording(path, position_unit="mm", flip=True)
+    assert result.position.tobytes() == named.position.tobytes() != read_recording(path).position.tobytes()
     with pytest.raises(TypeError, match="options are given, and flip beside them"):
         read_recording(path, given, flip=True)
     with pytest.raises(TypeError, match="flop"):

@@ -103,12 +103,12 @@ def test_an_excerpt_states_what_it_holds():
     straight, flipped = read_recording(path), read_recording(path, flip=True)
     assert (straight.position == -flipped.position).all()
     assert (straight.force == flipped.force).all()
-    found = inspect_recording(path)
-    assert found.stated.startswith("an excerpt of tue/b-foam, which needs no map")
+    result = inspect_recording(path)
+    assert result.stated.startswith("an excerpt of tue/b-foam, which needs no map")
     columns = {"time": "s", "position": "m", "force": "N", "logged_force": "N", "leader_position": "m"}
-    assert {column.name: column.unit for column in found.columns} == columns
-    assert found.rate == pytest.approx(2000.0)
-    assert DATASETS["tue/b-foam"].sha256 in found.notes[0]
+    assert {column.name: column.unit for column in result.columns} == columns
+    assert result.rate == pytest.approx(2000.0)
+    assert DATASETS["tue/b-foam"].sha256 in result.notes[0]
     with pytest.raises(RecordingError, match="states its own units: leave --position-unit"):
         read_recording(path, position_unit="mm")
     with pytest.raises(RecordingError, match="aurora/400-mN has one force alone: leave --force-channel out"):
@@ -156,10 +156,10 @@ def test_excerpt_and_original_give_the_same_figures(original, name):
     def figures(path):
         recording = read_recording(path)
         learner = Learner(make_estimator("contact-map", "bank"), contact_floor=recording.contact_floor)
-        found = forces_under_delay(recording, learner, delay)
+        result = forces_under_delay(recording, learner, delay)
         scores = score_prediction(
-            found.time, found.measured, found.predicted, found.delayed, contact_floor=found.contact_floor,
-            position=found.position, skipped=found.skipped, **window,
+            result.time, result.measured, result.predicted, result.delayed, contact_floor=result.contact_floor,
+            position=result.position, skipped=result.skipped, **window,
         )  # fmt: skip
         return scores.status, scores.prediction_error_percent, scores.delayed_force_error_percent
 
@@ -194,10 +194,10 @@ def test_what_was_counted_comes_back_bit_by_bit(tmp_path_factory, counts):
     units = ABOUT.counts_per_unit
     columns = {name: counts[row] * (1.0 / units[name]) for row, name in enumerate(units)}
     write_excerpt(path, ABOUT, columns)
-    about, found = read_excerpt(path)
+    about, result = read_excerpt(path)
     assert about == ABOUT
     for name, column in columns.items():
-        np.testing.assert_array_equal(found[name], column)
+        np.testing.assert_array_equal(result[name], column)
 
 
 @given(arrays(np.float64, 20, elements=st.floats(-5.0, 5.0)))

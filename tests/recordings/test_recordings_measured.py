@@ -111,8 +111,8 @@ def test_a_damaged_mat_file_gives_one_line(tue, tmp_path):
 def test_a_mat_file_of_something_else_is_refused(tmp_path, content, problem):
     path = tmp_path / "other.mat"
     savemat(path, content)
-    for read, said in ((read_recording, problem), (read_leader_motion, "no TU/e teleoperation recording")):
-        with pytest.raises(RecordingError, match=said):
+    for read, output in ((read_recording, problem), (read_leader_motion, "no TU/e teleoperation recording")):
+        with pytest.raises(RecordingError, match=output):
             read(path)
 
 

@@ -79,16 +79,16 @@ def check_a_cut(content, length, folder):
         assert path.read_bytes() == content[:length]
         return 0
     assert before.counts["truncated"] == 1
-    found = repair_session(path)
+    result = repair_session(path)
     after = read_session(path)
     assert is_whole(path)
-    assert not found.was_whole
-    assert found.damaged_blocks == 0
-    assert found.messages == by_topic(path)
+    assert not result.was_whole
+    assert result.damaged_blocks == 0
+    assert result.messages == by_topic(path)
     assert after.follower.tobytes() == before.follower.tobytes()
     assert after.leader.tobytes() == before.leader.tobytes()
     assert [model.sequence for model in after.models] == [model.sequence for model in before.models]
-    assert found.bytes_kept + found.bytes_cut <= length
+    assert result.bytes_kept + result.bytes_cut <= length
     assert repair_session(path).was_whole
     assert [entry.name for entry in folder.iterdir()] == [path.name]
     return after.follower.size
@@ -121,8 +121,8 @@ def test_a_whole_file_stays_as_it_is_and_its_copy_is_the_same(session, tmp_path)
 def test_a_file_of_which_only_the_index_is_missing_has_all_its_counters(session, tmp_path):
     path = tmp_path / "session.mcap"
     path.write_bytes(session[:-20])
-    found = repair_session(path)
-    assert (found.was_whole, found.bytes_cut) == (False, 0)
+    result = repair_session(path)
+    assert (result.was_whole, result.bytes_cut) == (False, 0)
     assert path.read_bytes() == session
     assert read_session(path).counts == {"late": 1}
 
@@ -139,12 +139,12 @@ def test_a_damaged_block_is_left_out_and_the_others_stay(session, tmp_path):
         path.write_bytes(changed)
         with pytest.raises(RecordingError, match=r"is damaged: .*; `foretouch recordings repair` keeps the others"):
             read_session(path)
-        found = repair_session(path, mended)
+        result = repair_session(path, mended)
         log = read_session(mended)
-        assert found.damaged_blocks == 1
-        assert found.messages == by_topic(mended)
+        assert result.damaged_blocks == 1
+        assert result.messages == by_topic(mended)
         assert 30 < log.follower.size <= 60
-        assert sum(found.messages.values()) < total
+        assert sum(result.messages.values()) < total
         assert "truncated" not in log.counts
         assert path.read_bytes() == changed
 
@@ -158,15 +158,15 @@ def test_bytes_that_changed_give_one_line_or_a_whole_file(session, tmp_path_fact
     for place, value in changes:
         changed[place % len(changed)] = value
     path.write_bytes(changed)
-    said, found = "", None
+    output, result = "", None
     try:
-        found = repair_session(path)
+        result = repair_session(path)
     except RecordingError as error:
-        said = str(error)
-    assert "\n" not in said
-    if found is None:
+        output = str(error)
+    assert "\n" not in output
+    if result is None:
         return
-    if not found.was_whole:
+    if not result.was_whole:
         by_topic(path)
         assert is_whole(path)
     read_session(path)
@@ -208,8 +208,8 @@ def test_no_room_for_the_mended_file_leaves_the_cut_one(tmp_path):
     made.write_session(path, 2000)
     content = path.read_bytes()[:-3000]
     path.write_bytes(content)
-    said = limited(100_000, "repair_session(sys.argv[1])", path)
-    assert said == f"RecordingError {path}: cannot be written: File too large\n"
+    output = limited(100_000, "repair_session(sys.argv[1])", path)
+    assert output == f"RecordingError {path}: cannot be written: File too large\n"
     assert path.read_bytes() == content
     assert list(tmp_path.iterdir()) == [path]
 
@@ -220,8 +220,8 @@ def test_no_room_for_the_mended_file_leaves_the_cut_one(tmp_path):
 @pytest.mark.parametrize("limit", [50_000, 100_001, pytest.param(200_000, marks=pytest.mark.long)])
 def test_a_full_disk_leaves_a_whole_file(tmp_path, limit):
     path = tmp_path / "session.mcap"
-    said = limited(limit, "write_session(sys.argv[1], 2000)", path)
-    assert said == f"RecordingError {path}: cannot be written: File too large\n"
+    output = limited(limit, "write_session(sys.argv[1], 2000)", path)
+    assert output == f"RecordingError {path}: cannot be written: File too large\n"
     log = read_session(path)
     assert log.counts == {"truncated": 1}
     expected = [made.telemetry(tick).time_ns for tick in range(1, 2001)]
@@ -241,13 +241,13 @@ def test_the_command_says_what_was_cut_and_what_there_is(session, tmp_path):
     path.write_bytes(session[: len(session) // 2])
     result = CliRunner().invoke(app, ["recordings", "repair", str(path), "--output", str(mended), "--json"])
     assert result.exit_code == 0
-    found = json.loads(result.stdout)
-    assert found["path"] == str(mended)
-    assert found["bytes_cut"] > 0
-    assert found["messages"] == by_topic(mended)
+    matches = json.loads(result.stdout)
+    assert matches["path"] == str(mended)
+    assert matches["bytes_cut"] > 0
+    assert matches["messages"] == by_topic(mended)
     text = CliRunner().invoke(app, ["recordings", "repair", str(path)]).stdout
-    assert f"{path}: {found['bytes_cut']} bytes cut behind the last whole block; no block was damaged" in text
-    assert f"{path}: holds {found['duration']:.3f} s in " in text
+    assert f"{path}: {matches['bytes_cut']} bytes cut behind the last whole block; no block was damaged" in text
+    assert f"{path}: holds {matches['duration']:.3f} s in " in text
     assert f"{path}: is whole\n" in CliRunner().invoke(app, ["recordings", "repair", str(path)]).stdout
 
 

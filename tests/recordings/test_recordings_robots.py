@@ -70,8 +70,8 @@ def test_a_unit_that_is_given_is_heard_whichever_it_is(tmp_path: Path) -> None:
         read_recording(path)
     for unit, size in (("N", 1.0), ("mN", 1e-3), ("kN", 1e3)):
         with pytest.warns(UserWarning, match="columns guessed"):
-            found = read_recording(path, force_unit=unit)
-        np.testing.assert_allclose(found.force, FORCE * size, atol=1e-8 * size)
+            matches = read_recording(path, force_unit=unit)
+        np.testing.assert_allclose(matches.force, FORCE * size, atol=1e-8 * size)
     with pytest.raises(RecordingError, match="the position z_mm is in mm: leave --position-unit out"):
         read_recording(path, position_unit="m", force_unit="N")
     result = CliRunner().invoke(

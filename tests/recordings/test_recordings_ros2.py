@@ -49,19 +49,19 @@ def filled(kind, **fields):
 
 
 def by_mcap_ros2(path):
-    found = defaultdict(list)
+    result = defaultdict(list)
     with path.open("rb") as file:
         for _, channel, _, message in make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages():
-            found[channel.topic].append(message)
-    return found
+            result[channel.topic].append(message)
+    return result
 
 
 def by_rosbags(path):
-    found = defaultdict(list)
+    result = defaultdict(list)
     with AnyReader([path]) as reader:
         for connection, _, raw in reader.messages():
-            found[connection.topic].append(reader.deserialize(raw, connection.msgtype))
-    return found
+            result[connection.topic].append(reader.deserialize(raw, connection.msgtype))
+    return result
 
 
 READERS = pytest.mark.parametrize("read", [by_mcap_ros2, by_rosbags])
@@ -95,24 +95,24 @@ def test_the_numbers_stand_in_an_array_of_a_standard_type(session, read):
 
 @READERS
 def test_standard_types_carry_the_numbers_of_the_messages(session, read):
-    found = read(session)
+    result = read(session)
     told = [message for message, _ in made.session(30) if type(message) is Telemetry]
-    for joints, force, message in zip(found["/follower/joint_states"], found["/follower/wrench"], told, strict=True):
+    for joints, force, message in zip(result["/follower/joint_states"], result["/follower/wrench"], told, strict=True):
         assert bits([*joints.position, *joints.velocity, *joints.effort]) == bits(
             [message.position, message.velocity, message.force]
         )
         assert bits([force.wrench.force.z]) == bits([message.force])
         assert joints.header.stamp.sec * 10**9 + joints.header.stamp.nanosec == message.time_ns
-    *along, probe = found["/follower/probe"]
+    *along, probe = result["/follower/probe"]
     drawn = [message for message in told if message.sequence % POSE_EVERY == 0]
     assert bits(pose.pose.position.z for pose in along) == bits(-message.position for message in drawn)
     assert all((pose.pose.orientation.w, pose.header.frame_id) == (1.0, "world") for pose in along)
     assert len(drawn) == 3
     assert bits([probe.pose.position.x, probe.pose.position.y, probe.pose.position.z]) == bits([0.1, -0.2, 1 / 3])
-    (fixture,) = found["/camera/fixture/pose"]
+    (fixture,) = result["/camera/fixture/pose"]
     turn = fixture.pose.orientation
     np.testing.assert_allclose([turn.x, turn.y, turn.z, turn.w], [0, 0, math.sqrt(0.5), math.sqrt(0.5)], atol=1e-15)
-    (image,) = found["/camera/image/compressed"]
+    (image,) = result["/camera/image/compressed"]
     assert (image.format, bytes(image.data)) == ("jpeg", JPEG)
 
 

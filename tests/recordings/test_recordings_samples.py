@@ -28,11 +28,11 @@ def write(path: Path, ticks: int = 900, force: float = 1.0) -> None:
     with SessionWriter(path) as writer:
         for tick in range(1, ticks + 1):
             run, epoch = (11, 7) if tick < 300 else (12, 8)
-            said = {"run": run, "epoch": epoch, "time_ns": tick * 1_000_000}
-            writer.write(msgspec.structs.replace(leader_state(tick), **said), tick)
+            output = {"run": run, "epoch": epoch, "time_ns": tick * 1_000_000}
+            writer.write(msgspec.structs.replace(leader_state(tick), **output), tick)
             fault = {350: 3, 351: 3, 352: 1}.get(tick, 0)
             measured = {"position": 1e-5 * tick, "sensor_force": force * tick, "validity": fault}
-            writer.write(msgspec.structs.replace(telemetry(tick), **said, **measured), tick)
+            writer.write(msgspec.structs.replace(telemetry(tick), **output, **measured), tick)
             if tick % 130 == 0:
                 writer.flush()
 

@@ -84,8 +84,8 @@ def test_processes_news_and_emergency_stops_read_back(tmp_path):
             for tick in range(1, ticks + 1 + process):
                 record = msgspec.structs.replace(made.leader_state(tick), epoch=epoch, run=epoch + 1)
                 writer.write(record, begin + tick)
-                said = msgspec.structs.replace(made.telemetry(tick), epoch=epoch, run=epoch + 1, validity=tick % 7)
-                writer.write(said, begin + tick)
+                output = msgspec.structs.replace(made.telemetry(tick), epoch=epoch, run=epoch + 1, validity=tick % 7)
+                writer.write(output, begin + tick)
             writer.write(msgspec.structs.replace(made.model(1), epoch=epoch, run=epoch + 1), begin + ticks)
             writer.write(stop, begin + ticks)
     log = read_session(path)
@@ -235,14 +235,14 @@ def foreign(path, topic, type_name, schema):
 def test_other_mcap_files_are_refused(tmp_path):
     path = tmp_path / "other.mcap"
     state, model = TOPICS[Telemetry], TOPICS[ModelUpdate]
-    for topic, type_name, schema, said in (
+    for topic, type_name, schema, output in (
         ("/chatter", "std_msgs/msg/Int64", "int64 data\n", "holds no foretouch session; its topics: /chatter"),
         (state.name, state.type_name, "int64 version\n", "/follower/state has other fields than this version"),
         (state.name, state.type_name, state.layout.schema, r"/follower/state: a message is not \d+ bytes long"),
         (model.name, model.type_name, model.layout.schema, "/follower/model: not a ModelUpdate"),
     ):
         foreign(path, topic, type_name, schema)
-        with pytest.raises(RecordingError, match=said):
+        with pytest.raises(RecordingError, match=output):
             read_session(path)
     with pytest.raises(RecordingError, match="cannot be read: No such file"):
         read_session(tmp_path / "absent.mcap")

@@ -57,10 +57,13 @@ def session():
         yield LeaderSpace(VERSION, tick, now + 7, *odd(tick, 29), 2**53 + 1), now
         if tick % 30 == 0:
             pose = (0.1 * np.sin(tick), -0.02, 0.3, 0.002 * tick, -1.1, 0.0)
-            found = pose if tick % 60 else ()
-            spread = tuple(odd(tick, 36)) if found else ()
-            reason = "" if found else "no board: ü"
-            yield CameraImage(VERSION, tick // 30, now, tick, picture(tick), found, spread, 4, reason, (1.0,) * 15), now
+            result = pose if tick % 60 else ()
+            spread = tuple(odd(tick, 36)) if result else ()
+            reason = "" if result else "no board: ü"
+            yield (
+                CameraImage(VERSION, tick // 30, now, tick, picture(tick), result, spread, 4, reason, (1.0,) * 15),
+                now,
+            )
             told = (*pose[:5], 0.0), (1e-8,) * 36, float("inf"), tick, 2, 1, "seen"
             yield FixtureBelief(VERSION, tick // 30, now, *told), now
             yield FieldUpdate(VERSION, tick // 30, now, field.to_bytes(), 3), now
@@ -106,10 +109,10 @@ def test_a_file_that_was_cut_holds_what_was_flushed_and_is_mended(path):
     assert 0.4 * TICKS < cut.follower_space.size < 0.7 * TICKS
     assert cut.follower_space.tobytes() == log.follower_space[: cut.follower_space.size].tobytes()
     assert whole(cut.images) == whole(log.images[: len(cut.images)])
-    found = repair_session(path)
+    result = repair_session(path)
     mended = read_session(path)
-    assert found.messages["/follower/space"] == mended.follower_space.size == cut.follower_space.size
-    assert found.messages["/camera/image/compressed"] == sum(bool(image.jpeg) for image in mended.images)
+    assert result.messages["/follower/space"] == mended.follower_space.size == cut.follower_space.size
+    assert result.messages["/camera/image/compressed"] == sum(bool(image.jpeg) for image in mended.images)
     assert mended.leader_space.tobytes() == cut.leader_space.tobytes()
     assert whole(mended.beliefs) == whole(cut.beliefs)
 

@@ -107,11 +107,11 @@ def write_hdf5(path, **options):
 @pytest.mark.parametrize("suffix", [".h5", ".hdf5"])
 def test_hdf5_with_units_needs_no_map(tmp_path, suffix):
     path = write_hdf5(tmp_path / f"press{suffix}")
-    found = {column.name: (column.count, column.unit) for column in inspect_recording(path).columns}
-    assert found["run/position"] == (TIME.size, "mm")
-    assert found["run/wrench[2]"] == (TIME.size, "")
-    assert "table.z" in found
-    assert "run/title" not in found
+    result = {column.name: (column.count, column.unit) for column in inspect_recording(path).columns}
+    assert result["run/position"] == (TIME.size, "mm")
+    assert result["run/wrench[2]"] == (TIME.size, "")
+    assert "table.z" in result
+    assert "run/title" not in result
     assert_press(read_recording(path))
 
 
@@ -122,8 +122,8 @@ def test_hdf5_by_a_map(tmp_path, map_file):
     assert "column t, run/forces missing; the columns are" in refused(path, map_file=map_file("table.z", "run/forces"))
     with h5py.File(path, "a") as file:
         file["run/short"] = FORCE[:-1]
-    said = refused(path, map_file=map_file("table.z", "run/short", 'column = "run/time"'))
-    assert "columns of unequal length: run/time 200, table.z 200, run/short 199" in said
+    output = refused(path, map_file=map_file("table.z", "run/short", 'column = "run/time"'))
+    assert "columns of unequal length: run/time 200, table.z 200, run/short 199" in output
     content = path.read_bytes()
     path.write_bytes(content[: len(content) // 2])
     assert "is no HDF5 file that can be read" in refused(path)
@@ -169,9 +169,9 @@ def test_matlab_7_3_is_read_as_hdf5(tmp_path):
     head = b"MATLAB 7.3 MAT-file, Platform: GLNXA64"
     content[:128] = head.ljust(116) + bytes(8) + b"\x00\x02IM"
     path.write_bytes(content)
-    found = inspect_recording(path)
-    assert found.format == "MATLAB 7.3 (HDF5)"
-    assert [column.name for column in found.columns] == ["force_N", "position_mm", "time_s"]
+    result = inspect_recording(path)
+    assert result.format == "MATLAB 7.3 (HDF5)"
+    assert [column.name for column in result.columns] == ["force_N", "position_mm", "time_s"]
     assert_press(read_recording(path))
 
 

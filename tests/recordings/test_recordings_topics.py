@@ -50,20 +50,22 @@ def test_a_slow_topic_is_not_taken_for_its_name(tmp_path, name):
     bag = write_bag(tmp_path / "bag", [*slow, *pressed()])
     read = read_with_notes(bag)
     assert 'topic = "/tool/pose"' in read.notes[0]
-    said = "position is /tool/pose pose.position.z (99.55 a second), for no other topic of such messages comes 20 times"
-    assert any(note.startswith(said) and note.endswith(f": not {name}") for note in read.notes)
-    found = inspect_recording(bag)
-    assert found.guess.position.topic == "/tool/pose"
-    assert not found.guess.open
-    assert f"# {said}" in found.guess.text()
+    output = (
+        "position is /tool/pose pose.position.z (99.55 a second), for no other topic of such messages comes 20 times"
+    )
+    assert any(note.startswith(output) and note.endswith(f": not {name}") for note in read.notes)
+    result = inspect_recording(bag)
+    assert result.guess.position.topic == "/tool/pose"
+    assert not result.guess.open
+    assert f"# {output}" in result.guess.text()
 
 
 @pytest.mark.parametrize("name", ["/object/pose", "/object/position", "/object/z"])
 def test_a_word_in_a_name_does_not_decide_between_two_as_fast(tmp_path, name):
     other = [(name, POSE, at, pose(at, z=0.4)) for at in times(60)]
-    said = refused(write_bag(tmp_path / "bag", [*other, *pressed()]))
-    assert f"several topics could be position: /tool/pose pose.position.z (99.55 a second), {name} pose" in said
-    assert "(59.53 a second)" in said
+    output = refused(write_bag(tmp_path / "bag", [*other, *pressed()]))
+    assert f"several topics could be position: /tool/pose pose.position.z (99.55 a second), {name} pose" in output
+    assert "(59.53 a second)" in output
 
 
 def test_a_letter_makes_no_number_a_position(tmp_path):
@@ -82,9 +84,9 @@ def test_rare_positions_are_no_guess_and_a_warning_by_a_map(tmp_path):
     bag = write_bag(
         tmp_path / "bag", [*forces, *(("/tool", POSE, at, pose(at, z=1e-12 * (at - BEGIN))) for at in times(5))]
     )
-    said = refused(bag)
-    assert "position /tool pose.position.z comes 4.5 times a second: one that comes less often than 20" in said
-    assert "--map" in said
+    output = refused(bag)
+    assert "position /tool pose.position.z comes 4.5 times a second: one that comes less often than 20" in output
+    assert "--map" in output
     mapped = tmp_path / "map.toml"
     mapped.write_text(
         MAP.replace("/joint_states", "/tool").replace(
@@ -110,12 +112,12 @@ def test_many_candidates_are_named_by_count_and_counted(tmp_path):
         for place in range(80)
         for tick in range(10 + place)
     ]
-    found = inspect_recording(write_bag(tmp_path / "bag", messages))
-    (said,) = [problem for problem in found.guess.open if "position" in problem]
+    result = inspect_recording(write_bag(tmp_path / "bag", messages))
+    (output,) = [problem for problem in result.guess.open if "position" in problem]
     first = [f"/part{place}/pose pose.position.z" for place in (79, 78, 77, 76, 75)]
-    assert re.findall(r"/part\S+ pose.position.z", said) == first
-    assert said.endswith("and 75 more")
-    text = found.guess.text()
+    assert re.findall(r"/part\S+ pose.position.z", output) == first
+    assert output.endswith("and 75 more")
+    text = result.guess.text()
     assert [line for line in text.splitlines() if "could be" in line][1:] == [
         f"# position could be {one}" for one in first
     ]
@@ -130,8 +132,8 @@ def test_a_bag_is_opened_once_and_closed_with_its_source(tmp_path, plugin, monke
     for name in ("open", "close"):
         real = getattr(Reader, name)
         monkeypatch.setattr(Reader, name, lambda self, name=name, real=real: (done.append(name), real(self))[1])
-    found = inspect_recording(bag, "/tool/pose")
-    assert [column.name for column in found.columns][-1] == "pose.orientation.w"
+    result = inspect_recording(bag, "/tool/pose")
+    assert [column.name for column in result.columns][-1] == "pose.orientation.w"
     assert done == ["open", "close"]
 
 
@@ -252,17 +254,17 @@ def test_aligned_in_one_topic_and_without_stamps(tmp_path):
 def test_the_fields_of_a_topic_have_their_range(tmp_path, monkeypatch):
     forces = press(0.5)[2]
     bag = write_bag(tmp_path / "bag", pressed(0.5))
-    found = inspect_recording(bag, "/ft/wrench")
-    by_name = {column.name: column for column in found.columns}
+    result = inspect_recording(bag, "/ft/wrench")
+    by_name = {column.name: column for column in result.columns}
     along = by_name["wrench.force.z"]
     assert (along.example, along.smallest, along.largest) == (forces[0], forces.min(), forces.max())
     assert (by_name["wrench.torque.x"].smallest, by_name["wrench.torque.x"].largest) == (0.0, 0.0)
     assert by_name["header.stamp.nanosec"].largest == 499_000_000.0
-    assert not any("first" in note for note in found.notes)
+    assert not any("first" in note for note in result.notes)
     monkeypatch.setattr(inspection, "LONG_LOOK", 10_000)
     short = inspect_recording(bag, "/ft/wrench")
-    (said,) = [note for note in short.notes if "smallest and largest are those of the first" in note]
-    looked_at = int(re.search(r"first (\d+) messages", said)[1])
+    (output,) = [note for note in short.notes if "smallest and largest are those of the first" in note]
+    looked_at = int(re.search(r"first (\d+) messages", output)[1])
     assert 50 < looked_at < 500
     largest = next(column.largest for column in short.columns if column.name == "wrench.force.z")
     assert largest == forces[:looked_at].max()

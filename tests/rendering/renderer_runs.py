@@ -237,7 +237,7 @@ def fork(renderer: Renderer) -> Renderer:
     twin.account = hold(renderer.account, renderer.account.records.copy())
     predictor = twin.predictor
     predictor._motion, predictor._states = copy.copy(predictor._motion), predictor._states.copy()
-    predictor._places, predictor._periods = predictor._places.copy(), predictor._periods.copy()
+    predictor._positions, predictor._periods = predictor._positions.copy(), predictor._periods.copy()
     predictor._waiting = predictor._newest = None
     return twin
 

@@ -1,4 +1,4 @@
-"""What a device carries, against the theorem itself, and what models say of their slopes and of the way out."""
+"""What a device carries, against the theorem itself, and what models say of slopes and of the work to leave contact."""
 
 from __future__ import annotations
 

@@ -82,10 +82,10 @@ def test_without_history_it_is_the_signed_distance_that_trimesh_finds(name: str)
     inside = trimesh.proximity.signed_distance(mesh, 1000.0 * points) > 0.0
     if name == "room":  # trimesh counts what is within the walls by rays, whichever way they face
         inside = np.abs(points).max(axis=1) > 0.05
-    found = [surface.contact(point) for point in points]
-    np.testing.assert_allclose([c.depth for c in found], np.where(inside, distance, -distance), atol=1e-12)
+    result = [surface.contact(point) for point in points]
+    np.testing.assert_allclose([c.depth for c in result], np.where(inside, distance, -distance), atol=1e-12)
     np.testing.assert_allclose(
-        np.linalg.norm(np.array([c.point for c in found]) - points, axis=1),
+        np.linalg.norm(np.array([c.point for c in result]) - points, axis=1),
         np.linalg.norm(near - points, axis=1),
         atol=1e-12,
     )

@@ -23,8 +23,8 @@ def test_its_attributes_are_the_figures(log: foretouch.SessionLog) -> None:
     assert report.to_dict() == figures
     assert report == session_report(log)
     for name, value in figures.items():
-        found = getattr(report, name)
-        assert (found.to_dict() if isinstance(found, Figures) else found) == value
+        result = getattr(report, name)
+        assert (result.to_dict() if isinstance(result, Figures) else result) == value
     assert report.timing.leader.period_ms.p50 == figures["timing"]["leader"]["period_ms"]["p50"]
     assert report.settings["material"] == figures["settings"]["material"]
     assert str(report) == render_text(figures)

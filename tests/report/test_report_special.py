@@ -105,9 +105,9 @@ def test_it_is_handled_and_described(folder: Path, tmp_path: Path, name: str) ->
     content: dict[str, Any] = json.loads(result.stdout, parse_constant=lambda text: pytest.fail(text))
     status, beginnings = EXPECTED[name]
     assert content["status"] == status
-    said = content["remarks"]
-    assert len(said) == len(beginnings), said
-    for sentence, beginning in zip(said, beginnings, strict=False):
+    output = content["remarks"]
+    assert len(output) == len(beginnings), output
+    for sentence, beginning in zip(output, beginnings, strict=False):
         assert sentence.startswith(beginning)
     with forces.open() as rows:
         predicted = [float(row["predicted_force_N"]) for row in csv.DictReader(rows)]
@@ -164,9 +164,9 @@ def test_measured_presses_are_nothing_special_but_for_what_is_known_of_them(meas
 
 @pytest.mark.parametrize("name", ["once", "two"])
 def test_a_recording_that_ends_before_scoring_begins_is_said_to(folder: Path, tmp_path: Path, name: str) -> None:
-    said = run(folder / f"{name}.csv", "--score-from", 100, "--report", tmp_path).stdout
+    output = run(folder / f"{name}.csv", "--score-from", 100, "--report", tmp_path).stdout
     page = (tmp_path / "index.html").read_text()
-    for text in (said, page):
+    for text in (output, page):
         assert "nothing_to_score: the recording ends after" in text
         assert "before --score-from 100." in text
         assert "guarded" not in text

@@ -52,7 +52,7 @@ def section(name: str) -> Section:
 
 def printed_equations(pressed: Press, *, before: bool = False, reset: bool = False, unit: float = 1.0) -> Array:
     """(20) as matrices, depth in units of `unit` [m]; (ln k, s, b1, b2) in metres at each sample, shape (m, 4)."""
-    theta, covariance, found = np.zeros(4), 1e6 * np.eye(4), []
+    theta, covariance, result = np.zeros(4), 1e6 * np.eye(4), []
     last = pressed.depth[0]
     for x, v, force in zip(pressed.depth, pressed.velocity, pressed.force, strict=True):
         phi = np.array([1.0, math.log(x / unit), v / unit, v / x])
@@ -69,8 +69,8 @@ def printed_equations(pressed: Press, *, before: bool = False, reset: bool = Fal
         if not before:
             covariance = enlarged if reset and enlarged.any() else covariance + enlarged
         ln_k, s, b1, b2 = theta
-        found.append([ln_k - s * math.log(unit), s, b1 / unit, b2])
-    return np.array(found)
+        result.append([ln_k - s * math.log(unit), s, b1 / unit, b2])
+    return np.array(result)
 
 
 # Presses
@@ -333,11 +333,11 @@ def test_every_claim_has_its_verdict_from_its_choice() -> None:
 
 
 def test_best_of_prefers_few_departures() -> None:
-    found = Search([PRINTED, Choice(covariance=1e8), Choice(covariance=1e8, initial=100.0), Choice(moment="before")])
-    assert found.choices[best_of(found, "kvm k, s")] == Choice(covariance=1e8)
-    assert found.choices[best_of(found, "kvm b1")] == PRINTED
-    assert found.choices[best_of(found, "step 1")] == Choice(moment="before")
-    assert found.held[0] == 2
+    result = Search([PRINTED, Choice(covariance=1e8), Choice(covariance=1e8, initial=100.0), Choice(moment="before")])
+    assert result.choices[best_of(result, "kvm k, s")] == Choice(covariance=1e8)
+    assert result.choices[best_of(result, "kvm b1")] == PRINTED
+    assert result.choices[best_of(result, "step 1")] == Choice(moment="before")
+    assert result.held[0] == 2
 
 
 def test_recovery_takes_metres_and_enlargement_before_the_gain() -> None:
@@ -349,11 +349,11 @@ def test_recovery_takes_metres_and_enlargement_before_the_gain() -> None:
 
 @pytest.mark.long
 def test_search_finds_what_is_stated() -> None:
-    found = Search(list(combinations()))
+    result = Search(list(combinations()))
     for name in QUESTIONS:
-        best = found.choices[best_of(found, name)]
+        best = result.choices[best_of(result, name)]
         assert best == BEST.get(name, NEAREST.get(name, PRINTED)), name
-    assert found.held.max() == 9
+    assert result.held.max() == 9
 
 
 # Arguments
@@ -409,7 +409,7 @@ def test_measured_press_is_what_sensors_see() -> None:
 
 def test_walk_predicts_with_what_was_known() -> None:
     pressed = press("kelvin-voigt", period=0.01)
-    found = walk(FPRLS(), pressed)
+    result = walk(FPRLS(), pressed)
     estimator = FPRLS()
     for sample in pressed.samples[:1001]:
         estimator.update(sample)
@@ -421,10 +421,10 @@ def test_walk_predicts_with_what_was_known() -> None:
         + model.s * math.log(pressed.depth[at])
         + (model.b1 + model.b2 / pressed.depth[at]) * pressed.velocity[at]
     )
-    assert found.ahead_error[100] == pytest.approx(force - pressed.true_force[at], abs=1e-9)
-    assert found.k[100] == pytest.approx(math.exp(model.ln_k))
-    assert np.isnan(found.ahead_error[-1])
-    assert np.isnan(found.k[0])
+    assert result.ahead_error[100] == pytest.approx(force - pressed.true_force[at], abs=1e-9)
+    assert result.k[100] == pytest.approx(math.exp(model.ln_k))
+    assert np.isnan(result.ahead_error[-1])
+    assert np.isnan(result.k[0])
 
 
 def test_what_breaks_at_the_surface_is_the_perturbation_and_gates_mend_it() -> None:

@@ -189,8 +189,8 @@ def test_when_something_settles() -> None:
 def test_the_period_of_a_sawtooth_is_found_over_a_drift(period: float) -> None:
     time = 0.01 * np.arange(1200)
     values = 8.0 + 0.2 * time - 0.01 * time**2 + (time % period) / period
-    found, share = swing(course(values, values), 2.5)
-    assert found == pytest.approx(period, rel=0.03)
+    result, share = swing(course(values, values), 2.5)
+    assert result == pytest.approx(period, rel=0.03)
     assert 0.5 < share < 0.9  # a sawtooth is no sine
     assert swing(course(np.ones(1200)), 2.5)[1] == 0.0
 
@@ -270,10 +270,10 @@ def test_the_verdicts(name: str) -> None:
     section = make_section(name)
     verdicts = {claim.claim: claim.verdict for claim in section.claims}
     if name == "fig10":
-        found = list(verdicts.values())
+        result = list(verdicts.values())
         # Local stiffness in compression and restitution: 612 and 611 N/m as printed, so either verdict is one of noise.
-        assert found.pop(4) in ("holds", "holds under stated choice")
-        assert found == [
+        assert result.pop(4) in ("holds", "holds under stated choice")
+        assert result == [
             "holds under stated choice",
             "does not hold",
             "holds under stated choice",

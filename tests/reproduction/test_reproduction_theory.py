@@ -38,9 +38,9 @@ section = cache(make_section)
 
 def claim(name: str, words: str) -> Claim:
     """The one claim of a section with some words in it."""
-    found = [claim for claim in section(name).claims if words in claim.claim]
-    assert len(found) == 1
-    return found[0]
+    result = [claim for claim in section(name).claims if words in claim.claim]
+    assert len(result) == 1
+    return result[0]
 
 
 def column(name: str, table: str, key: str) -> np.ndarray:
@@ -143,9 +143,9 @@ def test_kelvin_voigt_impact_is_the_damped_oscillator() -> None:
     assert column("fig2", "printed", "time_s")[-1] == pytest.approx(end, rel=1e-8)
     assert column("fig2", "printed", "velocity_m_s")[-1] == pytest.approx(-rebound, rel=1e-7)
     energies = [0.5 * MASS * SPEED**2, -0.5 * MASS * fastest**2, 0.5 * MASS * (fastest**2 - rebound**2)]
-    said = claim("fig2", "negative force").measured
+    output = claim("fig2", "negative force").measured
     for number, energy in enumerate(energies, 1):
-        assert f"H{number} = {1e3 * energy:.2f}" in said
+        assert f"H{number} = {1e3 * energy:.2f}" in output
     assert energies[2] > 0.0
     assert column("fig2", "rendered", "force_N").min() == 0.0
     assert claim("fig2", "square").verdict == "holds"
@@ -205,8 +205,8 @@ def test_low_damping_ends_where_the_integral_of_hunt_crossley_says() -> None:
 def test_the_share_that_kelvin_voigt_loses_knows_no_speed() -> None:
     _, _, fastest = damped_oscillator()  # held at zero from there on, the force lets the mass go at that speed
     share = 100.0 * (1.0 - (fastest / SPEED) ** 2)
-    said = claim("fig4", "Due to low impact speed").measured.split("; ")[-1]
-    assert said.startswith(", ".join(3 * [f"{share:.3g} %"]))
+    output = claim("fig4", "Due to low impact speed").measured.split("; ")[-1]
+    assert output.startswith(", ".join(3 * [f"{share:.3g} %"]))
 
 
 @pytest.mark.parametrize("name", list(STEP_LAWS))
@@ -290,10 +290,10 @@ def test_the_bound_of_phi() -> None:
     for alpha, depth in ((0.0, 0.020), (0.3, 0.020), (0.5, 0.005)):
         assert phi_range(alpha, depth, 0.1) == pytest.approx((release * depth**alpha, into * depth**alpha), rel=1e-6)
     assert claim("fig5", "for Hunt-Crossley").verdict == "holds under stated choice"
-    said = claim("fig5", "continuous switching law of Table 1")
-    assert said.verdict == "does not hold"
+    output = claim("fig5", "continuous switching law of Table 1")
+    assert output.verdict == "does not hold"
     for alpha in TABLE_1:
-        assert f"beyond {1e3 * (0.1 / -release) ** (1.0 / alpha):.0f} mm" in said.measured
+        assert f"beyond {1e3 * (0.1 / -release) ** (1.0 / alpha):.0f} mm" in output.measured
 
 
 def test_17_does_not_care_whether_depth_is_small() -> None:

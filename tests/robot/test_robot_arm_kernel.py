@@ -45,9 +45,9 @@ def test_compiled_and_interpreted_are_equal() -> None:
         check=True,
         timeout=120,
     )
-    said = [shown(seed) for seed in range(2)]
-    assert done.stdout.strip() == repr(said)  # the types too: what is sent is of Python's own
-    rows = [row for run in said for row in run]
+    output = [shown(seed) for seed in range(2)]
+    assert done.stdout.strip() == repr(output)  # the types too: what is sent is of Python's own
+    rows = [row for run in output for row in run]
     assert {row[-2] for row in rows} == {True, False}  # the force limit has cut, and has not
     assert max(row[3] for row in rows) > 10.0
 

@@ -36,9 +36,9 @@ def test_a_known_law_is_found_again() -> None:
     made = Recording(time, position, np.zeros_like(time))
     times, force = replay(law, made, 0.02)
     recording = Recording(times, np.interp(times + 1e-3, time, position), force + 3.0, contact_floor=0.3)
-    (found,) = fit_foam([recording], provenance="made").files
-    assert found.residual_percent < 3.0
-    assert found.force_offset == pytest.approx(3.0, abs=0.15)
+    (result,) = fit_foam([recording], provenance="made").files
+    assert result.residual_percent < 3.0
+    assert result.force_offset == pytest.approx(3.0, abs=0.15)
 
 
 def test_bad_recordings_are_refused() -> None:

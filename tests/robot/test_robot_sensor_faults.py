@@ -76,14 +76,14 @@ def test_the_watch_finds_each_fault_in_time(kind: str) -> None:
     state, longest = EXPECTED[kind]
     began = None
     for tick, sample in enumerate(run(robot, 800, still=True), 1):
-        found = watch.update(
+        result = watch.update(
             tick * 1e-3, sample.position, sample.sensor_force, specification.tool_force(sample.acceleration)
         )
         if tick * 1e-3 < BEGIN - 1e-9:
-            assert found is SensorState.GOOD
+            assert result is SensorState.GOOD
             continue
         began = tick if began is None else began
-        if found is state:
+        if result is state:
             assert (tick - began) * 1e-3 <= longest + 1e-9
             return
     pytest.fail(f"{kind} was not found")

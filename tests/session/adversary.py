@@ -59,10 +59,10 @@ class Attack(Commanded):
         self.telemetry = None
 
     def tick(self, position: float | None, *, stop: str = "", release: bool = False) -> None:
-        said = super().tick(position, stop=stop, release=release)
-        self.telemetry = said.telemetry
-        if said.model is not None:
-            self.acknowledged = said.model.sequence
+        output = super().tick(position, stop=stop, release=release)
+        self.telemetry = output.telemetry
+        if output.model is not None:
+            self.acknowledged = output.model.sequence
         if self.telemetry.in_contact and not self.was_touching:
             self.felt_at = self.telemetry.position
         self.was_touching = self.telemetry.in_contact

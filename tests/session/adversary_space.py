@@ -82,7 +82,7 @@ class SpaceAttack(CommandedInSpace):
             number + self.numbers.gauss(0.0, size) for number, size in zip(self.sample.fixture, deviation, strict=True)
         )
         counts = (0.0, self.beliefs, 0, 0)
-        said = FixtureBelief(
+        output = FixtureBelief(
             VERSION,
             self.beliefs,
             (self.ticks + 1) * MS,
@@ -92,7 +92,7 @@ class SpaceAttack(CommandedInSpace):
             "seen",
             run=1,
         )
-        return [said]
+        return [output]
 
     def touched(self) -> list[FixtureBelief]:
         """What the tracker has made of the follower's ticks, every 5 of them."""

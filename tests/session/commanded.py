@@ -114,8 +114,8 @@ class CommandedInSpace:
         now = self.ticks * MS
         commands = []
         if place is not None:
-            said = (self.sequence, now, 0.0, 0, False, "test", 1)
-            commands = [Command(VERSION, *said, place=place, telemetry_sequence=self.state.inner.tick, run=1)]
+            output = (self.sequence, now, 0.0, 0, False, "test", 1)
+            commands = [Command(VERSION, *output, place=place, telemetry_sequence=self.state.inner.tick, run=1)]
         inputs = follower.Inputs(commands, self.seen(self.sample), MS, 0, beliefs=list(beliefs), **asked)
         self.state, acted = space_follower.step(self.state, inputs, now)
         self.path.append(acted.desired)

@@ -94,7 +94,7 @@ def garbage(fire: Fire) -> Outcome:
     """Strangers say what is no message, half a message, or one of another version, a thousand times a second."""
     chance = random.Random(1)
     words = [msgspec.structs.replace(sample(name), version=VERSION + 1) for name in CHANNELS]
-    said: list[tuple[str, bytes]] = [
+    output: list[tuple[str, bytes]] = [
         *((name, encode(word)) for name, word in zip(CHANNELS, words, strict=True)),
         *((name, encode(sample(name))[:-1]) for name in CHANNELS),
         *((name, chance.randbytes(chance.randrange(200))) for name in CHANNELS),
@@ -106,7 +106,7 @@ def garbage(fire: Fire) -> Outcome:
             with intruder(connect=endpoint) as session:
                 end = time.monotonic() + NOISE
                 while time.monotonic() < end:
-                    name, content = chance.choice(said)
+                    name, content = chance.choice(output)
                     session.put(f"foretouch/{name}", content)
                     time.sleep(1e-3)
 

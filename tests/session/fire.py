@@ -152,9 +152,9 @@ class Fire:
     def start(self, role: str) -> None:
         """Start a process; what it says is appended to a file of its name."""
         command = [sys.executable, "-m", "foretouch", role, *self._arguments[role]]
-        with self.said_file(role).open("ab") as said:
+        with self.said_file(role).open("ab") as output:
             self.processes[role] = subprocess.Popen(
-                command, stdin=subprocess.DEVNULL, stdout=said, stderr=said, env=self._environment
+                command, stdin=subprocess.DEVNULL, stdout=output, stderr=output, env=self._environment
             )
 
     def said_file(self, role: str) -> Path:
@@ -185,9 +185,9 @@ class Fire:
             time.sleep(0.01)
 
     def state(self) -> str:
-        said = [repr(self.watcher.telemetry), repr(self.watcher.leader)]
+        output = [repr(self.watcher.telemetry), repr(self.watcher.leader)]
         now = [f"now {time.monotonic_ns()}"]
-        return "\n".join([*now, *said, *(f"{role}: {self.said(role)[-2000:]}" for role in self.processes)])
+        return "\n".join([*now, *output, *(f"{role}: {self.said(role)[-2000:]}" for role in self.processes)])
 
     def together(self) -> bool:
         telemetry, leader = self.watcher.telemetry, self.watcher.leader
@@ -238,10 +238,10 @@ class Fire:
     def not_recorded(self, recording: SessionLog) -> int:
         """Messages that the watcher heard and a recording lacks, of each process from the first that it holds."""
         self.take()
-        heard, recorded = np.concatenate(self.heard), numbers(recording)
+        received, recorded = np.concatenate(self.heard), numbers(recording)
         missing = 0
-        for process in np.unique(heard[:, :2], axis=0):
-            here, there = (rows[(rows[:, :2] == process).all(axis=1), 2] for rows in (heard, recorded))
+        for process in np.unique(received[:, :2], axis=0):
+            here, there = (rows[(rows[:, :2] == process).all(axis=1), 2] for rows in (received, recorded))
             missing += np.setdiff1d(here[here >= there.min()], there).size
         return missing
 
@@ -249,16 +249,16 @@ class Fire:
         return sum(self.watcher.counts(role)[f"{role}_undecodable"] for role in ("follower", "leader"))
 
     def footprints(self) -> dict[str, int]:
-        found = {}
+        result = {}
         for role in ("follower", "leader"):
             process = Path(f"/proc/{self.processes[role].pid}")
             status = dict(line.split(":", 1) for line in (process / "status").read_text().splitlines())
             names = [(task / "comm").read_text() for task in (process / "task").iterdir()]
-            found[f"{role} memory_kB"] = int(status["VmRSS"].split()[0])
-            found[f"{role} threads"] = sum(not POOLED.match(name) for name in names)
-            found[f"{role} pooled threads"] = len(names) - found[f"{role} threads"]
-            found[f"{role} files"] = len(os.listdir(process / "fd"))
-        return found
+            result[f"{role} memory_kB"] = int(status["VmRSS"].split()[0])
+            result[f"{role} threads"] = sum(not POOLED.match(name) for name in names)
+            result[f"{role} pooled threads"] = len(names) - result[f"{role} threads"]
+            result[f"{role} files"] = len(os.listdir(process / "fd"))
+        return result
 
     def grown(self) -> dict[str, int]:
         return {name: now - self.footprint[name] for name, now in self.footprints().items()}

@@ -79,15 +79,15 @@ class Lap:
 
     def run(self, seconds: float, *, follows: bool = True) -> list[Telemetry]:
         """Let time pass; returns what the follower said, which does not run where it does not follow."""
-        said = []
+        output = []
         for _ in range(round(seconds * 1000)):
             self.now += MS
             if follows:
-                said.append(self._follow())
+                output.append(self._follow())
             for one in self.leaders:
                 self.commands.push(self.now, one.step(self.now).command)
-        self.telemetry += said
-        return said
+        self.telemetry += output
+        return output
 
     def _follow(self) -> Telemetry:
         inputs = follower.Inputs(self.commands.pop_due(self.now), self.sample, MS, 0, self.stop, self.release)

@@ -67,9 +67,9 @@ def main(path: Path, hours: float) -> None:
     ticks, messages = round(hours * TICKS_PER_HOUR), 0
     due = [round(ticks * (point + 1) / POINTS) for point in range(POINTS)]
     for tick in range(0, ticks, ROUND):
-        for name, said in made[tick // ROUND % len(made)].items():
-            recorder.take(name, [(tick * 10**6, message) for message in said])
-            messages += len(said)
+        for name, output in made[tick // ROUND % len(made)].items():
+            recorder.take(name, [(tick * 10**6, message) for message in output])
+            messages += len(output)
         if tick % FLUSH == 0:
             recorder.flush()
         if tick + ROUND >= due[0]:

@@ -20,9 +20,9 @@ HUNDREDS = 600
     [("bone", 3), ("kelvin-voigt", 4), *(pytest.param(name, THOUSANDS, marks=pytest.mark.long) for name in MATERIALS)],
 )
 def test_a_search_finds_nothing(material: str, tries: int) -> None:
-    found = search(lambda programme: largest_force(material, programme), tries, seed=5 if tries < THOUSANDS else 1)
-    assert found.over == 0, found
-    assert found.force > (5.0 if tries < THOUSANDS else 0.0), "it does press"
+    result = search(lambda programme: largest_force(material, programme), tries, seed=5 if tries < THOUSANDS else 1)
+    assert result.over == 0, result
+    assert result.force > (5.0 if tries < THOUSANDS else 0.0), "it does press"
 
 
 SOFT, HARD = ("kelvin-voigt", 1.1e-5, (-1.0, 0.0, 1.0)), ("bone", 6e-6, (1.0, -1.0))
@@ -88,8 +88,8 @@ IN_SPACE = [
     [(*IN_SPACE[0], 1), *(pytest.param(*scene, HUNDREDS, marks=pytest.mark.long) for scene in IN_SPACE)],
 )
 def test_a_search_in_space_finds_nothing(scene: str, material: str, tries: int) -> None:
-    found = search(lambda programme: largest_force_in_space(scene, material, programme), tries, SPACE_LENGTH)
-    assert found.over == 0, found
+    result = search(lambda programme: largest_force_in_space(scene, material, programme), tries, SPACE_LENGTH)
+    assert result.over == 0, result
 
 
 def test_an_enemy_in_space_goes_on_after_a_stop() -> None:

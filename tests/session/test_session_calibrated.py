@@ -107,16 +107,16 @@ def test_an_offset_and_a_tool_are_taken_off_from_the_first_tick_on(tmp_path: Pat
 
 
 def test_a_follower_that_begins_in_contact_knows_what_it_presses_with(tmp_path: Path) -> None:
-    found = {}
+    result = {}
     for path in ("", calibration(tmp_path, **bias(0.9, 0.0))):
         robot = Mounted("hunt-crossley", offset=0.9)
         surface = robot.robot.surface
         for depth in np.linspace(-0.005, 0.004, 600):
             robot.exchange(surface + float(depth))
         log = run(robot, 0.3, calibration=path, operator="scripted", first_touch="follow")
-        found[bool(path)] = log.follower["force"][20] / log.follower["exact_force"][20]
-    assert found[True] == pytest.approx(1.0, abs=0.1)
-    assert found[False] < 0.2  # taken for the sensor's offset
+        result[bool(path)] = log.follower["force"][20] / log.follower["exact_force"][20]
+    assert result[True] == pytest.approx(1.0, abs=0.1)
+    assert result[False] < 0.2  # taken for the sensor's offset
 
 
 def test_a_late_sensor_makes_a_material_that_pushes_on_and_calibrated_does_not(tmp_path: Path) -> None:
@@ -173,14 +173,14 @@ def test_a_shadow_predicts_at_the_tip(tmp_path: Path) -> None:
         robot = Mounted("hunt-crossley", stiffness=series)
         surface = robot.robot.surface
         state = shadow.start(robot.specification, settings, epoch=5, run=5)
-        sample, said = robot.read(), []
+        sample, output = robot.read(), []
         for tick in range(3500):
             state, outputs = shadow.step(state, shadow.follower.Inputs([], sample, MS, 0), tick * MS)
-            said.append((outputs.record.position, outputs.telemetry.position, sample))
+            output.append((outputs.record.position, outputs.telemetry.position, sample))
             sample = robot.exchange(surface + 0.004 * math.sin(4e-3 * tick) + robot.give)
-        tips = [abs(hand - exact.exact_position) for hand, _, exact in said]
+        tips = [abs(hand - exact.exact_position) for hand, _, exact in output]
         errors[bool(path)] = max(tips[1000:]), stiffness_of(outputs, state)
-        assert all(hand == told for hand, told, _ in said)
+        assert all(hand == told for hand, told, _ in output)
     # The hand is at the tip, and what is learnt is the material's alone.
     assert errors[True][0] < 0.25 * errors[False][0]
     assert errors[True][1] == pytest.approx(1.2 * errors[False][1], rel=0.1)
@@ -229,14 +229,14 @@ class Offset(CommandedInSpace):
 def in_space(path: str, offset: tuple[float, float, float], ticks: int = 4500) -> list[Any]:
     settings = SessionSettings(scene="plane", fusion="none", displacement=0.0, turn=0.0, calibration=path)
     scene = make_scene("plane")
-    driven, said = Offset(make_spatial_robot(settings, scene), settings, scene.surface, scene.nominal), []
+    driven, output = Offset(make_spatial_robot(settings, scene), settings, scene.surface, scene.nominal), []
     driven.offset = offset
     x, y, z = driven.sample.exact_place
     for tick in range(ticks):
         exact = driven.sample.exact_force
         outputs = driven.tick((x, y, z if tick < 1000 else max(z - 3e-5 * (tick - 1000), -0.004)))
-        said.append((outputs.telemetry, outputs.space, exact))
-    return said
+        output.append((outputs.telemetry, outputs.space, exact))
+    return output
 
 
 def test_in_space_an_offset_of_known_size_is_found_where_it_was_taken_for_contact(tmp_path: Path) -> None:

@@ -222,9 +222,9 @@ def test_the_desk_hears_choices_and_says_what_runs(desk: tuple[Desk, ZenohLink])
     there, console = desk
     console.publish(choice(material="bone"))
     console.publish(choice(record="stop"))
-    heard: list[Choice] = []
-    until(lambda: (heard.extend(there.hear()), len(heard) == 2)[1])
-    assert [(one.material, one.record) for one in heard] == [("bone", ""), ("", "stop")]
+    received: list[Choice] = []
+    until(lambda: (received.extend(there.hear()), len(received) == 2)[1])
+    assert [(one.material, one.record) for one in received] == [("bone", ""), ("", "stop")]
     console.publish(Settings(VERSION, 1, 1, 0.0, 0.5))
     until(lambda: (there.hear(), there.faults is not None)[1])
     assert there.faults is not None
@@ -233,10 +233,10 @@ def test_the_desk_hears_choices_and_says_what_runs(desk: tuple[Desk, ZenohLink])
     console.take("hello")
     there.say()  # not yet: it spoke just now
     there.say_now()
-    said: list[Hello] = []
-    until(lambda: (said.extend(hello for _, hello in console.take("hello")), said)[1])
-    texts = dict(zip(said[-1].names, said[-1].values, strict=True))
-    assert said[-1].role == SUPERVISOR
+    output: list[Hello] = []
+    until(lambda: (output.extend(hello for _, hello in console.take("hello")), output)[1])
+    texts = dict(zip(output[-1].names, output[-1].values, strict=True))
+    assert output[-1].role == SUPERVISOR
     assert (texts["recording"], texts["refused"], texts["supervised"]) == ("a.mcap", "no such thing", "yes")
 
 

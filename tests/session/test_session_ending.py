@@ -68,21 +68,21 @@ def driven(lap: Lap, robot: Any) -> LineFollower:
 
 
 def leave(follower: LineFollower, timer: Any) -> tuple[LoopWatch, list[Message]]:
-    loop, said = LoopWatch(0.5), []
-    live._leave(follower, timer, loop, said.append, lambda line: None)
-    return loop, said
+    loop, output = LoopWatch(0.5), []
+    live._leave(follower, timer, loop, output.append, lambda line: None)
+    return loop, output
 
 
 def test_a_robot_in_contact_is_unloaded_as_a_session_leaves_it_and_one_in_free_air_is_left_at_once() -> None:
     lap = pressing()
     timer: Any = Ticks(begin_ns=lap.now)
-    loop, said = leave(driven(lap, lap.robot), timer)
+    loop, output = leave(driven(lap, lap.robot), timer)
     assert lap.following.learner.sample.force < REST_FORCE
     assert lap.robot.read().exact_force < REST_FORCE + 0.1
     assert 5 < timer.count < 1000
     assert lap.following.safety.status == Status.UNLOADING
     assert loop.ticked == timer.woke_ns  # a driver that hangs now is noticed
-    assert sum(isinstance(message, Telemetry) for message in said) == timer.count
+    assert sum(isinstance(message, Telemetry) for message in output) == timer.count
     lap = Lap.led(0.5)
     timer: Any = Ticks(begin_ns=lap.now)
     leave(driven(lap, lap.robot), timer)
@@ -214,13 +214,13 @@ def test_a_press_of_the_emergency_stop_that_comes_again_after_the_release_stops_
 def test_a_leader_asks_until_a_thousand_ticks_after_the_press_say_that_the_robot_has_stopped() -> None:
     endpoint, stop = free_endpoint(), StopFlag()
     asked: list[EmergencyStop] = []
-    said = 0
+    sequence = 0
 
     def tell(ticks: int, status: Status) -> None:
-        nonlocal said
+        nonlocal sequence
         for _ in range(ticks):
-            said += 1
-            link.publish(msgspec.structs.replace(TELEMETRY, sequence=said, status=status, run=5))
+            sequence += 1
+            link.publish(msgspec.structs.replace(TELEMETRY, sequence=sequence, status=status, run=5))
 
     def asks_on(seconds: float = 0.3) -> bool:
         link.take("emergency")
@@ -274,32 +274,32 @@ def say(heard: FollowerView, run: int, sequence: int, position: float = 0.0) -> 
 
 
 def test_a_process_that_was_thought_to_be_gone_is_heard_again_once_it_alone_speaks() -> None:
-    heard = FollowerView(1)
-    say(heard, 3, 1)
-    say(heard, 4, 1, 0.01)
-    assert (heard.run, heard.take_renewed()) == (4, True)
-    taken = heard.telemetry.received
+    received = FollowerView(1)
+    say(received, 3, 1)
+    say(received, 4, 1, 0.01)
+    assert (received.run, received.take_renewed()) == (4, True)
+    taken = received.telemetry.received
     for sequence in range(2, 2 + MOST_OF_FORMER - 1):
-        say(heard, 3, sequence)
-    assert (heard.run, heard.telemetry.received, heard.take_renewed()) == (4, taken, False)
-    say(heard, 3, 1000)
-    assert (heard.run, heard.take_renewed()) == (3, True)
-    assert heard.telemetry.newest == 1000
-    assert not heard.has_relearnt  # it has not been as deep as the other
+        say(received, 3, sequence)
+    assert (received.run, received.telemetry.received, received.take_renewed()) == (4, taken, False)
+    say(received, 3, 1000)
+    assert (received.run, received.take_renewed()) == (3, True)
+    assert received.telemetry.newest == 1000
+    assert not received.has_relearnt  # it has not been as deep as the other
     for sequence in range(2, 2 + MOST_OF_FORMER):  # the other is the former one now
-        say(heard, 4, sequence)
-    assert heard.run == 4
+        say(received, 4, sequence)
+    assert received.run == 4
 
 
 def test_while_the_other_speaks_too_it_stays_a_former_one() -> None:
-    heard = FollowerView(1)
-    say(heard, 3, 1)
-    say(heard, 4, 1)
+    received = FollowerView(1)
+    say(received, 3, 1)
+    say(received, 4, 1)
     for sequence in range(2, 3 * MOST_OF_FORMER):
-        say(heard, 3, sequence)
+        say(received, 3, sequence)
         if sequence % (MOST_OF_FORMER - 1) == 0:
-            say(heard, 4, sequence)
-    assert heard.run == 4
+            say(received, 4, sequence)
+    assert received.run == 4
 
 
 def test_a_release_with_faulty_sensors_mends_the_watch_and_keeps_the_stop() -> None:
@@ -308,16 +308,16 @@ def test_a_release_with_faulty_sensors_mends_the_watch_and_keeps_the_stop() -> N
     lap.start_leader("anna", 11)
     lap.run(3.9)
     lap.stop = "somebody shouted"
-    said = lap.run(1.0)
-    assert said[-1].validity  # a stuck sensor is not believed until somebody says that it is mended
+    sequence = lap.run(1.0)
+    assert sequence[-1].validity  # a stuck sensor is not believed until somebody says that it is mended
     assert lap.following.safety.stop_reason == "somebody shouted"
     lap.release = True
-    said = lap.run(0.5)
-    assert said[-1].validity == 0
+    sequence = lap.run(0.5)
+    assert sequence[-1].validity == 0
     assert lap.following.safety.stop_reason == "somebody shouted"
-    assert said[-1].status == Status.STOPPED
+    assert sequence[-1].status == Status.STOPPED
     lap.run(2.0)  # now it feels again what it pressed, and unloads
     lap.release = True
-    said = lap.run(1.0)
+    sequence = lap.run(1.0)
     assert lap.following.safety.stop_reason == ""
-    assert said[-1].status in (Status.FOLLOWING, Status.RETURNING)
+    assert sequence[-1].status in (Status.FOLLOWING, Status.RETURNING)

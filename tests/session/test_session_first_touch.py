@@ -202,8 +202,8 @@ def test_an_encoder_that_trembles_is_no_motion(noise: object) -> None:
     numbers, way = np.random.default_rng(1), ProvenWay.new()[0]
     for place in ramp(-5e-4, 1.5e-3, 3e-4):
         observe_way(way, place + noise(numbers), 0.3, TICK)  # type: ignore[operator]
-    found = [proven_speed(way, place, 0.3) for place in np.arange(0.1e-3, 1.1e-3, CELL)]
-    assert np.max(found) < 3e-4 * 1.2
+    result = [proven_speed(way, place, 0.3) for place in np.arange(0.1e-3, 1.1e-3, CELL)]
+    assert np.max(result) < 3e-4 * 1.2
 
 
 def test_a_way_that_is_harder_than_was_proven_counts_from_then_on_and_one_that_is_softer_too() -> None:

@@ -32,14 +32,14 @@ def session(duration: float, changes: dict[str, object]) -> SessionLog:
 
 def everything(what: str) -> dict[str, np.ndarray]:
     """All numbers that one of `SIMULATED` says, in columns by name."""
-    said, log = {}, session(*SIMULATED[what])
+    output, log = {}, session(*SIMULATED[what])
     for side, rows in (("leader", log.leader), ("follower", log.follower)):
         names = [name for name in rows.dtype.names or () if rows.dtype[name].kind in "fib" and name != "compute_ns"]
-        said |= {f"{side}, {name}": rows[name].astype(float) for name in names}
+        output |= {f"{side}, {name}": rows[name].astype(float) for name in names}
     for name in ("parameters", "state"):
         numbers = [number for model in log.models for number in getattr(model, name)]
-        said[f"models, {name}"] = np.array(numbers, dtype=float)
-    return said
+        output[f"models, {name}"] = np.array(numbers, dtype=float)
+    return output
 
 
 INTERPRETED = """

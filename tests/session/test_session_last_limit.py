@@ -46,7 +46,7 @@ streams = st.lists(st.tuples(targets, st.integers(1, 60), st.sampled_from(("step
 
 
 def streamed(parts: Any, seed: int) -> list[Vector]:
-    random, said, before = np.random.default_rng(seed), [], np.zeros(3)
+    random, output, before = np.random.default_rng(seed), [], np.zeros(3)
     for target, ticks, kind in parts:
         for tick in range(ticks):
             place = np.array(target)
@@ -54,9 +54,9 @@ def streamed(parts: Any, seed: int) -> list[Vector]:
                 place = before + (place - before) * (tick + 1) / ticks
             elif kind == "noise":
                 place = place + random.normal(0.0, 1e-3, 3)
-            said.append(tuple(place.tolist()))
+            output.append(tuple(place.tolist()))
         before = np.nan_to_num(np.array(target), nan=0.0, posinf=0.0, neginf=0.0)
-    return said
+    return output
 
 
 @settings(max_examples=25)

@@ -71,15 +71,15 @@ calls = st.lists(
 def test_never_two_holders_and_no_tenure_comes_back(steps: list[tuple[str, int, int]]) -> None:
     lease, now = ControlLease(), 0
     tenures: list[tuple[str, int]] = []
-    heard: dict[tuple[str, int], int] = {}
+    received: dict[tuple[str, int], int] = {}
     for holder, epoch, passed in steps:
         now += passed
         if not lease.admit(holder, epoch, now):
             assert lease.refusal(holder, epoch, now)
             continue
-        others = [moment for tenure, moment in heard.items() if tenure != (holder, epoch)]
+        others = [moment for tenure, moment in received.items() if tenure != (holder, epoch)]
         assert all(now - moment >= LEASE * S for moment in others), "two tenures within one lease"
-        heard[holder, epoch] = now
+        received[holder, epoch] = now
         if not tenures or tenures[-1] != (holder, epoch):
             assert (holder, epoch) not in tenures, "a tenure that was over came back"
             tenures.append((holder, epoch))
@@ -186,15 +186,15 @@ def test_another_who_would_command_or_a_process_of_the_same_name_is_named_while_
         if 300 <= tick < 600:
             both.append(command("bert", tick + 1, now, 9))
         follower.tick(now, *both)
-        said = follower.contest.sentence(now)
-        assert bool(said) is (tick >= 300 + MANY - 1)
-    assert said == "CONTROL CONTESTED: bert would command too, and is not obeyed: anna holds control"
+        output = follower.contest.sentence(now)
+        assert bool(output) is (tick >= 300 + MANY - 1)
+    assert output == "CONTROL CONTESTED: bert would command too, and is not obeyed: anna holds control"
     assert follower.contest.sentence(600 * MS + TOLD_NS + MS) == ""
     follower = Follower()
     for tick in range(300):
         follower.tick(tick * MS, command("anna", tick + 1, tick * MS), command("anna", tick + 1, tick * MS, 7))
-    said = "CONTROL CONTESTED: another process of that name would command too, and is not obeyed: anna holds control"
-    assert follower.contest.sentence(300 * MS) == said
+    output = "CONTROL CONTESTED: another process of that name would command too, and is not obeyed: anna holds control"
+    assert follower.contest.sentence(300 * MS) == output
 
 
 def test_a_few_of_another_are_no_contest() -> None:
@@ -209,7 +209,7 @@ def test_a_few_of_another_are_no_contest() -> None:
 @given(st.integers(-2000, 20_000), st.sampled_from([1, 2, 7, 1000]), st.sampled_from([1, 2, 3, 10, 400]), st.booleans())
 def test_whatever_numbers_an_impostor_takes_they_collide(ahead: int, step: int, every: int, first: bool) -> None:
     """Name, epoch and clock are copied; numbers run ahead or behind, evenly or in leaps, seldom or often."""
-    follower, said = Follower(), ""
+    follower, output = Follower(), ""
     for tick in range(1000):
         now = tick * MS
         arrived = [command("leader", tick + 1, now)]
@@ -217,8 +217,8 @@ def test_whatever_numbers_an_impostor_takes_they_collide(ahead: int, step: int, 
             forged = command("leader", max(1, tick + 1 + ahead + step * (tick - 500)), now)
             arrived.insert(0 if first else 1, forged)
         follower.tick(now, *arrived)
-        said = said or follower.contest.sentence(now)
-    assert said.startswith("CONTROL CONTESTED: two command as leader, ")
+        output = output or follower.contest.sentence(now)
+    assert output.startswith("CONTROL CONTESTED: two command as leader, ")
 
 
 def test_control_that_another_has_taken_is_told() -> None:
@@ -234,14 +234,14 @@ def test_control_that_another_has_taken_is_told() -> None:
 
 @pytest.mark.parametrize("trouble", ["", "the robot holds its place"])
 def test_the_operator_is_told_what_the_follower_tells_of_a_contest(trouble: str) -> None:
-    said = leader_news(FollowerView(5), {"contest": "CONTROL CONTESTED: bert would", "trouble": trouble})
-    assert said == "CONTROL CONTESTED: bert would" + (f"; {trouble}" if trouble else "")
+    output = leader_news(FollowerView(5), {"contest": "CONTROL CONTESTED: bert would", "trouble": trouble})
+    assert output == "CONTROL CONTESTED: bert would" + (f"; {trouble}" if trouble else "")
 
 
 def test_who_listens_says_a_contest_once_each_time_it_changes() -> None:
-    said: list[str] = []
-    heard, child = ContestPrinter("recorder", said.append), ContestPrinter("recorder", said.append, parent=1)
+    output: list[str] = []
+    received, child = ContestPrinter("recorder", output.append), ContestPrinter("recorder", output.append, parent=1)
     for role, contest in (("leader", "x"), ("follower", "A"), ("follower", "A"), ("follower", ""), ("follower", "A")):
-        for one in (heard, child):
+        for one in (received, child):
             one.take(Hello.of(role, 1, 0, {"contest": contest}))
-    assert said == ["recorder: A", "recorder: A"]
+    assert output == ["recorder: A", "recorder: A"]

@@ -32,15 +32,15 @@ COMMAND = [sys.executable, "-m", "foretouch"]
 
 
 def children_of(pid: int) -> set[int]:
-    found = set()
+    result = set()
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit():
             try:
                 if int((entry / "stat").read_text().rpartition(")")[2].split()[1]) == pid:
-                    found.add(int(entry.name))
+                    result.add(int(entry.name))
             except (OSError, ValueError, IndexError):
                 continue
-    return found
+    return result
 
 
 def gone(pids: set[int], seconds: float = 10.0) -> bool:
@@ -100,13 +100,13 @@ def test_its_recording_can_be_replayed(session: tuple[dict[str, Any], Path, str]
     assert notes == ()
     again = replay_under(log, settings)
     assert (np.diff(again.leader["time_ns"]) == 1_000_000).all()
-    own, found = (session_figures(one) for one in (log, again))
-    assert found["duration_s"] == pytest.approx(own["duration_s"], abs=0.01)
+    own, result = (session_figures(one) for one in (log, again))
+    assert result["duration_s"] == pytest.approx(own["duration_s"], abs=0.01)
     # On a busy machine the robot was held now and then and pressed less; in simulated time nothing is late.
     held = (log.longest().follower["status"] != Status.FOLLOWING).any()
-    assert found["contact_force_rms_N"] > 0.9 * own["contact_force_rms_N"]
-    assert held or found["contact_force_rms_N"] == pytest.approx(own["contact_force_rms_N"], rel=0.1)
-    assert found["prediction_error_percent"] < 2.0 * own["prediction_error_percent"] + 5.0
+    assert result["contact_force_rms_N"] > 0.9 * own["contact_force_rms_N"]
+    assert held or result["contact_force_rms_N"] == pytest.approx(own["contact_force_rms_N"], rel=0.1)
+    assert result["prediction_error_percent"] < 2.0 * own["prediction_error_percent"] + 5.0
     late = (np.diff(log.longest().leader["time_ns"]) != 1_000_000).any()
     assert any("real time" in note for note in replay_notes(log, settings)) == late
 
@@ -306,10 +306,10 @@ def test_a_first_start_says_that_it_compiles_and_ends_when_told(tmp_path: Path) 
         [*command, "--recording", str(tmp_path / "s.mcap")], env=environment, stderr=subprocess.PIPE, text=True
     )
     assert process.stderr is not None
-    said: list[str] = []
-    while not said or "compiling, 0%: " not in said[-1]:
-        said.append(process.stderr.readline())
-        assert said[-1], said
+    output: list[str] = []
+    while not output or "compiling, 0%: " not in output[-1]:
+        output.append(process.stderr.readline())
+        assert output[-1], output
     process.send_signal(signal.SIGINT)
     rest = process.communicate(timeout=60.0)[1]
     assert "killed" not in rest

@@ -99,8 +99,8 @@ def test_a_session_s_models_stay_within_fifty_kilobytes_a_second_and_are_packed_
 ) -> None:
     assert bytes_in_worst_second(list(session.models)) <= 50_000
     sizes = [len(encode(model)) for model in session.models]
-    said = session_figures(session)["model_bytes"]
-    assert said == {"per_s": pytest.approx(sum(sizes) / 5.999), "p50": np.median(sizes), "max": max(sizes)}
+    output = session_figures(session)["model_bytes"]
+    assert output == {"per_s": pytest.approx(sum(sizes) / 5.999), "p50": np.median(sizes), "max": max(sizes)}
     estimator = Counting()
     models = Pressing(estimator, {0: 500.0}).run(5000)
     assert len(models) > 230
@@ -178,14 +178,14 @@ def test_one_message_after_a_burst_of_losses_says_it_all(session: SessionLog) ->
     lost = range(5_000 * MS, 5_100 * MS)
 
     def forces(without: range) -> np.ndarray[Any, Any]:
-        state, found = leader.start(), []
+        state, result = leader.start(), []
         for row in session.leader:
             now = int(row["time_ns"])
             models = [arrivals[now]] if now in arrivals and now not in without else []
             inputs = leader.Inputs(float(row["position"]), models, [], MS, 0)
             state, outputs = leader.step(state, inputs, now)
-            found.append(outputs.record.predicted_force)
-        return np.array(found)
+            result.append(outputs.record.predicted_force)
+        return np.array(result)
 
     whole, holed = forces(range(0)), forces(lost)
     np.testing.assert_array_equal(whole, session.leader["predicted_force"])
@@ -245,8 +245,8 @@ def test_a_state_is_that_of_the_command_that_its_message_names(faults: dict[str,
     def apart(model: ModelUpdate, shift: int) -> float:
         until = model.command_sequence + shift
         depths = log.leader["position"][:until] - model.surface
-        found = make_model(model.law, model.parameters, model.map).remember((), depths, periods[:until])
-        return float(np.abs(np.subtract(found, model.state)).max())
+        result = make_model(model.law, model.parameters, model.map).remember((), depths, periods[:until])
+        return float(np.abs(np.subtract(result, model.state)).max())
 
     models = [model for model in log.models if model.valid and model.time_ns > 12_000 * MS][::10]
     assert len(models) > 15

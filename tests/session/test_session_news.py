@@ -26,11 +26,11 @@ HOLDS = "the robot hears no fresh command: holds its place"
 
 
 def test_a_state_that_comes_and_goes_is_said_once_and_then_counted() -> None:
-    repeats, said = Repeats(), []
+    repeats, output = Repeats(), []
     for look in range(41):  # twice a second, as a housekeeper does
         now = 100.0 + 0.5 * look
-        said += [(round(now - 100.0, 1), line) for line in repeats.lines(HOLDS if look % 2 == 0 else "", now)]
-    assert said == [
+        output += [(round(now - 100.0, 1), line) for line in repeats.lines(HOLDS if look % 2 == 0 else "", now)]
+    assert output == [
         (0.0, HOLDS),
         (QUIET, f"{HOLDS} (9 times more within 10 s)"),
         (2.0 * QUIET, f"{HOLDS} (10 times more within 10 s)"),
@@ -59,10 +59,10 @@ def test_a_wanted_restart_is_said_to_be_that_and_who_shares_the_terminal_says_no
     assert follower_news(state, anew=True) == ANEW
     state.safety.status = Status.TOO_SLOW
     assert follower_news(state, anew=True) != ANEW
-    heard = FollowerView(1)
-    heard.in_control = True
-    assert leader_news(heard, {"trouble": HOLDS}) == HOLDS
-    assert leader_news(heard, {"trouble": HOLDS}, told_here=True) == ""
+    received = FollowerView(1)
+    received.in_control = True
+    assert leader_news(received, {"trouble": HOLDS}) == HOLDS
+    assert leader_news(received, {"trouble": HOLDS}, told_here=True) == ""
 
 
 SLOW = "import signal, time; signal.signal(15, lambda *_: (time.sleep(0.8), exit())); print(flush=True); time.sleep(9)"
@@ -72,8 +72,8 @@ def test_an_end_that_takes_long_says_what_it_waits_for(tmp_path: Path, monkeypat
     monkeypatch.setattr(processes, "ENDING_TOLD", 0.2)
     monkeypatch.setattr(children, "GOING", 0.1)
     monkeypatch.setattr(children, "PATIENCE", 1.5)
-    said: list[str] = []
-    supervisor = processes._Supervisor(SessionSettings(), tmp_path / "a.mcap", None, StopFlag(), said.append)
+    output: list[str] = []
+    supervisor = processes._Supervisor(SessionSettings(), tmp_path / "a.mcap", None, StopFlag(), output.append)
     process = subprocess.Popen([sys.executable, "-c", SLOW], stdout=subprocess.PIPE)
     assert process.stdout is not None
     process.stdout.readline()
@@ -82,16 +82,16 @@ def test_an_end_that_takes_long_says_what_it_waits_for(tmp_path: Path, monkeypat
     supervisor.end()
     process.stdout.close()
     assert process.returncode == 0
-    assert said[0] == "ending: the robot unloads, and the recording is closed"
-    assert len(said) > 2
-    assert all(re.fullmatch(r"ending, \d+ s: waits for the recorder", line) for line in said[1:])
+    assert output[0] == "ending: the robot unloads, and the recording is closed"
+    assert len(output) > 2
+    assert all(re.fullmatch(r"ending, \d+ s: waits for the recorder", line) for line in output[1:])
 
 
 @pytest.mark.network
 def test_a_side_hears_that_its_leader_leaves_and_says_at_the_end_how_to_record() -> None:
-    endpoint, said = free_endpoint(), []
+    endpoint, output = free_endpoint(), []
     with ZenohLink(listen=[endpoint], subscribe=["hello"]) as link, ZenohLink(connect=[endpoint]) as leader:
-        house = Housekeeper(Process(link, StopFlag(), said.append), "follower", dict)
+        house = Housekeeper(Process(link, StopFlag(), output.append), "follower", dict)
         assert not house.leader_leaves
         house.start()
         for texts, leaves in (({LEAVES: "yes"}, True), ({}, False)):
@@ -103,4 +103,4 @@ def test_a_side_hears_that_its_leader_leaves_and_says_at_the_end_how_to_record()
         assert house._greetings >= WELCOME
         house.say_end("interrupted")
         house.close("interrupted")
-    assert said[-1] == f"follower: {NOT_RECORDED}"
+    assert output[-1] == f"follower: {NOT_RECORDED}"

@@ -93,20 +93,20 @@ def test_an_outage_is_bridged_and_not_replayed() -> None:
 @given(st.lists(st.lists(st.tuples(st.integers(1, 400), st.floats()), max_size=4), max_size=150))
 def test_nothing_raises_goes_back_or_leaves_what_was_said(arrivals: list[list[tuple[int, float]]]) -> None:
     playout, applied = Playout(), 0
-    said: list[float] = []
+    output: list[float] = []
     for commands in arrivals:
         for sequence, position in commands:
             playout.push(sequence, position)
             if abs(position) <= 1.0:
-                said.append(position)
+                output.append(position)
         position = playout.advance()
         assert playout.applied >= applied
         applied = playout.applied
-        if said:
-            assert min(said) <= position <= max(said)
+        if output:
+            assert min(output) <= position <= max(output)
         else:
             assert math.isnan(position)
-        assert len(playout._commands) <= 1 + len(said)
+        assert len(playout._commands) <= 1 + len(output)
 
 
 # --- which commands are fresh, by number and by how long they travelled -----------------------------------------------
@@ -134,8 +134,8 @@ def test_what_waited_longer_than_the_allowance_is_stale_whatever_the_clocks(offs
 
 def test_copies_and_what_was_overtaken_are_refused_and_another_way_begins_anew() -> None:
     freshness = Freshness(0.2, 1e-3)
-    for sequence, found in ((5, Arrival.FRESH), (5, Arrival.OVERTAKEN), (3, Arrival.OVERTAKEN), (6, Arrival.FRESH)):
-        assert judge(freshness, sequence, 10.0) is found
+    for sequence, result in ((5, Arrival.FRESH), (5, Arrival.OVERTAKEN), (3, Arrival.OVERTAKEN), (6, Arrival.FRESH)):
+        assert judge(freshness, sequence, 10.0) is result
     freshness = Freshness(0.2, 1e-3)
     assert judge(freshness, 1000, 50.0) is Arrival.FRESH
     freshness.begin()
@@ -157,9 +157,9 @@ def test_numbers_and_clocks_that_run_ahead_are_from_the_future_and_lost_ticks_ar
 def test_a_slower_network_is_believed_after_a_minute() -> None:
     freshness = Freshness(0.2, 1e-3)
     assert judge(freshness, 1, 50.0) is Arrival.FRESH
-    found = [judge(freshness, 1000 * second, 1050.0) for second in range(1, 90)]
-    assert set(found[:59]) == {Arrival.STALE}
-    assert set(found[61:]) == {Arrival.FRESH}
+    result = [judge(freshness, 1000 * second, 1050.0) for second in range(1, 90)]
+    assert set(result[:59]) == {Arrival.STALE}
+    assert set(result[61:]) == {Arrival.FRESH}
 
 
 @given(st.lists(st.floats(0.0, 900.0), min_size=1, max_size=300), st.integers(0, 2**32))
@@ -173,13 +173,13 @@ def test_what_is_fresh_grows_in_number_and_never_waited_longer_than_allowed(wait
     newest, smallest = 0, float("inf")
     for when, number in arrivals:
         smallest = min(smallest, when - 5.0 * number)
-        found = freshness.judge(number, 5 * number * MS, round(when * MS))
+        result = freshness.judge(number, 5 * number * MS, round(when * MS))
         if number <= newest:
-            assert found is Arrival.OVERTAKEN
+            assert result is Arrival.OVERTAKEN
         elif abs(when - 5.0 * number - smallest - 200.0) > 1e-3:
             stale = when - 5.0 * number > smallest + 200.0
-            assert found is (Arrival.STALE if stale else Arrival.FRESH)
-        if found is Arrival.FRESH:
+            assert result is (Arrival.STALE if stale else Arrival.FRESH)
+        if result is Arrival.FRESH:
             newest = number
     assert sum(freshness.counts) == len(arrivals)
 

@@ -120,9 +120,11 @@ class Sides:
             if n % 250 == 0:
                 self._link.publish(hello("leader", n))
                 self._link.publish(hello("follower", n))
-                for _, said in self._link.take("hello"):
+                for _, message in self._link.take("hello"):
                     self.failures |= {
-                        text for name, text in zip(said.names, said.values, strict=True) if name == "recorder_failed"
+                        text
+                        for name, text in zip(message.names, message.values, strict=True)
+                        if name == "recorder_failed"
                     }
             time.sleep(max(0.0, begin + n * 1e-3 - time.monotonic()))
 
@@ -197,10 +199,10 @@ def test_a_killed_recorder_leaves_all_but_the_last_second(
         for table in (log.leader, log.follower):
             assert killed_ns - table["time_ns"][-1] < 1_000_000_000
             assert (np.diff(table["sequence"]) >= 1).all()
-        found = repair_session(path)
+        result = repair_session(path)
         whole = read_session(path)
         assert is_whole(path)
-        assert not found.was_whole
+        assert not result.was_whole
         assert whole.leader.tobytes() == log.leader.tobytes()
         assert whole.follower.tobytes() == log.follower.tobytes()
 
@@ -215,18 +217,18 @@ def test_a_full_disk_and_a_removed_folder_are_said_at_once_and_the_recorder_stay
     until(lambda: size(gone) > 100_000, 90.0)
     shutil.rmtree(gone.parent)
     kept = tmp_path / "gone-kept.mcap"
-    said = {
+    output = {
         limited: f"{limited}: cannot be written: File too large",
         full: f"{full}: cannot be written: No space left on device",
         gone: f"{gone}: was removed while it was written; it goes on as {kept}",
     }
-    until(lambda: set(said.values()) <= sides.failures, 90.0)
+    until(lambda: set(output.values()) <= sides.failures, 90.0)
     assert all(recorder.poll() is None for recorder in recorders.values())
     sides.end()
     for path, recorder in recorders.items():
         _, err = recorder.communicate(timeout=90)
         assert recorder.returncode == RECORDING_INCOMPLETE
-        lines = [line for line in err.splitlines() if said[path] in line]
+        lines = [line for line in err.splitlines() if output[path] in line]
         assert len(lines) == 1
         assert "s are kept in" in lines[0]
         assert lines[0].endswith("the session goes on")
@@ -268,7 +270,7 @@ def test_a_recorder_that_stands_still_blocks_nobody_and_counts_what_it_missed(
 @pytest.mark.live
 def test_what_a_full_inbox_pushes_out_is_counted(tmp_path: Path) -> None:
     endpoint = free_endpoint()
-    stop, said, path = StopFlag(), [], tmp_path / "session.mcap"
+    stop, output, path = StopFlag(), [], tmp_path / "session.mcap"
     with ZenohLink(listen=[endpoint], subscribe=RECORDER_CHANNELS) as link, ZenohLink(connect=[endpoint]) as far:
         until(lambda: far.publish(follower(1)) or link.inboxes["telemetry"], 90.0)
         for n in range(1, 23_001):
@@ -278,12 +280,12 @@ def test_what_a_full_inbox_pushes_out_is_counted(tmp_path: Path) -> None:
         until(lambda: link.inboxes["telemetry"][-1][1].sequence == 23_000, 90.0)
         dropped = link.dropped
         threading.Timer(1.0, stop.set, ["the test is over"]).start()
-        assert run_recorder(link, path, stop=stop, say=said.append) == ""
+        assert run_recorder(link, path, stop=stop, say=output.append) == ""
     log = read_session(path)
     assert log.follower.size == 20_000
     assert dropped > 2500
     assert log.counts["recorder_dropped"] == dropped
-    assert f"recorder: {dropped:,} messages came too fast to be written" in said
+    assert f"recorder: {dropped:,} messages came too fast to be written" in output
 
 
 @pytest.mark.live

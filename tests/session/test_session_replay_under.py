@@ -200,8 +200,8 @@ def test_a_session_in_real_time_is_replayed_on_an_even_clock(pressed: SessionLog
     np.testing.assert_allclose(out.leader["hand_position"][kept - kept[0]], leader["hand_position"], atol=1e-12)
     between = out.leader["hand_position"][: late.size - kept[0]] - pressed.leader["hand_position"][kept[0] :]
     assert np.abs(between).max() < 2e-6
-    own, found = session_figures(pressed), session_figures(out)
-    assert found["prediction_error_percent"] == pytest.approx(own["prediction_error_percent"], abs=1.5)
+    own, result = session_figures(pressed), session_figures(out)
+    assert result["prediction_error_percent"] == pytest.approx(own["prediction_error_percent"], abs=1.5)
     assert "the session was in real time: its late ticks are not late again" in replay_notes(log, SessionSettings())
 
 
@@ -238,11 +238,13 @@ def test_what_is_to_be_known_is_said(pressed: SessionLog, felt: SessionLog) -> N
         "the robot and its material (hunt-crossley) are simulated again",
     )
     stopped = replace(on_a_real_robot(felt), emergencies=(EmergencyStop(4, 1, 1, "asked for"),))
-    said = " / ".join(replay_notes(stopped, recorded_settings(felt.settings)[0]))
-    assert "the robot's motion is fixed too" in said
-    assert "emergency stops are not given again" in said
-    assert "the hand is where it was" in said
-    assert "recorded in a closed loop, and the hand does not answer here /" in said  # nor could it: no material answers
+    output = " / ".join(replay_notes(stopped, recorded_settings(felt.settings)[0]))
+    assert "the robot's motion is fixed too" in output
+    assert "emergency stops are not given again" in output
+    assert "the hand is where it was" in output
+    assert (
+        "recorded in a closed loop, and the hand does not answer here /" in output
+    )  # nor could it: no material answers
     settings, advice = (
         recorded_settings(felt.settings)[0],
         "recorded in a closed loop, and the hand does not answer here: -",

@@ -38,21 +38,21 @@ def test_a_leader_that_dies_leaves_a_robot_that_holds_and_unloads_and_comes_back
     lap = Lap(grip=grip)
     pressing(lap)
     one = lap.leaders.pop()
-    said = lap.run(3.0)
-    assert [one for one in statuses(said) if one is not Status.GUARDED] == [
+    output = lap.run(3.0)
+    assert [one for one in statuses(output) if one is not Status.GUARDED] == [
         Status.FOLLOWING,
         Status.HOLDING,
         Status.UNLOADING,
     ]
-    silent = [one.status for one in said].index(Status.HOLDING)
+    silent = [one.status for one in output].index(Status.HOLDING)
     assert 50 <= silent <= 80  # what was on its way counts
     assert max(lap.forces[-1000:]) < 1.0
     begun = len(lap.telemetry)
     lap.leaders.append(one)
-    said = lap.run(1.5)
+    output = lap.run(1.5)
     inwards = np.diff([telemetry.desired_position for telemetry in lap.telemetry[begun - 1 : begun + 300]])
     assert inwards.max() <= 0.05e-3 + 1e-9
-    assert Status.FOLLOWING in statuses(said)
+    assert Status.FOLLOWING in statuses(output)
 
 
 @GRIP_OR_NONE
@@ -90,8 +90,8 @@ def test_a_follower_that_begins_again_comes_slowly_and_the_leader_keeps_the_mode
     assert one.state.renderer.predictor.model is model
     assert one.state.renderer.predictor.message == 0  # the new process must not believe that its models are known
     lap.run(9.0)
-    positions = np.array([said.desired_position for said in lap.telemetry[begun:]])
-    returning = np.array([said.status == Status.RETURNING for said in lap.telemetry[begun:]])
+    positions = np.array([message.desired_position for message in lap.telemetry[begun:]])
+    returning = np.array([message.status == Status.RETURNING for message in lap.telemetry[begun:]])
     assert np.diff(positions)[returning[1:]].max(initial=0.0) <= 0.05e-3 + 1e-9
     assert one.state.renderer.predictor.message > 0
     assert one.state.inherits is not one.state.follower_view.has_relearnt
@@ -166,13 +166,13 @@ def test_an_emergency_stop_latches_unloads_and_lets_the_hand_go(grip: str, at: s
         one.stopping = True
         lap.run(0.02)
     lap.stop = "somebody shouted"
-    said = lap.run(0.01)
+    output = lap.run(0.01)
     lap.release = True
-    said += lap.run(0.01)
+    output += lap.run(0.01)
     assert lap.following.safety.stop_reason == "somebody shouted"  # a robot that moves is not released
-    said += lap.run(1.98)
+    output += lap.run(1.98)
     one.stopping = False
-    assert statuses(said)[-1] is Status.STOPPED
+    assert statuses(output)[-1] is Status.STOPPED
     assert lap.following.safety.stop_reason == "somebody shouted"
     assert max(lap.forces[-1000:]) < 1.0
     assert all(record.rendered_force == 0.0 for record in one.records[-1000:])
@@ -180,12 +180,12 @@ def test_an_emergency_stop_latches_unloads_and_lets_the_hand_go(grip: str, at: s
     lap.run(0.5)
     assert lap.telemetry[-1].status == Status.STOPPED  # nobody released it
     lap.release = True
-    said = lap.run(4.0)
+    output = lap.run(4.0)
     assert lap.following.safety.stop_reason == ""
-    assert Status.FOLLOWING in statuses(said) or Status.GUARDED in statuses(said)
+    assert Status.FOLLOWING in statuses(output) or Status.GUARDED in statuses(output)
     assert one.records[-1].engaged
-    inwards = np.diff([telemetry.desired_position for telemetry in said])
-    returning = [telemetry.status == Status.RETURNING for telemetry in said[1:]]
+    inwards = np.diff([telemetry.desired_position for telemetry in output])
+    returning = [telemetry.status == Status.RETURNING for telemetry in output[1:]]
     assert inwards[returning].max(initial=0.0) <= 0.05e-3 + 1e-9
     assert np.abs(np.diff([record.rendered_force for record in one.records])).max() <= 0.2 + 1e-9
 
@@ -203,8 +203,8 @@ def test_a_sensor_that_fails_freezes_learning_and_holds_the_robot(kind: str) -> 
     lap.start_leader("anna", 3)
     lap.run(begins - 0.1)
     learnt = lap.following.learner.learnt().model
-    said = lap.run(lasts + 0.1)
-    bad = [one for one in said if one.validity]
+    output = lap.run(lasts + 0.1)
+    bad = [one for one in output if one.validity]
     assert bad
     assert all(one.status == Status.SENSOR_FAULT for one in bad)
     assert learnt is not None
@@ -214,9 +214,9 @@ def test_a_sensor_that_fails_freezes_learning_and_holds_the_robot(kind: str) -> 
     assert np.diff(held[450:]).max() < 1e-5
     lap.run(1.0)
     lap.release = True
-    said = lap.run(3.0)
-    assert said[-1].validity == 0
-    assert said[-1].status in (Status.FOLLOWING, Status.RETURNING)
+    output = lap.run(3.0)
+    assert output[-1].validity == 0
+    assert output[-1].status in (Status.FOLLOWING, Status.RETURNING)
 
 
 def test_this_side_s_own_guard_is_no_leader_s_to_lift() -> None:
@@ -224,8 +224,8 @@ def test_this_side_s_own_guard_is_no_leader_s_to_lift() -> None:
     assert lap.following.guards
     one = lap.start_leader("anna", 5)
     one.state.guarded = False  # it asks for none
-    said = lap.run(3.0)
-    assert any(telemetry.guarded for telemetry in said)
+    output = lap.run(3.0)
+    assert any(telemetry.guarded for telemetry in output)
 
 
 # --- nothing from before a release is obeyed after it -----------------------------------------------------------------
@@ -269,17 +269,17 @@ def test_what_was_sent_before_a_release_was_known_is_not_obeyed_after_it(baselin
     released = lap.now * 1e-9
     before = lap.leaders[0].state.sequence
     lap.played.clear()
-    said = lap.run(3.0)
-    assert said[0].status != Status.STOPPED
+    output = lap.run(3.0)
+    assert output[0].status != Status.STOPPED
     # 0.2 s until the leader knows, and 0.3 s until its next command is here: not one before.
     first, sequence = lap.played[0]
     assert first - released == pytest.approx(0.5, abs=0.005)
     assert sequence - before == pytest.approx(200, abs=5)
     assert lap.following.before_release == pytest.approx(500, abs=5)
-    assert said[400].status in (Status.HOLDING, Status.UNLOADING)
-    told = {telemetry.desired_position for telemetry in said[1:480]}
-    assert max(told) <= said[0].desired_position  # nothing led inwards meanwhile
-    assert said[-1].status in (Status.FOLLOWING, Status.GUARDED, Status.RETURNING)
+    assert output[400].status in (Status.HOLDING, Status.UNLOADING)
+    told = {telemetry.desired_position for telemetry in output[1:480]}
+    assert max(told) <= output[0].desired_position  # nothing led inwards meanwhile
+    assert output[-1].status in (Status.FOLLOWING, Status.GUARDED, Status.RETURNING)
 
 
 def test_a_leader_that_knows_another_process_of_the_follower_alone_does_not_know_of_the_release() -> None:

@@ -91,8 +91,8 @@ def test_models_and_forces_come_as_late_as_the_settings_say(day: tuple[SessionLo
     leading = day[0].leader
     behind = leading["sequence"] - leading["telemetry_sequence"]
     assert set(behind[400:]) == {300}
-    heard = leading["telemetry_sequence"][400:] - 1
-    np.testing.assert_array_equal(leading["delayed_force"][400:], day[0].follower["force"][heard])
+    received = leading["telemetry_sequence"][400:] - 1
+    np.testing.assert_array_equal(leading["delayed_force"][400:], day[0].follower["force"][received])
     sent = {model.sequence: model.time_ns for model in day[0].models}
     used = leading[leading["model_sequence"] > 0]
     ages = used["time_ns"] - [sent[number] for number in used["model_sequence"].tolist()]
@@ -153,10 +153,10 @@ def test_a_leader_that_hears_a_shadow_is_told_and_lets_go() -> None:
     state = shadow.start(robot.specification, shadow.shadow_settings(SETTINGS), epoch=5, run=5)
     other = leader.start(replace(SETTINGS, grip="normal"), holder="anna", epoch=6)
     for tick in range(2000):
-        state, said = shadow.step(state, shadow.follower.Inputs([], robot.exchange(math.nan), MS, 0), tick * MS)
-        telemetry.append(said.telemetry)
-        models = [] if said.model is None else [said.model]
-        other, led = leader.step(other, leader.Inputs(0.02, models, [said.telemetry], MS, 0), tick * MS)
+        state, output = shadow.step(state, shadow.follower.Inputs([], robot.exchange(math.nan), MS, 0), tick * MS)
+        telemetry.append(output.telemetry)
+        models = [] if output.model is None else [output.model]
+        other, led = leader.step(other, leader.Inputs(0.02, models, [output.telemetry], MS, 0), tick * MS)
         assert led.record.rendered_force == 0.0
         assert not led.record.engaged
         assert math.isnan(led.command.position)
@@ -201,7 +201,7 @@ def test_nothing_touched_is_nothing_to_compare() -> None:
 @pytest.mark.live
 def test_whatever_comes_over_the_network_the_robot_is_told_nothing() -> None:
     robot = Noting(make_moved_robot(SETTINGS, say=pytest.fail)[0])
-    endpoint, said = free_endpoint(), list[str]()
+    endpoint, output = free_endpoint(), list[str]()
     with (
         ZenohLink(listen=[endpoint], subscribe=SHADOW_CHANNELS) as link,
         ZenohLink(connect=[endpoint], subscribe=["telemetry", "leader", "hello", "stop"]) as other,
@@ -218,21 +218,21 @@ def test_whatever_comes_over_the_network_the_robot_is_told_nothing() -> None:
         insistent = threading.Thread(target=insist)
         insistent.start()
         try:
-            run_shadow(Process(link, StopFlag(), said.append), robot, SETTINGS, description={}, duration=2.5)
+            run_shadow(Process(link, StopFlag(), output.append), robot, SETTINGS, description={}, duration=2.5)
         finally:
             ended.set()
             insistent.join()
         time.sleep(0.2)
-        heard = [telemetry for _, telemetry in other.take("telemetry")]
+        received = [telemetry for _, telemetry in other.take("telemetry")]
         hello = other.take("hello")[-1][1]
         texts = dict(zip(hello.names, hello.values, strict=True))
         assert other.take("leader")
         assert other.take("stop")
     assert len(robot.told) > 1500
     assert all(math.isnan(told) for told in robot.told)
-    assert {telemetry.status for telemetry in heard} == {Status.SHADOW}
+    assert {telemetry.status for telemetry in received} == {Status.SHADOW}
     assert (texts["operator"], texts["control"]) == ("shadow", "nobody")
     trouble = "emergency stop (anna shouted): nothing is commanded from here, so stop the robot where it is moved"
     assert texts["trouble"] == trouble
-    assert said[0] == f"follower: {trouble}"
-    assert "s in contact at" in said[-1]
+    assert output[0] == f"follower: {trouble}"
+    assert "s in contact at" in output[-1]

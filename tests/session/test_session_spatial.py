@@ -473,13 +473,13 @@ def test_without_graphics_the_session_runs_without_the_camera_and_says_so_once(
     def fails(*_: object, **__: object) -> None:
         raise error
 
-    said: list[str] = []
+    output: list[str] = []
     monkeypatch.setattr("foretouch.session.spatial.making.SimulatedCamera", fails)
     settings = SessionSettings(scene="plane")
-    assert make_camera(settings, make_scene("plane"), say=said.append) is None
-    assert len(said) == 1
-    assert "install" in said[0]
-    assert "\n" not in said[0]
+    assert make_camera(settings, make_scene("plane"), say=output.append) is None
+    assert len(output) == 1
+    assert "install" in output[0]
+    assert "\n" not in output[0]
     assert run(0.1).follower_space.size == 100
 
 

@@ -31,7 +31,7 @@ KERNELS = (
 
 
 def pressed(seed: int, ticks: int = 1500) -> list[object]:
-    numbers, said = random.Random(seed), []
+    numbers, output = random.Random(seed), []
     watch, safety = SensorWatch((-40.0, 40.0)), Safety(SafetyLimits(workspace=(-0.02, 0.05), retreats=True), TICK)
     guard, motion = ForceGuard.new(), MotionLimits(0.25, 40.0, 1e5, TICK)
     space = MotionLimits(0.25, 40.0, 1e5, TICK)
@@ -60,12 +60,12 @@ def pressed(seed: int, ticks: int = 1500) -> list[object]:
         surface = 0.01 if tick > ticks // 3 else math.nan
         told = safety.update(wanted, Sensed(place, force, force > 0.05, bool(state)), surface=surface, silence=silence)
         path = motion.update(wanted, deeper if tick % 2 else math.inf)
-        said += [int(state), told, int(safety.status), safety.pressing, float(guard[0].stiffness)]
-        said += [path, *motion.velocity, *motion.acceleration]
+        output += [int(state), told, int(safety.status), safety.pressing, float(guard[0].stiffness)]
+        output += [path, *motion.velocity, *motion.acceleration]
         bound = (0.6, 0.0, -0.8, max(deeper, 0.0))
-        said += space.move((wanted, place, -wanted), (UNBOUNDED, UNBOUNDED, bound), (0.0, 0.0, 1e-6))
+        output += space.move((wanted, place, -wanted), (UNBOUNDED, UNBOUNDED, bound), (0.0, 0.0, 1e-6))
         place += 0.3 * (told - place)
-    return said
+    return output
 
 
 INTERPRETED = """
@@ -87,16 +87,16 @@ def test_compiled_and_interpreted_are_equal() -> None:
         check=True,
         timeout=120,
     )
-    said = [pressed(seed) for seed in range(3)]
-    assert done.stdout.strip() == repr(said)  # the types too: what is sent is of Python's own
-    states = {number for run in said for number in run[::15]}
-    statuses = {number for run in said for number in run[2::15]}
+    output = [pressed(seed) for seed in range(3)]
+    assert done.stdout.strip() == repr(output)  # the types too: what is sent is of Python's own
+    states = {number for run in output for number in run[::15]}
+    statuses = {number for run in output for number in run[2::15]}
     assert len(states) > 3
     assert len(statuses) > 4
 
 
 def test_a_whole_number_compiles_nothing_and_is_the_same() -> None:
-    said = []
+    output = []
     for kind in (int, float):
         safety, watch, guard = Safety(SafetyLimits(), TICK), SensorWatch(), ForceGuard.new()
         motion, answers = MotionLimits(0.25, 40.0, 1e5, TICK), []
@@ -107,8 +107,8 @@ def test_a_whole_number_compiles_nothing_and_is_the_same() -> None:
             answers.append(guarded_speed(guard, number, number, False, number, number))
             answers += motion.move((number, number, number))
             answers.append(safety.update(number, Sensed(number, number, False), surface=number, silence=kind(0)))
-        said.append(answers)
-    assert said[0] == said[1]
+        output.append(answers)
+    assert output[0] == output[1]
     assert [len(getattr(kernel, "signatures", [None])) for kernel in KERNELS] == [1] * len(KERNELS)
 
 

@@ -47,8 +47,8 @@ def stranger() -> Iterator[tuple[ZenohLink, Any]]:
 @pytest.mark.parametrize("kind", ["other roles", "other names", "more than it may have"])
 def test_memory_does_not_grow_with_hellos(stranger: tuple[ZenohLink, Any], kind: str) -> None:
     (link, session), count = stranger, 200
-    said: list[str] = []
-    house = Housekeeper(Process(link, StopFlag(), said.append), "follower", dict, news=lambda heard: str(len(heard)))
+    output: list[str] = []
+    house = Housekeeper(Process(link, StopFlag(), output.append), "follower", dict, news=lambda heard: str(len(heard)))
     watched, hellos = Watched(), Hellos()
     house.start()
     waiting = threading.Thread(target=wait_for_hello, args=(link, {"leader"}, flag := StopFlag()))
@@ -82,11 +82,11 @@ def test_memory_does_not_grow_with_hellos(stranger: tuple[ZenohLink, Any], kind:
 
 
 def test_followers_without_end_fill_nothing() -> None:
-    heard = FollowerView(5)
+    received = FollowerView(5)
     update = ModelUpdate(VERSION, 1, 1, 0, "x", (), (), 0.0, False, "", "", b"")
     for run in range(1, 3 * MOST_FORMER):
-        heard.is_for_us(msgspec.structs.replace(update, run=run))
-    assert len(heard._former) <= MOST_FORMER
+        received.is_for_us(msgspec.structs.replace(update, run=run))
+    assert len(received._former) <= MOST_FORMER
 
 
 def waits(link: ZenohLink, session: Any, *said: bytes, parent: int | None = None) -> dict[str, dict[str, str]]:
@@ -126,14 +126,14 @@ def test_processes_of_one_parent_are_of_one_version(stranger: tuple[ZenohLink, A
 
 def test_what_is_too_large_is_said_once_and_counted(stranger: tuple[ZenohLink, Any]) -> None:
     link, _ = stranger
-    said: list[str] = []
-    house = Housekeeper(Process(link, StopFlag(), said.append), "follower", dict)
+    output: list[str] = []
+    house = Housekeeper(Process(link, StopFlag(), output.append), "follower", dict)
     large: Message = ModelUpdate(VERSION, 1, 1, 0, "x", (0.5,) * 4000, (0.5,) * 4000, 0.0, True, "", "", b"")
     for _ in range(3):
         link.publish(large)
         house._report_link()
     size = len(encode(large))
-    assert [line for line in said if "too" in line or "not sent" in line] == [
+    assert [line for line in output if "too" in line or "not sent" in line] == [
         f"follower: a ModelUpdate of {size} bytes was not sent: at most 48000 go over the network; "
         "it is counted as unsent, and others like it"
     ]
@@ -150,10 +150,10 @@ class Saying:
 
 @pytest.mark.parametrize("parent", [None, os.getppid()])
 def test_a_side_without_a_parent_says_who_is_there_that_a_stop_is_over_and_why_it_ends(parent: int | None) -> None:
-    said: list[str] = []
+    output: list[str] = []
     trouble = ["", "emergency stop (asked)", ""]
     house = Housekeeper(
-        Process(Saying(leader="anna"), StopFlag(), said.append, parent),  # type: ignore[arg-type]
+        Process(Saying(leader="anna"), StopFlag(), output.append, parent),  # type: ignore[arg-type]
         "follower",
         dict,
         lambda heard: trouble.pop(0),
@@ -165,4 +165,4 @@ def test_a_side_without_a_parent_says_who_is_there_that_a_stop_is_over_and_why_i
     ended = ["the session has ended: interrupted", NOT_RECORDED]
     alone = ["connected: the leader is anna", "", "the robot follows", *ended]
     lines = alone if parent is None else [""]
-    assert said == [f"follower: {line or 'emergency stop (asked)'}" for line in lines]
+    assert output == [f"follower: {line or 'emergency stop (asked)'}" for line in lines]

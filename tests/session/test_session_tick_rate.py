@@ -94,8 +94,8 @@ def test_a_loop_keeps_its_pace_with_a_driver_that_waits_for_its_cycle_also_after
     monkeypatch.setattr(live if side == "follower" else shadow, "LoopTimer", Timer)
     monkeypatch.setattr(live if side == "follower" else shadow, "link_counts", lambda *_: {})
     link: Any = Spoken(lambda now: 0.001)
-    said: list[str] = []
-    process = Process(link, StopFlag(), said.append)
+    output: list[str] = []
+    process = Process(link, StopFlag(), output.append)
     run(process, robot, SessionSettings(material="hunt-crossley"), description={}, duration=1.0)
     assert len(link.telemetry) >= 950  # of 1000; 40 are gone in one delay
     assert abs(len(link.telemetry) - robot.made) <= 1
@@ -127,9 +127,9 @@ def test_a_follower_that_is_too_slow_holds_and_says_so_and_then_goes_slowly_back
     assert lap.telemetry[-1].status == Status.FOLLOWING
     slow = [lap.following.rate.update(3 * MS) for _ in range(WINDOW)]
     assert slow[-1]
-    said = lap.run(0.05)
-    assert {telemetry.status for telemetry in said[1:]} == {Status.TOO_SLOW}
-    assert max(telemetry.desired_position for telemetry in said[10:]) <= said[9].desired_position + 1e-6
+    output = lap.run(0.05)
+    assert {telemetry.status for telemetry in output[1:]} == {Status.TOO_SLOW}
+    assert max(telemetry.desired_position for telemetry in output[10:]) <= output[9].desired_position + 1e-6
     assert follower_news(lap.following) == f"the robot {STATUS_SENTENCES[Status.TOO_SLOW]}"
     assert str(LEAST_RATE) in STATUS_SENTENCES[Status.TOO_SLOW]
     lap.run(0.6)

@@ -20,10 +20,10 @@ def watched(settings: SessionSettings, seconds: float) -> tuple[SessionLog, shad
     records, telemetry, models = [], [], []
     sample = robot.read()
     for tick in range(round(seconds * 1000)):
-        state, said = shadow.step(state, shadow.follower.Inputs([], sample, MS, 0), tick * MS)
-        records.append(said.record)
-        telemetry.append(said.telemetry)
-        models += [] if said.model is None else [said.model]
+        state, output = shadow.step(state, shadow.follower.Inputs([], sample, MS, 0), tick * MS)
+        records.append(output.record)
+        telemetry.append(output.telemetry)
+        models += [] if output.model is None else [output.model]
         sample = robot.exchange(math.nan)
     texts = settings.as_text() | {"operator": "shadow", "surface": str(material.surface)}
     return SessionLog.from_messages([*records, *telemetry, *models], texts), state

@@ -1,4 +1,4 @@
-"""Is this machine fit for a session? One finding a check: a verdict, what was found, and the command that mends it.
+"""Is this machine fit for a session? One finding a check: a verdict, its result, and the command that mends it.
 
 Nothing of the package that is heavy is imported here: a check that needs it makes it in a process of its own, which may
 also crash there.

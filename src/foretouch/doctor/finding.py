@@ -27,14 +27,14 @@ class Finding:
     Attributes:
         name: Name of what was examined.
         verdict: Outcome of the check.
-        found: What was found, for people, in one line.
+        summary: The result, for people, in one line.
         mend: The one command that mends it, "" where there is nothing to mend or no command would.
         figures: The same for programs, SI units; times end with ``_s``.
     """
 
     name: str
     verdict: Verdict
-    found: str
+    summary: str
     mend: str = ""
     figures: Mapping[str, Any] = field(default_factory=dict)
 
@@ -43,7 +43,7 @@ class Finding:
         return {
             "name": self.name,
             "verdict": self.verdict.value,
-            "found": self.found,
+            "summary": self.summary,
             "mend": self.mend,
             "figures": dict(self.figures),
         }
@@ -74,9 +74,9 @@ def render_findings(findings: Iterable[Finding]) -> Table:
     table = Table(box=SIMPLE, pad_edge=False, title=None)
     table.add_column("verdict", no_wrap=True)
     table.add_column("what", no_wrap=False, min_width=8, max_width=22, overflow="fold")
-    table.add_column("found, and the command that helps", overflow="fold")
+    table.add_column("result, and the command that helps", overflow="fold")
     for finding in findings:
-        text = Text(finding.found)
+        text = Text(finding.summary)
         if finding.mend:
             text.append(f"\n→ {finding.mend}", style="bold")
         table.add_row(Text(finding.verdict.value, style=STYLES[finding.verdict]), finding.name, text)

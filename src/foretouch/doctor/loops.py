@@ -77,7 +77,7 @@ def _line(kind: str, child: subprocess.Popen[Any], patience: float) -> str:
     assert child.stdout is not None
     assert child.stderr is not None
     if not select.select([child.stdout], [], [], patience)[0]:
-        raise RuntimeError(f"the {kind} loop said nothing for {patience:g} s")
+        raise RuntimeError(f"the {kind} loop reported nothing for {patience:g} s")
     if line := child.stdout.readline():
         return str(line)
     raise RuntimeError(f"the {kind} loop ended: {last_line(child.stderr.read(), 'without a word')}")

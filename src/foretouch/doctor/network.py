@@ -45,7 +45,7 @@ class RoundTrips:
         roles: Roles that sent a hello.
         asked: Questions sent; 0 where no doctor answered there.
         times: Round trips of those that were answered [s], in the order of the questions.
-        heard: Number of telemetry messages from a session that runs there.
+        received: Number of telemetry messages from a session that runs there.
         lost: Number of telemetry messages that did not come, though later ones did.
         longest_gap: Longest time between two of them [s]; NaN where fewer than two came.
     """
@@ -53,7 +53,7 @@ class RoundTrips:
     roles: frozenset[str] = frozenset()
     asked: int = 0
     times: tuple[float, ...] = ()
-    heard: int = 0
+    received: int = 0
     lost: int = 0
     longest_gap: float = math.nan
 
@@ -62,14 +62,14 @@ class RoundTrips:
         """Fraction of questions without an answer, or of telemetry that did not come; NaN where there was neither."""
         if self.asked:
             return 1.0 - len(self.times) / self.asked
-        return self.lost / (self.lost + self.heard) if self.heard else math.nan
+        return self.lost / (self.lost + self.received) if self.received else math.nan
 
-    def percentile(self, share: float) -> float:
+    def percentile(self, fraction: float) -> float:
         """Round trip [s] that this fraction of the answered questions does not exceed; NaN where none was answered."""
         if not self.times:
             return math.nan
         ordered = sorted(self.times)
-        return ordered[math.ceil(share * (len(ordered) - 1))]
+        return ordered[math.ceil(fraction * (len(ordered) - 1))]
 
 
 def connect_time(host: str, port: int, timeout: float) -> float:
@@ -134,7 +134,7 @@ class Answerer:
         self._link.close()
 
 
-class _Heard:
+class _Received:
     """What arrives, noted on the link's thread: each by one operation that cannot be interrupted."""
 
     def __init__(self) -> None:
@@ -170,7 +170,7 @@ def ask(
     Raises:
         PeerVersionError: The peer speaks another version.
     """
-    received = _Heard()
+    received = _Received()
     with open_link(received.take) as link:
         _wait(lambda: bool(received.roles) or link.other_version(PEERS) is not None, patience)
         if (error := link.other_version(PEERS)) is not None:
@@ -187,14 +187,14 @@ def ask(
     return RoundTrips(frozenset(received.roles), len(sent), times)
 
 
-def _question(link: ZenohLink, heard: _Heard, seconds: float) -> dict[str, int]:
+def _question(link: ZenohLink, received: _Received, seconds: float) -> dict[str, int]:
     """Send questions, evenly; when each was sent [ns] by its number."""
     sent: dict[str, int] = {}
     begun = time.monotonic()
     for number in range(1, max(1, round(seconds * RATE)) + 1):
         time.sleep(max(0.0, begun + number / RATE - time.monotonic()))
         sent[str(number)] = now = time.monotonic_ns()
-        link.publish(Hello.of(ROLE, number, now, {ASKS: f"{heard.own}/{number}"}))
+        link.publish(Hello.of(ROLE, number, now, {ASKS: f"{received.own}/{number}"}))
     return sent
 
 
@@ -211,7 +211,7 @@ def listen_in(telemetry: deque[tuple[int, int, int]], roles: frozenset[str], sec
     arrivals = [arrival for which, _, arrival in rows if which == run]
     gaps = [1e-9 * (after - before) for before, after in itertools.pairwise(arrivals)]
     lost = numbers[-1] - numbers[0] + 1 - len(numbers) if numbers else 0
-    return RoundTrips(roles, heard=len(numbers), lost=lost, longest_gap=max(gaps, default=math.nan))
+    return RoundTrips(roles, received=len(numbers), lost=lost, longest_gap=max(gaps, default=math.nan))
 
 
 def _wait(done: Callable[[], bool], patience: float) -> None:
@@ -261,14 +261,14 @@ def check_peer(
         text = f"the name {host} is not known here ({error.strerror})"
         return [Finding(name, Verdict.BAD, text, f"getent hosts {host}")]
     except ConnectionRefusedError:
-        return [Finding(name, Verdict.BAD, "the machine answers, nobody listens at the port", there)]
+        return [Finding(name, Verdict.BAD, "the machine answers, no program listens at the port", there)]
     except TimeoutError:
         text = f"nothing came back within {CONNECT_PATIENCE:g} s: another address, or a firewall"
         return [Finding(name, Verdict.BAD, text, f"on the other machine: sudo ufw allow {port}/tcp")]
     except OSError as error:
         return [Finding(name, Verdict.BAD, f"no connection: {error.strerror or error}", f"ip route get {host}")]
     reached = Finding(
-        name, Verdict.GOOD, f"somebody listens; TCP connects in {_ms(taken)}", figures={"connect_s": taken}
+        name, Verdict.GOOD, f"a program listens; TCP connects in {_ms(taken)}", figures={"connect_s": taken}
     )
     try:
         received = ask(open_link, seconds)
@@ -279,60 +279,60 @@ def check_peer(
     return [reached, judge_round_trips(f"link {endpoint}", received, there)]
 
 
-def judge_round_trips(name: str, heard: RoundTrips, there: str) -> Finding:
+def judge_round_trips(name: str, trips: RoundTrips, there: str) -> Finding:
     """Judge the network by its round trips; `there` says what to do where no peer answers.
 
     Delay by itself is no fault, for a session renders no delayed force; unsteadiness and loss are.
     """
-    if not heard.roles:
-        text = "something takes the connection, no side of a session is heard: a router, or another program"
+    if not trips.roles:
+        text = "something takes the connection, no side of a session answers: a router, or another program"
         return Finding(name, Verdict.WARNING, text, there)
-    if heard.asked and not heard.times:
-        text = f"{heard.asked} questions, no answer"
-        return Finding(name, Verdict.BAD, text, there, {"asked": heard.asked, "answered": 0, "loss": 1.0})
-    return _judge_session(name, heard, there) if not heard.asked else _judge_asked(name, heard)
+    if trips.asked and not trips.times:
+        text = f"{trips.asked} questions, no answer"
+        return Finding(name, Verdict.BAD, text, there, {"asked": trips.asked, "answered": 0, "loss": 1.0})
+    return _judge_session(name, trips, there) if not trips.asked else _judge_asked(name, trips)
 
 
-def _judge_asked(name: str, heard: RoundTrips) -> Finding:
-    p50, p99, most, least = (heard.percentile(fraction) for fraction in (0.5, 0.99, 1.0, 0.0))
+def _judge_asked(name: str, trips: RoundTrips) -> Finding:
+    p50, p99, most, least = (trips.percentile(fraction) for fraction in (0.5, 0.99, 1.0, 0.0))
     unsteady = most - least
     text = (
-        f"round trip p50 {_ms(p50)}, p99 {_ms(p99)}, most {_ms(most)}; {100 * heard.loss:.1f} % lost of {heard.asked}"
+        f"round trip p50 {_ms(p50)}, p99 {_ms(p99)}, most {_ms(most)}; {100 * trips.loss:.1f} % lost of {trips.asked}"
     )
     figures = {
-        "asked": heard.asked,
-        "answered": len(heard.times),
-        "loss": heard.loss,
+        "asked": trips.asked,
+        "answered": len(trips.times),
+        "loss": trips.loss,
         "round_trip_p50_s": p50,
         "round_trip_p99_s": p99,
         "round_trip_max_s": most,
     }
-    if heard.loss < LOSING and unsteady < UNSTEADY and p50 < FAR:
+    if trips.loss < LOSING and unsteady < UNSTEADY and p50 < FAR:
         return Finding(name, Verdict.GOOD, text, figures=figures)
     # Such a network cannot be mended from here; what a session makes of it can be tried.
     mend = (
         f"foretouch simulate --position-delay {0.5 * p50:.3g} --force-delay {0.5 * p50:.3g} "
-        f"--jitter {0.5 * unsteady:.2g} --loss {heard.loss:.2g}"
+        f"--jitter {0.5 * unsteady:.2g} --loss {trips.loss:.2g}"
     )
-    return Finding(name, Verdict.BAD if heard.loss >= LOSING_MUCH else Verdict.WARNING, text, mend, figures)
+    return Finding(name, Verdict.BAD if trips.loss >= LOSING_MUCH else Verdict.WARNING, text, mend, figures)
 
 
-def _judge_session(name: str, heard: RoundTrips, there: str) -> Finding:
+def _judge_session(name: str, trips: RoundTrips, there: str) -> Finding:
     """A session runs there: it is listened to, for what is sent into it could disturb it."""
-    who = ", ".join(sorted(heard.roles))
+    who = ", ".join(sorted(trips.roles))
     figures = {
-        "roles": sorted(heard.roles),
-        "heard": heard.heard,
-        "lost": heard.lost,
-        "longest_gap_s": None if math.isnan(heard.longest_gap) else heard.longest_gap,
+        "roles": sorted(trips.roles),
+        "received": trips.received,
+        "lost": trips.lost,
+        "longest_gap_s": None if math.isnan(trips.longest_gap) else trips.longest_gap,
     }
-    if not heard.heard:
+    if not trips.received:
         text = f"{who} says hello; no telemetry came, so nothing was measured"
         return Finding(name, Verdict.UNKNOWN, text, there, figures)
-    text = f"{who} heard: {100 * heard.loss:.2f} % lost of {heard.heard + heard.lost} messages, "
-    text += f"longest gap {_ms(heard.longest_gap)}; the round trip needs a doctor there"
-    bad = heard.loss >= LOSING_MUCH
-    if heard.loss >= LOSING or heard.longest_gap >= UNSTEADY:
+    text = f"telemetry of {who}: {100 * trips.loss:.2f} % lost of {trips.received + trips.lost} messages, "
+    text += f"longest gap {_ms(trips.longest_gap)}; the round trip needs a doctor there"
+    bad = trips.loss >= LOSING_MUCH
+    if trips.loss >= LOSING or trips.longest_gap >= UNSTEADY:
         return Finding(name, Verdict.BAD if bad else Verdict.WARNING, text, there, figures)
     return Finding(name, Verdict.GOOD, text, figures=figures)
 

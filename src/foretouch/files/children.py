@@ -124,7 +124,7 @@ def measure_process(arguments: Sequence[str]) -> Ended:
     return Ended(measured["seconds"], measured["peak"] * (1 if sys.platform == "darwin" else 1024), output)
 
 
-def last_line(output: str, nothing: str = "it said nothing") -> str:
+def last_line(output: str, nothing: str = "it printed nothing") -> str:
     """The last line of a process's output, which is why it failed."""
     return (output.strip().splitlines() or [nothing])[-1]
 

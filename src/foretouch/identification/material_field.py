@@ -110,7 +110,7 @@ class MaterialFieldLearner(Estimator):
 
     def reset(self) -> None:
         """Forget all samples and all nodes."""
-        self._places: dict[int, int] = {}
+        self._rows: dict[int, int] = {}
         self._nodes = Node.new(MOST_NODES)
         self._mean = Node.new(covariance=FIRST_DEVIATION**2 * np.eye(UNKNOWNS), limit=UNKNOWNS * FIRST_DEVIATION**2)
         self._about = np.zeros(CORNERS, np.int64)
@@ -157,7 +157,7 @@ class MaterialFieldLearner(Estimator):
         if not float(np.abs(self._mean[0].theta[:2]).sum()) < LARGEST_UNKNOWN:
             self.reset()
             return Status.RESTARTED
-        if not (self._places or self._mean_is_known()):
+        if not (self._rows or self._mean_is_known()):
             return Status.LEARNT
         self._find_nodes()
         ratio = learn(
@@ -198,7 +198,7 @@ class MaterialFieldLearner(Estimator):
         trace = float(np.trace(spread))
         begun = []
         for corner, (code, weight) in enumerate(zip(self._about.tolist(), self._weights.tolist(), strict=True)):
-            node = self._places.get(code, -1)
+            node = self._rows.get(code, -1)
             if node < 0 and weight > LEAST_WEIGHT:
                 node = self._room_for(code)
                 self._begin(node, fresh, spread, trace)
@@ -212,11 +212,11 @@ class MaterialFieldLearner(Estimator):
 
     def _room_for(self, code: int) -> int:
         """Row for a new node: a free one, or that of the node touched longest ago."""
-        node = len(self._places)
+        node = len(self._rows)
         if node == MOST_NODES:
             node = int(np.argmin(self._nodes["touched"]))
-            del self._places[int(self._nodes[node].code)]
-        self._places[code] = node
+            del self._rows[int(self._nodes[node].code)]
+        self._rows[code] = node
         self._nodes[["code", "touched"]][node] = code, self.updates
         return node
 
@@ -287,7 +287,7 @@ class MaterialFieldLearner(Estimator):
     def field(self) -> MaterialField:
         """The field as learnt so far; without nodes before 20 samples."""
         if self._field is None:
-            count = len(self._places)
+            count = len(self._rows)
             codes = self._nodes["code"][:count]
             keys = np.stack([codes >> 32, (codes >> 16) & 0xFFFF, codes & 0xFFFF], axis=1) - HALF
             mean = self._mean_law()
@@ -315,7 +315,7 @@ class MaterialFieldLearner(Estimator):
         """The nodes about the point, -1 for unknown ones, and their weights."""
         about, weights = np.empty(CORNERS, np.int64), np.empty(CORNERS)
         cell_of(*self._point, self.spacing, about, weights)
-        return np.array([self._places.get(code, -1) for code in about.tolist()]), weights
+        return np.array([self._rows.get(code, -1) for code in about.tolist()]), weights
 
     @property
     def standard_errors(self) -> dict[str, float | None] | None:

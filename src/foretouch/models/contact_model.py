@@ -18,7 +18,7 @@ TICK = 1e-3  # Sample period where one is asked for and none passes [s]
 SPEED_STEP = 2e-3  # Local damping is the slope over twice this [m/s]
 
 EXIT_SPEED, SLICES = 0.05, 16
-"""Speed [m/s] and slices of the way out to the surface, on which energy comes back."""
+"""Speed [m/s] and slices of the path back to the surface, on which energy comes back."""
 
 SLICES_BEYOND, SLICE_BEYOND = 20, 2.5e-4
 """Slices of the way beyond the surface, as long as there is a force, and the length of one [m]."""
@@ -86,7 +86,7 @@ class ContactModel(ABC):
     def leaving_work(
         self, state: ContactState, depth: float, offset: float = 0.0, largest: float = math.inf
     ) -> tuple[float, float]:
-        r"""Energy that the material gives back on the straight way out, and how long that way is.
+        r"""Energy that the material gives back on the straight path back to the surface, and how long that path is.
 
         .. math:: W = \int_{-\infty}^x \max(\min(F(\xi, 0), L) + o,\; 0)\, d\xi
 

@@ -1,6 +1,6 @@
-"""Laws whose material has no memory: the one force formula of (1) to (4), their way out, and those that are learnt.
+"""Laws of materials without a memory: the one force formula of (1) to (4), work to leave contact, and those that are learnt.
 
-The formula stands once for the loop and once for arrays. The work of the way out, which a loop asks in every tick of
+The formula stands once for the loop and once for arrays. The work to leave contact, which a loop asks in every tick of
 contact, is plain arithmetic. Two more laws stand beside those of the paper: the continuous switching law as the paper
 identifies and renders it, equation (18), and one that is linear in its unknowns, to be learnt at many places at once.
 """

@@ -127,7 +127,7 @@ class Predictor:
         "_motion",
         "_newest",
         "_periods",
-        "_places",
+        "_positions",
         "_sliced",
         "_state",
         "_states",
@@ -147,7 +147,7 @@ class Predictor:
 
     def __init__(self) -> None:
         self._motion = MotionFilter()
-        self._places = np.zeros(HISTORY)
+        self._positions = np.zeros(HISTORY)
         self._periods = np.zeros(HISTORY)
         self._states: list[ContactState] = [NO_STATE] * HISTORY
         self._state: ContactState = NO_STATE
@@ -272,7 +272,7 @@ class Predictor:
         else:  # no valid position: as before
             position = self.position
         index = self.ticks % HISTORY
-        self._places[index], self._periods[index] = position, period if period > 0.0 else 0.0  # the first has none
+        self._positions[index], self._periods[index] = position, period if period > 0.0 else 0.0  # the first has none
         self.velocity = velocity = self._motion.update(time, position) if velocity is None else velocity
         self.jump = 0.0
         depth = position - self.surface
@@ -306,7 +306,7 @@ class Predictor:
         tick = max(tick, self.ticks - HISTORY)  # older samples are forgotten
         last = min(self.ticks, tick + SLICE)
         past = np.arange(tick + 1, last + 1) % HISTORY
-        state = model.remember(state, self._places[past] - surface, self._periods[past])
+        state = model.remember(state, self._positions[past] - surface, self._periods[past])
         if last < self.ticks:
             self._waiting = (model, surface, state, last, message)
             return

@@ -32,11 +32,11 @@ def css(colour: Colour) -> str:
     return "#{:02x}{:02x}{:02x}".format(*colour)
 
 
-def faint(colour: Colour, share: float = 0.25) -> str:
+def faint(colour: Colour, opacity: float = 0.25) -> str:
     """The colour as a style sheet writes it, through which one sees what is behind.
 
     Args:
         colour: Red, green, blue.
-        share: Opacity.
+        opacity: Opacity.
     """
-    return f"rgba({', '.join(map(str, colour))}, {share:g})"
+    return f"rgba({', '.join(map(str, colour))}, {opacity:g})"

@@ -180,7 +180,7 @@ class SlowPresses(Device):
     turning point in minimum-jerk moves; their times [s] increase from 1.5 s on.
     """
 
-    __slots__ = ("_places", "_times")
+    __slots__ = ("_positions", "_times")
     name: ClassVar[str] = "slow-presses"
     closed_loop: ClassVar[bool] = False
 
@@ -189,7 +189,7 @@ class SlowPresses(Device):
             raise SettingError("surface", surface, "must be at least 0.004 m: the hand waits 3 mm above it")
         points = [(APPROACH, CLEARANCE), (FIRST_PRESS, CLEARANCE), *script]
         self._times = [0.0, *(time for time, _ in points)]
-        self._places = [0.0, *(surface + depth for _, depth in points)]
+        self._positions = [0.0, *(surface + depth for _, depth in points)]
         if any(later <= earlier for earlier, later in zip(self._times, self._times[1:], strict=False)):
             raise SettingError("script", tuple(script), f"its times must increase, from {FIRST_PRESS} s on")
 
@@ -198,9 +198,9 @@ class SlowPresses(Device):
         time = now_ns * 1e-9
         move = bisect_right(self._times, time)
         if move >= len(self._times):
-            return self._places[-1]
-        begin, here = self._times[move - 1], self._places[move - 1]
-        there = self._places[move]
+            return self._positions[-1]
+        begin, here = self._times[move - 1], self._positions[move - 1]
+        there = self._positions[move]
         return here + (there - here) * minimum_jerk((time - begin) / (self._times[move] - begin))
 
     def render(self, force: float) -> float:

@@ -73,14 +73,14 @@ class Clocks:
     """Books the time of functions to named parts. Where a part calls another, its time holds that of the other too."""
 
     def __init__(self, parts: Mapping[str, Sequence[Target]]) -> None:
-        self._places = {target: index for index, targets in enumerate(parts.values()) for target in targets}
+        self._indices = {target: index for index, targets in enumerate(parts.values()) for target in targets}
         self._spent = [0] * len(parts)
         self._calls = [0] * len(parts)
 
     @contextmanager
     def running(self) -> Iterator[None]:
         """Put the clocks around the functions, and take them away again."""
-        with replaced({target: partial(self._timed, position) for target, position in self._places.items()}):
+        with replaced({target: partial(self._timed, position) for target, position in self._indices.items()}):
             yield
 
     def clear(self) -> None:

@@ -66,7 +66,7 @@ def check(
         if of not in headed:
             show(of)
             headed.add(of)
-        show(f"  {MARKS[finding.passed]:<9} {finding.check:<28} {finding.found}")
+        show(f"  {MARKS[finding.passed]:<9} {finding.check:<28} {finding.summary}")
         if finding.passed is False:
             show(f"  {'':<9} {'':<28} the rule: {finding.rule}")
 
@@ -86,5 +86,5 @@ def _summary(result: Sequence[Finding]) -> str:
     text = f"{plural(len(reported), 'rule')} {'is' if len(reported) == 1 else 'are'} {kind}"
     if unseen:
         text += f", {len(unseen)} {was_or_were(len(unseen))} not seen"
-    movable = sum("--move" in finding.found for finding in unseen)
+    movable = sum("--move" in finding.summary for finding in unseen)
     return text + (f"; --move shows {movable} of them" if movable else "")

@@ -179,7 +179,7 @@ def _stop_those_here() -> Answer:
             lines.append(f"follower {process} has stopped: {one_line(sentence)}")
         else:
             failed = True
-            doing = one_line(sentence) or "it has not said that it stops"
+            doing = one_line(sentence) or "no stop was confirmed"
             say(f"foretouch: follower {process} NOT stopped (after {PATIENCE:g} s): {doing}; {BY_SWITCH}")
     if not asked:
         what = "no follower of yours runs on this machine; give --connect for one elsewhere"
@@ -283,7 +283,7 @@ def _leader_name(name: str | None, certified: str) -> str:
 
 
 def _reach(hello: dict[str, str], name: str) -> float:
-    """A length that the follower said, for the operator to reach the material; NaN where it said none."""
+    """A length that the follower reported, by which the operator reaches the material; NaN where it reported none."""
     if name not in hello:
         return math.nan
     try:

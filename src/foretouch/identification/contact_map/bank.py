@@ -175,7 +175,7 @@ class ContactMap(Estimator):
         runs: NDArray[np.void],
         rows: Array,
         measured: bool,
-        told: RawColumns,
+        columns: RawColumns,
     ) -> tuple[int, Status]:
         """Condition and learn from raw samples, in one compiled loop: the same numbers as sample by sample.
 
@@ -185,13 +185,13 @@ class ContactMap(Estimator):
             runs: An array of one `contact_map.kernel.Run`, new before the first block; changed in place.
             rows: Time [s], position [m], force [N] and velocity [m/s], shape (4, m).
             measured: Whether velocities were measured; else they are estimated from the positions.
-            told: Contact, force less the offset [N] and residual [N], shape (m,) each, written.
+            columns: Contact, force less the offset [N] and residual [N], shape (m,) each, which are written.
 
         Returns:
             Number of samples taken, fewer than m where the conditioner needs room before the next; and the status of
                 the last.
         """
-        taken, code = run_raw(self._states, conditioner, lag, runs, rows, measured, *told)
+        taken, code = run_raw(self._states, conditioner, lag, runs, rows, measured, *columns)
         self._read_counts()
         return taken, _STATUSES[code]
 

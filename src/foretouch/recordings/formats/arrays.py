@@ -35,13 +35,13 @@ def column_shapes(name: str, shape: tuple[int, ...]) -> Iterator[tuple[str, int]
         yield from ((f"{name}[{position}]", max(lengths)) for position in range(min(lengths)))
 
 
-def column_of(array: NDArray[np.generic], place: int | None) -> NDArray[np.float64]:
-    """One column as float64; `place` is the number in its name, None where it has none."""
+def column_of(array: NDArray[np.generic], index: int | None) -> NDArray[np.float64]:
+    """One column as float64; `index` is the number in its name, None where it has none."""
     squeezed = np.squeeze(array)
-    if place is None:
+    if index is None:
         return np.asarray(squeezed, dtype=np.float64)
     turned = squeezed if squeezed.shape[0] >= squeezed.shape[1] else squeezed.T
-    return np.asarray(turned[:, place], dtype=np.float64)
+    return np.asarray(turned[:, index], dtype=np.float64)
 
 
 DEEPEST_GROUP: Final = 32  # groups within groups: hostile ones, thousands deep, take minutes to go through
@@ -56,7 +56,7 @@ class Hdf5Table(Table):
     def __init__(self, path: str | PathLike[str], format: str = "HDF5") -> None:
         self.path, self.format = path, format
         self._h5py = optional("h5py")
-        self._places: dict[str, tuple[str, str, int | None]] = {}
+        self._columns: dict[str, tuple[str, str, int | None]] = {}
         columns: list[Column] = []
         with self._opened() as file:
             self.stated_map = _text(file.attrs.get(MAP_NAME, ""))
@@ -66,11 +66,11 @@ class Hdf5Table(Table):
 
     def read(self, names: Sequence[str]) -> dict[str, NDArray[np.float64]]:
         """Columns by name."""
-        require_names(self.path, list(self._places), names)
+        require_names(self.path, list(self._columns), names)
         with self._opened() as file:
             values = {}
             for name in names:
-                dataset, field, position = self._places[name]
+                dataset, field, position = self._columns[name]
                 content = file[dataset][field] if field else file[dataset][()]
                 values[name] = column_of(content, position)
         return values
@@ -104,7 +104,7 @@ class Hdf5Table(Table):
             if kind.kind not in "fiu":
                 continue
             for index, (column, length) in enumerate(column_shapes(whole, dataset.shape or ())):
-                self._places[column] = name, field, (None if column == whole else index)
+                self._columns[column] = name, field, (None if column == whole else index)
                 columns.append(Column(column, str(kind), length, unit))
         return columns
 

@@ -182,7 +182,7 @@ def _contact(time: Array, force: Array, pairs: Pairs, inside: slice) -> Contact:
 
 
 def _runs(time: Array, touched: Flags) -> list[slice]:
-    """The segments of rows in contact; short ways out of it are in them."""
+    """The segments of rows in contact; short gaps are in them."""
     rows = np.flatnonzero(touched)
     if not rows.size:
         return []

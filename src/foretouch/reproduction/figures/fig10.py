@@ -352,6 +352,6 @@ def _text(experiments: Mapping[str, Experiment], courses: Mapping[str, Courses],
         f"printed ln k then jumps by {jump(further, PRESS_PERIOD):.1f} within 0.1 s. The hand "
         f"has {own:.0f} N/m at 15 N when it is pressed at 10 mm/s, {inside} the cited {CITED_STIFFNESS[0]:g} to "
         f"{CITED_STIFFNESS[1]:g} N/m. On the simulated hand k is largest not at the greatest depth but later or "
-        "earlier, as printed mostly on the way out. lambda, n and alpha are what the "
+        "earlier, as printed mostly in the release. lambda, n and alpha are what the "
         f"estimator itself calls determined in this share of its samples: {fractions}."
     )

@@ -197,7 +197,7 @@ def make() -> Section:
         f"a1 and a2. {100.0 * min(fractions.values()):.0f} % (case {min(fractions, key=fractions.__getitem__)}) to "
         f"{100.0 * max(fractions.values()):.0f} % of the samples are within {SMALL} N. Small errors in newtons hide "
         "where the force is small: near the surface (18) goes as exp(b2 v / x), without bound on the way in and to "
-        f"zero on the way out. At a release of 10 mm/s it is wrong by more than {100.0 * NOTICED:.0f} % below "
+        f"zero in the release. At a release of 10 mm/s it is wrong by more than {100.0 * NOTICED:.0f} % below "
         f"{', '.join(f'{1e3 * depth:.2f}' for depth in breaks.values())} mm (cases 1 to 6); sampled faster, the same "
         "press meets those depths. It is psi = phi / x^alpha, damper over spring, that must be small, not phi, whose "
         f"unit is m^alpha. In these runs phi never exceeds {largest:.4f}, so they say nothing about the bound of 0.1. "

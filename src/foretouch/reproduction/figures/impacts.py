@@ -15,7 +15,7 @@ from foretouch.reproduction.theory.impact import MASS, SPEED, Impact, impact_of,
 GIVEN, BACK, PULLED = COLOURS[0], COLOURS[2], COLOURS[1]  # colours of H1, H2 and H3
 
 HALVES = {"force": (np.maximum, np.minimum), "power": (np.minimum, np.maximum)}
-"""On the way out: the part of force and power that gives energy back to the mass, and the part that takes it again."""
+"""In the rebound: the part of force and power that gives energy back to the mass, and the part that takes it again."""
 
 
 def loop_and_power_apart(impact: Impact) -> float:
@@ -76,7 +76,7 @@ def make_fig2() -> Section:
     text = (
         f"A mass of {MASS:g} kg meets the material at {SPEED:g} m/s; equation (1) integrated as printed. The force "
         f"jumps to {first:.1f} N at first touch, and pulls the mass by up to {-printed.force.min():.1f} N over the "
-        f"last {1e3 * pulling.max():.1f} mm of its way out: the mass pays H3 = {1e3 * pulled:.1f} mJ on top. Held at "
+        f"last {1e3 * pulling.max():.1f} mm of its rebound: the mass pays H3 = {1e3 * pulled:.1f} mJ on top. Held at "
         f"zero there, as foretouch renders it, H3 is {1e3 * rendered.areas[2]:.1f} mJ and the mass leaves at "
         f"{rendered.rebound_speed:.3f} instead of {printed.rebound_speed:.3f} m/s. The paper gives no numbers for this "
         "figure, and none were read off it. With the B of 500 N s/m that the paper simulates later, this mass "

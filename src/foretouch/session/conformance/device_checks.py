@@ -19,8 +19,8 @@ from foretouch.session.conformance.finding import (
     Checks,
     Finding,
     Result,
+    ignore,
     name_result,
-    nobody,
     percentile_time,
     too_slow,
 )
@@ -92,7 +92,7 @@ def check_device(
     *,
     name: str = "",
     watched: float = REAL_TIME,
-    tell: Callable[[Finding], None] = nobody,
+    tell: Callable[[Finding], None] = ignore,
 ) -> list[Finding]:
     """Check a device: rate, units, signs, limits, truth, fail to zero, times that go back, timing.
 
@@ -250,6 +250,6 @@ def _closed(it: Subject) -> Result:
     # A simulated device of this package holds nothing.
     held = device.real_time or (device.closed_loop and type(device).close is not Device.close)
     if not held and math.isfinite(position):
-        return True, "nobody holds it: there is no force to end"
+        return True, "not held in a hand: there is no force to end"
     text = f"{given:.4g} N of {PUSH:g} N after close, at {position:.4g} m"
     return math.isfinite(position) and given == 0.0, text

@@ -23,7 +23,7 @@ from foretouch.models import (
     make_model,
 )
 from foretouch.quantities import Recording
-from foretouch.session.conformance.finding import Checks, Finding, Result, name_result, nobody, percentile_time
+from foretouch.session.conformance.finding import Checks, Finding, Result, ignore, name_result, percentile_time
 from foretouch.session.settings import SAMPLE_PERIOD
 
 OWN_LAWS: dict[str, ContactModel] = {
@@ -74,7 +74,7 @@ checked = Checks(Estimator, "foretouch.identification.Estimator", Subject)
 
 
 def check_estimator(
-    make: Callable[[], Estimator], *, name: str = "", tell: Callable[[Finding], None] = nobody
+    make: Callable[[], Estimator], *, name: str = "", tell: Callable[[Finding], None] = ignore
 ) -> list[Finding]:
     """Check an estimator: it learns, predicts, never raises, forgets, is quick, and its uncertainty is finite.
 

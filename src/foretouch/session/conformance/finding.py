@@ -23,13 +23,13 @@ class Finding:
     Attributes:
         check: Its name.
         passed: Whether the rule is kept; None where it could not be looked at.
-        found: What was found, with its unit; where it could not be looked at, why not.
+        summary: The result, with its unit; where it could not be looked at, why not.
         rule: What is asked for, and so what to mend.
     """
 
     check: str
     passed: bool | None
-    found: str
+    summary: str
     rule: str
 
     def __post_init__(self) -> None:
@@ -42,13 +42,13 @@ def failed(findings: Iterable[Finding]) -> list[Finding]:
     return [finding for finding in findings if finding.passed is False]
 
 
-def nobody(finding: Finding) -> None:
+def ignore(finding: Finding) -> None:
     """Ignore a finding."""
 
 
 Subject = TypeVar("Subject")
 Result = tuple[bool | None, str] | tuple[bool | None, str, str] | None
-"""`Finding.passed`, `Finding.found` and, where it depends on what is checked, `Finding.rule`; None for no finding."""
+"""`Finding.passed`, `Finding.summary` and, where it depends on what is checked, `Finding.rule`; None for no finding."""
 Look = Callable[[Subject], Result]
 
 
@@ -82,7 +82,7 @@ class Checks(Generic[Subject]):
 
         return declare
 
-    def run(self, make: Callable[[], Any], tell: Callable[[Finding], None] = nobody, **options: Any) -> list[Finding]:
+    def run(self, make: Callable[[], Any], tell: Callable[[Finding], None] = ignore, **options: Any) -> list[Finding]:
         """All findings, each told as soon as it is known; what was made is closed at the end."""
         findings: list[Finding] = []
         for finding in self._findings(make, options):

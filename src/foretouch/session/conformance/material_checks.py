@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from foretouch.models import ContactModel, advance
 from foretouch.robot import Material
-from foretouch.session.conformance.finding import Checks, Finding, Result, name_result, nobody
+from foretouch.session.conformance.finding import Checks, Finding, Result, ignore, name_result
 from foretouch.session.settings import SAMPLE_PERIOD
 
 SLOW, FAST = 0.01, 0.2
@@ -45,7 +45,7 @@ checked = Checks(Material, "foretouch.robot.Material", _subject)
 
 
 def check_material(
-    make: Callable[[], Material], *, name: str = "", tell: Callable[[Finding], None] = nobody
+    make: Callable[[], Material], *, name: str = "", tell: Callable[[Finding], None] = ignore
 ) -> list[Finding]:
     """Check a material: units, no force outside, loading that grows, passivity over closed cycles, no allocation.
 

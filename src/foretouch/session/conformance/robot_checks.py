@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.robot import Robot, RobotSample, RobotSpecification
-from foretouch.session.conformance.finding import Checks, Finding, Result, nobody, percentile_time, too_slow
+from foretouch.session.conformance.finding import Checks, Finding, Result, ignore, percentile_time, too_slow
 from foretouch.session.settings import SAMPLE_PERIOD
 
 RANGES: dict[str, tuple[float, float]] = {
@@ -92,7 +92,7 @@ checked = Checks(Robot, "foretouch.robot.Robot", _subject, _slow)
 
 
 def check_robot(
-    make: Callable[[], Robot], *, move: bool = False, tell: Callable[[Finding], None] = nobody
+    make: Callable[[], Robot], *, move: bool = False, tell: Callable[[Finding], None] = ignore
 ) -> list[Finding]:
     """Check a robot: specification, units, signs, limits, nonsense, timing.
 

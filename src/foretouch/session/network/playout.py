@@ -140,7 +140,7 @@ class Playout:
     def restart(self) -> None:
         """Start again with another leader, which counts from 1: nothing is left to play, and the position is NaN."""
         self._commands: list[tuple[float, float]] = []  # (sequence, position), those still needed, in order
-        self._places: dict[float, tuple[float, ...]] = {}  # by sequence, of those still needed
+        self._positions: dict[float, tuple[float, ...]] = {}  # by sequence, of those still needed
         self._point = math.nan  # what is played, in sequence numbers
         self._least = self._least_before = math.inf
         self._ticks = 0
@@ -151,7 +151,7 @@ class Playout:
     def forget(self) -> None:
         """Drop all positions not yet played; the position is NaN until the next command comes."""
         self._commands.clear()
-        self._places.clear()
+        self._positions.clear()
         self._point = self.position = math.nan
         self.place = ()
 
@@ -167,7 +167,7 @@ class Playout:
         else:
             return
         if place:
-            self._places[sequence] = place
+            self._positions[sequence] = place
 
     def advance(self) -> float:
         """Play one tick and return the position [m]."""
@@ -206,13 +206,13 @@ class Playout:
         self._point = newest - LONGEST_BRIDGE
         self._commands[:-1] = [(self._point, self.position)]
         if self.place:
-            self._places = {self._point: self.place, newest: self._places.get(newest, self.place)}
+            self._positions = {self._point: self.place, newest: self._positions.get(newest, self.place)}
         self._least = self._least_before = math.inf
         self._ticks = 0
 
     def _play(self, newest: float) -> None:
         """Interpolate at the playback point, and drop positions before it."""
-        commands, positions, point = self._commands, self._places, self._point
+        commands, positions, point = self._commands, self._positions, self._point
         after = len(commands) if point >= newest else bisect_right(commands, (point, math.inf))
         if not after:
             return
@@ -232,7 +232,7 @@ class Playout:
                     positions.pop(old, None)
             del commands[: after - 1]
 
-    def _between(self, there: tuple[float, ...], share: float) -> None:
+    def _between(self, there: tuple[float, ...], fraction: float) -> None:
         """Interpolate the position in space."""
         if len(there) == len(self.place):
-            self.place = tuple(a + (b - a) * share for a, b in zip(self.place, there, strict=True))
+            self.place = tuple(a + (b - a) * fraction for a, b in zip(self.place, there, strict=True))

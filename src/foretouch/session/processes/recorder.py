@@ -61,7 +61,7 @@ class Recorder:
     Attributes:
         path: Path of the file: another one once the folder was removed.
         problem: Why the recording is incomplete or not at the requested path; "" while it is neither.
-        heard: Roles that have sent a `Hello`.
+        roles: Roles that have sent a `Hello`.
 
     Raises:
         RecordingError: The file cannot be begun.
@@ -73,7 +73,7 @@ class Recorder:
         self.path = path
         self.problem = ""
         self._hellos = Hellos()
-        self.heard: set[str] = set()
+        self.roles: set[str] = set()
         self._sequences: dict[tuple[str, int], SequenceCounter] = {}
 
     def take(self, name: str, arrivals: list[tuple[int, Message]]) -> None:
@@ -84,7 +84,7 @@ class Recorder:
             elif isinstance(message, LeaderState | LeaderSpace):
                 self._count(name, message.epoch, message.sequence)
             elif isinstance(message, Hello):
-                self.heard.add(message.role)
+                self.roles.add(message.role)
                 self._hellos.take(message)
             if self._writing:
                 self._try(self._writer.write, message, arrival)
@@ -164,7 +164,7 @@ def run_recorder(
     finally:
         problem = recorder.problem
         recorder.close(recorder.counts | _counts(link, recorder))
-    if not recorder.heard and (error := _other_version(link, parent)) is not None:
+    if not recorder.roles and (error := _other_version(link, parent)) is not None:
         recorder.path.unlink(missing_ok=True)
         raise error
     counts = _counts(link, recorder)
@@ -203,10 +203,10 @@ def _listen(
             problem = recorder.problem
             greeter.hurry()
             say(f"recorder: {problem}; {recorder.kept}; the session goes on")
-        if greeter.due() and (problem or {"leader", "follower"} <= recorder.heard):
+        if greeter.due() and (problem or {"leader", "follower"} <= recorder.roles):
             texts = {COUNT_PREFIX + name: str(count) for name, count in _counts(link, recorder).items()}
             greeter.greet(texts | ({"recorder_failed": problem} if problem else {}))
-        if not recorder.heard and _other_version(link, parent) is not None:
+        if not recorder.roles and _other_version(link, parent) is not None:
             return
         time.sleep(POLL_PERIOD)
 

@@ -76,7 +76,7 @@ def replay(log: SessionLog, learner: Learner, *, delay: float) -> Replay:
         positions[published],
         arrived,
         np.searchsorted(leader["sequence"], _learnt_at(felt, believed)[published], side="right"),
-        _told_before(_round_trips(log, felt), believed) + later,
+        _known_before(_round_trips(log, felt), believed) + later,
     )
     time = (felt["time_ns"] - felt["time_ns"][0])[believed] * 1e-9
     recording = Recording(time, felt["position"][believed], felt["sensor_force"][believed])
@@ -144,11 +144,11 @@ def _acknowledged(leader: Rows, felt: Rows, obeying: NDArray[np.bool_]) -> NDArr
     return np.where(np.isin(for_whom, (0, felt["epoch"][obeying][0])), newest, 0)
 
 
-def _told_before(told: Array, believed: NDArray[np.bool_]) -> Array:
+def _known_before(known: Array, believed: NDArray[np.bool_]) -> Array:
     """Newest delay given before each sample that was learnt, NaN where there was none since the previous one."""
-    newest = np.maximum.accumulate(np.where(np.isnan(told), -1, np.arange(told.size)))[believed]
+    newest = np.maximum.accumulate(np.where(np.isnan(known), -1, np.arange(known.size)))[believed]
     fresh = np.diff(newest, prepend=-1) > 0
-    return np.where(fresh, told[newest], np.nan)
+    return np.where(fresh, known[newest], np.nan)
 
 
 def _arrivals(clock: Array, newest: NDArray[np.int64], sequences: NDArray[np.int64]) -> Array:

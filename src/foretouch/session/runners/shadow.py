@@ -145,13 +145,15 @@ def step(state: State, inputs: follower.Inputs[RobotSample], now_ns: int) -> tup
     _, acted = follower.step(state.following, inputs._replace(commands=[led.command]), now_ns)
     state.following.released_tick = 0  # no command is obeyed here, so a repair of the sensors need not be announced
     # The robot was commanded nothing, so the safety layer's reaction is not reported.
-    said = msgspec.structs.replace(acted.telemetry, desired_position=math.nan, status=Status.SHADOW)
-    state.returned.push(now_ns, said)
+    reported = msgspec.structs.replace(acted.telemetry, desired_position=math.nan, status=Status.SHADOW)
+    state.returned.push(now_ns, reported)
     if acted.model is not None:
         state.returned.push(now_ns, acted.model)
-    if not said.validity:
-        state.score.add(now_ns, said.force, led.record.predicted_force, led.record.delayed_force, said.in_contact)
-    return state, Outputs(led.record, said, acted.model)
+    if not reported.validity:
+        state.score.add(
+            now_ns, reported.force, led.record.predicted_force, led.record.delayed_force, reported.in_contact
+        )
+    return state, Outputs(led.record, reported, acted.model)
 
 
 def run_shadow(

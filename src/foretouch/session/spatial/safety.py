@@ -205,17 +205,17 @@ class WayIn:
             inner.safety.forget_way()
 
     def along_speed(
-        self, inner: follower.State, closest: ClosestPoint, told: tuple[float, float], fastest: float
+        self, inner: follower.State, closest: ClosestPoint, commanded: tuple[float, float], fastest: float
     ) -> float:
         """Largest speed of the robot along the surface [m/s].
 
         Args:
             inner: Follower along the normal, which takes the speed at which this brings it nearer.
             closest: Closest point of the probe.
-            told: Commanded speed along the surface, and into it, in the tick before [m/s].
+            commanded: Commanded speed along the surface, and into it, in the tick before [m/s].
             fastest: Speed where the surface is felt, or far [m/s].
         """
-        along, inwards = told
+        along, inwards = commanded
         inner.safety.comes_nearer(self.turn * along)
         if inner.learner.sample.in_contact or closest.along < inner.free:
             return fastest

@@ -108,9 +108,9 @@ def test_a_memory_with_a_number_that_is_none_is_none(call, at, bad) -> None:
     model, state = example_map(), [1e-3, 2e-3, 1e-3, 1e-3, 1e-3]
     state[at] = bad
     arguments = 4e-3, 0.05, 1e-3
-    found = call(model._maps, tuple(state), *arguments)
-    assert repr(found) == repr(call(model._maps, (math.nan,) * MEMORY, *arguments))
-    assert all(type(number) in KINDS and math.isfinite(number) for number in found[-2:])
+    result = call(model._maps, tuple(state), *arguments)
+    assert repr(result) == repr(call(model._maps, (math.nan,) * MEMORY, *arguments))
+    assert all(type(number) in KINDS and math.isfinite(number) for number in result[-2:])
 
 
 @pytest.mark.parametrize("state", [(), (1e-3,), (1e-3,) * (MEMORY + 1)])
