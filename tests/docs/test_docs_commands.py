@@ -450,6 +450,7 @@ def test_the_sides_run_one_by_one(
 
 
 @pytest.mark.live
+@pytest.mark.long
 @pytest.mark.parametrize("text", of("camera"), ids=str)
 def test_a_camera_sees_beside_a_follower(text: str, tmp_path: Path, running: list[subprocess.Popen[str]]) -> None:
     ports = (free_port(), free_port())

@@ -120,6 +120,7 @@ def test_its_device_moves_a_simulated_session(here: Callable[..., Any], installe
 
 
 @pytest.mark.live
+@pytest.mark.long  # in a simulated session its device is tried just above
 def test_its_device_and_estimator_are_found_by_the_processes_of_a_session(installed: Path, tmp_path: Path) -> None:
     law = ("--model", "kelvin-voigt", "--estimator", "windowed", "--material", "kelvin-voigt")
     words = ("teleop", "--headless", "--operator", "swing", *law, "--duration", "6")

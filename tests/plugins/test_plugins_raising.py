@@ -10,16 +10,13 @@ from plugin_sessions import run_with
 
 from foretouch.recordings import is_whole, read_session
 
-pytestmark = pytest.mark.live
+pytestmark = [pytest.mark.live, pytest.mark.long]  # simulated, in test_session_failures.py
 
 
 @pytest.mark.parametrize(
     ("kind", "source", "options", "said"),
     [
-        pytest.param(
-            *("device", DEVICE, ("--operator", "torn"), "the leader failed: OSError: the cable is torn"),
-            marks=pytest.mark.long,
-        ),
+        ("device", DEVICE, ("--operator", "torn"), "the leader failed: OSError: the cable is torn"),
         (
             "robot",
             ROBOT,

@@ -46,6 +46,7 @@ def running() -> Iterator[list[subprocess.Popen[str]]]:
         process.communicate()
 
 
+@pytest.mark.long  # beside the others of this file: quicker ones are in test_ros2_bridge.py
 @pytest.mark.live
 def test_an_independent_subscriber_sees_a_running_session(running: list[subprocess.Popen[str]], tmp_path: Path) -> None:
     pytest.importorskip("zenoh_ros2_sdk")

@@ -10,13 +10,12 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from running import Running
+from running import Running, until
 
 from foretouch.link import ZenohLink, free_endpoint
 from foretouch.messages import VERSION, Hello, Status
@@ -198,29 +197,11 @@ Going = tuple[Running, Path, set[int]]
 """A session that runs, its recording, and its processes."""
 
 
-def begun(count: int, folder: Path) -> list[tuple[Running, Path]]:
-    common = ("teleop", "--headless", "--operator", "scripted", "--json", "--recording")
-    running = [(Running(*common, path), path) for path in (folder / f"{i}.mcap" for i in range(count))]
-    end = time.monotonic() + 90.0
-    while not all(path.exists() and path.stat().st_size > 200_000 and commanded(path) for _, path in running):
-        assert time.monotonic() < end, "no leader is in the recording"
-        time.sleep(0.3)
-    return running
-
-
-@pytest.fixture(scope="module")
-def three(tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[tuple[Running, Path]]]:
-    with ExitStack() as stack:
-        sessions = begun(3, tmp_path_factory.mktemp("three"))
-        for running, _ in sessions:
-            stack.enter_context(running)
-        yield sessions
-
-
 @pytest.fixture
-def going(three: list[tuple[Running, Path]], tmp_path: Path) -> Iterator[Going]:
-    running, path = (three or begun(1, tmp_path)).pop()
-    with running:
+def going(tmp_path: Path) -> Iterator[Going]:
+    path = tmp_path / "live.mcap"
+    with Running("teleop", "--headless", "--operator", "scripted", "--json", "--recording", path) as running:
+        until(lambda: path.exists() and path.stat().st_size > 200_000 and commanded(path), 90.0)
         children = children_of(running.process.pid)
         if len(children) != 3:
             running.process.send_signal(signal.SIGINT)
@@ -299,6 +280,7 @@ def test_only_the_leader_is_told_of_the_hand_and_the_follower_guards(
     assert log.follower["exact_force"][guarded].max() < 2.6
 
 
+@pytest.mark.long
 def test_a_first_start_says_that_it_compiles_and_ends_when_told(tmp_path: Path) -> None:
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "kept")}
     command = [sys.executable, "-m", "foretouch", "teleop", "--headless", "--operator", "scripted"]

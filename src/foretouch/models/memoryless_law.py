@@ -1,4 +1,4 @@
-"""Laws of materials without a memory: the one force formula of (1) to (4), work to leave contact, and those that are learnt.
+"""Laws of materials without memory: the one force formula of (1) to (4), work to leave contact, and those learnt.
 
 The formula stands once for the loop and once for arrays. The work to leave contact, which a loop asks in every tick of
 contact, is plain arithmetic. Two more laws stand beside those of the paper: the continuous switching law as the paper
