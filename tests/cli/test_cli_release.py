@@ -86,6 +86,7 @@ def test_a_robot_that_stays_stopped_is_told(monkeypatch: pytest.MonkeyPatch) -> 
     assert "NOT released (after 0.3 s): emergency stop (somebody)" in output
 
 
+@pytest.mark.long
 def test_where_none_waits_or_several_do_one_line_says_so(robot: subprocess.Popen[str]) -> None:
     other = stopped()
     try:

@@ -23,6 +23,7 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.long
 def test_without_options_both_are_the_same(session: Path, tmp_path: Path) -> None:
     out = tmp_path / "again.mcap"
     result = run("replay", session, "--json", "--recording", out)

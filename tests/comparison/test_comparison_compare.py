@@ -209,6 +209,7 @@ def shut_workers_down() -> None:
     get_reusable_executor().shutdown(wait=True)
 
 
+@pytest.mark.long
 def test_in_parallel_comes_out_what_comes_out_in_one_process(folder: Path) -> None:
     chosen = {"models": ("kelvin-voigt", "hunt-crossley"), "estimators": ("rls", "log-rls")}
     seen: list[tuple[int, int]] = []
@@ -378,6 +379,7 @@ def test_the_command_without_recordings_is_refused() -> None:
     assert isinstance(run().exception, ForetouchError)
 
 
+@pytest.mark.long
 def test_a_session_is_predicted_on_the_leaders_motion(tmp_path: Path) -> None:
     session = tmp_path / "session.mcap"
     made = CliRunner().invoke(

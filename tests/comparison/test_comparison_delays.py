@@ -66,6 +66,7 @@ def scored(recording: Recording, estimator: str, delay: float) -> tuple[float | 
     return scores.prediction_error_percent, scores.delayed_force_error_percent
 
 
+@pytest.mark.long
 def test_a_curve_at_a_delay_is_predict_at_that_delay(files: list[Path], results: list[comparison.Result]) -> None:
     recording = read_recording(files[0])
     own = [result for result in results if result.recording == str(files[0])]
@@ -174,6 +175,7 @@ def test_long_names_that_end_alike_stay_apart(results: list[comparison.Result]) 
     assert [panel.get_title() for panel in comparison.delay_figure(long).axes[1:]] == names
 
 
+@pytest.mark.long
 def test_the_page_of_many_recordings_can_be_sent(results: list[comparison.Result], tmp_path: Path) -> None:
     many = [replace(result, recording=f"press-{number}") for number in range(100) for result in results[:3]]
     page = comparison.write_comparison_page(tmp_path, many)

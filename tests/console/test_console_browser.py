@@ -309,6 +309,7 @@ def handle_says(page: Any) -> str:
     return str(page.evaluate(f"{node}.visibility ? {node}.message.props.text : ''"))
 
 
+@pytest.mark.long
 def test_a_bar_that_a_page_shows_elsewhere_is_put_where_the_recording_is(bench, monkeypatch):
     """What the page was told last may cross what a person types: the page then shows the older of the two."""
     from viser._messages import GuiUpdateMessage

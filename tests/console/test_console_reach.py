@@ -135,6 +135,7 @@ def test_pages_of_other_origins_are_refused_in_the_browser_that_has_come_in(insi
     assert session.of(EmergencyStop) == session.of(Handle) == []
 
 
+@pytest.mark.long
 def test_after_an_attack_on_the_button_a_click_still_asks_and_a_robot_that_does_not_answer_is_told(
     inside: Inside, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -153,6 +154,7 @@ def test_after_an_attack_on_the_button_a_click_still_asks_and_a_robot_that_does_
     assert console.trouble == ""
 
 
+@pytest.mark.long
 def test_a_page_says_by_itself_that_the_console_does_not_answer_or_is_gone(inside: Inside) -> None:
     """The console stands still (as when a tunnel stalls), goes on, and is killed. The last: the page goes there."""
     command = [sys.executable, "-m", "foretouch", "console", "--listen", free_endpoint(), "--port", "0"]

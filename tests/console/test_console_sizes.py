@@ -192,6 +192,7 @@ def test_on_a_phone_the_scene_is_above_the_panel_and_the_stop_is_over_no_data(be
         assert on_top(page, x, y) == "CANVAS"
 
 
+@pytest.mark.long
 def test_the_key_of_the_stop_is_named_where_there_are_keys(bench: Bench) -> None:
     shown = "button => getComputedStyle(button.querySelector('.mantine-Button-label'), '::after').content"
     there = bench.page.get_by_role("button", name=READY)

@@ -274,6 +274,7 @@ def test_turns_are_those_of_scipy(vector: tuple[float, float, float]) -> None:
         np.testing.assert_allclose(turned, np.array(vector) / length, atol=1e-4)
 
 
+@pytest.mark.long
 def test_the_virtual_probe_is_drawn_where_the_camera_sees_the_real_one() -> None:
     """In a picture without delay both are at one place: the tip's red ball is painted over."""
     cv2 = pytest.importorskip("cv2")

@@ -229,6 +229,7 @@ def test_a_key_that_others_can_read_is_bad_and_the_command_says_how(keys: Path) 
     assert check_keys(keys, now=NOW).verdict is Verdict.GOOD
 
 
+@pytest.mark.long
 def test_an_image_is_really_drawn() -> None:
     finding = check_graphics()
     if finding.verdict is not Verdict.GOOD:

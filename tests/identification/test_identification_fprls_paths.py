@@ -89,7 +89,13 @@ def test_a_recording_is_its_samples_one_by_one(name: str) -> None:
     same(single, whole)
 
 
-@pytest.mark.parametrize("name", OPTIONS)
+@pytest.mark.parametrize(
+    "name",
+    [
+        name if name in ("as printed", "all", "robust", "gates") else pytest.param(name, marks=pytest.mark.long)
+        for name in OPTIONS
+    ],
+)
 def test_many_recordings_are_each_by_itself(name: str) -> None:
     """More than the 128 of a block, and not a multiple of them."""
     recordings = [recorded(SHORT, seed) for seed in range(MANY)]
@@ -300,6 +306,7 @@ def everything(names: list[str]) -> list[str]:
     return [number.hex() for number in numbers]
 
 
+@pytest.mark.long
 def test_interpreted_it_is_the_same_to_the_last_bit() -> None:
     """A process in which nothing is compiled."""
     names = ["as printed", "breaking", "all"]

@@ -229,6 +229,7 @@ print(int(np.isfinite(fast.residual).sum()), repr(float(whole.conditioner.surfac
 """
 
 
+@pytest.mark.long
 def test_interpreted_it_is_the_same() -> None:
     script = INTERPRETED.format(tests=str(Path(__file__).parent))
     environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}

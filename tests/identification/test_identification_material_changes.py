@@ -132,6 +132,7 @@ def test_a_spike_ends_neither_contact_nor_the_search_for_changes():
     assert error(recording, force, 4.0) < 0.15
 
 
+@pytest.mark.long
 def test_a_press_that_only_ever_goes_deeper_is_predicted():
     """Nothing can be scored on it: no place is visited twice."""
     time = np.arange(0.0, 50.0, 0.005)

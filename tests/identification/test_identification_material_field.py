@@ -64,6 +64,7 @@ def palpated() -> MaterialFieldLearner:
     return learner
 
 
+@pytest.mark.long
 def test_a_field_that_changes_evenly_is_found(palpated: MaterialFieldLearner) -> None:
     learner = palpated
     share, deviations = errors_of(learner.field, soft)
@@ -179,6 +180,7 @@ def test_of_too_many_nodes_the_oldest_makes_room() -> None:
     assert MaterialField.from_bytes(learner.field.to_bytes()) == learner.field
 
 
+@pytest.mark.long
 def test_hostile_places_and_samples_leave_a_field_that_can_be_sent() -> None:
     learner = MaterialFieldLearner()
     random = np.random.default_rng(4)

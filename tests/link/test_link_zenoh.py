@@ -74,6 +74,7 @@ def test_what_does_not_decode_is_counted_and_dropped() -> None:
         assert not link.take("stop")
 
 
+@pytest.mark.long
 def test_a_stranger_of_another_version_is_counted_and_ends_nothing() -> None:
     """Two bytes count as another version; so does an old recorder, on its own key, and a side that spoke too late."""
     with visited("hello") as (link, stranger):

@@ -88,6 +88,7 @@ def test_a_file_beside_it_that_is_none_is_replaced(path: Path, content: bytes) -
     assert beside.read_bytes()[:4] == whole[:4]
 
 
+@pytest.mark.long
 def test_damage_to_the_file_beside_it_is_noticed_wherever_it_is(path: Path) -> None:
     first = read_follower_samples(path)
     beside = Path(f"{path}.samples")

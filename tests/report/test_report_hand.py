@@ -101,6 +101,7 @@ def test_an_account_that_is_not_true_is_said(
     assert text in render_text(report)
 
 
+@pytest.mark.long
 def test_where_nothing_was_touched() -> None:
     """A heavy device without damping swings in the hand by itself: that is no oscillation of the coupling."""
     heavy = {"device_mass": 10.0, "device_damping": 0.1, "device_friction": 0.0, "grip": "soft"}

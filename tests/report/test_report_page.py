@@ -224,6 +224,7 @@ def test_a_long_session_has_a_page_that_can_be_sent(tmp_path: Path) -> None:
     assert page.stat().st_size < MOST
 
 
+@pytest.mark.long
 def test_a_page_does_not_grow_with_the_session(tmp_path: Path) -> None:
     sizes = []
     for times in (5, 50):

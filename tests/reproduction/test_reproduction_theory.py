@@ -31,7 +31,7 @@ from foretouch.reproduction.questions.shock import comparable_law, greatest_pull
 from foretouch.reproduction.run import SHOWN
 from foretouch.reproduction.theory.linearisation import TABLE_1
 
-THEORY = ("fig2", "fig3", "shock", "fig4", "fig5", "table1", "fig6")
+SLOW = ("fig2", "shock", "fig4", "fig5", "table1")
 
 section = cache(make_section)
 
@@ -71,7 +71,7 @@ def hunt_crossley_rebound(ratio: float) -> float:
     return float(brentq(lambda out: spent(-out) - spent(1.0), 0.0, min(1.0, (1.0 - 1e-15) / ratio), xtol=1e-15))
 
 
-@pytest.mark.parametrize("name", THEORY)
+@pytest.mark.parametrize("name", ["fig3", "fig6", *(pytest.param(name, marks=pytest.mark.long) for name in SLOW)])
 def test_a_section_is_whole_and_the_same_again(name: str, tmp_path: Path) -> None:
     made = section(name)
     assert made.name == name

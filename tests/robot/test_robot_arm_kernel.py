@@ -8,6 +8,7 @@ import subprocess
 import sys
 
 import numpy as np
+import pytest
 
 from foretouch.robot import make_robot
 from foretouch.robot import servo_kernel as kernel
@@ -36,6 +37,7 @@ print(repr([shown(seed) for seed in range(2)]))
 """
 
 
+@pytest.mark.long
 def test_compiled_and_interpreted_are_equal() -> None:
     done = subprocess.run(
         [sys.executable, "-c", INTERPRETED.format(folder=os.path.dirname(__file__))],

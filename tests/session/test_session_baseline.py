@@ -93,7 +93,7 @@ def test_soft_foam_is_stable_at_short_delays_and_what_is_softer_than_the_grip_at
 
 STIFF_FOR_ITS_GRIP = [
     ("kelvin-voigt", "stiff", 0.0),
-    ("foam-measured", "normal", 0.4),
+    pytest.param("foam-measured", "normal", 0.4, marks=pytest.mark.long),
     pytest.param("kelvin-voigt", "soft", 0.4, marks=pytest.mark.long),
 ]
 
@@ -107,6 +107,7 @@ def test_the_delayed_force_drives_the_hand_where_the_material_is_stiffer_than_th
     assert surplus(log) > 0.01
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("material", "grip", "round_trip"), STIFF_FOR_ITS_GRIP)
 def test_passivity_control_keeps_the_hand_still_there_and_takes_the_force_away(
     material: str, grip: str, round_trip: float
@@ -118,6 +119,7 @@ def test_passivity_control_keeps_the_hand_still_there_and_takes_the_force_away(
     assert np.mean(log.leader["rendered_force"][-3000:]) < 0.3 * np.mean(log.follower["exact_force"][-3000:])
 
 
+@pytest.mark.long
 def test_without_a_delay_the_force_is_nearly_right_and_with_one_it_is_not() -> None:
     right = session_figures(palpated("delayed", "hunt-crossley", "stiff", 0.0))
     late = session_figures(palpated("delayed", "hunt-crossley", "stiff", 0.5))

@@ -129,6 +129,7 @@ def test_a_late_sensor_makes_a_material_that_pushes_on_and_calibrated_does_not(t
     assert stiffness(with_it) == pytest.approx(stiffness(exact), rel=0.05)
 
 
+@pytest.mark.long
 def test_what_gives_way_behind_the_tip_is_no_part_of_the_material(tmp_path: Path) -> None:
     series = 3000.0
     path = calibration(tmp_path, series_stiffness=series)

@@ -338,6 +338,7 @@ def test_no_told_place_is_beyond_the_limits(name: str, examples: int, least: flo
 # --- what was found ---------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "depth", "least"), [("phantom", 0.008, 6.0), pytest.param("hill", 0.012, 4.0, marks=pytest.mark.long)]
 )

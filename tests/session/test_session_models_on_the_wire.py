@@ -235,6 +235,7 @@ def test_the_newest_applied_command_says_what_the_leader_renders_from(ticks: lis
         assert trip.current == current
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("faults", [pytest.param({}, marks=pytest.mark.long), {"loss": 0.05, "jitter": 0.003}])
 def test_a_state_is_that_of_the_command_that_its_message_names(faults: dict[str, float]) -> None:
     """What the material remembers by the leader's own motion up to that command, and up to no other."""

@@ -49,6 +49,7 @@ def test_after_a_leader_began_again_all_that_the_follower_learnt_counts() -> Non
     assert np.abs(own_error(lap)).max() == 0.0
 
 
+@pytest.mark.long
 def test_after_a_follower_began_again_its_own_learning_counts() -> None:
     lap = FollowerView.led(4.0)
     lap.run(0.7, follows=False)

@@ -32,6 +32,7 @@ def pressing(lap: Lap, name: str = "anna", epoch: int = 11, *, seconds: float = 
     raise AssertionError("nothing was pressed")
 
 
+@pytest.mark.long
 @GRIP_OR_NONE
 def test_a_leader_that_dies_leaves_a_robot_that_holds_and_unloads_and_comes_back_slowly(grip: str) -> None:
     """To its end also where the playout leads the way: nothing is followed quickly before it was kept up with."""

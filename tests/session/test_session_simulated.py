@@ -70,6 +70,7 @@ def test_the_recording_holds_the_session(recorded: tuple[SimulatedSession, Path]
     assert read.counts == log.counts
 
 
+@pytest.mark.long
 def test_its_columns_are_those_of_its_log(session: SimulatedSession) -> None:
     own, of_the_log = session.to_numpy(), session.log.to_numpy()
     for name in of_the_log.dtype.names:

@@ -77,6 +77,7 @@ print(repr([pressed(seed) for seed in range(3)]))
 """
 
 
+@pytest.mark.long
 def test_compiled_and_interpreted_are_equal() -> None:
     script = INTERPRETED.format(folder=os.path.dirname(__file__))
     done = subprocess.run(

@@ -64,6 +64,7 @@ def test_a_number_out_of_range_is_refused() -> None:
         CameraModel(0, 480, 600.0, 600.0)
 
 
+@pytest.mark.long
 def test_the_lens_moves_a_dot_where_the_camera_has_it() -> None:
     pytest.importorskip("cv2")
     lens = Lens(LENS)
