@@ -21,6 +21,7 @@ from foretouch.bench.check import (
 from foretouch.errors import RecordingError
 
 
+@pytest.mark.long  # as `make bench-check` does
 def test_nothing_is_slower_than_the_committed_baseline() -> None:
     checked = check(short=True)
     assert {one.band for one in checked} == {SHORT_BAND}

@@ -51,6 +51,7 @@ def said() -> dict[str, Any]:
     return answer
 
 
+@pytest.mark.long
 def test_a_block_is_a_list_with_ratios_first(said: dict[str, Any]) -> None:
     lines = said["block"].splitlines()
     assert lines[0] == "`foretouch bench --only call`, 2026-01-02, commit abc:"

@@ -116,6 +116,7 @@ def session() -> TapedSession:
     return TapedSession(2.0)
 
 
+@pytest.mark.long
 def test_the_parts_add_up_and_each_is_there(session: TapedSession) -> None:
     timed = timed_round(session, session.times())
     for side, parts in PARTS.items():

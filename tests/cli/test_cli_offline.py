@@ -326,6 +326,7 @@ def test_session_options_are_the_fields_and_defaults_of_the_settings() -> None:
     assert SessionSettings(model="continuous-switching").estimator == "fprls"
 
 
+@pytest.mark.long
 def test_every_measured_press_is_predicted(measured: Any) -> None:
     for name in ("tue/a-foam", "tue/a-spring", "tue/a-rigid"):
         content = output_of("predict", measured(name), "--delay", 0.3)

@@ -77,6 +77,7 @@ def test_a_hand_answers(session: Path) -> None:
     assert "stable" in result.stdout
 
 
+@pytest.mark.long
 def test_a_recording_that_was_cut_is_replayed_as_far_as_it_goes(session: Path, tmp_path: Path) -> None:
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(session.read_bytes()[: session.stat().st_size // 2])

@@ -121,6 +121,7 @@ def test_a_held_scene_is_run_again_in_a_closed_loop(tmp_path: Path) -> None:
     assert columns(again) == columns(path)
 
 
+@pytest.mark.long  # the refusals themselves are of replay
 def test_what_cannot_be_run_again_is_one_line(recorded: Path) -> None:
     with pytest.raises(InputError, match="in a closed loop the force moves a hand"):
         raise run("replay", recorded, "--closed-loop").exception or AssertionError

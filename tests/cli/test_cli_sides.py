@@ -34,7 +34,11 @@ TELEMETRY = Telemetry(VERSION, 1, 1, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, False, Fal
         (("follower", *BADLY_CALIBRATED), "no.toml: cannot be read"),
         (("follower", "--shadow", *BADLY_CALIBRATED), "no.toml: cannot be read"),
         (("teleop", "--calibration", "no.toml", "--headless", "--duration", 1), "no.toml: cannot be read"),
-        (("simulate", "--calibration", "no.toml", "--scene", "plane", "--duration", 1), "no.toml: cannot be read"),
+        pytest.param(
+            ("simulate", "--calibration", "no.toml", "--scene", "plane", "--duration", 1),
+            "no.toml: cannot be read",
+            marks=pytest.mark.long,
+        ),
     ],
 )
 def test_what_cannot_be_is_refused_in_one_line(arguments: tuple[object, ...], message: str) -> None:
@@ -116,6 +120,7 @@ def test_without_endpoints_the_followers_of_this_machine_are_stopped(
             process.communicate()
 
 
+@pytest.mark.long
 def test_a_setting_is_named_as_the_option_that_was_typed() -> None:
     wrong = SettingError("force_delay", -1.0, "must be at least 0")
     assert as_typed(wrong, ["simulate", "--force-delay", "-1"]) == "--force-delay = -1.0: must be at least 0"

@@ -187,6 +187,7 @@ def test_an_estimator_that_breaks_is_a_result(folder: Path, monkeypatch: pytest.
     assert (result.status, result.reason) == ("failed", "ZeroDivisionError: by nothing")
 
 
+@pytest.mark.long
 def test_a_process_that_dies_takes_nothing_with_it_and_none_of_them_hears_ctrl_c_as_this_one_does() -> None:
     def deaf() -> bool:
         return signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, ())
@@ -314,6 +315,7 @@ def test_what_was_learnt_once_is_predicted_from_memory(folder: Path) -> None:
     assert len(once.memory) == len(recording)
 
 
+@pytest.mark.long
 def test_what_is_learnt_for_a_delay_is_learnt_anew_for_another_one() -> None:
     recording = simulate("tapping").recording
     recording = Recording(recording.time[:3000], recording.position[:3000], recording.force[:3000])

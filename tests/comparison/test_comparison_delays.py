@@ -82,6 +82,7 @@ def curve_names() -> tuple[str, ...]:
     return CHOSEN["estimators"]
 
 
+@pytest.mark.long
 def test_at_no_delay_the_delayed_force_is_right_and_what_was_learnt_is_near(results: list[comparison.Result]) -> None:
     ceiling = comparison.delayed_force_curve(results)
     assert ceiling.delay[0] == 0.0
@@ -90,6 +91,7 @@ def test_at_no_delay_the_delayed_force_is_right_and_what_was_learnt_is_near(resu
     assert all(0.0 < curve.error[0] < 20.0 for curve in comparison.delay_curves(results).values())
 
 
+@pytest.mark.long
 def test_several_recordings_give_their_median(results: list[comparison.Result]) -> None:
     pair = ("hunt-crossley", "exact")
     single = [comparison.delay_curves([result])[pair].error for result in results if result.estimator == "exact"]

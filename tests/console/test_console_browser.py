@@ -83,6 +83,7 @@ def test_page_comes_up_and_says_what_to_do(bench):
         assert bench.page.get_by_text(text).first.is_visible(), text
 
 
+@pytest.mark.long
 def test_within_ten_seconds_the_predicted_and_the_delayed_force_are_seen_to_differ(bench):
     """Nobody has touched anything: a script presses until somebody does."""
 
@@ -128,6 +129,7 @@ def test_numbers_stand_beside_the_plot(bench):
     assert re.search(r"\d\.\d mm", bench.page.locator("tr", has_text="Depth of the probe").inner_text())
 
 
+@pytest.mark.long
 def test_the_script_moves_the_handle_and_publishes_nothing(bench):
     before = len(bench.session.published)
     bench.page.wait_for_timeout(1500)
@@ -194,6 +196,7 @@ def test_the_clutch_is_pressed_and_let_go_by_keyboard(bench):
     assert len(bench.session.of(Handle)) == sent
 
 
+@pytest.mark.long
 def test_strokes_of_keys_press_deeper_and_let_go(bench):
     before = len(bench.session.of(Handle))
     bench.page.evaluate("document.body.tabIndex = -1; document.body.focus()")
@@ -207,6 +210,7 @@ def test_strokes_of_keys_press_deeper_and_let_go(bench):
     bench.session.jumps.clear()
 
 
+@pytest.mark.long
 def test_every_plot_moves(bench):
     for tab, label in (
         ("Network", "Round trip: age of the answer"),
@@ -234,6 +238,7 @@ def test_a_choice_is_said_and_shown(bench):
     assert [choice.record for choice in bench.session.of(Choice)] == ["", "start", "stop"]
 
 
+@pytest.mark.long
 def test_where_nobody_supervises_a_sentence_says_so(bench):
     bench.session.supervised = False
     open_tab(bench.page, "Session")
@@ -339,6 +344,7 @@ def test_a_bar_that_a_page_shows_elsewhere_is_put_where_the_recording_is(bench, 
     bench.wait_for(lambda: page.get_by_text(NOT_LIVE).count() == 0)
 
 
+@pytest.mark.long
 def test_while_the_robot_is_stopped_nothing_says_to_press(bench):
     page = bench.page
     page.get_by_text(INSTRUCTION).wait_for()
@@ -397,8 +403,14 @@ def focus_on(page: Any, where: str) -> None:
         page.get_by_label("Material", exact=True).and_(page.locator("input")).click()
 
 
-@pytest.mark.parametrize("key", ["Space", "Escape"])
-@pytest.mark.parametrize("where", ["the page", "a button", "a tab", "a slider", "a box of numbers", "an open list"])
+@pytest.mark.parametrize("key", ["Space", pytest.param("Escape", marks=pytest.mark.long)])
+@pytest.mark.parametrize(
+    "where",
+    [
+        *("the page", "a box of numbers", "an open list"),
+        *(pytest.param(where, marks=pytest.mark.long) for where in ("a button", "a tab", "a slider")),
+    ],
+)
 def test_space_and_escape_press_the_emergency_stop_wherever_the_focus_is(bench, where, key):
     focus_on(bench.page, where)
     asked, handles = len(bench.session.of(EmergencyStop)), len(bench.session.of(Handle))
@@ -478,6 +490,7 @@ def test_no_request_leaves_the_machine(bench):
     assert all(re.match(r"(blob:)?(http|ws)://127\.0\.0\.1:\d+/|data:", url) for url in bench.requests), bench.requests
 
 
+@pytest.mark.long
 def test_the_end_button_ends(bench):
     assert bench.session.of(Stop) == []
     open_tab(bench.page, "Session")

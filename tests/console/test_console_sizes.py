@@ -23,6 +23,7 @@ from foretouch.messages import Settings
 
 pytestmark = [
     pytest.mark.browser,
+    pytest.mark.long,  # the page, its stop and its handle are tried in the browser in test_console_browser.py
     pytest.mark.skipif(chromium() is None, reason="no Chromium: install it, or set FORETOUCH_BROWSER"),
 ]
 
@@ -51,7 +52,7 @@ class Bench(NamedTuple):
 
 @pytest.fixture(scope="module")
 def bench() -> Iterator[Bench]:
-    with drawn() as (console, session), session, open_page(console.url, *LARGE) as (page, _):
+    with drawn() as (console, session), session, open_page(console.url, *LAPTOP) as (page, _):
         yield Bench(console, session, page)
 
 
@@ -71,7 +72,7 @@ def on_top(page: Any, x: float, y: float) -> str:
     return str(page.evaluate("([x, y]) => document.elementFromPoint(x, y).tagName", [x, y]))
 
 
-@pytest.mark.parametrize("size", [LARGE, LAPTOP])
+@pytest.mark.parametrize("size", [LAPTOP, LARGE])
 def test_handle_material_plot_and_all_sliders_of_the_network_are_seen_at_once(
     bench: Bench, size: tuple[int, int]
 ) -> None:
@@ -88,7 +89,6 @@ def test_handle_material_plot_and_all_sliders_of_the_network_are_seen_at_once(
         assert on_top(page, *on_screen(page, (0.0, 0.0, height))) == "CANVAS"
 
 
-@pytest.mark.long  # what is wider than the panel is looked for in each tab
 def test_the_panel_keeps_its_width_and_its_tables_keep_theirs(bench: Bench) -> None:
     page = bench.shown(LAPTOP)
     table = page.locator(".foretouch-table:visible").first
@@ -130,7 +130,6 @@ def test_nothing_of_a_tab_is_wider_than_the_panel(bench: Bench, tab: str) -> Non
     assert page.evaluate(wider) == []
 
 
-@pytest.mark.long  # test_console_playback looks at a moment's numbers
 def test_every_number_of_a_picture_is_of_one_moment(bench: Bench) -> None:
     """The panel's own, and the newest points of its plot; in the scene no number stands that could be older."""
     both = """() => {
@@ -192,7 +191,6 @@ def test_on_a_phone_the_scene_is_above_the_panel_and_the_stop_is_over_no_data(be
         assert on_top(page, x, y) == "CANVAS"
 
 
-@pytest.mark.long
 def test_the_key_of_the_stop_is_named_where_there_are_keys(bench: Bench) -> None:
     shown = "button => getComputedStyle(button.querySelector('.mantine-Button-label'), '::after').content"
     there = bench.page.get_by_role("button", name=READY)

@@ -49,6 +49,7 @@ def run_in(folder: Path, kept: Path) -> tuple[float, int, str]:
     return float(speed), int(result), mark
 
 
+@pytest.mark.long  # the digest itself is tried below
 def test_a_constant_that_changes_in_another_file_is_compiled_anew_and_a_second_clone_compiles_nothing(
     tmp_path: Path,
 ) -> None:

@@ -245,7 +245,7 @@ def run(arguments: list[str]) -> str:
     return result.stdout
 
 
-SLOW = (("materials", "fit"), ("bench",))
+SLOW = (("materials", "fit"), ("bench",), ("sweep",), ("reproduce",))
 """Commands that take long in any form; their parts have tests of their own."""
 
 
@@ -470,6 +470,7 @@ def test_a_camera_sees_beside_a_follower(text: str, tmp_path: Path, running: lis
     assert watching["images_used"] > 0
 
 
+@pytest.mark.long  # the bridge itself is tried in tests/ros2
 @pytest.mark.network
 @pytest.mark.parametrize("text", of("bridge"), ids=str)
 def test_a_bridge_tries_until_it_is_told_to_end(

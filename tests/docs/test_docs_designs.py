@@ -69,6 +69,7 @@ LEARNING: list[Any] = [
 ]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("made", LEARNING)
 def test_no_design_knows_forces_of_the_last_delay(
     designs: SimpleNamespace, press: Any, made: Callable[[SimpleNamespace], Any]
@@ -88,6 +89,7 @@ def test_only_the_floor_knows_the_future(designs: SimpleNamespace, press: Any) -
     assert np.abs(floor.predict(press)[0] - floor.predict(other)[0])[press.recording.time < 2.5].max() > 0.1
 
 
+@pytest.mark.long
 def test_features_and_prior_are_those_of_the_package(designs: SimpleNamespace, press: Any) -> None:
     place = press.recording.position - press.surface[press.begin]
     ours = designs.basis.Features().of(press, place)

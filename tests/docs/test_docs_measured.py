@@ -183,6 +183,7 @@ def depends(docs: SimpleNamespace) -> dict[tuple[str, str], set[str]]:
     return {key: {module for module, _ in docs.measured_sources.reached_by(key, sources)} for key in keys}
 
 
+@pytest.mark.long  # `make check` looks at every block
 def test_every_block_has_its_sources_and_the_other_way_round(
     docs: SimpleNamespace, depends: dict[tuple[str, str], set[str]]
 ) -> None:
@@ -192,6 +193,7 @@ def test_every_block_has_its_sources_and_the_other_way_round(
     assert all(len(modules) > 1 for key, modules in depends.items() if key[1] not in ("machine", "bounds"))
 
 
+@pytest.mark.long
 def test_blocks_depend_on_what_moves_their_figures(depends: dict[tuple[str, str], set[str]]) -> None:
     reach, sessions = depends["docs/results.md", "reach"], depends["docs/results.md", "sessions"]
     kernel = "foretouch.identification.contact_map.scores"
@@ -261,6 +263,7 @@ def change(root: Path, old: str, new: str) -> None:
     (root / KERNEL).write_text(text.replace(old, new, 1))
 
 
+@pytest.mark.long  # `make check` names what is stale
 @pytest.mark.skipif(shutil.which("git") is None, reason="what changed is known by Git")
 def test_a_table_that_is_made_stale_is_named_and_marked_and_filled_again(docs: SimpleNamespace, copy: Path) -> None:
     earlier = docs.measured_blocks.EARLIER

@@ -123,7 +123,9 @@ REFUSED = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", REFUSED)
+@pytest.mark.parametrize(
+    "name", [name if name != "busy_in_the_library" else pytest.param(name, marks=pytest.mark.long) for name in REFUSED]
+)
 def test_what_goes_wrong_is_one_line(name: str, file: Path) -> None:
     given, output = REFUSED[name]
     factor = 0.05 if "1 s" in output else None

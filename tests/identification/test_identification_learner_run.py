@@ -83,7 +83,7 @@ def test_measured_velocities() -> None:
     assert not np.array_equal(without, with_velocity, equal_nan=True)
 
 
-@pytest.mark.parametrize("scale", [0.0, 3.0])
+@pytest.mark.parametrize("scale", [pytest.param(0.0, marks=pytest.mark.long), 3.0])
 def test_a_material_that_changes_or_goes(scale: float) -> None:
     """Where the material goes, the surface is looked for again and the sums of the lag begin anew."""
     recording = press(noise=0.01, duration=12.0)

@@ -59,7 +59,7 @@ RIGID_ENOUGH = HuntCrossley(3000.0, 1500.0, 1.4)
         pytest.param(RIGID_ENOUGH, {"moves": 0.004}, marks=pytest.mark.long),
         (RIGID_ENOUGH, {"moves": -0.003}),
         pytest.param("foam-measured", {"moves": 0.004}, marks=pytest.mark.long),
-        ("foam-measured", {"scale": 2.5}),
+        pytest.param("foam-measured", {"scale": 2.5}, marks=pytest.mark.long),
     ],
 )
 def test_what_moves_or_is_swapped_is_noticed_within_a_tenth_of_a_second_and_learnt_anew(law, change):
@@ -70,6 +70,7 @@ def test_what_moves_or_is_swapped_is_noticed_within_a_tenth_of_a_second_and_lear
     assert error(recording, force, CHANGE + 2.0) < 0.12
 
 
+@pytest.mark.long
 def test_what_is_pierced_is_noticed_at_the_next_press():
     recording, force = pressed(make_material("sponge").model, scale=0.1, at=9.3)
     times = said(recording)
@@ -113,7 +114,9 @@ def spring(*, rate=1.0, duration=6.0, lost=(), spikes=(), stiffness=500.0):
     return Recording(time, 0.02 + depth, read), force
 
 
-@pytest.mark.parametrize("length", [0.001, 0.004, 0.005])
+@pytest.mark.parametrize(
+    "length", [0.004, *(pytest.param(length, marks=pytest.mark.long) for length in (0.001, 0.005))]
+)
 def test_a_reading_that_is_lost_takes_nothing_away(length):
     """At the deepest place, where it is furthest from what is expected."""
     recording, force = spring(lost=[(3.5, length)])

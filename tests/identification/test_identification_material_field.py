@@ -75,6 +75,7 @@ def test_a_field_that_changes_evenly_is_found(palpated: MaterialFieldLearner) ->
     assert len(learner.field) < 350
 
 
+@pytest.mark.long
 def test_the_uncertainty_is_large_where_nobody_pressed(palpated: MaterialFieldLearner) -> None:
     field = palpated.field
     _, pressed, known = field.law_at((0.0, 0.0, 0.0))

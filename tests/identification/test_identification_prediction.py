@@ -32,6 +32,7 @@ def predicted_whole(delay: float) -> NDArray[np.float64]:
     return predict(press(duration=3.0, noise=0.01), learner(), delay=delay).force
 
 
+@pytest.mark.long
 @settings(max_examples=8)
 @given(st.sampled_from([0.0, 0.001, 0.3, 1.0]), st.floats(1.2, 2.8))
 def test_the_future_is_not_used(delay: float, now: float) -> None:

@@ -50,6 +50,7 @@ def one(folder: Path, pattern: str) -> Path:
     return result
 
 
+@pytest.mark.long
 def test_both_distributions_are_as_the_index_wants_them(built: Path) -> None:
     files = one(built, "*.whl"), one(built, "*.tar.gz")
     done = run(sys.executable, "-m", "twine", "--no-color", "check", "--strict", *files)

@@ -103,6 +103,7 @@ def test_its_estimator_is_compared_identified_and_simulated(here: Callable[..., 
     assert result["parameters"]["stiffness"] == pytest.approx(600.0, rel=0.03)
 
 
+@pytest.mark.long
 def test_its_device_moves_a_simulated_session(here: Callable[..., Any], installed: Path) -> None:
     words = ("simulate", "--operator", "swing", "--material", "hunt-crossley", "--duration", "4")
     report = here(*words, "--recording", "s.mcap")

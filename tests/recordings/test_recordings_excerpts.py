@@ -168,6 +168,7 @@ def test_excerpt_and_original_give_the_same_figures(original, name):
     assert (kept == whole == [None, None]) if status == "no_contact" else kept == pytest.approx(whole, abs=0.1)
 
 
+@pytest.mark.long
 @pytest.mark.data
 def test_the_tool_makes_them_again(original, monkeypatch):
     for name in DATASETS:

@@ -171,6 +171,7 @@ def test_a_killed_writer_leaves_what_was_flushed(tmp_path, flushed):
     assert_same(log, whole)
 
 
+@pytest.mark.long
 def test_a_file_cut_anywhere_gives_a_beginning_of_the_session(tmp_path):
     path, cut = tmp_path / "session.mcap", tmp_path / "cut.mcap"
     made.write_session(path, 300, {"late": 1})
@@ -368,6 +369,7 @@ def test_a_missing_package_is_named(tmp_path, monkeypatch):
     assert not Path(tmp_path / "session.mcap").exists()
 
 
+@pytest.mark.long
 def test_a_minute_reads_in_seconds(tmp_path):
     path = tmp_path / "session.mcap"
     made.write_session(path, 10_000)

@@ -58,6 +58,7 @@ def guarded(log: SessionLog, start: int, end: int) -> SessionLog:
     return replace(log, follower=follower)
 
 
+@pytest.mark.long
 def test_a_session_with_a_hand_is_stable(ours: SessionLog, our_report: dict[str, Any]) -> None:
     report = our_report
     hand = report["hand"]
@@ -85,6 +86,7 @@ def test_a_session_with_a_hand_is_stable(ours: SessionLog, our_report: dict[str,
     assert "where the robot touched nothing" not in text
 
 
+@pytest.mark.long
 def test_an_account_that_is_not_true_is_said(
     ours: SessionLog, delayed: SessionLog, delayed_report: dict[str, Any]
 ) -> None:

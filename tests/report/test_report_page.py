@@ -46,7 +46,7 @@ def images(page: Path) -> list[ElementTree.Element]:
     [
         ({"duration": 3.0, "noise": 0.02}, 5),
         ({"duration": 2.5, "stiffness": 30.0, "limit": 10.0}, 5),
-        ({"duration": 2.5, "touching": False}, 4),
+        pytest.param({"duration": 2.5, "touching": False}, 4, marks=pytest.mark.long),
         pytest.param({"duration": 2.5, "models": False}, 4, marks=pytest.mark.long),
         pytest.param({"duration": 2.5, "valid": False}, 5, marks=pytest.mark.long),
         pytest.param({"duration": 0.2}, 5, marks=pytest.mark.long),
@@ -234,13 +234,14 @@ def test_a_page_does_not_grow_with_the_session(tmp_path: Path) -> None:
     assert sizes[1] < 1.5 * sizes[0]
 
 
+@pytest.mark.long  # a long session below
 def test_the_page_of_a_long_replay_can_be_sent_too(tmp_path: Path) -> None:
     log = wild(repeated(make_session(2.0), 10))
     content = compare_replay(log, log, ("nobody moved", "again"))
     assert write_replay_page(tmp_path, "s.mcap", log, log, content).stat().st_size < MOST
 
 
-@pytest.mark.parametrize("sort", ["dots", "words"])
+@pytest.mark.parametrize("sort", ["dots", pytest.param("words", marks=pytest.mark.long)])
 def test_whatever_a_figure_is_made_of_its_image_is_bounded(sort: str) -> None:
     figure = new_figure(4.0)
     axes = figure.subplots()

@@ -302,6 +302,7 @@ def test_a_simulated_scene_is_reported_and_its_account_agrees(simulated: Session
     assert all(len(line) < 150 for line in text.splitlines())
 
 
+@pytest.mark.long
 def test_the_page_of_a_scene_shows_its_figures(simulated: SessionLog, told: dict[str, Any], tmp_path: Path) -> None:
     page = write_page(tmp_path, simulated, told).read_text()
     images = re.findall(r'alt="([^"]+)" src="data:image/svg\+xml;base64,([^"]+)"', page)

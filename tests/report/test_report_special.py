@@ -124,6 +124,7 @@ def test_the_text_says_it_too(folder: Path) -> None:
     assert "--force-offset" in result.stdout
 
 
+@pytest.mark.long
 def test_the_page_says_it_too(folder: Path, tmp_path: Path) -> None:
     assert run(folder / "once-before.csv", "--report", tmp_path).exit_code == 0
     page = (tmp_path / "index.html").read_text()
@@ -152,6 +153,7 @@ def test_what_is_no_recording_is_refused_in_one_line(tmp_path: Path, rows: int) 
     assert "\n" not in str(refusal)
 
 
+@pytest.mark.long
 def test_measured_presses_are_nothing_special_but_for_what_is_known_of_them(measured: Callable[[str], Path]) -> None:
     for name in ("tue/a-foam", "tue/b-foam3", "tue/d-foam2", "tue/a-rigid"):
         assert json.loads(run(measured(name), "--json").stdout)["remarks"] == [], name

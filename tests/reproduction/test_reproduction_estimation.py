@@ -299,6 +299,7 @@ def test_how_the_switch_of_fig8_depends_on_rho() -> None:
             assert not switch.shock_holds, rate
 
 
+@pytest.mark.long
 def test_what_the_claims_say_of_the_switch() -> None:
     claims = {claim.claim: claim for claim in section("fig8").claims}
     switch = claims["Threshold switching goes from Hunt-Crossley to Kelvin-Voigt at the 198th iteration"]
@@ -504,6 +505,7 @@ def test_nobody_is_right_before_the_model_arrives() -> None:
     assert least <= walked.ahead_share + 1e-4 < least + 0.01
 
 
+@pytest.mark.long
 def test_noise_takes_claims_of_fig7a_away() -> None:
     shares = noise_shares()
     assert shares[0.002]["kvm b2"] == 1.0

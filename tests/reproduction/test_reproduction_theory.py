@@ -170,6 +170,7 @@ def test_exponents_of_hunt_crossley_follow_from_its_integral(ratio: float) -> No
     assert measured_exponent(1.9, 0.0, ratio) == pytest.approx(expected, abs=2e-6)
 
 
+@pytest.mark.long  # the figure is computed whole
 def test_the_area_of_5_and_its_ends() -> None:
     n, alpha = area(51)
     assert (n + alpha).min() == pytest.approx(1.0, abs=1e-12)
@@ -184,6 +185,7 @@ def test_the_area_of_5_and_its_ends() -> None:
     assert claim("fig4", "[2, 3]").verdict == "holds"
 
 
+@pytest.mark.long
 def test_h_is_the_integral_of_11() -> None:
     for beta, h in zip(column("fig4", "h", "beta")[::50], column("fig4", "h", "h")[::50], strict=True):
         integral = quad(lambda u: math.sqrt(u), 0.0, 1.0, weight="alg", wvar=(0.0, -beta))[0]
@@ -209,6 +211,7 @@ def test_the_share_that_kelvin_voigt_loses_knows_no_speed() -> None:
     assert output.startswith(", ".join(3 * [f"{share:.3g} %"]))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", list(STEP_LAWS))
 def test_where_the_equation_pulls(name: str) -> None:
     law = STEP_LAWS[name]
@@ -330,6 +333,7 @@ def test_the_fit_is_what_recursive_least_squares_end_at(choice: Choice) -> None:
     assert recursive_fit(choice, 0.3) == pytest.approx(tuple(theta), rel=1e-5)
 
 
+@pytest.mark.long  # all choices are fitted
 def test_table_1_is_met_one_column_at_a_time() -> None:
     tried = list(choices())
     both = [max(distance(recursive_fit(choice, alpha), alpha) for alpha in TABLE_1) for choice in tried]

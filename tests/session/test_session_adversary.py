@@ -15,6 +15,7 @@ HUNDREDS = 600
 """Programmes in space, whose ticks cost four times as much, and which last longer."""
 
 
+@pytest.mark.long  # what was found is tried below
 @pytest.mark.parametrize(
     ("material", "tries"),
     [("bone", 3), ("kelvin-voigt", 4), *(pytest.param(name, THOUSANDS, marks=pytest.mark.long) for name in MATERIALS)],
@@ -28,6 +29,7 @@ def test_a_search_finds_nothing(material: str, tries: int) -> None:
 SOFT, HARD = ("kelvin-voigt", 1.1e-5, (-1.0, 0.0, 1.0)), ("bone", 6e-6, (1.0, -1.0))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("material", "dither", "pattern", "encoder"),
     [

@@ -119,6 +119,7 @@ def test_a_follower_that_begins_in_contact_knows_what_it_presses_with(tmp_path: 
     assert result[False] < 0.2  # taken for the sensor's offset
 
 
+@pytest.mark.long
 def test_a_late_sensor_makes_a_material_that_pushes_on_and_calibrated_does_not(tmp_path: Path) -> None:
     lag = 10
     without = run(Mounted("hunt-crossley", lag=lag))

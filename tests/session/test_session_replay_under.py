@@ -77,6 +77,7 @@ def test_under_its_own_settings_a_session_comes_out_bit_by_bit(changes: dict[str
     assert out.settings == log.settings | {"replay": "open loop"}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("closed_loop", [False, True])
 def test_so_does_one_whose_hand_was_moved_whether_its_motion_is_fixed_now_or_it_answers(
     felt: SessionLog, closed_loop: bool

@@ -261,7 +261,7 @@ class _Playout:
         return getattr(self._playout, name)
 
 
-@pytest.mark.parametrize("baseline", ["none", "delayed"])
+@pytest.mark.parametrize("baseline", ["none", pytest.param("delayed", marks=pytest.mark.long)])
 def test_what_was_sent_before_a_release_was_known_is_not_obeyed_after_it(baseline: str) -> None:
     lap = Noted.led(4.0, baseline=baseline)
     lap.stop = "somebody shouted"

@@ -100,6 +100,7 @@ def test_models_and_forces_come_as_late_as_the_settings_say(day: tuple[SessionLo
     assert ages.max() <= 325 * MS
 
 
+@pytest.mark.long
 def test_it_predicts_as_a_session_does(day: tuple[SessionLog, shadow.State]) -> None:
     log, state = day
     report = session_figures(log)

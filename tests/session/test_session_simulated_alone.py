@@ -60,7 +60,7 @@ def test_settings_alone_give_the_session_that_the_command_gives(options: dict[st
     [
         {"fusion": "contact"},
         {"scene": "plane", "fusion": "contact"},
-        {"scene": "hill", "fusion": "contact", "jitter": 0.01},
+        pytest.param({"scene": "hill", "fusion": "contact", "jitter": 0.01}, marks=pytest.mark.long),
         {"baseline": "delayed-tdpa", "grip": "soft", "jitter": 0.01, "burst": 5.0},
     ],
     ids=str,

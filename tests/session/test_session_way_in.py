@@ -97,6 +97,7 @@ def test_three_touches_free_the_air_over_a_plane_and_one_near_it_until_a_surface
     assert feeler.over(-0.015, 0.015) > 0.005
 
 
+@pytest.mark.long
 def test_a_touch_in_free_air_speaks_against_all_that_was_felt() -> None:
     """The fixture was bumped by 6 mm, and nobody sees it: from the first tick of the contact on nothing is free."""
     feeler = Feeler()

@@ -68,6 +68,7 @@ def test_curves_cross_where_the_first_gets_below_and_stays() -> None:
     assert crossover(of(2), of()) is None
 
 
+@pytest.mark.long
 def test_the_crossover_is_said_in_a_sentence() -> None:
     regions = {(one["over"], one["baseline"]): one for one in crossovers(swept())}
     at = regions["round trip", "delayed"]["at"]
@@ -120,6 +121,7 @@ def test_the_page_says_what_came_out(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert draw_case(0).command in text
 
 
+@pytest.mark.long
 def test_a_page_of_one_session_that_failed(tmp_path: Path) -> None:
     figures = dict.fromkeys(GOOD)
     page = write_sweep_page(tmp_path, [row(0, **figures, error="RuntimeError: <no>")])

@@ -36,6 +36,7 @@ def displaced(random: np.random.Generator) -> Pose:
     return Pose.exp(random.normal(size=6) * np.repeat([S.start_position, S.start_angle], 3))
 
 
+@pytest.mark.long  # many draws
 def test_the_error_is_as_large_as_the_filter_says() -> None:
     random, scores = np.random.default_rng(5), []
     for _ in range(60):

@@ -74,6 +74,7 @@ def test_a_stream_freezes_drops_and_repeats_with_its_seed(scene: CameraScene) ->
     assert not np.array_equal(first, one.take(image, 4.0))
 
 
+@pytest.mark.long
 def test_the_covariance_is_that_of_many_draws() -> None:
     random, detector = np.random.default_rng(8), BoardDetector(BOARD, CAMERA, corner_noise=0.15, corner_shift=0.0)
     true = LOOK.inverse() @ TILTED
