@@ -61,5 +61,6 @@ def test_a_block_is_a_list_with_ratios_first(said: dict[str, Any]) -> None:
     assert re.match(r"\d{4}-\d\d-\d\d(, [0-9a-f]+)?(, load \d+\.\d|$)", said["circumstances"])
 
 
+@pytest.mark.long
 def test_plots_are_measured_on_one_core(said: dict[str, Any]) -> None:
     assert said["threads"] == 1

@@ -339,6 +339,7 @@ def test_every_measured_press_is_predicted(measured: Any) -> None:
     assert skin["status"] == "ok"
 
 
+@pytest.mark.long
 def test_a_measured_recording_is_named_instead_of_a_file(measured: Callable[[str], Path], tmp_path: Path) -> None:
     name, law = "tue/b-foam", ("--model", "kelvin-voigt", "--estimator", "rls")
     for command in ("identify", "predict"):

@@ -98,6 +98,7 @@ def test_several_recordings_give_their_median(results: list[comparison.Result]) 
     assert comparison.delay_curves(results)[pair].error == pytest.approx(np.mean(single, axis=0))  # two: their middle
 
 
+@pytest.mark.long
 def test_fits_of_the_whole_file_alone_are_floors(results: list[comparison.Result]) -> None:
     floors = comparison.floors(results)
     assert list(floors) == [("hunt-crossley", "offline")]

@@ -307,7 +307,6 @@ def held() -> tuple[SpaceHold, list[Handle], LeaderSpace]:
     return SpaceHold(watched, Publisher(messages.append)), messages, watched.space.leader
 
 
-@pytest.mark.long  # a drag along the line is tried in the browser
 def test_a_drag_moves_the_hand_by_as_much_from_where_it_was() -> None:
     hold, messages, leader = held()
     hand = np.array([leader.hand_x, leader.hand_y, leader.hand_z])
@@ -321,7 +320,6 @@ def test_a_drag_moves_the_hand_by_as_much_from_where_it_was() -> None:
     np.testing.assert_allclose(hold.handle, np.array(HOME) + way)  # it stays a while where it was let go
 
 
-@pytest.mark.long
 def test_a_hand_goes_no_further_than_it_may() -> None:
     hold, messages, leader = held()
     hold.drag_to(HOME, "start")
@@ -331,7 +329,6 @@ def test_a_hand_goes_no_further_than_it_may() -> None:
     assert leader.point_z - 0.02 < z < leader.point_z
 
 
-@pytest.mark.long
 def test_strokes_move_the_hand_and_let_go() -> None:
     hold, messages, _ = held()
     hold.stroke((0.0005, 0.0, 0.0))

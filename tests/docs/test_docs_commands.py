@@ -245,7 +245,7 @@ def run(arguments: list[str]) -> str:
     return result.stdout
 
 
-SLOW = (("materials", "fit"), ("bench",), ("sweep",), ("reproduce",))
+SLOW = (("materials", "fit"), ("bench",), ("sweep",), ("reproduce",), ("simulate",))
 """Commands that take long in any form; their parts have tests of their own."""
 
 

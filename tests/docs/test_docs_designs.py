@@ -104,6 +104,7 @@ def test_features_and_prior_are_those_of_the_package(designs: SimpleNamespace, p
     np.testing.assert_allclose(designs.maps.Map()._prior(), theirs, atol=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("interpreted")
 def test_recursive_weights_are_those_of_one_solution(designs: SimpleNamespace) -> None:
     random = np.random.default_rng(1)

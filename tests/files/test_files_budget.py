@@ -204,11 +204,15 @@ def reading(note: Path) -> int:
 
 
 def asking(file: Path, note: Path) -> subprocess.Popen[str]:
-    """A process that asks for a reading that never ends and, should it be interrupted, for another."""
+    """A process that asks for a reading that never ends and, should it be interrupted, for another.
+
+    It heeds Ctrl+C also where the tests run in the background of a shell, which has its processes ignore it.
+    """
     asked = f"{str(file)!r}, None, hungry.begun, {str(note)!r}"
     again = f"within_budget({str(file)!r}, None, hungry.given_back)"
     code = (
-        "import hungry\nfrom foretouch.files import within_budget\n"
+        "import signal, hungry\nfrom foretouch.files import within_budget\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         f"try: within_budget({asked})\nexcept KeyboardInterrupt: print({again})\n"
     )
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}

@@ -60,6 +60,7 @@ def test_missing_columns_and_foreign_files_are_refused(tmp_path):
         assert "\n" not in str(caught.value)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("read_apart")
 def test_damaged_files_give_one_line(table):
     path = table()

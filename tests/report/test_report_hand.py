@@ -227,6 +227,7 @@ def test_a_delayed_force_in_an_open_loop_is_given_to_nobody() -> None:
     assert "not known: no hand holds the device that the delayed force would move" in text
 
 
+@pytest.mark.long
 def test_the_page_shows_hand_and_energy(ours: SessionLog, tmp_path: Path, our_report: dict[str, Any]) -> None:
     text = write_page(tmp_path, ours, our_report).read_text()
     assert "The hand: what it meant" in text

@@ -193,6 +193,7 @@ def test_h_is_the_integral_of_11() -> None:
     assert claim("fig4", "h(beta)").verdict == "holds"
 
 
+@pytest.mark.long
 def test_low_damping_ends_where_the_integral_of_hunt_crossley_says() -> None:
     def beyond(ratio: float) -> float:
         return 4.0 / 3.0 * ratio / (1.0 - hunt_crossley_rebound(ratio) ** 2) - 1.1

@@ -293,6 +293,7 @@ def test_what_a_material_answered_is_played_where_its_package_is_not_installed(p
     assert session_figures(log)["settings"]["material"] == "a gel"
 
 
+@pytest.mark.long
 def test_a_scene_of_a_material_whose_package_is_not_installed_is_not_run_again() -> None:
     log = simulate(SessionSettings(scene="plane", fusion="contact"), duration=0.1).log
     log = replace(log, settings=log.settings | {"material": "a gel"})
