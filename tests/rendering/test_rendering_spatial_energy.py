@@ -14,7 +14,7 @@ from foretouch.rendering import EnergyAccount, SpatialEnergyAccount
 from foretouch.report.energy import BookedDevice, book
 
 small = st.floats(-1e-3, 1e-3)
-force = st.floats(-10.0, 10.0)
+force = st.floats(-10.0, 10.0, allow_subnormal=False)  # so small a force times a tick would be no impulse
 tick = st.tuples(st.tuples(small, small, small), st.tuples(force, force, force))
 
 
