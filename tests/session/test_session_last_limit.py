@@ -328,7 +328,7 @@ def tried(name: str, examples: int) -> float:
     ("name", "examples", "least"),
     [
         *((name, 8, 0.0) for name in ("hill", "cube", "groove")),
-        *(pytest.param(name, 60, 0.2, marks=pytest.mark.long) for name in SCENES),
+        *(pytest.param(name, 120, 0.25, marks=pytest.mark.long) for name in SCENES),
     ],
 )
 def test_no_told_place_is_beyond_the_limits(name: str, examples: int, least: float) -> None:
