@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from functools import cache
 
 import numpy as np
@@ -13,7 +12,6 @@ from presses import SOFT, press
 from foretouch.errors import UnknownNameError
 from foretouch.identification import (
     ESTIMATORS,
-    Conditioner,
     ContactSample,
     ContactSamples,
     Estimator,
@@ -154,25 +152,6 @@ def test_no_samples_unbound_its_covariance(estimator: Estimator) -> None:
         if covariance is not None:
             assert np.abs(covariance).max() < 1e101
             np.testing.assert_array_equal(covariance, covariance.T)
-
-
-@pytest.mark.long
-def test_what_an_update_costs(estimator: Estimator, capsys: pytest.CaptureFixture[str]) -> None:
-    """A tick of 1 ms has to hold it many times over."""
-    recording = press(duration=12.0, noise=0.02)
-    conditioner = Conditioner()
-    columns = (recording.time.tolist(), recording.position.tolist(), recording.force.tolist())
-    samples = [conditioner.update(*row) for row in zip(*columns, strict=True)]
-    samples = [sample for sample in samples if sample.in_contact]
-    costs = []
-    for sample in samples:
-        start = time.perf_counter_ns()
-        estimator.update(sample)
-        costs.append(time.perf_counter_ns() - start)
-    half, rare = np.percentile(costs, (50, 99)) / 1000.0
-    with capsys.disabled():
-        print(f"\n{estimator.model_name} {estimator.name}: {half:.1f} us an update, 99 % within {rare:.1f} us")  # noqa: T201
-    assert half < 200.0
 
 
 def test_unknown_names_list_the_choices() -> None:

@@ -210,7 +210,7 @@ def test_before_enough_samples_there_is_no_law_and_an_empty_field() -> None:
     assert FORCE_NOISE > 0.0 < SHARE_NOISE
 
 
-def test_an_update_fits_a_tick_many_times_over() -> None:
+def test_an_update_costs_the_same_however_large_the_field_is() -> None:
     learner = MaterialFieldLearner()
     costs = []
     for index in range(4000):
@@ -219,4 +219,4 @@ def test_an_update_fits_a_tick_many_times_over() -> None:
         start = time.perf_counter_ns()
         learner.update(sample)
         costs.append(time.perf_counter_ns() - start)
-    assert np.median(costs) < 50_000  # 10 us on an idle machine
+    assert np.median(costs[-1000:]) < 3.0 * np.median(costs[:1000])

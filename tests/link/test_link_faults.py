@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import math
-import time
 from collections import Counter
 from itertools import groupby, pairwise
 from typing import Any
@@ -371,9 +370,8 @@ def test_what_is_too_old_to_tell_is_a_copy_and_the_largest_number_costs_no_more(
     assert (counter.copies, counter.late, counter.received) == (2, 1, 3)
     assert counter.lost == REMEMBERED + 5 - 3
     counter = SequenceCounter()
-    begin = time.perf_counter()
+    # A counter that walked over what is missing would never return.
     assert [counter.is_newest(n) for n in (1, 2**63 - 1, 2, 2**63 - 2)] == [True, True, False, False]
-    assert time.perf_counter() - begin < 0.01
     assert counter.lost == 2**63 - 1 - 3
 
 
