@@ -155,9 +155,10 @@ class Attack(Commanded):
 
     def restart(self, target: float, size: float, pace: float, ticks: int) -> None:
         """The follower's process ends and comes again, which takes longer than the drive takes to come to rest."""
+        held = self.path[-1] if self.path else self.sample.commanded_position
         for _ in range(200):
             self.now += MS
-            self.sample = self.seen(self.robot.exchange(self.path[-1]))
+            self.sample = self.seen(self.robot.exchange(held))
         self.begin()
         self.step(target, size, pace, ticks)
 
