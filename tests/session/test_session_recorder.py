@@ -310,7 +310,8 @@ def test_a_session_outlives_a_full_disk_and_its_recorder(tmp_path: Path, largest
     else:
         assert f"recorder: {path}: cannot be written: File too large; " in err
         assert "the recording is not all there: " in err
-        assert f"{path}: ends before its session did" in err
+        # Whole, where there was room for its index behind the last of its messages.
+        assert f"{path}: ends before its session did" in err or f"recordings repair {path}` makes it whole" in err
         assert 200_000 < path.stat().st_size <= largest_file
     assert json.loads(out)["counts"]["truncated"] == 1
     assert "Traceback" not in err

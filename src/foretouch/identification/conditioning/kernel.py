@@ -350,7 +350,7 @@ Taken = tuple[float, float, float, bool, float, float, float, bool]
 
 @kernel("(Tuple((Conditioning[::1], f8[:, ::1])), f8, f8, f8, f8, b1)", error_model="numpy")
 def take(memory: Memory, time: float, position: float, force: float, velocity: float, measured: bool) -> Taken:
-    """`condition` for a loop in Python.
+    """`condition` for a loop in Python; its numbers are Python's own, also where nothing is compiled.
 
     Returns:
         What `condition` returns; then the surface [m], its error [m], the force offset [N], and whether the rings must
@@ -358,4 +358,5 @@ def take(memory: Memory, time: float, position: float, force: float, velocity: f
     """
     depth, velocity, force, touching = condition(memory, time, position, force, velocity, measured)
     state = memory[0][0]
-    return depth, velocity, force, touching, state.surface, state.surface_error, state.offset, is_full(memory)
+    surface, error, offset = float(state.surface), float(state.surface_error), float(state.offset)
+    return float(depth), float(velocity), float(force), bool(touching), surface, error, offset, is_full(memory)
