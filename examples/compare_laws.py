@@ -9,7 +9,8 @@ from foretouch import ContactMap, ExactHuntCrossley, ExactKelvinVoigt, HuntCross
 
 if __name__ == "__main__":  # the work is done by several processes
     found = compare(
-        sys.argv[1:], estimators=[KelvinVoigtRLS, ExactKelvinVoigt, HuntCrossleyLogRLS, ExactHuntCrossley, ContactMap]
+        sys.argv[1:] or ["docs/examples/spring.csv"],
+        estimators=[KelvinVoigtRLS, ExactKelvinVoigt, HuntCrossleyLogRLS, ExactHuntCrossley, ContactMap],
     )
     table = found.to_pandas()
     columns = ["model", "estimator", "residual_percent", "prediction_error_percent", "delayed_force_error_percent"]

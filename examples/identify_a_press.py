@@ -7,7 +7,7 @@ import sys
 
 import foretouch
 
-recording = foretouch.read_recording(sys.argv[1])
+recording = foretouch.read_recording(sys.argv[1] if sys.argv[1:] else "docs/examples/spring.csv")
 found = foretouch.identify(recording, foretouch.ExactKelvinVoigt(), keep_history=True)
 
 print(f"surface at {1e3 * found.surface:.2f} mm, force in free air {found.force_offset:.2f} N")

@@ -7,7 +7,8 @@ import sys
 
 import foretouch
 
-path, delay = sys.argv[1], float(sys.argv[2] if len(sys.argv) > 2 else 0.3)
+path = sys.argv[1] if len(sys.argv) > 1 else "docs/examples/spring.csv"
+delay = float(sys.argv[2] if len(sys.argv) > 2 else 0.3)
 recording = foretouch.read_recording(path)
 
 predicted = foretouch.predict(recording, delay=delay)

@@ -1,5 +1,5 @@
 """The house keeps its rules. Where one fails, move or merge what it names. A number here only falls, but for
-a new variant (a law, an estimator, a device, a material, a panel), which brings a file and its lines.
+a new variant (a law, an estimator, a device), which brings a file and its lines, or a panel or a material, its lines.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import grimp
 
 SOURCE = Path(__file__).resolve().parents[1] / "src" / "foretouch"
 FILES, LINES = 357, 69_600
+RAISE = "a new law, estimator or device raises FILES and LINES: see the rules in CONTRIBUTING.md"
 FLAT, LARGEST, MEDIAN = 12, 400, range(120, 226)
 PARAMETERS, LONG_SIGNATURES = 8, 1
 COMPILED = ("compiled", "entry_point", "inlined", "kernel")
@@ -42,8 +43,9 @@ def imports() -> grimp.ImportGraph:
 def test_files_are_few_and_of_a_size_to_read() -> None:
     every = sorted(SOURCE.rglob("*.py"))
     lengths = {name: len(text.splitlines()) for name, text in texts().items()}
-    assert len(every) <= FILES
-    assert sum(len(path.read_text().splitlines()) for path in every) <= LINES
+    lines = sum(len(path.read_text().splitlines()) for path in every)
+    assert len(every) <= FILES, RAISE
+    assert lines <= LINES, RAISE
     assert int(statistics.median(lengths.values())) in MEDIAN
     assert {name: length for name, length in lengths.items() if length > LARGEST} == {}
 

@@ -20,13 +20,9 @@ from foretouch.identification import (
     identify,
     make_estimator,
 )
-from foretouch.models import LAWS, ContactModel, KelvinVoigt, QuadraticContact, make_model
-
-OWN_LAW: dict[str, ContactModel] = {
-    "kelvin-voigt": KelvinVoigt(600.0, 2.0),
-    "quadratic": QuadraticContact(300.0, 4e4, 300.0),
-}
-"""What an estimator can learn whole, by the name of its model; a soft Hunt-Crossley press for all others."""
+from foretouch.identification.registry import DEFAULT_ESTIMATORS
+from foretouch.models import LAWS, make_model
+from foretouch.session.conformance.estimator_checks import OWN_LAWS
 
 NAMES = [(model, estimator) for model, estimators in ESTIMATORS.items() for estimator in estimators]
 SHORT = 2.0
@@ -42,6 +38,10 @@ def test_it_is_registered_under_its_own_names(estimator: Estimator) -> None:
     assert ESTIMATORS[estimator.model_name][estimator.name] is type(estimator)
 
 
+def test_every_law_that_is_estimated_has_a_default() -> None:
+    assert DEFAULT_ESTIMATORS.keys() == ESTIMATORS.keys()
+
+
 def test_it_knows_nothing_at_first(estimator: Estimator) -> None:
     assert estimator.model is None
     assert estimator.parameters == {}
@@ -50,7 +50,7 @@ def test_it_knows_nothing_at_first(estimator: Estimator) -> None:
 
 def test_it_learns_a_clean_press_of_its_own_law(estimator: Estimator) -> None:
     """Given surface and offset, the law it found gives the force again, where the depth is not tiny."""
-    true = OWN_LAW.get(estimator.model_name, SOFT)
+    true = OWN_LAWS.get(estimator.model_name, SOFT)
     recording = press(true, duration=5.0)
     result = identify(recording, Learner(estimator, surface=0.01, force_offset=0.3))
     assert result.in_contact.sum() > 1000

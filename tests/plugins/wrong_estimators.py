@@ -125,7 +125,7 @@ class Poisoned(Windowed):
 
 class Remembering(Windowed):
     def reset(self) -> None:
-        if not hasattr(self, "updates"):
+        if not self.updates:
             super().reset()
 
 

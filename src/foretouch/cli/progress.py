@@ -132,7 +132,7 @@ def compile_first() -> bool:
 
     if is_compiled():
         return True
-    say("compiling what sessions run, once on this machine, in about a minute")
+    say("compiling what sessions run, once for this code on this machine, in about a minute")
     reported = 0.2
     with progress_bar("compiling") as bar:
 

@@ -55,13 +55,13 @@ class Estimator(ABC):
     model_name: ClassVar[str]
     offline: ClassVar[bool] = False
     horizon: float | None = None
-    updates: int
+    updates: int = 0
     changes: int = 0
 
     def __repr__(self) -> str:
         """Name, law, updates, and parameters; an offline estimator is not asked for these, for it would fit."""
         known = {} if self.offline else self.parameters
-        texts = {"name": self.name, "law": self.model_name, "updates": getattr(self, "updates", 0)}
+        texts = {"name": self.name, "law": self.model_name, "updates": self.updates}
         return brief_text(
             type(self).__name__, [*texts.items(), *((name, brief_number(value)) for name, value in known.items())]
         )
