@@ -69,7 +69,7 @@ def driven(lap: Lap, robot: Any) -> LineFollower:
 
 def leave(follower: LineFollower, timer: Any) -> tuple[LoopWatch, list[Message]]:
     loop, output = LoopWatch(0.5), []
-    live._leave(follower, timer, loop, output.append, lambda line: None)
+    live._leave(follower, loop, output.append, lambda line: None, timer)
     return loop, output
 
 

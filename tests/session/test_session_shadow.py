@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from watched_robot import MS, watched
 
 from foretouch.link import ZenohLink, free_endpoint
-from foretouch.messages import VERSION, Command, EmergencyStop, SessionLog, Status, Telemetry
+from foretouch.messages import VERSION, Command, EmergencyStop, SessionLog, Status
 from foretouch.report import session_figures
 from foretouch.robot import MovedRobot, Robot, RobotSample, make_robot
 from foretouch.session import (
@@ -30,9 +30,10 @@ from foretouch.session import (
     simulate,
 )
 from foretouch.session.network.playout import Arrival
-from foretouch.session.runners import shadow
+from foretouch.session.runners.driven import Tick
 from foretouch.session.runners.news import leader_news, shadow_news
-from foretouch.session.runners.shadow import SCORED_AFTER, ShadowScore
+from foretouch.session.runners.shadow import SCORED_AFTER, Shadow, ShadowScore
+from foretouch.session.settings import shadow_settings
 from foretouch.session.steps import leader
 
 SETTINGS = SessionSettings(material="hunt-crossley", force_delay=0.3)
@@ -52,7 +53,7 @@ class Noting(Robot):
 
 
 @pytest.fixture(scope="module")
-def day() -> tuple[SessionLog, shadow.State]:
+def day() -> tuple[SessionLog, Shadow]:
     return watched(SETTINGS, 7.0)
 
 
@@ -71,7 +72,7 @@ def test_a_moved_robot_goes_its_own_way_and_leaves_out_what_it_is_told() -> None
 
 
 def test_what_is_said_is_a_session_at_equal_positions_with_nothing_commanded_and_all_fresh(
-    day: tuple[SessionLog, shadow.State],
+    day: tuple[SessionLog, Shadow],
 ) -> None:
     log, _ = day
     assert set(log.follower["status"]) == {Status.SHADOW}
@@ -81,7 +82,7 @@ def test_what_is_said_is_a_session_at_equal_positions_with_nothing_commanded_and
     assert not log.follower["guarded"].any()
     assert log.leader["engaged"].all()
     assert len(log.models) > 300
-    following = day[1].following
+    following = day[1].follows.state
     assert following.freshness.counts[Arrival.FRESH] == 7_000
     assert following.lease.refused == 0
     assert following.held_ticks == following.faulty_ticks == 0
@@ -101,7 +102,7 @@ def test_models_and_forces_come_as_late_as_the_settings_say(day: tuple[SessionLo
 
 
 @pytest.mark.long
-def test_it_predicts_as_a_session_does(day: tuple[SessionLog, shadow.State]) -> None:
+def test_it_predicts_as_a_session_does(day: tuple[SessionLog, Shadow]) -> None:
     log, state = day
     report = session_figures(log)
     assert report["status"] == "ok"
@@ -143,21 +144,19 @@ def test_a_failing_sensor_stops_the_learning_and_is_told() -> None:
     bad = log.follower["validity"] != 0
     assert bad.any()
     assert set(log.follower["status"]) == {Status.SHADOW}
-    assert "nothing is learnt: the force stands" in shadow_news(state.following, "")
-    assert "stop the robot where it is moved" in shadow_news(state.following, "somebody shouted")
-    assert shadow_news(watched(SETTINGS, 0.1)[1].following, "") == ""
+    assert "nothing is learnt: the force stands" in shadow_news(state.follows.state, "")
+    assert "stop the robot where it is moved" in shadow_news(state.follows.state, "somebody shouted")
+    assert shadow_news(watched(SETTINGS, 0.1)[1].follows.state, "") == ""
 
 
 def test_a_leader_that_hears_a_shadow_is_told_and_lets_go() -> None:
-    telemetry: list[Telemetry] = []
     robot, _ = make_moved_robot(SETTINGS, say=pytest.fail)
-    state = shadow.start(robot.specification, shadow.shadow_settings(SETTINGS), epoch=5, run=5)
+    watching = Shadow(robot, shadow_settings(SETTINGS), 5)
     other = leader.start(replace(SETTINGS, grip="normal"), holder="anna", epoch=6)
     for tick in range(2000):
-        state, output = shadow.step(state, shadow.follower.Inputs([], robot.exchange(math.nan), MS, 0), tick * MS)
-        telemetry.append(output.telemetry)
-        models = [] if output.model is None else [output.model]
-        other, led = leader.step(other, leader.Inputs(0.02, models, [output.telemetry], MS, 0), tick * MS)
+        watching.pass_time(1)
+        _, telemetry, *models = watching.tick(Tick(tick * MS, MS))
+        other, led = leader.step(other, leader.Inputs(0.02, models, [telemetry], MS, 0), tick * MS)
         assert led.record.rendered_force == 0.0
         assert not led.record.engaged
         assert math.isnan(led.command.position)

@@ -29,7 +29,7 @@ from foretouch.quantities import Pose
 from foretouch.rendering.surfaces import Plane
 from foretouch.robot import MATERIALS, GantryArm, MissingGraphicsError, graphics_library, make_material
 from foretouch.session import SessionSettings
-from foretouch.session.runners.driven import drive_leader
+from foretouch.session.runners.driven import Tick, drive_leader
 from foretouch.session.runners.lap import simulate_scene
 from foretouch.session.spatial import (
     leader,
@@ -627,6 +627,6 @@ def test_a_device_that_gives_no_position_is_told_in_a_scene() -> None:
     settings = SessionSettings(scene="hill")
     driven, counted = drive_leader(Lost(), settings, "anna", 1), []
     for tick in range(1, 5):
-        driven.tick([], tick * 1_000_000, 1_000_000, 0, tick * 1_000_000, stop=False)
+        driven.tick(Tick(tick * 1_000_000, 1_000_000))
         counted.append(driven.nowhere)
     assert counted == [0, 1, 2, 2]

@@ -15,9 +15,9 @@ from step_links import Spoken
 
 from foretouch.messages import STATUS_SENTENCES, Status
 from foretouch.robot import Robot, RobotSample, make_robot
-from foretouch.session import Process, SessionSettings, StopFlag, run_follower
+from foretouch.session import Process, SessionSettings, StopFlag, run_follower, run_shadow
 from foretouch.session.conformance.robot_checks import check_robot
-from foretouch.session.runners import live, loop_timer, shadow
+from foretouch.session.runners import live, loop_timer
 from foretouch.session.runners.loop_timer import LoopTimer, let_pass
 from foretouch.session.runners.news import follower_news
 from foretouch.session.steps.sensing import LEAST_RATE, LONGEST_NS, WINDOW, TickRate
@@ -90,9 +90,9 @@ def test_a_loop_keeps_its_pace_with_a_driver_that_waits_for_its_cycle_also_after
             robot.now_ns = max(robot.now_ns, self._deadline_ns + self._period_ns if self._deadline_ns else 1)
             return super().wait()
 
-    run: Any = {"follower": run_follower, "shadow": shadow.run_shadow}[side]
-    monkeypatch.setattr(live if side == "follower" else shadow, "LoopTimer", Timer)
-    monkeypatch.setattr(live if side == "follower" else shadow, "link_counts", lambda *_: {})
+    run: Any = {"follower": run_follower, "shadow": run_shadow}[side]
+    monkeypatch.setattr(live, "LoopTimer", Timer)
+    monkeypatch.setattr(live, "link_counts", lambda *_: {})
     link: Any = Spoken(lambda now: 0.001)
     output: list[str] = []
     process = Process(link, StopFlag(), output.append)

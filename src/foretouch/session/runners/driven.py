@@ -1,37 +1,106 @@
-"""Each side's step with its robot or its operator, on a line or in three dimensions, as the loops drive it."""
+"""Each side of a session with its machine, on a line or in three dimensions.
+
+Loops in real and in simulated time, and one that only watches a robot, drive the same: what arrives waits in the
+simulated faults of the network, and a tick takes what is due and returns the messages to send.
+"""
 
 from __future__ import annotations
 
 import importlib
 import math
+import time
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 from foretouch.devices import BrowserOperator, Device, SpatialBrowserOperator, SpatialDevice, SpatialHand
-from foretouch.link import ZenohLink
+from foretouch.link import Faults, FaultStage
 from foretouch.messages import (
-    Command,
     FieldUpdate,
     FixtureBelief,
     FollowerSpace,
     Handle,
     Message,
     ModelUpdate,
+    Settings,
     Telemetry,
 )
 from foretouch.quantities.pose import Vector, add, norm, scaled, subtract
 from foretouch.robot import Robot, SpatialRobot
 from foretouch.session.frames import browser_operator, framed_device, framed_robot
 from foretouch.session.operators import felt_device
+from foretouch.session.runners.loop_timer import let_pass
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.spatial import follower as spatial_follower
 from foretouch.session.spatial import leader as spatial_leader
 from foretouch.session.spatial.scenes import make_scene
 from foretouch.session.steps import follower, leader
+from foretouch.session.steps.counting import OperatorClock, follower_counts, leader_counts
 
 
-class DrivenFollower(ABC):
+class Tick(NamedTuple):
+    """One tick of a side: its time, and what is requested in it beside the messages.
+
+    Attributes:
+        now_ns: Time of the tick [ns].
+        period_ns: Time since the last tick began [ns].
+        compute_ns: Computing time of the last tick, as messages report it [ns].
+        stop: Why an emergency stop was requested; empty while none was.
+        release: Whether its end is requested at the robot, or a repair of the sensors reported.
+        ended: Whether the session is over: the robot is left as after a long silence.
+    """
+
+    now_ns: int
+    period_ns: int = 0
+    compute_ns: int = 0
+    stop: str = ""
+    release: bool = False
+    ended: bool = False
+
+
+class Driven(ABC):
+    """A side of a session with its machine.
+
+    Attributes:
+        channels: Channels that it listens to beside those of every such side.
+        delay: Name of the setting that delays what arrives.
+        arriving: Messages that arrived, on their way through the simulated network.
+        computed_ns: Computing time of the newest tick [ns].
+    """
+
+    channels: tuple[str, ...] = ()
+    delay = "force_delay"
+
+    def __init__(self, faults: Faults) -> None:
+        self.arriving: FaultStage[Any] = FaultStage(faults)
+        self.computed_ns = 0
+
+    def tick(self, tick: Tick) -> list[Message]:
+        """One tick: takes the messages that are due; returns those to send."""
+        due = self.arriving.pop_due(tick.now_ns)
+        began = time.perf_counter_ns()
+        messages = self.act(due, tick)
+        self.computed_ns = time.perf_counter_ns() - began
+        return messages
+
+    @abstractmethod
+    def act(self, due: list[Any], tick: Tick) -> list[Message]:
+        """The same, with the messages that are due."""
+
+    @abstractmethod
+    def counts(self) -> dict[str, int]:
+        """Counters, by name."""
+
+    def pass_time(self, periods: int) -> None:  # noqa: B027  # a hand moves without being asked
+        """Let these sample periods of the machine pass, as far as it can make up for them."""
+
+    def choose(self, chosen: Settings) -> None:
+        """Apply what was chosen at the console to the messages that arrive."""
+        delay = getattr(chosen, self.delay)
+        self.arriving.change(delay=delay, jitter=chosen.jitter, loss=chosen.loss, outage=chosen.outage)
+
+
+class DrivenFollower(Driven):
     """A follower's step with its robot.
 
     Args:
@@ -39,49 +108,43 @@ class DrivenFollower(ABC):
         settings: Session settings.
 
     Attributes:
-        channels: Channels that it listens to beside those of every follower.
         state: State of the follower along the line or the normal.
         sample: Newest sample of the robot.
+        desired: Position for the robot [m].
     """
 
-    channels: tuple[str, ...] = ()
+    delay = "position_delay"
     state: follower.State
 
     def __init__(self, robot: Any, settings: SessionSettings) -> None:
+        super().__init__(settings.command_faults)
         self._robot = robot
         self._back = settings.return_speed * SAMPLE_PERIOD
         self._beliefs: list[FixtureBelief] = []
         self.sample = robot.read()
-        self._desired: Any = None
+        self.desired: Any = None
+
+    def counts(self) -> dict[str, int]:
+        """See `Driven.counts`."""
+        return follower_counts(self.state)
+
+    def pass_time(self, periods: int) -> None:
+        """See `Driven.pass_time`."""
+        let_pass(self.exchange, periods, simulated=self._robot.specification.simulated)
 
     def exchange(self) -> None:
         """Let a sample period of the robot pass, with the newest command."""
-        self.sample = self._robot.exchange(self._desired)
-
-    def listen(self, link: ZenohLink) -> None:
-        """Take the messages on `channels`."""
-        for channel in self.channels:
-            self.believe([belief for _, belief in link.take(channel)])
+        self.sample = self._robot.exchange(self.desired)
 
     def believe(self, beliefs: list[FixtureBelief]) -> None:
         """Take beliefs of the fixture's pose, for the next tick."""
         self._beliefs = beliefs
 
-    def tick(
-        self,
-        commands: list[Command],
-        period_ns: int,
-        compute_ns: int,
-        now_ns: int,
-        *,
-        stop: str = "",
-        release: bool = False,
-        ended: bool = False,
-    ) -> list[Message]:
-        """One tick; returns its messages. Arguments as of `foretouch.session.steps.follower.Inputs`."""
+    def act(self, due: list[Any], tick: Tick) -> list[Message]:
+        """See `Driven.act`; the commands are due, and the telemetry is its first message."""
         beliefs, self._beliefs = self._beliefs, []
-        inputs = follower.Inputs(commands, self.sample, period_ns, compute_ns, stop, release, ended, beliefs)
-        return [message for message in self._step(inputs, now_ns) if message is not None]
+        inputs = follower.Inputs(due, self.sample, *tick[1:], beliefs)
+        return [message for message in self._step(inputs, tick.now_ns) if message is not None]
 
     @abstractmethod
     def _step(self, inputs: follower.Inputs[Any], now_ns: int) -> Sequence[Message | None]:
@@ -99,11 +162,11 @@ class LineFollower(DrivenFollower):
         framed = framed_robot(robot, settings.follower_frame)
         self.state = follower.start(framed.specification, settings, run=run)
         super().__init__(framed, settings)
-        self._desired = self.sample.commanded_position
+        self.desired = self.sample.commanded_position
 
     def _step(self, inputs: follower.Inputs[Any], now_ns: int) -> Sequence[Message | None]:
         _, acted = follower.step(self.state, inputs, now_ns)
-        self._desired = acted.desired_position
+        self.desired = acted.desired_position
         return acted.telemetry, acted.model
 
     def back_off(self) -> None:
@@ -111,8 +174,8 @@ class LineFollower(DrivenFollower):
         force = follower.sensor_force(self.state, self.sample)
         if math.isfinite(force):
             follower.feel_plainly(self.state, force)
-        self._desired -= self._back
-        self.state.safety.go_on_from(self._desired)
+        self.desired -= self._back
+        self.state.safety.go_on_from(self.desired)
 
 
 class SpaceFollower(DrivenFollower):
@@ -125,11 +188,11 @@ class SpaceFollower(DrivenFollower):
         self._whole = spatial_follower.start(robot.specification, settings, scene.surface, scene.nominal, run=run)
         self.state = self._whole.inner
         super().__init__(robot, settings)
-        self._desired = self.sample.place
+        self.desired = self.sample.place
 
     def _step(self, inputs: follower.Inputs[Any], now_ns: int) -> Sequence[Message | None]:
         _, acted = spatial_follower.step(self._whole, inputs, now_ns)
-        self._desired = acted.desired
+        self.desired = acted.desired
         return acted.telemetry, acted.space, acted.model, acted.field
 
     def back_off(self) -> None:
@@ -138,55 +201,65 @@ class SpaceFollower(DrivenFollower):
         size = norm(force)
         if 0.0 < size < math.inf:
             follower.feel_plainly(self.state, size)
-            self._desired = add(self._desired, scaled(force, self._back / size))
-            self._whole.last.begin(self._desired)
+            self.desired = add(self.desired, scaled(force, self._back / size))
+            self._whole.last.begin(self.desired)
 
 
-class DrivenLeader(ABC):
+class DrivenLeader(Driven):
     """A leader's step with its operator.
 
     Args:
         operator: Moves the leader; along a line it counts as the settings' leader frame says.
+        settings: Session settings.
 
     Attributes:
-        channels: Channels that it listens to beside those of every leader.
         state: State of the leader along the line or the normal.
         nowhere: Ticks in which the device gave no position: the hand then counts as not moved.
     """
 
-    channels: tuple[str, ...] = ()
     state: leader.State
 
-    def __init__(self, operator: Any) -> None:
+    def __init__(self, operator: Any, settings: SessionSettings) -> None:
+        super().__init__(settings.return_faults)
         self._operator = operator
+        self._clock = OperatorClock(operator)
         self.nowhere = 0
 
-    @abstractmethod
+    def counts(self) -> dict[str, int]:
+        """See `Driven.counts`."""
+        return leader_counts(self.state)
+
+    def _operator_ns(self, now_ns: int) -> int:
+        return self._clock.read(now_ns, coupled=self.state.follower_view.run > 0)
+
     def take(self, handle: Handle, now_ns: int) -> None:
         """Take a message of the browser about its handle."""
+        self._move(handle, self._operator_ns(now_ns))
 
-    def tick(
-        self, arrived: Sequence[Message], operator_ns: int, period_ns: int, compute_ns: int, now_ns: int, *, stop: bool
-    ) -> list[Message]:
-        """One tick; returns its messages, the command first."""
+    @abstractmethod
+    def _move(self, handle: Handle, operator_ns: int) -> None:
+        """Move an operator that is moved in the browser."""
+
+    def act(self, due: list[Any], tick: Tick) -> list[Message]:
+        """See `Driven.act`; the command is its first message, and the record the second."""
         operator = self._operator
-        position = operator.read(operator_ns)
+        position = operator.read(self._operator_ns(tick.now_ns))
         if not all(map(math.isfinite, position if isinstance(position, tuple) else (position,))):
             self.nowhere += 1
         inputs = leader.Inputs(
             position,
-            [message for message in arrived if type(message) is ModelUpdate],
-            [message for message in arrived if type(message) is Telemetry],
-            period_ns,
-            compute_ns,
+            [message for message in due if type(message) is ModelUpdate],
+            [message for message in due if type(message) is Telemetry],
+            tick.period_ns,
+            tick.compute_ns,
             operator.clutched,
             operator.exact_position,
             operator.intention,
-            stop,
-            [message for message in arrived if type(message) is FollowerSpace],
-            [message for message in arrived if type(message) is FieldUpdate],
+            bool(tick.stop),
+            [message for message in due if type(message) is FollowerSpace],
+            [message for message in due if type(message) is FieldUpdate],
         )
-        return self._step(inputs, now_ns)
+        return self._step(inputs, tick.now_ns)
 
     @abstractmethod
     def _step(self, inputs: leader.Inputs[Any], now_ns: int) -> list[Message]:
@@ -201,13 +274,12 @@ class LineLeader(DrivenLeader):
         name = "leader" if settings.baseline == "none" else "baseline"
         start = importlib.import_module(f"foretouch.session.steps.{name}").start
         self.state = start(settings, holder=holder, epoch=epoch, device=felt_device(operator, settings))
-        super().__init__(framed_device(operator, settings.leader_frame))
+        super().__init__(framed_device(operator, settings.leader_frame), settings)
         self._mouse: BrowserOperator | None = browser_operator(self._operator)
 
-    def take(self, handle: Handle, now_ns: int) -> None:
-        """See `DrivenLeader.take`."""
+    def _move(self, handle: Handle, operator_ns: int) -> None:
         if self._mouse is not None:
-            self._mouse.take(handle.position, handle.held, now_ns, clutched=handle.clutched)
+            self._mouse.take(handle.position, handle.held, operator_ns, clutched=handle.clutched)
 
     def _step(self, inputs: leader.Inputs[Any], now_ns: int) -> list[Message]:
         _, led = leader.step(self.state, inputs, now_ns)
@@ -221,7 +293,7 @@ class SpaceLeader(DrivenLeader):
     channels = ("follower-space", "field")
 
     def __init__(self, operator: SpatialDevice, settings: SessionSettings, holder: str, epoch: int) -> None:
-        super().__init__(operator)
+        super().__init__(operator, settings)
         scene = make_scene(settings.scene)
         self._whole = spatial_leader.start(settings, scene.surface, scene.nominal, holder=holder, epoch=epoch)
         self.state = self._whole.inner
@@ -229,8 +301,8 @@ class SpaceLeader(DrivenLeader):
         self._mouse = moved if isinstance(moved, SpatialBrowserOperator) else None
         self._apart: Vector = (0.0, 0.0, 0.0)  # of hand and world, when the handle was taken
 
-    def take(self, handle: Handle, now_ns: int) -> None:
-        """See `DrivenLeader.take`; the handle's place in the world may be apart from the hand's own."""
+    def _move(self, handle: Handle, operator_ns: int) -> None:
+        """Move it; the handle's place in the world may be apart from the hand's own."""
         mouse = self._mouse
         if mouse is None:
             return
@@ -240,14 +312,12 @@ class SpaceLeader(DrivenLeader):
         if len(point) == 3:
             here = add((point[0], point[1], point[2]), self._apart)
             point = scaled(here, 1.0 / self._whole.position_scale)
-        mouse.take(point, handle.held, now_ns, clutched=handle.clutched)
+        mouse.take(point, handle.held, operator_ns, clutched=handle.clutched)
 
-    def tick(
-        self, arrived: Sequence[Message], operator_ns: int, period_ns: int, compute_ns: int, now_ns: int, *, stop: bool
-    ) -> list[Message]:
-        """See `DrivenLeader.tick`; the operator sees the fixture where the scene shows it."""
+    def act(self, due: list[Any], tick: Tick) -> list[Message]:
+        """See `DrivenLeader.act`; the operator sees the fixture where the scene shows it."""
         self._operator.see(self._whole.line.pose)
-        return super().tick(arrived, operator_ns, period_ns, compute_ns, now_ns, stop=stop)
+        return super().act(due, tick)
 
     def _step(self, inputs: leader.Inputs[Any], now_ns: int) -> list[Message]:
         _, led = spatial_leader.step(self._whole, inputs, now_ns)

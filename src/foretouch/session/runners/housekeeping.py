@@ -68,6 +68,16 @@ class StopFlag:
         """Request the end; the first reason stays."""
         self.reason = self.reason or reason
 
+    def take(self) -> tuple[str, bool]:
+        """Requests for an emergency stop and for a release since the last call."""
+        # Cleared only if set: a signal may come at any moment and must not be lost.
+        emergency, release = self.emergency, self.release
+        if emergency:
+            self.emergency = ""
+        if release:
+            self.release = False
+        return emergency, release
+
     def on_signals(self) -> StopFlag:
         """Set on SIGINT, SIGTERM, SIGHUP, SIGUSR1 and SIGUSR2 from now on (main thread only)."""
 

@@ -12,17 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.devices import Device, SpatialDevice
-from foretouch.link import FaultStage
 from foretouch.messages import CameraImage, FollowerSpace, Hello, Message, SessionLog
 from foretouch.quantities import Columns
 from foretouch.robot import SpatialRobot
-from foretouch.session.runners.driven import DrivenFollower, DrivenLeader, SpaceFollower, SpaceLeader
+from foretouch.session.runners.driven import DrivenFollower, DrivenLeader, SpaceFollower, SpaceLeader, Tick
 from foretouch.session.runners.warm_up import warm_up_once
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.spatial import tracker
 from foretouch.session.spatial.camera import IMAGE_PERIOD, VIEW, SimulatedCamera
 from foretouch.session.spatial.scenes import KnownSurface, make_scene
-from foretouch.session.steps.counting import OperatorClock, follower_counts, leader_counts
 
 _PERIOD_NS = round(SAMPLE_PERIOD * 1e9)
 
@@ -114,9 +112,7 @@ class Lap:
 
     def run(self, duration: float, record: Record | None = None, progress: Progress | None = None) -> SimulatedSession:
         """Run it for a simulated time [s]; `record` is called with each message, `progress` once a simulated second."""
-        follows, leads, clock = self.follows, self.leads, OperatorClock(self.operator)
-        commands: FaultStage[Any] = FaultStage(self.settings.command_faults)
-        returned: FaultStage[Message] = FaultStage(self.settings.return_faults)
+        follows, leads = self.follows, self.leads
         compute = np.zeros((2, round(duration / SAMPLE_PERIOD)), dtype=np.int64)  # [ns]
         texts = self.settings.as_text() | {"operator": self.operator.name} | dict(self.texts)
         kept: list[Message] = []
@@ -125,20 +121,15 @@ class Lap:
         began = time.perf_counter()
         for tick in range(compute.shape[1]):
             now_ns = tick * _PERIOD_NS
-            due = commands.pop_due(now_ns)
-            start = time.perf_counter_ns()
-            messages = follows.tick(due, _PERIOD_NS, 0, now_ns)
-            compute[1, tick] = time.perf_counter_ns() - start
+            messages = follows.tick(Tick(now_ns, _PERIOD_NS))
             for message in messages:
-                returned.push(now_ns, message)
+                leads.arriving.push(now_ns, message)
             follows.exchange()
             if self.watcher is not None:
                 messages += self.watcher.look(messages, now_ns)
-            arrived, theirs = returned.pop_due(now_ns), clock.read(now_ns, coupled=leads.state.follower_view.run > 0)
-            start = time.perf_counter_ns()
-            command, *records = leads.tick(arrived, theirs, _PERIOD_NS, 0, now_ns, stop=False)
-            compute[0, tick] = time.perf_counter_ns() - start
-            commands.push(now_ns, command)
+            command, *records = leads.tick(Tick(now_ns, _PERIOD_NS))
+            follows.arriving.push(now_ns, command)
+            compute[:, tick] = leads.computed_ns, follows.computed_ns
             messages += records
             kept += messages
             if record is not None:
@@ -147,7 +138,7 @@ class Lap:
             if progress is not None and tick % 1000 == 0:
                 progress(now_ns * 1e-9)
         elapsed = time.perf_counter() - began
-        counts = leader_counts(leads.state) | follower_counts(follows.state)
+        counts = leads.counts() | follows.counts()
         counts |= {} if self.watcher is None else self.watcher.counts()
         log = SessionLog.from_messages(kept, texts, counts)
         log.leader["compute_ns"], log.follower["compute_ns"] = compute

@@ -8,29 +8,31 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
+from typing import Any
 
 from foretouch.devices import Device, SpatialDevice
 from foretouch.errors import SideError
-from foretouch.link import ASKING_PERIOD_NS, FaultStage, ZenohLink, new_press
-from foretouch.messages import PROCESS, SIDES, VERSION, Command, EmergencyStop, Message, Status
+from foretouch.link import ASKING_PERIOD_NS, ZenohLink, new_press
+from foretouch.messages import PROCESS, SIDES, VERSION, EmergencyStop, Message, Status
 from foretouch.robot import Robot, SpatialRobot
 from foretouch.session.network.lease import Contest, own_epoch
 from foretouch.session.operators import close_operator
-from foretouch.session.runners.driven import DrivenFollower, SpaceFollower, SpaceLeader, drive_follower, drive_leader
+from foretouch.session.runners.driven import (
+    Driven,
+    DrivenFollower,
+    SpaceFollower,
+    SpaceLeader,
+    Tick,
+    drive_follower,
+    drive_leader,
+)
 from foretouch.session.runners.housekeeping import LEAVING, ORPHANED, Housekeeper, Process, StopFlag, orphaned
-from foretouch.session.runners.loop_timer import LoopTimer, let_pass, steady
+from foretouch.session.runners.loop_timer import LoopTimer, steady
 from foretouch.session.runners.news import LoopWatch, all_of, follower_news, follower_says, leader_news, over
 from foretouch.session.runners.warm_up import prepare
 from foretouch.session.safety.safety import LEFT
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
-from foretouch.session.steps.counting import (
-    OperatorClock,
-    as_texts,
-    fault_texts,
-    follower_counts,
-    leader_counts,
-    link_counts,
-)
+from foretouch.session.steps.counting import as_texts, fault_texts, link_counts
 
 FOLLOWER_CHANNELS = ("command", "settings", "stop", "emergency", "hello")
 """Channels that the follower's link receives."""
@@ -78,6 +80,101 @@ def wait_for_hello(
     return texts_of
 
 
+@contextmanager
+def ended_in_order(house: Housekeeper, stop: StopFlag) -> Iterator[None]:
+    """Send why a side ends as its last message, also where its loop raises, as a device's or robot's driver may.
+
+    Raises:
+        SideError: From whatever exception the loop raised.
+    """
+    try:
+        yield
+    except Exception as error:
+        failed = SideError(f"the {house.role} failed: {type(error).__name__}: {error}")
+        stop.set(str(failed))
+        raise failed from error
+    else:
+        house.say_end(stop.reason)
+    finally:
+        house.close(stop.reason)
+
+
+class Loop:
+    """The loop of a side in real time: every sample period it takes messages, lets the side act and publishes.
+
+    Args:
+        process: Process of the side.
+        role: Role of the side.
+        driven: The side with its machine.
+        prefix: Prefix of the names of the faults of what arrives, its delay apart.
+    """
+
+    def __init__(self, process: Process, role: str, driven: Driven, prefix: str = "") -> None:
+        self._link, self._stop = process.link, process.stop
+        self._role, self._driven, self._prefix = role, driven, prefix
+        self._changed_ns = 0
+
+    def counts(self) -> dict[str, int]:
+        """Counters of the side and its link, by name."""
+        return self._driven.counts() | link_counts(self._role, self._link)
+
+    def describing(
+        self, description: Mapping[str, str], own: Callable[[], Mapping[str, str]]
+    ) -> Callable[[], dict[str, str]]:
+        """Gives the texts of the `Hello`: this description, faults of what arrives, the side's own, and counters."""
+
+        def describe() -> dict[str, str]:
+            faults = fault_texts(self._driven.arriving, self._driven.delay, self._changed_ns, self._prefix)
+            return {**description, **faults, **own(), **as_texts(self.counts())}
+
+        return describe
+
+    def choose(self, now_ns: int) -> bool:
+        """Apply faults that were chosen at the console; return whether any were."""
+        if not self._link.inboxes["settings"]:
+            return False
+        self._driven.choose(self._link.take("settings")[-1][1])
+        self._changed_ns = now_ns
+        return True
+
+    def run(
+        self,
+        house: Housekeeper,
+        hear: Callable[[int], tuple[str, bool]],
+        duration: float | None,
+        leave: Callable[[LoopTimer], None] = lambda timer: None,
+    ) -> dict[str, Any]:
+        """Run until the process's `stop` is set or `duration` [s] is over; return why, and the counters.
+
+        Args:
+            house: The work beside the loop, already begun.
+            hear: Takes the messages that have come by this time [ns]; returns why an emergency stop is requested, and
+                whether its end is.
+            duration: Duration [s], None for no end.
+            leave: Leaves the machine, however the loop ends.
+
+        Raises:
+            SideError: The loop raised.
+        """
+        stop, driven, loop = self._stop, self._driven, house.loop
+        timer, woke = LoopTimer(SAMPLE_PERIOD), 0
+        end = None if duration is None else time.monotonic_ns() + round(duration * 1e9)
+        # The last message is sent last: until then the watch detects a driver that hangs while the robot unloads.
+        with ended_in_order(house, stop), steady(), contextlib.ExitStack() as last:
+            last.callback(leave, timer)
+            while not stop.reason:
+                now, periods = timer.wait()
+                loop.ticked = now
+                driven.pass_time(periods)
+                stopped, released = hear(now)
+                if end is not None and now >= end:
+                    stop.set("the duration is over")
+                period, woke = timer.woke_ns - woke if woke else 0, timer.woke_ns
+                for message in driven.tick(Tick(now, period, driven.computed_ns, stopped, released)):
+                    self._link.publish(message)
+        return {"ended": stop.reason} | self.counts()
+
+
 def run_follower(
     process: Process,
     robot: Robot | SpatialRobot,
@@ -85,7 +182,7 @@ def run_follower(
     *,
     description: dict[str, str],
     duration: float | None = None,
-) -> dict[str, str | int]:
+) -> dict[str, Any]:
     """Run the follower's loop until a `Stop` arrives, the process's `stop` is set, or `duration` [s] is over.
 
     Args:
@@ -104,78 +201,49 @@ def run_follower(
     link, stop, say, parent = process
     if never_begun := prepare(settings, stop, say, parent):
         return {"ended": never_begun}
-    stage: FaultStage[Command] = FaultStage(settings.command_faults)
     presses: deque[int] = deque(maxlen=MOST_PRESSES)
     driven = drive_follower(robot, settings, own_epoch())
     state = driven.state
     contest = Contest(state.lease)
-    changed_ns = 0
 
-    def describe() -> dict[str, str]:
-        contested = contest.sentence(time.monotonic_ns())
-        reported = follower_says(state, contested, anew=house.leader_leaves) | as_texts(
-            follower_counts(state) | link_counts("follower", link)
-        )
-        return description | fault_texts(stage, "position_delay", changed_ns) | reported
+    def texts() -> dict[str, str]:
+        return follower_says(state, contest.sentence(time.monotonic_ns()), anew=house.leader_leaves)
 
     def news(_: Mapping[str, Mapping[str, str]]) -> str:
         return all_of(contest.sentence(time.monotonic_ns()), follower_news(state, anew=house.leader_leaves))
 
+    def hear(now: int) -> tuple[str, bool]:
+        for arrival, command in link.take("command"):
+            contest.hear(command, arrival)
+            driven.arriving.push(arrival, command)
+        if loop.choose(now):
+            state.freshness.begin_way()
+        for _, last_word in link.take("stop"):
+            if last_word.epoch in (0, state.lease.epoch):
+                stop.set(last_word.reason or "the session was ended")
+        emergency, release = stop.take()
+        for _, asked in link.take("emergency"):  # no simulated fault delays it
+            if asked.press not in presses:
+                emergency = emergency or asked.reason or "no reason given"
+                if asked.press:
+                    presses.append(asked.press)
+        for channel in driven.channels:
+            driven.believe([belief for _, belief in link.take(channel)])
+        return emergency, release
+
+    loop = Loop(process, "follower", driven)
+    describe = loop.describing(description, texts)
     house = Housekeeper(process, "follower", describe, news, release=robot.close, over=lambda: over(state))
     house.start()
-    loop = house.loop
-    timer = LoopTimer(SAMPLE_PERIOD)
-    simulated = robot.specification.simulated
-    woke, compute = 0, 0
-    end = None if duration is None else time.monotonic_ns() + round(duration * 1e9)
-    # The last message is sent last: until then the watch detects a driver that hangs while the robot unloads.
-    with ended_in_order(house, stop), steady(), contextlib.ExitStack() as last:
-        last.callback(_leave, driven, timer, loop, link.publish, say)
-        while not stop.reason:
-            now, periods = timer.wait()
-            loop.ticked = now
-            let_pass(driven.exchange, periods, simulated=simulated)
-            for arrival, command in link.take("command"):
-                contest.hear(command, arrival)
-                stage.push(arrival, command)
-            if link.inboxes["settings"]:
-                chosen = link.take("settings")[-1][1]
-                stage.change(delay=chosen.position_delay, jitter=chosen.jitter, loss=chosen.loss, outage=chosen.outage)
-                changed_ns = now
-                state.freshness.begin_way()
-            for _, last_word in link.take("stop"):
-                if last_word.epoch in (0, state.lease.epoch):
-                    stop.set(last_word.reason or "the session was ended")
-            if end is not None and now >= end:
-                stop.set("the duration is over")
-            # Cleared only if set: a signal may come at any moment and must not be lost.
-            emergency, release = stop.emergency, stop.release
-            if emergency:
-                stop.emergency = ""
-            if release:
-                stop.release = False
-            for _, asked in link.take("emergency"):  # no simulated fault delays it
-                if asked.press not in presses:
-                    emergency = emergency or asked.reason or "no reason given"
-                    if asked.press:
-                        presses.append(asked.press)
-            driven.listen(link)
-            due, period = stage.pop_due(now), timer.woke_ns - woke if woke else 0
-            woke = timer.woke_ns
-            start = time.perf_counter_ns()
-            messages = driven.tick(due, period, compute, now, stop=emergency, release=release)
-            compute = time.perf_counter_ns() - start
-            for message in messages:
-                link.publish(message)
-    return {"ended": stop.reason} | follower_counts(state) | link_counts("follower", link)
+    return loop.run(house, hear, duration, leave=partial(_leave, driven, house.loop, link.publish, say))
 
 
 def _leave(
     driven: DrivenFollower,
-    timer: LoopTimer,
     loop: LoopWatch,
     publish: Callable[[Message], None],
     say: Callable[[str], None],
+    timer: LoopTimer,
 ) -> None:
     """Leave no robot pressing, however a loop ends, including by an exception of its own or of the robot's driver.
 
@@ -196,7 +264,7 @@ def _leave(
             deaf = True
             continue
         try:
-            messages = driven.tick([], 0, 0, now, ended=True)
+            messages = driven.act([], Tick(now, ended=True))
         except Exception:
             with contextlib.suppress(Exception):  # it holds its position
                 driven.back_off()
@@ -226,7 +294,7 @@ def run_leader(
     duration: float | None = None,
     wait_for_recorder: bool = False,
     name: str = "leader",
-) -> dict[str, str | int]:
+) -> dict[str, Any]:
     """Run the leader's loop until a `Stop` arrives, `stop` is set, or `duration` [s] is over.
 
     Arguments as for `run_follower`; the link has `LEADER_CHANNELS`, and in three dimensions `SPACE_LEADER_CHANNELS`;
@@ -237,96 +305,49 @@ def run_leader(
     link, stop, say, parent = process
     if never_begun := prepare(settings, stop, say, parent):
         return {"ended": never_begun}
-    stage: FaultStage[Message] = FaultStage(settings.return_faults)
     driven = drive_leader(operator, settings, name, own_epoch())
-    state = driven.state
-    clock = OperatorClock(operator)
-    changed_ns = 0
-
-    def describe() -> dict[str, str]:
-        own = {"leader": name, PROCESS: str(state.epoch)} | fault_texts(stage, "force_delay", changed_ns, "return_")
-        return description | own | as_texts(leader_counts(state) | link_counts("leader", link))
-
-    heard_ns = time.monotonic_ns()
-
-    lost_before = 0
+    view, epoch = driven.state.follower_view, driven.state.epoch
+    heard_ns, lost_before = time.monotonic_ns(), 0
+    asked, asked_ns, press, answered = 0, 0, 0, 0
 
     def news(texts_of: Mapping[str, Mapping[str, str]]) -> str:
         nonlocal lost_before
         nowhere, lost_before = driven.nowhere > lost_before, driven.nowhere
         silence = (time.monotonic_ns() - heard_ns) * 1e-9
-        return leader_news(
-            state.follower_view, texts_of.get("follower", {}), silence, nowhere=nowhere, told_here=parent is not None
-        )
+        return leader_news(view, texts_of.get("follower", {}), silence, nowhere=nowhere, told_here=parent is not None)
 
+    def hear(now: int) -> tuple[str, bool]:
+        nonlocal heard_ns, asked, asked_ns, press, answered
+        for channel in ("model", "telemetry", *driven.channels):
+            for arrival, message in link.take(channel):
+                driven.arriving.push(arrival, message)
+                heard_ns = arrival
+        if stop.emergency and not press:
+            press, answered = new_press(), view.telemetry.received + ANSWERS
+        if press and now - asked_ns >= ASKING_PERIOD_NS:
+            asked, asked_ns = asked + 1, now
+            link.publish(EmergencyStop(VERSION, asked, now, f"{stop.emergency} at {name}", press))
+        # A message that it has stopped may have been under way since an earlier stop.
+        if press and view.stopped and view.telemetry.received >= answered:
+            stop.emergency, press = "", 0
+        loop.choose(now)
+        if link.inboxes["stop"]:
+            stop.set(link.take("stop")[-1][1].reason or "the session was ended")
+        if link.inboxes["handle"]:
+            driven.take(link.take("handle")[-1][1], now)
+        return stop.emergency, False
+
+    loop = Loop(process, "leader", driven, "return_")
     house = Housekeeper(
         process,
         "leader",
-        describe,
+        loop.describing(description, lambda: {"leader": name, PROCESS: str(epoch)}),
         news,
-        epoch=state.epoch,
+        epoch=epoch,
         release=partial(close_operator, operator) if isinstance(operator, Device) else None,
         over=lambda: "that is over: the robot follows this leader",
     )
     house.start()
-    loop = house.loop
     if wait_for_recorder and not wait_for_hello(link, {"recorder"}, stop, timeout=RECORDER_PATIENCE, parent=parent):
         say(f"leader: no recorder after {RECORDER_PATIENCE:g} s; going on without it")
-    timer = LoopTimer(SAMPLE_PERIOD)
-    woke, compute = 0, 0
-    asked, asked_ns, press, answered = 0, 0, 0, 0
-    end = None if duration is None else time.monotonic_ns() + round(duration * 1e9)
-    with ended_in_order(house, stop), steady():
-        while not stop.reason:
-            now, _ = timer.wait()
-            loop.ticked = now
-            operator_ns = clock.read(now, coupled=state.follower_view.run > 0)
-            for channel in ("model", "telemetry", *driven.channels):
-                for arrival, message in link.take(channel):
-                    stage.push(arrival, message)
-                    heard_ns = arrival
-            if stop.emergency and not press:
-                press, answered = new_press(), state.follower_view.telemetry.received + ANSWERS
-            if press and now - asked_ns >= ASKING_PERIOD_NS:
-                asked, asked_ns = asked + 1, now
-                link.publish(EmergencyStop(VERSION, asked, now, f"{stop.emergency} at {name}", press))
-            # A message that it has stopped may have been under way since an earlier stop.
-            if press and state.follower_view.stopped and state.follower_view.telemetry.received >= answered:
-                stop.emergency, press = "", 0
-            if link.inboxes["settings"]:
-                chosen = link.take("settings")[-1][1]
-                stage.change(delay=chosen.force_delay, jitter=chosen.jitter, loss=chosen.loss, outage=chosen.outage)
-                changed_ns = now
-            if link.inboxes["stop"]:
-                stop.set(link.take("stop")[-1][1].reason or "the session was ended")
-            if link.inboxes["handle"]:
-                driven.take(link.take("handle")[-1][1], operator_ns)
-            if end is not None and now >= end:
-                stop.set("the duration is over")
-            due, period = stage.pop_due(now), timer.woke_ns - woke if woke else 0
-            woke = timer.woke_ns
-            start = time.perf_counter_ns()
-            messages = driven.tick(due, operator_ns, period, compute, now, stop=bool(stop.emergency))
-            compute = time.perf_counter_ns() - start
-            for message in messages:
-                link.publish(message)
-    return {"ended": stop.reason} | leader_counts(state) | link_counts("leader", link)
-
-
-@contextmanager
-def ended_in_order(house: Housekeeper, stop: StopFlag) -> Iterator[None]:
-    """Send why a side ends as its last message, also where its loop raises, as a device's or robot's driver may.
-
-    Raises:
-        SideError: From whatever exception the loop raised.
-    """
-    try:
-        yield
-    except Exception as error:
-        failed = SideError(f"the {house.role} failed: {type(error).__name__}: {error}")
-        stop.set(str(failed))
-        raise failed from error
-    else:
-        house.say_end(stop.reason)
-    finally:
-        house.close(stop.reason)
+    return loop.run(house, hear, duration)

@@ -8,26 +8,22 @@ rendered can be seen, recorded and scored.
 from __future__ import annotations
 
 import math
-import time
-from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any
 
 import msgspec
 
+from foretouch.devices import Device
 from foretouch.identification.conditioning.kernel import CONTACT_FLOOR
-from foretouch.link import FaultStage
-from foretouch.messages import PROCESS, LeaderState, ModelUpdate, Status, Telemetry
-from foretouch.robot import Robot, RobotSample, RobotSpecification
-from foretouch.session.frames import framed_robot
+from foretouch.messages import PROCESS, LeaderState, Message, Settings, Status, Telemetry
+from foretouch.robot import Robot
 from foretouch.session.network.lease import own_epoch
+from foretouch.session.runners.driven import Driven, LineFollower, LineLeader, Tick
 from foretouch.session.runners.housekeeping import Housekeeper, Process
-from foretouch.session.runners.live import ended_in_order
-from foretouch.session.runners.loop_timer import LoopTimer, let_pass, steady
+from foretouch.session.runners.live import Loop
 from foretouch.session.runners.news import shadow_news
 from foretouch.session.runners.warm_up import prepare
-from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings, shadow_settings
-from foretouch.session.steps import follower, leader
-from foretouch.session.steps.counting import as_texts, fault_texts, follower_counts, leader_counts, link_counts
+from foretouch.session.settings import SessionSettings, shadow_settings
+from foretouch.session.steps import follower
 
 SCORED_AFTER = 1.5  # Time after the first tick at which scoring begins [s], as in a session's report
 LONGEST_TICK = 0.1  # Longest time since the previous tick that a tick counts for [s]: beyond it, nothing was observed
@@ -102,58 +98,78 @@ SHADOW_CHANNELS = ("settings", "stop", "emergency", "hello")
 NAME = "shadow"  # Name of the leader inside, and of the session's operator in the recording
 
 
-@dataclass(slots=True)
-class State:
-    """Both steps, messages on their way from follower to leader, and the score; updated in place in each tick."""
+class ShadowHand(Device):
+    """The measured position of the robot's tip as that of the leader's hand, which feels nothing."""
 
-    following: follower.State
-    leading: leader.State
-    returned: FaultStage[ModelUpdate | Telemetry]
-    score: ShadowScore = field(default_factory=ShadowScore)
+    name = NAME
+    closed_loop = False
 
+    def __init__(self, follows: LineFollower) -> None:
+        self._follows = follows
 
-class Outputs(NamedTuple):
-    """Outputs of a tick: all messages of a session's two sides, and nothing for the robot."""
+    def read(self, now_ns: int) -> float:
+        """Position of the tip [m]."""
+        return follower.tip(self._follows.state, self._follows.sample)
 
-    record: LeaderState
-    telemetry: Telemetry
-    model: ModelUpdate | None
-
-
-def start(specification: RobotSpecification, settings: SessionSettings, *, epoch: int = 1, run: int = 1) -> State:
-    """State before the first tick, with settings of `shadow_settings`, the leader's epoch and the follower's run."""
-    return State(
-        follower.start(specification, settings, run=run),
-        leader.start(settings, holder=NAME, epoch=epoch),
-        FaultStage(settings.return_faults),
-    )
+    def render(self, force: float) -> float:
+        """Nobody feels it."""
+        return force
 
 
-def step(state: State, inputs: follower.Inputs[RobotSample], now_ns: int) -> tuple[State, Outputs]:
-    """One tick [ns]: the leader at the measured position of the robot, then the follower, which applies it at once.
+class Shadow(Driven):
+    """Leader and follower about a robot that somebody else moves, with the leader at the robot's measured position.
 
-    Both are at the same position, so that only the forces are compared, and a predicted force is as old as its model.
-    The inputs are the follower's, without commands.
+    Both are at the same position, so that only the forces are compared, and a predicted force is as old as its model:
+    the messages that arrive are the follower's own. The leader's commands reach the follower at once, and the robot
+    receives none.
+
+    Args:
+        robot: Robot moved from elsewhere; it counts as the settings' follower frame says.
+        settings: Of `shadow_settings`.
+        epoch: Epoch of this process.
+
+    Attributes:
+        follows: The follower.
+        leads: The leader.
+        score: Errors of the forces so far; it begins anew with another delay.
     """
-    arrived = state.returned.pop_due(now_ns)
-    models = [message for message in arrived if type(message) is ModelUpdate]
-    telemetry = [message for message in arrived if type(message) is Telemetry]
-    hand = follower.tip(state.following, inputs.sample)
-    _, led = leader.step(
-        state.leading, leader.Inputs(hand, models, telemetry, inputs.period_ns, inputs.compute_ns), now_ns
-    )
-    _, acted = follower.step(state.following, inputs._replace(commands=[led.command]), now_ns)
-    state.following.released_tick = 0  # no command is obeyed here, so a repair of the sensors need not be announced
-    # The robot was commanded nothing, so the safety layer's reaction is not reported.
-    reported = msgspec.structs.replace(acted.telemetry, desired_position=math.nan, status=Status.SHADOW)
-    state.returned.push(now_ns, reported)
-    if acted.model is not None:
-        state.returned.push(now_ns, acted.model)
-    if not reported.validity:
-        state.score.add(
-            now_ns, reported.force, led.record.predicted_force, led.record.delayed_force, reported.in_contact
-        )
-    return state, Outputs(led.record, reported, acted.model)
+
+    def __init__(self, robot: Robot, settings: SessionSettings, epoch: int) -> None:
+        super().__init__(settings.return_faults)
+        self.follows = LineFollower(robot, settings, epoch)
+        self.leads = LineLeader(ShadowHand(self.follows), settings, NAME, epoch)
+        self.score = ShadowScore()
+
+    def counts(self) -> dict[str, int]:
+        """See `Driven.counts`."""
+        return self.leads.counts() | self.follows.counts()
+
+    def pass_time(self, periods: int) -> None:
+        """See `Driven.pass_time`; nothing is commanded."""
+        self.follows.desired = math.nan
+        self.follows.pass_time(periods)
+
+    def choose(self, chosen: Settings) -> None:
+        """See `Driven.choose`."""
+        super().choose(chosen)
+        self.score = ShadowScore()
+
+    def act(self, due: list[Any], tick: Tick) -> list[Message]:
+        """See `Driven.act`; the messages of both sides but the command, the leader's record and telemetry first."""
+        follows = self.follows
+        command, record = self.leads.act(due, tick)
+        acted, *models = follows.act([command], tick)
+        follows.state.released_tick = 0  # no command is obeyed here, so a repair of the sensors need not be announced
+        assert isinstance(record, LeaderState)
+        assert isinstance(acted, Telemetry)
+        # The robot was commanded nothing, so the safety layer's reaction is not reported.
+        telemetry = msgspec.structs.replace(acted, desired_position=math.nan, status=Status.SHADOW)
+        for message in (telemetry, *models):
+            self.arriving.push(tick.now_ns, message)
+        if not telemetry.validity:
+            predicted, delayed = record.predicted_force, record.delayed_force
+            self.score.add(tick.now_ns, telemetry.force, predicted, delayed, telemetry.in_contact)
+        return [record, telemetry, *models]
 
 
 def run_shadow(
@@ -163,7 +179,7 @@ def run_shadow(
     *,
     description: dict[str, str],
     duration: float | None = None,
-) -> dict[str, str | int | float]:
+) -> dict[str, Any]:
     """Watch a robot until a `Stop` arrives, a stop is requested, or `duration` [s] is over; then report the score.
 
     An emergency stop stops nothing here, and a request for one is answered so. The console's force delay is applied,
@@ -183,65 +199,31 @@ def run_shadow(
     settings = shadow_settings(settings)
     if never_begun := prepare(settings, stop, say, parent):
         return {"ended": never_begun}
-    robot = framed_robot(robot, settings.follower_frame)
     epoch = own_epoch()
-    state = start(robot.specification, settings, epoch=epoch, run=epoch)
-    texts = settings.as_text() | {"operator": NAME} | description
-    asked, changed_ns = "", 0
+    shadow, asked = Shadow(robot, settings, epoch), ""
 
     def news() -> str:
-        return shadow_news(state.following, asked)
+        return shadow_news(shadow.follows.state, asked)
 
-    def describe() -> dict[str, str]:
-        counts = leader_counts(state.leading) | follower_counts(state.following) | link_counts("follower", link)
-        reported = {PROCESS: str(epoch), "control": "nobody", "trouble": news()}
-        return texts | fault_texts(state.returned, "force_delay", changed_ns) | reported | as_texts(counts)
+    def hear(now: int) -> tuple[str, bool]:
+        nonlocal asked
+        loop.choose(now)
+        emergency, release = stop.take()
+        if release:
+            asked = ""
+        for _, message in link.take("emergency"):
+            asked = message.reason or "no reason given"
+        asked = emergency or asked
+        if link.inboxes["stop"]:
+            stop.set(link.take("stop")[-1][1].reason)
+        return "", release
 
+    loop = Loop(process, "follower", shadow)
+    texts = settings.as_text() | {"operator": NAME} | description
+    describe = loop.describing(texts, lambda: {PROCESS: str(epoch), "control": "nobody", "trouble": news()})
     house = Housekeeper(process, "follower", describe, lambda _: news(), release=robot.close)
     house.start()
-    loop = house.loop
-    timer = LoopTimer(SAMPLE_PERIOD)
-    sample = robot.read()
-
-    def exchange() -> None:
-        nonlocal sample
-        sample = robot.exchange(math.nan)
-
-    woke, compute = 0, 0
-    end = None if duration is None else time.monotonic_ns() + round(duration * 1e9)
-    with ended_in_order(house, stop), steady():
-        while not stop.reason:
-            now, periods = timer.wait()
-            loop.ticked = now
-            let_pass(exchange, periods, simulated=robot.specification.simulated)
-            if link.inboxes["settings"]:
-                chosen = link.take("settings")[-1][1]
-                state.returned.change(
-                    delay=chosen.force_delay, jitter=chosen.jitter, loss=chosen.loss, outage=chosen.outage
-                )
-                state.score, changed_ns = ShadowScore(), now
-            # Cleared only if set: a signal may come at any moment and must not be lost.
-            if release := stop.release:
-                asked, stop.release = "", False
-            for _, message in link.take("emergency"):
-                asked = message.reason or "no reason given"
-            if stop.emergency:
-                asked, stop.emergency = stop.emergency, ""
-            if link.inboxes["stop"]:
-                stop.set(link.take("stop")[-1][1].reason)
-            if end is not None and now >= end:
-                stop.set("the duration is over")
-            period = timer.woke_ns - woke if woke else 0
-            inputs = follower.Inputs([], sample, period, compute, release=release)
-            woke = timer.woke_ns
-            began = time.perf_counter_ns()
-            state, outputs = step(state, inputs, now)
-            compute = time.perf_counter_ns() - began
-            link.publish(outputs.record)
-            link.publish(outputs.telemetry)
-            if outputs.model is not None:
-                link.publish(outputs.model)
-    score, delay = state.score, state.returned.delay
+    ran = loop.run(house, hear, duration)
+    score, delay = shadow.score, shadow.arriving.delay
     say(f"shadow: {score.sentence(delay)}")
-    figures = {"force_delay_s": delay} | score.figures()
-    return {"ended": stop.reason} | figures | follower_counts(state.following) | link_counts("follower", link)
+    return ran | {"force_delay_s": delay} | score.figures()

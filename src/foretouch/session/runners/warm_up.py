@@ -34,7 +34,7 @@ from foretouch.models import ContactMapModel, Predictor, make_model
 from foretouch.quantities import Recording
 from foretouch.robot import RobotSample, RobotSpecification, SpatialSample, make_robot
 from foretouch.session.operators import make_operator
-from foretouch.session.runners.driven import LineFollower, LineLeader, SpaceFollower, SpaceLeader
+from foretouch.session.runners.driven import LineFollower, LineLeader, SpaceFollower, SpaceLeader, Tick
 from foretouch.session.runners.housekeeping import COMPILING, HELLO_PERIOD, ORPHANED, StopFlag, orphaned
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.spatial import make_scene, make_spatial_operator, make_spatial_robot
@@ -153,11 +153,9 @@ def _press_in_a_session(settings: SessionSettings, follower: Any, leader: Any, p
     """Run both sides of a session: the same press by both, with no network between."""
     follows, leads = follower(press, settings, 1), leader(press, settings, "warm-up", 1)
     commands: list[Any] = []
-    for tick in range(TICKS):
-        now_ns = round(tick * SAMPLE_PERIOD * 1e9)
-        messages = follows.tick(commands, 1_000_000, 0, now_ns)
-        command, *_ = leads.tick(messages, now_ns, 1_000_000, 0, now_ns, stop=False)
-        commands = [command]
+    for number in range(TICKS):
+        tick = Tick(number * 1_000_000, 1_000_000)
+        commands = leads.act(follows.act(commands, tick), tick)[:1]
         follows.exchange()
 
 
