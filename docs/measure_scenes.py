@@ -20,7 +20,7 @@ from measured_blocks import chosen, fill
 from foretouch.messages import SessionLog
 from foretouch.report import look_at_scene, map_figure, pair, pose_figure, session_figures
 from foretouch.session import SessionSettings
-from foretouch.session.runners.lap import simulate_scene
+from foretouch.session.runners.lap import run_session
 from foretouch.session.spatial import make_camera, make_scene, make_spatial_operator, make_spatial_robot
 
 mpl.use("Agg")
@@ -49,7 +49,7 @@ def run(duration: float, **changes: Any) -> SessionLog:
     camera = make_camera(settings, scene, say=print) if settings.fusion in ("full", "image") else None
     if camera is None and settings.fusion in ("full", "image"):
         raise SystemExit("without a camera there is nothing to measure")
-    session = simulate_scene(
+    session = run_session(
         settings,
         make_spatial_operator(settings, scene, scene.nominal),
         make_spatial_robot(settings, scene),

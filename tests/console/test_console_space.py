@@ -42,7 +42,7 @@ from foretouch.messages import (
 from foretouch.models import MaterialField
 from foretouch.recordings import SessionWriter, read_session
 from foretouch.session import SessionSettings
-from foretouch.session.runners.lap import simulate_scene
+from foretouch.session.runners.lap import run_session
 from foretouch.session.spatial import make_camera, make_scene, make_spatial_operator, make_spatial_robot
 
 pytest.importorskip("mujoco")
@@ -61,7 +61,7 @@ def recorded(seconds: float) -> SessionLog:
     camera = make_camera(settings, scene, say=lambda line: None)
     operator = make_spatial_operator(settings, scene, scene.nominal)
     robot = make_spatial_robot(settings, scene)
-    return simulate_scene(settings, operator, robot, camera, duration=seconds).log
+    return run_session(settings, operator, robot, camera, duration=seconds).log
 
 
 def messages_of(log: SessionLog) -> list[Any]:

@@ -30,7 +30,7 @@ from foretouch.rendering.surfaces import Plane
 from foretouch.robot import MATERIALS, GantryArm, MissingGraphicsError, graphics_library, make_material
 from foretouch.session import SessionSettings
 from foretouch.session.runners.driven import Tick, drive_leader
-from foretouch.session.runners.lap import simulate_scene
+from foretouch.session.runners.lap import run_session
 from foretouch.session.spatial import (
     leader,
     make_camera,
@@ -64,7 +64,7 @@ def run(duration: float, *, camera: bool = True, **changes: Any) -> SessionLog:
     settings = SessionSettings(**({"scene": "hill"} | changes))
     scene = make_scene(settings.scene)
     drawn = make_camera(settings, scene, say=print) if camera and settings.fusion in ("full", "image") else None
-    return simulate_scene(
+    return run_session(
         settings,
         make_spatial_operator(settings, scene, scene.nominal),
         make_spatial_robot(settings, scene),

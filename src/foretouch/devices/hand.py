@@ -10,7 +10,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, Generic, TypeVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -144,7 +144,61 @@ class HeldForce(Generic[F]):
 LONGEST_GAP = 1.0  # Upper limit to which a gap between two ticks is cut [s]: what lasts longer is no late tick
 
 
-class Hand(Device):
+class Held:
+    """A device of one axis or three, held by a hand that wants something and may hold the clutch.
+
+    Args:
+        intention: What the hand wants, an operator that feels nothing itself.
+        specification: The device, the same along each axis.
+        clutch: Intervals with the clutch held: (start, end) in seconds since the first `read`, start included, end not.
+
+    Raises:
+        SettingError: An intention that feels something itself, or a time of the clutch that is negative or ends before
+            it starts.
+    """
+
+    name: ClassVar[str]
+    closed_loop = True
+
+    def __init__(
+        self, intention: Any, specification: DeviceSpecification, clutch: Sequence[tuple[float, float]]
+    ) -> None:
+        if intention.closed_loop:
+            raise SettingError("intention", intention.name, "must be an operator that feels nothing itself (open loop)")
+        for start, end in clutch:
+            if not 0.0 <= start < end < math.inf:
+                raise SettingError("clutch", (start, end), "must be 0 <= start < end, in seconds from the first tick")
+        self.name = intention.name  # type: ignore[misc]  # of the class elsewhere; a hand has its operator's
+        self._intention, self._specification, self._clutch = intention, specification, tuple(clutch)
+        self._start_ns: int | None = None
+        self._now_ns = 0
+
+    @property
+    def intention_device(self) -> Any:
+        """The operator whose intention this hand has."""
+        return self._intention
+
+    @property
+    def specification(self) -> DeviceSpecification:
+        """The device that the hand holds."""
+        return self._specification
+
+    @property
+    def clutched(self) -> bool:
+        """Whether the hand holds the clutch at the newest `read`, by its own times or as the intention says."""
+        if self._clutch and self._start_ns is not None:
+            time = (self._now_ns - self._start_ns) * 1e-9
+            if any(start <= time < end for start, end in self._clutch):
+                return True
+        return bool(self._intention.clutched)
+
+    def _counted(self, position: Any) -> float:
+        """A position [m] as the encoder shows it, in whole counts."""
+        count, value = self._specification.resolution, float(position[0])
+        return count * math.floor(value / count + 0.5) if count > 0.0 else value
+
+
+class Hand(Held, Device):
     r"""A hand with mass, damping and stiffness holds a device; the rendered force moves both.
 
     .. math::
@@ -166,12 +220,8 @@ class Hand(Device):
         specification: The device.
         clutch: Intervals with the clutch held: (start, end) in seconds since the first `read`, start included, end not.
 
-    Raises:
-        SettingError: An intention that feels something itself, or a time of the clutch that is negative or ends before
-            it starts.
+    Raises: As of `Held`.
     """
-
-    closed_loop = True
 
     def __init__(
         self,
@@ -180,39 +230,11 @@ class Hand(Device):
         specification: DeviceSpecification,
         clutch: Sequence[tuple[float, float]] = (),
     ) -> None:
-        if intention.closed_loop:
-            raise SettingError("intention", intention.name, "must be an operator that feels nothing itself (open loop)")
-        for start, end in clutch:
-            if not 0.0 <= start < end < math.inf:
-                raise SettingError("clutch", (start, end), "must be 0 <= start < end, in seconds from the first tick")
-        self._intention, self._grip, self._specification = intention, grip, specification
-        self._clutch = tuple(clutch)
+        super().__init__(intention, specification, clutch)
         self._held, self._move = grip.holds(specification)
         self._position = self._held["position"]
         self._aim = math.nan
         self._forces = HeldForce(0.0, specification.delay, specification.watchdog)
-        self._start_ns: int | None = None
-        self._now_ns = 0
-
-    @property
-    def name(self) -> str:  # type: ignore[override]  # of the class elsewhere; a hand has its operator's
-        """Name of the intention."""
-        return self._intention.name
-
-    @property
-    def intention_device(self) -> Device:
-        """The operator whose intention this hand has."""
-        return self._intention
-
-    @property
-    def grip(self) -> Grip:
-        """How the hand holds the device."""
-        return self._grip
-
-    @property
-    def specification(self) -> DeviceSpecification:
-        """The device that the hand holds."""
-        return self._specification
 
     @property
     def intention(self) -> float:
@@ -228,15 +250,6 @@ class Hand(Device):
     def exact_velocity(self) -> float:
         """Its velocity [m/s]."""
         return math.nan if self._start_ns is None else float(self._held[0].velocity)
-
-    @property
-    def clutched(self) -> bool:
-        """Whether the hand holds the clutch at the newest `read`, by its own times or as the intention says."""
-        if self._clutch and self._start_ns is not None:
-            time = (self._now_ns - self._start_ns) * 1e-9
-            if any(start <= time < end for start, end in self._clutch):
-                return True
-        return self._intention.clutched
 
     @property
     def fresh(self) -> bool:
@@ -256,9 +269,7 @@ class Hand(Device):
                 self._move(self._held, self._aim, speed, force, time)
                 self._aim += speed * time
             self._aim, self._now_ns = aim, now_ns
-        position = float(self._position[0])
-        count = self._specification.resolution
-        return count * math.floor(position / count + 0.5) if count > 0.0 else position
+        return self._counted(self._position)
 
     def render(self, force: float) -> float:
         """Hold a force [N] from a delay after the newest `read` on; returns what is given, at most the limit."""

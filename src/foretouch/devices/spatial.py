@@ -12,7 +12,7 @@ import numpy as np
 
 from foretouch.devices.browser import BrowserOperator
 from foretouch.devices.device import DeviceSpecification
-from foretouch.devices.hand import LONGEST_GAP, Grip, HeldForce
+from foretouch.devices.hand import LONGEST_GAP, Grip, Held, HeldForce
 from foretouch.devices.scripted import RestingOperator
 from foretouch.errors import SettingError
 from foretouch.quantities.pose import RigidMotion, Vector
@@ -206,7 +206,7 @@ class SpatialBrowserOperator(SpatialDevice):
         return self._place
 
 
-class SpatialHand(SpatialDevice):
+class SpatialHand(Held, SpatialDevice):
     """A hand that holds a device of three axes; each axis moves as `foretouch.devices.Hand` does.
 
     The axes do not know of each other: Coulomb friction acts on each by itself.
@@ -217,11 +217,8 @@ class SpatialHand(SpatialDevice):
         specification: The device, the same along each axis.
         clutch: Intervals with the clutch held: (start, end) in seconds since the first `read`.
 
-    Raises:
-        SettingError: An intention that feels something itself.
+    Raises: As of `foretouch.devices.hand.Held`.
     """
-
-    closed_loop = True
 
     def __init__(
         self,
@@ -230,28 +227,12 @@ class SpatialHand(SpatialDevice):
         specification: DeviceSpecification,
         clutch: Sequence[tuple[float, float]] = (),
     ) -> None:
-        if intention.closed_loop:
-            raise SettingError("intention", intention.name, "must be an operator that feels nothing itself (open loop)")
-        self._intention = intention
-        self.specification = specification
-        self._clutch = tuple(clutch)
+        super().__init__(intention, specification, clutch)
         made = [grip.holds(specification) for _ in range(3)]
         self._hands, self._move = [held for held, _ in made], made[0][1]
         self._positions = [held["position"] for held in self._hands]
         self._aim: Vector = NOWHERE
-        self._held: HeldForce[Vector] = HeldForce((0.0, 0.0, 0.0), specification.delay, specification.watchdog)
-        self._start_ns: int | None = None
-        self._now_ns = 0
-
-    @property
-    def name(self) -> str:  # type: ignore[override]  # one hand for every operator
-        """Name of the intention."""
-        return self._intention.name
-
-    @property
-    def intention_device(self) -> SpatialDevice:
-        """The operator whose intention this hand has."""
-        return self._intention
+        self._forces: HeldForce[Vector] = HeldForce((0.0, 0.0, 0.0), specification.delay, specification.watchdog)
 
     @property
     def intention(self) -> Vector:
@@ -265,12 +246,6 @@ class SpatialHand(SpatialDevice):
             return NOWHERE
         x, y, z = (float(position[0]) for position in self._positions)
         return x, y, z
-
-    @property
-    def clutched(self) -> bool:
-        """Whether the hand holds the clutch at the newest `read`."""
-        time = 0.0 if self._start_ns is None else (self._now_ns - self._start_ns) * 1e-9
-        return any(start <= time < end for start, end in self._clutch) or self._intention.clutched
 
     def see(self, pose: Sequence[float]) -> None:
         """The intention aims at the fixture where it is shown."""
@@ -287,22 +262,20 @@ class SpatialHand(SpatialDevice):
         elif now_ns > self._now_ns:
             period = min((now_ns - self._now_ns) * 1e-9, LONGEST_GAP)
             passed = 0.0
-            for time, forces in self._held.over(now_ns - round(period * 1e9), now_ns):
+            for time, forces in self._forces.over(now_ns - round(period * 1e9), now_ns):
                 for held, before, wanted, force in zip(self._hands, self._aim, aim, forces, strict=True):
                     speed = (wanted - before) / period
                     self._move(held, before + speed * passed, speed, -force, time)
                 passed += time
             self._aim, self._now_ns = aim, now_ns
-        count = self.specification.resolution
-        positions = (float(position[0]) for position in self._positions)
-        x, y, z = (count * math.floor(value / count + 0.5) if count > 0.0 else value for value in positions)
+        x, y, z = map(self._counted, self._positions)
         return x, y, z
 
     def render(self, force: Vector) -> None:
         """Hold a force [N] from a delay after the newest `read` on, at most the limit; no number is none."""
         size = math.sqrt(force[0] ** 2 + force[1] ** 2 + force[2] ** 2)
         if not size < math.inf:
-            self._held.render((0.0, 0.0, 0.0), self._now_ns)
+            self._forces.render((0.0, 0.0, 0.0), self._now_ns)
             return
         fraction = min(self.specification.force_limit / size, 1.0) if size > 0.0 else 1.0
-        self._held.render((force[0] * fraction, force[1] * fraction, force[2] * fraction), self._now_ns)
+        self._forces.render((force[0] * fraction, force[1] * fraction, force[2] * fraction), self._now_ns)

@@ -15,7 +15,15 @@ from foretouch.robot.materials import (
     material_names,
 )
 from foretouch.robot.rcm_arm import RcmArm, make_robot
-from foretouch.robot.robot import MovedRobot, Robot, RobotSample, RobotSpecification, SpatialRobot, SpatialSample
+from foretouch.robot.robot import (
+    MovedRobot,
+    Robot,
+    RobotSample,
+    RobotSpecification,
+    SpatialRobot,
+    SpatialSample,
+    WrappedRobot,
+)
 from foretouch.robot.sensor_faults import SENSOR_FAULTS, FaultySensor, SensorFault
 
 __all__ = [
@@ -43,6 +51,7 @@ __all__ = [
     "SpatialRobot",
     "SpatialSample",
     "TouchedWorld",
+    "WrappedRobot",
     "fit_foam",
     "foam_fit_json",
     "graphics_library",

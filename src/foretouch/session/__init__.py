@@ -23,8 +23,6 @@ from foretouch.session.runners.lap import SimulatedSession
 from foretouch.session.runners.live import (
     FOLLOWER_CHANNELS,
     LEADER_CHANNELS,
-    SPACE_FOLLOWER_CHANNELS,
-    SPACE_LEADER_CHANNELS,
     run_follower,
     run_leader,
     wait_for_hello,
@@ -45,8 +43,6 @@ __all__ = [
     "RECORDING_INCOMPLETE",
     "SAMPLE_PERIOD",
     "SHADOW_CHANNELS",
-    "SPACE_FOLLOWER_CHANNELS",
-    "SPACE_LEADER_CHANNELS",
     "FramedDevice",
     "FramedRobot",
     "Housekeeper",

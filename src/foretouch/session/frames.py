@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from foretouch.devices import BrowserOperator, Device, DeviceSpecification, Hand
 from foretouch.quantities import Frame
-from foretouch.robot import Robot, RobotSample
+from foretouch.robot import Robot, RobotSample, WrappedRobot
 
 
 def inverse(frame: Frame) -> Frame:
@@ -82,23 +82,17 @@ class FramedDevice(Device):
         return self.device.render(force)
 
 
-class FramedRobot(Robot):
+class FramedRobot(WrappedRobot):
     """A robot whose positions, accelerations, gravity and workspace are translated.
 
     Forces are along the outward normal and positive in compression, whichever way the robot counts.
     """
 
     def __init__(self, robot: Robot, frame: Frame) -> None:
-        self.robot = robot
-        self.frame = frame
-        own = robot.specification
+        super().__init__(robot)
+        self.frame, own = frame, robot.specification
         low, high = sorted(map(frame.inside, own.workspace))
         self.specification = replace(own, workspace=(low, high), gravity=frame.direction * own.gravity)
-
-    @property
-    def fresh(self) -> bool:
-        """Whether no exchange has been yet."""
-        return self.robot.fresh
 
     def read(self) -> RobotSample:
         """Present sample of the sensors."""
@@ -107,10 +101,6 @@ class FramedRobot(Robot):
     def exchange(self, desired_position: float) -> RobotSample:
         """Give a command [m], let one sample period pass, and return the sample then."""
         return self._inside(self.robot.exchange(self.frame.outside(desired_position)))
-
-    def close(self) -> None:
-        """Close the robot."""
-        self.robot.close()
 
     def _inside(self, sample: RobotSample) -> RobotSample:
         inside = self.frame.inside

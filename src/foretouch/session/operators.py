@@ -26,7 +26,7 @@ from foretouch.errors.checks import NUMBER, require_type
 from foretouch.plugins import make_plugin
 from foretouch.quantities import Frame
 from foretouch.recordings import excerpt, read_leader_motion
-from foretouch.robot import FaultySensor, Material, MovedRobot, RcmArm, Robot, make_material
+from foretouch.robot import Material, RcmArm, Robot, WrappedRobot, make_material
 from foretouch.session.frames import FramedRobot, device_inside, framed_device, inverse
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.settings import NO_GRIP, SIMULATED
@@ -132,7 +132,7 @@ def pressed_material(robot: Robot) -> Material | None:
 def _robot_inside(robot: Robot) -> tuple[Robot, list[Frame]]:
     """A robot without the frames around it, and those frames, the outermost first."""
     frames = []
-    while isinstance(robot, FramedRobot | FaultySensor | MovedRobot):
+    while isinstance(robot, WrappedRobot):
         if isinstance(robot, FramedRobot):
             frames.append(robot.frame)
         robot = robot.robot

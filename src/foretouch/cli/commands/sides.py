@@ -92,7 +92,6 @@ def leader(
     from foretouch.devices import Device
     from foretouch.session import (
         LEADER_CHANNELS,
-        SPACE_LEADER_CHANNELS,
         Process,
         StopFlag,
         be_prompt,
@@ -107,8 +106,7 @@ def leader(
     be_prompt()
     stop = StopFlag().on_signals()
     prepare(settings, stop, say, parent)  # while the follower does the same
-    channels = (*LEADER_CHANNELS, *SPACE_LEADER_CHANNELS) if settings.scene else LEADER_CHANNELS
-    with open_link("leader", endpoints, channels) as link:
+    with open_link("leader", endpoints, LEADER_CHANNELS) as link:
         if parent is None:
             say("leader: waiting for a follower")
         hello = wait_for_hello(link, {"follower"}, stop, parent=parent).get("follower", {})
@@ -204,7 +202,6 @@ def _follow(
     from foretouch.session import (
         FOLLOWER_CHANNELS,
         SHADOW_CHANNELS,
-        SPACE_FOLLOWER_CHANNELS,
         Process,
         make_moved_robot,
         make_session_robot,
@@ -225,7 +222,6 @@ def _follow(
         if shadow:
             raise SettingError("scene", settings.scene, "is not watched: --shadow is for a robot along a line")
         robot, closes = make_spatial_robot(settings, make_scene(settings.scene)), False
-        channels = (*FOLLOWER_CHANNELS, *SPACE_FOLLOWER_CHANNELS)
         pressed = f"pressing {settings.material} on the scene {settings.scene}"
     elif shadow:
         robot, reach = make_moved_robot(settings, say=say)

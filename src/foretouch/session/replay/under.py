@@ -22,7 +22,7 @@ from foretouch.robot import MATERIALS, Robot, material_names
 from foretouch.session.network.playout import Playout
 from foretouch.session.replay.machines import PlayedOperator, PlayedRobot
 from foretouch.session.robots import make_session_robot
-from foretouch.session.runners.lap import simulate_scene
+from foretouch.session.runners.lap import run_session
 from foretouch.session.runners.simulated import simulate
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.spatial.camera import SimulatedCamera
@@ -90,7 +90,7 @@ def _replay_scene(
     camera = _camera(settings, scene)
     ticks = round(np.ptp(log.leader["time_ns"]) * 1e-9 / SAMPLE_PERIOD) + 1
     try:
-        return simulate_scene(
+        return run_session(
             settings,
             operator,
             robot,

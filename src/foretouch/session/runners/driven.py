@@ -22,7 +22,6 @@ from foretouch.messages import (
     Handle,
     Message,
     ModelUpdate,
-    Settings,
     Telemetry,
 )
 from foretouch.quantities.pose import Vector, add, norm, scaled, subtract
@@ -94,11 +93,6 @@ class Driven(ABC):
     def pass_time(self, periods: int) -> None:  # noqa: B027  # a hand moves without being asked
         """Let these sample periods of the machine pass, as far as it can make up for them."""
 
-    def choose(self, chosen: Settings) -> None:
-        """Apply what was chosen at the console to the messages that arrive."""
-        delay = getattr(chosen, self.delay)
-        self.arriving.change(delay=delay, jitter=chosen.jitter, loss=chosen.loss, outage=chosen.outage)
-
 
 class DrivenFollower(Driven):
     """A follower's step with its robot.
@@ -111,6 +105,7 @@ class DrivenFollower(Driven):
         state: State of the follower along the line or the normal.
         sample: Newest sample of the robot.
         desired: Position for the robot [m].
+        beliefs: Beliefs of the fixture's pose, for the next tick.
     """
 
     delay = "position_delay"
@@ -120,7 +115,7 @@ class DrivenFollower(Driven):
         super().__init__(settings.command_faults)
         self._robot = robot
         self._back = settings.return_speed * SAMPLE_PERIOD
-        self._beliefs: list[FixtureBelief] = []
+        self.beliefs: list[FixtureBelief] = []
         self.sample = robot.read()
         self.desired: Any = None
 
@@ -136,13 +131,9 @@ class DrivenFollower(Driven):
         """Let a sample period of the robot pass, with the newest command."""
         self.sample = self._robot.exchange(self.desired)
 
-    def believe(self, beliefs: list[FixtureBelief]) -> None:
-        """Take beliefs of the fixture's pose, for the next tick."""
-        self._beliefs = beliefs
-
     def act(self, due: list[Any], tick: Tick) -> list[Message]:
         """See `Driven.act`; the commands are due, and the telemetry is its first message."""
-        beliefs, self._beliefs = self._beliefs, []
+        beliefs, self.beliefs = self.beliefs, []
         inputs = follower.Inputs(due, self.sample, *tick[1:], beliefs)
         return [message for message in self._step(inputs, tick.now_ns) if message is not None]
 
@@ -229,21 +220,18 @@ class DrivenLeader(Driven):
         """See `Driven.counts`."""
         return leader_counts(self.state)
 
-    def _operator_ns(self, now_ns: int) -> int:
+    def operator_ns(self, now_ns: int) -> int:
+        """The operator's time [ns]."""
         return self._clock.read(now_ns, coupled=self.state.follower_view.run > 0)
 
+    @abstractmethod
     def take(self, handle: Handle, now_ns: int) -> None:
         """Take a message of the browser about its handle."""
-        self._move(handle, self._operator_ns(now_ns))
-
-    @abstractmethod
-    def _move(self, handle: Handle, operator_ns: int) -> None:
-        """Move an operator that is moved in the browser."""
 
     def act(self, due: list[Any], tick: Tick) -> list[Message]:
         """See `Driven.act`; the command is its first message, and the record the second."""
         operator = self._operator
-        position = operator.read(self._operator_ns(tick.now_ns))
+        position = operator.read(self.operator_ns(tick.now_ns))
         if not all(map(math.isfinite, position if isinstance(position, tuple) else (position,))):
             self.nowhere += 1
         inputs = leader.Inputs(
@@ -277,9 +265,10 @@ class LineLeader(DrivenLeader):
         super().__init__(framed_device(operator, settings.leader_frame), settings)
         self._mouse: BrowserOperator | None = browser_operator(self._operator)
 
-    def _move(self, handle: Handle, operator_ns: int) -> None:
+    def take(self, handle: Handle, now_ns: int) -> None:
+        """See `DrivenLeader.take`."""
         if self._mouse is not None:
-            self._mouse.take(handle.position, handle.held, operator_ns, clutched=handle.clutched)
+            self._mouse.take(handle.position, handle.held, self.operator_ns(now_ns), clutched=handle.clutched)
 
     def _step(self, inputs: leader.Inputs[Any], now_ns: int) -> list[Message]:
         _, led = leader.step(self.state, inputs, now_ns)
@@ -301,8 +290,8 @@ class SpaceLeader(DrivenLeader):
         self._mouse = moved if isinstance(moved, SpatialBrowserOperator) else None
         self._apart: Vector = (0.0, 0.0, 0.0)  # of hand and world, when the handle was taken
 
-    def _move(self, handle: Handle, operator_ns: int) -> None:
-        """Move it; the handle's place in the world may be apart from the hand's own."""
+    def take(self, handle: Handle, now_ns: int) -> None:
+        """See `DrivenLeader.take`; the handle's place in the world may be apart from the hand's own."""
         mouse = self._mouse
         if mouse is None:
             return
@@ -312,7 +301,7 @@ class SpaceLeader(DrivenLeader):
         if len(point) == 3:
             here = add((point[0], point[1], point[2]), self._apart)
             point = scaled(here, 1.0 / self._whole.position_scale)
-        mouse.take(point, handle.held, operator_ns, clutched=handle.clutched)
+        mouse.take(point, handle.held, self.operator_ns(now_ns), clutched=handle.clutched)
 
     def act(self, due: list[Any], tick: Tick) -> list[Message]:
         """See `DrivenLeader.act`; the operator sees the fixture where the scene shows it."""

@@ -11,11 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.devices import Device, SpatialDevice
 from foretouch.messages import CameraImage, FollowerSpace, Hello, Message, SessionLog
 from foretouch.quantities import Columns
-from foretouch.robot import SpatialRobot
-from foretouch.session.runners.driven import DrivenFollower, DrivenLeader, SpaceFollower, SpaceLeader, Tick
+from foretouch.session.runners.driven import SpaceFollower, Tick, drive_follower, drive_leader
 from foretouch.session.runners.warm_up import warm_up_once
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.spatial import tracker
@@ -87,7 +85,7 @@ class CameraAndTracker:
             belief = tracker.step(self._state, self._spaces, due, now_ns)
             self._spaces = []
             if belief is not None:
-                self._follows.believe([belief])
+                self._follows.beliefs = [belief]
                 seen.append(belief)
         return seen
 
@@ -96,79 +94,59 @@ class CameraAndTracker:
         return tracker.counts(self._state)
 
 
-@dataclass
-class Lap:
-    """A session in simulated time: follower, network, leader, network, tick by tick.
-
-    `texts` are settings for the log beside the session's; `watcher` stands at the robot, None for none.
-    """
-
-    settings: SessionSettings
-    follows: DrivenFollower
-    leads: DrivenLeader
-    operator: Device | SpatialDevice
-    texts: Mapping[str, str]
-    watcher: CameraAndTracker | None = None
-
-    def run(self, duration: float, record: Record | None = None, progress: Progress | None = None) -> SimulatedSession:
-        """Run it for a simulated time [s]; `record` is called with each message, `progress` once a simulated second."""
-        follows, leads = self.follows, self.leads
-        compute = np.zeros((2, round(duration / SAMPLE_PERIOD)), dtype=np.int64)  # [ns]
-        texts = self.settings.as_text() | {"operator": self.operator.name} | dict(self.texts)
-        kept: list[Message] = []
-        if record is not None:
-            record(Hello.of("simulation", 1, 0, texts), 0)
-        began = time.perf_counter()
-        for tick in range(compute.shape[1]):
-            now_ns = tick * _PERIOD_NS
-            messages = follows.tick(Tick(now_ns, _PERIOD_NS))
-            for message in messages:
-                leads.arriving.push(now_ns, message)
-            follows.exchange()
-            if self.watcher is not None:
-                messages += self.watcher.look(messages, now_ns)
-            command, *records = leads.tick(Tick(now_ns, _PERIOD_NS))
-            follows.arriving.push(now_ns, command)
-            compute[:, tick] = leads.computed_ns, follows.computed_ns
-            messages += records
-            kept += messages
-            if record is not None:
-                for message in messages:
-                    record(message, now_ns)
-            if progress is not None and tick % 1000 == 0:
-                progress(now_ns * 1e-9)
-        elapsed = time.perf_counter() - began
-        counts = leads.counts() | follows.counts()
-        counts |= {} if self.watcher is None else self.watcher.counts()
-        log = SessionLog.from_messages(kept, texts, counts)
-        log.leader["compute_ns"], log.follower["compute_ns"] = compute
-        return SimulatedSession(log, duration, elapsed)
-
-
-def simulate_scene(
+def run_session(
     settings: SessionSettings,
-    operator: SpatialDevice,
-    robot: SpatialRobot,
-    camera: SimulatedCamera | None,
+    operator: Any,
+    robot: Any,
+    camera: SimulatedCamera | None = None,
     *,
     duration: float,
     description: Mapping[str, str] | None = None,
     record: Record | None = None,
     progress: Progress | None = None,
 ) -> SimulatedSession:
-    """Run a session in three dimensions in simulated time; see `foretouch.session.simulate`.
+    """Run a session in simulated time: follower, network, leader, network, tick by tick.
 
     Args:
-        settings: Settings with a scene.
-        operator: Operator that moves the leader.
-        robot: Robot of the follower.
-        camera: Camera beside it; None for none.
+        settings: Session settings.
+        operator: Moves the leader: a `Device`, or with a scene a `SpatialDevice`.
+        robot: The follower's: a `Robot`, or with a scene a `SpatialRobot`.
+        camera: Camera beside a robot in three dimensions; None for none.
         duration: Simulated time [s].
         description: Further settings for the log.
         record: Called with each message to keep.
         progress: Called once a simulated second.
     """
     warm_up_once(settings)
-    follows, leads = SpaceFollower(robot, settings, 1), SpaceLeader(operator, settings, "leader", 1)
-    watcher = CameraAndTracker(settings, camera, follows)
-    return Lap(settings, follows, leads, operator, description or {}, watcher).run(duration, record, progress)
+    follows, leads = drive_follower(robot, settings, 1), drive_leader(operator, settings, "leader", 1)
+    watcher = CameraAndTracker(settings, camera, follows) if isinstance(follows, SpaceFollower) else None
+    compute = np.zeros((2, round(duration / SAMPLE_PERIOD)), dtype=np.int64)  # [ns]
+    texts = settings.as_text() | {"operator": operator.name} | dict(description or {})
+    kept: list[Message] = []
+    if record is not None:
+        record(Hello.of("simulation", 1, 0, texts), 0)
+    began = time.perf_counter()
+    for number in range(compute.shape[1]):
+        tick = Tick(number * _PERIOD_NS, _PERIOD_NS)
+        messages = follows.tick(tick)
+        for message in messages:
+            leads.arriving.push(tick.now_ns, message)
+        follows.exchange()
+        if watcher is not None:
+            messages += watcher.look(messages, tick.now_ns)
+        command, *records = leads.tick(tick)
+        follows.arriving.push(tick.now_ns, command)
+        compute[:, number] = leads.computed_ns, follows.computed_ns
+        messages += records
+        kept += messages
+        if record is not None:
+            for message in messages:
+                record(message, tick.now_ns)
+        if progress is not None and number % 1000 == 0:
+            progress(tick.now_ns * 1e-9)
+    elapsed = time.perf_counter() - began
+    counts = leads.counts() | follows.counts()
+    counts |= {} if watcher is None else watcher.counts()
+    log = SessionLog.from_messages(kept, texts, counts)
+    log.leader["compute_ns"], log.follower["compute_ns"] = compute
+    return SimulatedSession(log, duration, elapsed)

@@ -34,17 +34,11 @@ from foretouch.session.safety.safety import LEFT
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.steps.counting import as_texts, fault_texts, link_counts
 
-FOLLOWER_CHANNELS = ("command", "settings", "stop", "emergency", "hello")
-"""Channels that the follower's link receives."""
+FOLLOWER_CHANNELS = ("command", "settings", "stop", "emergency", "hello", *SpaceFollower.channels)
+"""Channels that the follower's link receives; the last is silent along a line."""
 
-LEADER_CHANNELS = ("model", "telemetry", "handle", "settings", "stop", "hello")
-"""Channels that the leader's link receives."""
-
-SPACE_FOLLOWER_CHANNELS = SpaceFollower.channels
-"""Further channels that a follower's link receives in three dimensions."""
-
-SPACE_LEADER_CHANNELS = SpaceLeader.channels
-"""Further channels that a leader's link receives in three dimensions."""
+LEADER_CHANNELS = ("model", "telemetry", "handle", "settings", "stop", "hello", *SpaceLeader.channels)
+"""Channels that the leader's link receives; the last two are silent along a line."""
 
 MOST_PRESSES = 1024  # Number of emergency-stop presses remembered, so that a repeated message is recognised
 
@@ -110,30 +104,25 @@ class Loop:
     """
 
     def __init__(self, process: Process, role: str, driven: Driven, prefix: str = "") -> None:
-        self._link, self._stop = process.link, process.stop
-        self._role, self._driven, self._prefix = role, driven, prefix
-        self._changed_ns = 0
+        self._link, self._stop, self._role = process.link, process.stop, role
+        self._driven, self._prefix, self._changed_ns = driven, prefix, 0
 
     def counts(self) -> dict[str, int]:
         """Counters of the side and its link, by name."""
         return self._driven.counts() | link_counts(self._role, self._link)
 
-    def describing(
-        self, description: Mapping[str, str], own: Callable[[], Mapping[str, str]]
-    ) -> Callable[[], dict[str, str]]:
-        """Gives the texts of the `Hello`: this description, faults of what arrives, the side's own, and counters."""
-
-        def describe() -> dict[str, str]:
-            faults = fault_texts(self._driven.arriving, self._driven.delay, self._changed_ns, self._prefix)
-            return {**description, **faults, **own(), **as_texts(self.counts())}
-
-        return describe
+    def texts(self) -> dict[str, str]:
+        """Faults of what arrives, and the counters, for the `Hello`."""
+        driven = self._driven
+        return fault_texts(driven.arriving, driven.delay, self._changed_ns, self._prefix) | as_texts(self.counts())
 
     def choose(self, now_ns: int) -> bool:
         """Apply faults that were chosen at the console; return whether any were."""
         if not self._link.inboxes["settings"]:
             return False
-        self._driven.choose(self._link.take("settings")[-1][1])
+        chosen, driven = self._link.take("settings")[-1][1], self._driven
+        delay = getattr(chosen, driven.delay)
+        driven.arriving.change(delay=delay, jitter=chosen.jitter, loss=chosen.loss, outage=chosen.outage)
         self._changed_ns = now_ns
         return True
 
@@ -186,7 +175,7 @@ def run_follower(
     """Run the follower's loop until a `Stop` arrives, the process's `stop` is set, or `duration` [s] is over.
 
     Args:
-        process: Its link has `FOLLOWER_CHANNELS`, and in three dimensions `SPACE_FOLLOWER_CHANNELS`.
+        process: Its link has `FOLLOWER_CHANNELS`.
         robot: Robot to command; along a line it counts as the settings' follower frame says.
         settings: Session settings.
         description: Texts for the `Hello` messages.
@@ -206,8 +195,9 @@ def run_follower(
     state = driven.state
     contest = Contest(state.lease)
 
-    def texts() -> dict[str, str]:
-        return follower_says(state, contest.sentence(time.monotonic_ns()), anew=house.leader_leaves)
+    def describe() -> dict[str, str]:
+        contested = contest.sentence(time.monotonic_ns())
+        return description | loop.texts() | follower_says(state, contested, anew=house.leader_leaves)
 
     def news(_: Mapping[str, Mapping[str, str]]) -> str:
         return all_of(contest.sentence(time.monotonic_ns()), follower_news(state, anew=house.leader_leaves))
@@ -228,11 +218,10 @@ def run_follower(
                 if asked.press:
                     presses.append(asked.press)
         for channel in driven.channels:
-            driven.believe([belief for _, belief in link.take(channel)])
+            driven.beliefs = [belief for _, belief in link.take(channel)]
         return emergency, release
 
     loop = Loop(process, "follower", driven)
-    describe = loop.describing(description, texts)
     house = Housekeeper(process, "follower", describe, news, release=robot.close, over=lambda: over(state))
     house.start()
     return loop.run(house, hear, duration, leave=partial(_leave, driven, house.loop, link.publish, say))
@@ -297,10 +286,9 @@ def run_leader(
 ) -> dict[str, Any]:
     """Run the leader's loop until a `Stop` arrives, `stop` is set, or `duration` [s] is over.
 
-    Arguments as for `run_follower`; the link has `LEADER_CHANNELS`, and in three dimensions `SPACE_LEADER_CHANNELS`;
-    `operator` moves the handle, and along a line counts as the settings' leader frame says; with `wait_for_recorder`
-    the loop begins once a recorder listens, or after `RECORDER_PATIENCE`. Other leaders receive the `name` of this
-    one. Returns and raises as that does.
+    Arguments as for `run_follower`; the link has `LEADER_CHANNELS`. `operator` moves the handle, and along a line counts as
+    the settings' leader frame says. With `wait_for_recorder` the loop begins once a recorder listens, or after
+    `RECORDER_PATIENCE`. Other leaders receive the `name` of this one. Returns and raises as that does.
     """
     link, stop, say, parent = process
     if never_begun := prepare(settings, stop, say, parent):
@@ -341,7 +329,7 @@ def run_leader(
     house = Housekeeper(
         process,
         "leader",
-        loop.describing(description, lambda: {"leader": name, PROCESS: str(epoch)}),
+        lambda: description | {"leader": name, PROCESS: str(epoch)} | loop.texts(),
         news,
         epoch=epoch,
         release=partial(close_operator, operator) if isinstance(operator, Device) else None,

@@ -14,7 +14,7 @@ import msgspec
 
 from foretouch.devices import Device
 from foretouch.identification.conditioning.kernel import CONTACT_FLOOR
-from foretouch.messages import PROCESS, LeaderState, Message, Settings, Status, Telemetry
+from foretouch.messages import PROCESS, LeaderState, Message, Status, Telemetry
 from foretouch.robot import Robot
 from foretouch.session.network.lease import own_epoch
 from foretouch.session.runners.driven import Driven, LineFollower, LineLeader, Tick
@@ -131,7 +131,7 @@ class Shadow(Driven):
     Attributes:
         follows: The follower.
         leads: The leader.
-        score: Errors of the forces so far; it begins anew with another delay.
+        score: Errors of the forces so far.
     """
 
     def __init__(self, robot: Robot, settings: SessionSettings, epoch: int) -> None:
@@ -148,11 +148,6 @@ class Shadow(Driven):
         """See `Driven.pass_time`; nothing is commanded."""
         self.follows.desired = math.nan
         self.follows.pass_time(periods)
-
-    def choose(self, chosen: Settings) -> None:
-        """See `Driven.choose`."""
-        super().choose(chosen)
-        self.score = ShadowScore()
 
     def act(self, due: list[Any], tick: Tick) -> list[Message]:
         """See `Driven.act`; the messages of both sides but the command, the leader's record and telemetry first."""
@@ -207,7 +202,8 @@ def run_shadow(
 
     def hear(now: int) -> tuple[str, bool]:
         nonlocal asked
-        loop.choose(now)
+        if loop.choose(now):
+            shadow.score = ShadowScore()
         emergency, release = stop.take()
         if release:
             asked = ""
@@ -220,7 +216,10 @@ def run_shadow(
 
     loop = Loop(process, "follower", shadow)
     texts = settings.as_text() | {"operator": NAME} | description
-    describe = loop.describing(texts, lambda: {PROCESS: str(epoch), "control": "nobody", "trouble": news()})
+
+    def describe() -> dict[str, str]:
+        return texts | loop.texts() | {PROCESS: str(epoch), "control": "nobody", "trouble": news()}
+
     house = Housekeeper(process, "follower", describe, lambda _: news(), release=robot.close)
     house.start()
     ran = loop.run(house, hear, duration)

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
-from functools import partial
 
-from foretouch.devices import Device
+from foretouch.devices import Device, SpatialDevice
 from foretouch.errors import InputError, SettingError
 from foretouch.errors.checks import require, require_type
-from foretouch.robot import Robot, material_names
+from foretouch.robot import Robot, SpatialRobot, material_names
 from foretouch.session.operators import (
     close_operator,
     felt_texts,
@@ -21,11 +20,15 @@ from foretouch.session.operators import (
     say_on_stderr,
 )
 from foretouch.session.robots import make_session_robot, reach_texts, require_simulated_robot
-from foretouch.session.runners.driven import drive_follower, drive_leader
-from foretouch.session.runners.lap import Lap, Progress, Record, SimulatedSession, simulate_scene
-from foretouch.session.runners.warm_up import warm_up_once
+from foretouch.session.runners.lap import Progress, Record, SimulatedSession, run_session
 from foretouch.session.settings import SessionSettings
-from foretouch.session.spatial import make_camera, make_scene, make_spatial_operator, make_spatial_robot
+from foretouch.session.spatial import (
+    SimulatedCamera,
+    make_camera,
+    make_scene,
+    make_spatial_operator,
+    make_spatial_robot,
+)
 from foretouch.settings import SIMULATED
 
 
@@ -105,19 +108,25 @@ def prepare_simulation(
     if settings.scene and (operator is not None or robot is not None):
         raise SettingError("scene", settings.scene, "has an operator and a robot of its own: leave both out")
     with ExitStack() as made:  # closed here is what is made here
-        run = _in_scene(made, settings, say) if settings.scene else _on_line(made, settings, operator, robot, say)
+        machines = _in_scene(made, settings, say) if settings.scene else _on_line(made, settings, operator, robot, say)
         to_close = made.pop_all()
+    moved, driven, camera, texts = machines
 
     def run_once(record: Record | None) -> SimulatedSession:
+        texts.update(description or {})
         with to_close:
-            return run(duration=duration, description=description, record=record, progress=progress)
+            return run_session(
+                settings, moved, driven, camera, duration=duration, description=texts, record=record, progress=progress
+            )
 
     return run_once
 
 
-def _in_scene(
-    made: ExitStack, settings: SessionSettings, say: Callable[[str], None]
-) -> Callable[..., SimulatedSession]:
+Machines = tuple[Device | SpatialDevice, Robot | SpatialRobot, SimulatedCamera | None, dict[str, str]]
+"""Operator, robot, the camera beside it and texts of the log on them."""
+
+
+def _in_scene(made: ExitStack, settings: SessionSettings, say: Callable[[str], None]) -> Machines:
     """Make robot, operator and camera of a scene."""
     scene = make_scene(settings.scene)
     robot = make_spatial_robot(settings, scene)
@@ -125,12 +134,12 @@ def _in_scene(
     camera = make_camera(settings, scene, say=say) if settings.fusion in ("full", "image") else None
     if camera is not None:
         made.callback(camera.close)
-    return partial(simulate_scene, settings, operator, robot, camera)
+    return operator, robot, camera, {}
 
 
 def _on_line(
     made: ExitStack, settings: SessionSettings, operator: Device | None, robot: Robot | None, say: Callable[[str], None]
-) -> Callable[..., SimulatedSession]:
+) -> Machines:
     """Make the robot and operator of a session along a line that were not passed."""
     if robot is None:
         robot, reach = make_session_robot(settings)
@@ -143,16 +152,7 @@ def _on_line(
         operator = make_operator(settings, surface=reach.surface, press_depth=reach.press_depth, say=say)
         made.callback(close_operator, operator)
         require_simulated_time(operator)
-
-    def run(
-        *, duration: float, description: Mapping[str, str] | None, record: Record | None, progress: Progress | None
-    ) -> SimulatedSession:
-        warm_up_once(settings)
-        follows, leads = drive_follower(robot, settings, 1), drive_leader(operator, settings, "leader", 1)
-        reported = felt_texts(operator, settings) | texts | dict(description or {})
-        return Lap(settings, follows, leads, operator, reported).run(duration, record, progress)
-
-    return run
+    return operator, robot, None, felt_texts(operator, settings) | texts
 
 
 def _own_material(robot: Robot, settings: SessionSettings) -> dict[str, str]:
