@@ -287,8 +287,8 @@ def run_leader(
     """Run the leader's loop until a `Stop` arrives, `stop` is set, or `duration` [s] is over.
 
     Arguments as for `run_follower`; the link has `LEADER_CHANNELS`. `operator` moves the handle, and along a line
-    counts as the settings' leader frame says. With `wait_for_recorder` the loop begins once a recorder listens, or after
-    `RECORDER_PATIENCE`. Other leaders receive the `name` of this one. Returns and raises as that does.
+    counts as the settings' leader frame says. With `wait_for_recorder` the loop begins once a recorder listens, or
+    after `RECORDER_PATIENCE`. Other leaders receive the `name` of this one. Returns and raises as that does.
     """
     link, stop, say, parent = process
     if never_begun := prepare(settings, stop, say, parent):
