@@ -16,9 +16,11 @@ from foretouch.errors import RecordingError, SettingError
 from foretouch.messages import SessionLog, Status
 from foretouch.quantities import SensorCalibration
 from foretouch.recordings import write_calibration
-from foretouch.robot import Robot, RobotSample, SpatialSample, make_robot
+from foretouch.robot import MovedRobot, Robot, RobotSample, SpatialSample, make_robot
 from foretouch.session import SessionSettings, make_operator, simulate
-from foretouch.session.runners import shadow
+from foretouch.session.runners.driven import Tick
+from foretouch.session.runners.shadow import Shadow
+from foretouch.session.settings import shadow_settings
 from foretouch.session.spatial import follower as space
 from foretouch.session.spatial import make_scene, make_spatial_robot
 from foretouch.session.steps.sensing import calibrated
@@ -171,26 +173,24 @@ def test_a_shadow_predicts_at_the_tip(tmp_path: Path) -> None:
     series = 3000.0
     errors = {}
     for path in ("", calibration(tmp_path, series_stiffness=series)):
-        settings = shadow.shadow_settings(SessionSettings(**SIMPLE | {"calibration": path}))  # type: ignore[arg-type]
-        robot = Mounted("hunt-crossley", stiffness=series)
-        surface = robot.robot.surface
-        state = shadow.start(robot.specification, settings, epoch=5, run=5)
-        sample, output = robot.read(), []
+        settings = shadow_settings(SessionSettings(**SIMPLE | {"calibration": path}))  # type: ignore[arg-type]
+        watching, output = Shadow(pressing(Mounted("hunt-crossley", stiffness=series)), settings, 5), []
         for tick in range(3500):
-            state, outputs = shadow.step(state, shadow.follower.Inputs([], sample, MS, 0), tick * MS)
-            output.append((outputs.record.position, outputs.telemetry.position, sample))
-            sample = robot.exchange(surface + 0.004 * math.sin(4e-3 * tick) + robot.give)
+            watching.pass_time(min(tick, 1))
+            record, telemetry, *_ = watching.tick(Tick(tick * MS, MS))
+            output.append((record.position, telemetry.position, watching.follows.sample))
         tips = [abs(hand - exact.exact_position) for hand, _, exact in output]
-        errors[bool(path)] = max(tips[1000:]), stiffness_of(outputs, state)
-        assert all(hand == told for hand, told, _ in output)
+        learnt = watching.follows.state.learner.learnt().model
+        errors[bool(path)] = max(tips[1000:]), math.nan if learnt is None else learnt.parameters[0]
+        assert all(hand == tip for hand, tip, _ in output)
     # The hand is at the tip, and what is learnt is the material's alone.
     assert errors[True][0] < 0.25 * errors[False][0]
     assert errors[True][1] == pytest.approx(1.2 * errors[False][1], rel=0.1)
 
 
-def stiffness_of(outputs: shadow.Outputs, state: shadow.State) -> float:
-    learnt = state.following.learner.learnt().model
-    return math.nan if learnt is None else float(learnt.parameters[0])
+def pressing(robot: Mounted) -> MovedRobot:
+    surface = robot.robot.surface
+    return MovedRobot(robot, lambda time: surface + 0.004 * math.sin(4.0 * time) + robot.give)
 
 
 @pytest.mark.parametrize(
