@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -14,12 +15,13 @@ from plugin_sessions import run_with
 from typer.testing import CliRunner
 
 from foretouch.cli.app import app
+from foretouch.devices import RestingOperator
 from foretouch.errors import SettingError
 from foretouch.plugins import PluginError
 from foretouch.recordings import read_session
 from foretouch.report import render_text, session_figures, write_page
 from foretouch.session import SessionSettings, make_operator, make_session_robot, simulate
-from foretouch.session.conformance import Finding, check_named
+from foretouch.session.conformance import Finding, check_device, check_named
 from foretouch.session.conformance.catalogue import watched
 from foretouch.session.conformance.finding import too_slow
 
@@ -93,6 +95,20 @@ def test_one_that_cannot_be_made_is_waited_for_longer_and_then_told(install: Cal
     watched(check, told.append, longest=0.1, making=1.0)
     assert 1.0 <= time.monotonic() - begun < 10.0
     assert "in stuck (made_up.py, line" in told[0].summary
+
+
+def test_a_driver_that_never_comes_back_stops_no_later_check() -> None:
+    class Hanging(RestingOperator):
+        def read(self, now_ns: int) -> float:
+            if now_ns > 0 and threading.current_thread().name == "hangs":
+                threading.Event().wait()
+            return super().read(now_ns)
+
+    for name in ("hangs", "comes back"):
+        checking = threading.Thread(target=check_device, args=(Hanging,), name=name, daemon=True)
+        checking.start()
+        checking.join(1.0 if name == "hangs" else 60.0)
+    assert not checking.is_alive()
 
 
 def test_many_calls_are_no_long_one_and_what_a_check_raises_is_raised() -> None:

@@ -152,6 +152,9 @@ class Held:
         specification: The device, the same along each axis.
         clutch: Intervals with the clutch held: (start, end) in seconds since the first `read`, start included, end not.
 
+    Attributes:
+        intention_device: The operator whose intention this hand has.
+
     Raises:
         SettingError: An intention that feels something itself, or a time of the clutch that is negative or ends before
             it starts.
@@ -160,23 +163,16 @@ class Held:
     name: ClassVar[str]
     closed_loop = True
 
-    def __init__(
-        self, intention: Any, specification: DeviceSpecification, clutch: Sequence[tuple[float, float]]
-    ) -> None:
+    def __init__(self, intention: Any, specification: DeviceSpecification, clutch: Sequence[tuple[float, float]]):
         if intention.closed_loop:
             raise SettingError("intention", intention.name, "must be an operator that feels nothing itself (open loop)")
         for start, end in clutch:
             if not 0.0 <= start < end < math.inf:
                 raise SettingError("clutch", (start, end), "must be 0 <= start < end, in seconds from the first tick")
         self.name = intention.name  # type: ignore[misc]  # of the class elsewhere; a hand has its operator's
-        self._intention, self._specification, self._clutch = intention, specification, tuple(clutch)
+        self.intention_device, self._specification, self._clutch = intention, specification, tuple(clutch)
         self._start_ns: int | None = None
         self._now_ns = 0
-
-    @property
-    def intention_device(self) -> Any:
-        """The operator whose intention this hand has."""
-        return self._intention
 
     @property
     def specification(self) -> DeviceSpecification:
@@ -190,7 +186,7 @@ class Held:
             time = (self._now_ns - self._start_ns) * 1e-9
             if any(start <= time < end for start, end in self._clutch):
                 return True
-        return bool(self._intention.clutched)
+        return bool(self.intention_device.clutched)
 
     def _counted(self, position: Any) -> float:
         """A position [m] as the encoder shows it, in whole counts."""
@@ -254,11 +250,11 @@ class Hand(Held, Device):
     @property
     def fresh(self) -> bool:
         """Whether nothing was read yet."""
-        return self._start_ns is None and self._intention.fresh
+        return self._start_ns is None and self.intention_device.fresh
 
     def read(self, now_ns: int) -> float:
         """Position of the hand [m] as the encoder shows it, in whole counts."""
-        aim = self._intention.read(now_ns)
+        aim = self.intention_device.read(now_ns)
         if self._start_ns is None:
             self._start_ns = self._now_ns = now_ns
             self._aim = self._position[0] = aim

@@ -249,11 +249,11 @@ class SpatialHand(Held, SpatialDevice):
 
     def see(self, pose: Sequence[float]) -> None:
         """The intention aims at the fixture where it is shown."""
-        self._intention.see(pose)
+        self.intention_device.see(pose)
 
     def read(self, now_ns: int) -> Vector:
         """Place of the hand [m] as the encoders show it, in whole counts."""
-        aim = self._intention.read(now_ns)
+        aim = self.intention_device.read(now_ns)
         if self._start_ns is None:
             self._start_ns = self._now_ns = now_ns
             self._aim = aim

@@ -45,7 +45,7 @@ class Motion(NamedTuple):
     period: NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Subject:
     """A device, how to make another, the name that it must have, and how long one in a hand is watched [s]."""
 
@@ -54,7 +54,8 @@ class Subject:
     name: str
     watched: float
 
-    @functools.cached_property
+    @property
+    @functools.lru_cache(maxsize=1)  # noqa: B019  # no lock: a driver that hangs here stops no later check
     def motion(self) -> Motion:
         """Its motion at every tick; in real time where a person moves it, and then as late as this machine is."""
         real = self.device.real_time

@@ -41,7 +41,7 @@ LONGEST_UPDATE = 1e-4  # Half of all updates take at most this [s]
 NONSENSE = (math.nan, math.inf, -math.inf, 0.0, -1.0, 1e300, 1e-300)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Subject:
     """An estimator, how to make a fresh one, and the name that it is to have; without one, any."""
 
@@ -54,7 +54,8 @@ class Subject:
         """Law whose presses it is to learn."""
         return OWN_LAWS.get(self.estimator.model_name, SOFT)
 
-    @functools.cached_property
+    @property
+    @functools.lru_cache(maxsize=1)  # noqa: B019  # no lock: a driver that hangs here stops no later check
     def learnt(self) -> tuple[Estimator, Identification]:
         """A fresh estimator that has learnt presses of its own law, and what came of it."""
         estimator = self.make()

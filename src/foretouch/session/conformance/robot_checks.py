@@ -50,7 +50,7 @@ TIME_RULE = (
 HELD = 1.05  # Largest ratio of the force held in the end to the limit: sensors have noise
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Subject:
     """A robot, how to make another, and whether a real one may be moved."""
 
@@ -58,7 +58,8 @@ class Subject:
     make: Callable[[], Robot]
     move: bool
 
-    @functools.cached_property
+    @property
+    @functools.lru_cache(maxsize=1)  # noqa: B019  # no lock: a driver that hangs here stops no later check
     def pressed(self) -> NDArray[np.float64]:
         """Contact force of a press to the workspace's end, from rest in free air on [N], shape (n,)."""
         robot = self.make()
