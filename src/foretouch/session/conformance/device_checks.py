@@ -55,7 +55,7 @@ class Subject:
     watched: float
 
     @property
-    @functools.lru_cache(maxsize=1)  # noqa: B019  # no lock: a driver that hangs here stops no later check
+    @functools.lru_cache(maxsize=1)  # noqa: B019  # without a lock: a driver that hangs stops no later check
     def motion(self) -> Motion:
         """Its motion at every tick; in real time where a person moves it, and then as late as this machine is."""
         real = self.device.real_time

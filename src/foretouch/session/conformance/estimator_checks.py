@@ -55,7 +55,7 @@ class Subject:
         return OWN_LAWS.get(self.estimator.model_name, SOFT)
 
     @property
-    @functools.lru_cache(maxsize=1)  # noqa: B019  # no lock: a driver that hangs here stops no later check
+    @functools.lru_cache(maxsize=1)  # noqa: B019  # without a lock, as in `device_checks`
     def learnt(self) -> tuple[Estimator, Identification]:
         """A fresh estimator that has learnt presses of its own law, and what came of it."""
         estimator = self.make()

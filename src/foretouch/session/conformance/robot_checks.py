@@ -59,7 +59,7 @@ class Subject:
     move: bool
 
     @property
-    @functools.lru_cache(maxsize=1)  # noqa: B019  # no lock: a driver that hangs here stops no later check
+    @functools.lru_cache(maxsize=1)  # noqa: B019  # without a lock, as in `device_checks`
     def pressed(self) -> NDArray[np.float64]:
         """Contact force of a press to the workspace's end, from rest in free air on [N], shape (n,)."""
         robot = self.make()

@@ -117,7 +117,7 @@ class ShadowHand(Device):
 
 
 class Shadow(Driven):
-    """Leader and follower about a robot that somebody else moves, with the leader at the robot's measured position.
+    """A leader and a follower of a robot that somebody else moves; the leader's hand is the robot's measured position.
 
     Both are at the same position, so that only the forces are compared, and a predicted force is as old as its model:
     the messages that arrive are the follower's own. The leader's commands reach the follower at once, and the robot
