@@ -230,15 +230,15 @@ def hold(held: Held, records: np.ndarray) -> Held:
 def fork(renderer: Renderer) -> Renderer:
     """The same renderer once more, which waits for no model."""
     twin, rendering = copy.copy(renderer), renderer._rendering.copy()
-    twin.predictor, twin._rendering = copy.copy(renderer.predictor), rendering
+    predictor = object.__new__(type(renderer.predictor))
+    for name in ("records", *type(predictor).__slots__):
+        object.__setattr__(predictor, name, copy.copy(getattr(renderer.predictor, name)))
+    predictor._waiting = predictor._newest = None
+    twin.predictor, twin._rendering = predictor, rendering
     parts = (("proxy", rendering), ("mediation", rendering), ("limiter", rendering))
     for name, records in parts:
         setattr(twin, name, hold(getattr(renderer, name), records[name]))
     twin.account = hold(renderer.account, renderer.account.records.copy())
-    predictor = twin.predictor
-    predictor._motion, predictor._states = copy.copy(predictor._motion), predictor._states.copy()
-    predictor._positions, predictor._periods = predictor._positions.copy(), predictor._periods.copy()
-    predictor._waiting = predictor._newest = None
     return twin
 
 

@@ -7,13 +7,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from functools import cache
+from importlib import import_module
+from types import ModuleType
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from foretouch.core.records import Held
 from foretouch.errors.checks import require
-from foretouch.models.contact_model import LARGEST_DEPTH, LARGEST_SPEED, NO_STATE, ContactModel, ContactState, advance
+from foretouch.models.contact_map.model import UNTOUCHED, ContactMapModel
+from foretouch.models.contact_model import LARGEST_DEPTH, NO_STATE, ContactModel, ContactState, advance
 from foretouch.quantities import brief_number, brief_text
 
 VELOCITY_CUTOFF = 80.0
@@ -22,7 +27,7 @@ VELOCITY_CUTOFF = 80.0
 ACCELERATION_CUTOFF = 40.0  # Cut-off of the acceleration low-pass [Hz]
 
 
-class MotionFilter:
+class MotionFilter(Held):
     r"""Differences of position through first-order low-passes that allow for uneven sample times.
 
     .. math::
@@ -40,45 +45,29 @@ class MotionFilter:
         acceleration: Newest estimate [m/s^2]; 0 before the second sample.
     """
 
-    __slots__ = ("_acceleration_rate", "_position", "_time", "_velocity_rate", "acceleration", "velocity")
+    __slots__ = ()
+
+    velocity: float
+    acceleration: float
 
     def __init__(
         self, velocity_cutoff: float = VELOCITY_CUTOFF, acceleration_cutoff: float = ACCELERATION_CUTOFF
     ) -> None:
         require("velocity_cutoff", velocity_cutoff, above=0.0)
         require("acceleration_cutoff", acceleration_cutoff, above=0.0)
-        self._velocity_rate = 2.0 * math.pi * velocity_cutoff
-        self._acceleration_rate = 2.0 * math.pi * acceleration_cutoff
-        self.reset()
+        super().__init__(_compiled().Motion.new(**_rates(velocity_cutoff, acceleration_cutoff)))
 
     def reset(self) -> None:
         """Forget all samples."""
-        self._time = math.nan
-        self._position = math.nan
-        self.velocity = 0.0
-        self.acceleration = 0.0
-
-    def shift(self, distance: float) -> None:
-        """Shift the origin of positions: the point at x is from now on at x plus this distance [m]; nothing moved."""
-        self._position += distance
+        self.time = self.position = math.nan
+        self.velocity = self.acceleration = 0.0
 
     def update(self, time: float, position: float) -> float:
         """Take one sample and return the velocity [m/s].
 
         A sample that is not finite, or not later than the one before, is left out.
         """
-        period = time - self._time
-        if not period > 0.0 or not math.isfinite(position):
-            if math.isnan(self._time) and math.isfinite(position) and math.isfinite(time):
-                self._time, self._position = time, position
-            return self.velocity
-        before, acceleration = self.velocity, self.acceleration
-        slope = (position - self._position) / period
-        velocity = before + (1.0 - math.exp(-self._velocity_rate * period)) * (slope - before)
-        change = (velocity - before) / period
-        self.acceleration = acceleration + (1.0 - math.exp(-self._acceleration_rate * period)) * (change - acceleration)
-        self.velocity, self._time, self._position = velocity, time, position
-        return velocity
+        return _compiled().move_entry.entry(self.records[0], time, position)  # type: ignore[no-any-return]
 
     def run(self, time: Iterable[float], position: Iterable[float]) -> NDArray[np.float64]:
         """Velocities [m/s] of a whole recording, sample by sample."""
@@ -94,11 +83,17 @@ exactly where the operator was, and every state of the laws is a position."""
 SLICE = 1000  # Number of samples of past motion that are run again in one tick, so that it stays short
 
 
+def _rates(velocity_cutoff: float, acceleration_cutoff: float) -> dict[str, float]:
+    """Cut-offs [Hz] as a `MotionFilter` has them."""
+    rate = 2.0 * math.pi
+    return {"velocity_rate": rate * velocity_cutoff, "acceleration_rate": rate * acceleration_cutoff}
+
+
 _Arrived: TypeAlias = tuple[ContactModel, float, ContactState, int, int]
 """A model, its surface, its state after the sample of this number, and the number of its message."""
 
 
-class Predictor:
+class Predictor(Held):
     """Predicts the contact force of one motion from models that arrive now and then.
 
     Its only inputs are motion and models: no force goes in, so no force can come out late.
@@ -123,48 +118,40 @@ class Predictor:
     """
 
     __slots__ = (
+        "_foreign",
         "_former",
-        "_motion",
         "_newest",
-        "_periods",
-        "_positions",
         "_sliced",
-        "_state",
-        "_states",
-        "_time",
+        "_state_outside",
+        "_states_outside",
+        "_update",
         "_waiting",
-        "depth",
-        "force",
-        "jump",
         "message",
         "model",
-        "position",
-        "standard_deviation",
-        "surface",
-        "ticks",
-        "velocity",
     )
 
+    surface: float
+    velocity: float
+    force: float
+    standard_deviation: float
+    jump: float
+    position: float
+    depth: float
+    ticks: int
+
     def __init__(self) -> None:
-        self._motion = MotionFilter()
-        self._positions = np.zeros(HISTORY)
-        self._periods = np.zeros(HISTORY)
-        self._states: list[ContactState] = [NO_STATE] * HISTORY
-        self._state: ContactState = NO_STATE
-        self._time = math.nan
-        self._former: tuple[ContactModel | None, ContactState, float] | None = None  # the model that predicted before
+        kernel = _compiled()
+        super().__init__(kernel.Prediction.new())
+        self.records["motion"] = kernel.Motion.new(**_rates(VELOCITY_CUTOFF, ACCELERATION_CUTOFF))
+        self._update = kernel.update.entry
+        self._former: tuple[ContactModel | None, ContactState] = None, NO_STATE  # what predicted before
+        self._foreign = False  # whether a law that is not compiled is asked at the next sample
+        self._state_outside: ContactState = NO_STATE  # of its material
+        self._states_outside: dict[int, ContactState] = {}  # and after each of the newest samples
         self._waiting: _Arrived | None = None  # the model whose motion is being run again
-        self._sliced = False  # whether a slice was run in this tick
+        self._sliced = -1  # the newest sample after which a slice was run
         self._newest: _Arrived | None = None  # the model that came meanwhile
         self.model: ContactModel | None = None
-        self.surface = 0.0
-        self.position = 0.0
-        self.depth = 0.0
-        self.velocity = 0.0
-        self.force = 0.0
-        self.standard_deviation = math.nan
-        self.jump = 0.0
-        self.ticks = 0
         self.message = 0
 
     def __repr__(self) -> str:
@@ -195,7 +182,7 @@ class Predictor:
             self._begin(model, surface, state, message)
             return
         tick = self.ticks if tick is None else min(tick, self.ticks)
-        own = self._states[tick % HISTORY] if tick > self.ticks - HISTORY else NO_STATE
+        own = self._state_after(tick) if tick > self.ticks - HISTORY else NO_STATE
         if len(own) == len(state) == len(self._state) and _alike(own, state):
             self._waiting = self._newest = None
             self._begin(model, surface, self._state, message)
@@ -212,8 +199,8 @@ class Predictor:
 
         A caller that must know which model will predict at a position, before it sends the position, calls this first.
         """
-        if self._waiting is not None and not self._sliced:
-            self._sliced = True
+        if self._waiting is not None and self._sliced != self.ticks:
+            self._sliced = self.ticks
             self._run_slice()
 
     def disown(self) -> None:
@@ -227,10 +214,7 @@ class Predictor:
         The velocity does not see it; the force does. A model that was adopted since the last sample is compared, for
         `jump`, with the former one at the position that this one would have had.
         """
-        self._motion.shift(distance)
-        if self._former is not None:
-            model, state, surface = self._former
-            self._former = (model, state, surface + distance)
+        _compiled().shift_entry.entry(self.records[0], distance)
 
     def local_slopes(self, reach: float) -> tuple[float, float]:
         """Local stiffness [N/m] and damping [N s/m] at the newest sample (`ContactModel.local_slopes`).
@@ -239,16 +223,17 @@ class Predictor:
         """
         if self.model is None:
             return 0.0, 0.0
-        velocity, depth = self.velocity, self.depth
-        if not -LARGEST_SPEED <= velocity <= LARGEST_SPEED:
-            velocity = min(max(velocity, -LARGEST_SPEED), LARGEST_SPEED)
-        if depth < 0.0 and not self.force > 0.0:
-            depth = 0.0
-        return self.model.local_slopes(self._state, depth, velocity, reach)
+        if not self.foreign:
+            return _compiled().slopes_entry.entry(self.records[0], reach)  # type: ignore[no-any-return]
+        return self.model.local_slopes(self._state, *_compiled().asked_at_entry.entry(self.records[0]), reach)
 
     def leaving_work(self, offset: float = 0.0, largest: float = math.inf) -> tuple[float, float]:
         """Work returned from the newest sample until leaving contact [J], and that distance [m] (`ContactModel`)."""
-        return (0.0, 0.0) if self.model is None else self.model.leaving_work(self._state, self.depth, offset, largest)
+        if self.model is None:
+            return 0.0, 0.0
+        if not self.foreign:
+            return _compiled().work_entry.entry(self.records[0], offset, largest)  # type: ignore[no-any-return]
+        return self.model.leaving_work(self._state, self.depth, offset, largest)
 
     def update(self, time: float, position: float, velocity: float | None = None) -> float:
         """Predict the force at one sample of the motion.
@@ -256,48 +241,71 @@ class Predictor:
         Args:
             time: Time of the sample [s].
             position: Position [m], in the frame of the surface.
-            velocity: Measured velocity [m/s]; None estimates it causally from the positions.
+            velocity: Measured velocity [m/s]; None, or not a number, estimates it causally from the positions.
 
         Returns:
             The predicted force [N]: finite, never negative, 0 without a model or outside the material.
         """
-        if self._waiting is not None:
-            self.catch_up()
-        self._sliced = False
-        period = time - self._time
-        self._time = time
-        self.ticks += 1
-        if math.isfinite(position):
-            self.position = position = float(position)
-        else:  # no valid position: as before
-            position = self.position
-        index = self.ticks % HISTORY
-        self._positions[index], self._periods[index] = position, period if period > 0.0 else 0.0  # the first has none
-        self.velocity = velocity = self._motion.update(time, position) if velocity is None else velocity
-        self.jump = 0.0
-        depth = position - self.surface
-        self.depth = depth if -LARGEST_DEPTH <= depth <= LARGEST_DEPTH else _bounded(depth)
-        if not period > 0.0:
-            self._states[index] = self._state
-            self.force, self.standard_deviation = 0.0, math.nan
-            return 0.0
-        former, before = self._former, self._state
-        state, force, self.standard_deviation = _run(self.model, before, depth, velocity, period)
-        self._state = self._states[index] = state
-        self.force = force
-        if former is not None:
-            self._former = None
-            if former != (self.model, before, self.surface):  # if nothing changed it is not worth a second run
-                model, before, surface = former
-                self.jump = force - _run(model, before, position - surface, velocity, period)[1]
-        return force
+        self.catch_up()
+        velocity = math.nan if velocity is None else velocity
+        return (self._update_outside if self.foreign else self._update)(self.records, time, position, velocity)
+
+    @property
+    def foreign(self) -> bool:
+        """Whether a law that is not compiled is asked at the next sample; then another tick of rendering is used."""
+        return self._foreign
+
+    @property
+    def _state(self) -> ContactState:
+        """Present state of the material, of the length that the law has."""
+        if not _compiled().law_kernel.is_compiled(self.model):
+            return self._state_outside
+        return tuple(self.records["memory"][0].tolist()) if isinstance(self.model, ContactMapModel) else NO_STATE
+
+    def _state_after(self, tick: int) -> ContactState:
+        """The state after a sample that is not forgotten."""
+        known = self._states_outside.get(tick)
+        return tuple(self.records["memories"][0, tick % HISTORY].tolist()) if known is None else known
+
+    def _update_outside(self, records: NDArray[np.void], time: float, position: float, velocity: float) -> float:
+        """One sample where the model, or the one before it, is not compiled."""
+        kernel, model = _compiled(), self.model
+        period = kernel.observe_entry.entry(records[0], time, position, velocity)
+        if period > 0.0:
+            state, self.force, self.standard_deviation = _run(model, self._state, self.depth, self.velocity, period)
+            if self.changed:
+                self.changed, (former, before) = 0, self._former
+                depth = self.position - self.former_surface
+                self.jump = self.force - _run(former, before, depth, self.velocity, period)[1]
+            self._put(state)
+        self._foreign = not kernel.law_kernel.is_compiled(model)
+        if self._foreign:
+            self._states_outside[self.ticks] = self._state_outside
+            self._states_outside.pop(self.ticks - HISTORY, None)
+        else:
+            records["memories"][0, self.ticks % HISTORY] = records["memory"][0]
+        return self.force
+
+    def _put(self, state: ContactState) -> None:
+        """Put the material of the model into a state; one that is not of its numbers counts as untouched."""
+        if _compiled().law_kernel.is_compiled(self.model):
+            usable = len(state) == len(UNTOUCHED) and all(map(math.isfinite, state))
+            self.records["memory"][0] = state if usable else UNTOUCHED
+        else:
+            self._state_outside = state
 
     def _begin(self, model: ContactModel | None, surface: float, state: ContactState, message: int) -> None:
         """Predict from a model in its present state."""
-        if self._former is None:
-            self._former = (self.model, self._state, self.surface)
-        self.model, self.surface, self._state, self.message = model, surface, state, message
-        self.depth = _bounded(self.position - surface)
+        records, laws = self.records, _compiled().law_kernel
+        if not self.changed:
+            self.changed, self._former = 1, (self.model, self._state)
+            _compiled().remember_former(records)
+        self.model, self.surface, self.message = model, surface, message
+        self._foreign = not (laws.is_compiled(model) and laws.is_compiled(self._former[0]))
+        if laws.is_compiled(model):
+            laws.write_law(records["law"], model)
+        self._put(state)
+        self.depth = min(max(self.position - surface, -LARGEST_DEPTH), LARGEST_DEPTH)
 
     def _run_slice(self) -> None:
         """Run a slice of past motion through the memory of the model that waits; begin with it at the end."""
@@ -306,16 +314,12 @@ class Predictor:
         tick = max(tick, self.ticks - HISTORY)  # older samples are forgotten
         last = min(self.ticks, tick + SLICE)
         past = np.arange(tick + 1, last + 1) % HISTORY
-        state = model.remember(state, self._positions[past] - surface, self._periods[past])
+        state = model.remember(state, self.records["positions"][0, past] - surface, self.records["periods"][0, past])
         if last < self.ticks:
             self._waiting = (model, surface, state, last, message)
             return
         self._begin(model, surface, state, message)
         self._waiting, self._newest = self._newest, None
-
-
-def _bounded(depth: float) -> float:
-    return min(max(depth, -LARGEST_DEPTH), LARGEST_DEPTH)
 
 
 def _alike(own: ContactState, other: ContactState) -> bool:
@@ -327,3 +331,9 @@ def _run(
 ) -> tuple[ContactState, float, float]:
     """Call `advance`; no model gives no force."""
     return (state, 0.0, math.nan) if model is None else advance(model, state, depth, velocity, period)
+
+
+@cache
+def _compiled() -> ModuleType:
+    """The compiled code, loaded when it is needed."""
+    return import_module("foretouch.models.predictor_kernel")

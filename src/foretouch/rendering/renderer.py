@@ -13,10 +13,7 @@ from foretouch.rendering.energy import SAMPLE_PERIOD, EnergyAccount, RenderingDe
 from foretouch.rendering.limits import LARGEST_FORCE, ForceLimiter, low_pass
 from foretouch.rendering.mediation import Mediation
 from foretouch.rendering.proxy import Proxy
-from foretouch.rendering.tick import BACK_IN_AIR, FARTHEST, NOTHING_BACK, SHORTEST_REACH
-
-LARGEST_MOVE = 5e-4
-"""Least jump of a surface towards the hand [m] that is met by the index; smaller ones are met by mediation alone."""
+from foretouch.rendering.tick import FARTHEST, SHORTEST_REACH
 
 
 class Renderer:
@@ -65,10 +62,8 @@ class Renderer:
         require("force_scale", force_scale, above=0.0)
         require("largest_stiffness", largest_stiffness, at_least=0.0)
         require("sample_period", sample_period, above=0.0)
-        self._device, self._guarded, self._force_scale = device, guarded, force_scale
-        self._surface, self._time = math.nan, -math.inf
-        self._move, self._want = tick.move.entry, tick.want.entry
-        self._render, self._carry = tick.render.entry, tick.carry.entry
+        self._device, self._force_scale = device, force_scale
+        self._time, self._whole = -math.inf, tick.whole.entry
         self._rendering = tick.Rendering.new()
         proxies, mediations, limiters = (self._rendering[name] for name in ("proxy", "mediation", "limiter"))
         self._largest_force = largest = LARGEST_FORCE if device is None else min(LARGEST_FORCE, device.force_limit)
@@ -79,6 +74,7 @@ class Renderer:
         self.account: EnergyAccount | SpatialEnergyAccount
         self.account = EnergyAccount.of(device, sample_period) if account is None else account
         setup = Held(self._rendering["setup"])
+        setup.guarded = guarded
         setup.closed_loop, setup.along, setup.period = device is not None, account is None, sample_period
         setup.position_scale, setup.force_scale = position_scale, force_scale
         if device is not None:
@@ -88,6 +84,7 @@ class Renderer:
             setup.gain, setup.left = low_pass(sample_period, device.delay)
         self.shown: tick.Shown = (math.nan, False, False, 0.0, 0.0, 1.0)
         self.booked = (0.0, 0.0, 0.0)
+        self.predicted: tick.Predicted = (0.0, 0.0, 0.0, math.nan)
 
     def __repr__(self) -> str:
         """Predictor, and the force on the hand."""
@@ -161,46 +158,36 @@ class Renderer:
         self._time = time
         predictor, r, account = self.predictor, self._rendering, self.account.records
         predictor.catch_up()
-        position, self.booked = self._move(r, account, hand, period, free)
-        if predictor.surface != self._surface and predictor.model is not None:
-            self._meet_surface(predictor.surface)
-            position = self.proxy.position
-        predicted = predictor.update(time, position)
-        wanted, offset = self._want(r, predicted, predictor.jump, predictor.velocity)
-        work = way = 0.0
-        if wanted > 0.0:
-            scale, largest = self._force_scale, self._largest_force
-            work, way = predictor.leaving_work(offset / scale, largest / scale)
-        velocity, depth = predictor.velocity, predictor.depth
-        force, reach, back = self._render(r, account, work, way, predicted, velocity, depth, period)
-        if back != NOTHING_BACK and predictor.model is not None:
-            self._give_back(back)
-        stiffness, damping = predictor.local_slopes(reach) if reach > 0.0 else (0.0, 0.0)
-        self.shown = self._carry(r, stiffness, damping, reach, predicted, depth)
+        if predictor.foreign:
+            return self._update_by_stages(time, hand, period, free)
+        force, self.shown, self.booked, self.predicted = self._whole(
+            r, account, predictor.records, time, hand, period, free
+        )
         return force
 
-    def _give_back(self, how: int) -> None:
-        """Bring the proxy back, which is no motion of the hand."""
-        predictor, scale = self.predictor, self._force_scale
-        if how == BACK_IN_AIR:
-            predictor.shift(tick.return_in_air.entry(self._rendering, predictor.depth))
-            return
-        work, way = predictor.leaving_work(0.0, self._largest_force / scale)
-        stiffness = predictor.local_slopes(SHORTEST_REACH)[0]
-        back = tick.return_in_contact.entry
-        predictor.shift(back(self._rendering, self.account.records, work, way, predictor.force, stiffness))
-
-    def _meet_surface(self, surface: float) -> None:
-        """Take a new surface [m]: the proxy keeps its depth below the former one.
-
-        Where the new surface is further from the hand, the proxy goes back by at most the indexed distance.
-        """
-        before, self._surface = self._surface, surface
-        proxy = self.proxy
-        if not self._guarded or not proxy.engaged:
-            return
-        depth = 0.0 if math.isnan(before) else max(proxy.position - before, 0.0)
-        nearer = max(proxy.position - surface - depth, -proxy.indexed)
-        if abs(nearer) > LARGEST_MOVE:
-            proxy.index(nearer)
-            self.predictor.shift(-nearer)
+    def _update_by_stages(self, time: float, hand: float, period: float, free: bool) -> float:
+        """`tick.whole`, with a law in Python."""
+        predictor, r, account = self.predictor, self._rendering[0], self.account.records[0]
+        move, want, render, carry = (stage.entry for stage in tick.stages)
+        position, self.booked = move(r, account, hand, period, free)
+        if predictor.surface != r.surface and predictor.model is not None:
+            predictor.shift(-tick.meet_surface_entry.entry(r, predictor.surface))
+            position = self.proxy.position
+        predicted = predictor.update(time, position)
+        velocity, depth = predictor.velocity, predictor.depth
+        wanted, offset = want(r, predicted, predictor.jump, velocity)
+        work = way = 0.0
+        scale, largest = self._force_scale, self._largest_force
+        if wanted > 0.0:
+            work, way = predictor.leaving_work(offset / scale, largest / scale)
+        force, reach, back = render(r, account, work, way, predicted, velocity, depth, period)
+        if back == tick.BACK_IN_AIR and predictor.model is not None:
+            predictor.shift(tick.return_in_air_entry.entry(r, depth))
+        elif back == tick.BACK_IN_CONTACT and predictor.model is not None:
+            work, way = predictor.leaving_work(0.0, largest / scale)
+            stiffness = predictor.local_slopes(SHORTEST_REACH)[0]
+            predictor.shift(tick.return_in_contact_entry.entry(r, account, work, way, predicted, stiffness))
+        stiffness, damping = predictor.local_slopes(reach) if reach > 0.0 else (0.0, 0.0)
+        self.shown = carry(r, stiffness, damping, reach, predicted, depth)
+        self.predicted = velocity, predicted, predictor.jump, predictor.standard_deviation
+        return force

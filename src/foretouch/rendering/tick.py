@@ -1,7 +1,7 @@
-"""A tick of `foretouch.rendering.renderer.Renderer`, compiled: what comes before the law is asked, and after it.
+"""A tick of `foretouch.rendering.renderer.Renderer`, compiled: one call, or its stages for a law in Python.
 
 The law is asked three times: for the force at the proxy, for the work until contact is left, and for its local slopes.
-So a tick has the stages `move`, `want`, `render` and `carry`, and a law of Python comes between them as one of ours.
+So a tick has the stages `move`, `want`, `render` and `carry`, and a law that is not compiled comes between them.
 """
 
 from __future__ import annotations
@@ -11,7 +11,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core import Record, compiled, kernel
+from foretouch.core import Kernel, Record, compiled, kernel
+from foretouch.models import predictor_kernel as prediction
+from foretouch.models.law_kernel import NOTHING
+from foretouch.models.predictor_kernel import Prediction
 from foretouch.rendering import energy, mediation, proxy
 from foretouch.rendering.energy import Account
 from foretouch.rendering.limits import Limiter, carried, limit
@@ -34,6 +37,9 @@ FORCE_IN_AIR = 0.3
 """Largest force [N] of a map in front of its surface that is limited by one encoder count alone, not by the damping of
 the device: to yield all the way through the air costs more than so small a force can do."""
 
+LARGEST_MOVE = 5e-4
+"""Least jump of a surface towards the hand [m] that is met by the index; smaller ones are met by mediation alone."""
+
 CLEARANCE = 1e-3  # Distance from the surface up to which the proxy is brought back in free air [m]
 
 SHORTEST_REACH = 3e-5
@@ -53,6 +59,7 @@ class Setup(Record):
     """What does not change in a session."""
 
     closed_loop: bool
+    guarded: bool
     along: bool  # whether the energy account is one along this line, in which the tick books and holds
     period: float  # T [s]
     position_scale: float
@@ -69,6 +76,7 @@ class Rendering(Record):
     """State of a `Renderer`."""
 
     setup: Setup
+    surface: float = math.nan  # of the newest model [m]
     hand: float = math.nan  # newest valid position of the hand [m]
     there: bool  # whether there is one in this tick
     leaves: bool  # whether the hand moved outwards in this tick
@@ -99,9 +107,9 @@ def show(r: Rendering) -> Shown:
     return r.proxy.position, r.proxy.engaged, r.limiter.clipped, r.mediation.force, r.mediation.step, r.share
 
 
-@kernel("Tuple((f8, UniTuple(f8, 3)))(Rendering[::1], Account[::1], f8, f8, b1)", Account)
+@compiled(error_model="numpy")
 def move(
-    renderings: NDArray[np.void], accounts: NDArray[np.void], hand: float, period: float, free: bool
+    r: Rendering, account: Account, hand: float, period: float, free: bool
 ) -> tuple[float, tuple[float, float, float]]:
     """Take the hand's position [m] after a time [s]: book its work, and carry the proxy along.
 
@@ -110,7 +118,6 @@ def move(
     Returns:
         Where the proxy is [m]; energy, its bound and late energy [J], before the force of this tick acts.
     """
-    r, account = renderings[0], accounts[0]
     r.there = abs(hand) <= FARTHEST
     r.missing = 0 if r.there else r.missing + 1
     if r.setup.along:
@@ -127,14 +134,13 @@ def move(
     return r.proxy.position, booked
 
 
-@kernel("UniTuple(f8, 2)(Rendering[::1], f8, f8, f8)")
-def want(renderings: NDArray[np.void], predicted: float, jump: float, velocity: float) -> tuple[float, float]:
+@compiled(error_model="numpy")
+def want(r: Rendering, predicted: float, jump: float, velocity: float) -> tuple[float, float]:
     """Take the force of the law at the proxy, its change by a new model [N], and the proxy's velocity [m/s].
 
     Returns:
         Force wanted for the hand, and the offset beside it with which it is let in [N].
     """
-    r = renderings[0]
     felt, was_felt = r.proxy.engaged and r.missing < MISSING, r.was_felt
     r.was_felt = felt
     # Force beyond the limit is never rendered: mediated, it would take minutes to come down.
@@ -207,10 +213,10 @@ def _way_back(r: Rendering, depth: float) -> int:
     return BACK_IN_CONTACT if paid else NOTHING_BACK
 
 
-@kernel("Tuple((f8, f8, i8))(Rendering[::1], Account[::1], f8, f8, f8, f8, f8, f8)", Account)
+@compiled(error_model="numpy")
 def render(
-    renderings: NDArray[np.void],
-    accounts: NDArray[np.void],
+    r: Rendering,
+    account: Account,
     work: float,
     way: float,
     force: float,
@@ -224,7 +230,6 @@ def render(
         The force for the hand [N]; the reach over which the law's slopes are needed [m], 0 where they are not; and how
         the proxy is brought back.
     """
-    r, account = renderings[0], accounts[0]
     wanted = r.wanted
     if wanted > 0.0:
         work, way = _leaving_work(r, work, way, r.mediation.offset - r.jump - r.surplus, force)
@@ -258,24 +263,23 @@ def _return(r: Rendering, distance: float, yielded: bool) -> float:
     return float(r.proxy.position - before)
 
 
-@kernel("f8(Rendering[::1], f8)")
-def return_in_air(renderings: NDArray[np.void], depth: float) -> float:
+@compiled(error_model="numpy")
+def return_in_air(r: Rendering, depth: float) -> float:
     """Bring the proxy back freely, up to a distance from the surface; how far it moved [m]."""
-    r = renderings[0]
     return _return(r, min(max(-CLEARANCE - depth, 0.0), RETURN_SPEED * r.setup.period), True)
 
 
-@kernel("f8(Rendering[::1], Account[::1], f8, f8, f8, f8)", Account)
+@compiled(error_model="numpy")
 def return_in_contact(
-    renderings: NDArray[np.void], accounts: NDArray[np.void], work: float, way: float, force: float, stiffness: float
+    r: Rendering, account: Account, work: float, way: float, force: float, stiffness: float
 ) -> float:
     """Bring the proxy back as far as dissipation pays for it; how far it moved [m].
 
     The surface moves out against the force: its work is that force over the proxy's way.
     """
-    r, step = renderings[0], RETURN_SPEED * renderings[0].setup.period
+    step = RETURN_SPEED * r.setup.period
     stored = _leaving_work(r, work, way, 0.0, force)[0]
-    paid = max(accounts[0].energy - stored, 0.0) * r.setup.position_scale / r.wanted
+    paid = max(account.energy - stored, 0.0) * r.setup.position_scale / r.wanted
     stiffness = r.setup.force_scale * stiffness
     gentle = LARGEST_RETURN / stiffness if stiffness > 0.0 else step
     return _return(r, min(step, paid, gentle), False)
@@ -296,12 +300,11 @@ def _carried(r: Rendering, stiffness: float, damping: float, reach: float, force
     return fraction if light or not stiffness > 0.0 else min(s.stiffest / stiffness, fraction)
 
 
-@kernel("Tuple((f8, b1, b1, f8, f8, f8))(Rendering[::1], f8, f8, f8, f8, f8)")
+@compiled(error_model="numpy")
 def carry(
-    renderings: NDArray[np.void], stiffness: float, damping: float, reach: float, force: float, depth: float
+    r: Rendering, stiffness: float, damping: float, reach: float, force: float, depth: float
 ) -> Shown:
     """Set the share of the hand's motion that the proxy takes part in until the next tick, by the law's slopes."""
-    r = renderings[0]
     if not r.setup.closed_loop:
         return show(r)
     target, fraction = _carried(r, stiffness, damping, reach, force, depth), r.share
@@ -313,3 +316,84 @@ def carry(
     r.free = 0.0 if force > 0.0 else max(-depth, 0.0)
     r.yielding += YIELDING_RATE * (1.0 / max(fraction, 1e-3) - r.yielding)
     return show(r)
+
+
+@compiled
+def meet_surface(r: Rendering, surface: float) -> float:
+    """Take a new surface [m]: the proxy keeps its depth below the former one; how far it moved outwards [m].
+
+    Where the new surface is further from the hand, the proxy goes back by at most the indexed distance.
+    """
+    before, r.surface = r.surface, surface
+    if not r.setup.guarded or not r.proxy.engaged:
+        return 0.0
+    depth = 0.0 if math.isnan(before) else max(r.proxy.position - before, 0.0)
+    nearer = max(r.proxy.position - surface - depth, -r.proxy.indexed)
+    if not abs(nearer) > LARGEST_MOVE:
+        return 0.0
+    proxy.index(r.proxy, nearer)
+    return float(nearer)
+
+
+Predicted = tuple[float, float, float, float]
+"""Of a tick: velocity of the proxy [m/s], force of the model there, its change by a new model, and its standard
+deviation [N]."""
+
+
+@compiled
+def predicted_of(p: Prediction) -> Predicted:
+    """What a `foretouch.models.Predictor` says of its newest sample."""
+    return p.velocity, p.force, p.jump, p.standard_deviation
+
+
+@kernel("(Rendering[::1], Account[::1], Prediction[::1], f8, f8, f8, b1)", Account)
+def whole(
+    renderings: NDArray[np.void],
+    accounts: NDArray[np.void],
+    predictions: NDArray[np.void],
+    time: float,
+    hand: float,
+    period: float,
+    free: bool,
+) -> tuple[float, Shown, tuple[float, float, float], Predicted]:
+    """One tick with a law that is compiled; see `Renderer.update`, which has the same stages for others.
+
+    Returns:
+        The force for the hand [N], what is shown, what is booked, and what was predicted.
+    """
+    r, account, p = renderings[0], accounts[0], predictions[0]
+    position, booked = move(r, account, hand, period, free)
+    if p.surface != r.surface and p.law.kind != NOTHING:
+        prediction.shift(p, -meet_surface(r, p.surface))
+        position = r.proxy.position
+    force = prediction.predict(p, time, position, math.nan)
+    wanted, offset = want(r, force, p.jump, p.velocity)
+    scale, largest = r.setup.force_scale, r.limiter.largest_force
+    work = way = 0.0
+    if wanted > 0.0:
+        work, way = prediction.leaving_work(p, offset / scale, largest / scale)
+    velocity, depth = p.velocity, p.depth
+    rendered, reach, back = render(r, account, work, way, force, velocity, depth, period)
+    if p.law.kind == NOTHING:
+        back = NOTHING_BACK
+    if back == BACK_IN_AIR:
+        prediction.shift(p, return_in_air(r, depth))
+    elif back == BACK_IN_CONTACT:
+        work, way = prediction.leaving_work(p, 0.0, largest / scale)
+        stiffness = prediction.local_slopes(p, SHORTEST_REACH)[0]
+        prediction.shift(p, return_in_contact(r, account, work, way, force, stiffness))
+    stiffness = damping = 0.0
+    if reach > 0.0:
+        stiffness, damping = prediction.local_slopes(p, reach)
+    return rendered, carry(r, stiffness, damping, reach, force, depth), booked, predicted_of(p)
+
+
+stages = (
+    Kernel(move, "(Rendering, Account, f8, f8, b1)", Account),
+    Kernel(want, "(Rendering, f8, f8, f8)"),
+    Kernel(render, "(Rendering, Account, f8, f8, f8, f8, f8, f8)", Account),
+    Kernel(carry, "(Rendering, f8, f8, f8, f8, f8)"),
+)
+meet_surface_entry = Kernel(meet_surface, "(Rendering, f8)")
+return_in_air_entry = Kernel(return_in_air, "(Rendering, f8)")
+return_in_contact_entry = Kernel(return_in_contact, "(Rendering, Account, f8, f8, f8, f8)", Account)

@@ -252,20 +252,9 @@ def memory_of(state: ContactState) -> Memory:
     return state[0], state[1], state[2], state[3], state[4]
 
 
-@kernel("(Map[::1], UniTuple(f8, 5), f8, f8, f8)")
-def advance(
-    maps: NDArray[np.void], state: ContactState, depth: float, velocity: float, period: float
-) -> tuple[ContactState, float, float]:
-    """`ContactMapModel.advance` of a state of `MEMORY` numbers."""
-    return advanced(maps[0], memory_of(state), depth, velocity, period)
-
-
-@kernel("(Map[::1], UniTuple(f8, 5), f8, f8, f8)")
-def local_slopes(
-    maps: NDArray[np.void], state: ContactState, depth: float, velocity: float, reach: float
-) -> tuple[float, float]:
-    """`ContactMapModel.local_slopes` of a state of `MEMORY` numbers."""
-    learnt, memory = maps[0], memory_of(state)
+@inlined
+def slopes_at(learnt: Map, memory: Memory, depth: float, velocity: float, reach: float) -> tuple[float, float]:
+    """Local stiffness and damping, as `ContactModel.local_slopes` says."""
     position = depth - learnt.origin
     here = force_at(learnt, memory, position, velocity)
     deeper = force_at(learnt, memory, position + reach, velocity)
@@ -275,12 +264,9 @@ def local_slopes(
     return max(abs(deeper - here), abs(here - shallower)) / reach, (faster - slower) / (2.0 * SPEED_STEP)
 
 
-@kernel("(Map[::1], UniTuple(f8, 5), f8, f8, f8)")
-def leaving_work(
-    maps: NDArray[np.void], state: ContactState, depth: float, offset: float, largest: float
-) -> tuple[float, float]:
-    """`ContactMapModel.leaving_work` of a state of `MEMORY` numbers."""
-    learnt, memory = maps[0], memory_of(state)
+@inlined
+def work_at(learnt: Map, memory: Memory, depth: float, offset: float, largest: float) -> tuple[float, float]:
+    """Work until contact is left and the way, as `ContactModel.leaving_work` says."""
     position = depth - learnt.origin
     before = max(min(force_at(learnt, memory, position, 0.0), largest) + offset, 0.0)
     energy = distance = 0.0
@@ -300,3 +286,27 @@ def leaving_work(
             distance += length
             before = after
     return energy, distance
+
+
+@kernel("(Map[::1], UniTuple(f8, 5), f8, f8, f8)")
+def advance(
+    maps: NDArray[np.void], state: ContactState, depth: float, velocity: float, period: float
+) -> tuple[ContactState, float, float]:
+    """`ContactMapModel.advance` of a state of `MEMORY` numbers."""
+    return advanced(maps[0], memory_of(state), depth, velocity, period)
+
+
+@kernel("(Map[::1], UniTuple(f8, 5), f8, f8, f8)")
+def local_slopes(
+    maps: NDArray[np.void], state: ContactState, depth: float, velocity: float, reach: float
+) -> tuple[float, float]:
+    """`ContactMapModel.local_slopes` of a state of `MEMORY` numbers."""
+    return slopes_at(maps[0], memory_of(state), depth, velocity, reach)
+
+
+@kernel("(Map[::1], UniTuple(f8, 5), f8, f8, f8)")
+def leaving_work(
+    maps: NDArray[np.void], state: ContactState, depth: float, offset: float, largest: float
+) -> tuple[float, float]:
+    """`ContactMapModel.leaving_work` of a state of `MEMORY` numbers."""
+    return work_at(maps[0], memory_of(state), depth, offset, largest)

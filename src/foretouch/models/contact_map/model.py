@@ -76,6 +76,11 @@ class ContactMapModel(Brief, ContactModel):
         object.__setattr__(self, "_maps", maps)
 
     @property
+    def record(self) -> NDArray[np.void]:
+        """Its numbers: an array of one `foretouch.models.contact_map.layout.Map`, not to be written."""
+        return self._maps
+
+    @property
     def shares(self) -> tuple[float, float, float]:
         """Weights of the law, the coarse map and the fine map in the force; they sum to 1."""
         law, coarse, fine = self._maps[0].shares.tolist()
