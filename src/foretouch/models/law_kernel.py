@@ -1,0 +1,139 @@
+"""Every law that a message may name, as one record, compiled: force, local slopes, and work to leave contact.
+
+The equations are those of `foretouch.models.MemorylessLaw`, `foretouch.models.LinearisedContinuousSwitching`,
+`foretouch.models.QuadraticContact` and `foretouch.models.ContactMapModel`, and the numbers the same to the last bit.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.core import Record, compiled
+from foretouch.core.compiling import inlined
+from foretouch.models.classic import ContinuousSwitching, HuntCrossley, KelvinVoigt, ThresholdSwitching
+from foretouch.models.contact_map import kernel as contact_map
+from foretouch.models.contact_map.kernel import Memory
+from foretouch.models.contact_map.layout import Map
+from foretouch.models.contact_map.model import ContactMapModel
+from foretouch.models.contact_model import (
+    LARGEST_DEPTH,
+    LARGEST_SPEED,
+    SLICE_BEYOND,
+    SLICES,
+    SLICES_BEYOND,
+    SPEED_STEP,
+    ContactModel,
+)
+from foretouch.models.memoryless_law import (
+    LARGEST_LOG_FORCE,
+    SMALLEST_DEPTH,
+    LinearisedContinuousSwitching,
+    QuadraticContact,
+)
+
+NOTHING, POWERS, LINEARISED, QUADRATIC, MAP = range(5)
+"""Kinds of laws: none, those of equation (4), the continuous switching law of (18), the quadratic one, a contact map."""
+
+KINDS: dict[type[ContactModel], int] = {
+    KelvinVoigt: POWERS,
+    HuntCrossley: POWERS,
+    ThresholdSwitching: POWERS,
+    ContinuousSwitching: POWERS,
+    LinearisedContinuousSwitching: LINEARISED,
+    QuadraticContact: QUADRATIC,
+    ContactMapModel: MAP,
+}
+"""Classes that are compiled; one derived from them may have another force, and is not."""
+
+
+class Law(Record):
+    """A law and its numbers."""
+
+    kind: int
+    numbers: Annotated[NDArray[Any], float, 4]  # of equation (4) or (18), or a, b, c
+    map: Map
+
+
+def is_compiled(model: ContactModel | None) -> bool:
+    """Whether compiled code has the law of a model; it has that of none."""
+    return model is None or type(model) in KINDS
+
+
+def write_law(law: NDArray[np.void], model: ContactModel | None) -> None:
+    """Write a model whose law is compiled into an array of one `Law`."""
+    law["kind"] = NOTHING if model is None else KINDS[type(model)]
+    if isinstance(model, ContactMapModel):
+        law["map"].view(np.float64)[:] = model.record.view(np.float64)
+    elif model is not None:
+        numbers = getattr(model, "general_form", model.parameters)
+        law["numbers"][0, : len(numbers)] = numbers
+
+
+@inlined
+def _pressed(law: Law, depth: float, velocity: float) -> float:
+    """Force of a law without memory [N]."""
+    if depth <= 0.0:
+        return 0.0
+    a, b, c, d = law.numbers[0], law.numbers[1], law.numbers[2], law.numbers[3]
+    if law.kind == POWERS:
+        force = depth**c * (a * depth**d + b * velocity)
+    elif law.kind == QUADRATIC:
+        force = depth * (a + b * depth + c * velocity)
+    elif law.kind == LINEARISED:
+        x = max(depth, SMALLEST_DEPTH)
+        log_force = a + b * math.log(x) + c * velocity + d * velocity / x
+        force = math.exp(min(log_force, LARGEST_LOG_FORCE)) * (depth / x)
+    else:
+        force = 0.0
+    return force if force > 0.0 else 0.0
+
+
+@compiled(error_model="numpy")
+def advance(
+    law: Law, memory: Memory, depth: float, velocity: float, period: float
+) -> tuple[Memory, float, float]:
+    """`foretouch.models.advance`: memory after a sample, force and its standard deviation [N]."""
+    if not (-LARGEST_DEPTH <= depth <= LARGEST_DEPTH and -LARGEST_SPEED <= velocity <= LARGEST_SPEED):
+        depth = -LARGEST_DEPTH if math.isnan(depth) else min(max(depth, -LARGEST_DEPTH), LARGEST_DEPTH)
+        velocity = 0.0 if math.isnan(velocity) else min(max(velocity, -LARGEST_SPEED), LARGEST_SPEED)
+    if law.kind == MAP:
+        return contact_map.advanced(law.map, memory, depth, velocity, period)
+    return (math.nan, math.nan, math.nan, math.nan, math.nan), _pressed(law, depth, velocity), math.nan
+
+
+@compiled(error_model="numpy")
+def slopes(law: Law, memory: Memory, depth: float, velocity: float, reach: float) -> tuple[float, float]:
+    """`ContactModel.local_slopes`: stiffness [N/m] and damping [N s/m]."""
+    if law.kind == MAP:
+        return contact_map.slopes_at(law.map, memory, depth, velocity, reach)
+    a, b, c = law.numbers[0], law.numbers[1], law.numbers[2]
+    if law.kind == QUADRATIC and depth > reach and a + c * (velocity - SPEED_STEP) > 0.0:
+        return a + 2.0 * b * depth + c * velocity + b * reach, c * depth
+    here = _pressed(law, depth, velocity)
+    deeper, shallower = _pressed(law, depth + reach, velocity), _pressed(law, depth - reach, velocity)
+    faster, slower = _pressed(law, depth, velocity + SPEED_STEP), _pressed(law, depth, velocity - SPEED_STEP)
+    return max(abs(deeper - here), abs(here - shallower)) / reach, (faster - slower) / (2.0 * SPEED_STEP)
+
+
+@compiled(error_model="numpy")
+def leaving_work(law: Law, memory: Memory, depth: float, offset: float, largest: float) -> tuple[float, float]:
+    """`ContactModel.leaving_work`: the work until contact is left [J], and the way [m]."""
+    if law.kind == MAP:
+        return contact_map.work_at(law.map, memory, depth, offset, largest)
+    before = max(min(_pressed(law, depth, 0.0), largest) + offset, 0.0)
+    energy = way = 0.0
+    for beyond in (False, True):
+        length = SLICE_BEYOND if beyond else depth / SLICES
+        for _ in range(SLICES_BEYOND if beyond else SLICES):
+            if not length > 0.0 or (beyond and not before > 0.0):
+                break
+            depth -= length
+            after = max(min(_pressed(law, depth, 0.0), largest) + offset, 0.0)
+            energy += 0.5 * (before + after) * length
+            way += length
+            before = after
+    return energy, way

@@ -1,0 +1,162 @@
+"""Motion and prediction, compiled: what `foretouch.models.Predictor` does at every sample."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.core import Kernel, Record, compiled, kernel
+from foretouch.models import law_kernel
+from foretouch.models.contact_map.kernel import Memory, numbers_of, write
+from foretouch.models.contact_map.layout import MEMORY
+from foretouch.models.contact_model import LARGEST_DEPTH, LARGEST_SPEED
+from foretouch.models.law_kernel import Law
+from foretouch.models.predictor import HISTORY
+
+Numbers = NDArray[Any]
+
+
+class Motion(Record):
+    """State of a `foretouch.models.MotionFilter`."""
+
+    velocity_rate: float  # 2 pi f_c [1/s]
+    acceleration_rate: float
+    time: float = math.nan  # of the newest sample [s], NaN before the first
+    position: float = math.nan  # [m]
+    velocity: float  # [m/s]
+    acceleration: float  # [m/s^2]
+
+
+@compiled(error_model="numpy")
+def move(motion: Motion, time: float, position: float) -> float:
+    """See `MotionFilter.update`."""
+    period = time - motion.time
+    if not period > 0.0 or not math.isfinite(position):
+        if math.isnan(motion.time) and math.isfinite(position) and math.isfinite(time):
+            motion.time, motion.position = time, position
+        return float(motion.velocity)
+    before, acceleration = motion.velocity, motion.acceleration
+    slope = (position - motion.position) / period
+    velocity = before + (1.0 - math.exp(-motion.velocity_rate * period)) * (slope - before)
+    change = (velocity - before) / period
+    motion.acceleration = acceleration + (1.0 - math.exp(-motion.acceleration_rate * period)) * (change - acceleration)
+    motion.velocity, motion.time, motion.position = velocity, time, position
+    return float(velocity)
+
+
+class Prediction(Record):
+    """State of a `foretouch.models.Predictor`; its attributes are described there."""
+
+    law: Law  # of the model, where it is compiled
+    memory: Annotated[Numbers, float, MEMORY] = math.nan  # of its material
+    surface: float
+    former_law: Law  # the same of the model that predicted before
+    former_memory: Annotated[Numbers, float, MEMORY] = math.nan
+    former_surface: float
+    changed: int  # whether a model came since the last sample
+    motion: Motion
+    time: float = math.nan  # of the newest sample [s]
+    ticks: int
+    position: float
+    depth: float
+    velocity: float
+    force: float
+    standard_deviation: float = math.nan
+    jump: float
+    memories: Annotated[Numbers, float, (HISTORY, MEMORY)] = math.nan  # after each of the newest samples
+    positions: Annotated[Numbers, float, HISTORY]
+    periods: Annotated[Numbers, float, HISTORY]
+
+
+def remember_former(predictions: NDArray[np.void]) -> None:
+    """Keep the law, its memory and its surface as those that predicted before."""
+    numbers = predictions.view(np.float64)  # as every number of the record has 64 bits
+    numbers[ONE_LAW : 2 * ONE_LAW] = numbers[:ONE_LAW]
+
+
+ONE_LAW = Prediction.layout.fields["former_law"][1] // 8  # type: ignore[index]  # numbers of a law and its material
+
+
+@compiled
+def bounded(depth: float) -> float:
+    """A depth within the bounds of `foretouch.models.advance` [m]."""
+    return min(max(depth, -LARGEST_DEPTH), LARGEST_DEPTH)
+
+
+@compiled(error_model="numpy")
+def observe(p: Prediction, time: float, position: float, velocity: float) -> float:
+    """Take a sample of the motion [m], and its velocity [m/s], NaN for that of the positions; returns its period [s]."""
+    period = time - p.time
+    p.time = time
+    p.ticks += 1
+    if math.isfinite(position):
+        p.position = position
+    index = p.ticks % HISTORY
+    p.positions[index], p.periods[index] = p.position, period if period > 0.0 else 0.0  # the first has none
+    p.velocity = move(p.motion, time, p.position) if math.isnan(velocity) else velocity
+    p.jump = 0.0
+    p.depth = bounded(p.position - p.surface)
+    if not period > 0.0:
+        p.force, p.standard_deviation = 0.0, math.nan
+    return period
+
+
+@compiled(error_model="numpy")
+def predict(p: Prediction, time: float, position: float, velocity: float) -> float:
+    """See `foretouch.models.Predictor.update`, for laws that are compiled."""
+    period = observe(p, time, position, velocity)
+    memory = numbers_of(p.memory)
+    if period > 0.0:
+        before = memory
+        memory, p.force, p.standard_deviation = law_kernel.advance(p.law, before, p.depth, p.velocity, period)
+        write(memory, p.memory)
+        if p.changed:
+            p.changed = 0
+            depth = p.position - p.former_surface
+            p.jump = p.force - law_kernel.advance(p.former_law, numbers_of(p.former_memory), depth, p.velocity, period)[1]
+    write(memory, p.memories[p.ticks % HISTORY])
+    return float(p.force)
+
+
+@compiled
+def shift(p: Prediction, distance: float) -> None:
+    """See `foretouch.models.Predictor.shift`."""
+    p.motion.position += distance
+    p.former_surface += distance
+
+
+@compiled
+def asked_at(p: Prediction) -> tuple[float, float]:
+    """Depth [m] and velocity [m/s] at which local slopes are asked: outside the surface, those at the surface."""
+    depth = 0.0 if p.depth < 0.0 and not p.force > 0.0 else p.depth
+    return depth, min(max(p.velocity, -LARGEST_SPEED), LARGEST_SPEED)
+
+
+@compiled
+def local_slopes(p: Prediction, reach: float) -> tuple[float, float]:
+    """See `foretouch.models.Predictor.local_slopes`."""
+    depth, velocity = asked_at(p)
+    return law_kernel.slopes(p.law, numbers_of(p.memory), depth, velocity, reach)
+
+
+@compiled
+def leaving_work(p: Prediction, offset: float, largest: float) -> tuple[float, float]:
+    """See `foretouch.models.Predictor.leaving_work`."""
+    return law_kernel.leaving_work(p.law, numbers_of(p.memory), p.depth, offset, largest)
+
+
+@kernel("f8(Prediction[::1], f8, f8, f8)")
+def update(predictions: NDArray[np.void], time: float, position: float, velocity: float) -> float:
+    """`predict` with one of an array."""
+    return predict(predictions[0], time, position, velocity)
+
+
+move_entry = Kernel(move, "(Motion, f8, f8)")
+observe_entry = Kernel(observe, "(Prediction, f8, f8, f8)")
+shift_entry = Kernel(shift, "(Prediction, f8)")
+asked_at_entry = Kernel(asked_at, "(Prediction,)")
+slopes_entry = Kernel(local_slopes, "(Prediction, f8)")
+work_entry = Kernel(leaving_work, "(Prediction, f8, f8)")
