@@ -8,7 +8,7 @@ from renderer_runs import Run
 
 from foretouch.devices import GRIPS, Device, DeviceSpecification, Grip, Hand
 from foretouch.models import HuntCrossley, KelvinVoigt
-from foretouch.rendering import tick
+from foretouch.rendering import Renderer
 
 TICK_NS = 1_000_000
 TICK = 1e-3
@@ -114,8 +114,14 @@ def test_without_the_share_it_swings_or_the_account_takes_the_force_away(model, 
     device, loosely = DeviceSpecification(damping=2.0, friction=0.0, resolution=0.0, delay=5e-4), Grip(0.0, 0.0, 300.0)
     assert swing_and_force(device, loosely, model)[0] < 1e-6
     assert swing_and_force(device, GRIPS["soft"], model)[1] > 1.8
-    carry = tick.carry.entry
-    monkeypatch.setattr(tick.carry, "_entry", lambda r, k, b, reach, *at: carry(r, k, b, 0.0, *at))  # without slopes
+    update = Renderer.update
+
+    def with_the_whole_model(renderer, *inputs, **named):
+        force = update(renderer, *inputs, **named)
+        renderer._rendering["share"] = 1.0
+        return force
+
+    monkeypatch.setattr(Renderer, "update", with_the_whole_model)
     for grip in (loosely, GRIPS["soft"]):
         size, force = swing_and_force(device, grip, model)
         assert size > 1e-3 or force < 1.0

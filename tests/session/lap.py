@@ -31,8 +31,7 @@ class Leader:
         arrived = self.returned.pop_due(now_ns)
         inputs = leader.Inputs(
             self.hand.read(now_ns - self.begun),
-            [message for message in arrived if not isinstance(message, Telemetry)],
-            [message for message in arrived if isinstance(message, Telemetry)],
+            arrived,
             MS,
             0,
             stopping=self.stopping,

@@ -163,7 +163,7 @@ def told(sequence: int, force: float, *, in_contact: bool = True) -> Telemetry:
 def ticks(settings: SessionSettings, inputs: list[tuple[float, list[Telemetry], bool]]) -> list[leader.Outputs]:
     state, outputs = baseline.start(settings), []
     for index, (position, telemetry, clutched) in enumerate(inputs):
-        given = leader.Inputs(position, [], telemetry, PERIOD_NS, 0, clutched)
+        given = leader.Inputs(position, telemetry, PERIOD_NS, 0, clutched)
         state, out = leader.step(state, given, index * PERIOD_NS)
         outputs.append(out)
     return outputs

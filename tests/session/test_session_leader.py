@@ -44,7 +44,7 @@ def run(
     for tick in range(ticks):
         depth = 0.01 - 0.011 * max(1.0 - tick / pressed, 0.0) if pressed else 0.01
         arrived = [telemetry(tick + 1, forces[tick])] if tick < len(forces) else []
-        inputs = leader.Inputs(0.01 + depth, [models[tick]] if tick in models else [], arrived, MS, 0)
+        inputs = leader.Inputs(0.01 + depth, [*arrived, *([models[tick]] if tick in models else [])], MS, 0)
         state, output = leader.step(state, inputs, tick * MS)
         outputs.append(output)
     return outputs
@@ -115,7 +115,7 @@ def test_no_position_raises_or_breaks_the_limits(positions: list[float]) -> None
     state, before = leader.start(), 0.0
     for tick, position in enumerate(positions):
         arrived = [model(1)] if tick == 0 else []
-        state, output = leader.step(state, leader.Inputs(position, arrived, [], MS, 0), tick * MS)
+        state, output = leader.step(state, leader.Inputs(position, arrived, MS, 0), tick * MS)
         force = output.record.rendered_force
         assert 0.0 <= force <= 10.0
         assert force - before <= 0.2 + 1e-9
@@ -145,9 +145,7 @@ def pressed(*, simulated: bool) -> list[LeaderState]:
     for tick in (*range(100), *range(99 + LATE, 200)):
         begins = (tick + (LATE - 1 if tick == 99 else 0)) * MS
         position = SPEED * 1e-9 * (tick * MS if simulated else begins)
-        inputs = leader.Inputs(
-            position, [MODEL] if tick == 1 else [], [SEEN] if tick == 0 else [], begins - begun if tick else 0, 0
-        )
+        inputs = leader.Inputs(position, {0: [SEEN], 1: [MODEL]}.get(tick, []), begins - begun if tick else 0, 0)
         inputs = inputs._replace(exact_position=position if simulated else math.nan)
         state, output = leader.step(state, inputs, tick * MS)
         records.append(output.record)

@@ -182,7 +182,7 @@ def test_one_message_after_a_burst_of_losses_says_it_all(session: SessionLog) ->
         for row in session.leader:
             now = int(row["time_ns"])
             models = [arrivals[now]] if now in arrivals and now not in without else []
-            inputs = leader.Inputs(float(row["position"]), models, [], MS, 0)
+            inputs = leader.Inputs(float(row["position"]), models, MS, 0)
             state, outputs = leader.step(state, inputs, now)
             result.append(outputs.record.predicted_force)
         return np.array(result)

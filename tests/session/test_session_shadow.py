@@ -156,7 +156,7 @@ def test_a_leader_that_hears_a_shadow_is_told_and_lets_go() -> None:
     for tick in range(2000):
         watching.pass_time(1)
         _, telemetry, *models = watching.tick(Tick(tick * MS, MS))
-        other, led = leader.step(other, leader.Inputs(0.02, models, [telemetry], MS, 0), tick * MS)
+        other, led = leader.step(other, leader.Inputs(0.02, [telemetry, *models], MS, 0), tick * MS)
         assert led.record.rendered_force == 0.0
         assert not led.record.engaged
         assert math.isnan(led.command.position)

@@ -32,7 +32,6 @@ from foretouch.session import SessionSettings
 from foretouch.session.runners.driven import Tick, drive_leader
 from foretouch.session.runners.lap import run_session
 from foretouch.session.spatial import (
-    leader,
     make_camera,
     make_scene,
     make_spatial_operator,
@@ -41,7 +40,8 @@ from foretouch.session.spatial import (
 )
 from foretouch.session.spatial.course import SurfaceLine
 from foretouch.session.spatial.scenes import NOMINAL, KnownSurface
-from foretouch.session.steps import leader as line_leader
+from foretouch.session.steps import leader
+from foretouch.session.steps.hand import HandInSpace
 
 BUMP = 11.5
 UNKNOWN = (math.nan,) * 3
@@ -491,14 +491,16 @@ def said(run: int, sequence: int, fixture: tuple, **changes: Any) -> ModelUpdate
     return msgspec.structs.replace(made, fixture=fixture, **changes)
 
 
-def inputs_of(place: tuple, models: list, telemetry: list, **more: Any) -> Any:
-    return line_leader.Inputs(
-        place, models, telemetry, MS, 0, exact_position=UNKNOWN, intended_position=UNKNOWN, **more
-    )
+def inputs_of(place: tuple, *arrived: Any) -> leader.Inputs:
+    return leader.Inputs(place, arrived, MS, 0, exact_position=UNKNOWN, intended_position=UNKNOWN)
+
+
+def force_of(outputs: leader.Outputs) -> tuple[float, float, float]:
+    return outputs.space.force_x, outputs.space.force_y, outputs.space.force_z
 
 
 def told(leading: leader.State, tick: int, *models: ModelUpdate, telemetry: tuple = ()) -> leader.Outputs:
-    inputs = inputs_of((0.0, 0.0, 0.02 - 1e-5 * tick), list(models), list(telemetry))
+    inputs = inputs_of((0.0, 0.0, 0.02 - 1e-5 * tick), *telemetry, *models)
     return leader.step(leading, inputs, tick * MS)[1]
 
 
@@ -506,13 +508,14 @@ HERE, THERE = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.005, 0.0, 0.0, 0.0)
 
 
 def fresh_leader(**changes: Any) -> leader.State:
-    return leader.start(SessionSettings(**({"scene": "plane"} | changes)), Plane(), HERE)
+    settings = SessionSettings(**({"scene": "plane"} | changes))
+    return leader.start(settings, hand=HandInSpace(Plane(), HERE, settings.position_scale))
 
 
 def met(leading: leader.State, tick: int, place: tuple, model: ModelUpdate) -> leader.Outputs:
     """A tick of a leader that is told at first where the follower is, and meets it 2 mm over the surface."""
     at = [Telemetry(VERSION, tick, 0, 0, *(0.0,) * 6, False, False, 0, 1, 1)] if tick < 3 else []
-    inputs = inputs_of(place, [] if at else [model], at, spaces=[space(tick, run=0, desired_z=2e-3)])
+    inputs = inputs_of(place, space(tick, run=0, desired_z=2e-3), *(at or [model]))
     return leader.step(leading, inputs, tick * MS)[1]
 
 
@@ -521,9 +524,9 @@ def test_a_late_message_of_a_process_that_is_gone_moves_no_fixture() -> None:
     told(leading, 1, said(1, 1, HERE), telemetry=(Telemetry(VERSION, 1, 0, *(0,) * 7, False, False, 0, 1, 1, run=1),))
     told(leading, 2, telemetry=(Telemetry(VERSION, 1, 0, *(0,) * 7, False, False, 0, 1, 1, run=2),))
     told(leading, 3, said(2, 1, THERE))
-    assert leading.line.pose == THERE
+    assert leading.hand.line.pose == THERE
     told(leading, 4, said(1, 900, HERE))
-    assert leading.line.pose == THERE
+    assert leading.hand.line.pose == THERE
 
 
 @pytest.mark.parametrize(
@@ -533,16 +536,16 @@ def test_a_fixture_that_is_none_moves_nothing_and_raises_nothing(wrong: tuple) -
     leading = fresh_leader(grip="normal")
     for tick in range(1, 20):
         outputs = told(leading, tick, said(0, tick, wrong, friction=(1e300, 1e300, 0.0, 0.0)))
-        assert all(map(math.isfinite, outputs.force))
-    assert leading.line.pose == HERE
+        assert all(map(math.isfinite, force_of(outputs)))
+    assert leading.hand.line.pose == HERE
 
 
 @given(st.binary(max_size=200))
 def test_a_field_that_is_none_is_counted_and_raises_nothing(content: bytes) -> None:
     leading = fresh_leader()
-    inputs = inputs_of((0.0, 0.0, -1e-3), [], [], fields=[FieldUpdate(VERSION, 1, 0, content)])
+    inputs = inputs_of((0.0, 0.0, -1e-3), FieldUpdate(VERSION, 1, 0, content))
     leader.step(leading, inputs, MS)
-    assert leading.material.refused == 1
+    assert leading.hand.material.refused == 1
 
 
 def test_a_fixture_that_turns_up_nearer_does_not_jerk_the_hand_that_is_in_it() -> None:
@@ -553,7 +556,7 @@ def test_a_fixture_that_turns_up_nearer_does_not_jerk_the_hand_that_is_in_it() -
         forces.append(met(leading, tick, (0.0, 0.0, 2e-3 - 2e-6 * min(tick, 2000)), model).space.force_z)
     assert forces[2400] > 0.3
     assert np.abs(np.diff(forces[2400:])).max() < 0.1
-    assert leading.account.energy >= -leading.account.bound
+    assert leading.renderer.account.energy >= -leading.renderer.account.bound
 
 
 def test_a_device_that_gives_no_place_is_given_no_force() -> None:
@@ -567,13 +570,13 @@ def test_a_device_that_gives_no_place_is_given_no_force() -> None:
         outputs = met(leading, tick, (math.nan,) * 3 if silent else there, model)
         if before is not None:
             whole -= float(acted @ (np.array(there) - before))
-        before, acted = np.array(there), np.array(outputs.force)
+        before, acted = np.array(there), np.array(force_of(outputs))
         forces.append(np.linalg.norm(acted))
     assert forces[1497] > 0.5
     assert forces[1499] == pytest.approx(forces[1498], rel=0.05)
     assert forces[1505:1519] == [0.0] * 14
     assert np.diff(forces[1518:]).max() < 0.1
-    assert whole >= leading.account.late_energy - leading.account.bound
+    assert whole >= leading.renderer.account.late_energy - leading.renderer.account.bound
 
 
 @pytest.mark.long

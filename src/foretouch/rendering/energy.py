@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from foretouch.core import Held, Kernel, Record, compiled
 from foretouch.errors.checks import require
 from foretouch.quantities import pose
-from foretouch.quantities.pose import Vector, norm, scaled
+from foretouch.quantities.pose import Vector
 
 
 @runtime_checkable
@@ -58,7 +58,7 @@ bound. Twice what a device may show by its conformance check."""
 SAMPLE_PERIOD = 1e-3
 """Default period of a loop [s]."""
 
-_norm = compiled(pose.norm)
+norm = compiled(pose.norm)
 _dot = compiled(pose.dot)
 
 Numbers3: TypeAlias = Annotated[NDArray[Any], float, 3]
@@ -101,7 +101,7 @@ def bound_with(account: Account, force: float) -> float:
 @compiled
 def ceiling_of(account: Account) -> float:
     """Largest force that may be held now [N], after the present one, which still acts for d."""
-    held = _norm((account.force[0], account.force[1], account.force[2]))
+    held = norm((account.force[0], account.force[1], account.force[2]))
     if account.elapsed > 0.0:  # the position of the hand is unknown
         return held
     if account.energy >= 0.0:
@@ -141,13 +141,13 @@ def observe(account: Account, x: float, y: float, z: float, period: float) -> No
     for axis in range(3):
         account.late[axis] += former * account.before[axis] + newest * account.force[axis]
         account.before[axis] = account.force[axis]
-    if not _norm((x, y, z)) < math.inf:
+    if not norm((x, y, z)) < math.inf:
         return
     position, acted, late = account.position, account.acted, account.late
     moved = (x - position[0], y - position[1], z - position[2])
     position[0], position[1], position[2] = x, y, z
     elapsed, account.elapsed = max(account.elapsed, account.period), 0.0
-    distance = _norm(moved)
+    distance = norm(moved)
     if distance < math.inf:  # there was a position before
         even, longest = account.period / elapsed, FASTEST_HAND * account.period
         part = even if not even * distance > longest else longest / distance  # of the motion, which E takes
@@ -165,7 +165,20 @@ def observe(account: Account, x: float, y: float, z: float, period: float) -> No
 def hold(account: Account, x: float, y: float, z: float) -> None:
     """Hold a force [N] from now on, as it pushes the hand."""
     account.force[0], account.force[1], account.force[2] = x, y, z
-    account.largest_force = max(account.largest_force, _norm((x, y, z)))
+    account.largest_force = max(account.largest_force, norm((x, y, z)))
+
+
+@compiled
+def hold_within(account: Account, force: Vector) -> Vector:
+    """Hold a force [N], cut to the ceiling, and none that is not finite; returns the held force."""
+    size, ceiling = norm(force), ceiling_of(account)
+    if not size < math.inf:
+        force = (0.0, 0.0, 0.0)
+    elif size > ceiling:
+        part = ceiling / size
+        force = (force[0] * part, force[1] * part, force[2] * part)
+    hold(account, force[0], force[1], force[2])
+    return force
 
 
 @compiled
@@ -176,6 +189,7 @@ def close(account: Account) -> None:
 
 _observe = Kernel(observe, "(Account, f8, f8, f8, f8)")
 _hold = Kernel(hold, "(Account, f8, f8, f8)")
+_hold_within = Kernel(hold_within, "(Account, UniTuple(f8, 3))")
 _close = Kernel(close, "(Account,)")
 _bound = Kernel(bound_of, "(Account,)")
 _bound_with = Kernel(bound_with, "(Account, f8)")
@@ -272,6 +286,10 @@ class Ledger(Held):
         """The bound [J] as it will be once this force [N] has been held over a tick like the newest."""
         return _bound_with.entry(self.records[0], force)
 
+    def hold_force(self, force: Vector) -> None:
+        """Hold a force from now on [N], as it pushes the hand; nothing is cut."""
+        _hold.entry(self.records[0], *force)
+
     def close(self) -> None:
         """End the contact: forgive what the hand has put in beyond what it was given. A debt stays."""
         _close.entry(self.records[0])
@@ -305,7 +323,7 @@ class EnergyAccount(Ledger):
 
     def hold(self, force: float) -> None:
         """Hold this force from now on [N], 0 or more."""
-        _hold.entry(self.records[0], -force, 0.0, 0.0)
+        self.hold_force((-force, 0.0, 0.0))
 
 
 class SpatialEnergyAccount(Ledger):
@@ -333,10 +351,4 @@ class SpatialEnergyAccount(Ledger):
 
     def hold(self, force: Vector) -> Vector:
         """Hold a force [N] from now on, cut to the ceiling; returns the held force."""
-        size = norm(force)
-        if not size < math.inf:
-            force = (0.0, 0.0, 0.0)
-        elif size > self.ceiling:
-            force = scaled(force, self.ceiling / size)
-        _hold.entry(self.records[0], *force)
-        return force
+        return _hold_within.entry(self.records[0], force)

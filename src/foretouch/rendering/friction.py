@@ -4,11 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Annotated, Any
 
+from numpy.typing import NDArray
+
+from foretouch.core import Held, Kernel, Record, compiled
 from foretouch.errors.checks import require
-from foretouch.quantities.pose import Vector, add, dot, norm, scaled, subtract
+from foretouch.quantities import pose
+from foretouch.quantities.pose import Vector
+from foretouch.rendering.surfaces.triangle_kernel import add, dot, scaled, subtract, vector
 
 NOTHING: Vector = (0.0, 0.0, 0.0)
+Numbers3 = Annotated[NDArray[Any], float, 3]
+norm = compiled(pose.norm)
 
 VELOCITY_CUTOFF = 30.0  # Cut-off of the velocity low-pass [Hz]: counts of the encoder are not to be felt
 
@@ -16,7 +24,75 @@ VISCOUS_SHARE = 0.5
 """Largest fraction of the device's damping that carries viscous friction; the rest carries the bristle."""
 
 
-class FrictionRenderer:
+class Friction(Record):
+    """State of a `FrictionRenderer`."""
+
+    stiffness: float  # K [N/m]
+    damping: float  # b [N s/m]
+    delay: float  # d [s]
+    touching: bool  # whether the touched point is known
+    point: Numbers3  # p [m]
+    velocity: Numbers3  # v [m/s]
+    bend: Numbers3  # z [m]
+    stored: float  # [J]
+    sliding: bool
+
+
+@compiled
+def _along(vector: Vector, normal: Vector) -> Vector:
+    """Component of a vector along the surface."""
+    return subtract(vector, scaled(normal, dot(vector, normal)))
+
+
+@compiled
+def _put(numbers: NDArray[Any], vector: Vector) -> None:
+    numbers[0], numbers[1], numbers[2] = vector
+
+
+@compiled
+def let_go(friction: Friction) -> None:
+    """See `FrictionRenderer.restart`."""
+    friction.touching = friction.sliding = False
+    _put(friction.velocity, NOTHING)
+    _put(friction.bend, NOTHING)
+    friction.stored = 0.0
+
+
+@compiled(error_model="numpy")
+def rub(
+    friction: Friction, point: Vector, normal: Vector, pressed: float, mu: float, viscous: float, period: float
+) -> Vector:
+    """See `FrictionRenderer.update`."""
+    finite = math.isfinite(sum(point) + sum(normal) + mu + viscous) and pressed < math.inf
+    if not (pressed > 0.0 and finite and period > 0.0):
+        let_go(friction)
+        return NOTHING
+    v, before = vector(friction.velocity), vector(friction.point) if friction.touching else point
+    _put(friction.point, point)
+    friction.touching = True
+    moved = _along(subtract(point, before), normal)
+    cone = max(mu, 0.0) * pressed
+    c = min(max(viscous, 0.0), VISCOUS_SHARE * friction.damping)
+    k = min(friction.stiffness, (friction.damping - c) / (0.5 * period + friction.delay))
+    bend = _along(add(vector(friction.bend), moved), normal)
+    size = norm(bend)
+    friction.sliding = k * size > cone
+    if friction.sliding:  # at the cone
+        scale = cone / (k * size)
+        bend, size = scaled(bend, scale), size * scale
+    _put(friction.bend, bend)
+    friction.stored = 0.5 * k * size * size
+    gain = -math.expm1(-2.0 * math.pi * VELOCITY_CUTOFF * period)
+    faster = (moved[0] / period - v[0], moved[1] / period - v[1], moved[2] / period - v[2])
+    velocity = _along(add(v, scaled(faster, gain)), normal)
+    _put(friction.velocity, velocity)
+    return subtract(scaled(bend, -k), scaled(velocity, c))
+
+
+_rub = Kernel(rub, "(Friction, UniTuple(f8, 3), UniTuple(f8, 3), f8, f8, f8, f8)")
+
+
+class FrictionRenderer(Held):
     r"""Coulomb friction that sticks, and viscous friction beside it.
 
     .. math::
@@ -43,7 +119,6 @@ class FrictionRenderer:
         delay: Delay d, from reading a position until the force acts [s], not negative.
 
     Attributes:
-        bend: Bend z [m].
         stored: Energy in the bristle [J].
         sliding: Whether the bristle was at the cone in the newest tick.
 
@@ -56,26 +131,28 @@ class FrictionRenderer:
         Colgate and Schenkel (1997), Journal of Robotic Systems 14(1): b > K T / 2 + B.
     """
 
-    __slots__ = ("_damping", "_delay", "_place", "_stiffness", "_velocity", "bend", "sliding", "stored")
+    __slots__ = ()
+
+    stored: float
+    sliding: bool
 
     def __init__(self, stiffness: float, device_damping: float = math.inf, delay: float = 0.0) -> None:
         if stiffness != math.inf:
             require("stiffness", stiffness, above=0.0)
         if device_damping != math.inf:
             require("device_damping", device_damping, at_least=0.0)
-        self._stiffness = min(stiffness, 1e6)
         require("delay", delay, at_least=0.0)
-        self._damping = device_damping
-        self._delay = delay
-        self.restart()
+        super().__init__(Friction.new(stiffness=min(stiffness, 1e6), damping=device_damping, delay=delay))
+
+    @property
+    def bend(self) -> Vector:
+        """Bend z [m]."""
+        ((x, y, z),) = self.records["bend"].tolist()
+        return x, y, z
 
     def restart(self) -> None:
         """End the contact: the bristle is straight."""
-        self._place: Vector | None = None
-        self._velocity: Vector = NOTHING
-        self.bend: Vector = NOTHING
-        self.stored = 0.0
-        self.sliding = False
+        let_go(self.records[0])
 
     def update(
         self,
@@ -101,33 +178,4 @@ class FrictionRenderer:
         """
         x, y, z = point
         nx, ny, nz = normal
-        finite = math.isfinite(x + y + z + nx + ny + nz + mu + viscous) and normal_force < math.inf
-        if not (normal_force > 0.0 and finite and period > 0.0):
-            self.restart()
-            return NOTHING
-        before, self._place = self._place or (x, y, z), (x, y, z)
-        n = (nx, ny, nz)
-        moved = _along(subtract(self._place, before), n)
-        cone = max(mu, 0.0) * normal_force
-        c = min(max(viscous, 0.0), VISCOUS_SHARE * self._damping)
-        k = min(self._stiffness, (self._damping - c) / (0.5 * period + self._delay))
-        self._bend(_along(add(self.bend, moved), n), k, cone)
-        gain = -math.expm1(-2.0 * math.pi * VELOCITY_CUTOFF * period)
-        v = self._velocity
-        faster = (moved[0] / period - v[0], moved[1] / period - v[1], moved[2] / period - v[2])
-        self._velocity = _along(add(v, scaled(faster, gain)), n)
-        return subtract(scaled(self.bend, -k), scaled(self._velocity, c))
-
-    def _bend(self, bend: Vector, k: float, cone: float) -> None:
-        """Let the bristle slide where it is at the cone."""
-        size = norm(bend)
-        self.sliding = k * size > cone
-        if self.sliding:
-            scale = cone / (k * size)
-            bend, size = scaled(bend, scale), size * scale
-        self.bend, self.stored = bend, 0.5 * k * size * size
-
-
-def _along(vector: Vector, normal: Vector) -> Vector:
-    """Component of a vector along the surface."""
-    return subtract(vector, scaled(normal, dot(vector, normal)))
+        return _rub.entry(self.records[0], (x, y, z), (nx, ny, nz), normal_force, mu, viscous, period)

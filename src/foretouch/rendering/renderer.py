@@ -3,17 +3,30 @@
 from __future__ import annotations
 
 import math
+from typing import TypeAlias
 
 from foretouch.core import Held
 from foretouch.errors.checks import require, require_type
 from foretouch.models import NO_STATE, ContactModel, ContactState, Predictor
 from foretouch.quantities import brief_number, brief_text
+from foretouch.quantities.pose import Vector
 from foretouch.rendering import tick
 from foretouch.rendering.energy import SAMPLE_PERIOD, EnergyAccount, RenderingDevice, SpatialEnergyAccount
+from foretouch.rendering.friction import FrictionRenderer
 from foretouch.rendering.limits import LARGEST_FORCE, ForceLimiter, low_pass
 from foretouch.rendering.mediation import Mediation
 from foretouch.rendering.proxy import Proxy
 from foretouch.rendering.tick import FARTHEST, SHORTEST_REACH
+ContactFrame: TypeAlias = tuple[Vector, Vector, Vector]
+"""Place of the hand [m], outward normal, of length 1, and touched point of the surface [m]."""
+
+OUTWARDS, NO_VECTOR = (-1.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+"""Normal and touched point on a line, whose positions grow into the material."""
+
+
+def frame_of(hand: float) -> ContactFrame:
+    """Frame of a hand [m] on a line; without a place where it is missing."""
+    return (hand if abs(hand) <= FARTHEST else math.nan, 0.0, 0.0), OUTWARDS, NO_VECTOR
 
 
 class Renderer:
@@ -28,7 +41,8 @@ class Renderer:
             and no more than its `largest_stiffness` by damping and encoder.
         guarded: Whether a surface that turns up where the hand already is, is met by the index.
         sample_period: T [s].
-        account: Energy account in space, in which the caller books and holds; None for one along this line.
+        account: Energy account in space; None for one along this line.
+        friction: Friction along the surface; None for that of a hand without a device.
 
     Attributes:
         predictor: Runs the newest model at the proxy.
@@ -56,6 +70,7 @@ class Renderer:
         guarded: bool = False,
         sample_period: float = SAMPLE_PERIOD,
         account: SpatialEnergyAccount | None = None,
+        friction: FrictionRenderer | None = None,
     ) -> None:
         wanted = "a DeviceSpecification, such as SessionSettings(...).device, or None for a force that no hand feels"
         require_type("device", device, (RenderingDevice, type(None)), wanted)
@@ -68,6 +83,7 @@ class Renderer:
         proxies, mediations, limiters = (self._rendering[name] for name in ("proxy", "mediation", "limiter"))
         self._largest_force = largest = LARGEST_FORCE if device is None else min(LARGEST_FORCE, device.force_limit)
         self.predictor = Predictor()
+        self._rendering["friction"] = (FrictionRenderer(math.inf) if friction is None else friction).records
         self.proxy = Proxy(position_scale, proxies=proxies)
         self.mediation = Mediation(mediations=mediations)
         self.limiter = ForceLimiter(largest, limiters=limiters)
@@ -75,7 +91,7 @@ class Renderer:
         self.account = EnergyAccount.of(device, sample_period) if account is None else account
         setup = Held(self._rendering["setup"])
         setup.guarded = guarded
-        setup.closed_loop, setup.along, setup.period = device is not None, account is None, sample_period
+        setup.closed_loop, setup.period = device is not None, sample_period
         setup.position_scale, setup.force_scale = position_scale, force_scale
         if device is not None:
             setup.stiffest = min(largest_stiffness or math.inf, device.largest_stiffness(sample_period))
@@ -83,6 +99,7 @@ class Renderer:
             setup.by_encoder = device.stiffness_by_encoder
             setup.gain, setup.left = low_pass(sample_period, device.delay)
         self.shown: tick.Shown = (math.nan, False, False, 0.0, 0.0, 1.0)
+        self.force: Vector = (0.0, 0.0, 0.0)
         self.booked = (0.0, 0.0, 0.0)
         self.predicted: tick.Predicted = (0.0, 0.0, 0.0, math.nan)
 
@@ -123,6 +140,11 @@ class Renderer:
         return self.shown[5]
 
     @property
+    def coefficient(self) -> float:
+        """Coefficient of Coulomb friction along the surface [-]."""
+        return self._rendering["coefficient"].item()  # type: ignore[no-any-return]
+
+    @property
     def energy(self) -> float:
         """Energy of the account at the newest tick [J], before its force acts."""
         return self.booked[0]
@@ -137,7 +159,13 @@ class Renderer:
         """Late energy of the account then [J]."""
         return self.booked[2]
 
-    def update(self, time: float, hand: float, period: float, *, free: bool = False) -> float:
+    def rub(self, coefficient: float, viscous: float) -> None:
+        """Friction along the surface from now on: coefficient of Coulomb friction [-] and viscous friction [N s/m]."""
+        self._rendering["coefficient"], self._rendering["viscous"] = coefficient, viscous
+
+    def update(
+        self, time: float, hand: float, period: float, *, free: bool = False, frame: ContactFrame | None = None
+    ) -> float:
         """One tick.
 
         A position that is missing counts as not moved, and no force rises on it. From the third missing one in a row on
@@ -149,27 +177,31 @@ class Renderer:
             hand: Position of the hand [m]; one that is not a number, or beyond 10 m, is missing.
             period: Time since the previous tick [s].
             free: Whether the hand is uncoupled and given no force.
+            frame: In space, the place of the hand [m], and normal and touched point of the surface; None on a line.
 
         Returns:
-            The force for the hand [N].
+            The force for the hand along the normal [N]; `force` is that in all directions.
         """
         if not time > self._time:  # no time has passed: nothing to do
             return self.limiter.force
         self._time = time
         predictor, r, account = self.predictor, self._rendering, self.account.records
+        frame = frame_of(hand) if frame is None else frame
         predictor.catch_up()
         if predictor.foreign:
-            return self._update_by_stages(time, hand, period, free)
-        force, self.shown, self.booked, self.predicted = self._whole(
-            r, account, predictor.records, time, hand, period, free
+            return self._update_by_stages(time, hand, period, free, frame)
+        force, self.force, self.shown, self.booked, self.predicted = self._whole(
+            r, account, predictor.records, time, hand, period, free, frame
         )
         return force
 
-    def _update_by_stages(self, time: float, hand: float, period: float, free: bool) -> float:
+    def _update_by_stages(
+        self, time: float, hand: float, period: float, free: bool, frame: ContactFrame
+    ) -> float:
         """`tick.whole`, with a law in Python."""
         predictor, r, account = self.predictor, self._rendering[0], self.account.records[0]
-        move, want, render, carry = (stage.entry for stage in tick.stages)
-        position, self.booked = move(r, account, hand, period, free)
+        move, want, render, carry, give = (stage.entry for stage in tick.stages)
+        position, self.booked = move(r, account, hand, frame[0], period, free)
         if predictor.surface != r.surface and predictor.model is not None:
             predictor.shift(-tick.meet_surface_entry.entry(r, predictor.surface))
             position = self.proxy.position
@@ -189,5 +221,6 @@ class Renderer:
             predictor.shift(tick.return_in_contact_entry.entry(r, account, work, way, predicted, stiffness))
         stiffness, damping = predictor.local_slopes(reach) if reach > 0.0 else (0.0, 0.0)
         self.shown = carry(r, stiffness, damping, reach, predicted, depth)
+        self.force = give(r, account, force, frame[1], frame[2], period)
         self.predicted = velocity, predicted, predictor.jump, predictor.standard_deviation
         return force

@@ -15,11 +15,14 @@ from foretouch.core import Kernel, Record, compiled, kernel
 from foretouch.models import predictor_kernel as prediction
 from foretouch.models.law_kernel import NOTHING
 from foretouch.models.predictor_kernel import Prediction
+from foretouch.quantities.pose import Vector
 from foretouch.rendering import energy, mediation, proxy
 from foretouch.rendering.energy import Account
+from foretouch.rendering.friction import Friction, rub
 from foretouch.rendering.limits import Limiter, carried, limit
 from foretouch.rendering.mediation import MediationState, mediate
 from foretouch.rendering.proxy import RETURN_SPEED, ProxyState
+from foretouch.rendering.surfaces.triangle_kernel import add, scaled
 
 FARTHEST = 10.0  # Largest distance of a hand from its zero [m]
 
@@ -60,7 +63,6 @@ class Setup(Record):
 
     closed_loop: bool
     guarded: bool
-    along: bool  # whether the energy account is one along this line, in which the tick books and holds
     period: float  # T [s]
     position_scale: float
     force_scale: float
@@ -76,6 +78,9 @@ class Rendering(Record):
     """State of a `Renderer`."""
 
     setup: Setup
+    friction: Friction
+    coefficient: float  # mu along the surface
+    viscous: float  # c along it [N s/m]
     surface: float = math.nan  # of the newest model [m]
     hand: float = math.nan  # newest valid position of the hand [m]
     there: bool  # whether there is one in this tick
@@ -109,9 +114,9 @@ def show(r: Rendering) -> Shown:
 
 @compiled(error_model="numpy")
 def move(
-    r: Rendering, account: Account, hand: float, period: float, free: bool
+    r: Rendering, account: Account, hand: float, place: Vector, period: float, free: bool
 ) -> tuple[float, tuple[float, float, float]]:
-    """Take the hand's position [m] after a time [s]: book its work, and carry the proxy along.
+    """Take the hand's position [m] after a time [s]: book its work at its place, and carry the proxy along.
 
     A hand that is `free` is uncoupled.
 
@@ -120,8 +125,7 @@ def move(
     """
     r.there = abs(hand) <= FARTHEST
     r.missing = 0 if r.there else r.missing + 1
-    if r.setup.along:
-        energy.observe(account, hand if r.there else math.nan, 0.0, 0.0, period)
+    energy.observe(account, place[0], place[1], place[2], period)
     booked = account.energy, energy.bound_of(account), account.late_energy
     if free:
         proxy.leave(r.proxy)
@@ -244,8 +248,6 @@ def render(
     if r.there and rendered <= PHANTOM and wanted <= PHANTOM:  # unknown while the hand is missing
         energy.close(account)
         r.mediation.lowest = account.energy
-    if r.setup.along:
-        energy.hold(account, -rendered, 0.0, 0.0)
     r.wanted_before, r.velocity = wanted, velocity
     reach = max(1.5 * abs(velocity) * r.setup.period, SHORTEST_REACH)
     if not (r.setup.closed_loop and r.proxy.engaged) or (
@@ -318,6 +320,27 @@ def carry(
     return show(r)
 
 
+@compiled(error_model="numpy")
+def give(r: Rendering, account: Account, rendered: float, normal: Vector, point: Vector, period: float) -> Vector:
+    """Force for the hand in all directions [N]: along the normal, and friction, within the limits of device and energy.
+
+    Args:
+        r: The state.
+        account: The energy account, which holds the force from now on.
+        rendered: Along the normal [N].
+        normal: Outwards, of length 1.
+        point: The touched point of the surface [m].
+        period: Time since the previous tick [s].
+    """
+    scale, held = r.setup.force_scale, min(period, r.setup.period)
+    beside = scaled(rub(r.friction, point, normal, rendered / scale, r.coefficient, r.viscous, held), scale)
+    left = math.sqrt(max(r.limiter.largest_force**2 - rendered**2, 0.0))
+    size = energy.norm(beside)
+    if size > left:
+        beside = scaled(beside, left / size)
+    return energy.hold_within(account, add(scaled(normal, rendered), beside))
+
+
 @compiled
 def meet_surface(r: Rendering, surface: float) -> float:
     """Take a new surface [m]: the proxy keeps its depth below the former one; how far it moved outwards [m].
@@ -346,7 +369,7 @@ def predicted_of(p: Prediction) -> Predicted:
     return p.velocity, p.force, p.jump, p.standard_deviation
 
 
-@kernel("(Rendering[::1], Account[::1], Prediction[::1], f8, f8, f8, b1)", Account)
+@kernel("(Rendering[::1], Account[::1], Prediction[::1], f8, f8, f8, b1, UniTuple(UniTuple(f8, 3), 3))")
 def whole(
     renderings: NDArray[np.void],
     accounts: NDArray[np.void],
@@ -355,14 +378,17 @@ def whole(
     hand: float,
     period: float,
     free: bool,
-) -> tuple[float, Shown, tuple[float, float, float], Predicted]:
+    frame: tuple[Vector, Vector, Vector],
+) -> tuple[float, Vector, Shown, tuple[float, float, float], Predicted]:
     """One tick with a law that is compiled; see `Renderer.update`, which has the same stages for others.
 
     Returns:
-        The force for the hand [N], what is shown, what is booked, and what was predicted.
+        The force for the hand along the normal and in all directions [N], what is shown, what is booked, and what was
+        predicted.
     """
     r, account, p = renderings[0], accounts[0], predictions[0]
-    position, booked = move(r, account, hand, period, free)
+    place, normal, point = frame
+    position, booked = move(r, account, hand, place, period, free)
     if p.surface != r.surface and p.law.kind != NOTHING:
         prediction.shift(p, -meet_surface(r, p.surface))
         position = r.proxy.position
@@ -385,14 +411,16 @@ def whole(
     stiffness = damping = 0.0
     if reach > 0.0:
         stiffness, damping = prediction.local_slopes(p, reach)
-    return rendered, carry(r, stiffness, damping, reach, force, depth), booked, predicted_of(p)
+    shown = carry(r, stiffness, damping, reach, force, depth)
+    return rendered, give(r, account, rendered, normal, point, period), shown, booked, predicted_of(p)
 
 
 stages = (
-    Kernel(move, "(Rendering, Account, f8, f8, b1)", Account),
+    Kernel(move, "(Rendering, Account, f8, UniTuple(f8, 3), f8, b1)", Account),
     Kernel(want, "(Rendering, f8, f8, f8)"),
     Kernel(render, "(Rendering, Account, f8, f8, f8, f8, f8, f8)", Account),
     Kernel(carry, "(Rendering, f8, f8, f8, f8, f8)"),
+    Kernel(give, "(Rendering, Account, f8, UniTuple(f8, 3), UniTuple(f8, 3), f8)", Account),
 )
 meet_surface_entry = Kernel(meet_surface, "(Rendering, f8)")
 return_in_air_entry = Kernel(return_in_air, "(Rendering, f8)")

@@ -10,20 +10,12 @@ import importlib
 import math
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from foretouch.devices import BrowserOperator, Device, SpatialBrowserOperator, SpatialDevice, SpatialHand
 from foretouch.link import Faults, FaultStage
-from foretouch.messages import (
-    FieldUpdate,
-    FixtureBelief,
-    FollowerSpace,
-    Handle,
-    Message,
-    ModelUpdate,
-    Telemetry,
-)
+from foretouch.messages import FixtureBelief, Handle, Message
 from foretouch.quantities.pose import Vector, add, norm, scaled, subtract
 from foretouch.robot import Robot, SpatialRobot
 from foretouch.session.frames import browser_operator, framed_device, framed_robot
@@ -31,9 +23,9 @@ from foretouch.session.operators import felt_device
 from foretouch.session.runners.loop_timer import let_pass
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.spatial import follower as spatial_follower
-from foretouch.session.spatial import leader as spatial_leader
 from foretouch.session.spatial.scenes import make_scene
 from foretouch.session.steps import follower, leader
+from foretouch.session.steps.hand import HandInSpace
 from foretouch.session.steps.counting import OperatorClock, follower_counts, leader_counts
 
 
@@ -236,32 +228,35 @@ class DrivenLeader(Driven):
             self.nowhere += 1
         inputs = leader.Inputs(
             position,
-            [message for message in due if type(message) is ModelUpdate],
-            [message for message in due if type(message) is Telemetry],
+            due,
             tick.period_ns,
             tick.compute_ns,
             operator.clutched,
             operator.exact_position,
             operator.intention,
             bool(tick.stop),
-            [message for message in due if type(message) is FollowerSpace],
-            [message for message in due if type(message) is FieldUpdate],
         )
-        return self._step(inputs, tick.now_ns)
+        _, led = leader.step(self.state, inputs, tick.now_ns)
+        self._give(led)
+        return [message for message in led if message is not None]
 
     @abstractmethod
-    def _step(self, inputs: leader.Inputs[Any], now_ns: int) -> list[Message]:
-        """Run the step and render its force."""
+    def _give(self, led: leader.Outputs) -> None:
+        """Give the hand its force."""
+
+
+def _start_of(settings: SessionSettings) -> Callable[..., leader.State]:
+    """A baseline, which renders the delayed force, is imported only where it is asked for."""
+    name = "leader" if settings.baseline == "none" else "baseline"
+    return importlib.import_module(f"foretouch.session.steps.{name}").start  # type: ignore[no-any-return]
 
 
 class LineLeader(DrivenLeader):
     """A leader along a line, named `holder` and of this epoch."""
 
     def __init__(self, operator: Device, settings: SessionSettings, holder: str, epoch: int) -> None:
-        # A baseline, which renders the delayed force, is imported only where it is asked for.
-        name = "leader" if settings.baseline == "none" else "baseline"
-        start = importlib.import_module(f"foretouch.session.steps.{name}").start
-        self.state = start(settings, holder=holder, epoch=epoch, device=felt_device(operator, settings))
+        device = felt_device(operator, settings)
+        self.state = _start_of(settings)(settings, holder=holder, epoch=epoch, device=device)
         super().__init__(framed_device(operator, settings.leader_frame), settings)
         self._mouse: BrowserOperator | None = browser_operator(self._operator)
 
@@ -270,10 +265,8 @@ class LineLeader(DrivenLeader):
         if self._mouse is not None:
             self._mouse.take(handle.position, handle.held, self.operator_ns(now_ns), clutched=handle.clutched)
 
-    def _step(self, inputs: leader.Inputs[Any], now_ns: int) -> list[Message]:
-        _, led = leader.step(self.state, inputs, now_ns)
+    def _give(self, led: leader.Outputs) -> None:
         self._operator.render(led.record.rendered_force)
-        return [led.command, led.record]
 
 
 class SpaceLeader(DrivenLeader):
@@ -284,8 +277,8 @@ class SpaceLeader(DrivenLeader):
     def __init__(self, operator: SpatialDevice, settings: SessionSettings, holder: str, epoch: int) -> None:
         super().__init__(operator, settings)
         scene = make_scene(settings.scene)
-        self._whole = spatial_leader.start(settings, scene.surface, scene.nominal, holder=holder, epoch=epoch)
-        self.state = self._whole.inner
+        self._hand = HandInSpace(scene.surface, scene.nominal, settings.position_scale)
+        self.state = _start_of(settings)(settings, holder=holder, epoch=epoch, hand=self._hand)
         moved = operator.intention_device if isinstance(operator, SpatialHand) else operator
         self._mouse = moved if isinstance(moved, SpatialBrowserOperator) else None
         self._apart: Vector = (0.0, 0.0, 0.0)  # of hand and world, when the handle was taken
@@ -296,22 +289,20 @@ class SpaceLeader(DrivenLeader):
         if mouse is None:
             return
         if not mouse.held:
-            self._apart = self._whole.apart
+            self._apart = self._hand.apart
         point: Sequence[float] = handle.place
         if len(point) == 3:
             here = add((point[0], point[1], point[2]), self._apart)
-            point = scaled(here, 1.0 / self._whole.position_scale)
+            point = scaled(here, 1.0 / self._hand.scale)
         mouse.take(point, handle.held, self.operator_ns(now_ns), clutched=handle.clutched)
 
     def act(self, due: list[Any], tick: Tick) -> list[Message]:
         """See `DrivenLeader.act`; the operator sees the fixture where the scene shows it."""
-        self._operator.see(self._whole.line.pose)
+        self._operator.see(self._hand.line.pose)
         return super().act(due, tick)
 
-    def _step(self, inputs: leader.Inputs[Any], now_ns: int) -> list[Message]:
-        _, led = spatial_leader.step(self._whole, inputs, now_ns)
-        self._operator.render(led.force)
-        return [led.command, led.record, led.space]
+    def _give(self, led: leader.Outputs) -> None:
+        self._operator.render(self.state.renderer.force)
 
 
 def drive_follower(robot: Robot | SpatialRobot, settings: SessionSettings, run: int) -> DrivenFollower:

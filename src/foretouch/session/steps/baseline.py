@@ -14,6 +14,8 @@ Nothing imports it but a session that asks for a baseline (`foretouch.session.ru
   this port alone, and a controller here acts only where this port gives more than it got, so it is the milder of the
   two, and needs nothing of the other side.
 
+In a scene that is the force along the normal of the surface under the hand; friction is not rendered.
+
 No model, no mediation, no index, and no ceiling: the limits of force, of its rate of rise, and of the device are as
 for models; where no controller removes the force it falls no faster than it rises. The last force is held where none
 arrives.
@@ -31,11 +33,14 @@ import math
 from foretouch.devices import DeviceSpecification
 from foretouch.models import ContactModel, ContactState, MotionFilter
 from foretouch.models.contact_model import NO_STATE
-from foretouch.rendering import EnergyAccount, Renderer
+from foretouch.quantities.pose import scaled
+from foretouch.rendering import Renderer, SpatialEnergyAccount, tick
 from foretouch.rendering.passivity_control import PassivityController
+from foretouch.rendering.renderer import ContactFrame, frame_of
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.steps import leader
 from foretouch.session.steps.follower_view import FollowerView
+from foretouch.session.steps.hand import HandOnAxis
 from foretouch.settings import NO_GRIP
 
 LOCAL_DAMPING = 5.0  # Damping of the local damper that is added to a delayed force, at the hand [N s/m]
@@ -47,15 +52,18 @@ class DelayedForce(Renderer):
     Args:
         settings: Session settings.
         follower_view: Messages received from the follower.
+        hand: The operator's hand.
     """
 
-    def __init__(self, settings: SessionSettings, follower_view: FollowerView) -> None:
+    def __init__(self, settings: SessionSettings, follower_view: FollowerView, hand: HandOnAxis) -> None:
         device = settings.device
+        felt = None if settings.grip == NO_GRIP else device
         super().__init__(
-            None if settings.grip == NO_GRIP else device,
+            felt,
             position_scale=settings.position_scale,
             force_scale=settings.force_scale,
             sample_period=SAMPLE_PERIOD,
+            account=SpatialEnergyAccount.of(felt, SAMPLE_PERIOD) if hand.axes > 1 else None,
         )
         self._settings, self._follower_view = settings, follower_view
         # Passive rendering of a damper from samples requires b > |B|.
@@ -72,17 +80,16 @@ class DelayedForce(Renderer):
     ) -> None:
         """Use no model."""
 
-    def update(self, time: float, hand: float, period: float, *, free: bool = False) -> float:
+    def update(
+        self, time: float, hand: float, period: float, *, free: bool = False, frame: ContactFrame | None = None
+    ) -> float:
         """One tick; see `Renderer.update`."""
+        place, normal, _ = frame_of(hand) if frame is None else frame
         proxy, account, follower_view = self.proxy, self.account, self._follower_view
-        assert isinstance(account, EnergyAccount)
-        account.observe(hand, period)
-        self.booked = account.energy, account.bound, account.late_energy
-        if free:
-            proxy.leave()
-        elif not self.closed_loop and not proxy.engaged and math.isfinite(hand):
-            proxy.engage(hand)
-        self.predictor.velocity = self._proxy_motion.update(time, proxy.follow(hand))
+        position, self.booked = tick.stages[0].entry(
+            self._rendering[0], account.records[0], hand, place, period, free
+        )
+        self.predictor.velocity = self._proxy_motion.update(time, position)
         velocity = self._hand_motion.update(time, hand)
         # In free air the sensor shows noise, which the operator is not to feel.
         touching = follower_view.touching and follower_view.force > 0.0 and proxy.engaged
@@ -101,15 +108,22 @@ class DelayedForce(Renderer):
             self._controller.hold(rendered, touching=touching)
         if not touching and rendered == 0.0:
             account.close()
-        account.hold(rendered)
+        self.force = scaled(normal, rendered)
+        account.hold_force(self.force)
         self.shown = (proxy.position, proxy.engaged, self.limiter.clipped, wanted, 0.0, math.nan)
-        self.mediation.force, self.predictor.force = wanted, wanted / self._settings.force_scale
+        self.mediation.force = wanted
+        self.predicted = (self.predictor.velocity, wanted / self._settings.force_scale, 0.0, math.nan)
         return rendered
 
 
 def start(
-    settings: SessionSettings, *, holder: str = "leader", epoch: int = 1, device: DeviceSpecification | None = None
+    settings: SessionSettings,
+    *,
+    holder: str = "leader",
+    epoch: int = 1,
+    device: DeviceSpecification | None = None,
+    hand: HandOnAxis | None = None,
 ) -> leader.State:
     """State before the first tick, as `foretouch.session.steps.leader.start`; no baseline has its own `device`."""
-    view = FollowerView(epoch)
-    return leader.State(DelayedForce(settings, view), settings.guards(), holder, epoch, view)
+    view, hand = FollowerView(epoch), HandOnAxis() if hand is None else hand
+    return leader.State(DelayedForce(settings, view, hand), settings.guards(), holder, epoch, view, hand)

@@ -9,18 +9,21 @@ import math
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Generic, NamedTuple, TypeVar
+from typing import NamedTuple, TypeAlias
 
 from foretouch.devices import DeviceSpecification
 from foretouch.errors import InputError
-from foretouch.messages import VERSION, Command, FieldUpdate, FollowerSpace, LeaderState, ModelUpdate, Telemetry
-from foretouch.models import make_model
+from foretouch.messages import VERSION, Command, LeaderSpace, LeaderState, Message, ModelUpdate, Telemetry
+from foretouch.models import NO_STATE, make_model
 from foretouch.quantities import LARGEST_POSITION
 from foretouch.quantities.pose import Vector
-from foretouch.rendering import Proxy, Renderer, SpatialEnergyAccount
+from foretouch.rendering import FrictionRenderer, Proxy, Renderer, SpatialEnergyAccount
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.steps.follower_view import FollowerView
+from foretouch.session.steps.hand import HandOnAxis
 from foretouch.settings import NO_GRIP
+
+Position: TypeAlias = float | Vector
 
 
 def meeting_place(proxy: Proxy, hand: float, follower: float, *, clutched: bool) -> float:
@@ -58,6 +61,7 @@ class State:
     Attributes:
         guarded: Whether the follower is asked to guard the first touch.
         follower_view: Messages received from the follower. Its force is recorded and never rendered.
+        hand: The operator's hand, on an axis or in space.
         start_ns: Clock at the first tick, None before it.
         newest_ns: Clock at the newest tick, None before the first.
         inherits: Whether the model is of a follower's process that is gone, and its successor knows less yet.
@@ -69,6 +73,7 @@ class State:
     holder: str = "leader"
     epoch: int = 1
     follower_view: FollowerView = field(default_factory=lambda: FollowerView(1))
+    hand: HandOnAxis = field(default_factory=HandOnAxis)
     start_ns: int | None = None
     newest_ns: int | None = None
     sequence: int = 0
@@ -76,44 +81,39 @@ class State:
     refused: int = 0
 
 
-Position = TypeVar("Position", float, Vector)
-
-
-class Inputs(NamedTuple, Generic[Position]):
-    """Inputs of a tick, along a line or in space.
+class Inputs(NamedTuple):
+    """Inputs of a tick; positions are numbers on an axis, and vectors in space.
 
     Attributes:
         position: Position of the operator's hand, from the device's encoders [m].
-        models: Models that have arrived since the last tick.
-        telemetry: Telemetry that has arrived since the last tick.
+        arrived: Messages of the follower that have arrived since the last tick.
         period_ns: Time since the last tick began [ns].
         compute_ns: Computing time of the last tick [ns].
         clutched: Whether the clutch is pressed: the hand moves and the follower stays.
         exact_position: Position of a simulated hand [m]; recorded only.
         intended_position: Intended position of the hand [m]; recorded only.
         stopping: Whether an emergency stop was requested here, and the follower has not yet confirmed it.
-        spaces: Spatial telemetry of the follower that has arrived since the last tick.
-        fields: Fields of materials that have arrived since the last tick.
     """
 
     position: Position
-    models: list[ModelUpdate]
-    telemetry: list[Telemetry]
+    arrived: Sequence[Message]
     period_ns: int
     compute_ns: int
     clutched: bool = False
-    exact_position: Position = math.nan  # type: ignore[assignment]  # in space it is always given
-    intended_position: Position = math.nan  # type: ignore[assignment]
+    exact_position: Position = math.nan
+    intended_position: Position = math.nan
     stopping: bool = False
-    spaces: Sequence[FollowerSpace] = ()
-    fields: Sequence[FieldUpdate] = ()
 
 
 class Outputs(NamedTuple):
-    """Outputs of a tick: a command for the follower, and its own record, whose `rendered_force` is for the hand."""
+    """Outputs of a tick: a command for the follower, its own record, and in space one beside it.
+
+    The force for the hand is `rendered_force` of the record, and in space `force_x`, `force_y` and `force_z`.
+    """
 
     command: Command
     record: LeaderState
+    space: LeaderSpace | None
 
 
 def start(
@@ -122,7 +122,7 @@ def start(
     holder: str = "leader",
     epoch: int = 1,
     device: DeviceSpecification | None = None,
-    account: SpatialEnergyAccount | None = None,
+    hand: HandOnAxis | None = None,
 ) -> State:
     """State before the first tick.
 
@@ -131,9 +131,10 @@ def start(
         holder: Name of this leader, not empty; it is sent to leaders that contend for control.
         epoch: Epoch of this process (`foretouch.session.network.lease.own_epoch`).
         device: Device that a person holds and feels; None for none, or for a simulated one with a grip.
-        account: Energy account in space; None for one along this line.
+        hand: A hand in space; None for one on an axis.
     """
     settings = SessionSettings() if settings is None else settings
+    hand = HandOnAxis() if hand is None else hand
     guarded = settings.guards(simulated=device is None)  # a person who feels it is not simulated either
     if device is None and settings.grip != NO_GRIP:
         device = settings.device
@@ -144,12 +145,23 @@ def start(
         largest_stiffness=settings.largest_stiffness,
         guarded=guarded,
         sample_period=SAMPLE_PERIOD,
-        account=account,
+        account=SpatialEnergyAccount.of(device, SAMPLE_PERIOD) if hand.axes > 1 else None,
+        friction=_friction(settings, device),
     )
-    return State(renderer, guarded, holder, epoch, FollowerView(epoch))
+    return State(renderer, guarded, holder, epoch, FollowerView(epoch), hand)
 
 
-def step(state: State, inputs: Inputs[float], now_ns: int) -> tuple[State, Outputs]:
+def _friction(settings: SessionSettings, device: DeviceSpecification | None) -> FrictionRenderer:
+    """Friction as the device carries it, in the follower's lengths and forces."""
+    scales = settings.force_scale * settings.position_scale
+    stiffness = settings.device.largest_stiffness(SAMPLE_PERIOD)
+    if settings.largest_stiffness:
+        stiffness = min(stiffness, settings.largest_stiffness)
+    damping, delay = (math.inf, 0.0) if device is None else (device.damping, device.delay)
+    return FrictionRenderer(stiffness / scales, damping / scales, delay)
+
+
+def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     """One tick of the leader, at a time of its monotonic clock [ns]; the state is updated in place and returned.
 
     The force comes from the newest model at the operator's own motion alone. The delayed force is recorded for
@@ -162,56 +174,60 @@ def step(state: State, inputs: Inputs[float], now_ns: int) -> tuple[State, Outpu
     """
     if state.start_ns is None:
         state.start_ns = now_ns
-    renderer, follower_view = state.renderer, state.follower_view
-    predictor = renderer.predictor
-    for telemetry in inputs.telemetry:
-        follower_view.take_telemetry(telemetry)
-    ours = [model for model in inputs.models if follower_view.is_for_us(model)] if inputs.models else inputs.models
-    renewed = follower_view.take_renewed()
+    renderer, view, hand = state.renderer, state.follower_view, state.hand
+    ours, came = _take(state, inputs.arrived)
+    renewed = view.take_renewed()
     if renewed:
         _renew(state)
+    at = hand.come_to(inputs.position, renderer, view)
     for model in ours:
         _adopt(state, model)
-    free = inputs.stopping or follower_view.stopped or not follower_view.in_control
+    if not came:
+        hand.go_on(renderer)
+    free = inputs.stopping or view.stopped or not view.in_control
     if renderer.closed_loop and not free and not renewed:  # let go for a tick, so that the force leaves as models do
-        _couple(state, inputs)
-    period = moving_time(inputs.period_ns, inputs.exact_position, now_ns, state.newest_ns)
+        _couple(state, at, clutched=inputs.clutched)
+    exact = hand.coordinate(inputs.exact_position)
+    period = moving_time(inputs.period_ns, exact, now_ns, state.newest_ns)
     state.newest_ns = now_ns
-    rendered = renderer.update((now_ns - state.start_ns) * 1e-9, inputs.position, period, free=free)
+    time = (now_ns - state.start_ns) * 1e-9
+    rendered = renderer.update(time, at, period, free=free, frame=hand.frame(inputs.position))
     position, engaged, clipped, mediated, step_by_models, share = renderer.shown
     energy, energy_bound, late_energy = renderer.booked
+    velocity, predicted, jump, deviation = renderer.predicted
     state.sequence += 1
     command = Command(
         VERSION,
         state.sequence,
         now_ns,
         position,
-        predictor.message,
+        renderer.predictor.message,
         state.guarded,
         state.holder,
         state.epoch,
-        telemetry_sequence=follower_view.telemetry.newest,
-        run=follower_view.run,
+        hand.go_to(position),
+        view.telemetry.newest,
+        view.run,
     )
     record = LeaderState(
         VERSION,
         state.sequence,
         now_ns,
         position,
-        predictor.velocity,
-        predictor.force,
+        velocity,
+        predicted,
         rendered,
-        follower_view.force,
-        follower_view.telemetry.newest,
-        follower_view.models.newest,
-        predictor.jump,
+        view.force,
+        view.telemetry.newest,
+        view.models.newest,
+        jump,
         clipped,
         inputs.period_ns,
         inputs.compute_ns,
-        predictor.standard_deviation,
-        inputs.position,
-        inputs.exact_position,
-        inputs.intended_position,
+        hand.standard_deviation(predicted, deviation),
+        at,
+        exact,
+        hand.coordinate(inputs.intended_position),
         mediated,
         step_by_models,
         energy,
@@ -219,14 +235,30 @@ def step(state: State, inputs: Inputs[float], now_ns: int) -> tuple[State, Outpu
         share,
         engaged,
         state.epoch,
-        follower_view.run,
+        view.run,
         late_energy,
     )
-    return state, Outputs(command, record)
+    return state, Outputs(command, record, hand.report(renderer, state.sequence, now_ns, state.epoch))
 
 
-def _couple(state: State, inputs: Inputs[float]) -> None:
-    renderer, hand, clutched = state.renderer, inputs.position, inputs.clutched
+def _take(state: State, arrived: Sequence[Message]) -> tuple[list[ModelUpdate], bool]:
+    """Take messages of the follower; the models that are for this leader, and whether there were any."""
+    view, ours, came = state.follower_view, [], False
+    for message in arrived:
+        kind = type(message)
+        if kind is Telemetry:
+            view.take_telemetry(message)  # type: ignore[arg-type]
+            continue
+        state.hand.take(message, state.renderer, view)
+        if kind is ModelUpdate:
+            came = True
+            if view.is_for_us(message):  # type: ignore[arg-type]
+                ours.append(message)
+    return ours, came  # type: ignore[return-value]
+
+
+def _couple(state: State, hand: float, *, clutched: bool) -> None:
+    renderer = state.renderer
     if renderer.proxy.engaged and not clutched:
         return
     position = meeting_place(renderer.proxy, hand, state.follower_view.position, clutched=clutched)
@@ -245,21 +277,22 @@ def _renew(state: State) -> None:
 
 def _adopt(state: State, update: ModelUpdate) -> None:
     """Predict from an arrived model; one that claims to be valid and cannot be evaluated counts as no model."""
+    renderer, surface = state.renderer, state.hand.offset + update.surface
     if state.inherits and not (update.valid and state.follower_view.has_relearnt):
-        predictor = state.renderer.predictor
-        if update.valid and abs(update.surface - predictor.surface) < SAME_SURFACE:
+        predictor = renderer.predictor
+        if update.valid and abs(surface - predictor.surface) < SAME_SURFACE:
             predictor.message = update.sequence  # its surface is known here
         return
     if not update.valid:
-        state.renderer.adopt(None, update.surface, message=update.sequence)
+        renderer.adopt(None, surface, message=update.sequence)
         return
     state.inherits = False
-    model = None
-    if abs(update.surface) <= LARGEST_POSITION:
+    model, remembered = state.hand.law(), NO_STATE
+    if model is None and abs(surface) <= LARGEST_POSITION:
         with suppress(InputError):
-            model = make_model(update.law, update.parameters, update.map)
-    if model is None:  # render and acknowledge nothing: the follower must not assume that its surface is known
-        state.refused += 1
-        state.renderer.adopt(None, 0.0)
+            model, remembered = make_model(update.law, update.parameters, update.map), update.state
+    if model is None or not abs(surface) <= LARGEST_POSITION:
+        state.refused += 1  # render and acknowledge nothing: the follower must not assume that its surface is known
+        renderer.adopt(None, 0.0)
     else:
-        state.renderer.adopt(model, update.surface, update.state, update.command_sequence, update.sequence)
+        renderer.adopt(model, surface, remembered, update.command_sequence, update.sequence)
