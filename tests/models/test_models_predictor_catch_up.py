@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from example_maps import example_map
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from foretouch.models import ContactMapModel, HuntCrossley, Predictor
+from foretouch.models import ContactMapModel, HuntCrossley, Predictor, predictor_kernel
 from foretouch.models.contact_map.layout import MEMORY
 from foretouch.models.predictor import HISTORY, SLICE, STATE_TOLERANCE
 
@@ -115,13 +116,13 @@ def test_models_that_come_at_every_tick_do_not_keep_it_from_catching_up() -> Non
 
 def test_no_slice_is_longer_than_a_tick_can_bear(monkeypatch: pytest.MonkeyPatch) -> None:
     lengths: list[int] = []
-    remember = ContactMapModel.remember
+    run_again = predictor_kernel.run_again.entry
 
-    def counting(model: ContactMapModel, state: object, depth: np.ndarray, period: np.ndarray) -> object:
-        lengths.append(depth.size)
-        return remember(model, state, depth, period)  # type: ignore[arg-type]
+    def counting(*given: Any) -> object:
+        lengths.append(given[-1] - given[-2])
+        return run_again(*given)
 
-    monkeypatch.setattr(ContactMapModel, "remember", counting)
+    monkeypatch.setattr(predictor_kernel.run_again, "_entry", counting)
     course, predictor = Course(6000), Predictor()
     course.lead(predictor, 0, 5500)
     predictor.adopt(MAP, SURFACE, (0.0,) * MEMORY, 1000)

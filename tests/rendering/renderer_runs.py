@@ -67,6 +67,9 @@ class Latch(KelvinVoigt):
         _, force, deviation = super().advance(state, depth, velocity, sample_period)
         return (1.0,) if caught else (), force * (3.0 if caught else 1.0), deviation
 
+    def leaving_work(self, state, depth, offset=0.0, largest=math.inf):  # type: ignore[no-untyped-def]
+        return KelvinVoigt(self.stiffness, self.damping).leaving_work((), depth, offset, largest)  # it does not say so
+
 
 stiffness, damping = powers(-1.0, 7.0), st.just(0.0) | powers(-2.0, 4.0)
 laws: st.SearchStrategy[ContactModel] = st.one_of(

@@ -36,7 +36,7 @@ from foretouch.models.memoryless_law import (
 )
 
 NOTHING, POWERS, LINEARISED, QUADRATIC, MAP = range(5)
-"""Kinds of laws: none, those of equation (4), the continuous switching law of (18), the quadratic one, a contact map."""
+"""Kinds of laws: none, those of equation (4), the one of (18), the quadratic one, a contact map."""
 
 KINDS: dict[type[ContactModel], int] = {
     KelvinVoigt: POWERS,
@@ -58,19 +58,22 @@ class Law(Record):
     map: Map
 
 
-def is_compiled(model: ContactModel | None) -> bool:
-    """Whether compiled code has the law of a model; it has that of none."""
-    return model is None or type(model) in KINDS
+NO_NUMBERS, NO_MAP = (0.0, 0.0, 0.0, 0.0), Map.new()
+
+Form = tuple[int, tuple[float, float, float, float], NDArray[np.void]]
+"""Kind and numbers of a law, and an array of one `Map`."""
 
 
-def write_law(law: NDArray[np.void], model: ContactModel | None) -> None:
-    """Write a model whose law is compiled into an array of one `Law`."""
-    law["kind"] = NOTHING if model is None else KINDS[type(model)]
-    if isinstance(model, ContactMapModel):
-        law["map"].view(np.float64)[:] = model.record.view(np.float64)
-    elif model is not None:
-        numbers = getattr(model, "general_form", model.parameters)
-        law["numbers"][0, : len(numbers)] = numbers
+def form_of(model: ContactModel | None) -> Form:
+    """Kind and numbers of a model's law, and its map; those of no law where it is not compiled."""
+    kind = KINDS.get(type(model), NOTHING)  # type: ignore[arg-type]
+    if isinstance(model, ContactMapModel) and kind == MAP:
+        return kind, NO_NUMBERS, model.record
+    if model is None or kind == NOTHING:
+        return NOTHING, NO_NUMBERS, NO_MAP
+    a, b, *more = getattr(model, "general_form", model.parameters)
+    c, d = (*more, 0.0)[:2]
+    return kind, (a, b, c, d), NO_MAP
 
 
 @inlined
@@ -93,9 +96,7 @@ def _pressed(law: Law, depth: float, velocity: float) -> float:
 
 
 @compiled(error_model="numpy")
-def advance(
-    law: Law, memory: Memory, depth: float, velocity: float, period: float
-) -> tuple[Memory, float, float]:
+def advance(law: Law, memory: Memory, depth: float, velocity: float, period: float) -> tuple[Memory, float, float]:
     """`foretouch.models.advance`: memory after a sample, force and its standard deviation [N]."""
     if not (-LARGEST_DEPTH <= depth <= LARGEST_DEPTH and -LARGEST_SPEED <= velocity <= LARGEST_SPEED):
         depth = -LARGEST_DEPTH if math.isnan(depth) else min(max(depth, -LARGEST_DEPTH), LARGEST_DEPTH)

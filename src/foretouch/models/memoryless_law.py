@@ -1,7 +1,6 @@
-"""Laws of materials without memory: the one force formula of (1) to (4), work to leave contact, and those learnt.
+"""Laws of materials without memory: the one force formula of (1) to (4), and those that are learnt.
 
-The formula stands once for the loop and once for arrays. The work to leave contact, which a loop asks in every tick of
-contact, is plain arithmetic. Two more laws stand beside those of the paper: the continuous switching law as the paper
+The formula stands once for one sample and once for arrays; loops have it compiled. Two more laws stand beside those of the paper: the continuous switching law as the paper
 identifies and renders it, equation (18), and one that is linear in its unknowns, to be learnt at many places at once.
 """
 
@@ -9,7 +8,6 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -17,56 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from foretouch.errors.checks import require
-from foretouch.models.contact_model import (
-    NO_STATE,
-    SLICE_BEYOND,
-    SLICES,
-    SLICES_BEYOND,
-    SPEED_STEP,
-    ContactModel,
-    ContactState,
-)
-
-
-def leaving_work_of(
-    force_at: Callable[[float], float], depth: float, offset: float, largest: float
-) -> tuple[float, float]:
-    """`ContactModel.leaving_work` of a law that has no force outside and remembers nothing, to the last bit.
-
-    Args:
-        force_at: Force at rest at a depth above 0 [N].
-        depth: [m].
-        offset: A constant beside the force [N].
-        largest: The force counts as no more than this [N].
-
-    Returns:
-        The work [J], and the way on which there is any [m].
-    """
-    before = _felt(force_at, depth, offset, largest)
-    energy = way = 0.0
-    length = depth / SLICES
-    if length > 0.0:
-        for _ in range(SLICES):
-            depth -= length
-            after = _felt(force_at, depth, offset, largest)
-            energy += 0.5 * (before + after) * length
-            way += length
-            before = after
-    for _ in range(SLICES_BEYOND):
-        if not before > 0.0:
-            break
-        depth -= SLICE_BEYOND
-        after = _felt(force_at, depth, offset, largest)
-        energy += 0.5 * (before + after) * SLICE_BEYOND
-        way += SLICE_BEYOND
-        before = after
-    return energy, way
-
-
-def _felt(force_at: Callable[[float], float], depth: float, offset: float, largest: float) -> float:
-    force = force_at(depth) if depth > 0.0 else 0.0
-    force = (force if force < largest else largest) + offset
-    return force if force > 0.0 else 0.0
+from foretouch.models.contact_model import NO_STATE, ContactModel, ContactState
 
 
 Array = NDArray[np.float64]
@@ -103,13 +52,6 @@ class MemorylessLaw(ContactModel):
         k, damping, n, alpha = self.general_form
         force = depth**n * (k * depth**alpha + damping * velocity)
         return NO_STATE, force if force > 0.0 else 0.0, math.nan
-
-    def leaving_work(
-        self, state: ContactState, depth: float, offset: float = 0.0, largest: float = math.inf
-    ) -> tuple[float, float]:
-        """See `ContactModel.leaving_work`."""
-        k, _, n, alpha = self.general_form
-        return leaving_work_of(lambda x: x**n * (k * x**alpha), depth, offset, largest)
 
     def force(self, depth: ArrayLike, velocity: ArrayLike, *, allow_tension: bool = False) -> Array:
         """Force [N], equation (4).
@@ -272,18 +214,6 @@ class LinearisedContinuousSwitching(ContactModel):
         log_force = self.ln_k + self.s * math.log(x) + self.b1 * velocity + self.b2 * velocity / x
         return NO_STATE, math.exp(min(log_force, LARGEST_LOG_FORCE)) * (depth / x), float("nan")
 
-    def leaving_work(
-        self, state: ContactState, depth: float, offset: float = 0.0, largest: float = math.inf
-    ) -> tuple[float, float]:
-        """See `ContactModel.leaving_work`."""
-
-        def force_at(depth: float) -> float:
-            x = depth if depth > SMALLEST_DEPTH else SMALLEST_DEPTH
-            log_force = self.ln_k + self.s * math.log(x)
-            return math.exp(log_force if log_force < LARGEST_LOG_FORCE else LARGEST_LOG_FORCE) * (depth / x)
-
-        return leaving_work_of(force_at, depth, offset, largest)
-
 
 @dataclass(frozen=True, slots=True)
 class QuadraticContact(ContactModel):
@@ -322,21 +252,3 @@ class QuadraticContact(ContactModel):
             return NO_STATE, 0.0, math.nan
         force = depth * (self.stiffness + self.stiffening * depth + self.damping * velocity)
         return NO_STATE, force if force > 0.0 else 0.0, math.nan
-
-    def leaving_work(
-        self, state: ContactState, depth: float, offset: float = 0.0, largest: float = math.inf
-    ) -> tuple[float, float]:
-        """See `ContactModel.leaving_work`."""
-        spring, stiffening = self.stiffness, self.stiffening
-        return leaving_work_of(lambda x: x * (spring + stiffening * x), depth, offset, largest)
-
-    def local_slopes(self, state: ContactState, depth: float, velocity: float, reach: float) -> tuple[float, float]:
-        r"""See `ContactModel.local_slopes`; in closed form where the force is nowhere held at zero.
-
-        .. math:: K = \max_\pm |a + b (2 x \pm h) + c \dot x|, \quad B = c x
-        """
-        free = depth > reach and self.stiffness + self.damping * (velocity - SPEED_STEP) > 0.0
-        if not free:
-            return ContactModel.local_slopes(self, state, depth, velocity, reach)
-        middle = self.stiffness + 2.0 * self.stiffening * depth + self.damping * velocity
-        return middle + self.stiffening * reach, self.damping * depth

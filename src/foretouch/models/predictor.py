@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from foretouch.core.records import Held
 from foretouch.errors.checks import require
 from foretouch.models.contact_map.model import UNTOUCHED, ContactMapModel
-from foretouch.models.contact_model import LARGEST_DEPTH, NO_STATE, ContactModel, ContactState, advance
+from foretouch.models.contact_model import NO_STATE, ContactModel, ContactState, advance
 from foretouch.quantities import brief_number, brief_text
 
 VELOCITY_CUTOFF = 80.0
@@ -138,6 +138,8 @@ class Predictor(Held):
     position: float
     depth: float
     ticks: int
+    changed: int
+    former_surface: float
 
     def __init__(self) -> None:
         kernel = _compiled()
@@ -182,8 +184,7 @@ class Predictor(Held):
             self._begin(model, surface, state, message)
             return
         tick = self.ticks if tick is None else min(tick, self.ticks)
-        own = self._state_after(tick) if tick > self.ticks - HISTORY else NO_STATE
-        if len(own) == len(state) == len(self._state) and _alike(own, state):
+        if self._agrees(state, tick):
             self._waiting = self._newest = None
             self._begin(model, surface, self._state, message)
             return
@@ -225,7 +226,8 @@ class Predictor(Held):
             return 0.0, 0.0
         if not self.foreign:
             return _compiled().slopes_entry.entry(self.records[0], reach)  # type: ignore[no-any-return]
-        return self.model.local_slopes(self._state, *_compiled().asked_at_entry.entry(self.records[0]), reach)
+        depth, velocity = _compiled().asked_at_entry.entry(self.records[0])
+        return self.model.local_slopes(self._state, depth, velocity, reach)
 
     def leaving_work(self, offset: float = 0.0, largest: float = math.inf) -> tuple[float, float]:
         """Work returned from the newest sample until leaving contact [J], and that distance [m] (`ContactModel`)."""
@@ -258,54 +260,47 @@ class Predictor(Held):
     @property
     def _state(self) -> ContactState:
         """Present state of the material, of the length that the law has."""
-        if not _compiled().law_kernel.is_compiled(self.model):
+        if _is_foreign(self.model):
             return self._state_outside
         return tuple(self.records["memory"][0].tolist()) if isinstance(self.model, ContactMapModel) else NO_STATE
 
-    def _state_after(self, tick: int) -> ContactState:
-        """The state after a sample that is not forgotten."""
-        known = self._states_outside.get(tick)
-        return tuple(self.records["memories"][0, tick % HISTORY].tolist()) if known is None else known
+    def _agrees(self, state: ContactState, tick: int) -> bool:
+        """Whether an arrived state is that of the present law's material after a sample."""
+        if not self.foreign:
+            return len(state) == len(UNTOUCHED) and _compiled().agrees.entry(self.records, state, tick)
+        own = self._states_outside.get(tick, NO_STATE)
+        alike = all(abs(mine - theirs) <= STATE_TOLERANCE for mine, theirs in zip(own, state, strict=False))
+        return alike and len(own) == len(state) == len(self._state_outside)
 
     def _update_outside(self, records: NDArray[np.void], time: float, position: float, velocity: float) -> float:
         """One sample where the model, or the one before it, is not compiled."""
-        kernel, model = _compiled(), self.model
-        period = kernel.observe_entry.entry(records[0], time, position, velocity)
+        model, period = self.model, _compiled().observe_entry.entry(records[0], time, position, velocity)
+        self._foreign = _is_foreign(model)
         if period > 0.0:
             state, self.force, self.standard_deviation = _run(model, self._state, self.depth, self.velocity, period)
             if self.changed:
-                self.changed, (former, before) = 0, self._former
-                depth = self.position - self.former_surface
-                self.jump = self.force - _run(former, before, depth, self.velocity, period)[1]
-            self._put(state)
-        self._foreign = not kernel.law_kernel.is_compiled(model)
+                (former, before), depth = self._former, self.position - self.former_surface
+                before = before if _is_foreign(former) else tuple(records["former_memory"][0].tolist())
+                self.jump, self.changed = self.force - _run(former, before, depth, self.velocity, period)[1], 0
+            if self._foreign:
+                self._state_outside = state
+            elif state:
+                records["memory"][0] = state
         if self._foreign:
             self._states_outside[self.ticks] = self._state_outside
             self._states_outside.pop(self.ticks - HISTORY, None)
-        else:
-            records["memories"][0, self.ticks % HISTORY] = records["memory"][0]
+        records["memories"][0, self.ticks % HISTORY] = records["memory"][0]
         return self.force
-
-    def _put(self, state: ContactState) -> None:
-        """Put the material of the model into a state; one that is not of its numbers counts as untouched."""
-        if _compiled().law_kernel.is_compiled(self.model):
-            usable = len(state) == len(UNTOUCHED) and all(map(math.isfinite, state))
-            self.records["memory"][0] = state if usable else UNTOUCHED
-        else:
-            self._state_outside = state
 
     def _begin(self, model: ContactModel | None, surface: float, state: ContactState, message: int) -> None:
         """Predict from a model in its present state."""
-        records, laws = self.records, _compiled().law_kernel
-        if not self.changed:
-            self.changed, self._former = 1, (self.model, self._state)
-            _compiled().remember_former(records)
-        self.model, self.surface, self.message = model, surface, message
-        self._foreign = not (laws.is_compiled(model) and laws.is_compiled(self._former[0]))
-        if laws.is_compiled(model):
-            laws.write_law(records["law"], model)
-        self._put(state)
-        self.depth = min(max(self.position - surface, -LARGEST_DEPTH), LARGEST_DEPTH)
+        kernel = _compiled()
+        usable = len(state) == len(UNTOUCHED) and isinstance(model, ContactMapModel)
+        if kernel.begin.entry(self.records, *kernel.law_kernel.form_of(model), state if usable else UNTOUCHED, surface):
+            self._former = self.model, self._state_outside
+        self._state_outside = state
+        self.model, self.message = model, message
+        self._foreign = _is_foreign(model) or _is_foreign(self._former[0])
 
     def _run_slice(self) -> None:
         """Run a slice of past motion through the memory of the model that waits; begin with it at the end."""
@@ -313,8 +308,13 @@ class Predictor(Held):
         model, surface, state, tick, message = self._waiting
         tick = max(tick, self.ticks - HISTORY)  # older samples are forgotten
         last = min(self.ticks, tick + SLICE)
-        past = np.arange(tick + 1, last + 1) % HISTORY
-        state = model.remember(state, self.records["positions"][0, past] - surface, self.records["periods"][0, past])
+        if _is_foreign(model):
+            past = np.arange(tick + 1, last + 1) % HISTORY
+            depths = self.records["positions"][0, past] - surface
+            state = model.remember(state, depths, self.records["periods"][0, past])
+        elif isinstance(model, ContactMapModel):
+            state = state if len(state) == len(UNTOUCHED) else UNTOUCHED
+            state = _compiled().run_again.entry(self.records, model.record, state, surface, tick, last)
         if last < self.ticks:
             self._waiting = (model, surface, state, last, message)
             return
@@ -322,8 +322,9 @@ class Predictor(Held):
         self._waiting, self._newest = self._newest, None
 
 
-def _alike(own: ContactState, other: ContactState) -> bool:
-    return all(abs(mine - theirs) <= STATE_TOLERANCE for mine, theirs in zip(own, other, strict=True))
+def _is_foreign(model: ContactModel | None) -> bool:
+    """Whether a model's law is not compiled."""
+    return model is not None and type(model) not in _compiled().law_kernel.KINDS
 
 
 def _run(

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from foretouch.core import Kernel, Record, compiled, kernel
 from foretouch.models import law_kernel
-from foretouch.models.contact_map.kernel import Memory, numbers_of, write
-from foretouch.models.contact_map.layout import MEMORY
+from foretouch.models.contact_map.kernel import Memory, memory_of, moved, numbers_of, rate_of, write
+from foretouch.models.contact_map.layout import MEMORY, SIZE, Map
 from foretouch.models.contact_model import LARGEST_DEPTH, LARGEST_SPEED
 from foretouch.models.law_kernel import Law
-from foretouch.models.predictor import HISTORY
+from foretouch.models.predictor import HISTORY, STATE_TOLERANCE
 
 Numbers = NDArray[Any]
 
@@ -51,10 +51,10 @@ class Prediction(Record):
     """State of a `foretouch.models.Predictor`; its attributes are described there."""
 
     law: Law  # of the model, where it is compiled
-    memory: Annotated[Numbers, float, MEMORY] = math.nan  # of its material
+    memory: Annotated[Numbers, float, MEMORY] = math.nan  # type: ignore[assignment]  # of its material
     surface: float
     former_law: Law  # the same of the model that predicted before
-    former_memory: Annotated[Numbers, float, MEMORY] = math.nan
+    former_memory: Annotated[Numbers, float, MEMORY] = math.nan  # type: ignore[assignment]
     former_surface: float
     changed: int  # whether a model came since the last sample
     motion: Motion
@@ -66,18 +66,9 @@ class Prediction(Record):
     force: float
     standard_deviation: float = math.nan
     jump: float
-    memories: Annotated[Numbers, float, (HISTORY, MEMORY)] = math.nan  # after each of the newest samples
+    memories: Annotated[Numbers, float, (HISTORY, MEMORY)] = math.nan  # type: ignore[assignment]  # after each sample
     positions: Annotated[Numbers, float, HISTORY]
     periods: Annotated[Numbers, float, HISTORY]
-
-
-def remember_former(predictions: NDArray[np.void]) -> None:
-    """Keep the law, its memory and its surface as those that predicted before."""
-    numbers = predictions.view(np.float64)  # as every number of the record has 64 bits
-    numbers[ONE_LAW : 2 * ONE_LAW] = numbers[:ONE_LAW]
-
-
-ONE_LAW = Prediction.layout.fields["former_law"][1] // 8  # type: ignore[index]  # numbers of a law and its material
 
 
 @compiled
@@ -88,7 +79,7 @@ def bounded(depth: float) -> float:
 
 @compiled(error_model="numpy")
 def observe(p: Prediction, time: float, position: float, velocity: float) -> float:
-    """Take a sample of the motion [m], and its velocity [m/s], NaN for that of the positions; returns its period [s]."""
+    """Take a sample of the motion [m], with a velocity [m/s], NaN for that of the positions; returns its period [s]."""
     period = time - p.time
     p.time = time
     p.ticks += 1
@@ -116,7 +107,9 @@ def predict(p: Prediction, time: float, position: float, velocity: float) -> flo
         if p.changed:
             p.changed = 0
             depth = p.position - p.former_surface
-            p.jump = p.force - law_kernel.advance(p.former_law, numbers_of(p.former_memory), depth, p.velocity, period)[1]
+            p.jump = (
+                p.force - law_kernel.advance(p.former_law, numbers_of(p.former_memory), depth, p.velocity, period)[1]
+            )
     write(memory, p.memories[p.ticks % HISTORY])
     return float(p.force)
 
@@ -146,6 +139,66 @@ def local_slopes(p: Prediction, reach: float) -> tuple[float, float]:
 def leaving_work(p: Prediction, offset: float, largest: float) -> tuple[float, float]:
     """See `foretouch.models.Predictor.leaving_work`."""
     return law_kernel.leaving_work(p.law, numbers_of(p.memory), p.depth, offset, largest)
+
+
+ONE_LAW = Prediction.layout.fields["former_law"][1] // 8  # type: ignore[index]
+"""Numbers of a law, its material and its surface, at the beginning of the record, in which each has 64 bits."""
+
+AT_MAP = Law.layout.fields["map"][1] // 8  # type: ignore[index]  # of them before the map
+
+
+@kernel("b1(Prediction[::1], i8, UniTuple(f8, 4), Map[::1], UniTuple(f8, 5), f8)", Map)
+def begin(
+    predictions: NDArray[np.void],
+    kind: int,
+    numbers: tuple[float, float, float, float],
+    maps: NDArray[np.void],
+    state: Memory,
+    surface: float,
+) -> bool:
+    """Predict from a law, in a state of its material, and a surface [m]; whether it is the first since the last sample.
+
+    The law before the first is the former one, by which `jump` is reckoned.
+    """
+    p, flat = predictions[0], predictions.view(np.float64)
+    first = p.changed == 0
+    if first:
+        flat[ONE_LAW : 2 * ONE_LAW] = flat[:ONE_LAW]
+    p.changed, p.law.kind = 1, kind
+    if kind == law_kernel.MAP:
+        flat[AT_MAP : AT_MAP + SIZE] = maps.view(np.float64)
+    for index in range(4):
+        p.law.numbers[index] = numbers[index]
+    write(memory_of(state), p.memory)
+    p.surface, p.depth = surface, bounded(p.position - surface)
+    return bool(first)
+
+
+@kernel("b1(Prediction[::1], UniTuple(f8, 5), i8)")
+def agrees(predictions: NDArray[np.void], state: Memory, tick: int) -> bool:
+    """Whether an arrived state is that of the contact map here after the sample of this number, within a tolerance."""
+    p = predictions[0]
+    own = numbers_of(p.memories[tick % HISTORY])
+    alike = p.law.kind == law_kernel.MAP and tick > p.ticks - HISTORY
+    for index in range(MEMORY):
+        alike = alike and abs(own[index] - state[index]) <= STATE_TOLERANCE
+    return bool(alike)
+
+
+@kernel("UniTuple(f8, 5)(Prediction[::1], Map[::1], UniTuple(f8, 5), f8, i8, i8)", Map)
+def run_again(
+    predictions: NDArray[np.void], maps: NDArray[np.void], state: Memory, surface: float, tick: int, last: int
+) -> Memory:
+    """State of a contact map's material after the sample `last`, where this one is that after the sample `tick`."""
+    p, now, period, origin = predictions[0], memory_of(state), -1.0, maps[0].origin
+    rates = rate_of(period)
+    for sample in range(tick + 1, last + 1):
+        index = sample % HISTORY
+        if p.periods[index] != period:
+            period = p.periods[index]
+            rates = rate_of(period)
+        now = moved(now, p.positions[index] - surface - origin, rates)
+    return now
 
 
 @kernel("f8(Prediction[::1], f8, f8, f8)")

@@ -11,6 +11,10 @@ from foretouch.core import Held, Kernel, Record, compiled
 from foretouch.errors.checks import require
 
 RETURN_SPEED = 0.01  # Speed of the proxy at which the indexed distance is given back [m/s]
+CLEARANCE = 1e-3  # Distance from the surface up to which the proxy is brought back in free air [m]
+
+LARGEST_MOVE = 5e-4
+"""Least jump of a surface towards the hand [m] that is met by the index; smaller ones are met by mediation alone."""
 
 
 class ProxyState(Record):
@@ -68,19 +72,42 @@ def index(proxy: ProxyState, distance: float) -> None:
 
 
 @compiled
-def give_back(proxy: ProxyState, distance: float, yielded: bool) -> None:
-    """See `Proxy.give_back`."""
+def give_back(proxy: ProxyState, distance: float, yielded: bool) -> float:
+    """See `Proxy.give_back`; how far the proxy moved by it [m], which causes no damping force."""
+    before = proxy.position
     returned = min(distance, proxy.indexed)
     proxy.indexed -= returned
     if yielded:
         proxy.yielded -= min(distance - returned, proxy.yielded)
     place(proxy)
+    return float(proxy.position - before)
+
+
+@compiled
+def return_freely(proxy: ProxyState, depth: float, period: float) -> float:
+    """Bring the proxy back in free air, up to a distance from the surface; how far it moved [m]."""
+    return give_back(proxy, min(max(-CLEARANCE - depth, 0.0), RETURN_SPEED * period), True)
+
+
+@compiled
+def meet(proxy: ProxyState, before: float, surface: float) -> float:
+    """Keep the depth below the former surface [m] at a new one; how far the proxy moved outwards [m].
+
+    Where the new surface is further from the hand, the proxy goes back by at most the indexed distance.
+    """
+    depth = 0.0 if math.isnan(before) else max(proxy.position - before, 0.0)
+    nearer = max(proxy.position - surface - depth, -proxy.indexed)
+    if not abs(nearer) > LARGEST_MOVE:
+        return 0.0
+    index(proxy, nearer)
+    return float(nearer)
 
 
 _engage = Kernel(engage, "(ProxyState, f8, f8)")
 _follow = Kernel(follow, "(ProxyState, f8, f8, f8)")
 _index = Kernel(index, "(ProxyState, f8)")
 _give_back = Kernel(give_back, "(ProxyState, f8, b1)")
+_return_freely = Kernel(return_freely, "(ProxyState, f8, f8)")
 
 
 class Proxy(Held):
@@ -156,3 +183,7 @@ class Proxy(Held):
     def give_back(self, distance: float, *, yielded: bool) -> None:
         """Bring the proxy back by at most this distance [m]; with `yielded` that distance too, last."""
         _give_back.entry(self.records[0], distance, yielded)
+
+    def return_freely(self, depth: float, period: float) -> float:
+        """In free air bring it back, at this depth below the surface [m], for a period [s]; how far it moved [m]."""
+        return _return_freely.entry(self.records[0], depth, period)

@@ -17,6 +17,7 @@ from foretouch.rendering.limits import LARGEST_FORCE, ForceLimiter, low_pass
 from foretouch.rendering.mediation import Mediation
 from foretouch.rendering.proxy import Proxy
 from foretouch.rendering.tick import FARTHEST, SHORTEST_REACH
+
 ContactFrame: TypeAlias = tuple[Vector, Vector, Vector]
 """Place of the hand [m], outward normal, of length 1, and touched point of the surface [m]."""
 
@@ -195,32 +196,29 @@ class Renderer:
         )
         return force
 
-    def _update_by_stages(
-        self, time: float, hand: float, period: float, free: bool, frame: ContactFrame
-    ) -> float:
+    def _update_by_stages(self, time: float, hand: float, period: float, free: bool, frame: ContactFrame) -> float:
         """`tick.whole`, with a law in Python."""
         predictor, r, account = self.predictor, self._rendering[0], self.account.records[0]
-        move, want, render, carry, give = (stage.entry for stage in tick.stages)
-        position, self.booked = move(r, account, hand, frame[0], period, free)
+        position, self.booked = tick.MOVE.entry(r, account, hand, frame[0], period, free)
         if predictor.surface != r.surface and predictor.model is not None:
-            predictor.shift(-tick.meet_surface_entry.entry(r, predictor.surface))
+            predictor.shift(-tick.MEET_SURFACE.entry(r, predictor.surface))
             position = self.proxy.position
         predicted = predictor.update(time, position)
         velocity, depth = predictor.velocity, predictor.depth
-        wanted, offset = want(r, predicted, predictor.jump, velocity)
+        wanted, offset = tick.WANT.entry(r, predicted, predictor.jump, velocity)
         work = way = 0.0
         scale, largest = self._force_scale, self._largest_force
         if wanted > 0.0:
             work, way = predictor.leaving_work(offset / scale, largest / scale)
-        force, reach, back = render(r, account, work, way, predicted, velocity, depth, period)
+        force, reach, back = tick.RENDER.entry(r, account, work, way, predicted, velocity, depth, period)
         if back == tick.BACK_IN_AIR and predictor.model is not None:
-            predictor.shift(tick.return_in_air_entry.entry(r, depth))
+            predictor.shift(self.proxy.return_freely(depth, r.setup.period))
         elif back == tick.BACK_IN_CONTACT and predictor.model is not None:
             work, way = predictor.leaving_work(0.0, largest / scale)
             stiffness = predictor.local_slopes(SHORTEST_REACH)[0]
-            predictor.shift(tick.return_in_contact_entry.entry(r, account, work, way, predicted, stiffness))
+            predictor.shift(tick.RETURN_IN_CONTACT.entry(r, account, work, way, predicted, stiffness))
         stiffness, damping = predictor.local_slopes(reach) if reach > 0.0 else (0.0, 0.0)
-        self.shown = carry(r, stiffness, damping, reach, predicted, depth)
-        self.force = give(r, account, force, frame[1], frame[2], period)
+        self.shown = tick.CARRY.entry(r, stiffness, damping, reach, predicted, depth)
+        self.force = tick.GIVE.entry(r, account, force, frame[1], frame[2], period)
         self.predicted = velocity, predicted, predictor.jump, predictor.standard_deviation
         return force

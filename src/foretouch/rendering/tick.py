@@ -40,11 +40,6 @@ FORCE_IN_AIR = 0.3
 """Largest force [N] of a map in front of its surface that is limited by one encoder count alone, not by the damping of
 the device: to yield all the way through the air costs more than so small a force can do."""
 
-LARGEST_MOVE = 5e-4
-"""Least jump of a surface towards the hand [m] that is met by the index; smaller ones are met by mediation alone."""
-
-CLEARANCE = 1e-3  # Distance from the surface up to which the proxy is brought back in free air [m]
-
 SHORTEST_REACH = 3e-5
 """Least distance over which local slopes are taken [m]; it is longer where the next tick may get further."""
 
@@ -257,24 +252,8 @@ def render(
     return rendered, reach, _way_back(r, depth)
 
 
-@compiled
-def _return(r: Rendering, distance: float, yielded: bool) -> float:
-    """Give back a distance [m]; how far the proxy moved by it [m], which causes no damping force."""
-    before = r.proxy.position
-    proxy.give_back(r.proxy, distance, yielded)
-    return float(r.proxy.position - before)
-
-
 @compiled(error_model="numpy")
-def return_in_air(r: Rendering, depth: float) -> float:
-    """Bring the proxy back freely, up to a distance from the surface; how far it moved [m]."""
-    return _return(r, min(max(-CLEARANCE - depth, 0.0), RETURN_SPEED * r.setup.period), True)
-
-
-@compiled(error_model="numpy")
-def return_in_contact(
-    r: Rendering, account: Account, work: float, way: float, force: float, stiffness: float
-) -> float:
+def return_in_contact(r: Rendering, account: Account, work: float, way: float, force: float, stiffness: float) -> float:
     """Bring the proxy back as far as dissipation pays for it; how far it moved [m].
 
     The surface moves out against the force: its work is that force over the proxy's way.
@@ -284,7 +263,7 @@ def return_in_contact(
     paid = max(account.energy - stored, 0.0) * r.setup.position_scale / r.wanted
     stiffness = r.setup.force_scale * stiffness
     gentle = LARGEST_RETURN / stiffness if stiffness > 0.0 else step
-    return _return(r, min(step, paid, gentle), False)
+    return proxy.give_back(r.proxy, min(step, paid, gentle), False)
 
 
 @compiled
@@ -303,9 +282,7 @@ def _carried(r: Rendering, stiffness: float, damping: float, reach: float, force
 
 
 @compiled(error_model="numpy")
-def carry(
-    r: Rendering, stiffness: float, damping: float, reach: float, force: float, depth: float
-) -> Shown:
+def carry(r: Rendering, stiffness: float, damping: float, reach: float, force: float, depth: float) -> Shown:
     """Set the share of the hand's motion that the proxy takes part in until the next tick, by the law's slopes."""
     if not r.setup.closed_loop:
         return show(r)
@@ -343,19 +320,9 @@ def give(r: Rendering, account: Account, rendered: float, normal: Vector, point:
 
 @compiled
 def meet_surface(r: Rendering, surface: float) -> float:
-    """Take a new surface [m]: the proxy keeps its depth below the former one; how far it moved outwards [m].
-
-    Where the new surface is further from the hand, the proxy goes back by at most the indexed distance.
-    """
+    """Take a new surface [m], which a guarded proxy meets; how far it moved outwards [m]."""
     before, r.surface = r.surface, surface
-    if not r.setup.guarded or not r.proxy.engaged:
-        return 0.0
-    depth = 0.0 if math.isnan(before) else max(r.proxy.position - before, 0.0)
-    nearer = max(r.proxy.position - surface - depth, -r.proxy.indexed)
-    if not abs(nearer) > LARGEST_MOVE:
-        return 0.0
-    proxy.index(r.proxy, nearer)
-    return float(nearer)
+    return proxy.meet(r.proxy, before, surface) if r.setup.guarded and r.proxy.engaged else 0.0
 
 
 Predicted = tuple[float, float, float, float]
@@ -403,7 +370,7 @@ def whole(
     if p.law.kind == NOTHING:
         back = NOTHING_BACK
     if back == BACK_IN_AIR:
-        prediction.shift(p, return_in_air(r, depth))
+        prediction.shift(p, proxy.return_freely(r.proxy, depth, r.setup.period))
     elif back == BACK_IN_CONTACT:
         work, way = prediction.leaving_work(p, 0.0, largest / scale)
         stiffness = prediction.local_slopes(p, SHORTEST_REACH)[0]
@@ -415,13 +382,11 @@ def whole(
     return rendered, give(r, account, rendered, normal, point, period), shown, booked, predicted_of(p)
 
 
-stages = (
-    Kernel(move, "(Rendering, Account, f8, UniTuple(f8, 3), f8, b1)", Account),
-    Kernel(want, "(Rendering, f8, f8, f8)"),
-    Kernel(render, "(Rendering, Account, f8, f8, f8, f8, f8, f8)", Account),
-    Kernel(carry, "(Rendering, f8, f8, f8, f8, f8)"),
-    Kernel(give, "(Rendering, Account, f8, UniTuple(f8, 3), UniTuple(f8, 3), f8)", Account),
-)
-meet_surface_entry = Kernel(meet_surface, "(Rendering, f8)")
-return_in_air_entry = Kernel(return_in_air, "(Rendering, f8)")
-return_in_contact_entry = Kernel(return_in_contact, "(Rendering, Account, f8, f8, f8, f8)", Account)
+MOVE = Kernel(move, "(Rendering, Account, f8, UniTuple(f8, 3), f8, b1)")
+WANT = Kernel(want, "(Rendering, f8, f8, f8)")
+RENDER = Kernel(render, "(Rendering, Account, f8, f8, f8, f8, f8, f8)")
+CARRY = Kernel(carry, "(Rendering, f8, f8, f8, f8, f8)")
+GIVE = Kernel(give, "(Rendering, Account, f8, UniTuple(f8, 3), UniTuple(f8, 3), f8)")
+MEET_SURFACE = Kernel(meet_surface, "(Rendering, f8)")
+RETURN_IN_CONTACT = Kernel(return_in_contact, "(Rendering, Account, f8, f8, f8, f8)")
+"""Stages of `whole`, for a law in Python."""

@@ -67,13 +67,20 @@ class ContactMapModel(Brief, ContactModel):
     _maps: NDArray[np.void] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        for name in self.parameter_names:
-            require(name, getattr(self, name), at_least=0.0)
+        parameters = self.parameters
+        if not all(0.0 <= value < math.inf for value in parameters):
+            for name in self.parameter_names:
+                require(name, getattr(self, name), at_least=0.0)
         maps = _compiled("wire").unpack(self.map)
         if maps is None:
             raise SettingError("map", f"{len(self.map)} bytes", "is no contact map")
-        maps[0].law[:] = self.parameters  # the map carries them rounded
+        maps["law"] = parameters  # the map carries them rounded
         object.__setattr__(self, "_maps", maps)
+
+    @property
+    def parameters(self) -> tuple[float, float, float, float]:
+        """See `ContactModel.parameters`; a loop asks for them with every model."""
+        return self.stiffness, self.damping, self.exponent, self.switching
 
     @property
     def record(self) -> NDArray[np.void]:

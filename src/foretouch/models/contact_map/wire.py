@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from foretouch.core import kernel
 from foretouch.core.compiling import compiled, inlined
 from foretouch.models.contact_map import layout
 from foretouch.models.contact_map.kernel import cubic
@@ -75,20 +76,30 @@ def pack(maps: NDArray[np.void]) -> bytes:
     return numbers[needed > 0].astype("<f4").tobytes()
 
 
+@kernel("b1(Map[::1], f4[::1])")
+def fill(maps: NDArray[np.void], short: NDArray[np.float32]) -> bool:
+    """Write packed numbers into a new map; whether they are one."""
+    if not HEADER <= short.size <= SIZE:
+        return False
+    numbers, needed = maps.view(np.float64), np.empty(SIZE, np.int8)
+    for k in range(HEADER):
+        numbers[k] = short[k]
+    if not is_sensible(maps):
+        return False
+    mark(maps, needed)
+    at = 0
+    for k in range(SIZE):
+        if needed[k] > 0:
+            if at == short.size or not math.isfinite(short[at]):
+                return False
+            numbers[k] = short[at]
+            at += 1
+    return at == short.size
+
+
 def unpack(content: bytes) -> NDArray[np.void] | None:
     """The map of packed bytes, an array of one; None where they are none."""
-    if len(content) % 4 or not HEADER <= len(content) // 4 <= SIZE:
+    if len(content) % 4:
         return None
-    short = np.frombuffer(content, dtype="<f4")
-    if not np.isfinite(short).all():
-        return None
-    maps, needed = Map.new(), np.empty(SIZE, np.int8)
-    numbers = maps.view(np.float64)
-    numbers[:HEADER] = short[:HEADER]
-    if not is_sensible(maps):
-        return None
-    mark(maps, needed)
-    if np.count_nonzero(needed) != short.size:
-        return None
-    numbers[needed > 0] = short
-    return maps
+    maps = Map.new()
+    return maps if fill.entry(maps, np.frombuffer(content, dtype="<f4")) else None

@@ -25,8 +25,8 @@ from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.spatial import follower as spatial_follower
 from foretouch.session.spatial.scenes import make_scene
 from foretouch.session.steps import follower, leader
-from foretouch.session.steps.hand import HandInSpace
 from foretouch.session.steps.counting import OperatorClock, follower_counts, leader_counts
+from foretouch.session.steps.hand import HandInSpace
 
 
 class Tick(NamedTuple):

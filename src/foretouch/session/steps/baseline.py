@@ -86,9 +86,7 @@ class DelayedForce(Renderer):
         """One tick; see `Renderer.update`."""
         place, normal, _ = frame_of(hand) if frame is None else frame
         proxy, account, follower_view = self.proxy, self.account, self._follower_view
-        position, self.booked = tick.stages[0].entry(
-            self._rendering[0], account.records[0], hand, place, period, free
-        )
+        position, self.booked = tick.MOVE.entry(self._rendering[0], account.records[0], hand, place, period, free)
         self.predictor.velocity = self._proxy_motion.update(time, position)
         velocity = self._hand_motion.update(time, hand)
         # In free air the sensor shows noise, which the operator is not to feel.

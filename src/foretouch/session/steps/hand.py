@@ -251,7 +251,9 @@ class HandInSpace(HandOnAxis):
     def report(self, renderer: Renderer, sequence: int, now_ns: int, epoch: int) -> LeaderSpace:
         """See `HandOnAxis.report`."""
         model, predictor = self._model, renderer.predictor
-        deviation = model.fixture_deviation if model is not None and len(model.fixture_deviation) == 6 else (math.nan,) * 6
+        deviation = (
+            model.fixture_deviation if model is not None and len(model.fixture_deviation) == 6 else (math.nan,) * 6
+        )
         return LeaderSpace(
             VERSION,
             sequence,
