@@ -7,12 +7,13 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core.compiling import compiled, inlined
+from foretouch.core.compiling import compiled, inlined, kernel
 from foretouch.models.contact_map import layout
 from foretouch.models.contact_map.kernel import cubic
 from foretouch.models.contact_map.layout import COARSE, FINE, HEADER, SIZE, Grid, Map
 
 Flags = NDArray[np.int8]
+Short = NDArray[np.float32]
 
 
 @inlined
@@ -64,31 +65,54 @@ def is_sensible(maps: NDArray[np.void]) -> bool:
     return good and abs(total - 1.0) < 1e-3 and learnt.lowest <= learnt.reached
 
 
+@kernel("i8(Map[::1], Map[::1], f4[::1])")
+def shrink(maps: NDArray[np.void], sent: NDArray[np.void], short: Short) -> int:
+    """Write the map as `unpack` gives it, but for what a force is not computed from, and `pack`'s numbers: how many."""
+    numbers, rounded, needed = maps.view(np.float64), sent.view(np.float64), np.empty(SIZE, np.int8)
+    for k in range(SIZE):  # what is rounded decides which knots are needed, so it is rounded first
+        rounded[k] = np.float32(numbers[k])
+    sent[0].law[:] = 0.0
+    mark(sent, needed)
+    count = 0
+    for k in range(SIZE):
+        if needed[k] > 0:
+            short[count] = np.float32(rounded[k])
+            count += 1
+    return count
+
+
+@kernel("b1(f4[::1], Map[::1])")
+def expand(short: Short, maps: NDArray[np.void]) -> bool:
+    """Write the map of these numbers, at least a header's; whether they are those of one."""
+    numbers, needed = maps.view(np.float64), np.empty(SIZE, np.int8)
+    numbers[:] = 0.0
+    for k in range(short.size):
+        if not math.isfinite(short[k]):
+            return False
+    for k in range(HEADER):
+        numbers[k] = short[k]
+    if not is_sensible(maps):
+        return False
+    mark(maps, needed)
+    count = 0
+    for k in range(SIZE):
+        if needed[k] > 0:
+            if count < short.size:
+                numbers[k] = short[count]
+            count += 1
+    return bool(count == short.size)
+
+
 def pack(maps: NDArray[np.void]) -> bytes:
     """The numbers that a force can be computed from, less those of the law, as 32-bit floats, little-endian."""
-    rounded, needed = maps.copy(), np.empty(SIZE, np.int8)
-    rounded[0].law[:] = 0.0
-    numbers = rounded.view(np.float64)
-    # What is rounded decides which knots are needed, so it is rounded first.
-    numbers[:] = numbers.astype(np.float32)
-    mark(rounded, needed)
-    return numbers[needed > 0].astype("<f4").tobytes()
+    short = np.empty(SIZE, np.float32)
+    count = shrink.entry(maps, np.empty(1, Map.layout), short)
+    return short[:count].astype("<f4", copy=False).tobytes()
 
 
 def unpack(content: bytes) -> NDArray[np.void] | None:
     """The map of packed bytes, an array of one; None where they are none."""
     if len(content) % 4 or not HEADER <= len(content) // 4 <= SIZE:
         return None
-    short = np.frombuffer(content, dtype="<f4")
-    if not np.isfinite(short).all():
-        return None
-    maps, needed = Map.new(), np.empty(SIZE, np.int8)
-    numbers = maps.view(np.float64)
-    numbers[:HEADER] = short[:HEADER]
-    if not is_sensible(maps):
-        return None
-    mark(maps, needed)
-    if np.count_nonzero(needed) != short.size:
-        return None
-    numbers[needed > 0] = short
-    return maps
+    short, maps = np.frombuffer(content, "<f4").astype(np.float32, copy=False), np.empty(1, Map.layout)
+    return maps if expand.entry(short, maps) else None

@@ -27,6 +27,7 @@ from foretouch.messages import (
 from foretouch.quantities.pose import Vector, add, norm, scaled, subtract
 from foretouch.robot import Robot, SpatialRobot
 from foretouch.session.frames import browser_operator, framed_device, framed_robot
+from foretouch.session.network.playout import Arrival
 from foretouch.session.operators import felt_device
 from foretouch.session.runners.loop_timer import let_pass
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
@@ -34,7 +35,6 @@ from foretouch.session.spatial import follower as spatial_follower
 from foretouch.session.spatial import leader as spatial_leader
 from foretouch.session.spatial.scenes import make_scene
 from foretouch.session.steps import follower, leader
-from foretouch.session.steps.counting import OperatorClock, follower_counts, leader_counts
 
 
 class Tick(NamedTuple):
@@ -120,8 +120,23 @@ class DrivenFollower(Driven):
         self.desired: Any = None
 
     def counts(self) -> dict[str, int]:
-        """See `Driven.counts`."""
-        return follower_counts(self.state)
+        """Messages sent by the follower, and lost, late, repeated or refused ones of the leader."""
+        fresh = self.state.freshness
+        return {
+            "models_sent": self.state.sender.sequence,
+            "telemetry_sent": self.state.tick,
+            "commands_lost": self.state.commands.lost,
+            "commands_late": self.state.commands.late,
+            "commands_copies": self.state.commands.copies,
+            "commands_stale": fresh.counts[Arrival.STALE],
+            "commands_overtaken": fresh.counts[Arrival.OVERTAKEN],
+            "commands_future": fresh.counts[Arrival.FUTURE],
+            "commands_of_others": self.state.lease.refused,
+            "commands_before_release": self.state.before_release,
+            "step_failures": self.state.failures.count,
+            "held_ticks": self.state.held_ticks,
+            "faulty_ticks": self.state.faulty_ticks,
+        }
 
     def pass_time(self, periods: int) -> None:
         """See `Driven.pass_time`."""
@@ -196,6 +211,26 @@ class SpaceFollower(DrivenFollower):
             self._whole.last.begin(self.desired)
 
 
+class OperatorClock:
+    """The clock that an operator is read by.
+
+    A hand that holds a device waits, as a person would, until the follower's position is known. From then on its time
+    runs, from zero. For an operator that feels nothing it is the session's own clock.
+    """
+
+    __slots__ = ("_begun_ns", "_waits")
+
+    def __init__(self, operator: Device | SpatialDevice) -> None:
+        self._waits = operator.closed_loop
+        self._begun_ns = 0
+
+    def read(self, now_ns: int, *, coupled: bool) -> int:
+        """The operator's time [ns] at the session's [ns]; `coupled` says whether hand and follower have met."""
+        if self._waits:
+            self._begun_ns, self._waits = now_ns, not coupled
+        return now_ns - self._begun_ns
+
+
 class DrivenLeader(Driven):
     """A leader's step with its operator.
 
@@ -217,8 +252,17 @@ class DrivenLeader(Driven):
         self.nowhere = 0
 
     def counts(self) -> dict[str, int]:
-        """See `Driven.counts`."""
-        return leader_counts(self.state)
+        """Messages sent by the leader, and lost, late or repeated ones of the follower."""
+        return {
+            "commands_sent": self.state.sequence,
+            "models_lost": self.state.follower_view.models.lost,
+            "models_late": self.state.follower_view.models.late,
+            "models_copies": self.state.follower_view.models.copies,
+            "models_refused": self.state.refused,
+            "telemetry_lost": self.state.follower_view.telemetry.lost,
+            "telemetry_late": self.state.follower_view.telemetry.late,
+            "telemetry_copies": self.state.follower_view.telemetry.copies,
+        }
 
     def operator_ns(self, now_ns: int) -> int:
         """The operator's time [ns]."""
