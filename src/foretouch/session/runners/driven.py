@@ -148,12 +148,15 @@ class DrivenFollower(Driven):
 
     def act(self, due: list[Any], tick: Tick) -> list[Message]:
         """See `Driven.act`; the commands are due, and the telemetry is its first message."""
-        beliefs, self.beliefs = self.beliefs, []
-        inputs = follower.Inputs(due, self.sample, *tick[1:], beliefs)
-        return [message for message in self._step(inputs, tick.now_ns) if message is not None]
+        now_ns, period_ns, compute_ns, stop, release, ended = tick
+        beliefs = self.beliefs
+        if beliefs:
+            self.beliefs = []
+        inputs = follower.Inputs(due, self.sample, period_ns, compute_ns, stop, release, ended, beliefs)
+        return self._step(inputs, now_ns)
 
     @abstractmethod
-    def _step(self, inputs: follower.Inputs[Any], now_ns: int) -> Sequence[Message | None]:
+    def _step(self, inputs: follower.Inputs[Any], now_ns: int) -> list[Message]:
         """Run the step and keep the desired position."""
 
     @abstractmethod
@@ -170,10 +173,9 @@ class LineFollower(DrivenFollower):
         super().__init__(framed, settings)
         self.desired = self.sample.commanded_position
 
-    def _step(self, inputs: follower.Inputs[Any], now_ns: int) -> Sequence[Message | None]:
-        _, acted = follower.step(self.state, inputs, now_ns)
-        self.desired = acted.desired_position
-        return acted.telemetry, acted.model
+    def _step(self, inputs: follower.Inputs[Any], now_ns: int) -> list[Message]:
+        _, (self.desired, telemetry, model) = follower.step(self.state, inputs, now_ns)
+        return [telemetry] if model is None else [telemetry, model]
 
     def back_off(self) -> None:
         """See `DrivenFollower.back_off`."""
@@ -196,10 +198,11 @@ class SpaceFollower(DrivenFollower):
         super().__init__(robot, settings)
         self.desired = self.sample.place
 
-    def _step(self, inputs: follower.Inputs[Any], now_ns: int) -> Sequence[Message | None]:
+    def _step(self, inputs: follower.Inputs[Any], now_ns: int) -> list[Message]:
         _, acted = spatial_follower.step(self._whole, inputs, now_ns)
         self.desired = acted.desired
-        return acted.telemetry, acted.space, acted.model, acted.field
+        messages: list[Message] = [acted.telemetry, acted.space]
+        return messages + [message for message in (acted.model, acted.field) if message is not None]
 
     def back_off(self) -> None:
         """See `DrivenFollower.back_off`; whatever is believed of the fixture."""
@@ -274,24 +277,27 @@ class DrivenLeader(Driven):
 
     def act(self, due: list[Any], tick: Tick) -> list[Message]:
         """See `Driven.act`; the command is its first message, and the record the second."""
-        operator = self._operator
-        position = operator.read(self.operator_ns(tick.now_ns))
-        if not all(map(math.isfinite, position if isinstance(position, tuple) else (position,))):
+        operator, now_ns = self._operator, tick.now_ns
+        position = operator.read(self.operator_ns(now_ns))
+        if not math.isfinite(sum(position) if isinstance(position, tuple) else position):
             self.nowhere += 1
+        come: dict[type, list[Any]] = {ModelUpdate: [], Telemetry: [], FollowerSpace: [], FieldUpdate: []}
+        for message in due:
+            come.setdefault(type(message), []).append(message)
         inputs = leader.Inputs(
             position,
-            [message for message in due if type(message) is ModelUpdate],
-            [message for message in due if type(message) is Telemetry],
+            come[ModelUpdate],
+            come[Telemetry],
             tick.period_ns,
             tick.compute_ns,
             operator.clutched,
             operator.exact_position,
             operator.intention,
             bool(tick.stop),
-            [message for message in due if type(message) is FollowerSpace],
-            [message for message in due if type(message) is FieldUpdate],
+            come[FollowerSpace],
+            come[FieldUpdate],
         )
-        return self._step(inputs, tick.now_ns)
+        return self._step(inputs, now_ns)
 
     @abstractmethod
     def _step(self, inputs: leader.Inputs[Any], now_ns: int) -> list[Message]:
