@@ -38,7 +38,6 @@ from foretouch.identification.contact_map.state import Bank
 from foretouch.identification.estimator import Estimator, Status, status_indices
 from foretouch.identification.exact.recursive import ExactContinuousSwitching, ExactOptions
 from foretouch.models import ContactMapModel, ContactModel, ContactState
-from foretouch.models.contact_map.wire import pack
 
 EXPERT_NAMES = ("law", "coarse", "fine")
 """Names of the experts, in the order of their weights."""
@@ -129,7 +128,9 @@ class ContactMap(Estimator):
         self._law = ExactContinuousSwitching(ExactOptions(correlation_time=0.02))
         self.states = Bank.new(law=self._law._filters, absent=[name not in experts for name in EXPERT_NAMES])
         self._state = self.states[0]
-        self._updates, self._changes = self.states["notes"]["updates"], self.states["changes"]  # quicker than by name
+        notes, self._changes = self.states["notes"][0], self.states["changes"]  # views are quicker than names
+        self._updates, self._begun = notes["updates"], notes["begun"]
+        self._map, self._memory = self.states["map"][0], self.states["memory"][0]
         self._law.place_in(self._state.law)
         begin_regressions(self._state.coarse, self._state.fine)
         self.horizon = horizon
@@ -262,20 +263,16 @@ class ContactMap(Estimator):
     @property
     def model(self) -> ContactModel | None:
         """See `Estimator.model`."""
-        if self.updates - self._state.notes[0].begun < FEWEST_UPDATES:
+        if self.updates - self._begun.item() < FEWEST_UPDATES:
             return None
         if self._model is None:
-            try:
-                stiffness, damping, exponent, switching = self._state.map[0].law.tolist()
-                self._model = ContactMapModel(stiffness, damping, exponent, switching, pack(self._state.map))
-            except SettingError:  # numbers beyond the range of 32 bits
-                return None
+            self._model = ContactMapModel.of(self._map)
         return self._model
 
     @property
     def state(self) -> ContactState:
         """See `Estimator.state`."""
-        return tuple(self._state.memory.tolist())
+        return tuple(self._memory.tolist())
 
     @property
     def parameters(self) -> dict[str, float | None]:

@@ -14,6 +14,7 @@ from foretouch.models.contact_map.layout import COARSE, FINE, HEADER, SIZE, Grid
 
 Flags = NDArray[np.int8]
 Short = NDArray[np.float32]
+Law = tuple[float, float, float, float]
 
 
 @inlined
@@ -67,23 +68,34 @@ def is_sensible(maps: NDArray[np.void]) -> bool:
 
 @kernel("i8(Map[::1], Map[::1], f4[::1])")
 def shrink(maps: NDArray[np.void], sent: NDArray[np.void], short: Short) -> int:
-    """Write the map as `unpack` gives it, but for what a force is not computed from, and `pack`'s numbers: how many."""
+    """Write the map as it crosses the network, with the law's own numbers, and the numbers of `pack`: how many.
+
+    Returns:
+        Their number, negative where they are those of no model.
+    """
     numbers, rounded, needed = maps.view(np.float64), sent.view(np.float64), np.empty(SIZE, np.int8)
     for k in range(SIZE):  # what is rounded decides which knots are needed, so it is rounded first
         rounded[k] = np.float32(numbers[k])
-    sent[0].law[:] = 0.0
+    law, good, count = sent[0].law, True, 0
+    law[:] = 0.0
     mark(sent, needed)
-    count = 0
     for k in range(SIZE):
         if needed[k] > 0:
             short[count] = np.float32(rounded[k])
+            good = good and math.isfinite(rounded[k])
             count += 1
-    return count
+        else:
+            rounded[k] = 0.0
+    good = good and is_sensible(sent)
+    for k in range(4):
+        law[k] = maps[0].law[k]
+        good = good and 0.0 <= law[k] < math.inf
+    return count if good else -count
 
 
-@kernel("b1(f4[::1], Map[::1])")
-def expand(short: Short, maps: NDArray[np.void]) -> bool:
-    """Write the map of these numbers, at least a header's; whether they are those of one."""
+@kernel("b1(f4[::1], UniTuple(f8, 4), Map[::1])")
+def expand(short: Short, law: Law, maps: NDArray[np.void]) -> bool:
+    """Write the map of these numbers, at least a header's, and of a law; whether they are those of one."""
     numbers, needed = maps.view(np.float64), np.empty(SIZE, np.int8)
     numbers[:] = 0.0
     for k in range(short.size):
@@ -100,19 +112,26 @@ def expand(short: Short, maps: NDArray[np.void]) -> bool:
             if count < short.size:
                 numbers[k] = short[count]
             count += 1
+    for k in range(4):
+        maps[0].law[k] = law[k]
     return bool(count == short.size)
+
+
+def shrunk(maps: NDArray[np.void]) -> tuple[bytes, NDArray[np.void], bool]:
+    """The bytes of `pack`, the map that `unpack` makes of them but with the law's numbers, and whether it is one."""
+    short, sent = np.empty(SIZE, np.float32), np.empty(1, Map.layout)
+    count = shrink.entry(maps, sent, short)
+    return short[: abs(count)].astype("<f4", copy=False).tobytes(), sent, count > 0
 
 
 def pack(maps: NDArray[np.void]) -> bytes:
     """The numbers that a force can be computed from, less those of the law, as 32-bit floats, little-endian."""
-    short = np.empty(SIZE, np.float32)
-    count = shrink.entry(maps, np.empty(1, Map.layout), short)
-    return short[:count].astype("<f4", copy=False).tobytes()
+    return shrunk(maps)[0]
 
 
-def unpack(content: bytes) -> NDArray[np.void] | None:
-    """The map of packed bytes, an array of one; None where they are none."""
+def unpack(content: bytes, law: Law = (0.0, 0.0, 0.0, 0.0)) -> NDArray[np.void] | None:
+    """The map of packed bytes and of this law's numbers, an array of one; None where they are none."""
     if len(content) % 4 or not HEADER <= len(content) // 4 <= SIZE:
         return None
     short, maps = np.frombuffer(content, "<f4").astype(np.float32, copy=False), np.empty(1, Map.layout)
-    return maps if expand.entry(short, maps) else None
+    return maps if expand.entry(short, law, maps) else None
