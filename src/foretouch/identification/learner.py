@@ -116,7 +116,8 @@ class Learner:
         """Learn from one raw sample (`Conditioner.update`) and return it conditioned."""
         conditioner, estimator = self.conditioner, self.estimator
         if type(estimator) is ContactMap:
-            self.taken(*estimator.learn_raw(conditioner.memory, self.learning, (time, position, force), velocity))
+            done = estimator.learn_raw(conditioner.memory, self.learning, (time, position, force), velocity)
+            self.taken(estimator, *done)
             return self.sample
         last, before, offset = self.sample.time, conditioner.surface, conditioner.force_offset
         sample = self.sample = conditioner.update(time, position, force, velocity)
@@ -135,10 +136,8 @@ class Learner:
             self.lag.update(point, sample.velocity, force, time - last)
         return sample
 
-    def taken(self, code: int, news: bool) -> None:
-        """Take over what `foretouch.identification.contact_map.kernel.learn_raw` did."""
-        estimator = self.estimator
-        assert isinstance(estimator, ContactMap)
+    def taken(self, estimator: ContactMap, code: int, news: bool) -> None:
+        """Take over what `foretouch.identification.contact_map.kernel.learn_raw` did to this learner's estimator."""
         self.status = estimator.taken(code, news)
         if news:
             self.conditioner.make_room()

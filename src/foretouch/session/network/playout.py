@@ -21,8 +21,8 @@ from foretouch.quantities import LARGEST_POSITION
 MEMORY_NS = 60_000_000_000  # Time over which the smallest transit is taken [ns]
 BLOCK_NS = 1_000_000_000  # The smallest transit is kept by blocks of this length [ns]
 
-SLACK_NS = 1_000_000_000
-"""Largest lead of a command's number over its clock [ns]; its clock may lead ours by ten times that."""
+SLACK_NS, CLOCK_SLACK_NS = 1_000_000_000, 10_000_000_000
+"""Largest lead of a command's number over its clock, and of its clock over ours [ns]."""
 
 
 class Arrival(IntEnum):
@@ -88,7 +88,7 @@ class Freshness:
             smallest.popleft()
         needed = smallest[0][1] if smallest else transit
         ahead_ns = (sequence - self._number) * self._period_ns
-        if transit < needed - 10 * SLACK_NS or (self._number and ahead_ns > sent_ns - self._sent_ns + SLACK_NS):
+        if transit < needed - CLOCK_SLACK_NS or (self._number and ahead_ns > sent_ns - self._sent_ns + SLACK_NS):
             result = FUTURE
         else:
             while smallest and smallest[-1][1] >= transit:  # the smallest of each block that no later one has undercut

@@ -195,7 +195,7 @@ def step(state: State, inputs: Inputs[RobotSample], now_ns: int) -> tuple[State,
     times_ns = now_ns, -1 if heard_ns is None or inputs.ended else heard_ns, inputs.period_ns
     wanted, acted = (desired, known_surface, state.free, state.slid), None
     if learns and not (inputs.stop or inputs.release or safety.stop_reason):
-        acted = _at_once(state, sample, times_ns, wanted)
+        acted = _at_once(state, sample, applied, times_ns, wanted)
     if acted is None:
         acted = _one_by_one(state, inputs, times_ns, wanted)
     (desired, status, safety.pressing), validity, (force, velocity, felt, in_contact) = acted
@@ -283,7 +283,11 @@ def _learns(state: State, applied: int, now_ns: int) -> bool:
 
 
 def _at_once(
-    state: State, sample: RobotSample, times_ns: tuple[int, int, int], wanted: tuple[float, float, float, float]
+    state: State,
+    sample: RobotSample,
+    applied: int,
+    times_ns: tuple[int, int, int],
+    wanted: tuple[float, float, float, float],
 ) -> Acted | None:
     """A tick in one compiled call, see `foretouch.session.steps.tick.tick`; None where that cannot be."""
     learner, start_ns = state.learner, state.start_ns
@@ -305,8 +309,8 @@ def _at_once(
         return None
     if state.watch.taken(validity) is GOOD:
         try:
-            learner.taken(done, news)
-            state.felt_commands.append(state.playout.applied)
+            learner.taken(estimator, done, news)
+            state.felt_commands.append(applied)
         except Exception as error:
             state.failures.stop_learning("its learning", error)
     return allowed, validity, shown
