@@ -40,7 +40,7 @@ def both(recording: Recording, **options: float) -> tuple[Learner, np.ndarray]:
 
 
 def assert_alike(one: Learner, whole: Learner) -> None:
-    assert whole.estimator._states.tobytes() == one.estimator._states.tobytes()
+    assert whole.estimator.states.tobytes() == one.estimator.states.tobytes()
     for mine, its in zip(whole.conditioner.memory, one.conditioner.memory, strict=True):
         assert mine.tobytes() == its.tobytes()
     assert whole.lag.memory.tobytes() == one.lag.memory.tobytes()
@@ -224,7 +224,7 @@ given = recording.time, recording.position, recording.force, None
 one, whole = Learner(ContactMap(), sensor_lag=0.01), Learner(ContactMap(), sensor_lag=0.01)
 slow, fast = run_by_sample(one, RawSamples(*given)), whole.run(*given)
 np.testing.assert_array_equal(fast.residual, slow.residual)
-assert whole.estimator._states.tobytes() == one.estimator._states.tobytes()
+assert whole.estimator.states.tobytes() == one.estimator.states.tobytes()
 print(int(np.isfinite(fast.residual).sum()), repr(float(whole.conditioner.surface)), whole.conditioner.force_offset)
 """
 

@@ -157,7 +157,7 @@ def test_the_law_in_the_map_is_that_of_the_exact_estimator() -> None:
     assert law_numbers(alone._belief, numbers)
     assert alone.model is not None
     np.testing.assert_allclose(numbers, alone.model.parameters, rtol=1e-15)
-    assert np.shares_memory(bank._law._filters, bank._states)
+    assert np.shares_memory(bank._law._filters, bank.states)
     assert not law_numbers(ExactContinuousSwitching()._belief, numbers)
 
 

@@ -52,6 +52,11 @@ def test_packing_what_was_unpacked_gives_the_same_bytes(seed: int, fine: bool) -
     read = unpack(content)
     assert read is not None
     assert pack(read) == content
+    made = ContactMapModel.of(random_numbers(seed, fine=fine))
+    assert made is not None
+    again = ContactMapModel(*made.parameters, made.map)
+    assert made == again
+    assert made._maps.tobytes() == again._maps.tobytes()
 
 
 def test_a_fine_map_without_a_share_stays_at_home() -> None:

@@ -197,7 +197,7 @@ def test_the_headline_is_what_the_hand_feels() -> None:
 def test_a_side_says_what_it_does_to_messages_and_since_when() -> None:
     from foretouch.link import FaultStage
     from foretouch.session import SessionSettings
-    from foretouch.session.steps.counting import fault_texts
+    from foretouch.session.runners.live import fault_texts
 
     stage: FaultStage[Message] = FaultStage(SessionSettings(force_delay=0.3, loss=0.1).return_faults)
     before = fault_texts(stage, "force_delay", 0, "return_")

@@ -263,5 +263,5 @@ def test_in_space_lag_and_compliance_are_used_along_the_normal(tmp_path: Path) -
     state = space.start(make_spatial_robot(settings, scene).specification, settings, scene.surface, scene.nominal)
     assert state.inner.compliance == pytest.approx(1e-4)
     assert state.inner.felt_commands.maxlen == 5
-    assert state.inner.zero is None
+    assert state.inner.zero == 0.0
     assert in_space(path, (0.0, 0.0, 0.0))[-1][0].status == Status.FOLLOWING

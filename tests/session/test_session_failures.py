@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
 from collections.abc import Callable
 from contextlib import nullcontext
 from typing import Any
@@ -9,10 +11,10 @@ from typing import Any
 import pytest
 from step_links import Spoken, Ticks
 
+from foretouch.core import Kernel
 from foretouch.errors import SideError
-from foretouch.identification import Learner, SensorWatch
+from foretouch.identification import KelvinVoigtRLS, Learner
 from foretouch.identification.conditioning.conditioner import Conditioner
-from foretouch.identification.contact_map.bank import ContactMap
 from foretouch.identification.material_field import MaterialFieldLearner
 from foretouch.messages import Status
 from foretouch.robot import Robot, SpatialRobot, SpatialSample, make_robot
@@ -20,9 +22,7 @@ from foretouch.session import Process, SessionSettings, StopFlag, run_follower
 from foretouch.session.network.model_sender import FieldSender, ModelSender
 from foretouch.session.network.playout import Freshness, Playout
 from foretouch.session.runners import live
-from foretouch.session.safety.force_guard import FirstTouch
 from foretouch.session.safety.kernel import REST_FORCE
-from foretouch.session.safety.safety import Safety
 from foretouch.session.spatial import follower as space
 from foretouch.session.spatial import make_scene, make_spatial_robot
 from foretouch.session.spatial.course import Course, SurfaceLine
@@ -95,6 +95,13 @@ class Session:
     def presses(self) -> bool:
         return self.force > 2.0
 
+    def broken_stage(self, stage: Kernel[..., Any], times: float = float("inf")) -> Broken:
+        """A stage of the tick, whether it is called alone or within the whole."""
+        made = Broken(stage.entry, self.presses, times)
+        self.patch.setattr(stage, "_entry", made)
+        self.patch.setattr(follower.tick_at_once, "_entry", Broken(follower.tick_at_once.entry, self.presses, times))
+        return made
+
     def broken(self, owner: Any, name: str, times: float = float("inf")) -> Broken:
         made = Broken(getattr(owner, name), self.presses, times)
         if isinstance(owner, type):
@@ -109,16 +116,13 @@ class Session:
         return run_follower(process, self.robot, self.settings, description={}, duration=seconds)
 
 
-LEARNING: list[tuple[Any, str]] = [(ContactMap, "update"), (Learner, "update"), (ModelSender, "due")]
+LEARNING: list[tuple[Any, str]] = [(KelvinVoigtRLS, "update"), (Learner, "taken"), (ModelSender, "due")]
 """What has ended once it failed; the others are tried again."""
 
-ON_A_LINE: list[tuple[Any, str]] = [
-    (Freshness, "judge"),
-    (Playout, "advance"),
-    (SensorWatch, "update"),
-    (FirstTouch, "update"),
-    *LEARNING,
-]
+PLUG_IN = dataclasses.replace(LINE, model="kelvin-voigt", estimator="rls")
+"""An estimator of Python, with the compiled stages around it."""
+
+ON_A_LINE: list[tuple[Any, str]] = [(Freshness, "judge"), (Playout, "advance"), (follower.sense_alone, ""), *LEARNING]
 IN_SPACE = [(MaterialFieldLearner, "update"), (space, "_with_position"), (Course, "go"), (FieldSender, "due")]
 RARELY_IN_SPACE = [(MaterialFieldLearner, "touch_at"), (space, "_learn_beside_the_law"), (space, "_with_fixture")]
 
@@ -126,7 +130,8 @@ RARELY_IN_SPACE = [(MaterialFieldLearner, "touch_at"), (space, "_learn_beside_th
 @pytest.mark.parametrize(
     ("settings", "owner", "name"),
     [
-        *((LINE, *stage) for stage in ON_A_LINE),
+        *((PLUG_IN if stage[0] is KelvinVoigtRLS else LINE, *stage) for stage in ON_A_LINE),
+        (PLUG_IN, Learner, "update"),
         *((SCENE, *stage) for stage in IN_SPACE),
         *(pytest.param(SCENE, *stage, marks=pytest.mark.long) for stage in RARELY_IN_SPACE),
     ],
@@ -135,7 +140,7 @@ def test_an_exception_before_safety_is_counted_and_told_and_safety_goes_on(
     monkeypatch: pytest.MonkeyPatch, settings: SessionSettings, owner: Any, name: str
 ) -> None:
     session = Session(monkeypatch, settings)
-    broken = session.broken(owner, name)
+    broken = session.broken_stage(owner) if isinstance(owner, Kernel) else session.broken(owner, name)
     ran = session.run()
     assert ran["step_failures"] == broken.raised > 0
     assert ran["ended"] == "the duration is over"
@@ -144,9 +149,9 @@ def test_an_exception_before_safety_is_counted_and_told_and_safety_goes_on(
     assert session.force < REST_FORCE + 0.1  # it ended unloaded
     if settings is SCENE:
         return
-    if owner is SensorWatch:
+    if owner is follower.sense_alone:
         assert session.link.telemetry[-1].status == Status.SENSOR_FAULT
-    learns = (owner, name) not in LEARNING
+    learns = (owner, name) not in [*LEARNING, (Learner, "update")]
     assert (broken.raised > 1) is learns
     told = session.link.said[-2].values  # type: ignore[attr-defined]  # the last hello
     (trouble,) = [text for text in told if "the follower has a fault" in text]
@@ -156,22 +161,28 @@ def test_an_exception_before_safety_is_counted_and_told_and_safety_goes_on(
 
 
 @pytest.mark.parametrize(
-    ("owner", "name", "settings"),
-    [
-        (follower, "tip", LINE),
-        (SensorWatch, "update", SCENE),
-        pytest.param(SensorWatch, "update", LINE, marks=pytest.mark.long),
-        pytest.param(follower, "tip", SCENE, marks=pytest.mark.long),
-    ],
-    ids=["tip on a line", "watch in a scene", "watch on a line", "tip in a scene"],
+    ("shows", "settings"),
+    [(None, LINE), (math.nan, SCENE), pytest.param(math.nan, LINE, marks=pytest.mark.long)],
+    ids=["no number on a line", "watch in a scene", "watch on a line"],
 )
 def test_where_the_judge_of_the_sensors_raises_the_robot_goes_out_as_it_came(
-    monkeypatch: pytest.MonkeyPatch, settings: SessionSettings, owner: Any, name: str
+    monkeypatch: pytest.MonkeyPatch, settings: SessionSettings, shows: float | None
 ) -> None:
     session = Session(monkeypatch, settings)
-    broken = session.broken(owner, name)
-    session.run(2.0)
-    assert broken.raised > 500
+    if shows is None:
+        exchange, bad = session.robot.exchange, False
+
+        def dumb(desired: Any) -> Any:
+            nonlocal bad
+            sample, bad = exchange(desired), bad or session.presses()
+            return sample._replace(sensor_force=shows) if bad else sample
+
+        session.robot.exchange = dumb  # type: ignore[method-assign, assignment]
+        assert int(session.run(2.0)["step_failures"]) > 500
+    else:
+        broken = session.broken_stage(follower.sense_alone)
+        session.run(2.0)
+        assert broken.raised > 500
     faulty = [telemetry for telemetry in session.link.telemetry if telemetry.status == Status.SENSOR_FAULT]
     assert faulty[0].exact_force > 1.9
     assert faulty[400].exact_force > 0.7  # for half a second it holds its place, and foam gives way
@@ -205,7 +216,7 @@ def test_a_session_that_ends_while_its_force_sensor_is_dead_leaves_no_robot_pres
 
 
 def test_where_conditioning_raises_too_the_plain_force_is_felt(monkeypatch: pytest.MonkeyPatch) -> None:
-    session = Session(monkeypatch, LINE)
+    session = Session(monkeypatch, PLUG_IN)
     session.broken(Conditioner, "update")
     ran = session.run(2.0)
     assert ran["step_failures"] > 500
@@ -242,8 +253,8 @@ FOR_EVER = float("inf")
 @pytest.mark.parametrize(
     ("settings", "owner", "name", "times"),
     [
-        (LINE, Safety, "update", FOR_EVER),
-        (SCENE, Safety, "update", FOR_EVER),
+        (LINE, follower.allow_alone, "", FOR_EVER),
+        (SCENE, follower.allow_alone, "", FOR_EVER),
         pytest.param(SCENE, SurfaceLine, "follow", FOR_EVER, marks=pytest.mark.long),
         (SCENE, LastLimit, "update", FOR_EVER),
         pytest.param(SCENE, space, "_space", FOR_EVER, marks=pytest.mark.long),
@@ -255,7 +266,10 @@ def test_where_the_loop_itself_must_end_the_robot_is_unloaded_first(
     monkeypatch: pytest.MonkeyPatch, settings: SessionSettings, owner: Any, name: str, times: float
 ) -> None:
     session = Session(monkeypatch, settings)
-    session.broken(session.link if owner is Spoken else owner, name, times)
+    if isinstance(owner, Kernel):
+        session.broken_stage(owner, times)
+    else:
+        session.broken(session.link if owner is Spoken else owner, name, times)
     silent = owner is Spoken and times > 1  # nobody can be told then
     with pytest.raises(
         (SideError, ZeroDivisionError) if silent else SideError, match=None if silent else "the follower failed: Z"

@@ -20,7 +20,7 @@ from foretouch.session.conformance.robot_checks import check_robot
 from foretouch.session.runners import live, loop_timer
 from foretouch.session.runners.loop_timer import LoopTimer, let_pass
 from foretouch.session.runners.news import follower_news
-from foretouch.session.steps.sensing import LEAST_RATE, LONGEST_NS, WINDOW, TickRate
+from foretouch.session.steps.tick import LEAST_RATE, LONGEST_NS, WINDOW, TickRate
 
 MS = 1_000_000
 

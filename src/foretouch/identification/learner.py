@@ -17,6 +17,7 @@ from foretouch.errors.checks import NUMBER, require_type
 from foretouch.identification.conditioning.conditioner import Conditioner, ContactSample, SensorLag
 from foretouch.identification.conditioning.kernel import CONTACT_FLOOR
 from foretouch.identification.contact_map.bank import ContactMap
+from foretouch.identification.contact_map.kernel import Learning, Run
 from foretouch.identification.estimator import Estimator, Status
 from foretouch.models import ContactModel, ContactState, advance
 from foretouch.quantities import ByValue, Recording, brief_number, brief_text
@@ -56,7 +57,7 @@ class Learner:
             is that at the contact, not at the sensor.
 
     Attributes:
-        sample: The newest conditioned sample.
+        learning: State beside the conditioner's and the estimator's, one record.
         status: Result of the estimator's last update.
         lag: Estimates the lag of the forces, as far as `sensor_lag` has not compensated it.
 
@@ -83,9 +84,19 @@ class Learner:
         self.conditioner = Conditioner(
             surface=surface, force_offset=force_offset, contact_floor=contact_floor, sensor_lag=sensor_lag
         )
-        self.lag = SensorLag()
-        self.sample = ContactSample(math.nan, math.nan, 0.0, 0.0, False)
+        self.learning = Learning.new()
+        self._newest = self.learning["newest"][0]
+        self.lag = SensorLag(self.learning["lag"][0])
         self.status = Status.FREE_AIR
+
+    @property
+    def sample(self) -> ContactSample:
+        """The newest conditioned sample."""
+        return ContactSample._make(self._newest.item())
+
+    @sample.setter
+    def sample(self, sample: ContactSample) -> None:
+        self._newest[0] = tuple(sample)
 
     def __repr__(self) -> str:
         """Estimator, and its estimates."""
@@ -103,8 +114,12 @@ class Learner:
 
     def update(self, time: float, position: float, force: float, velocity: float | None = None) -> ContactSample:
         """Learn from one raw sample (`Conditioner.update`) and return it conditioned."""
-        last, conditioner, estimator = self.sample.time, self.conditioner, self.estimator
-        before, offset = conditioner.surface, conditioner.force_offset
+        conditioner, estimator = self.conditioner, self.estimator
+        if type(estimator) is ContactMap:
+            done = estimator.learn_raw(conditioner.memory, self.learning, (time, position, force), velocity)
+            self.taken(estimator, *done)
+            return self.sample
+        last, before, offset = self.sample.time, conditioner.surface, conditioner.force_offset
         sample = self.sample = conditioner.update(time, position, force, velocity)
         moved = conditioner.surface - before
         if abs(moved) > 0.0:  # not where one of them is unknown
@@ -120,6 +135,13 @@ class Learner:
             point = sample.depth + conditioner.surface
             self.lag.update(point, sample.velocity, force, time - last)
         return sample
+
+    def taken(self, estimator: ContactMap, code: int, news: bool) -> None:
+        """Take over what `foretouch.identification.contact_map.kernel.learn_raw` did to this learner's estimator."""
+        self.status = estimator.taken(code, news)
+        if news:
+            self.conditioner.make_room()
+            self.conditioner.recall()
 
     def feel(self, time: float, position: float, force: float) -> ContactSample:
         """Condition one raw sample without learning: the force has to be known even where learning is off."""
@@ -248,9 +270,7 @@ class _Columns:
 
 def run_compiled(learner: Learner, bank: ContactMap, samples: RawSamples) -> LearnerRun:
     """See `Learner.run`."""
-    from foretouch.identification.contact_map.kernel import Run
-
-    conditioner, runs, columns = learner.conditioner, Run.new(time=learner.sample.time), _Columns(samples.size)
+    conditioner, runs, columns = learner.conditioner, Run.new(), _Columns(samples.size)
     for begin, rows in samples.blocks():
         taken, count = 0, rows.shape[1]
         while taken < count:
@@ -258,13 +278,12 @@ def run_compiled(learner: Learner, bank: ContactMap, samples: RawSamples) -> Lea
             reported = columns.in_contact[part], columns.forces[taken:count], columns.residual[part]
             rest = np.ascontiguousarray(rows[:, taken:])
             more, learner.status = bank.run_raw(
-                conditioner.memory, learner.lag.memory, runs, rest, samples.measured, reported
+                conditioner.memory, learner.learning, runs, rest, samples.measured, reported
             )
             taken += more
             conditioner.make_room()
         columns.close(begin, count)
     conditioner.recall()
-    learner.sample = ContactSample(*runs[list(ContactSample._fields)].tolist()[0])
     return columns.run(float(runs[0].deviation))
 
 

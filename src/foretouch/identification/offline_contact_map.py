@@ -9,7 +9,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.errors import InputError, SettingError
+from foretouch.errors import InputError
 from foretouch.identification.conditioning.conditioner import ContactSample
 from foretouch.identification.contact_map.learning import PERIOD
 from foretouch.identification.contact_map.prior import NOISE, prior
@@ -19,7 +19,6 @@ from foretouch.identification.offline import OfflineFit, StoringEstimator, fit_o
 from foretouch.models import ContactMapModel, ContactModel, ContactState
 from foretouch.models.contact_map.kernel import experts, features, locate, remember
 from foretouch.models.contact_map.layout import GRIDS, LARGEST_FEATURES, MEMORY, Grid, Map
-from foretouch.models.contact_map.wire import pack
 
 Array = NDArray[np.float64]
 
@@ -134,11 +133,7 @@ class OfflineContactMap(StoringEstimator):
         weights = (squared + 1e-12) ** (-0.5 * SHARPNESS)
         learnt.shares = weights / weights.sum()
         learnt.uncertainty[0] = float(np.square(errors[result.in_contact] @ learnt.shares).mean())
-        try:
-            stiffness, damping, exponent, switching = learnt.law.tolist()
-            return ContactMapModel(stiffness, damping, exponent, switching, pack(maps))
-        except SettingError:  # numbers beyond the range of 32 bits
-            return None
+        return ContactMapModel.of(maps)
 
 
 def _fit_map(part: np.void, kind: int, result: _Samples, weight: int) -> None:

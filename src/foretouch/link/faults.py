@@ -135,7 +135,7 @@ class FaultStage(Generic[T]):
         self.delay = faults.delay
         self.dropped = 0
         self.duplicated = 0
-        self._random = random.Random(faults.seed)
+        self._draw = random.Random(faults.seed).random
         self._reorder = _Extra("reorder", faults.reorder, HELD_BACK, faults.seed) if faults.reorder else None
         self._duplicate = _Extra("duplicate", faults.duplicate, COPY_LATER, faults.seed) if faults.duplicate else None
         self._epoch_ns = 0  # from which outages and stalls count
@@ -180,15 +180,18 @@ class FaultStage(Generic[T]):
 
     def push(self, now_ns: int, message: T) -> None:
         """Take a message that was sent at `now_ns`, the receiver's clock."""
-        draw, faults = self._random.random, self.faults
+        draw = self._draw
         # Whether it is lost is one step of the chain, which starts in its long-term mean.
         lost = draw() < self._chance_of_loss
         self._chance_of_loss = self._after_loss if lost else self._after_arrival
-        delay = max(0.0, self.delay + faults.jitter * (-1.0 + 2.0 * draw()))
+        delay, copied = self.delay + self.faults.jitter * (-1.0 + 2.0 * draw()), 0.0
+        if delay < 0.0:
+            delay = 0.0
         if self._reorder is not None:
             delay += self._reorder.draw()
-        copied = self._duplicate.draw() if self._duplicate is not None else 0.0
-        if not (lost or self._begun):  # outages and stalls count their time from here
+        if self._duplicate is not None:
+            copied = self._duplicate.draw()
+        if not (self._begun or lost):  # outages and stalls count their time from here
             self._begun, self._epoch_ns = True, now_ns
             for spells in filter(None, (self._outage, self._stall)):
                 spells.epoch_ns = now_ns
@@ -213,16 +216,17 @@ class FaultStage(Generic[T]):
         return due
 
     def _hold(self, due_ns: int, message: T) -> None:
-        if len(self._waiting) + len(self._overtaking) >= MOST_HELD:
+        waiting = self._waiting
+        if len(waiting) + len(self._overtaking) >= MOST_HELD:
             self.dropped += 1
             return
         if self._stall is not None and (end_ns := self._stall.end_ns(due_ns)) is not None:
             due_ns = end_ns
         self._count += 1
-        if self._waiting and due_ns < self._waiting[-1][0]:
+        if waiting and due_ns < waiting[-1][0]:
             heapq.heappush(self._overtaking, (due_ns, self._count, message))
         else:
-            self._waiting.append((due_ns, self._count, message))
+            waiting.append((due_ns, self._count, message))
 
 
 class _Extra:

@@ -1,7 +1,8 @@
 """Laws of materials without memory: the one force formula of (1) to (4), and those that are learnt.
 
-The formula stands once for one sample and once for arrays; loops have it compiled. Two more laws stand beside those of the paper: the continuous switching law as the paper
-identifies and renders it, equation (18), and one that is linear in its unknowns, to be learnt at many places at once.
+The formula stands once for one sample and once for arrays; loops have it compiled. Two more laws stand beside those of
+the paper: the continuous switching law as the paper identifies and renders it, equation (18), and one that is linear in
+its unknowns, to be learnt at many places at once.
 """
 
 from __future__ import annotations
@@ -16,7 +17,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from foretouch.errors.checks import require
 from foretouch.models.contact_model import NO_STATE, ContactModel, ContactState
-
 
 Array = NDArray[np.float64]
 

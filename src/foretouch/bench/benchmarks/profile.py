@@ -23,15 +23,15 @@ from numpy.typing import NDArray
 from foretouch.bench.benchmarks.steps import DURATION, RobotOnTape, TapedSession
 from foretouch.bench.timing import Row, Scope
 from foretouch.devices import ScriptedOperator
-from foretouch.identification import ContactMap, SensorWatch
-from foretouch.identification.conditioning.conditioner import Conditioner, SensorLag
+from foretouch.identification import Learner
 from foretouch.link import FaultStage
 from foretouch.models import Predictor
 from foretouch.rendering import tick
-from foretouch.session.network.model_sender import ModelSender
+from foretouch.session.network.model_sender import ModelSender, RoundTrip
 from foretouch.session.network.playout import Playout
 from foretouch.session.steps import follower, leader
 from foretouch.session.steps.follower_view import FollowerView
+from foretouch.session.steps.tick import tick_at_once
 
 Array = NDArray[np.float64]
 
@@ -182,12 +182,10 @@ PARTS: dict[str, tuple[Part, ...]] = {
     "follower": (
         Part("taking commands", ((FaultStage, "pop_due"), (follower, "_take"))),
         Part("playing them evenly", ((Playout, "advance"),)),
-        Part("watching the sensors", ((SensorWatch, "update"),)),
-        Part("conditioning", ((Conditioner, "update"),)),
-        Part("learning", ((ContactMap, "update"),)),
-        Part("measuring the sensor's lag", ((SensorLag, "update"),)),
+        Part("watching, learning and keeping safe", ((tick_at_once, "_entry"),)),
+        Part("taking over what was learnt", ((Learner, "taken"),)),
+        Part("learning when models are used", ((RoundTrip, "applied"),)),
         Part("sending the model", ((ModelSender, "due"),)),
-        Part("keeping safe", ((follower, "_allowed"),)),
         Part("making the telemetry", ((follower, "Telemetry"),)),
         Part(ELSE),
     ),

@@ -49,14 +49,17 @@ class SensorLag:
     more than the sensor lags, the estimate is 0. F_0, K and the slope over velocity come from least squares that fade
     over 5 s of moving contact.
 
+    Args:
+        memory: Array of one `Lag` for the state, part of another record; None for one of its own.
+
     Attributes:
         memory: State of the estimate, one record.
     """
 
     __slots__ = ("_take", "memory")
 
-    def __init__(self) -> None:
-        self.memory = Lag.new()
+    def __init__(self, memory: NDArray[np.void] | None = None) -> None:
+        self.memory = Lag.new() if memory is None else memory
         self._take = _take_lagged.entry
 
     def reset(self) -> None:

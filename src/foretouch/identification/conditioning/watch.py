@@ -87,6 +87,7 @@ class Watch(Record):
     """State of a `SensorWatch`, with its settings."""
 
     state: int
+    uncertain: bool  # whether a force has fallen and it is not certain yet if that is a fault
     time: float = -math.inf  # of the newest sample [s]
     bad_until: float = -math.inf  # end of a transient fault [s]
     activity: float  # mean change of the force between samples [N]
@@ -205,7 +206,7 @@ def _compare(watch: Watch, position: float, force: float, contact: float, period
     return OFFSET_STEP if stepped else GOOD
 
 
-@kernel("Tuple((i8, b1, f8))(Watch[::1], f8, f8, f8, f8, f8, f8, f8)")
+@kernel("i8(Watch[::1], f8, f8, f8, f8, f8, f8, f8)")
 def look(
     watches: NDArray[np.void],
     time: float,
@@ -215,10 +216,10 @@ def look(
     zero: float,
     effort: float,
     slid: float,
-) -> tuple[int, bool, float]:
-    """Take one sample, as `SensorWatch.update` does: its `state`, `uncertain` and `effort` after it."""
+) -> int:
+    """Take one sample, as `SensorWatch.update` does: its `state` after it."""
     watch = watches[0]
-    loss, step = watch.loss, watch.step
+    loss, step, watch.uncertain = watch.loss, watch.step, False
     if not (
         abs(position) < LARGEST_VALUE
         and abs(force) < LARGEST_VALUE
@@ -226,10 +227,10 @@ def look(
         and abs(time) < 1e6 * LARGEST_VALUE
     ):
         _restart(watch)
-        return _judge(watch, NOT_FINITE, watch.time), False, loss.effort
+        return _judge(watch, NOT_FINITE, watch.time)
     period = time - watch.time
     if not period > 0.0:
-        return int(watch.state), False, loss.effort
+        return int(watch.state)
     contact, result = force - tool_force, GOOD
     if period > LONGEST_GAP:
         _restart(watch)
@@ -243,8 +244,8 @@ def look(
         past[2], past[1], past[0] = past[1], past[0], newest
     watch.known = min(watch.known + 1, 3)
     # An operator who presses deeper would not feel how hard: the step being judged lowers the force, or it is too low.
-    uncertain = (step.age < math.inf and step.rise < 0.0) or loss.low > 0
-    return _judge(watch, result, time), bool(uncertain), loss.effort
+    watch.uncertain = (step.age < math.inf and step.rise < 0.0) or loss.low > 0
+    return _judge(watch, result, time)
 
 
 class SensorWatch:
@@ -285,18 +286,16 @@ class SensorWatch:
         least_step: Smallest offset step that is looked for [N], positive.
         least_spike: Smallest spike that is looked for [N], positive.
         moving_mass: The most that an impact slows: carriage and tool [kg], positive.
+        memory: Array of one `Watch` for the state, part of another record; None for one of its own.
 
     Attributes:
         state: The newest judgement.
-        uncertain: Whether a force has fallen and it is not certain yet if that is a fault: it shows where the probe
-            goes no deeper.
-        effort: What the drive pushes inwards with, low-passed [N]; 0 where the robot does not measure it.
 
     Raises:
         SettingError: A setting out of range.
     """
 
-    __slots__ = ("_look", "_settings", "_watches", "effort", "state", "uncertain")
+    __slots__ = ("_look", "_memory", "_settings", "state")
 
     def __init__(
         self,
@@ -306,6 +305,7 @@ class SensorWatch:
         least_step: float = LEAST_STEP,
         least_spike: float = LEAST_SPIKE,
         moving_mass: float = 1.0,
+        memory: NDArray[np.void] | None = None,
     ) -> None:
         low, high = (-math.inf, math.inf) if force_range is None else force_range
         if not low < high:
@@ -323,14 +323,23 @@ class SensorWatch:
             "mass": moving_mass,
             "step": Step.new(least=least_step)[0],
         }
-        self._look = look.entry
-        self.effort = 0.0
+        self._look, self._memory = look.entry, Watch.new() if memory is None else memory
         self.reset()
 
     def reset(self) -> None:
         """Believe the sensors again, and forget all samples: say this when they have been looked after."""
-        self._watches = Watch.new(**self._settings)
-        self.state, self.uncertain = SensorState.GOOD, False
+        self._memory[:] = Watch.new(**self._settings)
+        self.state = SensorState.GOOD
+
+    @property
+    def uncertain(self) -> bool:
+        """Whether a force has fallen and it is not certain yet if that is a fault: the probe then goes no deeper."""
+        return bool(self._memory[0].uncertain)
+
+    @property
+    def effort(self) -> float:
+        """What the drive pushes inwards with, low-passed [N]; 0 where the robot does not measure it."""
+        return float(self._memory[0].loss.effort)
 
     @property
     def sentence(self) -> str:
@@ -360,9 +369,10 @@ class SensorWatch:
             effort: What the drive pushes inwards with, beyond weight and inertia [N]; NaN where it is not measured.
             slid: By how much the probe has moved across the surface since the sample before [m].
         """
-        state, self.uncertain, self.effort = self._look(
-            self._watches, time, position, force, tool_force, zero, effort, slid
-        )
+        return self.taken(self._look(self._memory, time, position, force, tool_force, zero, effort, slid))
+
+    def taken(self, state: int) -> SensorState:
+        """Take over the judgement of compiled code."""
         if state != self.state:
             self.state = SensorState(state)
         return self.state

@@ -13,7 +13,7 @@ from foretouch.core import Kernel
 from foretouch.errors import SettingError
 from foretouch.errors.checks import require
 from foretouch.identification.conditioning.conditioner import ContactSample, ContactSamples
-from foretouch.identification.conditioning.kernel import Memory
+from foretouch.identification.conditioning.kernel import Conditioning, Memory
 from foretouch.identification.contact_map.kernel import (
     FEWEST_UPDATES,
     FREE_AIR,
@@ -25,6 +25,7 @@ from foretouch.identification.contact_map.kernel import (
     UNUSABLE,
     WAITING,
     RawColumns,
+    learn_raw,
     move_offset,
     move_surface,
     reset,
@@ -37,7 +38,6 @@ from foretouch.identification.contact_map.state import Bank
 from foretouch.identification.estimator import Estimator, Status, status_indices
 from foretouch.identification.exact.recursive import ExactContinuousSwitching, ExactOptions
 from foretouch.models import ContactMapModel, ContactModel, ContactState
-from foretouch.models.contact_map.wire import pack
 
 EXPERT_NAMES = ("law", "coarse", "fine")
 """Names of the experts, in the order of their weights."""
@@ -49,6 +49,11 @@ LONGEST_HORIZON = 0.3
 Array = NDArray[np.float64]
 
 _take = Kernel(take, "(Bank[::1], f8, f8, f8, f8, b1)")
+_learn_raw = Kernel(
+    learn_raw,
+    "(Bank[::1], Tuple((Conditioning[::1], f8[:, ::1])), Learning[::1], UniTuple(f8, 3), f8, b1)",
+    Conditioning,
+)
 
 _STATUS = {
     FREE_AIR: Status.FREE_AIR,
@@ -101,6 +106,7 @@ class ContactMap(Estimator):
 
     Attributes:
         changes: Number of sudden changes detected since the last reset.
+        states: State of the compiled part, one record.
 
     Raises:
         SettingError: The horizon is out of range, or there are no or unknown experts.
@@ -120,15 +126,18 @@ class ContactMap(Estimator):
             raise SettingError("experts", ", ".join(experts), f"must be some of {', '.join(EXPERT_NAMES)}")
         # Residuals count as correlated for 0.02 s, not 0.1: the law is used where it holds, and there it may be quick.
         self._law = ExactContinuousSwitching(ExactOptions(correlation_time=0.02))
-        self._states = Bank.new(law=self._law._filters, absent=[name not in experts for name in EXPERT_NAMES])
-        self._state = self._states[0]
+        self.states = Bank.new(law=self._law._filters, absent=[name not in experts for name in EXPERT_NAMES])
+        self._state = self.states[0]
+        notes, self._changes = self.states["notes"][0], self.states["changes"]  # views are quicker than names
+        self._updates, self._begun = notes["updates"], notes["begun"]
+        self._map, self._memory = self.states["map"][0], self.states["memory"][0]
         self._law.place_in(self._state.law)
         begin_regressions(self._state.coarse, self._state.fine)
         self.horizon = horizon
         self.reset()
-        self._take = _take.entry
-        move_surface(self._states, 0.0)
-        move_offset(self._states, 0.0)
+        self._take, self._learn_raw = _take.entry, _learn_raw.entry
+        move_surface(self.states, 0.0)
+        move_offset(self.states, 0.0)
 
     @property
     def horizon(self) -> float:
@@ -142,7 +151,7 @@ class ContactMap(Estimator):
     def reset(self) -> None:
         """Forget all samples."""
         self._state.changes = 0
-        reset(self._states)
+        reset(self.states)
         self._model: ContactMapModel | None = None
         self.updates = 0
         self.changes = 0
@@ -150,7 +159,7 @@ class ContactMap(Estimator):
     def update(self, sample: ContactSample) -> Status:
         """See `Estimator.update`."""
         time, depth, velocity, force, in_contact = sample
-        code = self._take(self._states, time, depth, velocity, force, in_contact)
+        code = self._take(self.states, time, depth, velocity, force, in_contact)
         if code >= LEARNT:
             self._read_counts()
         return _STATUSES[code]
@@ -158,20 +167,39 @@ class ContactMap(Estimator):
     def _read_counts(self) -> None:
         """Take over the counts of the compiled part; a model made before is out of date."""
         self._model = None
-        self.updates = int(self._state.notes[0].updates)
-        self.changes = int(self._state.changes)
+        self.updates, self.changes = self._updates.item(), self._changes.item()
 
     def run(self, samples: ContactSamples) -> NDArray[np.int8]:
         """See `Estimator.run`; one compiled loop."""
         codes = np.empty(len(samples), np.int8)
-        run(self._states, *samples.columns, codes)
+        run(self.states, *samples.columns, codes)
         self._read_counts()
         return _INDICES[codes]
+
+    def learn_raw(
+        self, conditioner: Memory, learnings: NDArray[np.void], raw: tuple[float, float, float], velocity: float | None
+    ) -> tuple[int, bool]:
+        """Condition and learn from one raw sample, in one compiled call; `taken` is to be told the result.
+
+        Args:
+            conditioner: Memory of a `Conditioner`; changed in place.
+            learnings: An array of one `contact_map.kernel.Learning`; changed in place.
+            raw: Time [s], position [m] and force [N].
+            velocity: Measured velocity [m/s], None to estimate it from the positions.
+        """
+        known = velocity is not None
+        return self._learn_raw(self.states, conditioner, learnings, raw, 0.0 if velocity is None else velocity, known)
+
+    def taken(self, code: int, news: bool) -> Status:
+        """Take over what `learn_raw` did."""
+        if news or code >= LEARNT:
+            self._read_counts()
+        return _STATUSES[code]
 
     def run_raw(
         self,
         conditioner: Memory,
-        lag: NDArray[np.void],
+        learnings: NDArray[np.void],
         runs: NDArray[np.void],
         rows: Array,
         measured: bool,
@@ -181,7 +209,7 @@ class ContactMap(Estimator):
 
         Args:
             conditioner: Memory of a `Conditioner`; changed in place.
-            lag: State of a `SensorLag`; changed in place.
+            learnings: An array of one `contact_map.kernel.Learning`; changed in place.
             runs: An array of one `contact_map.kernel.Run`, new before the first block; changed in place.
             rows: Time [s], position [m], force [N] and velocity [m/s], shape (4, m).
             measured: Whether velocities were measured; else they are estimated from the positions.
@@ -191,9 +219,8 @@ class ContactMap(Estimator):
             Number of samples taken, fewer than m where the conditioner needs room before the next; and the status of
                 the last.
         """
-        taken, code = run_raw(self._states, conditioner, lag, runs, rows, measured, *columns)
-        self._read_counts()
-        return taken, _STATUSES[code]
+        taken, code = run_raw(self.states, conditioner, learnings, runs, rows, measured, columns)
+        return taken, self.taken(code, True)
 
     def covariance(self, expert: str) -> Array:
         """Covariance P of the weights of the ``coarse`` or the ``fine`` map, including those without samples.
@@ -206,7 +233,7 @@ class ContactMap(Estimator):
         """
         if expert not in EXPERT_NAMES[1:]:
             raise SettingError("expert", expert, "must be coarse or fine")
-        regressions = self._states[expert]
+        regressions = self.states[expert]
         return whole_covariance(self._state.map[0][expert].weights, regressions)[1]
 
     def expect_delay(self, delay: float) -> None:
@@ -225,31 +252,27 @@ class ContactMap(Estimator):
 
     def move_surface(self, change: float) -> None:
         """See `Estimator.move_surface`: the map stays where it is."""
-        move_surface(self._states, change)
+        move_surface(self.states, change)
         self._model = None
 
     def move_offset(self, change: float) -> None:
         """See `Estimator.move_offset`: the map keeps the raw forces."""
-        move_offset(self._states, change)
+        move_offset(self.states, change)
         self._model = None
 
     @property
     def model(self) -> ContactModel | None:
         """See `Estimator.model`."""
-        if self.updates - self._state.notes[0].begun < FEWEST_UPDATES:
+        if self.updates - self._begun.item() < FEWEST_UPDATES:
             return None
         if self._model is None:
-            try:
-                stiffness, damping, exponent, switching = self._state.map[0].law.tolist()
-                self._model = ContactMapModel(stiffness, damping, exponent, switching, pack(self._state.map))
-            except SettingError:  # numbers beyond the range of 32 bits
-                return None
+            self._model = ContactMapModel.of(self._map)
         return self._model
 
     @property
     def state(self) -> ContactState:
         """See `Estimator.state`."""
-        return tuple(self._state.memory.tolist())
+        return tuple(self._memory.tolist())
 
     @property
     def parameters(self) -> dict[str, float | None]:

@@ -1,8 +1,8 @@
 """One sample for the whole bank of experts, and whole recordings of raw samples, compiled.
 
-Method and reasons: `foretouch.identification.ContactMap`. A recording is one compiled loop, in
-which each sample is conditioned, compared with the model before it and learnt from: what `Learner.update` does, in its
-order and with the same functions; the residual is that of `identify`.
+Method and reasons: `foretouch.identification.ContactMap`. A recording is one compiled loop, in which each sample is
+conditioned, compared with the model before it (the residual is that of `identify`) and learnt from; `learn_raw` is the
+same for one sample, without the comparison.
 """
 
 from __future__ import annotations
@@ -13,9 +13,17 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core.compiling import compiled
+from foretouch.core.compiling import compiled, inlined
 from foretouch.core.records import Record
-from foretouch.identification.conditioning.kernel import Memory, clear, condition, is_full, lose_surface, take_lagged
+from foretouch.identification.conditioning.kernel import (
+    Lag,
+    Memory,
+    clear,
+    condition,
+    is_full,
+    lose_surface,
+    take_lagged,
+)
 from foretouch.identification.contact_map.learning import ALARM_FROM, CHANGED, FAILED, PERIOD, learn, restart
 from foretouch.identification.contact_map.scores import FIRST_UNCERTAINTY
 from foretouch.identification.contact_map.state import Bank
@@ -149,16 +157,28 @@ def run(
 RawColumns = tuple[NDArray[np.bool_], Array, Array]
 
 
+class Newest(Record):
+    """The newest sample: the fields of `ContactSample`, in their order."""
+
+    time: float = math.nan  # [s], NaN before the first
+    depth: float = math.nan  # [m]
+    velocity: float  # [m/s]
+    force: float  # less the offset [N]
+    in_contact: bool
+
+
+class Learning(Record):
+    """What a learner remembers beside its conditioner and its estimator."""
+
+    newest: Annotated[NDArray[Any], Newest, 1]
+    lag: Annotated[NDArray[Any], Lag, 1]
+
+
 class Run(Record):
     """What a run over raw samples remembers beside the learner, from one block to the next."""
 
     model: Annotated[NDArray[Any], Map, 1]  # the map as it crosses the network: rounded to 32 bits, less the law
-    time: float = math.nan  # of the newest sample [s], NaN before the first
-    depth: float  # [m]
-    velocity: float  # [m/s]
-    force: float  # less the offset [N]
     deviation: float = math.nan  # standard deviation of the force at the last sample that has a residual [N]
-    in_contact: bool
     stale: bool = True  # whether the model is to be made anew before it is used
     known: bool  # whether there is a model
     needed: Annotated[NDArray[Any], np.int8, SIZE]  # scratch: the numbers of the model that a force is computed from
@@ -201,45 +221,104 @@ def expect(run: Run, bank: Bank, depth: float, velocity: float, period: float) -
     return float(force)
 
 
+@inlined
+def learn_conditioned(
+    banks: Banks,
+    conditioner: Memory,
+    learnings: NDArray[np.void],
+    known: tuple[float, float],
+    raw: float,
+    sample: tuple[float, float, float, float, bool],
+) -> tuple[int, bool]:
+    """Learn from a sample after `condition`.
+
+    Args:
+        banks: The contact map's.
+        conditioner: Of the sample.
+        learnings: The learner's; written.
+        known: Surface [m] and force offset [N] before the sample.
+        raw: Its force with the offset [N].
+        sample: As `ContactSample` has it.
+
+    Returns:
+        What was done, and whether surface or offset have moved.
+    """
+    newest, lag, conditioned = learnings[0].newest[0], learnings[0].lag, conditioner[0][0]
+    time, depth, velocity, force, touching = sample
+    before, moved = newest.time, conditioned.surface - known[0]
+    newest.time, newest.depth, newest.velocity, newest.force, newest.in_contact = time, depth, velocity, force, touching
+    told = abs(moved) > 0.0  # not where one of them is unknown
+    if told:
+        move_surface(banks, moved)
+    if conditioned.offset != known[1]:
+        move_offset(banks, conditioned.offset - known[1])
+        told = True
+    code = take(banks, time, depth, velocity, force, touching)
+    if code in (OTHER, GONE):
+        if not touching:
+            lose_surface(conditioner)
+        clear(lag)
+    if touching:
+        take_lagged(lag, depth + conditioned.surface, velocity, raw, time - before)
+    return code, told
+
+
+@compiled(error_model="numpy")
+def learn_raw(
+    banks: Banks,
+    conditioner: Memory,
+    learnings: NDArray[np.void],
+    raw: tuple[float, float, float],
+    velocity: float,
+    measured: bool,
+) -> tuple[int, bool]:
+    """Learn from one raw sample: `Learner.update` with a contact map.
+
+    Args:
+        banks: The contact map's.
+        conditioner: Of the samples; its rings have room.
+        learnings: The learner's; written.
+        raw: Time [s], position [m] and force with the offset [N].
+        velocity: Velocity [m/s].
+        measured: Whether that was measured; else it is estimated from the positions.
+
+    Returns:
+        What was done; and whether there is news of the conditioner's estimates or contact, or its rings are full.
+    """
+    time, position, force = raw
+    state = conditioner[0][0]
+    known, touched = (state.surface, state.offset), state.in_contact
+    conditioned = condition(conditioner, time, position, force, velocity, measured)
+    depth, velocity, felt, touching = conditioned
+    code, told = learn_conditioned(banks, conditioner, learnings, known, force, (time, depth, velocity, felt, touching))
+    return code, bool(told or state.in_contact != touched or is_full(conditioner))
+
+
 @compiled(error_model="numpy")
 def run_raw(
     banks: Banks,
     conditioner: Memory,
-    lag: NDArray[np.void],
+    learnings: NDArray[np.void],
     runs: NDArray[np.void],
     rows: Array,
     measured: bool,
-    in_contact: NDArray[np.bool_],
-    forces: Array,
-    residual: Array,
+    columns: RawColumns,
 ) -> tuple[int, int]:
     """One block of samples; see `ContactMap.run_raw`. Returns how many were taken and what the last one did."""
-    code, state, conditioned = 0, runs[0], conditioner[0][0]
+    code, state, conditioned, newest = 0, runs[0], conditioner[0][0], learnings[0].newest[0]
+    in_contact, forces, residual = columns
     for i in range(rows.shape[1]):
         time, position, raw = rows[0, i], rows[1, i], rows[2, i]
-        surface, offset, before = conditioned.surface, conditioned.offset, state.time
+        surface, offset = conditioned.surface, conditioned.offset
         depth, velocity, force, touching = condition(conditioner, time, position, raw, rows[3, i], measured)
         in_contact[i], forces[i], residual[i] = touching, force, math.nan
         if touching:
-            residual[i] = force - expect(state, banks[0], position - surface, velocity, time - before)
-        moved = conditioned.surface - surface
-        if abs(moved) > 0.0:  # not where one of them is unknown
-            move_surface(banks, moved)
+            residual[i] = force - expect(state, banks[0], position - surface, velocity, time - newest.time)
+        code, told = learn_conditioned(
+            banks, conditioner, learnings, (surface, offset), raw, (time, depth, velocity, force, touching)
+        )
+        if told or code >= LEARNT:
             state.stale = True
-        if conditioned.offset != offset:
-            move_offset(banks, conditioned.offset - offset)
-            state.stale = True
-        code = take(banks, time, depth, velocity, force, touching)
-        if code >= LEARNT:
-            state.stale = True
-        if code in (OTHER, GONE):
-            if not touching:
-                lose_surface(conditioner)
-            clear(lag)
-        if touching:
-            take_lagged(lag, depth + conditioned.surface, velocity, raw, time - before)
-        state.time, state.depth, state.velocity, state.force = time, depth, velocity, force
-        state.in_contact = touching
         if is_full(conditioner):
             return i + 1, code
     return rows.shape[1], code

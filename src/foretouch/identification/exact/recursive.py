@@ -216,9 +216,10 @@ class _ExactFilter(Estimator):
         is above 0.25.
         """
         model = self.model
-        if model is None:
-            return {}
-        errors = self._errors()
+        return {} if model is None else self._determined(model, self._errors())
+
+    @staticmethod
+    def _determined(model: ContactModel, errors: dict[str, float]) -> dict[str, float | None]:
         values: dict[str, float | None] = {}
         for name, value in zip(model.parameter_names, model.parameters, strict=True):
             limit = LARGEST_EXPONENT_ERROR if name in ("exponent", "switching") else value
@@ -231,9 +232,11 @@ class _ExactFilter(Estimator):
 
         Undetermined parameters have none: the delta method is for small errors.
         """
-        if self.model is None:
+        model = self.model
+        if model is None:
             return None
-        known, errors = self.parameters, self._errors()
+        errors = self._errors()
+        known = self._determined(model, errors)
         return {name: None if value is None else errors[name] for name, value in known.items()}
 
     def _errors(self) -> dict[str, float]:

@@ -69,13 +69,27 @@ class ContactMapModel(Brief, ContactModel):
     def __post_init__(self) -> None:
         parameters = self.parameters
         if not all(0.0 <= value < math.inf for value in parameters):
-            for name in self.parameter_names:
-                require(name, getattr(self, name), at_least=0.0)
-        maps = _compiled("wire").unpack(self.map)
+            for name, value in zip(self.parameter_names, parameters, strict=True):
+                require(name, value, at_least=0.0)
+        maps = _compiled("wire").unpack(self.map, parameters)  # the map carries them rounded
         if maps is None:
             raise SettingError("map", f"{len(self.map)} bytes", "is no contact map")
-        maps["law"] = parameters  # the map carries them rounded
         object.__setattr__(self, "_maps", maps)
+
+    @classmethod
+    def of(cls, maps: NDArray[np.void]) -> ContactMapModel | None:
+        """The model of a map as it is learnt, an array of one; None where its numbers go beyond the range of 32 bits.
+
+        It equals one that is made of its own parameters and bytes, which need no second look here.
+        """
+        content, kept, good = _compiled("wire").shrunk(maps)
+        if not good:
+            return None
+        model = object.__new__(cls)
+        known = dict(zip(cls.parameter_names, kept["law"][0].tolist(), strict=True), map=content, _maps=kept)
+        for name, value in known.items():
+            object.__setattr__(model, name, value)
+        return model
 
     @property
     def parameters(self) -> tuple[float, float, float, float]:

@@ -7,13 +7,14 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core import kernel
-from foretouch.core.compiling import compiled, inlined
+from foretouch.core.compiling import compiled, inlined, kernel
 from foretouch.models.contact_map import layout
 from foretouch.models.contact_map.kernel import cubic
 from foretouch.models.contact_map.layout import COARSE, FINE, HEADER, SIZE, Grid, Map
 
 Flags = NDArray[np.int8]
+Short = NDArray[np.float32]
+Law = tuple[float, float, float, float]
 
 
 @inlined
@@ -65,41 +66,72 @@ def is_sensible(maps: NDArray[np.void]) -> bool:
     return good and abs(total - 1.0) < 1e-3 and learnt.lowest <= learnt.reached
 
 
-def pack(maps: NDArray[np.void]) -> bytes:
-    """The numbers that a force can be computed from, less those of the law, as 32-bit floats, little-endian."""
-    rounded, needed = maps.copy(), np.empty(SIZE, np.int8)
-    rounded[0].law[:] = 0.0
-    numbers = rounded.view(np.float64)
-    # What is rounded decides which knots are needed, so it is rounded first.
-    numbers[:] = numbers.astype(np.float32)
-    mark(rounded, needed)
-    return numbers[needed > 0].astype("<f4").tobytes()
+@kernel("i8(Map[::1], Map[::1], f4[::1])")
+def shrink(maps: NDArray[np.void], sent: NDArray[np.void], short: Short) -> int:
+    """Write the map as it crosses the network, with the law's own numbers, and the numbers of `pack`: how many.
+
+    Returns:
+        Their number, negative where they are those of no model.
+    """
+    numbers, rounded, needed = maps.view(np.float64), sent.view(np.float64), np.empty(SIZE, np.int8)
+    for k in range(SIZE):  # what is rounded decides which knots are needed, so it is rounded first
+        rounded[k] = np.float32(numbers[k])
+    law, good, count = sent[0].law, True, 0
+    law[:] = 0.0
+    mark(sent, needed)
+    for k in range(SIZE):
+        if needed[k] > 0:
+            short[count] = np.float32(rounded[k])
+            good = good and math.isfinite(rounded[k])
+            count += 1
+        else:
+            rounded[k] = 0.0
+    good = good and is_sensible(sent)
+    for k in range(4):
+        law[k] = maps[0].law[k]
+        good = good and 0.0 <= law[k] < math.inf
+    return count if good else -count
 
 
-@kernel("b1(Map[::1], f4[::1])")
-def fill(maps: NDArray[np.void], short: NDArray[np.float32]) -> bool:
-    """Write packed numbers into a new map; whether they are one."""
-    if not HEADER <= short.size <= SIZE:
-        return False
+@kernel("b1(f4[::1], UniTuple(f8, 4), Map[::1])")
+def expand(short: Short, law: Law, maps: NDArray[np.void]) -> bool:
+    """Write the map of these numbers, at least a header's, and of a law; whether they are those of one."""
     numbers, needed = maps.view(np.float64), np.empty(SIZE, np.int8)
+    numbers[:] = 0.0
+    for k in range(short.size):
+        if not math.isfinite(short[k]):
+            return False
     for k in range(HEADER):
         numbers[k] = short[k]
     if not is_sensible(maps):
         return False
     mark(maps, needed)
-    at = 0
+    count = 0
     for k in range(SIZE):
         if needed[k] > 0:
-            if at == short.size or not math.isfinite(short[at]):
-                return False
-            numbers[k] = short[at]
-            at += 1
-    return at == short.size
+            if count < short.size:
+                numbers[k] = short[count]
+            count += 1
+    for k in range(4):
+        maps[0].law[k] = law[k]
+    return bool(count == short.size)
 
 
-def unpack(content: bytes) -> NDArray[np.void] | None:
-    """The map of packed bytes, an array of one; None where they are none."""
-    if len(content) % 4:
+def shrunk(maps: NDArray[np.void]) -> tuple[bytes, NDArray[np.void], bool]:
+    """The bytes of `pack`, the map that `unpack` makes of them but with the law's numbers, and whether it is one."""
+    short, sent = np.empty(SIZE, np.float32), np.empty(1, Map.layout)
+    count = shrink.entry(maps, sent, short)
+    return short[: abs(count)].astype("<f4", copy=False).tobytes(), sent, count > 0
+
+
+def pack(maps: NDArray[np.void]) -> bytes:
+    """The numbers that a force can be computed from, less those of the law, as 32-bit floats, little-endian."""
+    return shrunk(maps)[0]
+
+
+def unpack(content: bytes, law: Law = (0.0, 0.0, 0.0, 0.0)) -> NDArray[np.void] | None:
+    """The map of packed bytes and of this law's numbers, an array of one; None where they are none."""
+    if len(content) % 4 or not HEADER <= len(content) // 4 <= SIZE:
         return None
-    maps = Map.new()
-    return maps if fill.entry(maps, np.frombuffer(content, dtype="<f4")) else None
+    short, maps = np.frombuffer(content, "<f4").astype(np.float32, copy=False), np.empty(1, Map.layout)
+    return maps if expand.entry(short, law, maps) else None

@@ -77,7 +77,7 @@ class ControlLease:
 
     def admit(self, holder: str, epoch: int, now_ns: int) -> bool:
         """Whether a command of this holder and epoch may be obeyed now [ns]; if so, it has control from now on."""
-        if not self._holds(holder, epoch):
+        if epoch != self.epoch or holder != self.holder or not holder:
             if not self._may_follow(holder, epoch, now_ns):
                 self.refused += 1
                 return False

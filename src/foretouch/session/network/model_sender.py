@@ -71,10 +71,10 @@ class RoundTrip:
             self._applied = command
         commands = self._commands
         while commands and commands[0] <= command:
-            self.current = self._acknowledged.pop(heappop(commands))
-            if self.current in self._sent:  # else it was heard of before, or is of another process of the follower
-                self._smallest_ns = min(self._smallest_ns, now_ns - self._sent[self.current])
-                self._sent = {model: sent_ns for model, sent_ns in self._sent.items() if model > self.current}
+            current = self.current = self._acknowledged.pop(heappop(commands))
+            if current in self._sent:  # else it was heard of before, or is of another process of the follower
+                self._smallest_ns = min(self._smallest_ns, now_ns - self._sent[current])
+                self._sent = {model: sent_ns for model, sent_ns in self._sent.items() if model > current}
         if self._due_ns is None:
             self._due_ns = now_ns + PERIOD_NS
         if now_ns < self._due_ns:

@@ -6,19 +6,23 @@ Freshness goes by a command's number, and by how long it travelled, seen from th
 from __future__ import annotations
 
 import math
-from bisect import bisect_left, bisect_right, insort
 from collections import deque
 from collections.abc import Callable
 from enum import IntEnum
+from typing import Annotated, Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.core import Record, compiled, kernel
 from foretouch.errors.checks import require
 from foretouch.quantities import LARGEST_POSITION
 
 MEMORY_NS = 60_000_000_000  # Time over which the smallest transit is taken [ns]
 BLOCK_NS = 1_000_000_000  # The smallest transit is kept by blocks of this length [ns]
 
-SLACK_NS = 1_000_000_000
-"""Largest lead of a command's number over its clock [ns]; its clock may lead ours by ten times that."""
+SLACK_NS, CLOCK_SLACK_NS = 1_000_000_000, 10_000_000_000
+"""Largest lead of a command's number over its clock, and of its clock over ours [ns]."""
 
 
 class Arrival(IntEnum):
@@ -84,7 +88,7 @@ class Freshness:
             smallest.popleft()
         needed = smallest[0][1] if smallest else transit
         ahead_ns = (sequence - self._number) * self._period_ns
-        if transit < needed - 10 * SLACK_NS or (self._number and ahead_ns > sent_ns - self._sent_ns + SLACK_NS):
+        if transit < needed - CLOCK_SLACK_NS or (self._number and ahead_ns > sent_ns - self._sent_ns + SLACK_NS):
             result = FUTURE
         else:
             while smallest and smallest[-1][1] >= transit:  # the smallest of each block that no later one has undercut
@@ -114,6 +118,123 @@ LARGEST_HASTE = 1.0  # Largest increase of the pace: at most twice the pace of s
 HASTE_PER_LEAD = 0.004  # Pace added for each period of lead that was never needed
 
 
+ROOM = 1024
+"""Commands for which there is room: more than twice the largest lead. They keep their place by the remainder of their
+number."""
+
+
+class Playing(Record):
+    """State of a `Playout`."""
+
+    kept: bool  # whether there are commands
+    first: int  # number of the oldest command that is kept: the one that is played, or left behind last
+    newest: int  # number of the newest
+    point: float = math.nan  # what is played, in sequence numbers
+    position: float = math.nan  # that is played [m]
+    place: Annotated[NDArray[Any], float, 3] = math.nan  # type: ignore[assignment]  # in space [m]
+    least: float = math.inf  # smallest lead of the ticks since it began anew
+    least_before: float = math.inf  # and of those before
+    ticks: int  # since it began anew
+    applied: int  # number of the newest command at or before the point
+    numbers: Annotated[NDArray[Any], int, ROOM] = -1  # type: ignore[assignment]  # of the commands that are kept
+    positions: Annotated[NDArray[Any], float, ROOM]  # theirs [m]
+    places: Annotated[NDArray[Any], float, (ROOM, 3)]  # in space [m]
+
+
+@compiled
+def _keep(playing: Playing, number: int, position: float, place: tuple[float, float, float]) -> None:
+    at = number % ROOM
+    playing.numbers[at], playing.positions[at] = number, position
+    playing.places[at, 0], playing.places[at, 1], playing.places[at, 2] = place
+
+
+@kernel("(Playing[::1], i8, f8, UniTuple(f8, 3))")
+def push(playings: NDArray[np.void], number: int, position: float, place: tuple[float, float, float]) -> None:
+    """See `Playout.push`."""
+    playing = playings[0]
+    if not abs(position) <= LARGEST_POSITION or number <= playing.point:
+        return
+    older = playing.kept and number < playing.newest
+    # Where nothing is played yet, or the playback will be led over an outage, all but the newest is dropped.
+    if older and not playing.newest - playing.point <= LARGEST_LEAD:
+        return
+    if playing.numbers[number % ROOM] == number:
+        return
+    _keep(playing, number, position, place)
+    if not playing.kept:
+        playing.first = number
+    if not older:
+        playing.newest = number
+    playing.kept = True
+
+
+@compiled
+def _haste(playing: Playing, lead: float) -> float:
+    """Increase of the pace over that of sending, from the smallest lead of the last ticks."""
+    playing.least = min(playing.least, lead)
+    playing.ticks += 1
+    if playing.ticks == LOOK_BACK:
+        playing.least_before, playing.least, playing.ticks = playing.least, lead, 0
+    if lead <= 1.0:  # one came since the last tick: that is no lead
+        return 0.0
+    unneeded = min(playing.least, playing.least_before) - 1.0
+    return min(LARGEST_HASTE, HASTE_PER_LEAD * unneeded) if 0.0 < unneeded < math.inf else 0.0
+
+
+@compiled
+def _bridge(playing: Playing) -> None:
+    """Move from the robot's position to the newest command, in `LONGEST_BRIDGE` periods."""
+    newest, at = playing.newest, playing.newest % ROOM
+    position, place = playing.positions[at], (playing.places[at, 0], playing.places[at, 1], playing.places[at, 2])
+    playing.numbers[:] = -1
+    playing.first = newest - LONGEST_BRIDGE
+    playing.point = float(playing.first)
+    _keep(playing, newest, position, place)
+    _keep(playing, playing.first, playing.position, (playing.place[0], playing.place[1], playing.place[2]))
+    playing.least = playing.least_before = math.inf
+    playing.ticks = 0
+
+
+@compiled
+def _play(playing: Playing) -> None:
+    """Interpolate at the playback point, and drop positions before it."""
+    numbers, point, newest, first = playing.numbers, playing.point, playing.newest, playing.first
+    after = first + 1
+    while after <= newest and (after <= point or numbers[after % ROOM] != after):
+        if numbers[after % ROOM] == after:
+            first = after
+        after += 1
+    playing.first, at = first, first % ROOM
+    playing.applied = max(playing.applied, first)
+    playing.position = playing.positions[at]
+    playing.place[:] = playing.places[at]
+    if after <= newest:
+        fraction, then = (point - first) / (after - first), after % ROOM
+        playing.position += (playing.positions[then] - playing.position) * fraction
+        for axis in range(3):
+            playing.place[axis] += (playing.places[then, axis] - playing.place[axis]) * fraction
+
+
+@kernel("f8(Playing[::1])")
+def advance(playings: NDArray[np.void]) -> float:
+    """Play one tick: the position [m], NaN before the first command."""
+    playing = playings[0]
+    if playing.kept:
+        newest = playing.newest
+        lead = newest - playing.point
+        if lead > LARGEST_LEAD:
+            _bridge(playing)
+        elif lead >= 0.0:
+            playing.point = min(playing.point + 1.0 + _haste(playing, lead), float(newest))
+        else:  # the first: nothing was played before it
+            playing.point, playing.first = float(newest), newest
+        _play(playing)
+    return float(playing.position)
+
+
+NOWHERE = (math.nan,) * 3
+
+
 class Playout:
     """Plays commands in the rhythm in which they were sent, a tick a command, as late as their jitter demands.
 
@@ -127,112 +248,37 @@ class Playout:
         go: In three dimensions: moves towards a position [m], and returns the coordinate [m] reached along the
             surface's normal. It is called with each position that is played.
 
-    Attributes:
-        applied: Sequence number of the newest command at or before the playback point; 0 before the first.
-        position: Position played now [m]; NaN before the first command.
-        place: The same in three dimensions, where commands have positions in space; empty otherwise.
     """
 
+    __slots__ = ("_advance", "_applied", "_go", "_playings", "_push")
+
     def __init__(self, go: Callable[[tuple[float, ...]], float] | None = None) -> None:
-        self._go = go
-        self.restart()
+        self._go, self._push, self._advance = go, push.entry, advance.entry
+        self._playings = Playing.new()
+        self._applied = self._playings["applied"]
+
+    @property
+    def applied(self) -> int:
+        """Sequence number of the newest command at or before the playback point; 0 before the first."""
+        result: int = self._applied.item()
+        return result
 
     def restart(self) -> None:
         """Start again with another leader, which counts from 1: nothing is left to play, and the position is NaN."""
-        self._commands: list[tuple[float, float]] = []  # (sequence, position), those still needed, in order
-        self._positions: dict[float, tuple[float, ...]] = {}  # by sequence, of those still needed
-        self._point = math.nan  # what is played, in sequence numbers
-        self._least = self._least_before = math.inf
-        self._ticks = 0
-        self.applied = 0
-        self.position = math.nan
-        self.place: tuple[float, ...] = ()
+        self._playings[:] = Playing.new()
 
     def forget(self) -> None:
         """Drop all positions not yet played; the position is NaN until the next command comes."""
-        self._commands.clear()
-        self._positions.clear()
-        self._point = self.position = math.nan
-        self.place = ()
+        playing = self._playings[0]
+        playing.kept, playing.numbers, playing.point, playing.position, playing.place = False, -1, *NOWHERE
 
     def push(self, sequence: int, position: float, place: tuple[float, ...] = ()) -> None:
         """Take one command; it is dropped if it comes after its turn, or has no position within a metre."""
-        if not abs(position) <= LARGEST_POSITION or sequence <= self._point:
-            return
-        commands = self._commands
-        if not commands or commands[-1][0] < sequence:
-            commands.append((sequence, position))
-        elif commands[bisect_left(commands, (sequence, -math.inf))][0] != sequence:
-            insort(commands, (sequence, position))
-        else:
-            return
-        if place:
-            self._positions[sequence] = place
+        self._push(self._playings, sequence, position, place if len(place) == 3 else NOWHERE)
 
     def advance(self) -> float:
         """Play one tick and return the position [m]."""
-        self._advance()
-        return self.position if self._go is None or not self.place else self._go(self.place)
-
-    def _advance(self) -> None:
-        commands = self._commands
-        if not commands:
-            return
-        newest = commands[-1][0]
-        lead = newest - self._point
-        if lead > LARGEST_LEAD:
-            self._bridge(newest)
-        elif lead >= 0.0:
-            point = self._point + 1.0 + self._haste(lead)
-            self._point = point if point < newest else newest
-        else:  # the first: nothing was played before it
-            self._point = newest
-        self._play(newest)
-
-    def _haste(self, lead: float) -> float:
-        """Increase of the pace over that of sending, from the smallest lead of the last ticks."""
-        if lead < self._least:
-            self._least = lead
-        self._ticks += 1
-        if self._ticks == LOOK_BACK:
-            self._least_before, self._least, self._ticks = self._least, lead, 0
-        if lead <= 1.0:  # one came since the last tick: that is no lead
-            return 0.0
-        unneeded = min(self._least, self._least_before) - 1.0
-        return min(LARGEST_HASTE, HASTE_PER_LEAD * unneeded) if 0.0 < unneeded < math.inf else 0.0
-
-    def _bridge(self, newest: float) -> None:
-        """Move from the robot's position to the newest command, in `LONGEST_BRIDGE` periods."""
-        self._point = newest - LONGEST_BRIDGE
-        self._commands[:-1] = [(self._point, self.position)]
-        if self.place:
-            self._positions = {self._point: self.place, newest: self._positions.get(newest, self.place)}
-        self._least = self._least_before = math.inf
-        self._ticks = 0
-
-    def _play(self, newest: float) -> None:
-        """Interpolate at the playback point, and drop positions before it."""
-        commands, positions, point = self._commands, self._positions, self._point
-        after = len(commands) if point >= newest else bisect_right(commands, (point, math.inf))
-        if not after:
-            return
-        sequence, self.position = commands[after - 1]
-        if sequence > self.applied:
-            self.applied = int(sequence)
-        if positions:
-            self.place = positions.get(sequence, self.place)
-        if after < len(commands):
-            to, there = commands[after]
-            fraction = (point - sequence) / (to - sequence)
-            self.position += (there - self.position) * fraction
-            self._between(positions.get(to, ()), fraction)
-        if after > 1:
-            if positions:
-                for old, _ in commands[: after - 1]:
-                    positions.pop(old, None)
-            del commands[: after - 1]
-
-    def _between(self, there: tuple[float, ...], fraction: float) -> None:
-        """Interpolate the position in space."""
-        if len(there) == len(self.place):
-            self.place = tuple(a + (b - a) * fraction for a, b in zip(self.place, there, strict=True))
+        position = self._advance(self._playings)
+        if self._go is None or math.isnan(position):
+            return position
+        return self._go(tuple(self._playings[0].place.tolist()))

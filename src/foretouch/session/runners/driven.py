@@ -19,13 +19,13 @@ from foretouch.messages import FixtureBelief, Handle, Message
 from foretouch.quantities.pose import Vector, add, norm, scaled, subtract
 from foretouch.robot import Robot, SpatialRobot
 from foretouch.session.frames import browser_operator, framed_device, framed_robot
+from foretouch.session.network.playout import Arrival
 from foretouch.session.operators import felt_device
 from foretouch.session.runners.loop_timer import let_pass
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.spatial import follower as spatial_follower
 from foretouch.session.spatial.scenes import make_scene
 from foretouch.session.steps import follower, leader
-from foretouch.session.steps.counting import OperatorClock, follower_counts, leader_counts
 from foretouch.session.steps.hand import HandInSpace
 
 
@@ -112,8 +112,23 @@ class DrivenFollower(Driven):
         self.desired: Any = None
 
     def counts(self) -> dict[str, int]:
-        """See `Driven.counts`."""
-        return follower_counts(self.state)
+        """Messages sent by the follower, and lost, late, repeated or refused ones of the leader."""
+        fresh = self.state.freshness
+        return {
+            "models_sent": self.state.sender.sequence,
+            "telemetry_sent": self.state.tick,
+            "commands_lost": self.state.commands.lost,
+            "commands_late": self.state.commands.late,
+            "commands_copies": self.state.commands.copies,
+            "commands_stale": fresh.counts[Arrival.STALE],
+            "commands_overtaken": fresh.counts[Arrival.OVERTAKEN],
+            "commands_future": fresh.counts[Arrival.FUTURE],
+            "commands_of_others": self.state.lease.refused,
+            "commands_before_release": self.state.before_release,
+            "step_failures": self.state.failures.count,
+            "held_ticks": self.state.held_ticks,
+            "faulty_ticks": self.state.faulty_ticks,
+        }
 
     def pass_time(self, periods: int) -> None:
         """See `Driven.pass_time`."""
@@ -125,12 +140,15 @@ class DrivenFollower(Driven):
 
     def act(self, due: list[Any], tick: Tick) -> list[Message]:
         """See `Driven.act`; the commands are due, and the telemetry is its first message."""
-        beliefs, self.beliefs = self.beliefs, []
-        inputs = follower.Inputs(due, self.sample, *tick[1:], beliefs)
-        return [message for message in self._step(inputs, tick.now_ns) if message is not None]
+        now_ns, period_ns, compute_ns, stop, release, ended = tick
+        beliefs = self.beliefs
+        if beliefs:
+            self.beliefs = []
+        inputs = follower.Inputs(due, self.sample, period_ns, compute_ns, stop, release, ended, beliefs)
+        return self._step(inputs, now_ns)
 
     @abstractmethod
-    def _step(self, inputs: follower.Inputs[Any], now_ns: int) -> Sequence[Message | None]:
+    def _step(self, inputs: follower.Inputs[Any], now_ns: int) -> list[Message]:
         """Run the step and keep the desired position."""
 
     @abstractmethod
@@ -147,10 +165,9 @@ class LineFollower(DrivenFollower):
         super().__init__(framed, settings)
         self.desired = self.sample.commanded_position
 
-    def _step(self, inputs: follower.Inputs[Any], now_ns: int) -> Sequence[Message | None]:
-        _, acted = follower.step(self.state, inputs, now_ns)
-        self.desired = acted.desired_position
-        return acted.telemetry, acted.model
+    def _step(self, inputs: follower.Inputs[Any], now_ns: int) -> list[Message]:
+        _, (self.desired, telemetry, model) = follower.step(self.state, inputs, now_ns)
+        return [telemetry] if model is None else [telemetry, model]
 
     def back_off(self) -> None:
         """See `DrivenFollower.back_off`."""
@@ -173,10 +190,11 @@ class SpaceFollower(DrivenFollower):
         super().__init__(robot, settings)
         self.desired = self.sample.place
 
-    def _step(self, inputs: follower.Inputs[Any], now_ns: int) -> Sequence[Message | None]:
+    def _step(self, inputs: follower.Inputs[Any], now_ns: int) -> list[Message]:
         _, acted = spatial_follower.step(self._whole, inputs, now_ns)
         self.desired = acted.desired
-        return acted.telemetry, acted.space, acted.model, acted.field
+        messages: list[Message] = [acted.telemetry, acted.space]
+        return messages + [message for message in (acted.model, acted.field) if message is not None]
 
     def back_off(self) -> None:
         """See `DrivenFollower.back_off`; whatever is believed of the fixture."""
@@ -186,6 +204,26 @@ class SpaceFollower(DrivenFollower):
             follower.feel_plainly(self.state, size)
             self.desired = add(self.desired, scaled(force, self._back / size))
             self._whole.last.begin(self.desired)
+
+
+class OperatorClock:
+    """The clock that an operator is read by.
+
+    A hand that holds a device waits, as a person would, until the follower's position is known. From then on its time
+    runs, from zero. For an operator that feels nothing it is the session's own clock.
+    """
+
+    __slots__ = ("_begun_ns", "_waits")
+
+    def __init__(self, operator: Device | SpatialDevice) -> None:
+        self._waits = operator.closed_loop
+        self._begun_ns = 0
+
+    def read(self, now_ns: int, *, coupled: bool) -> int:
+        """The operator's time [ns] at the session's [ns]; `coupled` says whether hand and follower have met."""
+        if self._waits:
+            self._begun_ns, self._waits = now_ns, not coupled
+        return now_ns - self._begun_ns
 
 
 class DrivenLeader(Driven):
@@ -209,8 +247,17 @@ class DrivenLeader(Driven):
         self.nowhere = 0
 
     def counts(self) -> dict[str, int]:
-        """See `Driven.counts`."""
-        return leader_counts(self.state)
+        """Messages sent by the leader, and lost, late or repeated ones of the follower."""
+        return {
+            "commands_sent": self.state.sequence,
+            "models_lost": self.state.follower_view.models.lost,
+            "models_late": self.state.follower_view.models.late,
+            "models_copies": self.state.follower_view.models.copies,
+            "models_refused": self.state.refused,
+            "telemetry_lost": self.state.follower_view.telemetry.lost,
+            "telemetry_late": self.state.follower_view.telemetry.late,
+            "telemetry_copies": self.state.follower_view.telemetry.copies,
+        }
 
     def operator_ns(self, now_ns: int) -> int:
         """The operator's time [ns]."""
@@ -222,9 +269,9 @@ class DrivenLeader(Driven):
 
     def act(self, due: list[Any], tick: Tick) -> list[Message]:
         """See `Driven.act`; the command is its first message, and the record the second."""
-        operator = self._operator
-        position = operator.read(self.operator_ns(tick.now_ns))
-        if not all(map(math.isfinite, position if isinstance(position, tuple) else (position,))):
+        operator, now_ns = self._operator, tick.now_ns
+        position = operator.read(self.operator_ns(now_ns))
+        if not math.isfinite(sum(position) if isinstance(position, tuple) else position):
             self.nowhere += 1
         inputs = leader.Inputs(
             position,

@@ -21,6 +21,7 @@ from foretouch.session.spatial.camera import IMAGE_PERIOD, VIEW, SimulatedCamera
 from foretouch.session.spatial.scenes import KnownSurface, make_scene
 
 _PERIOD_NS = round(SAMPLE_PERIOD * 1e9)
+PROGRESS_NS = 1_000_000_000
 
 Record = Callable[[Message, int], None]
 """Called with each message to keep and its simulated time [ns]."""
@@ -120,33 +121,34 @@ def run_session(
     warm_up_once(settings)
     follows, leads = drive_follower(robot, settings, 1), drive_leader(operator, settings, "leader", 1)
     watcher = CameraAndTracker(settings, camera, follows) if isinstance(follows, SpaceFollower) else None
-    compute = np.zeros((2, round(duration / SAMPLE_PERIOD)), dtype=np.int64)  # [ns]
+    computed: tuple[list[int], list[int]] = [], []  # [ns]
     texts = settings.as_text() | {"operator": operator.name} | dict(description or {})
     kept: list[Message] = []
     if record is not None:
         record(Hello.of("simulation", 1, 0, texts), 0)
     began = time.perf_counter()
-    for number in range(compute.shape[1]):
-        tick = Tick(number * _PERIOD_NS, _PERIOD_NS)
+    for now_ns in range(0, round(duration / SAMPLE_PERIOD) * _PERIOD_NS, _PERIOD_NS):
+        tick = Tick(now_ns, _PERIOD_NS)
         messages = follows.tick(tick)
         for message in messages:
-            leads.arriving.push(tick.now_ns, message)
+            leads.arriving.push(now_ns, message)
         follows.exchange()
         if watcher is not None:
-            messages += watcher.look(messages, tick.now_ns)
+            messages += watcher.look(messages, now_ns)
         command, *records = leads.tick(tick)
-        follows.arriving.push(tick.now_ns, command)
-        compute[:, number] = leads.computed_ns, follows.computed_ns
+        follows.arriving.push(now_ns, command)
+        computed[0].append(leads.computed_ns)
+        computed[1].append(follows.computed_ns)
         messages += records
         kept += messages
         if record is not None:
             for message in messages:
-                record(message, tick.now_ns)
-        if progress is not None and number % 1000 == 0:
-            progress(tick.now_ns * 1e-9)
+                record(message, now_ns)
+        if progress is not None and now_ns % PROGRESS_NS == 0:
+            progress(now_ns * 1e-9)
     elapsed = time.perf_counter() - began
     counts = leads.counts() | follows.counts()
     counts |= {} if watcher is None else watcher.counts()
     log = SessionLog.from_messages(kept, texts, counts)
-    log.leader["compute_ns"], log.follower["compute_ns"] = compute
+    log.leader["compute_ns"], log.follower["compute_ns"] = np.array(computed, dtype=np.int64)
     return SimulatedSession(log, duration, elapsed)

@@ -12,8 +12,8 @@ from typing import Any
 
 from foretouch.devices import Device, SpatialDevice
 from foretouch.errors import SideError
-from foretouch.link import ASKING_PERIOD_NS, ZenohLink, new_press
-from foretouch.messages import PROCESS, SIDES, VERSION, EmergencyStop, Message, Status
+from foretouch.link import ASKING_PERIOD_NS, FaultStage, ZenohLink, new_press
+from foretouch.messages import COUNT_PREFIX, PROCESS, SIDES, SINCE, VERSION, EmergencyStop, Message, Status
 from foretouch.robot import Robot, SpatialRobot
 from foretouch.session.network.lease import Contest, own_epoch
 from foretouch.session.operators import close_operator
@@ -32,7 +32,6 @@ from foretouch.session.runners.news import LoopWatch, all_of, follower_news, fol
 from foretouch.session.runners.warm_up import prepare
 from foretouch.session.safety.safety import LEFT
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
-from foretouch.session.steps.counting import as_texts, fault_texts, link_counts
 
 FOLLOWER_CHANNELS = ("command", "settings", "stop", "emergency", "hello", *SpaceFollower.channels)
 """Channels that the follower's link receives; the last is silent along a line."""
@@ -91,6 +90,26 @@ def ended_in_order(house: Housekeeper, stop: StopFlag) -> Iterator[None]:
         house.say_end(stop.reason)
     finally:
         house.close(stop.reason)
+
+
+def link_counts(role: str, link: ZenohLink) -> dict[str, int]:
+    """Messages that a side's link could not take or send."""
+    return {f"{role}_undecodable": link.undecodable, f"{role}_unsent": link.unsent}
+
+
+def as_texts(counts: dict[str, int]) -> dict[str, str]:
+    """Counters as texts of a `Hello`; the recorder tells them from settings by the prefix."""
+    return {COUNT_PREFIX + name: str(value) for name, value in counts.items()}
+
+
+def fault_texts(stage: FaultStage[Any], delay: str, changed_ns: int, prefix: str = "") -> dict[str, str]:
+    """Faults that a side applies to arriving messages, as settings of its `Hello`; no other side knows them.
+
+    `delay` names the setting of their delay, `changed_ns` is their last change by the side's own clock, 0 for never,
+    and `prefix` stands before the other names: ``"return_"`` for those of models and telemetry.
+    """
+    faults = {f"{prefix}{name}": str(getattr(stage.faults, name)) for name in ("jitter", "loss", "outage")}
+    return {delay: str(stage.delay)} | faults | ({SINCE: str(changed_ns)} if changed_ns else {})
 
 
 class Loop:

@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core import Record, compiled, kernel
+from foretouch.core import Kernel, Record, compiled, kernel
 from foretouch.errors.checks import require
 
 PATIENCE = 0.01
@@ -103,6 +103,50 @@ def guarded_speed(
 UNKNOWN_FROM = 1e-3  # Distance outside the surface known to the leader above which a contact is with something else [m]
 
 
+class Touch(Record):
+    """State of a `FirstTouch`, with its settings."""
+
+    speed: float  # of approach [m/s]
+    holding_force: float  # F_h [N]
+    period: float  # T [s]
+    commanded: float = math.nan  # newest position for the robot [m]; NaN where nothing is guarded
+    held_back: float  # distance that it is behind the commands [m]
+    unknown: bool  # whether the leader did not know the surface
+    guard: ForceGuard
+
+
+@compiled
+def follow(touch: Touch) -> None:
+    """Start again where the robot then is, guarding nothing."""
+    touch.commanded, touch.held_back, touch.unknown = math.nan, 0.0, False
+
+
+@compiled
+def guarded_position(
+    touch: Touch, desired: float, position: float, force: float, in_contact: bool, known_surface: float
+) -> float:
+    """One tick of `FirstTouch.update`, whose other arguments these are; its state is written."""
+    unknown = math.isnan(known_surface) or (in_contact and position < known_surface - UNKNOWN_FROM)
+    if math.isnan(touch.commanded):
+        touch.commanded = position if math.isfinite(position) else desired
+    if unknown:
+        observe(touch.guard, position, force, in_contact)
+        deeper = min(max(allowed_speed(touch.guard, touch.holding_force, 0.0), -touch.speed), touch.speed)
+        touch.commanded = min(desired, touch.commanded + deeper * touch.period)
+        touch.held_back = desired - touch.commanded
+    else:
+        if touch.unknown:  # a step of the commands, as where the index has met the surface, is none of the robot's
+            touch.held_back = desired - touch.commanded
+        back = touch.speed * touch.period
+        touch.held_back -= math.copysign(min(back, abs(touch.held_back)), touch.held_back)
+        touch.commanded = desired - touch.held_back
+    touch.unknown = unknown
+    return float(touch.commanded)
+
+
+_guarded_position = Kernel(guarded_position, "f8(Touch, f8, f8, f8, b1, f8)")
+
+
 class FirstTouch:
     r"""Keeps a robot from following blindly into a surface that the leader does not know.
 
@@ -119,25 +163,25 @@ class FirstTouch:
         approach_speed: Speed of approach [m/s], positive.
         force: F_h [N], positive.
         sample_period: Sample period [s], positive.
-
-    Attributes:
-        guarded: Whether the newest command was held back.
+        memory: Array of one `Touch` for the state, part of another record; None for one of its own.
     """
 
-    __slots__ = ("_commanded", "_guard", "_held_back", "_holding_force", "_period", "_speed", "_unknown", "guarded")
+    __slots__ = ("_held_back", "_touch")
 
-    def __init__(self, approach_speed: float, force: float, sample_period: float) -> None:
+    def __init__(
+        self, approach_speed: float, force: float, sample_period: float, *, memory: NDArray[np.void] | None = None
+    ) -> None:
         require("approach_speed", approach_speed, above=0.0)
         require("guarded_force", force, above=0.0)
         require("sample_period", sample_period, above=0.0)
-        self._speed, self._holding_force, self._period = approach_speed, force, sample_period
-        self._guard = ForceGuard.new()
-        self.restart()
+        memory = Touch.new() if memory is None else memory
+        memory[:] = Touch.new(speed=approach_speed, holding_force=force, period=sample_period)
+        self._touch, self._held_back = memory[0], memory["held_back"]
 
-    def restart(self) -> None:
-        """Start again where the robot then is, guarding nothing."""
-        self._commanded, self._held_back = math.nan, 0.0
-        self._unknown = self.guarded = False
+    @property
+    def guarded(self) -> bool:
+        """Whether the newest command was held back."""
+        return bool(self._held_back.item() != 0.0)
 
     def update(self, desired: float, position: float, force: float, in_contact: bool, known_surface: float) -> float:
         """One tick: the position for the robot [m]. While force or position are NaN it goes no deeper.
@@ -149,20 +193,4 @@ class FirstTouch:
             in_contact: Whether that is contact.
             known_surface: Surface of the newest model that the leader is known to render from [m]; NaN for none.
         """
-        unknown = math.isnan(known_surface) or (in_contact and position < known_surface - UNKNOWN_FROM)
-        if math.isnan(self._commanded):
-            self._commanded = position if math.isfinite(position) else desired
-        if unknown:
-            deeper = guarded_speed(self._guard, position, force, in_contact, self._holding_force, 0.0)
-            deeper = min(max(deeper, -self._speed), self._speed)
-            self._commanded = min(desired, self._commanded + deeper * self._period)
-            self._held_back = desired - self._commanded
-        else:
-            if self._unknown:  # a step of the commands, as where the index has met the surface, is none of the robot's
-                self._held_back = desired - self._commanded
-            back = self._speed * self._period
-            self._held_back -= math.copysign(min(back, abs(self._held_back)), self._held_back)
-            self._commanded = desired - self._held_back
-        self._unknown = unknown
-        self.guarded = self._held_back != 0.0
-        return self._commanded
+        return _guarded_position.entry(self._touch, desired, position, force, in_contact, known_surface)

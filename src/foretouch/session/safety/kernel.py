@@ -72,6 +72,8 @@ class Memory(Record):
     faulty_for: float  # [s]
     nearest: float = -math.inf  # in space, its commanded point against the surface [m]: on a curved one not the aim
     nearing: float  # speed, in space, at which motion along the surface may bring the robot nearer to it [m/s]
+    fastest: float  # speed at which it may go deeper now, negative where it has to retreat [m/s]
+    shifted: float  # displacement of the aim by a limit in the newest tick [m]
     guard: ForceGuard
     motion: Path  # in space position and velocity along the normal
     way: ProvenWay
@@ -188,7 +190,7 @@ def _see(memory: Memory, position: float, force: float, in_contact: bool, faulty
         memory.came = position if math.isnan(path) else path
 
 
-@kernel("Tuple((f8, i8, b1, f8, f8))(Memory[::1], b1, f8, f8, f8, b1, f8, f8, b1, b1, f8, b1)")
+@kernel("Tuple((f8, i8, b1))(Memory[::1], b1, f8, f8, f8, b1, f8, f8, b1, b1, f8, b1)")
 def keep_safe(
     memories: NDArray[np.void],
     stopped: bool,
@@ -202,12 +204,11 @@ def keep_safe(
     guarded: bool,
     free: float,
     uncertain: bool,
-) -> tuple[float, int, bool, float, float]:
+) -> tuple[float, int, bool]:
     """One tick of one `Memory`; the arguments are those of `Safety.update`, and whether a stop is latched.
 
     Returns:
-        The position for the robot, in space the aim [m], the `Status`, and whether it presses; then `fastest` and
-        `shifted` of `Safety`.
+        The position for the robot, in space the aim [m], the `Status`, and whether it presses.
     """
     memory = memories[0]
     motion = memory.motion
@@ -234,4 +235,5 @@ def keep_safe(
     memory.aim = _clip(memory.limits, aim, surface)
     commanded = memory.aim if memory.in_space else limited(motion, memory.aim, max(fastest, 0.0), shifted)
     presses = not abs(force) <= REST_FORCE if not faulty else math.isnan(memory.came) or _is_inside(memory)
-    return commanded, status, presses, fastest, shifted
+    memory.fastest, memory.shifted = fastest, shifted
+    return commanded, status, presses

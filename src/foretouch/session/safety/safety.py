@@ -7,6 +7,9 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from foretouch.core import Kernel
 from foretouch.errors.checks import require
 from foretouch.messages import Status
@@ -166,6 +169,8 @@ class Safety:
     Args:
         limits: Limits that are never exceeded.
         sample_period: T [s], positive.
+        memory: Array of one `foretouch.session.safety.kernel.Memory` for the state, part of another record; None for
+            one of its own.
 
     Attributes:
         limits: As given.
@@ -173,25 +178,32 @@ class Safety:
         stop_reason: Why it was stopped; empty while it is not.
         pressing: Whether the robot feels more than 1 N; if its force is unknown, whether it has not yet retraced its
             path out of the contact.
-        fastest: Speed at which the robot may go deeper now, negative where it has to retreat [m/s].
-        shifted: Displacement of the aim by a limit in the newest tick [m], not positive: it is no motion.
         blind_speed: Speed at which the robot may approach a possible obstacle before it feels anything [m/s].
     """
 
-    def __init__(self, limits: SafetyLimits, sample_period: float) -> None:
+    def __init__(self, limits: SafetyLimits, sample_period: float, *, memory: NDArray[np.void] | None = None) -> None:
         impedance = impact_impedance(limits.stiffest, limits.most_damped, limits.mass, REACTION)
-        self._memories = kernel.Memory.new(
-            limits=dataclasses.astuple(limits), period=sample_period, impedance=impedance
-        )
+        self._memory = memory = kernel.Memory.new() if memory is None else memory
+        memory[:] = kernel.Memory.new(limits=dataclasses.astuple(limits), period=sample_period, impedance=impedance)
         self._keep_safe = kernel.keep_safe.entry
         self.limits, self._period = limits, sample_period
-        path = self._memories["motion"]
+        path = memory["motion"]
         self._motion = MotionLimits(limits.speed, limits.acceleration, limits.jerk, sample_period, paths=path)
         self._position, self._velocity = path["position"][0], path["velocity"][0]
-        self._nearest, self._nearing = self._memories["nearest"], self._memories["nearing"]
+        self._nearest, self._nearing = memory["nearest"], memory["nearing"]
+        self._fastest, self._shifted = memory["fastest"], memory["shifted"]
         self.status, self.stop_reason, self.pressing = Status.FOLLOWING, "", False
-        self.fastest = self.shifted = 0.0
         self.blind_speed = kernel.AIMED * limits.force / impedance
+
+    @property
+    def fastest(self) -> float:
+        """Speed at which the robot may go deeper now, negative where it has to retreat [m/s]."""
+        return float(self._fastest.item())
+
+    @property
+    def shifted(self) -> float:
+        """Displacement of the aim by a limit in the newest tick [m], not positive: it is no motion."""
+        return float(self._shifted.item())
 
     def in_space(self) -> MotionLimits:
         """Leave the last rule to the caller that brings the aim into space: return its limits, for positions there.
@@ -199,7 +211,7 @@ class Safety:
         From then on `update` returns the aim, and `went` must be called in each tick with the result.
         """
         limits = self.limits
-        self._memories["in_space"] = True
+        self._memory["in_space"] = True
         self._motion = MotionLimits(limits.speed, limits.acceleration, limits.jerk, self._period)
         return self._motion
 
@@ -240,7 +252,7 @@ class Safety:
 
     def forget_way(self) -> None:
         """Forget the proven approach, which is of another point: all counts as untouched again."""
-        _forget_way.entry(self._memories[0].way)
+        _forget_way.entry(self._memory[0].way)
 
     def update(
         self,
@@ -263,8 +275,8 @@ class Safety:
             free: Position up to which the air is free, though the robot has not gone there itself [m].
         """
         position, force, in_contact, faulty, uncertain = sensed
-        commanded, status, self.pressing, self.fastest, self.shifted = self._keep_safe(
-            self._memories,
+        commanded, status, self.pressing = self._keep_safe(
+            self._memory,
             self.stop_reason != "",
             desired,
             position,

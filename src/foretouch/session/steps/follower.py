@@ -13,7 +13,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Generic, NamedTuple, TypeVar
 
-from foretouch.identification import ContactSample, Estimator, Learner, SensorState, SensorWatch
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.identification import ContactMap, ContactSample, Estimator, Learner, SensorState, SensorWatch
 from foretouch.identification.conditioning.kernel import CONTACT_FLOOR
 from foretouch.link import SequenceCounter
 from foretouch.messages import VERSION, Command, FixtureBelief, ModelUpdate, Status, Telemetry
@@ -22,20 +25,24 @@ from foretouch.session.network.lease import ControlLease
 from foretouch.session.network.model_sender import ModelSender
 from foretouch.session.network.playout import Arrival, Freshness, Playout
 from foretouch.session.safety.force_guard import FirstTouch
-from foretouch.session.safety.safety import Safety, SafetyLimits, Sensed
+from foretouch.session.safety.safety import STATES, Safety, SafetyLimits
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
-from foretouch.session.steps.sensing import Failures, TickRate, calibrated
+from foretouch.session.steps.sensing import Failures, calibrated
+from foretouch.session.steps.tick import (
+    Acted,
+    Follower,
+    TickRate,
+    allow_alone,
+    feel_alone,
+    sense_alone,
+    tick_at_once,
+)
 from foretouch.settings import SAFETY_LIMITS
 
 # Constants used in every tick: a member of an enumeration costs more to look up than to compare.
-GOOD = SensorState.GOOD
+GOOD, NOT_FINITE = SensorState.GOOD, SensorState.NOT_FINITE
 FRESH, FUTURE = Arrival.FRESH, Arrival.FUTURE
-EFFORT_FROM, EFFORT_UNCERTAINTY = 0.3, 0.5
-"""Fraction of the force ceiling above which the drive's force counts as felt, and the part of it [N] subtracted as
-friction of the drive. A sensor that is dead from the start is pressed into bone with 16.2 N at a fraction of 0.5, 14.5
-at 0.3 and 14.4 at 0.2."""
-
-HOLDING, RETREATING = int(Status.HOLDING), int(Status.RETREATING)
+HOLDING, RETREATING, TOO_SLOW = int(Status.HOLDING), int(Status.RETREATING), int(Status.TOO_SLOW)
 
 
 @dataclass(slots=True)
@@ -44,6 +51,7 @@ class State:
 
     Attributes:
         specification: Specification of the robot, as calibrated: its tool is compensated in the force.
+        memory: State of what is compiled beside the learner's, one record (`foretouch.session.steps.tick.Follower`).
         start_ns: Clock at the first tick that had a command, None before it.
         held_ticks: Ticks in which the robot was held for want of a fresh command, since there was the first.
         guards: Whether this side's settings guard first touches.
@@ -54,7 +62,7 @@ class State:
         felt_commands: Commands applied in the newest ticks that were learnt from, for the delay of the sensor.
         released_tick: Number of the first telemetry behind the newest release, 0 before the first release.
         before_release: Number of commands refused because their leader did not know of it.
-        zero: Sensor reading in free air beside its tool [N]; None where it is estimated.
+        zero: Sensor reading in free air beside its tool [N]; 0 where it is estimated.
         compliance: Compliance of arm, sensor and tip in series [m/N].
     """
 
@@ -62,29 +70,30 @@ class State:
     learner: Learner
     run: int
     sender: ModelSender
-    watch: SensorWatch = field(default_factory=SensorWatch)
+    memory: NDArray[np.void]
+    watch: SensorWatch
+    freshness: Freshness
+    first_touch: FirstTouch
+    safety: Safety
+    rate: TickRate
+    guards: bool
+    felt_commands: deque[int]
+    limits: SafetyLimits
+    zero: float
+    compliance: float
     lease: ControlLease = field(default_factory=ControlLease)
-    freshness: Freshness = field(default_factory=lambda: Freshness(0.5, SAMPLE_PERIOD))
     commands: SequenceCounter = field(default_factory=SequenceCounter)
     playout: Playout = field(default_factory=Playout)
     tick: int = 0
     start_ns: int | None = None
-    first_touch: FirstTouch = field(default_factory=lambda: FirstTouch(0.02, 2.0, SAMPLE_PERIOD))
-    safety: Safety = field(default_factory=lambda: Safety(SafetyLimits(), SAMPLE_PERIOD))
     held_ticks: int = 0
     faulty_ticks: int = 0
-    guards: bool = False
     guarded: bool = False
     free: float = -math.inf
     slid: float = 0.0
     failures: Failures = field(default_factory=Failures)
-    rate: TickRate = field(default_factory=TickRate)
-    felt_commands: deque[int] = field(default_factory=lambda: deque(maxlen=1))
     released_tick: int = 0
     before_release: int = 0
-    zero: float | None = None
-    compliance: float = 0.0
-    limits: SafetyLimits = field(default_factory=SafetyLimits)
 
 
 Sample = TypeVar("Sample", RobotSample, SpatialSample)
@@ -143,20 +152,31 @@ def start(
         mass=specification.moved_mass,
         retreats=settings.on_silence == "retreat",
     )
+    memory = Follower.new(
+        zero=known.zero or 0.0,
+        compliance=known.compliance,
+        tool_mass=specification.tool_mass,
+        gravity=specification.gravity,
+        moved_mass=specification.moved_mass,
+        largest_offset=specification.largest_offset,
+    )
+    period, speed = specification.sample_period, settings.approach_speed
     return State(
         specification,
         learner,
         run,
         ModelSender(round(1e9 / settings.model_rate), run),
-        SensorWatch((-force, force), moving_mass=specification.moved_mass),
-        freshness=Freshness(settings.queueing_allowance, SAMPLE_PERIOD),
-        first_touch=FirstTouch(settings.approach_speed, settings.guarded_force, specification.sample_period),
-        safety=Safety(limits, specification.sample_period),
-        guards=settings.guards(simulated=specification.simulated),
-        felt_commands=deque(maxlen=1 + round(known.sensor_lag / SAMPLE_PERIOD)),
-        zero=known.zero,
-        compliance=known.compliance,
-        limits=limits,
+        memory,
+        SensorWatch((-force, force), moving_mass=specification.moved_mass, memory=memory["watch"][0]),
+        Freshness(settings.queueing_allowance, SAMPLE_PERIOD),
+        FirstTouch(speed, settings.guarded_force, period, memory=memory["touch"][0]),
+        Safety(limits, period, memory=memory["safety"][0]),
+        TickRate(memory["rate"][0]),
+        settings.guards(simulated=specification.simulated),
+        deque(maxlen=1 + round(known.sensor_lag / SAMPLE_PERIOD)),
+        limits,
+        known.zero or 0.0,
+        known.compliance,
     )
 
 
@@ -166,36 +186,50 @@ def step(state: State, inputs: Inputs[RobotSample], now_ns: int) -> tuple[State,
     Learning begins with the first command: no operator is active before, and a recording from the first command on
     holds all that was learnt from.
     """
-    sample = inputs.sample
-    desired_position = _commanded(state, inputs.commands, now_ns)
-    position, force, validity = _sensed(state, sample, now_ns)
-    model = _learn(state, position, force, validity, now_ns)
-    desired_position = _allowed(state, desired_position, inputs, force, now_ns, validity is not GOOD)
+    sample, safety, sender = inputs.sample, state.safety, state.sender
+    desired = _commanded(state, inputs.commands, now_ns)
+    applied = state.playout.applied
+    learns = _learns(state, applied, now_ns)
+    known_surface = sender.known_surface() if state.guarded else math.nan
+    heard_ns = state.freshness.newest_ns
+    times_ns = now_ns, -1 if heard_ns is None or inputs.ended else heard_ns, inputs.period_ns
+    wanted, acted = (desired, known_surface, state.free, state.slid), None
+    if learns and not (inputs.stop or inputs.release or safety.stop_reason):
+        acted = _at_once(state, sample, applied, times_ns, wanted)
+    if acted is None:
+        acted = _one_by_one(state, inputs, times_ns, wanted)
+    (desired, status, safety.pressing), validity, (force, velocity, felt, in_contact) = acted
+    safety.status = STATES[status]
+    if validity:
+        state.faulty_ticks += 1
+    if heard_ns is not None and (HOLDING <= status <= RETREATING or status == TOO_SLOW):
+        state.held_ticks += 1
+    sensors = state.watch.state if validity == state.watch.state else SensorState(validity)
+    model = _due(state, sensors, now_ns) if learns and state.failures.learns else None
     state.tick += 1
-    learnt_from = state.learner.sample
     telemetry = Telemetry(
         VERSION,
         state.tick,
         now_ns,
-        state.playout.applied,
-        desired_position,
-        position,
-        learnt_from.velocity,
+        applied,
+        desired,
+        state.memory["position"].item() if state.compliance else sample.position,
+        velocity,
         force,
-        learnt_from.force,
+        felt,
         sample.exact_force,
-        learnt_from.in_contact,
+        in_contact,
         sample.clipped,
-        state.sender.sequence,
+        sender.sequence,
         inputs.period_ns,
         inputs.compute_ns,
         state.first_touch.guarded,
-        state.safety.status,
-        validity,
+        safety.status,
+        sensors,
         state.lease.epoch,
         state.run,
     )
-    return state, Outputs(desired_position, telemetry, model)
+    return state, Outputs(desired, telemetry, model)
 
 
 def tip(state: State, sample: RobotSample) -> float:
@@ -206,7 +240,7 @@ def tip(state: State, sample: RobotSample) -> float:
 
 def sensor_force(state: State, sample: RobotSample) -> float:
     """Sensor force less weight and inertia of the tool, which are no contact, and its calibrated zero [N]."""
-    return sample.sensor_force - state.specification.tool_force(sample.acceleration) - (state.zero or 0.0)
+    return sample.sensor_force - state.specification.tool_force(sample.acceleration) - state.zero
 
 
 def feel_plainly(state: State, force: float) -> None:
@@ -231,56 +265,115 @@ def _commanded(state: State, commands: list[Command], now_ns: int) -> float:
         return math.nan
 
 
-def _sensed(state: State, sample: RobotSample, now_ns: int) -> tuple[float, float, SensorState]:
-    """Position of the tip [m], force of the sensor [N], and validity of the sensors."""
-    try:
-        force = sensor_force(state, sample)
-        tool_force = state.specification.tool_force(sample.acceleration)
-        result = min(state.learner.conditioner.force_offset, state.specification.largest_offset)
-        validity = state.watch.update(
-            now_ns * 1e-9,
-            sample.position,
-            sample.sensor_force,
-            tool_force,
-            zero=result + (state.zero or 0.0),
-            effort=sample.effort - state.specification.moved_mass * sample.acceleration,
-            slid=state.slid,
-        )
-        return tip(state, sample), force, validity
-    except Exception as error:
-        state.failures.note("its sensors", error)
-        return sample.position, math.nan, SensorState.NOT_FINITE
-
-
-def _learn(state: State, position: float, force: float, validity: SensorState, now_ns: int) -> ModelUpdate | None:
-    """Learn from this sample, if it is valid; return the model that is due."""
-    playout, learner = state.playout, state.learner
+def _learns(state: State, applied: int, now_ns: int) -> bool:
+    """Whether this sample is learnt from; the estimator is told now and then how late its models are used."""
     if state.start_ns is None:
-        if not playout.applied:
-            return None
+        if not applied:
+            return False
         state.start_ns = now_ns
-    time = (now_ns - state.start_ns) * 1e-9
-    if state.failures.learns:
+    if not state.failures.learns:
+        return False
+    try:
+        delay = state.sender.round_trip.applied(applied, now_ns)
+        if delay is not None:
+            state.learner.estimator.expect_delay(delay)
+    except Exception as error:
+        state.failures.stop_learning("its learning", error)
+    return state.failures.learns
+
+
+def _at_once(
+    state: State,
+    sample: RobotSample,
+    applied: int,
+    times_ns: tuple[int, int, int],
+    wanted: tuple[float, float, float, float],
+) -> Acted | None:
+    """A tick in one compiled call, see `foretouch.session.steps.tick.tick`; None where that cannot be."""
+    learner, start_ns = state.learner, state.start_ns
+    estimator, conditioner = learner.estimator, learner.conditioner.memory
+    if type(estimator) is not ContactMap or start_ns is None:
+        return None
+    try:
+        allowed, (validity, done, news), shown = tick_at_once.entry(
+            state.memory,
+            estimator.states,
+            conditioner,
+            learner.learning,
+            sample,
+            (*times_ns, start_ns),
+            wanted,
+            state.guarded,
+        )
+    except Exception:  # the robot shows what is no number: which stage that stops is found one by one
+        return None
+    if state.watch.taken(validity) is GOOD:
         try:
-            delay = state.sender.round_trip.applied(playout.applied, now_ns)
-            if delay is not None:
-                learner.estimator.expect_delay(delay)
-            if validity is GOOD:
-                learner.update(time, position, force)
-                state.felt_commands.append(playout.applied)
-            # The state of the material is that of the newest sample that was learnt from, whatever is commanded since.
-            felt = state.felt_commands[0] if state.felt_commands else 0
-            state.sender.remembers = state.guarded
-            return state.sender.due(learner, validity, felt, state.lease.epoch, now_ns)
+            learner.taken(estimator, done, news)
+            state.felt_commands.append(applied)
         except Exception as error:
             state.failures.stop_learning("its learning", error)
-    if validity is GOOD and learner.sample.time != time:  # learn nothing, but take the force that safety needs
+    return allowed, validity, shown
+
+
+def _one_by_one(
+    state: State,
+    inputs: Inputs[RobotSample],
+    times_ns: tuple[int, int, int],
+    wanted: tuple[float, float, float, float],
+) -> Acted:
+    """The same stage by stage: an exception in one of them is noted, and the last one runs all the same."""
+    sample, memory, learner, failures = inputs.sample, state.memory, state.learner, state.failures
+    now_ns, record = times_ns[0], memory[0]
+    try:
+        validity = sense_alone.entry(memory, learner.conditioner.memory, sample, now_ns, state.slid)
+        state.watch.taken(validity)
+    except Exception as error:
+        failures.note("its sensors", error)
+        validity = record.validity = int(NOT_FINITE)
+        record.position, record.force = sample.position, math.nan
+    position, force = float(record.position), float(record.force)
+    if validity == GOOD and state.start_ns is not None:
+        _learn(state, (now_ns - state.start_ns) * 1e-9, position, force)
+    felt, _ = feel_alone.entry(memory, learner.learning)
+    desired, known_surface, free, _ = wanted
+    if not _stop_or_release(state, inputs, felt, validity != GOOD):
+        desired = math.nan
+    wanted = desired, sample.position, known_surface, free
+    conditions = state.guarded, state.safety.stop_reason != ""
+    allowed = allow_alone.entry(memory, learner.conditioner.memory, learner.learning, times_ns, wanted, conditions)
+    _, _, velocity, felt, in_contact = learner.sample
+    return allowed, validity, (force, velocity, felt, in_contact)
+
+
+def _learn(state: State, time: float, position: float, force: float) -> None:
+    """Learn from a sample; where learning has ended, feel the force that safety needs."""
+    learner = state.learner
+    if state.failures.learns:
+        try:
+            learner.update(time, position, force)
+            state.felt_commands.append(state.playout.applied)
+            return
+        except Exception as error:
+            state.failures.stop_learning("its learning", error)
+    if learner.sample.time != time:
         try:
             learner.feel(time, position, force)
         except Exception as error:
             state.failures.note("its conditioning", error)
             feel_plainly(state, force)
-    return None
+
+
+def _due(state: State, sensors: SensorState, now_ns: int) -> ModelUpdate | None:
+    """The model that is due."""
+    try:
+        # The state of the material is that of the newest sample that was learnt from, whatever is commanded since.
+        felt = state.felt_commands[0] if state.felt_commands else 0
+        state.sender.remembers = state.guarded
+        return state.sender.due(state.learner, sensors, felt, state.lease.epoch, now_ns)
+    except Exception as error:
+        state.failures.stop_learning("its learning", error)
+        return None
 
 
 def _take(state: State, command: Command, now_ns: int) -> None:
@@ -329,49 +422,3 @@ def _stop_or_release(state: State, inputs: Inputs[RobotSample], felt: float, fau
         state.playout.forget()
         return False
     return True
-
-
-def _allowed(
-    state: State, desired_position: float, inputs: Inputs[RobotSample], force: float, now_ns: int, faulty: bool
-) -> float:
-    """Allowed position for a commanded one: the first touch, then safety [m]."""
-    sample, learnt_from, safety, first_touch = inputs.sample, state.learner.sample, state.safety, state.first_touch
-    # A follower that begins in contact learns that force as the sensor's offset: an excess over any offset is felt.
-    unexplained = force - state.specification.largest_offset
-    felt = max(learnt_from.force, unexplained)
-    witnessed = state.watch.effort > EFFORT_FROM * state.limits.force  # where a wrong sensor would do harm
-    if witnessed:
-        felt = max(felt, state.watch.effort - EFFORT_UNCERTAINTY)
-    touches = learnt_from.in_contact or unexplained > CONTACT_FLOOR or witnessed
-    if not _stop_or_release(state, inputs, felt, faulty):
-        desired_position = math.nan
-    if state.compliance and not faulty and touches:  # commands give the position of the tip
-        desired_position += state.compliance * min(max(felt, 0.0), state.limits.force)
-    try:
-        if not state.guarded or math.isnan(desired_position):
-            first_touch.restart()
-        else:
-            desired_position = first_touch.update(
-                desired_position, sample.position, math.nan if faulty else felt, touches, state.sender.known_surface()
-            )
-    except Exception as error:
-        state.failures.note("its guard of the first touch", error)
-        desired_position = math.nan
-    heard_ns = state.freshness.newest_ns
-    silence = math.inf if heard_ns is None or inputs.ended else (now_ns - heard_ns) * 1e-9
-    too_slow = state.rate.update(inputs.period_ns)
-    desired_position = safety.update(
-        desired_position,
-        Sensed(sample.position, felt, touches, faulty, state.watch.uncertain),
-        surface=state.learner.conditioner.surface,
-        silence=max(silence, state.limits.hold_after) if too_slow else silence,
-        guarded=first_touch.guarded,
-        free=state.free,
-    )
-    if faulty:
-        state.faulty_ticks += 1
-    if heard_ns is not None and HOLDING <= safety.status <= RETREATING:
-        state.held_ticks += 1
-    if too_slow and safety.status is Status.HOLDING:
-        safety.status = Status.TOO_SLOW
-    return desired_position

@@ -1,9 +1,8 @@
-"""Self-checks of a follower: whether its calibration fits the robot, exceptions in a step, and its tick rate."""
+"""Self-checks of a follower: whether its calibration fits the robot, and exceptions in a step."""
 
 from __future__ import annotations
 
 import math
-from array import array
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -148,46 +147,3 @@ class Failures:
             self.sentence = ""  # the end of learning takes precedence as news
         self.learns = False
         self.note(stage, error)
-
-
-LEAST_RATE = 500
-"""Tick rate below which a loop is too slow [1/s]: half of the rate for which limits and filters are made."""
-
-AGAIN_FROM = 600
-"""Tick rate from which a slow loop is fast enough again [1/s]: the hysteresis keeps the judgement from flickering."""
-
-WINDOW = 500  # Number of ticks over which the rate is taken: a second at the least rate, half a second at the usual one
-LONGEST_NS = 250_000_000  # Largest time that one tick counts for [ns]: a process that stood still once is not slow
-
-_USUAL_NS = 1_000_000
-"""Period assumed of a loop before its first tick [ns]."""
-
-
-class TickRate:
-    """Whether a loop is too slow, by the time that its last 500 ticks took: constant time and memory a tick.
-
-    It is too slow where they took longer than 1 s, that is below 500 a second, and until they have taken less than
-    0.83 s, 600 a second.
-
-    Attributes:
-        too_slow: The newest judgement.
-    """
-
-    __slots__ = ("_next", "_periods", "_total", "too_slow")
-
-    def __init__(self) -> None:
-        self._periods = array("q", [_USUAL_NS]) * WINDOW
-        self._total = WINDOW * _USUAL_NS
-        self._next = 0
-        self.too_slow = False
-
-    def update(self, period_ns: int) -> bool:
-        """Take one tick, this time after the one before [ns], 0 in the first; whether the loop is too slow."""
-        period_ns = min(max(period_ns, 0), LONGEST_NS)
-        at = self._next
-        self._total += period_ns - self._periods[at]
-        self._periods[at] = period_ns
-        self._next = at + 1 if at + 1 < WINDOW else 0
-        rate = AGAIN_FROM if self.too_slow else LEAST_RATE
-        self.too_slow = self._total * rate > WINDOW * 1_000_000_000
-        return self.too_slow

@@ -1,0 +1,272 @@
+"""A tick of the follower, compiled: what happens in it whether or not messages come, over one record.
+
+`sense` watches the sensors, `foretouch.identification.contact_map.kernel.learn_raw` conditions and learns, and `allow`
+guards the first touch and keeps the limits. `tick` is all of them. Where another estimator learns, or something is
+requested at the robot, they are called one by one.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.core import Kernel, Record, compiled
+from foretouch.identification.conditioning.fault_kernels import GOOD
+from foretouch.identification.conditioning.kernel import CONTACT_FLOOR, Conditioning
+from foretouch.identification.conditioning.kernel import Memory as Conditioner
+from foretouch.identification.conditioning.watch import Watch, look
+from foretouch.identification.contact_map.kernel import Learning, learn_raw
+from foretouch.identification.contact_map.state import Bank
+from foretouch.messages import Status
+from foretouch.session.safety.force_guard import Touch, follow, guarded_position
+from foretouch.session.safety.kernel import Memory, keep_safe
+
+LEAST_RATE = 500
+"""Tick rate below which a loop is too slow [1/s]: half of the rate for which limits and filters are made."""
+
+AGAIN_FROM = 600
+"""Tick rate from which a slow loop is fast enough again [1/s]: the hysteresis keeps the judgement from flickering."""
+
+WINDOW = 500  # Number of ticks over which the rate is taken: a second at the least rate, half a second at the usual one
+LONGEST_NS = 250_000_000  # Largest time that one tick counts for [ns]: a process that stood still once is not slow
+
+USUAL_NS = 1_000_000
+"""Period assumed of a loop before its first tick [ns]."""
+
+
+class Rate(Record):
+    """State of a `TickRate`."""
+
+    periods: Annotated[NDArray[Any], int, WINDOW] = USUAL_NS  # type: ignore[assignment]  # ring [ns]
+    total: int = WINDOW * USUAL_NS  # [ns]
+    at: int  # index of the oldest
+    too_slow: bool
+
+
+@compiled
+def is_too_slow(rate: Rate, period_ns: int) -> bool:
+    """`TickRate.update`, of its state."""
+    period_ns = min(max(period_ns, 0), LONGEST_NS)
+    rate.total += period_ns - rate.periods[rate.at]
+    rate.periods[rate.at] = period_ns
+    rate.at = (rate.at + 1) % WINDOW
+    rate.too_slow = rate.total * (AGAIN_FROM if rate.too_slow else LEAST_RATE) > WINDOW * 1_000_000_000
+    return bool(rate.too_slow)
+
+
+_is_too_slow = Kernel(is_too_slow, "b1(Rate, i8)")
+
+
+class TickRate:
+    """Whether a loop is too slow, by the time that its last 500 ticks took: constant time and memory a tick.
+
+    It is too slow where they took longer than 1 s, that is below 500 a second, and until they have taken less than
+    0.83 s, 600 a second.
+
+    Args:
+        memory: Array of one `Rate` for the state, part of another record; None for one of its own.
+    """
+
+    __slots__ = ("_memory",)
+
+    def __init__(self, memory: NDArray[np.void] | None = None) -> None:
+        self._memory = Rate.new() if memory is None else memory
+
+    @property
+    def too_slow(self) -> bool:
+        """The newest judgement."""
+        return bool(self._memory[0].too_slow)
+
+    def update(self, period_ns: int) -> bool:
+        """Take one tick, this time after the one before [ns], 0 in the first; whether the loop is too slow."""
+        return _is_too_slow.entry(self._memory[0], period_ns)
+
+
+EFFORT_FROM, EFFORT_UNCERTAINTY = 0.3, 0.5
+"""Fraction of the force ceiling above which the drive's force counts as felt, and the part of it [N] subtracted as
+friction of the drive. A sensor that is dead from the start is pressed into bone with 16.2 N at a fraction of 0.5, 14.5
+at 0.3 and 14.4 at 0.2."""
+
+
+class Follower(Record):
+    """What a follower knows of its robot, the state of what happens in each tick, and what a tick has sensed."""
+
+    zero: float  # sensor reading in free air beside its tool [N], 0 where it is estimated
+    compliance: float  # of arm, sensor and tip in series [m/N]
+    tool_mass: float  # [kg]
+    gravity: float  # along the approach [m/s^2]
+    moved_mass: float  # [kg]
+    largest_offset: float  # of the sensor [N]
+    watch: Annotated[NDArray[Any], Watch, 1]
+    touch: Annotated[NDArray[Any], Touch, 1]
+    safety: Annotated[NDArray[Any], Memory, 1]
+    rate: Annotated[NDArray[Any], Rate, 1]
+    position: float  # of the tip in this tick [m]
+    force: float  # of the sensor less tool and zero in this tick [N]
+    validity: int  # of the sensors in this tick
+
+
+HOLDING, TOO_SLOW = int(Status.HOLDING), int(Status.TOO_SLOW)
+
+_look, _keep_safe = look.function, keep_safe.function
+
+Showing = tuple[float, float, float, float, float, float, bool, float]
+"""A `foretouch.robot.RobotSample`."""
+
+
+@compiled
+def sense(followers: NDArray[np.void], conditioner: Conditioner, sample: Showing, now_ns: int, slid: float) -> int:
+    r"""Watch the sensors; write validity, position of the tip and sensor force of this tick, and return the first.
+
+    .. math:: F = F_{sensor} - m (\ddot p - g) - F_0, \quad p = x - F / k
+
+    with the encoders' x, and the compliance 1 / k less the offset of the force, if these are known.
+    """
+    follower, offset = followers[0], conditioner[0][0].offset
+    position, sensor_force, acceleration, effort = sample[0], sample[1], sample[2], sample[7]
+    tool_force = follower.tool_mass * (acceleration - follower.gravity)
+    force = sensor_force - tool_force - follower.zero
+    zero = min(offset, follower.largest_offset) + follower.zero
+    effort -= follower.moved_mass * acceleration
+    time = now_ns * 1e-9
+    follower.validity = _look(follower.watch, time, position, sensor_force, tool_force, zero, effort, slid)
+    give = 0.0
+    if follower.compliance > 0.0:
+        give = follower.compliance * (force - offset if math.isfinite(offset) else force)
+    follower.position, follower.force = position - give if math.isfinite(give) else position, force
+    return int(follower.validity)
+
+
+@compiled
+def feel(followers: NDArray[np.void], learnings: NDArray[np.void]) -> tuple[float, bool]:
+    """Force that counts as felt [N], and whether that is contact.
+
+    A follower that begins in contact learns that force as the sensor's offset: an excess over any offset is felt. So is
+    the effort of the drive, where a wrong sensor would do harm.
+    """
+    follower, newest = followers[0], learnings[0].newest[0]
+    unexplained, felt = follower.force - follower.largest_offset, newest.force
+    effort = follower.watch[0].loss.effort
+    witnessed = effort > EFFORT_FROM * follower.safety[0].limits.force
+    felt = unexplained if unexplained > felt else felt
+    if witnessed and effort - EFFORT_UNCERTAINTY > felt:
+        felt = effort - EFFORT_UNCERTAINTY
+    return felt, bool(newest.in_contact or unexplained > CONTACT_FLOOR or witnessed)
+
+
+@compiled
+def allow(
+    followers: NDArray[np.void],
+    conditioner: Conditioner,
+    learnings: NDArray[np.void],
+    times_ns: tuple[int, int, int],
+    wanted: tuple[float, float, float, float],
+    conditions: tuple[bool, bool],
+) -> tuple[float, int, bool]:
+    """Allowed position for a commanded one: the first touch, then safety.
+
+    Args:
+        followers: Written.
+        conditioner: Knows the surface.
+        learnings: The newest sample as conditioned.
+        times_ns: Of this tick, of the newest fresh command, negative before the first, and since the last tick [ns].
+        wanted: Commanded position, NaN for none; position of the robot; surface that the leader is known to have, NaN
+            for none; position up to which the air is free [m].
+        conditions: Whether first touches are guarded, and whether a stop is latched.
+
+    Returns:
+        As `keep_safe`.
+    """
+    follower, touch, limits = followers[0], followers[0].touch[0], followers[0].safety[0].limits
+    (desired, position, known_surface, free), (guarded, stopped) = wanted, conditions
+    faulty = follower.validity != GOOD
+    felt, touches = feel(followers, learnings)
+    if follower.compliance > 0.0 and not faulty and touches:  # commands give the position of the tip
+        desired += follower.compliance * min(max(felt, 0.0), limits.force)
+    if not guarded or math.isnan(desired):
+        follow(touch)
+    else:
+        desired = guarded_position(touch, desired, position, math.nan if faulty else felt, touches, known_surface)
+    now_ns, heard_ns, period_ns = times_ns
+    silence = math.inf if heard_ns < 0 else (now_ns - heard_ns) * 1e-9
+    too_slow = is_too_slow(follower.rate[0], period_ns)
+    if too_slow:
+        silence = max(silence, limits.hold_after)
+    surface, held_back, uncertain = conditioner[0][0].surface, touch.held_back != 0.0, follower.watch[0].uncertain
+    safety = follower.safety
+    allowed, status, presses = _keep_safe(
+        safety, stopped, desired, position, felt, touches, surface, silence, faulty, held_back, free, uncertain
+    )
+    return allowed, TOO_SLOW if too_slow and status == HOLDING else status, presses
+
+
+Acted = tuple[tuple[float, int, bool], int, tuple[float, float, float, bool]]
+"""Of a tick: what `allow` returns, validity of the sensors, and sensor force [N], then velocity [m/s], force [N] and
+contact that were learnt from."""
+
+NOTHING = -1  # What was done by learning where nothing is learnt
+
+
+@compiled
+def tick(
+    followers: NDArray[np.void],
+    banks: NDArray[np.void],
+    conditioner: Conditioner,
+    learnings: NDArray[np.void],
+    sample: Showing,
+    times_ns: tuple[int, int, int, int],
+    wanted: tuple[float, float, float, float],
+    guarded: bool,
+) -> tuple[tuple[float, int, bool], tuple[int, int, bool], tuple[float, float, float, bool]]:
+    """A tick in which a contact map learns, and nothing is requested at the robot.
+
+    Args:
+        followers: Written.
+        banks: The contact map's; written.
+        conditioner: Written; its rings have room.
+        learnings: The learner's; written.
+        sample: What the robot shows.
+        times_ns: See `allow`; then that of the first tick that was learnt from.
+        wanted: Commanded position, surface that the leader is known to have, position up to which the air is free [m];
+            motion across the surface since the last tick [m].
+        guarded: Whether first touches are guarded.
+
+    Returns:
+        As `allow`; validity of the sensors, and what `learn_raw` returns; sensor force [N], then velocity [m/s], force
+        [N] and contact that were learnt from.
+    """
+    now_ns, heard_ns, period_ns, start_ns = times_ns
+    desired, known_surface, free, slid = wanted
+    validity, done, news = sense(followers, conditioner, sample, now_ns, slid), NOTHING, False
+    follower, newest = followers[0], learnings[0].newest[0]
+    if validity == GOOD:
+        raw = (now_ns - start_ns) * 1e-9, follower.position, follower.force
+        done, news = learn_raw(banks, conditioner, learnings, raw, 0.0, False)
+    allowed = allow(
+        followers,
+        conditioner,
+        learnings,
+        (now_ns, heard_ns, period_ns),
+        (desired, sample[0], known_surface, free),
+        (guarded, False),
+    )
+    shown = follower.force, newest.velocity, newest.force, newest.in_contact
+    return allowed, (validity, done, news), shown
+
+
+CONDITIONER, SAMPLE = "Tuple((Conditioning[::1], f8[:, ::1]))", "Tuple((f8, f8, f8, f8, f8, f8, b1, f8))"
+LEARNT = Conditioning, Learning, Bank
+
+tick_at_once = Kernel(
+    tick,
+    f"(Follower[::1], Bank[::1], {CONDITIONER}, Learning[::1], {SAMPLE}, UniTuple(i8, 4), UniTuple(f8, 4), b1)",
+    *LEARNT,
+)
+sense_alone = Kernel(sense, f"i8(Follower[::1], {CONDITIONER}, {SAMPLE}, i8, f8)", *LEARNT)
+feel_alone = Kernel(feel, "(Follower[::1], Learning[::1])", *LEARNT)
+allow_alone = Kernel(
+    allow, f"(Follower[::1], {CONDITIONER}, Learning[::1], UniTuple(i8, 3), UniTuple(f8, 4), UniTuple(b1, 2))", *LEARNT
+)
