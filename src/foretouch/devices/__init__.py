@@ -6,7 +6,7 @@ moved by the force (closed loop).
 """
 
 from foretouch.devices.browser import BrowserOperator
-from foretouch.devices.device import Device, DeviceSpecification, limit_force
+from foretouch.devices.device import AnyDevice, Device, DeviceSpecification, limit_force
 from foretouch.devices.gamepad import UNKNOWN_REACH, Reach
 from foretouch.devices.hand import GRIPS, INTENDED_FORCE, Grip, Hand
 from foretouch.devices.recorded import RecordedOperator
@@ -19,6 +19,7 @@ __all__ = [
     "INTENDED_FORCE",
     "OPERATORS",
     "UNKNOWN_REACH",
+    "AnyDevice",
     "BrowserOperator",
     "Device",
     "DeviceSpecification",
