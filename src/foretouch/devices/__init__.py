@@ -11,7 +11,14 @@ from foretouch.devices.gamepad import UNKNOWN_REACH, Reach
 from foretouch.devices.hand import GRIPS, INTENDED_FORCE, Grip, Hand
 from foretouch.devices.recorded import RecordedOperator
 from foretouch.devices.scripted import RestingOperator, ScriptedOperator
-from foretouch.devices.spatial import Keyframe, PalpatingOperator, SpatialBrowserOperator, SpatialDevice, SpatialHand
+from foretouch.devices.spatial import (
+    Keyframe,
+    PalpatingOperator,
+    RecordedPalpatingOperator,
+    SpatialBrowserOperator,
+    SpatialDevice,
+    SpatialHand,
+)
 
 __all__ = [
     "GRIPS",
@@ -29,6 +36,7 @@ __all__ = [
     "PalpatingOperator",
     "Reach",
     "RecordedOperator",
+    "RecordedPalpatingOperator",
     "RestingOperator",
     "ScriptedOperator",
     "SpatialBrowserOperator",

@@ -132,6 +132,12 @@ class PalpatingOperator(SpatialDevice):
         return a + fraction * (d - a), b + fraction * (e - b), c + fraction * (f - c)
 
 
+class RecordedPalpatingOperator(PalpatingOperator):
+    """The same, where the presses of the path are measured ones."""
+
+    name = "recorded"
+
+
 class _Axis(RestingOperator):
     """One coordinate of a place, shifted so that it is positive: a script for `BrowserOperator`."""
 

@@ -246,6 +246,11 @@ class Predictor:
             depth = 0.0
         return self.model.local_slopes(self._state, depth, velocity, reach)
 
+    @property
+    def state(self) -> ContactState:
+        """What the material remembers at the newest sample."""
+        return self._state
+
     def leaving_work(self, offset: float = 0.0, largest: float = math.inf) -> tuple[float, float]:
         """Work returned from the newest sample until leaving contact [J], and that distance [m] (`ContactModel`)."""
         return (0.0, 0.0) if self.model is None else self.model.leaving_work(self._state, self.depth, offset, largest)

@@ -219,7 +219,7 @@ class _Moved(Wrapped[Place, Sample]):
 
     def __init__(self, robot: Any, position_at: Callable[[float], Place]) -> None:
         super().__init__(robot)
-        self._position_at = position_at
+        self._position_at: Callable[[float], Place] = position_at
 
     def exchange(self, desired_position: Place) -> Sample:
         """Let one sample period pass and return what the sensors show then.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
 
@@ -82,7 +82,7 @@ class SensorFault:
 class _Faulty(Wrapped[Any, Any]):
     """A robot whose sensors fail for a while."""
 
-    _names = ("position", "sensor_force", "acceleration")
+    _names: ClassVar[tuple[str, ...]] = ("position", "sensor_force", "acceleration")
     """Fields of a sample: position, force, and what else repeats in a dropout."""
 
     def __init__(self, robot: Any, fault: SensorFault, *, seed: int = 0) -> None:

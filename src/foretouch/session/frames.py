@@ -7,7 +7,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import Any
 
 from foretouch.devices import (
     AnyDevice,
@@ -23,11 +23,10 @@ from foretouch.quantities import Frame, SpatialFrame
 from foretouch.quantities.pose import Vector
 from foretouch.robot import Robot, RobotSample, SpatialRobot, SpatialSample, WrappedRobot, WrappedSpatialRobot
 
-AnyFrame = TypeVar("AnyFrame", Frame, SpatialFrame)
 POSE_NUMBERS = 6  # A place and a rotation vector
 
 
-def inverse(frame: AnyFrame) -> AnyFrame:
+def inverse(frame: Frame | SpatialFrame) -> Any:
     """The session's frame as seen from the machine's: `inside` of one is `outside` of the other."""
     return frame.inverse()
 
@@ -36,7 +35,7 @@ def framed_device(device: Any, frame: Frame | SpatialFrame) -> Any:
     """The device as the session sees it; itself where both count alike."""
     if frame == Frame():
         return device
-    return (FramedDevice if isinstance(frame, Frame) else FramedSpatialDevice)(device, frame)  # type: ignore[arg-type]
+    return (FramedDevice if isinstance(frame, Frame) else FramedSpatialDevice)(device, frame)
 
 
 def framed_robot(robot: Any, frame: Frame | SpatialFrame) -> Any:
@@ -156,7 +155,8 @@ class FramedSpatialRobot(WrappedSpatialRobot):
     def __init__(self, robot: SpatialRobot, frame: SpatialFrame) -> None:
         super().__init__(robot)
         self.frame = frame
-        corners = [frame.inside(corner) for corner in itertools.product(*zip(*robot.reach, strict=True))]
+        (x, u), (y, v), (z, w) = zip(*robot.reach, strict=True)
+        corners = [frame.inside(corner) for corner in itertools.product((x, u), (y, v), (z, w))]
         low, high = (tuple(map(end, zip(*corners, strict=True))) for end in (min, max))
         self.reach = low, high
 

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
+from foretouch.devices import DeviceSpecification
 from foretouch.errors import DecodeError, InputError
 from foretouch.messages import (
     VERSION,
@@ -24,6 +25,7 @@ from foretouch.messages import (
     Telemetry,
 )
 from foretouch.models import FIELD_DEPTH, MaterialField, QuadraticContact
+from foretouch.models.contact_model import NO_STATE
 from foretouch.quantities.pose import Vector, add, dot, norm, scaled, subtract
 from foretouch.rendering import FrictionRenderer, SpatialEnergyAccount
 from foretouch.rendering.surfaces import Surface
@@ -144,11 +146,20 @@ class Outputs(NamedTuple):
 
 
 def start(
-    settings: SessionSettings, surface: Surface, pose: tuple[float, ...], *, holder: str = "leader", epoch: int = 1
+    settings: SessionSettings,
+    surface: Surface,
+    pose: tuple[float, ...],
+    *,
+    holder: str = "leader",
+    epoch: int = 1,
+    device: DeviceSpecification | None = None,
 ) -> State:
-    """State before the first tick, with a surface in the fixture's frame and the believed pose of the fixture."""
-    held = settings.grip != NO_GRIP
-    device = settings.device
+    """State before the first tick, with a surface in the fixture's frame and the believed pose of the fixture.
+
+    `device` is one that a person holds and feels; None for none, or for a simulated one with a grip.
+    """
+    held, felt = settings.grip != NO_GRIP or device is not None, device
+    device = settings.device if device is None else device
     stiffness = device.largest_stiffness(SAMPLE_PERIOD)
     if settings.largest_stiffness:
         stiffness = min(stiffness, settings.largest_stiffness)
@@ -156,7 +167,7 @@ def start(
     damping, delay = (device.damping, device.delay) if held else (math.inf, 0.0)
     scales = settings.force_scale * settings.position_scale  # friction is rendered in the follower's lengths and forces
     return State(
-        leader.start(settings, holder=holder, epoch=epoch, account=account),
+        leader.start(settings, holder=holder, epoch=epoch, device=felt, account=account),
         SurfaceLine(surface, pose),
         FrictionRenderer(stiffness / scales, damping / scales, delay),
         account,
@@ -198,9 +209,9 @@ def step(state: State, inputs: leader.Inputs[Vector], now_ns: int) -> tuple[Stat
     force = _force(state, closest, led.record.rendered_force, period)
     point = state.left if math.isfinite(position) else ()
     command = msgspec.structs.replace(led.command, place=point)
-    record = msgspec.structs.replace(
-        led.record, standard_deviation=state.material.uncertainty * led.record.predicted_force
-    )
+    record, uncertainty = led.record, state.material.uncertainty
+    if not math.isnan(uncertainty):  # else there is no field, and the model's own is known
+        record = msgspec.structs.replace(record, standard_deviation=uncertainty * record.predicted_force)
     return state, Outputs(command, record, _space(state, closest, force, now_ns))
 
 
@@ -269,7 +280,8 @@ def _go_on(state: State, closest: ClosestPoint) -> None:
     law = state.material.law(closest.inner_point, closest.depth) or predictor.model
     if law is not predictor.model or state.offset != state.line.offset:
         surface = state.line.offset + state.felt_deeper
-        state.inner.renderer.adopt(law, surface, message=predictor.message)
+        memory = predictor.state if law is predictor.model else NO_STATE
+        state.inner.renderer.adopt(law, surface, memory, message=predictor.message)
 
 
 def _depth_of(state: State, place: Vector) -> float:
