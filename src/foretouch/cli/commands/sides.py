@@ -213,22 +213,21 @@ def _follow(
     waits = WAITS
     pressed = f"pressing {settings.material}" if settings.robot == "simulated" else f"robot {settings.robot}"
     robot: Any
+    reach: dict[str, str] = {}
     if settings.scene:
-        from foretouch.session.spatial import make_scene, make_spatial_robot
+        from foretouch.session.spatial import make_moved_spatial_robot, make_scene, make_spatial_robot
 
-        if shadow:
-            raise SettingError("scene", settings.scene, "is not watched: --shadow is for a robot along a line")
-        robot = make_spatial_robot(settings, make_scene(settings.scene))
+        scene = make_scene(settings.scene)
+        robot = make_moved_spatial_robot(settings, scene, say=say) if shadow else make_spatial_robot(settings, scene)
         pressed = f"{pressed} on the scene {settings.scene}"
-    elif shadow:
-        robot, reach = make_moved_robot(settings, say=say)
-        run, channels, texts = run_shadow, SHADOW_CHANNELS, reach_texts(reach)  # it reports its settings by itself
+    else:
+        robot, known = make_moved_robot(settings, say=say) if shadow else make_session_robot(settings)
+        reach = reach_texts(known)
+    if shadow:
+        run, channels, texts = run_shadow, SHADOW_CHANNELS, {}  # it reports its settings by itself
         simulated = robot.specification.simulated
         mover = f"the {settings.operator} operator moves it" if simulated else "somebody else moves it"
         waits = f"{mover} and nothing is commanded"
-    else:
-        robot, reach = make_session_robot(settings)
-        texts |= reach_texts(reach)
     with (
         contextlib.closing(robot),
         open_link("follower", endpoints, channels) as link,
@@ -237,7 +236,7 @@ def _follow(
             say(f"follower: {pressed}, {waits}")
             if not shadow and (warning := unchecked(endpoints)):
                 say(f"follower: {warning}")
-        description = texts | insecurity(link)
+        description = texts | reach | insecurity(link)
         return run(Process(link, stop, say, parent), robot, settings, description=description, duration=duration)
 
 

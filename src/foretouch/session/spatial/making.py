@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from typing import cast
 
 import numpy as np
 
@@ -20,15 +21,16 @@ from foretouch.devices import (
 from foretouch.devices.device import minimum_jerk
 from foretouch.devices.recorded import KNOT_PERIOD
 from foretouch.errors import MissingExtraError, SettingError
-from foretouch.quantities import Pose
+from foretouch.quantities import Pose, SpatialFrame
 from foretouch.quantities.pose import RigidMotion, Vector, add, dot, norm, scaled, subtract
 from foretouch.rendering.surfaces import SurfaceProxy
-from foretouch.robot import GantryArm, Material, SpatialRobot, make_material
+from foretouch.robot import GantryArm, Material, MovedSpatialRobot, SpatialRobot, make_material
 from foretouch.robot.engine import MOVED_MASS
 from foretouch.robot.gantry_arm import LEAST_STEPS
+from foretouch.session.frames import framed_robot
 from foretouch.session.operators import foreign_operator, mounted_operator, recorded_operator, say_on_stderr
 from foretouch.session.robots import foreign_robot, mounted_robot
-from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
+from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings, shadow_settings
 from foretouch.session.spatial.camera import SimulatedCamera
 from foretouch.session.spatial.scenes import HOVER, Scene, palpation, recorded_palpation
 from foretouch.settings import NO_GRIP, SIMULATED
@@ -161,6 +163,28 @@ def make_spatial_robot(settings: SessionSettings, scene: Scene, *, force_limit: 
     arm = GantryArm(world.touch, world.fixture, seed=settings.seed, substeps=steps, force_limit=force_limit)
     robot = mounted_robot(settings, arm)
     return robot
+
+
+def make_moved_spatial_robot(
+    settings: SessionSettings, scene: Scene, *, say: Callable[[str], None] = say_on_stderr
+) -> SpatialRobot:
+    """The same, moved by the settings' operator as by somebody with a pendant, who sees where the fixture is.
+
+    A real one is moved by somebody else. Args and Raises: As of `make_spatial_robot`.
+    """
+    settings = shadow_settings(settings)
+    robot = make_spatial_robot(settings, scene)
+    if not robot.specification.simulated:
+        return robot
+    framed, frame = framed_robot(robot, settings.follower_frame), cast("SpatialFrame", settings.follower_frame)
+    operator = make_spatial_operator(settings, scene, framed.read().fixture or scene.nominal, say)
+
+    def place_at(time: float) -> Vector:
+        operator.see(framed.read().fixture)
+        place = operator.read(round(time * 1e9))
+        return place if framed is robot else frame.outside(place)
+
+    return MovedSpatialRobot(robot, place_at)
 
 
 def _hardest(settings: SessionSettings, scene: Scene, material: Material) -> tuple[float, float]:
