@@ -53,7 +53,9 @@ def test_the_texts_of_what_is_absent_are_those_of_old() -> None:
 def test_what_is_neither_is_refused() -> None:
     wrong: dict[str, Any] = {"leader_frame": (0.1, -1), "sensor_fault": 3}
     for name, value in wrong.items():
-        with pytest.raises(ArgumentTypeError, match=f"^{name} is .*: must be a (Frame or SpatialFrame|SensorFault); the default"):
+        with pytest.raises(
+            ArgumentTypeError, match=f"^{name} is .*: must be a (Frame or SpatialFrame|SensorFault); the default"
+        ):
             SessionSettings(**{name: value})
     for clutch in ([(3, 2)], [1, 2], [("a", "b")], 5):
         with pytest.raises(SettingError, match=r"^clutch = .*: must be START:END,START:END"):

@@ -420,7 +420,10 @@ def test_beliefs_that_are_late_or_of_another_process_are_left_out() -> None:
         ({"follower_frame": "0.1,-1"}, "follower_frame = '0.1,-1': is of a line; with a scene give six numbers"),
         ({"leader_frame": "0,0,0,1"}, "leader_frame = '0,0,0,1': must be X,Y,Z,RX,RY,RZ"),
         ({"leader_frame": "11,0,0,0,0,0"}, "leader_frame = '11,0,0,0,0,0': must be X,Y,Z,RX,RY,RZ: metres within 10"),
-        ({"scene": "", "leader_frame": "0,0,0,0,0,1"}, "leader_frame = '0,0,0,0,0,1': is of a scene; along a line give"),
+        (
+            {"scene": "", "leader_frame": "0,0,0,0,0,1"},
+            "leader_frame = '0,0,0,0,0,1': is of a scene; along a line give",
+        ),
         ({"fusion": "magic"}, "unknown fusion"),
         ({"displacement": 1.0}, "displacement = 1.0"),
         ({"image_fault": "hand"}, "KIND:BEGIN:END"),
