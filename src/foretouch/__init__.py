@@ -11,8 +11,8 @@ The public interface; what is not here may change without notice. Names are impo
   `ExactKelvinVoigt`
 - In a loop of your own: `Learner`, `Predictor`, `Renderer`, and `warm_up` before it
 - Of a recording: `identify`, `predict`, `delayed_force`, `score_prediction`; `compare` of many
-- Sessions: `SessionSettings`, `Frame`, `SensorFault`, `ImageFault`, `simulate`, `make_robot`, `make_operator`,
-  `SessionLog`, `session_report`, `SessionReport`
+- Sessions: `SessionSettings`, `Frame`, `SpatialFrame`, `SensorFault`, `ImageFault`, `simulate`, `make_robot`,
+  `make_operator`, `SessionLog`, `session_report`, `SessionReport`
 - Errors: `ForetouchError`
 """
 
@@ -52,7 +52,7 @@ if TYPE_CHECKING:
         ThresholdSwitching,
         advance,
     )
-    from foretouch.quantities import Frame, Recording
+    from foretouch.quantities import Frame, Recording, SpatialFrame
     from foretouch.recordings import excerpt, fetch_dataset, read_recording, read_session, read_with_notes
     from foretouch.rendering import Renderer
     from foretouch.report import SessionReport, delayed_force, score_prediction, session_report
@@ -71,7 +71,7 @@ _ROOMS = {
     "messages": "SessionLog",
     "models": "ContactMapModel ContactModel ContinuousSwitching HuntCrossley KelvinVoigt Predictor "
     "ThresholdSwitching advance",
-    "quantities": "Frame Recording",
+    "quantities": "Frame Recording SpatialFrame",
     "recordings": "excerpt fetch_dataset read_recording read_session read_with_notes",
     "rendering": "Renderer",
     "report": "SessionReport delayed_force score_prediction session_report",
@@ -110,6 +110,7 @@ __all__ = [
     "SessionLog",
     "SessionReport",
     "SessionSettings",
+    "SpatialFrame",
     "ThresholdSwitching",
     "__version__",
     "advance",

@@ -18,7 +18,7 @@ Owner = Literal["leader", "follower"]
 
 LAWS_HELP = (
     "Contact law: contact-map, or continuous-switching (the paper's), hunt-crossley, kelvin-voigt, "
-    "threshold-switching, quadratic (that of scenes)."
+    "threshold-switching, quadratic (that of scenes); without it contact-map, in a scene quadratic."
 )
 
 NO_GRIP = "none"  # The grip of an operator whose hand the force does not move
@@ -98,9 +98,11 @@ class Declared:
     """Fields of `foretouch.session.SessionSettings` that are chosen."""
 
     material: str = _pressed(
-        "foam-measured", "What the simulated robot presses: `foretouch materials list`, or a plug-in's."
+        "",
+        "What the simulated robot presses: `foretouch materials list`, or a plug-in's; without it foam-measured, in a "
+        "scene hunt-crossley.",
     )
-    model: str = _pressed("contact-map", LAWS_HELP)
+    model: str = _pressed("", LAWS_HELP)
     estimator: str = _pressed("", "Estimator; without it the law's own. A wrong name lists them all.")
     model_rate: float = _pressed(
         50.0, "Models a second while nothing changes [1/s], up to 1000.", above=0.0, at_most=1000.0
@@ -131,7 +133,11 @@ class Declared:
         0.02, "Time after which the device drops a force that is not renewed [s]; 0 for never."
     )
     clutch: str = _hand("", "When the hand presses its clutch [s since it met the follower]: START:END,START:END.")
-    leader_frame: str = _hand("0,1", "ORIGIN,DIRECTION: where the device has 0 [m], and -1 if it counts outwards.")
+    leader_frame: str = _hand(
+        "0,1",
+        "ORIGIN,DIRECTION: where the device has 0 [m], and -1 if it counts outwards; with a scene X,Y,Z,RX,RY,RZ: its "
+        "base in the world, a position [m] and a rotation vector [rad].",
+    )
     position_scale: float = _given(1.0, "Follower's motion for the hand's, 0.01 to 100.", **SCALE)
     force_scale: float = _given(1.0, "Hand's force for the follower's, 0.01 to 100.", **SCALE)
     largest_stiffness: float = _given(
@@ -157,7 +163,7 @@ class Declared:
         0.02, "Speed of a guarded follower before it knows a surface [m/s], up to 0.5.", above=0.0, at_most=0.5
     )
     guarded_force: float = _robot(2.0, "Force at which a guarded follower holds [N], 0.5 to 15.")
-    follower_frame: str = _robot("0,1", "ORIGIN,DIRECTION: where the robot has 0 [m], and -1 if it counts outwards.")
+    follower_frame: str = _robot("0,1", "The same of the robot, as --leader-frame.")
     sensor_fault: str = _robot(
         "", "KIND:BEGIN:END [s]: the simulated robot's sensors fail meanwhile, such as stuck:5:8."
     )

@@ -53,13 +53,15 @@ def test_the_texts_of_what_is_absent_are_those_of_old() -> None:
 def test_what_is_neither_is_refused() -> None:
     wrong: dict[str, Any] = {"leader_frame": (0.1, -1), "sensor_fault": 3}
     for name, value in wrong.items():
-        with pytest.raises(ArgumentTypeError, match=f"^{name} is .*: must be a (Frame|SensorFault); the default is"):
+        with pytest.raises(
+            ArgumentTypeError, match=f"^{name} is .*: must be a (Frame or SpatialFrame|SensorFault); the default"
+        ):
             SessionSettings(**{name: value})
     for clutch in ([(3, 2)], [1, 2], [("a", "b")], 5):
         with pytest.raises(SettingError, match=r"^clutch = .*: must be START:END,START:END"):
             SessionSettings(grip="soft", clutch=clutch)  # type: ignore[arg-type]
-    with pytest.raises(ArgumentTypeError, match="material is None"):
-        SessionSettings(material=None)  # type: ignore[arg-type]
+    with pytest.raises(ArgumentTypeError, match="on_silence is None"):
+        SessionSettings(on_silence=None)  # type: ignore[arg-type]
     with pytest.raises(SettingError, match="place and size by default"):
         SessionSettings(scene="plane", image_fault=ImageFault("hand", 5, 8, size=0.5))
 

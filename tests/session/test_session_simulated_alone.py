@@ -102,7 +102,11 @@ FRAMED = FramedRobot(FaultySensor(make_robot("hunt-crossley"), SensorFault("stuc
 @pytest.mark.parametrize(
     ("changes", "robot", "message"),
     [
-        ({"scene": "plane"}, make_robot("bone"), "scene = 'plane': has an operator and a robot of its own: leave both"),
+        (
+            {"scene": "plane"},
+            make_robot("bone"),
+            "robot = 'RcmArm': moves along one axis, and the scene plane is touch",
+        ),
         ({"operator": "browser"}, None, "operator = 'browser': needs real time"),
         ({"operator": "browser", "scene": "plane"}, None, "operator = 'browser': needs real time"),
         ({"material": "bone"}, make_robot("hunt-crossley"), "material = 'bone': the robot presses hunt-crossley; make"),

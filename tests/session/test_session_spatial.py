@@ -27,7 +27,7 @@ from foretouch.messages import (
 )
 from foretouch.quantities import Pose
 from foretouch.rendering.surfaces import Plane
-from foretouch.robot import MATERIALS, GantryArm, MissingGraphicsError, graphics_library, make_material
+from foretouch.robot import GantryArm, MissingGraphicsError, graphics_library, make_material
 from foretouch.session import SessionSettings
 from foretouch.session.runners.driven import Tick, drive_leader
 from foretouch.session.runners.lap import run_session
@@ -39,6 +39,7 @@ from foretouch.session.spatial import (
     tracker,
 )
 from foretouch.session.spatial.course import SurfaceLine
+from foretouch.session.spatial.making import SpatialWorld
 from foretouch.session.spatial.scenes import NOMINAL, KnownSurface
 from foretouch.session.steps import leader
 from foretouch.session.steps.hand import HandInSpace
@@ -414,10 +415,15 @@ def test_beliefs_that_are_late_or_of_another_process_are_left_out() -> None:
     ("changes", "message"),
     [
         ({"scene": "moon"}, "unknown scene 'moon'"),
-        ({"operator": "recorded"}, "operator = 'recorded': is for sessions along a line"),
+        ({"operator": "gamepad"}, "operator = 'gamepad': moves along one axis, and the scene hill is touched in three"),
         ({"baseline": "delayed"}, "baseline"),
-        ({"sensor_fault": "stuck:1:2"}, "sensor_fault"),
-        ({"follower_frame": "0.1,-1"}, "follower_frame"),
+        ({"follower_frame": "0.1,-1"}, "follower_frame = '0.1,-1': is of a line; with a scene give six numbers"),
+        ({"leader_frame": "0,0,0,1"}, "leader_frame = '0,0,0,1': must be X,Y,Z,RX,RY,RZ"),
+        ({"leader_frame": "11,0,0,0,0,0"}, "leader_frame = '11,0,0,0,0,0': must be X,Y,Z,RX,RY,RZ: metres within 10"),
+        (
+            {"scene": "", "leader_frame": "0,0,0,0,0,1"},
+            "leader_frame = '0,0,0,0,0,1': is of a scene; along a line give",
+        ),
         ({"fusion": "magic"}, "unknown fusion"),
         ({"displacement": 1.0}, "displacement = 1.0"),
         ({"image_fault": "hand"}, "KIND:BEGIN:END"),
@@ -430,15 +436,28 @@ def test_what_a_scene_cannot_have_is_refused_in_one_line(changes: dict, message:
     assert "\n" not in str(caught.value)
 
 
-def test_a_material_that_remembers_is_refused() -> None:
-    remembering = [name for name in MATERIALS if make_material(name).model.initial_state()]
-    assert remembering
-    for name in remembering:
-        settings = SessionSettings(scene="hill", material=name, displacement=0.01)
-        if settings.material != name:  # the default of a session along a line gives way to a scene's own
-            continue
-        with pytest.raises(SettingError, match="remembers"):
-            make_spatial_robot(settings, make_scene("hill"))
+@pytest.mark.parametrize("name", ["foam-measured", "sponge"])
+def test_a_material_remembers_one_contact_as_along_a_line_wherever_it_is_pressed(name: str) -> None:
+    scene, material, step = make_scene("plane"), make_material(name), 5e-4
+    world = SpatialWorld(scene, material, displacement=0.0, turn=0.0, bump=0.0, seed=0)
+    x, state = 0.0, material.model.initial_state()
+    for tick in range(4000):  # pressed twice, the second time elsewhere: it slides there in free air, and in contact
+        speed = 0.008 * math.pi * math.cos(math.pi * tick * step)
+        depth = 0.008 * math.sin(math.pi * tick * step) - 0.001
+        x += 5e-6 if 1000 < tick < 1500 else 0.0
+        force = world.touch((x, 0.0, -depth), (0.0, 0.0, -speed), step)
+        state, expected, _ = material.model.advance(state, depth, speed, step)
+        assert force[2] == pytest.approx(expected, rel=1e-9, abs=1e-9)
+    assert state != material.model.initial_state()
+
+
+def test_what_is_chosen_with_a_scene_is_taken_and_what_is_not_is_the_scenes_own() -> None:
+    settings = SessionSettings(scene="hill")
+    assert (settings.model, settings.estimator, settings.material) == ("quadratic", "material-field", "hunt-crossley")
+    settings = SessionSettings(scene="hill", model="contact-map", material="foam-measured")
+    assert (settings.model, settings.estimator, settings.material) == ("contact-map", "bank", "foam-measured")
+    settings = SessionSettings()
+    assert (settings.model, settings.estimator, settings.material) == ("contact-map", "bank", "foam-measured")
 
 
 def test_a_probe_meets_the_most_damped_of_scenes_and_stays_on_it() -> None:

@@ -6,12 +6,19 @@ moved by the force (closed loop).
 """
 
 from foretouch.devices.browser import BrowserOperator
-from foretouch.devices.device import Device, DeviceSpecification, limit_force
+from foretouch.devices.device import AnyDevice, Device, DeviceSpecification, limit_force
 from foretouch.devices.gamepad import UNKNOWN_REACH, Reach
 from foretouch.devices.hand import GRIPS, INTENDED_FORCE, Grip, Hand
 from foretouch.devices.recorded import RecordedOperator
 from foretouch.devices.scripted import RestingOperator, ScriptedOperator
-from foretouch.devices.spatial import Keyframe, PalpatingOperator, SpatialBrowserOperator, SpatialDevice, SpatialHand
+from foretouch.devices.spatial import (
+    Keyframe,
+    PalpatingOperator,
+    RecordedPalpatingOperator,
+    SpatialBrowserOperator,
+    SpatialDevice,
+    SpatialHand,
+)
 
 __all__ = [
     "GRIPS",
@@ -19,6 +26,7 @@ __all__ = [
     "INTENDED_FORCE",
     "OPERATORS",
     "UNKNOWN_REACH",
+    "AnyDevice",
     "BrowserOperator",
     "Device",
     "DeviceSpecification",
@@ -28,6 +36,7 @@ __all__ = [
     "PalpatingOperator",
     "Reach",
     "RecordedOperator",
+    "RecordedPalpatingOperator",
     "RestingOperator",
     "ScriptedOperator",
     "SpatialBrowserOperator",

@@ -207,8 +207,8 @@ class Tracker:
 FORCE_LIMIT = 10.0  # Largest force [N] that a device without a limit of its own accepts
 
 
-class Device(ABC):
-    """An operator's handle. It reads no clock: the caller says what time it is.
+class AnyDevice(ABC):
+    """An operator's handle, along a line or in space. It reads no clock: the caller says what time it is.
 
     Times never go back; a time that does counts as the newest one. The first time that `read` is given is the start.
 
@@ -229,6 +229,25 @@ class Device(ABC):
         """Whether nothing was read yet, so that a simulated session can begin; True where a device does not say."""
         return True
 
+    @property
+    def specification(self) -> DeviceSpecification | None:
+        """What the device can render; None where nothing is felt (open loop)."""
+        return None
+
+    @property
+    def clutched(self) -> bool:
+        """Whether the operator holds the clutch at the newest `read`: the hand moves, the probe is to stay."""
+        return False
+
+    def close(self) -> None:  # noqa: B027 - most hold nothing
+        """Give no force any more and give back what the device holds; a second call does nothing."""
+
+
+class Device(AnyDevice):
+    """A handle along a line."""
+
+    __slots__ = ()
+
     @abstractmethod
     def read(self, now_ns: int) -> float:
         """Position of the hand [m] in the probe's frame: 0 = start in free air, growing into the material."""
@@ -241,11 +260,6 @@ class Device(ABC):
         """
 
     @property
-    def specification(self) -> DeviceSpecification | None:
-        """What the device can render; None where nothing is felt (open loop)."""
-        return None
-
-    @property
     def intention(self) -> float:
         """Where the hand wants to be [m] at the newest `read`; NaN where unknown."""
         return math.nan
@@ -254,14 +268,6 @@ class Device(ABC):
     def exact_position(self) -> float:
         """Where the hand is [m] at the newest `read`, without the encoder's counts; NaN where unknown."""
         return math.nan
-
-    @property
-    def clutched(self) -> bool:
-        """Whether the operator holds the clutch at the newest `read`: the hand moves, the probe is to stay."""
-        return False
-
-    def close(self) -> None:  # noqa: B027 - most hold nothing
-        """Give no force any more and give back what the device holds; a second call does nothing."""
 
 
 class Operator(Device):

@@ -180,6 +180,11 @@ class Held:
         return self._specification
 
     @property
+    def fresh(self) -> bool:
+        """Whether nothing was read yet."""
+        return self._start_ns is None and bool(self.intention_device.fresh)
+
+    @property
     def clutched(self) -> bool:
         """Whether the hand holds the clutch at the newest `read`, by its own times or as the intention says."""
         if self._clutch and self._start_ns is not None:
@@ -246,11 +251,6 @@ class Hand(Held, Device):
     def exact_velocity(self) -> float:
         """Its velocity [m/s]."""
         return math.nan if self._start_ns is None else float(self._held[0].velocity)
-
-    @property
-    def fresh(self) -> bool:
-        """Whether nothing was read yet."""
-        return self._start_ns is None and self.intention_device.fresh
 
     def read(self, now_ns: int) -> float:
         """Position of the hand [m] as the encoder shows it, in whole counts."""

@@ -70,6 +70,11 @@ class RecordedOperator(Operator):
         """Time after which the motion repeats [s]."""
         return self._count * KNOT_PERIOD
 
+    @property
+    def loop(self) -> list[float]:
+        """Positions of one period [m], one every 10 ms, from the highest on."""
+        return [piece[-1] for piece in self._pieces]
+
     def position_at(self, time: float) -> float:
         """Position of the hand [m] at a time since the first `read` [s], which never goes back."""
         if time < self._approach_time:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import itertools
 import math
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Sequence
 from typing import ClassVar
 
 import numpy as np
 
 from foretouch.devices.browser import BrowserOperator
-from foretouch.devices.device import DeviceSpecification
+from foretouch.devices.device import AnyDevice, DeviceSpecification
 from foretouch.devices.hand import LONGEST_GAP, Grip, Held, HeldForce
 from foretouch.devices.scripted import RestingOperator
 from foretouch.errors import SettingError
@@ -27,15 +27,9 @@ HALF_REACH = 0.25  # Largest distance of a handle in the browser from the world'
 NOWHERE: Vector = (math.nan, math.nan, math.nan)
 
 
-class SpatialDevice(ABC):
-    """An operator's handle in three dimensions; as `Device`, it reads no clock.
+class SpatialDevice(AnyDevice):
+    """An operator's handle in three dimensions."""
 
-    Attributes:
-        name: Name of the operator.
-        closed_loop: Whether the rendered force moves the hand.
-    """
-
-    name: ClassVar[str]
     closed_loop: ClassVar[bool] = False
 
     @abstractmethod
@@ -59,11 +53,6 @@ class SpatialDevice(ABC):
     def exact_position(self) -> Vector:
         """Position of a simulated hand [m], without the encoders' counts; NaN where unknown."""
         return NOWHERE
-
-    @property
-    def clutched(self) -> bool:
-        """Whether the operator holds the clutch."""
-        return False
 
 
 class PalpatingOperator(SpatialDevice):
@@ -105,6 +94,11 @@ class PalpatingOperator(SpatialDevice):
         self._now_ns = 0
         self._place: Vector = NOWHERE
 
+    @property
+    def fresh(self) -> bool:
+        """Whether nothing was read yet."""
+        return self._start_ns is None
+
     def see(self, pose: Sequence[float]) -> None:
         """Aim at the fixture where it is shown; a pose that is not six finite numbers is left out."""
         if len(pose) == 6 and all(map(math.isfinite, pose)):
@@ -138,6 +132,12 @@ class PalpatingOperator(SpatialDevice):
         return a + fraction * (d - a), b + fraction * (e - b), c + fraction * (f - c)
 
 
+class RecordedPalpatingOperator(PalpatingOperator):
+    """The same, where the presses of the path are measured ones."""
+
+    name = "recorded"
+
+
 class _Axis(RestingOperator):
     """One coordinate of a place, shifted so that it is positive: a script for `BrowserOperator`."""
 
@@ -163,6 +163,11 @@ class SpatialBrowserOperator(SpatialDevice):
         self._scripts = [_Axis() for _ in range(3)]
         self._axes = [BrowserOperator(axis, deepest=2.0 * HALF_REACH) for axis in self._scripts]
         self._place: Vector = NOWHERE
+
+    @property
+    def fresh(self) -> bool:
+        """Whether nothing was read yet."""
+        return self._script.fresh
 
     @property
     def held(self) -> bool:

@@ -107,7 +107,7 @@ def make_estimator(model: str, estimator: str = "") -> Estimator:
     if other.model_name != model:
         rule = f"learns the law {other.model_name} and not {model}: give --model {other.model_name} with it"
         raise SettingError("estimator", estimator, rule)
-    made = make_plugin("estimator", estimator, Estimator)  # type: ignore[type-abstract]
+    made = make_plugin("estimator", estimator, Estimator)
     assert made is not None  # it was there a moment ago
     return made
 

@@ -186,7 +186,7 @@ class Predictor(Held):
         tick = self.ticks if tick is None else min(tick, self.ticks)
         if self._agrees(state, tick):
             self._waiting = self._newest = None
-            self._begin(model, surface, self._state, message)
+            self._begin(model, surface, self.state, message)
             return
         arrived = (model, surface, state, tick, message)
         if self._waiting is not None:
@@ -227,7 +227,7 @@ class Predictor(Held):
         if not self.foreign:
             return _compiled().slopes_entry.entry(self.records[0], reach)  # type: ignore[no-any-return]
         depth, velocity = _compiled().asked_at_entry.entry(self.records[0])
-        return self.model.local_slopes(self._state, depth, velocity, reach)
+        return self.model.local_slopes(self.state, depth, velocity, reach)
 
     def leaving_work(self, offset: float = 0.0, largest: float = math.inf) -> tuple[float, float]:
         """Work returned from the newest sample until leaving contact [J], and that distance [m] (`ContactModel`)."""
@@ -235,7 +235,7 @@ class Predictor(Held):
             return 0.0, 0.0
         if not self.foreign:
             return _compiled().work_entry.entry(self.records[0], offset, largest)  # type: ignore[no-any-return]
-        return self.model.leaving_work(self._state, self.depth, offset, largest)
+        return self.model.leaving_work(self.state, self.depth, offset, largest)
 
     def update(self, time: float, position: float, velocity: float | None = None) -> float:
         """Predict the force at one sample of the motion.
@@ -258,8 +258,8 @@ class Predictor(Held):
         return self._foreign
 
     @property
-    def _state(self) -> ContactState:
-        """Present state of the material, of the length that the law has."""
+    def state(self) -> ContactState:
+        """What the material remembers at the newest sample, of the length that the law has."""
         if _is_foreign(self.model):
             return self._state_outside
         return tuple(self.records["memory"][0].tolist()) if isinstance(self.model, ContactMapModel) else NO_STATE
@@ -277,7 +277,7 @@ class Predictor(Held):
         model, period = self.model, _compiled().observe_entry.entry(records[0], time, position, velocity)
         self._foreign = _is_foreign(model)
         if period > 0.0:
-            state, self.force, self.standard_deviation = _run(model, self._state, self.depth, self.velocity, period)
+            state, self.force, self.standard_deviation = _run(model, self.state, self.depth, self.velocity, period)
             if self.changed:
                 (former, before), depth = self._former, self.position - self.former_surface
                 before = before if _is_foreign(former) else tuple(records["former_memory"][0].tolist())

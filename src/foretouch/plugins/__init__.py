@@ -149,7 +149,11 @@ def load_plugin(kind: str, name: str, *, built_in: Collection[str] = ()) -> tupl
 
 
 def make_plugin(
-    kind: str, name: str, expected: type[Made], *arguments: object, built_in: Collection[str] = ()
+    kind: str,
+    name: str,
+    expected: type[Made] | tuple[type[Made], ...],
+    *arguments: object,
+    built_in: Collection[str] = (),
 ) -> Made | None:
     """What a package's factory makes; None where no package has this name.
 
@@ -158,7 +162,7 @@ def make_plugin(
     Args:
         kind: One of `foretouch.plugins.GROUPS`.
         name: As on the command line.
-        expected: Class that it must be of.
+        expected: Class that it must be of, or classes, one of which.
         *arguments: For the factory.
         built_in: Names that no package may take.
 
@@ -177,7 +181,8 @@ def make_plugin(
         remedy = CONNECT.format(kind) if isinstance(error, OSError) else ""
         raise PluginError(plugin, f"raises {_said(error)} where one is to be made", remedy) from error
     if not isinstance(made, expected):
-        raise PluginError(plugin, f"makes {_kind_of(made)} and not a {expected.__name__}")
+        wanted = " or ".join(one.__name__ for one in (expected if isinstance(expected, tuple) else (expected,)))
+        raise PluginError(plugin, f"makes {_kind_of(made)} and not a {wanted}")
     return made
 
 

@@ -12,7 +12,7 @@ from foretouch.quantities.columns import (
     parameter_unit,
 )
 from foretouch.quantities.pose import Pose, cross_matrix
-from foretouch.quantities.recording import LARGEST_POSITION, Frame, Recording, numbers_of
+from foretouch.quantities.recording import LARGEST_POSITION, Frame, Recording, SpatialFrame, numbers_of
 from foretouch.quantities.sensor_calibration import STANDARD_GRAVITY, SensorCalibration
 
 __all__ = [
@@ -28,6 +28,7 @@ __all__ = [
     "Recording",
     "Rows",
     "SensorCalibration",
+    "SpatialFrame",
     "as_frame",
     "brief_number",
     "brief_text",

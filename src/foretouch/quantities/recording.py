@@ -6,6 +6,8 @@ own line of positions.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from foretouch.errors import ArgumentTypeError, RecordingError, SettingError, plural
 from foretouch.quantities.brief import shortest
 from foretouch.quantities.columns import Columns
+from foretouch.quantities.pose import Pose, RigidMotion, Vector, scaled
 
 Array = NDArray[np.float64]
 
@@ -100,6 +103,9 @@ class Recording(Columns):
         return values if self.velocity is None else values | {"velocity_m_s": self.velocity}
 
 
+FARTHEST_BASE = 10.0  # Largest distance of a machine's base from the world's origin, along any axis [m]
+
+
 @dataclass(frozen=True, slots=True)
 class Frame:
     r"""One line of positions as seen from another.
@@ -143,6 +149,10 @@ class Frame:
         """The text that `from_text` reads."""
         return f"{shortest(self.origin)},{self.direction}"
 
+    def inverse(self) -> Frame:
+        """The session's frame as seen from the machine's: `inside` of one is `outside` of the other."""
+        return Frame(-self.direction * self.origin, self.direction)
+
     def inside(self, position: float) -> float:
         """The session's position [m] of one of the machine's [m]."""
         return self.direction * (position - self.origin)
@@ -150,3 +160,71 @@ class Frame:
     def outside(self, position: float) -> float:
         """The machine's position [m] of one of the session's [m]."""
         return self.origin + self.direction * position
+
+
+@dataclass(frozen=True, slots=True)
+class SpatialFrame:
+    r"""The base of a machine in the world.
+
+    .. math:: p = R(\phi)\, q + t
+
+    p is a place in the world, as the session counts; q the machine's own.
+
+    Args:
+        place: t, where the base is in the world [m], at most 10 m along each axis.
+        rotation: \phi, axis times angle of the base in the world [rad], at most 2 pi along each axis.
+
+    Raises:
+        SettingError: No three numbers, or one out of range.
+    """
+
+    place: Vector = (0.0, 0.0, 0.0)
+    rotation: Vector = (0.0, 0.0, 0.0)
+    motion: RigidMotion = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        for name, most in (("place", FARTHEST_BASE), ("rotation", 2.0 * math.pi)):
+            values = getattr(self, name)
+            if len(values) != 3 or not all(abs(value) <= most for value in values):
+                raise SettingError(name, values, f"must be three numbers within {most:.3g}")
+            object.__setattr__(self, name, tuple(map(float, values)))
+        object.__setattr__(self, "motion", RigidMotion.from_numbers((*self.place, *self.rotation)))
+
+    @classmethod
+    def from_text(cls, name: str, text: str) -> SpatialFrame:
+        """The frame that a setting of this name gives as ``X,Y,Z,RX,RY,RZ``.
+
+        Raises:
+            SettingError: It is nothing of the kind.
+        """
+        try:
+            x, y, z, *rotation = map(float, text.split(","))
+            return cls((x, y, z), tuple(rotation))  # type: ignore[arg-type]  # checked there
+        except (ValueError, SettingError):
+            rule = f"must be X,Y,Z,RX,RY,RZ: metres within {FARTHEST_BASE:g}, and a rotation vector in radians"
+            raise SettingError(name, text, f"{rule}; for example 0.4,0,0.1,0,0,1.57") from None
+
+    def __str__(self) -> str:
+        """The text that `from_text` reads."""
+        return ",".join(map(shortest, (*self.place, *self.rotation)))
+
+    def inverse(self) -> SpatialFrame:
+        """The world as seen from the machine: `inside` of one is `outside` of the other."""
+        turned_back = scaled(self.rotation, -1.0)
+        return SpatialFrame(self.motion.rotate_back(scaled(self.place, -1.0)), turned_back)
+
+    def inside(self, position: Vector) -> Vector:
+        """The place in the world [m] of one of the machine's [m]."""
+        return self.motion.apply(position)
+
+    def outside(self, position: Vector) -> Vector:
+        """The machine's place [m] of one in the world [m]."""
+        return self.motion.apply_back(position)
+
+    def pose_inside(self, numbers: Sequence[float]) -> tuple[float, ...]:
+        """The pose in the world, a place [m] and a rotation vector [rad], of one in the machine's frame."""
+        base, seen = (
+            Pose.from_rotation_vector(pose[3:], pose[:3]) for pose in ((*self.place, *self.rotation), tuple(numbers))
+        )
+        pose = base @ seen
+        return (*pose.translation.tolist(), *pose.rotation_vector().tolist())

@@ -16,15 +16,18 @@ from foretouch.robot.materials import (
 )
 from foretouch.robot.rcm_arm import RcmArm, make_robot
 from foretouch.robot.robot import (
+    AnyRobot,
     MovedRobot,
+    MovedSpatialRobot,
     Robot,
     RobotSample,
     RobotSpecification,
     SpatialRobot,
     SpatialSample,
     WrappedRobot,
+    WrappedSpatialRobot,
 )
-from foretouch.robot.sensor_faults import SENSOR_FAULTS, FaultySensor, SensorFault
+from foretouch.robot.sensor_faults import SENSOR_FAULTS, FaultySensor, FaultySpatialSensor, SensorFault
 
 __all__ = [
     "DEFAULT_MATERIAL",
@@ -36,13 +39,16 @@ __all__ = [
     "ROD_RADIUS",
     "SENSOR_FAULTS",
     "TIP_RADIUS",
+    "AnyRobot",
     "CameraScene",
     "FaultySensor",
+    "FaultySpatialSensor",
     "FoamFit",
     "GantryArm",
     "Material",
     "MissingGraphicsError",
     "MovedRobot",
+    "MovedSpatialRobot",
     "RcmArm",
     "Robot",
     "RobotSample",
@@ -52,6 +58,7 @@ __all__ = [
     "SpatialSample",
     "TouchedWorld",
     "WrappedRobot",
+    "WrappedSpatialRobot",
     "fit_foam",
     "foam_fit_json",
     "graphics_library",

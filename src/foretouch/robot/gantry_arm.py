@@ -107,6 +107,11 @@ class GantryArm(SpatialRobot):
         self._contact: Vector = (0.0, 0.0, 0.0)
         self._sample = self._measure()
 
+    @property
+    def fresh(self) -> bool:
+        """Whether no exchange has been yet."""
+        return bool(self._data.time == 0.0)
+
     def read(self) -> SpatialSample:
         """What the sensors show now; no time passes and nothing moves."""
         return self._sample

@@ -9,7 +9,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple, TypeAlias
+from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar
 
 
 class RobotSample(NamedTuple):
@@ -91,95 +91,6 @@ class RobotSpecification:
         return self.tool_mass * (acceleration - self.gravity)
 
 
-class Robot(ABC):
-    """A position-controlled follower with a force sensor at its probe.
-
-    Leaves may move simulated time or wait for real time; the caller does not see which.
-
-    Attributes:
-        specification: What there is to know about the robot.
-    """
-
-    specification: RobotSpecification
-
-    @property
-    def fresh(self) -> bool:
-        """Whether no exchange has been yet, so that a simulated session can begin; True where a class does not say."""
-        return True
-
-    @abstractmethod
-    def read(self) -> RobotSample:
-        """What the sensors show now; no time passes and nothing moves."""
-
-    @abstractmethod
-    def exchange(self, desired_position: float) -> RobotSample:
-        """Give a command, let one sample period pass, and return what the sensors show then.
-
-        Never raises on bad data.
-
-        Args:
-            desired_position: Where the tip should be now [m]; limited to the workspace. One that is not finite is
-                left out: the one before holds.
-        """
-
-    def close(self) -> None:
-        """Give back what the robot holds; a second call does nothing."""
-        return None
-
-
-class WrappedRobot(Robot):
-    """A robot with another inside, which changes what it is told or what it shows.
-
-    Args:
-        robot: The robot inside.
-
-    Attributes:
-        robot: The robot inside.
-    """
-
-    def __init__(self, robot: Robot) -> None:
-        self.robot, self.specification = robot, robot.specification
-        self._exchanges = 0
-
-    @property
-    def fresh(self) -> bool:
-        """Whether no exchange has been yet."""
-        return self.robot.fresh
-
-    def read(self) -> RobotSample:
-        """What the sensors show now; no time passes and nothing moves."""
-        return self.robot.read()
-
-    def close(self) -> None:
-        """Give back what the robot holds; a second call does nothing."""
-        self.robot.close()
-
-
-class MovedRobot(WrappedRobot):
-    """Any robot, moved by a motion of its own; commands it leaves out.
-
-    Its time is its own and begins at 0; an exchange is one sample period.
-
-    Args:
-        robot: Robot that moves.
-        position_at: Position [m] that it is moved to at a time [s]; asked once for each exchange, in order.
-    """
-
-    def __init__(self, robot: Robot, position_at: Callable[[float], float]) -> None:
-        super().__init__(robot)
-        self._position_at = position_at
-
-    def exchange(self, desired_position: float) -> RobotSample:
-        """Let one sample period pass and return what the sensors show then.
-
-        Args:
-            desired_position: Left out, whatever it is.
-        """
-        time = self._exchanges * self.specification.sample_period
-        self._exchanges += 1
-        return self.robot.exchange(self._position_at(time))
-
-
 Vector: TypeAlias = tuple[float, float, float]
 """A vector in the world's frame, z up."""
 
@@ -206,8 +117,52 @@ class SpatialSample(NamedTuple):
     clipped: bool
 
 
-class SpatialRobot(ABC):
-    """A position-controlled follower that moves its probe in three dimensions, with a force sensor of three axes.
+Sample = TypeVar("Sample", RobotSample, SpatialSample)
+Place = TypeVar("Place", float, Vector)
+
+
+class AnyRobot(ABC, Generic[Place, Sample]):
+    """A position-controlled follower with a force sensor at its probe, along a line or in space.
+
+    Leaves may move simulated time or wait for real time; the caller does not see which.
+
+    Attributes:
+        specification: What there is to know about the robot.
+    """
+
+    specification: RobotSpecification
+
+    @property
+    def fresh(self) -> bool:
+        """Whether no exchange has been yet, so that a simulated session can begin; True where a class does not say."""
+        return True
+
+    @abstractmethod
+    def read(self) -> Sample:
+        """What the sensors show now; no time passes and nothing moves."""
+
+    @abstractmethod
+    def exchange(self, desired_position: Place, /) -> Sample:
+        """Give a command, let one sample period pass, and return what the sensors show then.
+
+        Never raises on bad data.
+
+        Args:
+            desired_position: Where the tip should be now [m]; limited to the workspace. One that is not finite is
+                left out: the one before holds.
+        """
+
+    def close(self) -> None:
+        """Give back what the robot holds; a second call does nothing."""
+        return None
+
+
+class Robot(AnyRobot[float, RobotSample]):
+    """A follower along a line."""
+
+
+class SpatialRobot(AnyRobot[Vector, SpatialSample]):
+    """A follower that moves its probe in three dimensions, with a force sensor of three axes.
 
     Attributes:
         specification: What there is to know about it; of the workspace, the lowest and highest place along each axis is
@@ -215,24 +170,83 @@ class SpatialRobot(ABC):
         reach: Lowest and highest place [m].
     """
 
-    specification: RobotSpecification
     reach: tuple[Vector, Vector]
 
-    @abstractmethod
-    def read(self) -> SpatialSample:
+
+class Wrapped(Generic[Place, Sample]):
+    """A robot with another inside, which changes what it is told or what it shows.
+
+    Args:
+        robot: The robot inside.
+
+    Attributes:
+        robot: The robot inside.
+    """
+
+    def __init__(self, robot: Any) -> None:
+        self.robot: AnyRobot[Place, Sample] = robot
+        self.specification = robot.specification
+        self._exchanges = 0
+
+    @property
+    def fresh(self) -> bool:
+        """Whether no exchange has been yet."""
+        return self.robot.fresh
+
+    def read(self) -> Sample:
         """What the sensors show now; no time passes and nothing moves."""
-
-    @abstractmethod
-    def exchange(self, desired: Vector) -> SpatialSample:
-        """Give a command, let one sample period pass, and return what the sensors show then.
-
-        Never raises on bad data.
-
-        Args:
-            desired: Where the tip should be now [m]; limited to the reach. One that is not finite is left out: the one
-                before holds.
-        """
+        return self.robot.read()
 
     def close(self) -> None:
         """Give back what the robot holds; a second call does nothing."""
-        return None
+        self.robot.close()
+
+
+class WrappedRobot(Wrapped[float, RobotSample], Robot):
+    """A robot along a line with another inside, which changes what it is told or what it shows."""
+
+
+class WrappedSpatialRobot(Wrapped[Vector, SpatialSample], SpatialRobot):
+    """The same in three dimensions."""
+
+    def __init__(self, robot: SpatialRobot) -> None:
+        super().__init__(robot)
+        self.reach = robot.reach
+
+
+class _Moved(Wrapped[Place, Sample]):
+    """Moved by a motion of its own."""
+
+    def __init__(self, robot: Any, position_at: Callable[[float], Place]) -> None:
+        super().__init__(robot)
+        self._position_at: Callable[[float], Place] = position_at
+
+    def exchange(self, desired_position: Place) -> Sample:
+        """Let one sample period pass and return what the sensors show then.
+
+        Args:
+            desired_position: Left out, whatever it is.
+        """
+        time = self._exchanges * self.specification.sample_period
+        self._exchanges += 1
+        return self.robot.exchange(self._position_at(time))
+
+
+class MovedRobot(_Moved[float, RobotSample], WrappedRobot):
+    """Any robot along a line, moved by a motion of its own; commands it leaves out.
+
+    Its time is its own and begins at 0; an exchange is one sample period.
+
+    Args:
+        robot: Robot that moves.
+        position_at: Position [m] that it is moved to at a time [s]; asked once for each exchange, in order.
+    """
+
+
+class MovedSpatialRobot(_Moved[Vector, SpatialSample], WrappedSpatialRobot):
+    """The same in three dimensions.
+
+    Args:
+        robot: Robot that moves.
+        position_at: Place [m] that it is moved to at a time [s]; asked once for each exchange, in order.
+    """

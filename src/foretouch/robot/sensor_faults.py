@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
 
 from foretouch.errors import SettingError, UnknownNameError
 from foretouch.errors.checks import require
 from foretouch.quantities import shortest
-from foretouch.robot.robot import Robot, RobotSample, WrappedRobot
+from foretouch.robot.robot import Wrapped, WrappedRobot, WrappedSpatialRobot
 
 SENSOR_FAULTS: Final[dict[str, str]] = {
     "nan": "the force is no number",
@@ -79,7 +79,73 @@ class SensorFault:
             raise SettingError(name, text, rule) from None
 
 
-class FaultySensor(WrappedRobot):
+class _Faulty(Wrapped[Any, Any]):
+    """A robot whose sensors fail for a while."""
+
+    _names: ClassVar[tuple[str, ...]] = ("position", "sensor_force", "acceleration")
+    """Fields of a sample: position, force, and what else repeats in a dropout."""
+
+    def __init__(self, robot: Any, fault: SensorFault, *, seed: int = 0) -> None:
+        require("seed", seed, at_least=0)
+        super().__init__(robot)
+        self.fault, self.faulty = fault, False
+        self._random, self._next_spike = np.random.default_rng(seed), 0
+        self._sample = self._last_good = robot.read()
+
+    def read(self) -> Any:
+        """What the sensors show now; no time passes and nothing moves."""
+        return self._sample
+
+    def exchange(self, desired_position: Any) -> Any:
+        """Give a command, let one sample period pass, and return what the sensors show then: see `Robot`."""
+        sample = self.robot.exchange(desired_position)
+        self._exchanges += 1
+        time = self._exchanges * self.specification.sample_period
+        inside = self.fault.begin <= time < self.fault.end
+        self._sample = sample._replace(**self._changes(sample)) if inside else sample
+        self.faulty = self._sample != sample
+        if not inside:
+            self._last_good = sample
+        return self._sample
+
+    def _changes(self, sample: Any) -> dict[str, Any]:
+        """What the fault changes of a sample."""
+        position, force = self._names[:2]
+        place, felt = getattr(sample, position), getattr(sample, force)
+        match self.fault.kind:
+            case "dropout":
+                return {name: getattr(self._last_good, name) for name in self._names}
+            case "encoder-jump":
+                return {position: _off(place, -JUMP if isinstance(place, tuple) else JUMP)}
+            case "stuck":
+                shown = getattr(self._last_good, force)
+            case "nan":
+                shown = (math.nan,) * 3 if isinstance(felt, tuple) else math.nan
+            case "saturated":
+                end = self.specification.sensor_range
+                end = end if math.isfinite(end) else UNKNOWN_RANGE
+                shown = (*felt[:2], end) if isinstance(felt, tuple) else end
+            case "offset-step":
+                shown = _off(felt, OFFSET)
+            case _:
+                shown = _off(felt, self._spike())
+        return {force: shown}
+
+    def _spike(self) -> float:
+        """Size of a spike [N], 0 between two."""
+        if self._exchanges < self._next_spike:
+            return 0.0
+        mean = SPIKE_INTERVAL / self.specification.sample_period
+        self._next_spike = self._exchanges + 3 + round(self._random.exponential(mean))
+        return float(self._random.uniform(*SPIKE_SIZES) * self._random.choice((-1.0, 1.0)))
+
+
+def _off(value: Any, by: float) -> Any:
+    """A value off by this; a vector along the tool."""
+    return (*value[:2], value[2] + by) if isinstance(value, tuple) else value + by
+
+
+class FaultySensor(_Faulty, WrappedRobot):
     """A robot whose sensors fail for a while; what it does is as before.
 
     Only what is reported changes: force, position, and with a dropout the acceleration. The robot's own drive has
@@ -98,48 +164,24 @@ class FaultySensor(WrappedRobot):
         SettingError: A negative seed.
     """
 
-    def __init__(self, robot: Robot, fault: SensorFault, *, seed: int = 0) -> None:
-        require("seed", seed, at_least=0)
-        super().__init__(robot)
-        self.fault, self.faulty = fault, False
-        self._random, self._next_spike = np.random.default_rng(seed), 0
-        self._sample = self._last_good = robot.read()
 
-    def read(self) -> RobotSample:
-        """What the sensors show now; no time passes and nothing moves."""
-        return self._sample
+class FaultySpatialSensor(_Faulty, WrappedSpatialRobot):
+    """The same in three dimensions.
 
-    def exchange(self, desired_position: float) -> RobotSample:
-        """Give a command, let one sample period pass, and return what the sensors show then: see `Robot`."""
-        sample = self.robot.exchange(desired_position)
-        self._exchanges += 1
-        time = self._exchanges * self.specification.sample_period
-        inside = self.fault.begin <= time < self.fault.end
-        self._sample = self._changed(sample) if inside else sample
-        self.faulty = self._sample is not sample
-        if not inside:
-            self._last_good = sample
-        return self._sample
+    Whole vectors repeat or are no numbers; what is off or saturated is the axis along the tool, which hangs along the
+    world's z: a force of compression is positive there, and a deeper position is lower.
 
-    def _changed(self, sample: RobotSample) -> RobotSample:
-        """A sample as the fault shows it."""
-        last, largest = self._last_good, self.specification.sensor_range
-        dropped = {"position": last.position, "sensor_force": last.sensor_force, "acceleration": last.acceleration}
-        changes: dict[str, dict[str, Any]] = {
-            "nan": {"sensor_force": math.nan},
-            "dropout": dropped,
-            "stuck": {"sensor_force": last.sensor_force},
-            "saturated": {"sensor_force": largest if math.isfinite(largest) else UNKNOWN_RANGE},
-            "offset-step": {"sensor_force": sample.sensor_force + OFFSET},
-            "encoder-jump": {"position": sample.position + JUMP},
-        }
-        kind = self.fault.kind
-        return sample._replace(**changes[kind]) if kind in changes else self._spiked(sample)
+    Args:
+        robot: Any robot.
+        fault: The fault and its times.
+        seed: Seed of the spikes, not negative.
 
-    def _spiked(self, sample: RobotSample) -> RobotSample:
-        if self._exchanges < self._next_spike:
-            return sample
-        mean = SPIKE_INTERVAL / self.specification.sample_period
-        self._next_spike = self._exchanges + 3 + round(self._random.exponential(mean))
-        size = self._random.uniform(*SPIKE_SIZES) * self._random.choice((-1.0, 1.0))
-        return sample._replace(sensor_force=sample.sensor_force + float(size))
+    Attributes:
+        fault: As given.
+        faulty: Whether the newest sample was changed.
+
+    Raises:
+        SettingError: A negative seed.
+    """
+
+    _names = ("place", "force")

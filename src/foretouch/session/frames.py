@@ -1,92 +1,126 @@
-"""Machines that count positions otherwise than the session does, translated at the edge."""
+"""Machines that count positions otherwise than the session does, translated at the edge, along a line and in space."""
 
 from __future__ import annotations
 
+import functools
+import itertools
+import math
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
-from foretouch.devices import BrowserOperator, Device, DeviceSpecification, Hand
-from foretouch.quantities import Frame
-from foretouch.robot import Robot, RobotSample, WrappedRobot
+from foretouch.devices import (
+    AnyDevice,
+    BrowserOperator,
+    Device,
+    DeviceSpecification,
+    Hand,
+    SpatialBrowserOperator,
+    SpatialDevice,
+    SpatialHand,
+)
+from foretouch.quantities import Frame, SpatialFrame
+from foretouch.quantities.pose import Vector
+from foretouch.robot import Robot, RobotSample, SpatialRobot, SpatialSample, WrappedRobot, WrappedSpatialRobot
+
+POSE_NUMBERS = 6  # A place and a rotation vector
 
 
-def inverse(frame: Frame) -> Frame:
+def inverse(frame: Frame | SpatialFrame) -> Any:
     """The session's frame as seen from the machine's: `inside` of one is `outside` of the other."""
-    return Frame(-frame.direction * frame.origin, frame.direction)
+    return frame.inverse()
 
 
-def framed_device(device: Device, frame: Frame) -> Device:
+def framed_device(device: Any, frame: Frame | SpatialFrame) -> Any:
     """The device as the session sees it; itself where both count alike."""
-    return device if frame == Frame() else FramedDevice(device, frame)
+    if frame == Frame():
+        return device
+    return (FramedDevice if isinstance(frame, Frame) else FramedSpatialDevice)(device, frame)
 
 
-def framed_robot(robot: Robot, frame: Frame) -> Robot:
+def framed_robot(robot: Any, frame: Frame | SpatialFrame) -> Any:
     """The robot as the session sees it; itself where both count alike."""
-    return robot if frame == Frame() else FramedRobot(robot, frame)
+    if frame == Frame():
+        return robot
+    return (FramedRobot if isinstance(frame, Frame) else FramedSpatialRobot)(robot, frame)  # type: ignore[arg-type]
 
 
-def browser_operator(device: Device) -> BrowserOperator | None:
+def browser_operator(device: AnyDevice) -> Any:
     """The operator at a mouse behind a device, if one moves it. Handles count as the session does."""
     device = device_inside(device)
-    return device if isinstance(device, BrowserOperator) else None
+    return device if isinstance(device, BrowserOperator | SpatialBrowserOperator) else None
 
 
-def device_inside(device: Device) -> Device:
+def device_inside(device: Any) -> AnyDevice:
     """The device that moves the hand, without the frame and the simulated hand about it."""
     while True:
-        if isinstance(device, Hand):
+        if isinstance(device, Hand | SpatialHand):
             device = device.intention_device
-        elif isinstance(device, FramedDevice):
+        elif isinstance(device, _Framed):
             device = device.device
         else:
-            return device
+            return device  # type: ignore[no-any-return]
 
 
-class FramedDevice(Device):
-    """A device whose positions are translated; forces are not, for they push the hand out on either side."""
+class _Framed:
+    """A device whose positions are translated, and in space its forces; along a line these push out on either side."""
 
-    def __init__(self, device: Device, frame: Frame) -> None:
+    def __init__(self, device: Any, frame: Any) -> None:
         self.device, self._frame = device, frame
-        self.name, self.closed_loop = device.name, device.closed_loop  # type: ignore[misc]  # the device's own
+        self.name, self.closed_loop, self.real_time = device.name, device.closed_loop, device.real_time
 
     @property
     def specification(self) -> DeviceSpecification | None:
         """Specification of the device; its lengths are the same in every frame."""
-        return self.device.specification
+        return self.device.specification  # type: ignore[no-any-return]
 
     @property
-    def intention(self) -> float:
+    def intention(self) -> Any:
         """Intended position of the hand [m]; NaN where it is unknown."""
         return self._frame.inside(self.device.intention)
 
     @property
-    def exact_position(self) -> float:
+    def exact_position(self) -> Any:
         """Position of the hand, without the encoder's rounding [m]; NaN where it is unknown."""
         return self._frame.inside(self.device.exact_position)
 
     @property
     def clutched(self) -> bool:
         """Whether the operator holds the clutch."""
-        return self.device.clutched
+        return bool(self.device.clutched)
 
     @property
     def fresh(self) -> bool:
         """Whether nothing was read yet."""
-        return self.device.fresh
+        return bool(self.device.fresh)
 
-    def read(self, now_ns: int) -> float:
+    def read(self, now_ns: int) -> Any:
         """Position of the hand [m]."""
         return self._frame.inside(self.device.read(now_ns))
 
+
+class FramedDevice(_Framed, Device):
+    """A device whose positions are translated; forces are not, for they push the hand out on either side."""
+
     def render(self, force: float) -> float:
         """Give the hand a force [N], positive where it pushes the hand out."""
-        return self.device.render(force)
+        return float(self.device.render(force))
+
+
+class FramedSpatialDevice(_Framed, SpatialDevice):
+    """A device in space whose positions and forces are translated."""
+
+    def render(self, force: Vector) -> None:
+        """Give the hand a force [N], turned into the device's own axes."""
+        self.device.render(self._frame.motion.rotate_back(force))
+
+    def see(self, pose: Sequence[float]) -> None:
+        """See where the virtual scene shows the fixture."""
+        self.device.see(_posed(self._frame.inverse(), tuple(pose)))
 
 
 class FramedRobot(WrappedRobot):
-    """A robot whose positions, accelerations, gravity and workspace are translated.
-
-    Forces are along the outward normal and positive in compression, whichever way the robot counts.
-    """
+    """A robot whose positions, acceleration and gravity are translated; forces are not, and no length changes."""
 
     def __init__(self, robot: Robot, frame: Frame) -> None:
         super().__init__(robot)
@@ -110,3 +144,43 @@ class FramedRobot(WrappedRobot):
             exact_position=inside(sample.exact_position),
             commanded_position=inside(sample.commanded_position),
         )
+
+
+class FramedSpatialRobot(WrappedSpatialRobot):
+    """A robot in space whose places and forces, and the fixture where it says that, are translated.
+
+    Its `reach` is the box along the world's axes that holds its own.
+    """
+
+    def __init__(self, robot: SpatialRobot, frame: SpatialFrame) -> None:
+        super().__init__(robot)
+        self.frame = frame
+        (x, u), (y, v), (z, w) = zip(*robot.reach, strict=True)
+        corners = [frame.inside(corner) for corner in itertools.product((x, u), (y, v), (z, w))]
+        low, high = (tuple(map(end, zip(*corners, strict=True))) for end in (min, max))
+        self.reach = low, high
+
+    def read(self) -> SpatialSample:
+        """Present sample of the sensors."""
+        return self._inside(self.robot.read())
+
+    def exchange(self, desired_position: Vector) -> SpatialSample:
+        """Give a command [m], let one sample period pass, and return the sample then."""
+        return self._inside(self.robot.exchange(self.frame.outside(desired_position)))
+
+    def _inside(self, sample: SpatialSample) -> SpatialSample:
+        inside, turned = self.frame.inside, self.frame.motion.rotate
+        return sample._replace(
+            place=inside(sample.place),
+            force=turned(sample.force),
+            exact_force=turned(sample.exact_force),
+            exact_place=inside(sample.exact_place),
+            fixture=_posed(self.frame, sample.fixture),
+        )
+
+
+@functools.lru_cache(maxsize=4)
+def _posed(frame: SpatialFrame, pose: tuple[float, ...]) -> tuple[float, ...]:
+    """The pose in the world of one in the machine's frame, computed where it has moved; none stays none."""
+    known = len(pose) == POSE_NUMBERS and all(map(math.isfinite, pose))
+    return frame.pose_inside(pose) if known else pose

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import math
 import sys
 from collections.abc import Callable
+from typing import Any
 
 from foretouch.devices import (
     GRIPS,
@@ -12,6 +12,7 @@ from foretouch.devices import (
     INTENDED_FORCE,
     OPERATORS,
     UNKNOWN_REACH,
+    AnyDevice,
     BrowserOperator,
     Device,
     DeviceSpecification,
@@ -20,15 +21,26 @@ from foretouch.devices import (
     RecordedOperator,
     RestingOperator,
     ScriptedOperator,
+    SpatialDevice,
+    SpatialHand,
 )
 from foretouch.errors import SettingError, UnknownNameError, printable
 from foretouch.errors.checks import NUMBER, require_type
 from foretouch.plugins import make_plugin
 from foretouch.quantities import Frame
 from foretouch.recordings import excerpt, read_leader_motion
-from foretouch.robot import Material, RcmArm, Robot, WrappedRobot, make_material
+from foretouch.robot import (
+    GantryArm,
+    Material,
+    RcmArm,
+    Robot,
+    SpatialRobot,
+    WrappedRobot,
+    WrappedSpatialRobot,
+    make_material,
+)
 from foretouch.session.frames import FramedRobot, device_inside, framed_device, inverse
-from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
+from foretouch.session.settings import ONE_AXIS, SAMPLE_PERIOD, THREE_AXES, SessionSettings
 from foretouch.settings import NO_GRIP, SIMULATED
 
 RECORDED_MOTION = "tue/b-foam"  # Dataset whose leader lever moves the ``recorded`` operator
@@ -89,17 +101,22 @@ def make_operator(
         surface = known.surface if surface is None else surface
         press_depth = known.press_depth if press_depth is None else press_depth
     if settings.operator not in OPERATORS:
-        made = _with_grip(settings, _foreign(settings, _scaled(settings, surface, press_depth)))
-        _say_assumed(made, settings, say)
-        return made
+        device: Device = foreign_operator(settings, _scaled(settings, surface, press_depth), say)
+        return device
     reach = _hand_lengths(settings, surface, press_depth)
-    mounted = inverse(settings.leader_frame)
-    if settings.grip == NO_GRIP:
-        return framed_device(_intention(settings, *reach, say), mounted)
-    grip = GRIPS[settings.grip]
-    deepest = min(reach.press_depth + INTENDED_FORCE / grip.stiffness, DEEPEST) if reach.known else math.nan
-    intention = _intention(settings, reach.surface, deepest, say)
-    return framed_device(Hand(intention, grip, settings.device, settings.clutch), mounted)
+    deepest = reach.press_depth
+    if settings.grip != NO_GRIP and reach.known:
+        deepest = min(deepest + INTENDED_FORCE / GRIPS[settings.grip].stiffness, DEEPEST)
+    operator: Device = mounted_operator(settings, _intention(settings, reach.surface, deepest, say))
+    return operator
+
+
+def mounted_operator(settings: SessionSettings, intention: Any) -> Any:
+    """An operator of the package in the settings' leader frame; with a grip, a hand that intends what it does."""
+    if settings.grip != NO_GRIP:
+        hand = SpatialHand if settings.scene else Hand
+        intention = hand(intention, GRIPS[settings.grip], settings.device, settings.clutch)
+    return framed_device(intention, inverse(settings.leader_frame))
 
 
 def reach_of(robot: Robot | None, settings: SessionSettings) -> Material | Reach:
@@ -118,9 +135,16 @@ def reach_of(robot: Robot | None, settings: SessionSettings) -> Material | Reach
     if not isinstance(inner, RcmArm):
         return material
     surface = inner.surface
-    for frame in reversed((settings.follower_frame, *frames)):
+    outermost: Any = settings.follower_frame  # of a line, as the robot is
+    for frame in reversed((outermost, *frames)):
         surface = frame.inside(surface)
     return Reach(surface, material.press_depth)
+
+
+def own_robot(robot: Any) -> dict[str, str]:
+    """Texts of the log on a robot in space that is not the simulated one."""
+    inner, _ = _robot_inside(robot)
+    return {} if isinstance(inner, GantryArm) else {"robot": type(inner).__name__}
 
 
 def pressed_material(robot: Robot) -> Material | None:
@@ -129,22 +153,22 @@ def pressed_material(robot: Robot) -> Material | None:
     return material if isinstance(material, Material) else None
 
 
-def _robot_inside(robot: Robot) -> tuple[Robot, list[Frame]]:
+def _robot_inside(robot: Any) -> tuple[Any, list[Frame]]:
     """A robot without the frames around it, and those frames, the outermost first."""
     frames = []
-    while isinstance(robot, WrappedRobot):
+    while isinstance(robot, WrappedRobot | WrappedSpatialRobot):
         if isinstance(robot, FramedRobot):
             frames.append(robot.frame)
         robot = robot.robot
     return robot, frames
 
 
-def felt_device(operator: Device, settings: SessionSettings) -> DeviceSpecification | None:
+def felt_device(operator: AnyDevice, settings: SessionSettings) -> DeviceSpecification | None:
     """Specification of the operator's own device, if it is felt and no simulated hand holds it; else None."""
     return operator.specification if operator.closed_loop and settings.grip == NO_GRIP else None
 
 
-def felt_texts(operator: Device, settings: SessionSettings) -> dict[str, str]:
+def felt_texts(operator: AnyDevice, settings: SessionSettings) -> dict[str, str]:
     """Texts of a session on such a device, in place of its settings; empty where there is none."""
     device = felt_device(operator, settings)
     if device is None:
@@ -153,7 +177,7 @@ def felt_texts(operator: Device, settings: SessionSettings) -> dict[str, str]:
     return {"felt": "yes"} | {f"device_{name}": str(value) for name, value in numbers.items()}
 
 
-def _say_assumed(operator: Device, settings: SessionSettings, say: Callable[[str], None]) -> None:
+def _say_assumed(operator: AnyDevice, settings: SessionSettings, say: Callable[[str], None]) -> None:
     """Print the damping or delay assumed of a device that is felt and does not specify them."""
     device = felt_device(operator, settings)
     if device is None:
@@ -176,9 +200,29 @@ def _say_assumed(operator: Device, settings: SessionSettings, say: Callable[[str
         )
 
 
-def close_operator(operator: Device) -> None:
+def close_operator(operator: AnyDevice) -> None:
     """Close the device that moves the hand, so that it gives no force any more."""
     device_inside(operator).close()
+
+
+def require_axes(what: str, machine: Any, name: str, settings: SessionSettings) -> None:
+    """Refuse a machine of one axis in a scene, and one of three dimensions along a line; it is closed.
+
+    Args:
+        what: ``operator`` or ``robot``.
+        machine: The operator or robot.
+        name: Its name, for people.
+        settings: Session settings.
+
+    Raises:
+        SettingError: It is of the other kind.
+    """
+    if isinstance(machine, SpatialDevice | SpatialRobot) == bool(settings.scene):
+        return
+    machine.close()
+    kind = "Device" if what == "operator" else "Robot"
+    rule = ONE_AXIS.format(settings.scene, f"Spatial{kind}") if settings.scene else THREE_AXES.format(kind)
+    raise SettingError(what, name, rule)
 
 
 def require_simulated_operator(settings: SessionSettings) -> None:
@@ -192,7 +236,7 @@ def require_simulated_operator(settings: SessionSettings) -> None:
         raise SettingError("operator", settings.operator, rule)
 
 
-def require_simulated_time(operator: Device) -> None:
+def require_simulated_time(operator: AnyDevice) -> None:
     """Refuse a device that a person's hand moves.
 
     Raises:
@@ -204,8 +248,14 @@ def require_simulated_time(operator: Device) -> None:
         raise SettingError("operator", device.name, "is moved by your own hand and needs real time: foretouch teleop")
 
 
-def _foreign(settings: SessionSettings, reach: Reach) -> Device:
-    """A hardware device, or one of another package."""
+def foreign_operator(settings: SessionSettings, reach: Reach, say: Callable[[str], None]) -> Any:
+    """A hardware device, or one of another package, where no grip is in the way also in a hand; see `make_operator`."""
+    made = _with_grip(settings, _foreign(settings, reach))
+    _say_assumed(made, settings, say)
+    return made
+
+
+def _foreign(settings: SessionSettings, reach: Reach) -> Any:
     name = settings.operator
     if name == "gamepad":
         from foretouch.devices.gamepad import open_gamepad
@@ -215,13 +265,15 @@ def _foreign(settings: SessionSettings, reach: Reach) -> Device:
         from foretouch.devices.force_dimension import open_force_dimension
 
         return open_force_dimension(settings.device)
-    made = make_plugin("device", name, Device, settings, reach, built_in=(*OPERATORS, *HARDWARE_OPERATORS))  # type: ignore[type-abstract]
+    kinds: Any = (Device, SpatialDevice)
+    made = make_plugin("device", name, kinds, settings, reach, built_in=(*OPERATORS, *HARDWARE_OPERATORS))
     if made is None:
         raise UnknownNameError("operator", name, settings.operators())
+    require_axes("operator", made, name, settings)
     return made
 
 
-def _with_grip(settings: SessionSettings, device: Device) -> Device:
+def _with_grip(settings: SessionSettings, device: Any) -> Any:
     """The device itself, or a simulated hand that intends its motion."""
     if settings.grip == NO_GRIP and (not device.closed_loop or settings.baseline == "none"):
         return device
@@ -231,9 +283,7 @@ def _with_grip(settings: SessionSettings, device: Device) -> Device:
         rule = f"the operator {settings.operator} is felt by a hand of its own: leave {what} at none"
         raise SettingError(what, getattr(settings, what), rule)
     # The device's own frame is applied here, so that the hand and its intention count alike.
-    own = framed_device(device, settings.leader_frame)
-    hand = Hand(own, GRIPS[settings.grip], settings.device, settings.clutch)
-    return framed_device(hand, inverse(settings.leader_frame))
+    return mounted_operator(settings, framed_device(device, settings.leader_frame))
 
 
 def _scaled(settings: SessionSettings, surface: float, press_depth: float) -> Reach:
@@ -269,7 +319,12 @@ def _intention(settings: SessionSettings, surface: float, press_depth: float, sa
     if name == "browser":
         return BrowserOperator(script, deepest=surface + 1.2 * press_depth)
     if name == "recorded":
-        time, position = read_leader_motion(excerpt(RECORDED_MOTION))
-        return RecordedOperator(time, position, surface, press_depth)
+        return recorded_operator(surface, press_depth)
     assert name == "scripted", name  # an operator in OPERATORS is made above
     return script
+
+
+def recorded_operator(surface: float, press_depth: float) -> RecordedOperator:
+    """The measured motion of a leader's lever, into a surface there and as deep [m]."""
+    time, position = read_leader_motion(excerpt(RECORDED_MOTION))
+    return RecordedOperator(time, position, surface, press_depth)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 from foretouch.devices import Reach
 from foretouch.errors import SettingError, UnknownNameError
 from foretouch.plugins import make_plugin
-from foretouch.robot import FaultySensor, Material, MovedRobot, Robot, make_robot
+from foretouch.robot import FaultySensor, FaultySpatialSensor, Material, MovedRobot, Robot, SpatialRobot, make_robot
 from foretouch.session.frames import framed_robot, inverse
-from foretouch.session.operators import make_operator, reach_of
+from foretouch.session.operators import make_operator, reach_of, require_axes
 from foretouch.session.settings import ROBOTS, SAMPLE_PERIOD, SessionSettings, shadow_settings
 from foretouch.settings import SIMULATED
 
@@ -30,12 +31,18 @@ def make_session_robot(settings: SessionSettings) -> tuple[Robot, Material | Rea
         SettingError: One that does not exchange once in a sample period of the session.
     """
     if settings.robot != SIMULATED:
-        return _foreign(settings)
+        robot = foreign_robot(settings)
+        return robot, reach_of(robot, settings)
     arm = make_robot(settings.material, seed=settings.seed)
-    robot: Robot = arm
+    return mounted_robot(settings, arm), arm.material
+
+
+def mounted_robot(settings: SessionSettings, arm: Any) -> Any:
+    """A simulated arm with the settings' sensor fault, in their follower frame."""
     if settings.sensor_fault:
-        robot = FaultySensor(arm, settings.sensor_fault, seed=settings.seed)
-    return framed_robot(robot, inverse(settings.follower_frame)), arm.material
+        faulty = FaultySpatialSensor if settings.scene else FaultySensor
+        arm = faulty(arm, settings.sensor_fault, seed=settings.seed)
+    return framed_robot(arm, inverse(settings.follower_frame))
 
 
 def make_moved_robot(settings: SessionSettings, *, say: Callable[[str], None]) -> tuple[Robot, Material | Reach]:
@@ -50,7 +57,7 @@ def make_moved_robot(settings: SessionSettings, *, say: Callable[[str], None]) -
     if not robot.specification.simulated:
         return robot, reach
     operator = make_operator(settings, surface=reach.surface, press_depth=reach.press_depth, say=say)
-    frame = settings.follower_frame
+    frame: Any = settings.follower_frame
     return MovedRobot(robot, lambda time: frame.outside(operator.read(round(time * 1e9)))), reach
 
 
@@ -63,7 +70,7 @@ def reach_texts(reach: Material | Reach) -> dict[str, str]:
     return {name: str(length) for name, length in lengths.items() if math.isfinite(length)}
 
 
-def require_simulated_robot(robot: Robot, settings: SessionSettings) -> None:
+def require_simulated_robot(robot: Robot | SpatialRobot, settings: SessionSettings) -> None:
     """Refuse a robot that does not live in simulated time.
 
     Raises:
@@ -74,14 +81,17 @@ def require_simulated_robot(robot: Robot, settings: SessionSettings) -> None:
         raise SettingError("robot", settings.robot, "is a real one and needs real time: foretouch teleop")
 
 
-def _foreign(settings: SessionSettings) -> tuple[Robot, Material | Reach]:
-    robot = make_plugin("robot", settings.robot, Robot, settings, built_in=ROBOTS)  # type: ignore[type-abstract]
+def foreign_robot(settings: SessionSettings) -> Any:
+    """Another package's robot; see `make_session_robot`."""
+    kinds: Any = (Robot, SpatialRobot)
+    robot = make_plugin("robot", settings.robot, kinds, settings, built_in=ROBOTS)
     if robot is None:
         raise UnknownNameError("robot", settings.robot, settings.robots())
+    require_axes("robot", robot, settings.robot, settings)
     period = getattr(getattr(robot, "specification", None), "sample_period", None)
     if period != SAMPLE_PERIOD:
         robot.close()
         raise SettingError(
             "robot", settings.robot, f"has a sample period of {period} s: a session exchanges every {SAMPLE_PERIOD:g} s"
         )
-    return robot, reach_of(robot, settings)
+    return robot

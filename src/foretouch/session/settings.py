@@ -17,7 +17,7 @@ from foretouch.identification.conditioning.kernel import CONTACT_FLOOR
 from foretouch.link import Faults
 from foretouch.messages import Choice, Settings
 from foretouch.plugins import load_plugin, plugin_names
-from foretouch.quantities import Brief, Frame, shortest
+from foretouch.quantities import Brief, Frame, SpatialFrame, shortest
 from foretouch.robot import MATERIALS, SensorFault, make_material, material_names
 from foretouch.settings import (
     DEFAULTS,
@@ -59,8 +59,9 @@ class SessionSettings(Declared, Brief):
     the contact map; the paper's own law and estimator are ``model="continuous-switching"``.
 
     What has parts is an object: ``clutch=[(5, 8), (12, 13)]``, ``leader_frame=Frame(0.1, -1)``,
-    ``sensor_fault=SensorFault("stuck", 5, 8)``; None says that there is none of it, here and where the default is
-    ``''``, ``'none'`` or 0. The texts of the command line, of recordings and of messages are taken too.
+    ``sensor_fault=SensorFault("stuck", 5, 8)``, in a scene ``leader_frame=SpatialFrame((0.4, 0, 0))``; None says that
+    there is none of it, here and where the default is ``''``, ``'none'`` or 0. The texts of the command line, of
+    recordings and of messages are taken too.
 
     Raises:
         SettingError: A value out of range.
@@ -72,8 +73,8 @@ class SessionSettings(Declared, Brief):
 
     # Declared as the texts that the command line takes, and kept as what they say.
     clutch: Sequence[tuple[float, float]] = ()  # type: ignore[assignment]
-    leader_frame: Frame = NO_FRAME  # type: ignore[assignment]
-    follower_frame: Frame = NO_FRAME  # type: ignore[assignment]
+    leader_frame: Frame | SpatialFrame = NO_FRAME  # type: ignore[assignment]
+    follower_frame: Frame | SpatialFrame = NO_FRAME  # type: ignore[assignment]
     sensor_fault: SensorFault | None = None  # type: ignore[assignment]
     image_fault: ImageFault | None = None  # type: ignore[assignment]
     command_faults: Faults = field(init=False, repr=False)
@@ -83,13 +84,15 @@ class SessionSettings(Declared, Brief):
     def __post_init__(self) -> None:
         self._read_texts()
         self._check_types()
+        for name, defaults in UNCHOSEN.items():
+            if not getattr(self, name):
+                object.__setattr__(self, name, defaults[bool(self.scene)])
         for name, declared in SETTINGS.items():
             choices = (NO_GRIP, *GRIPS) if name == "grip" else declared.choices
             if choices and getattr(self, name) not in choices:
                 raise UnknownNameError(name.replace("_", " "), getattr(self, name), choices)
         self._check_machines()
-        if self.scene:
-            self._check_scene()
+        self._check_scene()
         if not self.estimator:
             object.__setattr__(self, "estimator", DEFAULT_ESTIMATORS.get(self.model, ""))
         if self.estimator not in ESTIMATORS.get(self.model, ()):  # one of ours is not made here: that compiles
@@ -127,14 +130,16 @@ class SessionSettings(Declared, Brief):
     def _read_texts(self) -> None:
         """Turn settings that have parts into objects."""
         object.__setattr__(self, "clutch", _intervals(self.clutch))
-        for name, kind in OBJECTS.items():
+        for name, kinds in OBJECTS.items():
             given, absent = getattr(self, name), getattr(type(self), name)
             if given is None or (given == "" and absent is None):
                 object.__setattr__(self, name, absent)
             elif isinstance(given, str):
+                kind = kinds[-1] if given.count(",") > 1 else kinds[0]  # of two frames the one in space has six numbers
                 object.__setattr__(self, name, kind.from_text(name, given))
-            elif not isinstance(given, kind):
-                raise ArgumentTypeError(name, given, f"a {kind.__name__}; the default is {absent!r}")
+            elif not isinstance(given, kinds):
+                wanted = " or ".join(kind.__name__ for kind in kinds)
+                raise ArgumentTypeError(name, given, f"a {wanted}; the default is {absent!r}")
         if self.image_fault and self.image_fault != ImageFault.from_text("image_fault", str(self.image_fault)):
             rule = "must have its place and size by default: a recording could not say others"
             raise SettingError("image_fault", str(self.image_fault), rule)
@@ -167,24 +172,21 @@ class SessionSettings(Declared, Brief):
             raise SettingError("sensor_fault", str(self.sensor_fault), rule)
 
     def _check_scene(self) -> None:
-        """What a session in three dimensions cannot have; its own defaults."""
+        """The scene exists, and what is chosen is of three dimensions or of a line as the session is."""
+        for name in ("leader_frame", "follower_frame"):
+            frame = getattr(self, name)
+            if self.scene and isinstance(frame, Frame) and frame != NO_FRAME:
+                rule = "is of a line; with a scene give six numbers, X,Y,Z,RX,RY,RZ: the base in the world [m, rad]"
+                raise SettingError(name, str(frame), rule)
+            if not self.scene and isinstance(frame, SpatialFrame):
+                rule = "is of a scene; along a line give two numbers, ORIGIN,DIRECTION: for example 0.02,-1"
+                raise SettingError(name, str(frame), rule)
+        if not self.scene:
+            return
         if self.scene not in SCENES and not self.scene.lower().endswith(MESH_ENDINGS):
             raise UnknownNameError("scene", self.scene, (*SCENES, *(f"FILE{ending}" for ending in MESH_ENDINGS)))
-        for name, only in (
-            ("operator", ("scripted", "browser")),
-            ("baseline", ("none",)),
-            ("sensor_fault", (None,)),
-            ("robot", ROBOTS),
-        ):
-            if getattr(self, name) not in only:
-                rule = f"is for sessions along a line; with a scene it must be {' or '.join(map(repr, only))}"
-                raise SettingError(name, _text(getattr(self, name)), rule)
-        for name in ("leader_frame", "follower_frame"):
-            if (frame := getattr(self, name)) != NO_FRAME:
-                raise SettingError(name, str(frame), "is of a line; in a scene both sides count in the world")
-        for name, (of_line, of_scene) in SCENE_DEFAULTS.items():
-            if getattr(self, name) == of_line:
-                object.__setattr__(self, name, of_scene)
+        if self.operator in HARDWARE_OPERATORS:
+            raise SettingError("operator", self.operator, ONE_AXIS.format(self.scene, "SpatialDevice"))
 
     def make_estimator(self) -> Estimator:
         """A fresh estimator."""
@@ -262,15 +264,17 @@ TYPES: dict[str, tuple[tuple[type, ...], str]] = {
 
 ABSENT = ("", "none", 0.0)  # Defaults that stand for nothing, for which None may be given
 
-SCENE_DEFAULTS = {"model": ("contact-map", "quadratic"), "material": ("foam-measured", "hunt-crossley")}
-"""What stands for the default of a session along a line where there is a scene."""
+UNCHOSEN = {"material": ("foam-measured", "hunt-crossley"), "model": ("contact-map", "quadratic")}
+"""What is taken where nothing is chosen, along a line and with a scene."""
 
+ONE_AXIS = "moves along one axis, and the scene {} is touched in three dimensions: take one that is a {}"
+THREE_AXES = "moves in three dimensions, and this session is along a line: give a scene, or take one that is a {}"
 
-OBJECTS: dict[str, type[Frame | SensorFault | ImageFault]] = {
-    "leader_frame": Frame,
-    "follower_frame": Frame,
-    "sensor_fault": SensorFault,
-    "image_fault": ImageFault,
+OBJECTS: dict[str, tuple[type[Frame | SpatialFrame | SensorFault | ImageFault], ...]] = {
+    "leader_frame": (Frame, SpatialFrame),
+    "follower_frame": (Frame, SpatialFrame),
+    "sensor_fault": (SensorFault,),
+    "image_fault": (ImageFault,),
 }
 """Settings that are objects with a text of their own."""
 

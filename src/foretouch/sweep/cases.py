@@ -124,7 +124,7 @@ def draw_case(number: int, *, seed: int = 0, duration: float = 30.0) -> Case:
     options |= {"material": sorted(MATERIALS)[int(where[3] * len(MATERIALS))], "grip": list(GRIPS)[int(where[4] * 3)]}
     options |= _delays(random, round_trip) | {"model_rate": _short(_log_uniform(where[1], 2.0, 200.0))}
     law = _chosen(LAWS, random.uniform())
-    options |= {} if law == SessionSettings.model else {"model": law}
+    options |= {} if law == SessionSettings().model else {"model": law}
     options |= _faults(random, network, round_trip)
     options |= _hands(random, lasting, str(options["material"]))
     return Case(number, lasting, network, options)

@@ -89,7 +89,6 @@ def leader(
 
     Example: foretouch leader --connect tcp/127.0.0.1:7447 --duration 5
     """
-    from foretouch.devices import Device
     from foretouch.session import (
         LEADER_CHANNELS,
         Process,
@@ -116,8 +115,7 @@ def leader(
         try:
             description = {name: text for name, text in settings.as_text().items() if name in LEADER_SETTINGS}
             description |= {"operator": moved_by.name} | insecurity(link)
-            if isinstance(moved_by, Device):
-                description |= felt_texts(moved_by, settings)
+            description |= felt_texts(moved_by, settings)
             ran = run_leader(
                 Process(link, stop, say, parent),
                 moved_by,
@@ -128,8 +126,7 @@ def leader(
                 name=_leader_name(name, link.name),
             )
         finally:  # a device that is felt gives no force after its session, however that ended
-            if isinstance(moved_by, Device):
-                close_operator(moved_by)
+            close_operator(moved_by)
     return Answer(ran)
 
 
@@ -213,34 +210,33 @@ def _follow(
     texts = {name: text for name, text in settings.as_text().items() if name not in LEADER_SETTINGS}
     run: Callable[..., Mapping[str, Any]] = run_follower
     channels: tuple[str, ...] = FOLLOWER_CHANNELS
-    closes, waits = True, WAITS
+    waits = WAITS
     pressed = f"pressing {settings.material}" if settings.robot == "simulated" else f"robot {settings.robot}"
     robot: Any
+    reach: dict[str, str] = {}
     if settings.scene:
-        from foretouch.session.spatial import make_scene, make_spatial_robot
+        from foretouch.session.spatial import make_moved_spatial_robot, make_scene, make_spatial_robot
 
-        if shadow:
-            raise SettingError("scene", settings.scene, "is not watched: --shadow is for a robot along a line")
-        robot, closes = make_spatial_robot(settings, make_scene(settings.scene)), False
-        pressed = f"pressing {settings.material} on the scene {settings.scene}"
-    elif shadow:
-        robot, reach = make_moved_robot(settings, say=say)
-        run, channels, texts = run_shadow, SHADOW_CHANNELS, reach_texts(reach)  # it reports its settings by itself
+        scene = make_scene(settings.scene)
+        robot = make_moved_spatial_robot(settings, scene, say=say) if shadow else make_spatial_robot(settings, scene)
+        pressed = f"{pressed} on the scene {settings.scene}"
+    else:
+        robot, known = make_moved_robot(settings, say=say) if shadow else make_session_robot(settings)
+        reach = reach_texts(known)
+    if shadow:
+        run, channels, texts = run_shadow, SHADOW_CHANNELS, {}  # it reports its settings by itself
         simulated = robot.specification.simulated
         mover = f"the {settings.operator} operator moves it" if simulated else "somebody else moves it"
         waits = f"{mover} and nothing is commanded"
-    else:
-        robot, reach = make_session_robot(settings)
-        texts |= reach_texts(reach)
     with (
-        contextlib.closing(robot) if closes else contextlib.nullcontext(),
+        contextlib.closing(robot),
         open_link("follower", endpoints, channels) as link,
     ):
         if parent is None:
             say(f"follower: {pressed}, {waits}")
             if not shadow and (warning := unchecked(endpoints)):
                 say(f"follower: {warning}")
-        description = texts | insecurity(link)
+        description = texts | reach | insecurity(link)
         return run(Process(link, stop, say, parent), robot, settings, description=description, duration=duration)
 
 
@@ -254,7 +250,7 @@ def _operator(settings: SessionSettings, hello: dict[str, str]) -> Device | Spat
             theirs = hello.get("scene") or "a session along a line"
             raise LinkError(f"the follower has {theirs} and not scene = {settings.scene!r}: give both sides the same")
         scene = make_scene(settings.scene)
-        return make_spatial_operator(settings, scene, scene.nominal)
+        return make_spatial_operator(settings, scene, scene.nominal, say)
     if hello.get("scene"):
         raise LinkError(f"the follower is in a scene: give this side --scene {hello['scene']} too")
     return make_operator(settings, surface=_reach(hello, "surface"), press_depth=_reach(hello, "press_depth"), say=say)

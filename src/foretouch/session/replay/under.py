@@ -19,6 +19,7 @@ from foretouch.messages import SessionLog, Status
 from foretouch.quantities import Rows
 from foretouch.quantities.pose import Vector
 from foretouch.robot import MATERIALS, Robot, material_names
+from foretouch.session.frames import framed_device, inverse
 from foretouch.session.network.playout import Playout
 from foretouch.session.replay.machines import PlayedOperator, PlayedRobot
 from foretouch.session.robots import make_session_robot
@@ -28,11 +29,11 @@ from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.spatial.camera import SimulatedCamera
 from foretouch.session.spatial.making import make_camera, make_spatial_operator, make_spatial_robot
 from foretouch.session.spatial.scenes import Scene, make_scene
-from foretouch.settings import NO_GRIP
+from foretouch.settings import NO_GRIP, SIMULATED
 
-_REAL = "is of a real robot in three dimensions, which nobody can simulate again"
+_REAL = "is of a robot in three dimensions that is not the simulated one: nobody can simulate it again"
 _HELD = "is of a hand in three dimensions, which is run again with --closed-loop alone"
-_UNKNOWN = "does not say what its hand meant in three dimensions: with --closed-loop only a scripted one is run again"
+_UNKNOWN = "does not say what its hand meant in three dimensions: --closed-loop takes scripted and recorded"
 _STILL = "holds no place of the operator's hand: there is no motion to run again"
 
 
@@ -78,7 +79,8 @@ def _replay_scene(
     World, robot and camera are simulated again from the settings and their seed. In an open loop the hand follows its
     recorded path; in a closed loop the script is played again to a hand that the force moves.
     """
-    if not np.isfinite(log.follower_space["exact_x"]).any():
+    robot_name = log.settings.get("robot", SIMULATED)
+    if robot_name != SIMULATED or not np.isfinite(log.follower_space["exact_x"]).any():
         raise RecordingError("session", _REAL)
     if not np.isfinite(log.leader_space["hand_x"]).any():
         raise RecordingError("session", _STILL)
@@ -109,8 +111,12 @@ def _scene_operator(log: SessionLog, settings: SessionSettings, scene: Scene, cl
     if not closed_loop:
         if settings.grip != NO_GRIP:
             raise RecordingError("session", _HELD)
-        return PlayedSpatialOperator(name, log.leader_space, position_scale=settings.position_scale)
-    if name != "scripted":
+        played: SpatialDevice = framed_device(
+            PlayedSpatialOperator(name, log.leader_space, position_scale=settings.position_scale),
+            inverse(settings.leader_frame),
+        )
+        return played
+    if name not in ("scripted", "recorded"):
         raise RecordingError("session", _UNKNOWN)
     return make_spatial_operator(settings, scene, scene.nominal)
 

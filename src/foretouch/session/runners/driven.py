@@ -13,7 +13,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
-from foretouch.devices import BrowserOperator, Device, SpatialBrowserOperator, SpatialDevice, SpatialHand
+from foretouch.devices import Device, SpatialDevice
 from foretouch.link import Faults, FaultStage
 from foretouch.messages import FixtureBelief, Handle, Message
 from foretouch.quantities.pose import Vector, add, norm, scaled, subtract
@@ -90,7 +90,7 @@ class DrivenFollower(Driven):
     """A follower's step with its robot.
 
     Args:
-        robot: Robot to command; along a line it counts as the settings' follower frame says.
+        robot: Robot to command; it counts as the settings' follower frame says.
         settings: Session settings.
 
     Attributes:
@@ -185,9 +185,10 @@ class SpaceFollower(DrivenFollower):
 
     def __init__(self, robot: SpatialRobot, settings: SessionSettings, run: int) -> None:
         scene = make_scene(settings.scene)
-        self._whole = spatial_follower.start(robot.specification, settings, scene.surface, scene.nominal, run=run)
+        framed = framed_robot(robot, settings.follower_frame)
+        self._whole = spatial_follower.start(framed.specification, settings, scene.surface, scene.nominal, run=run)
         self.state = self._whole.inner
-        super().__init__(robot, settings)
+        super().__init__(framed, settings)
         self.desired = self.sample.place
 
     def _step(self, inputs: follower.Inputs[Any], now_ns: int) -> list[Message]:
@@ -230,7 +231,7 @@ class DrivenLeader(Driven):
     """A leader's step with its operator.
 
     Args:
-        operator: Moves the leader; along a line it counts as the settings' leader frame says.
+        operator: Moves the leader; it counts as the settings' leader frame says.
         settings: Session settings.
 
     Attributes:
@@ -305,7 +306,7 @@ class LineLeader(DrivenLeader):
         device = felt_device(operator, settings)
         self.state = _start_of(settings)(settings, holder=holder, epoch=epoch, device=device)
         super().__init__(framed_device(operator, settings.leader_frame), settings)
-        self._mouse: BrowserOperator | None = browser_operator(self._operator)
+        self._mouse = browser_operator(self._operator)
 
     def take(self, handle: Handle, now_ns: int) -> None:
         """See `DrivenLeader.take`."""
@@ -322,12 +323,11 @@ class SpaceLeader(DrivenLeader):
     channels = ("follower-space", "field")
 
     def __init__(self, operator: SpatialDevice, settings: SessionSettings, holder: str, epoch: int) -> None:
-        super().__init__(operator, settings)
-        scene = make_scene(settings.scene)
+        super().__init__(framed_device(operator, settings.leader_frame), settings)
+        scene, device = make_scene(settings.scene), felt_device(operator, settings)
         self._hand = HandInSpace(scene.surface, scene.nominal, settings.position_scale)
-        self.state = _start_of(settings)(settings, holder=holder, epoch=epoch, hand=self._hand)
-        moved = operator.intention_device if isinstance(operator, SpatialHand) else operator
-        self._mouse = moved if isinstance(moved, SpatialBrowserOperator) else None
+        self.state = _start_of(settings)(settings, holder=holder, epoch=epoch, device=device, hand=self._hand)
+        self._mouse = browser_operator(self._operator)
         self._apart: Vector = (0.0, 0.0, 0.0)  # of hand and world, when the handle was taken
 
     def take(self, handle: Handle, now_ns: int) -> None:

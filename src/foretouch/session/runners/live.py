@@ -195,7 +195,7 @@ def run_follower(
 
     Args:
         process: Its link has `FOLLOWER_CHANNELS`.
-        robot: Robot to command; along a line it counts as the settings' follower frame says.
+        robot: Robot to command; it counts as the settings' follower frame says.
         settings: Session settings.
         description: Texts for the `Hello` messages.
         duration: Duration [s], None for no end.
@@ -305,7 +305,7 @@ def run_leader(
 ) -> dict[str, Any]:
     """Run the leader's loop until a `Stop` arrives, `stop` is set, or `duration` [s] is over.
 
-    Arguments as for `run_follower`; the link has `LEADER_CHANNELS`. `operator` moves the handle, and along a line
+    Arguments as for `run_follower`; the link has `LEADER_CHANNELS`. `operator` moves the handle, and
     counts as the settings' leader frame says. With `wait_for_recorder` the loop begins once a recorder listens, or
     after `RECORDER_PATIENCE`. Other leaders receive the `name` of this one. Returns and raises as that does.
     """
@@ -351,7 +351,7 @@ def run_leader(
         lambda: description | {"leader": name, PROCESS: str(epoch)} | loop.texts(),
         news,
         epoch=epoch,
-        release=partial(close_operator, operator) if isinstance(operator, Device) else None,
+        release=partial(close_operator, operator),
         over=lambda: "that is over: the robot follows this leader",
     )
     house.start()

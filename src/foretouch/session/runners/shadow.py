@@ -12,12 +12,13 @@ from typing import Any
 
 import msgspec
 
-from foretouch.devices import Device
+from foretouch.devices import Device, SpatialDevice
 from foretouch.identification.conditioning.kernel import CONTACT_FLOOR
 from foretouch.messages import PROCESS, LeaderState, Message, Status, Telemetry
-from foretouch.robot import Robot
+from foretouch.quantities.pose import Vector
+from foretouch.robot import Robot, SpatialRobot
 from foretouch.session.network.lease import own_epoch
-from foretouch.session.runners.driven import Driven, LineFollower, LineLeader, Tick
+from foretouch.session.runners.driven import Driven, DrivenFollower, SpaceFollower, Tick, drive_follower, drive_leader
 from foretouch.session.runners.housekeeping import Housekeeper, Process
 from foretouch.session.runners.live import Loop
 from foretouch.session.runners.news import shadow_news
@@ -92,28 +93,39 @@ class ShadowScore:
         )
 
 
-SHADOW_CHANNELS = ("settings", "stop", "emergency", "hello")
-"""Channels that a shadow's link receives: no commands."""
+SHADOW_CHANNELS = ("settings", "stop", "emergency", "hello", *SpaceFollower.channels)
+"""Channels that a shadow's link receives: no commands; the last is silent along a line."""
 
 NAME = "shadow"  # Name of the leader inside, and of the session's operator in the recording
 
 
-class ShadowHand(Device):
-    """The measured position of the robot's tip as that of the leader's hand, which feels nothing."""
-
+class _ShadowHand:
     name = NAME
     closed_loop = False
 
-    def __init__(self, follows: LineFollower) -> None:
+    def __init__(self, follows: DrivenFollower) -> None:
         self._follows = follows
+
+    def render(self, force: Any) -> Any:
+        """Nobody feels it."""
+        return force
+
+
+class ShadowHand(_ShadowHand, Device):
+    """The measured position of the robot's tip as that of the leader's hand, which feels nothing."""
 
     def read(self, now_ns: int) -> float:
         """Position of the tip [m]."""
         return follower.tip(self._follows.state, self._follows.sample)
 
-    def render(self, force: float) -> float:
-        """Nobody feels it."""
-        return force
+
+class SpatialShadowHand(_ShadowHand, SpatialDevice):
+    """The same in three dimensions."""
+
+    def read(self, now_ns: int) -> Vector:
+        """Place of the tip [m]."""
+        place: Vector = self._follows.sample.place
+        return place
 
 
 class Shadow(Driven):
@@ -134,10 +146,12 @@ class Shadow(Driven):
         score: Errors of the forces so far.
     """
 
-    def __init__(self, robot: Robot, settings: SessionSettings, epoch: int) -> None:
+    def __init__(self, robot: Robot | SpatialRobot, settings: SessionSettings, epoch: int) -> None:
         super().__init__(settings.return_faults)
-        self.follows = LineFollower(robot, settings, epoch)
-        self.leads = LineLeader(ShadowHand(self.follows), settings, NAME, epoch)
+        self.follows = drive_follower(robot, settings, epoch)
+        hand = SpatialShadowHand if settings.scene else ShadowHand
+        self.leads = drive_leader(hand(self.follows), settings, NAME, epoch)
+        self.channels = self.follows.channels
         self.score = ShadowScore()
 
     def counts(self) -> dict[str, int]:
@@ -146,13 +160,13 @@ class Shadow(Driven):
 
     def pass_time(self, periods: int) -> None:
         """See `Driven.pass_time`; nothing is commanded."""
-        self.follows.desired = math.nan
+        self.follows.desired = (math.nan,) * 3 if self.channels else math.nan
         self.follows.pass_time(periods)
 
     def act(self, due: list[Any], tick: Tick) -> list[Message]:
         """See `Driven.act`; the messages of both sides but the command, the leader's record and telemetry first."""
         follows = self.follows
-        command, record = self.leads.act(due, tick)
+        command, record, *space = self.leads.act(due, tick)
         acted, *models = follows.act([command], tick)
         follows.state.released_tick = 0  # no command is obeyed here, so a repair of the sensors need not be announced
         assert isinstance(record, LeaderState)
@@ -164,12 +178,12 @@ class Shadow(Driven):
         if not telemetry.validity:
             predicted, delayed = record.predicted_force, record.delayed_force
             self.score.add(tick.now_ns, telemetry.force, predicted, delayed, telemetry.in_contact)
-        return [record, telemetry, *models]
+        return [record, telemetry, *models, *space]
 
 
 def run_shadow(
     process: Process,
-    robot: Robot,
+    robot: Robot | SpatialRobot,
     settings: SessionSettings,
     *,
     description: dict[str, str],
@@ -212,6 +226,8 @@ def run_shadow(
         asked = emergency or asked
         if link.inboxes["stop"]:
             stop.set(link.take("stop")[-1][1].reason)
+        for channel in shadow.channels:
+            shadow.follows.beliefs = [belief for _, belief in link.take(channel)]
         return "", release
 
     loop = Loop(process, "follower", shadow)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
+from typing import Any
 
 from foretouch.devices import Device, SpatialDevice
 from foretouch.errors import InputError, SettingError
@@ -13,8 +14,10 @@ from foretouch.session.operators import (
     close_operator,
     felt_texts,
     make_operator,
+    own_robot,
     pressed_material,
     reach_of,
+    require_axes,
     require_simulated_operator,
     require_simulated_time,
     say_on_stderr,
@@ -36,8 +39,8 @@ def simulate(
     settings: SessionSettings,
     *,
     duration: float = 20.0,
-    operator: Device | None = None,
-    robot: Robot | None = None,
+    operator: Device | SpatialDevice | None = None,
+    robot: Robot | SpatialRobot | None = None,
     description: Mapping[str, str] | None = None,
     record: Record | None = None,
     progress: Progress | None = None,
@@ -51,10 +54,10 @@ def simulate(
     Args:
         settings: Of the session.
         duration: Simulated [s]; by default as long as on the command line.
-        operator: Moves the leader, and has moved none before; counts as the settings' leader frame says. None for the
-            settings' own.
-        robot: The follower's, which has not moved before and presses the settings' material, or one of your own; counts
-            as the settings' follower frame says. None for the settings' own.
+        operator: Moves the leader, and has moved none before; with a scene a `SpatialDevice`. It counts as the
+            settings' leader frame says. None for the settings' own.
+        robot: The follower's, which has not moved before and presses the settings' material, or one of your own; with a
+            scene a `SpatialRobot`. It counts as the settings' follower frame says. None for the settings' own.
         description: Further settings for the log, as the sides say in their `Hello`.
         record: Called with each message to keep and its simulated time [ns].
         progress: Called now and then with the simulated time [s].
@@ -62,7 +65,8 @@ def simulate(
 
     Raises:
         SettingError: A duration that is negative or not finite; a robot of another material than the settings'; an
-            operator or a robot beside a scene, which has its own; settings whose operator or robot needs real time.
+            operator or a robot of one axis in a scene, or of three along a line; settings whose operator or robot needs
+            real time.
         InputError: An operator or a robot that was used before, as far as it says (`Device.fresh`, `Robot.fresh`).
         ArgumentTypeError: Settings, operator, robot or description that are none.
         MissingExtraError: What the robot needs is not installed.
@@ -82,8 +86,8 @@ def prepare_simulation(
     settings: SessionSettings,
     *,
     duration: float,
-    operator: Device | None = None,
-    robot: Robot | None = None,
+    operator: Device | SpatialDevice | None = None,
+    robot: Robot | SpatialRobot | None = None,
     description: Mapping[str, str] | None = None,
     progress: Progress | None = None,
     say: Callable[[str], None] = say_on_stderr,
@@ -96,19 +100,20 @@ def prepare_simulation(
         What runs the session, once: it takes what records, or None.
     """
     require_type("settings", settings, SessionSettings, "SessionSettings: SessionSettings() are the defaults")
-    require_type("operator", operator, (Device, type(None)), "a Device, or None: make_operator gives one")
-    require_type("robot", robot, (Robot, type(None)), "a Robot, or None: make_robot gives one")
+    kinds = {"operator": (Device, SpatialDevice), "robot": (Robot, SpatialRobot)}
+    for (name, kind), given in zip(kinds.items(), (operator, robot), strict=True):
+        wanted = f"a {kind[0].__name__}, in a scene a {kind[1].__name__}, or None for the settings' own"
+        require_type(name, given, (*kind, type(None)), wanted)
+        if given is not None:
+            require_axes(name, given, type(given).__name__, settings)
+            if not given.fresh:
+                raise InputError(f"the {name} was used before: make a fresh one for each session, or leave it out")
     require_type("description", description, (Mapping, type(None)), "texts by name, or None")
     require("duration", duration, at_least=0.0)
-    for name, given in (("operator", operator), ("robot", robot)):
-        if given is not None and not given.fresh:
-            raise InputError(f"the {name} was used before: make a fresh one for each session, or leave it out")
     if operator is None:
         require_simulated_operator(settings)
-    if settings.scene and (operator is not None or robot is not None):
-        raise SettingError("scene", settings.scene, "has an operator and a robot of its own: leave both out")
     with ExitStack() as made:  # closed here is what is made here
-        machines = _in_scene(made, settings, say) if settings.scene else _on_line(made, settings, operator, robot, say)
+        machines = _machines(made, settings, operator, robot, say)
         to_close = made.pop_all()
     moved, driven, camera, texts = machines
 
@@ -126,33 +131,35 @@ Machines = tuple[Device | SpatialDevice, Robot | SpatialRobot, SimulatedCamera |
 """Operator, robot, the camera beside it and texts of the log on them."""
 
 
-def _in_scene(made: ExitStack, settings: SessionSettings, say: Callable[[str], None]) -> Machines:
-    """Make robot, operator and camera of a scene."""
-    scene = make_scene(settings.scene)
-    robot = make_spatial_robot(settings, scene)
-    operator = make_spatial_operator(settings, scene, scene.nominal)
-    camera = make_camera(settings, scene, say=say) if settings.fusion in ("full", "image") else None
-    if camera is not None:
-        made.callback(camera.close)
-    return operator, robot, camera, {}
-
-
-def _on_line(
-    made: ExitStack, settings: SessionSettings, operator: Device | None, robot: Robot | None, say: Callable[[str], None]
+def _machines(
+    made: ExitStack, settings: SessionSettings, operator: Any, robot: Any, say: Callable[[str], None]
 ) -> Machines:
-    """Make the robot and operator of a session along a line that were not passed."""
-    if robot is None:
-        robot, reach = make_session_robot(settings)
+    """Make the robot and operator that were not passed, and in a scene the camera."""
+    scene = make_scene(settings.scene) if settings.scene else None
+    reach: Any = None
+    if robot is not None:
+        reach = reach_of(robot, settings)
+    else:
+        robot, reach = make_session_robot(settings) if scene is None else (make_spatial_robot(settings, scene), None)
         made.callback(robot.close)
         require_simulated_robot(robot, settings)
-    else:
-        reach = reach_of(robot, settings)
-    texts = _own_material(robot, settings) | reach_texts(reach)
+    texts = own_robot(robot) if scene is not None else _own_material(robot, settings) | reach_texts(reach)
     if operator is None:
-        operator = make_operator(settings, surface=reach.surface, press_depth=reach.press_depth, say=say)
+        if scene is not None:
+            operator = make_spatial_operator(settings, scene, scene.nominal, say)
+        else:
+            operator = make_operator(settings, surface=reach.surface, press_depth=reach.press_depth, say=say)
         made.callback(close_operator, operator)
         require_simulated_time(operator)
-    return operator, robot, None, felt_texts(operator, settings) | texts
+    camera = None
+    if scene is not None and settings.fusion in ("full", "image"):
+        if robot.read().fixture:
+            camera = make_camera(settings, scene, say=say)
+        else:
+            say("camera: the robot does not say where its fixture is; the session goes on without it")
+    if camera is not None:
+        made.callback(camera.close)
+    return operator, robot, camera, felt_texts(operator, settings) | texts
 
 
 def _own_material(robot: Robot, settings: SessionSettings) -> dict[str, str]:

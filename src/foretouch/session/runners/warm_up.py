@@ -70,7 +70,10 @@ def warm_up(settings: SessionSettings | None = None) -> None:
     """
     settings = SessionSettings() if settings is None else settings
     require_type("settings", settings, SessionSettings, "SessionSettings, or None for the defaults")
-    own = dataclasses.replace(settings, calibration="", sensor_fault=None, operator="scripted", baseline="none")
+    counts_alike: dict[str, Any] = dict.fromkeys(("leader_frame", "follower_frame"))
+    own = dataclasses.replace(
+        settings, calibration="", sensor_fault=None, operator="scripted", baseline="none", **counts_alike
+    )
     _press_alone(own)
     _press_in_a_session(dataclasses.replace(own, scene=""), LineFollower, LineLeader, _Press())
     if settings.scene:
@@ -164,15 +167,15 @@ def _move_the_simulated(settings: SessionSettings) -> None:
     with suppress(ForetouchError):  # MuJoCo is not installed: then no session uses it
         robot: Any
         hand: Any
+        if settings.robot != SIMULATED:
+            return
         if settings.scene:
             scene = make_scene(settings.scene)
             robot, hand = make_spatial_robot(settings, scene), make_spatial_operator(settings, scene, scene.nominal)
-        elif settings.robot == SIMULATED:
+        else:
             robot = make_robot(settings.material, seed=settings.seed)
             depth = robot.material.press_depth
             hand = make_operator(settings, surface=robot.surface, press_depth=depth, say=lambda _: None)
-        else:
-            return
         for tick in range(TICKS):
             position = hand.read(tick * 1_000_000)
             hand.render((0.0, 0.0, 1.0) if settings.scene else 1.0)

@@ -122,6 +122,7 @@ class State:
         belief: Newest belief of the fixture's pose, as its tracker sent it.
         believed_ns: Clock at its arrival: it ages while no other comes [ns].
         point: Point of the surface, in the fixture, in the tick before [m].
+        shown: What the sensor showed then, and its part along the normal [N].
     """
 
     inner: follower.State
@@ -142,6 +143,7 @@ class State:
     believed_ns: int = 0
     touch: FeltSurface = field(default_factory=FeltSurface)
     point: Vector = NAN3
+    shown: tuple[Vector, float] = (NAN3, math.nan)
 
 
 class Outputs(NamedTuple):
@@ -214,6 +216,9 @@ def step(state: State, inputs: follower.Inputs[SpatialSample], now_ns: int) -> t
     felt = dot(force, closest.normal)
     if felt < -LARGEST_PULL:
         felt = PULL_SHARE * (felt + LARGEST_PULL) - LARGEST_PULL
+    if sample.force == state.shown[0]:  # a sensor that hangs is to seem so along any normal
+        felt = state.shown[1]
+    state.shown = sample.force, felt
     sideways = subtract(force, scaled(closest.normal, felt))
     if course.closest is None and all(map(math.isfinite, sample.place)):
         course.begin(sample.place)

@@ -4,35 +4,40 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from typing import cast
 
 import numpy as np
 
 from foretouch.devices import (
     GRIPS,
     INTENDED_FORCE,
+    OPERATORS,
+    UNKNOWN_REACH,
     PalpatingOperator,
+    RecordedPalpatingOperator,
     SpatialBrowserOperator,
     SpatialDevice,
-    SpatialHand,
 )
 from foretouch.devices.device import minimum_jerk
+from foretouch.devices.recorded import KNOT_PERIOD
 from foretouch.errors import MissingExtraError, SettingError
-from foretouch.quantities import Pose
+from foretouch.quantities import Pose, SpatialFrame
 from foretouch.quantities.pose import RigidMotion, Vector, add, dot, norm, scaled, subtract
 from foretouch.rendering.surfaces import SurfaceProxy
-from foretouch.robot import GantryArm, Material, make_material
+from foretouch.robot import GantryArm, Material, MovedSpatialRobot, SpatialRobot, make_material
 from foretouch.robot.engine import MOVED_MASS
 from foretouch.robot.gantry_arm import LEAST_STEPS
-from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
+from foretouch.session.frames import framed_robot
+from foretouch.session.operators import foreign_operator, mounted_operator, recorded_operator, say_on_stderr
+from foretouch.session.robots import foreign_robot, mounted_robot
+from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings, shadow_settings
 from foretouch.session.spatial.camera import SimulatedCamera
-from foretouch.session.spatial.scenes import Scene, palpation
-from foretouch.settings import NO_GRIP
+from foretouch.session.spatial.scenes import HOVER, Scene, palpation, recorded_palpation
+from foretouch.settings import NO_GRIP, SIMULATED
 
 BUMP_TIME = 0.15  # Duration of a bump of the fixture [s]
 BUMP_SHARE = 0.4  # Largest bump as a fraction of the first displacement
 STICTION_SPEED = 1e-3  # Speed at which friction reaches about its full size [m/s]
-
-SECOND_LAW = "remembers what was done to it, and in a scene each place would need a memory of its own"
 
 
 class SpatialWorld:
@@ -40,25 +45,21 @@ class SpatialWorld:
 
     .. math:: F = s(p)\, f(d, \dot d)\, n - (\mu f_n \tanh(|v_t| / v_0) + c |v_t|)\, \hat v_t
 
-    f is the material's law at the depth of the god object, s the inclusion's factor, v_0 = 1 mm/s.
+    f is the material's law at the depth of the god object, s the inclusion's factor, v_0 = 1 mm/s. A law that remembers
+    has one memory, of the contact: it goes along where the probe slides, and fades in free air as along a line.
 
     Args:
         scene: Shape, inclusion and friction.
-        material: Material whose law is pressed; one without memory.
+        material: Material whose law is pressed.
         displacement: Largest displacement of the fixture from its believed position [m].
         turn: Largest rotation of the fixture from its believed one [rad].
         bump: Time of a bump, to somewhere within 40 % of that [s]; 0 for never.
         seed: Random seed of its pose, not negative.
-
-    Raises:
-        SettingError: A material with a memory.
     """
 
     def __init__(
         self, scene: Scene, material: Material, *, displacement: float, turn: float, bump: float, seed: int
     ) -> None:
-        if material.model.initial_state():
-            raise SettingError("material", material.name, f"{SECOND_LAW}: take hunt-crossley or kelvin-voigt")
         self._scene, self._material = scene, material
         random = np.random.default_rng([seed, 7])
         nominal = Pose.from_rotation_vector(scene.nominal[3:], scene.nominal[:3])
@@ -85,11 +86,13 @@ class SpatialWorld:
         motion = self._motion
         contact = self._proxy.follow(motion.apply_back(place))
         self.depth = contact.depth
-        if contact.depth <= 0.0:
+        if contact.depth <= 0.0 and not self._state:
             return (0.0, 0.0, 0.0)
         normal = motion.rotate(contact.normal)
         inwards = -dot(velocity, normal)
         self._state, pressed, _ = self._material.model.advance(self._state, contact.depth, inwards, elapsed)
+        if contact.depth <= 0.0:
+            return (0.0, 0.0, 0.0)
         if self._scene.inclusion is not None:
             pressed *= self._scene.inclusion.factor(contact.point)
         sliding = add(velocity, scaled(normal, inwards))
@@ -128,12 +131,20 @@ STOPPED_AT_MOST = 0.7
 up."""
 
 
-def make_spatial_robot(settings: SessionSettings, scene: Scene, *, force_limit: float = 15.0) -> GantryArm:
-    """The simulated arm over the scene's fixture, which stands elsewhere than believed.
+def make_spatial_robot(settings: SessionSettings, scene: Scene, *, force_limit: float = 15.0) -> SpatialRobot:
+    """The robot of the settings: another package's, or the simulated arm over a fixture that is not where believed.
+
+    The arm counts as the settings' follower frame says; another package's is translated by the session.
 
     Raises:
-        SettingError: A material that remembers, or one in which the safety's bound on an impact is known not to hold.
+        SettingError: A material in which the safety's bound on an impact is known not to hold; a robot of one axis.
+        UnknownNameError: No such robot or material.
+        PluginError: Another package's robot, which cannot be made.
     """
+    robot: SpatialRobot
+    if settings.robot != SIMULATED:
+        robot = foreign_robot(settings)
+        return robot
     material = make_material(settings.material)
     world = SpatialWorld(
         scene,
@@ -149,16 +160,41 @@ def make_spatial_robot(settings: SessionSettings, scene: Scene, *, force_limit: 
             rule = f"must be at least {most:.4g} {unit}, which {material.name} has somewhere in the scene {scene.name}"
             raise SettingError(name, getattr(settings, name), rule)
     steps = max(LEAST_STEPS, math.ceil(damping * SAMPLE_PERIOD / (STOPPED_AT_MOST * MOVED_MASS)))
-    return GantryArm(world.touch, world.fixture, seed=settings.seed, substeps=steps, force_limit=force_limit)
+    arm = GantryArm(world.touch, world.fixture, seed=settings.seed, substeps=steps, force_limit=force_limit)
+    robot = mounted_robot(settings, arm)
+    return robot
+
+
+def make_moved_spatial_robot(
+    settings: SessionSettings, scene: Scene, *, say: Callable[[str], None] = say_on_stderr
+) -> SpatialRobot:
+    """The same, moved by the settings' operator as by somebody with a pendant, who sees where the fixture is.
+
+    A real one is moved by somebody else. Args and Raises: As of `make_spatial_robot`.
+    """
+    settings = shadow_settings(settings)
+    robot = make_spatial_robot(settings, scene)
+    if not robot.specification.simulated:
+        return robot
+    framed, frame = framed_robot(robot, settings.follower_frame), cast("SpatialFrame", settings.follower_frame)
+    operator = make_spatial_operator(settings, scene, framed.read().fixture or scene.nominal, say)
+
+    def place_at(time: float) -> Vector:
+        operator.see(framed.read().fixture)
+        place = operator.read(round(time * 1e9))
+        return place if framed is robot else frame.outside(place)
+
+    return MovedSpatialRobot(robot, place_at)
 
 
 def _hardest(settings: SessionSettings, scene: Scene, material: Material) -> tuple[float, float]:
-    """Largest stiffness [N/m] and damping [N s/m] anywhere in the scene, up to the force ceiling."""
+    """Largest stiffness [N/m] and damping [N s/m] anywhere in the scene, untouched, up to the force ceiling."""
+    fresh = material.model.initial_state()
     ratio = 1.0 if scene.inclusion is None else scene.inclusion.ratio
     step, speed = 1e-5, settings.largest_speed
 
     def force(depth: float, inwards: float) -> float:
-        return ratio * material.model.advance((), depth, inwards, SAMPLE_PERIOD)[1]
+        return ratio * material.model.advance(fresh, depth, inwards, SAMPLE_PERIOD)[1]
 
     stiffness = damping = depth = 0.0
     while depth < settings.largest_depth and force(depth, 0.0) < settings.force_ceiling:
@@ -178,14 +214,31 @@ def make_camera(settings: SessionSettings, scene: Scene, *, say: Callable[[str],
         return None
 
 
-def make_spatial_operator(settings: SessionSettings, scene: Scene, pose: Sequence[float]) -> SpatialDevice:
-    """The operator of a session, fresh, shown this pose at first; with a grip, a hand that intends it."""
-    depth = PRESS_DEPTH
+def make_spatial_operator(
+    settings: SessionSettings, scene: Scene, pose: Sequence[float], say: Callable[[str], None] = say_on_stderr
+) -> SpatialDevice:
+    """The operator of a session, fresh, shown this pose at first; with a grip, a hand that intends what it does.
+
+    ``recorded`` presses at the places of the script as deep, and as fast, as the measured hand did.
+
+    Raises:
+        SettingError: A device of one axis; one that is felt, with a simulated grip.
+        UnknownNameError: No such operator.
+        PluginError: Another package's device, which cannot be made.
+    """
+    made: SpatialDevice
+    if settings.operator not in OPERATORS:
+        made = foreign_operator(settings, UNKNOWN_REACH, say)
+        return made
+    depth, scale = PRESS_DEPTH, settings.position_scale
     if settings.grip != NO_GRIP:
         depth += min(INTENDED_FORCE / GRIPS[settings.grip].stiffness, 2.0 * PRESS_DEPTH)
-    scale = settings.position_scale
-    script = PalpatingOperator(palpation(scene, depth, settings.seed), pose, scale)
-    moved: SpatialDevice = SpatialBrowserOperator(script, scale) if settings.operator == "browser" else script
-    if settings.grip == NO_GRIP:
-        return moved
-    return SpatialHand(moved, GRIPS[settings.grip], settings.device, settings.clutch)
+    if settings.operator == "recorded":
+        heights = [HOVER - position for position in recorded_operator(HOVER, depth).loop]
+        made = RecordedPalpatingOperator(recorded_palpation(scene, heights, KNOT_PERIOD), pose, scale)
+    else:
+        made = PalpatingOperator(palpation(scene, depth, settings.seed), pose, scale)
+    if settings.operator == "browser":
+        made = SpatialBrowserOperator(made, scale)
+    mounted: SpatialDevice = mounted_operator(settings, made)
+    return mounted

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -94,6 +95,9 @@ GRID = 2e-3
 
 HOVER, TALL = 0.010, 0.05
 """Height of the hand above the surface between presses, and from which the first one begins [m]."""
+
+AWAY, DOWN = 0.7, 0.3
+"""Time in which a hand that presses as measured goes to its next place, and down to where the motion begins [s]."""
 
 FROM_ABOVE, STEP_DOWN = 0.1, 5e-4
 """Step of a probe that looks for the surface from above [m]."""
@@ -196,39 +200,79 @@ def make_scene(name: str) -> Scene:
     raise UnknownNameError("scene", name, (*SCENES, *(f"FILE{ending}" for ending in MESH_ENDINGS)))
 
 
+class _Path:
+    """Path of a hand over a scene, which begins where the simulated arm is and comes down to the first corner."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+        self._x, self._y, self.reach = _middle(scene.surface)
+        self.keyframes: list[Keyframe] = [(0.0, (MIDDLE[0], MIDDLE[1], TALL))]
+        reach = self.reach
+        self.corners = (-reach, -reach), (reach, -reach), (reach, reach), (-reach, reach)
+        self.rows = np.linspace(-reach, reach, 7).tolist()
+        self.go(2.5, *self.corners[0], HOVER)  # a robot that knows no surface comes slowly
+        self.go(1.0, *self.corners[0], HOVER)
+
+    def go(self, seconds: float, right: float, back: float, height: float) -> None:
+        """Go on to a height above the surface [m], at a place relative to the middle [m]."""
+        place = _above(self._scene, self._x + right, self._y + back, height)
+        self.keyframes.append((self.keyframes[-1][0] + seconds, place))
+        self._surface = place[2] - height
+
+    def play(self, heights: Sequence[float], period: float) -> None:
+        """Go through heights above the surface [m], one a period [s], where the hand is."""
+        time, (x, y, _) = self.keyframes[-1]
+        self.keyframes += [
+            (time + period * number, (x, y, self._surface + height)) for number, height in enumerate(heights, 1)
+        ]
+
+
 def palpation(scene: Scene, depth: float, seed: int) -> list[Keyframe]:
     """Path of a palpating hand at this depth [m]: presses at the corners, then rows of presses that slide on."""
     random = np.random.default_rng(seed)
-    x, y, reach = _middle(scene.surface)
-
-    def above(right: float, back: float, height: float) -> Vector:
-        return _above(scene, x + right, y + back, height)
-
-    path: list[Keyframe] = [(0.0, (MIDDLE[0], MIDDLE[1], TALL))]  # where the simulated arm is, too
-
-    def go(seconds: float, position: Vector) -> None:
-        path.append((path[-1][0] + seconds, position))
-
-    go(2.5, above(-reach, -reach, HOVER))  # a robot that knows no surface comes slowly
-    go(1.0, above(-reach, -reach, HOVER))
-    go(1.5, above(-reach, -reach, -0.5 * depth))
-    go(0.5, above(-reach, -reach, HOVER))
-    for right, back in ((-reach, -reach), (reach, -reach), (reach, reach), (-reach, reach)):
+    path = _Path(scene)
+    path.go(1.5, *path.corners[0], -0.5 * depth)
+    path.go(0.5, *path.corners[0], HOVER)
+    for right, back in path.corners:
         deep = depth * random.uniform(0.7, 1.0)
         for seconds, height in ((0.5, HOVER), (0.5, -deep), (0.25, -deep * 0.98), (0.4, HOVER)):
-            go(seconds, above(right, back, height))
-    rows = np.linspace(-reach, reach, 7).tolist()
+            path.go(seconds, right, back, height)
+    rows = path.rows
     for number, back in enumerate(rows):
         ways = rows if number % 2 == 0 else rows[::-1]
         deep = depth * random.uniform(0.6, 1.0)
-        go(0.5, above(ways[0], back, HOVER))
-        go(0.5, above(ways[0], back, -deep))
+        path.go(0.5, ways[0], back, HOVER)
+        path.go(0.5, ways[0], back, -deep)
         for before, way in itertools.pairwise(ways):
             for part in (0.5, 1.0):  # so that the hand follows the surface
-                go(0.14, above(before + part * (way - before), back, -deep))
-        go(0.4, above(ways[-1], back, HOVER))
-    go(0.8, above(-reach, -reach, HOVER))
-    return path
+                path.go(0.14, before + part * (way - before), back, -deep)
+        path.go(0.4, ways[-1], back, HOVER)
+    path.go(0.8, *path.corners[0], HOVER)
+    return path.keyframes
+
+
+def recorded_palpation(scene: Scene, heights: Sequence[float], period: float) -> list[Keyframe]:
+    """Path of measured presses at the corners and where the rows begin, one after the other.
+
+    A hand that is highest between two presses goes on to the next place before it goes on as measured.
+
+    Args:
+        scene: Scene that is touched.
+        heights: Loop of the measured motion, as heights above the surface [m], negative inside, from the highest on.
+        period: Time between two of them [s].
+    """
+    path = _Path(scene)
+    places = [*path.corners, *((path.rows[0], back) for back in path.rows[1:-1])]
+    apart = itertools.groupby(range(len(heights)), lambda number: heights[number] > 0.0)
+    tops = [max(numbers, key=heights.__getitem__) for free, numbers in apart if free]
+    presses = [heights[top : end + 1] for top, end in itertools.pairwise(tops)]
+    for (right, back), press in zip(itertools.cycle(places), presses * math.ceil(len(places) / len(presses))):
+        path.go(AWAY, right, back, HOVER)
+        path.go(DOWN, right, back, press[0])
+        path.play(press[1:], period)
+        path.go(DOWN, right, back, HOVER)
+    path.go(AWAY, *path.corners[0], HOVER)
+    return path.keyframes
 
 
 def _middle(surface: Surface) -> tuple[float, float, float]:

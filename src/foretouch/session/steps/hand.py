@@ -13,7 +13,7 @@ from typing import Any
 
 from foretouch.errors import DecodeError, InputError
 from foretouch.messages import VERSION, FieldUpdate, FollowerSpace, LeaderSpace, Message, ModelUpdate
-from foretouch.models import FIELD_DEPTH, ContactModel, MaterialField
+from foretouch.models import FIELD_DEPTH, NO_STATE, ContactModel, MaterialField
 from foretouch.quantities.pose import Vector, dot, norm, scaled, subtract
 from foretouch.rendering import Renderer
 from foretouch.rendering.renderer import ContactFrame
@@ -231,7 +231,8 @@ class HandInSpace(HandOnAxis):
             return
         law = self.material.law(self.closest.inner_point, self.closest.depth) or predictor.model
         if turned or law is not predictor.model:
-            renderer.adopt(law, self.line.offset + self.felt_deeper, message=predictor.message)
+            memory = predictor.state if law is predictor.model else NO_STATE
+            renderer.adopt(law, self.line.offset + self.felt_deeper, memory, message=predictor.message)
 
     def frame(self, position: Vector) -> ContactFrame:
         """See `HandOnAxis.frame`; the device's own position counts, whatever it is coupled with."""
@@ -245,8 +246,9 @@ class HandInSpace(HandOnAxis):
         return self.left
 
     def standard_deviation(self, force: float, known: float) -> float:
-        """See `HandOnAxis.standard_deviation`; the field's."""
-        return self.material.uncertainty * force
+        """See `HandOnAxis.standard_deviation`; the field's, where there is one."""
+        uncertainty = self.material.uncertainty
+        return known if math.isnan(uncertainty) else uncertainty * force
 
     def report(self, renderer: Renderer, sequence: int, now_ns: int, epoch: int) -> LeaderSpace:
         """See `HandOnAxis.report`."""

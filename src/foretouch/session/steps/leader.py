@@ -154,7 +154,7 @@ def start(
 def _friction(settings: SessionSettings, device: DeviceSpecification | None) -> FrictionRenderer:
     """Friction as the device carries it, in the follower's lengths and forces."""
     scales = settings.force_scale * settings.position_scale
-    stiffness = settings.device.largest_stiffness(SAMPLE_PERIOD)
+    stiffness = (settings.device if device is None else device).largest_stiffness(SAMPLE_PERIOD)
     if settings.largest_stiffness:
         stiffness = min(stiffness, settings.largest_stiffness)
     damping, delay = (math.inf, 0.0) if device is None else (device.damping, device.delay)
