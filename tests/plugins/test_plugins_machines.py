@@ -110,9 +110,7 @@ def test_the_specification_rules() -> None:
         make_session_robot(SessionSettings(robot="slow"))
     with pytest.raises(SettingError, match="is of the simulated robot"):
         SessionSettings(robot="rail", sensor_fault="stuck:1:2")
-    with pytest.raises(
-        SettingError, match="robot = 'rail': moves along one axis, and the scene plane is touched in th"
-    ):
+    with pytest.raises(SettingError, match="robot = 'rail': moves along one axis, and the scene plane is touched in"):
         simulate(SessionSettings(robot="rail", scene="plane"))
     with pytest.raises(SettingError, match="operator = 'held': moves along one axis, and the scene plane is touched i"):
         simulate(SessionSettings(operator="held", scene="plane"))

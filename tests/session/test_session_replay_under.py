@@ -313,7 +313,7 @@ def test_what_is_missing_or_not_known_has_its_default_and_is_said() -> None:
     assert settings == SessionSettings(clutch="1:2", grip="soft", device_damping=2.0, device_delay=5e-4)
     assert "does not say sensor_fault" in notes[0]
     assert any("jitter = 'much'" in note for note in notes)
-    assert any("model = 'a-law-of-old'" in note and "contact-map is taken" in note for note in notes)
+    assert any("model = 'a-law-of-old'" in note and "its default is taken" in note for note in notes)
     assert not any("operator" in note or "note" in note.split(" = ")[0] for note in notes)
 
 
