@@ -20,7 +20,7 @@ from foretouch.session.conformance.robot_checks import check_robot
 from foretouch.session.runners import live, loop_timer
 from foretouch.session.runners.loop_timer import LoopTimer, let_pass
 from foretouch.session.runners.news import follower_news
-from foretouch.session.steps.tick import LEAST_RATE, LONGEST_NS, WINDOW, TickRate
+from foretouch.session.steps.tick import LEAST_RATE, LONGEST_NS, WINDOW, Rate, is_too_slow
 
 MS = 1_000_000
 
@@ -105,27 +105,29 @@ def test_a_loop_keeps_its_pace_with_a_driver_that_waits_for_its_cycle_also_after
 
 
 def test_a_rate_is_judged_over_five_hundred_ticks_and_a_collapse_within_half_a_second() -> None:
-    rate = TickRate()
-    assert not any(rate.update(MS) for _ in range(1000))
-    slow = [rate.update(round(1e9 / 499)) for _ in range(2 * WINDOW)]
+    rate = Rate.new()[0]
+    assert not any(is_too_slow.entry(rate, MS) for _ in range(1000))
+    slow = [is_too_slow.entry(rate, round(1e9 / 499)) for _ in range(2 * WINDOW)]
     assert WINDOW - 5 <= slow.index(True) <= WINDOW
     assert all(slow[WINDOW:])
-    assert all(rate.update(round(1e9 / 590)) for _ in range(3 * WINDOW))  # above the limit, and below the way back
-    back = [rate.update(round(1e9 / 610)) for _ in range(2 * WINDOW)]
+    assert all(
+        is_too_slow.entry(rate, round(1e9 / 590)) for _ in range(3 * WINDOW)
+    )  # above the limit, and below the way back
+    back = [is_too_slow.entry(rate, round(1e9 / 610)) for _ in range(2 * WINDOW)]
     assert not any(back[WINDOW:])
-    assert not any(rate.update(round(1e9 / 510)) for _ in range(3 * WINDOW))
-    rate = TickRate()
+    assert not any(is_too_slow.entry(rate, round(1e9 / 510)) for _ in range(3 * WINDOW))
+    rate = Rate.new()[0]
     period = MS * 1000 // 15
-    ticks = next(count for count in range(1, 100) if rate.update(period))
+    ticks = next(count for count in range(1, 100) if is_too_slow.entry(rate, period))
     assert ticks * period <= 600 * MS
-    rate = TickRate()
-    assert not any(rate.update(LONGEST_NS * 20 if tick == 300 else MS) for tick in range(1000))
+    rate = Rate.new()[0]
+    assert not any(is_too_slow.entry(rate, LONGEST_NS * 20 if tick == 300 else MS) for tick in range(1000))
 
 
 def test_a_follower_that_is_too_slow_holds_and_says_so_and_then_goes_slowly_back() -> None:
     lap = Lap.led(2.0, position_delay=0.0, force_delay=0.0)
     assert lap.telemetry[-1].status == Status.FOLLOWING
-    slow = [lap.following.rate.update(3 * MS) for _ in range(WINDOW)]
+    slow = [is_too_slow.entry(lap.following.memory[0].rate, 3 * MS) for _ in range(WINDOW)]
     assert slow[-1]
     output = lap.run(0.05)
     assert {telemetry.status for telemetry in output[1:]} == {Status.TOO_SLOW}
@@ -136,7 +138,7 @@ def test_a_follower_that_is_too_slow_holds_and_says_so_and_then_goes_slowly_back
     assert lap.telemetry[-1].status in (Status.RETURNING, Status.FOLLOWING)
     lap.stop = "somebody shouted"
     for _ in range(WINDOW):
-        lap.following.rate.update(3 * MS)
+        is_too_slow.entry(lap.following.memory[0].rate, 3 * MS)
     assert lap.run(0.01)[-1].status == Status.STOPPED  # what is more urgent is said and done
 
 

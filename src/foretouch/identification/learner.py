@@ -17,7 +17,7 @@ from foretouch.errors.checks import NUMBER, require_type
 from foretouch.identification.conditioning.conditioner import Conditioner, ContactSample, SensorLag
 from foretouch.identification.conditioning.kernel import CONTACT_FLOOR
 from foretouch.identification.contact_map.bank import ContactMap
-from foretouch.identification.contact_map.kernel import Learning, Run
+from foretouch.identification.contact_map.kernel import Learning, Run, learn_raw, run_raw
 from foretouch.identification.estimator import Estimator, Status
 from foretouch.models import ContactModel, ContactState, advance
 from foretouch.quantities import ByValue, Recording, brief_number, brief_text
@@ -84,7 +84,7 @@ class Learner:
         self.conditioner = Conditioner(
             surface=surface, force_offset=force_offset, contact_floor=contact_floor, sensor_lag=sensor_lag
         )
-        self.learning = Learning.new()
+        self.learning, self._learn_raw = Learning.new(), learn_raw.entry
         self._newest = self.learning["newest"][0]
         self.lag = SensorLag(self.learning["lag"][0])
         self.status = Status.FREE_AIR
@@ -116,8 +116,11 @@ class Learner:
         """Learn from one raw sample (`Conditioner.update`) and return it conditioned."""
         conditioner, estimator = self.conditioner, self.estimator
         if type(estimator) is ContactMap:
-            done = estimator.learn_raw(conditioner.memory, self.learning, (time, position, force), velocity)
-            self.taken(estimator, *done)
+            raw, known = (time, position, force), velocity is not None
+            speed = 0.0 if velocity is None else velocity
+            self.taken(
+                estimator, *self._learn_raw(estimator.states, conditioner.memory, self.learning, raw, speed, known)
+            )
             return self.sample
         last, before, offset = self.sample.time, conditioner.surface, conditioner.force_offset
         sample = self.sample = conditioner.update(time, position, force, velocity)
@@ -137,7 +140,7 @@ class Learner:
         return sample
 
     def taken(self, estimator: ContactMap, code: int, news: bool) -> None:
-        """Take over what `foretouch.identification.contact_map.kernel.learn_raw` did to this learner's estimator."""
+        """Take over what `learn_raw` did to this learner's estimator."""
         self.status = estimator.taken(code, news)
         if news:
             self.conditioner.make_room()
@@ -277,9 +280,10 @@ def run_compiled(learner: Learner, bank: ContactMap, samples: RawSamples) -> Lea
             part = slice(begin + taken, begin + count)
             reported = columns.in_contact[part], columns.forces[taken:count], columns.residual[part]
             rest = np.ascontiguousarray(rows[:, taken:])
-            more, learner.status = bank.run_raw(
-                conditioner.memory, learner.learning, runs, rest, samples.measured, reported
+            more, code = run_raw(
+                bank.states, conditioner.memory, learner.learning, runs, rest, samples.measured, reported
             )
+            learner.status = bank.taken(code, True)
             taken += more
             conditioner.make_room()
         columns.close(begin, count)

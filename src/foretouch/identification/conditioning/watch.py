@@ -332,16 +332,6 @@ class SensorWatch:
         self.state = SensorState.GOOD
 
     @property
-    def uncertain(self) -> bool:
-        """Whether a force has fallen and it is not certain yet if that is a fault: the probe then goes no deeper."""
-        return bool(self._memory[0].uncertain)
-
-    @property
-    def effort(self) -> float:
-        """What the drive pushes inwards with, low-passed [N]; 0 where the robot does not measure it."""
-        return float(self._memory[0].loss.effort)
-
-    @property
     def sentence(self) -> str:
         """The newest judgement in words."""
         return SENSOR_SENTENCES[self.state]

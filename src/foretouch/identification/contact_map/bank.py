@@ -13,7 +13,6 @@ from foretouch.core import Kernel
 from foretouch.errors import SettingError
 from foretouch.errors.checks import require
 from foretouch.identification.conditioning.conditioner import ContactSample, ContactSamples
-from foretouch.identification.conditioning.kernel import Conditioning, Memory
 from foretouch.identification.contact_map.kernel import (
     FEWEST_UPDATES,
     FREE_AIR,
@@ -24,13 +23,10 @@ from foretouch.identification.contact_map.kernel import (
     RESTARTED,
     UNUSABLE,
     WAITING,
-    RawColumns,
-    learn_raw,
     move_offset,
     move_surface,
     reset,
     run,
-    run_raw,
     take,
 )
 from foretouch.identification.contact_map.regression import begin_regressions, whole_covariance
@@ -49,12 +45,6 @@ LONGEST_HORIZON = 0.3
 Array = NDArray[np.float64]
 
 _take = Kernel(take, "(Bank[::1], f8, f8, f8, f8, b1)")
-_learn_raw = Kernel(
-    learn_raw,
-    "(Bank[::1], Tuple((Conditioning[::1], f8[:, ::1])), Learning[::1], UniTuple(f8, 3), f8, b1)",
-    Conditioning,
-)
-
 _STATUS = {
     FREE_AIR: Status.FREE_AIR,
     UNUSABLE: Status.UNUSABLE,
@@ -135,7 +125,7 @@ class ContactMap(Estimator):
         begin_regressions(self._state.coarse, self._state.fine)
         self.horizon = horizon
         self.reset()
-        self._take, self._learn_raw = _take.entry, _learn_raw.entry
+        self._take = _take.entry
         move_surface(self.states, 0.0)
         move_offset(self.states, 0.0)
 
@@ -176,51 +166,11 @@ class ContactMap(Estimator):
         self._read_counts()
         return _INDICES[codes]
 
-    def learn_raw(
-        self, conditioner: Memory, learnings: NDArray[np.void], raw: tuple[float, float, float], velocity: float | None
-    ) -> tuple[int, bool]:
-        """Condition and learn from one raw sample, in one compiled call; `taken` is to be told the result.
-
-        Args:
-            conditioner: Memory of a `Conditioner`; changed in place.
-            learnings: An array of one `contact_map.kernel.Learning`; changed in place.
-            raw: Time [s], position [m] and force [N].
-            velocity: Measured velocity [m/s], None to estimate it from the positions.
-        """
-        known = velocity is not None
-        return self._learn_raw(self.states, conditioner, learnings, raw, 0.0 if velocity is None else velocity, known)
-
     def taken(self, code: int, news: bool) -> Status:
-        """Take over what `learn_raw` did."""
+        """Take over what `foretouch.identification.contact_map.kernel.learn_raw` did."""
         if news or code >= LEARNT:
             self._read_counts()
         return _STATUSES[code]
-
-    def run_raw(
-        self,
-        conditioner: Memory,
-        learnings: NDArray[np.void],
-        runs: NDArray[np.void],
-        rows: Array,
-        measured: bool,
-        columns: RawColumns,
-    ) -> tuple[int, Status]:
-        """Condition and learn from raw samples, in one compiled loop: the same numbers as sample by sample.
-
-        Args:
-            conditioner: Memory of a `Conditioner`; changed in place.
-            learnings: An array of one `contact_map.kernel.Learning`; changed in place.
-            runs: An array of one `contact_map.kernel.Run`, new before the first block; changed in place.
-            rows: Time [s], position [m], force [N] and velocity [m/s], shape (4, m).
-            measured: Whether velocities were measured; else they are estimated from the positions.
-            columns: Contact, force less the offset [N] and residual [N], shape (m,) each, which are written.
-
-        Returns:
-            Number of samples taken, fewer than m where the conditioner needs room before the next; and the status of
-                the last.
-        """
-        taken, code = run_raw(self.states, conditioner, learnings, runs, rows, measured, columns)
-        return taken, self.taken(code, True)
 
     def covariance(self, expert: str) -> Array:
         """Covariance P of the weights of the ``coarse`` or the ``fine`` map, including those without samples.

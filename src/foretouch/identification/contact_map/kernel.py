@@ -13,9 +13,10 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core.compiling import compiled, inlined
+from foretouch.core.compiling import compiled, inlined, kernel
 from foretouch.core.records import Record
 from foretouch.identification.conditioning.kernel import (
+    Conditioning,
     Lag,
     Memory,
     clear,
@@ -230,7 +231,7 @@ def learn_conditioned(
     raw: float,
     sample: tuple[float, float, float, float, bool],
 ) -> tuple[int, bool]:
-    """Learn from a sample after `condition`.
+    """Learn from a sample after `condition`: what was done, and whether surface or offset have moved.
 
     Args:
         banks: The contact map's.
@@ -239,9 +240,6 @@ def learn_conditioned(
         known: Surface [m] and force offset [N] before the sample.
         raw: Its force with the offset [N].
         sample: As `ContactSample` has it.
-
-    Returns:
-        What was done, and whether surface or offset have moved.
     """
     newest, lag, conditioned = learnings[0].newest[0], learnings[0].lag, conditioner[0][0]
     time, depth, velocity, force, touching = sample
@@ -263,7 +261,11 @@ def learn_conditioned(
     return code, told
 
 
-@compiled(error_model="numpy")
+@kernel(
+    "(Bank[::1], Tuple((Conditioning[::1], f8[:, ::1])), Learning[::1], UniTuple(f8, 3), f8, b1)",
+    Conditioning,
+    error_model="numpy",
+)
 def learn_raw(
     banks: Banks,
     conditioner: Memory,
@@ -272,15 +274,7 @@ def learn_raw(
     velocity: float,
     measured: bool,
 ) -> tuple[int, bool]:
-    """Learn from one raw sample: `Learner.update` with a contact map.
-
-    Args:
-        banks: The contact map's.
-        conditioner: Of the samples; its rings have room.
-        learnings: The learner's; written.
-        raw: Time [s], position [m] and force with the offset [N].
-        velocity: Velocity [m/s].
-        measured: Whether that was measured; else it is estimated from the positions.
+    """Learn from one raw sample: time [s], position [m] and force [N]. See `condition` for the velocity.
 
     Returns:
         What was done; and whether there is news of the conditioner's estimates or contact, or its rings are full.
@@ -304,7 +298,20 @@ def run_raw(
     measured: bool,
     columns: RawColumns,
 ) -> tuple[int, int]:
-    """One block of samples; see `ContactMap.run_raw`. Returns how many were taken and what the last one did."""
+    """Condition and learn from a block of raw samples.
+
+    Args:
+        banks: The contact map's.
+        conditioner: Of the samples.
+        learnings: The learner's; written.
+        runs: An array of one `Run`, new before the first block; written.
+        rows: Time [s], position [m], force [N] and velocity [m/s], shape (4, m).
+        measured: Whether velocities were measured; else they are estimated from the positions.
+        columns: Contact, force less the offset [N] and residual [N], shape (m,) each, which are written.
+
+    Returns:
+        Number of samples taken, fewer than m where the conditioner needs room before the next; and what the last did.
+    """
     code, state, conditioned, newest = 0, runs[0], conditioner[0][0], learnings[0].newest[0]
     in_contact, forces, residual = columns
     for i in range(rows.shape[1]):

@@ -31,7 +31,6 @@ from foretouch.session.steps.sensing import Failures, calibrated
 from foretouch.session.steps.tick import (
     Acted,
     Follower,
-    TickRate,
     allow_alone,
     feel_alone,
     sense_alone,
@@ -75,7 +74,6 @@ class State:
     freshness: Freshness
     first_touch: FirstTouch
     safety: Safety
-    rate: TickRate
     guards: bool
     felt_commands: deque[int]
     limits: SafetyLimits
@@ -171,7 +169,6 @@ def start(
         Freshness(settings.queueing_allowance, SAMPLE_PERIOD),
         FirstTouch(speed, settings.guarded_force, period, memory=memory["touch"][0]),
         Safety(limits, period, memory=memory["safety"][0]),
-        TickRate(memory["rate"][0]),
         settings.guards(simulated=specification.simulated),
         deque(maxlen=1 + round(known.sensor_lag / SAMPLE_PERIOD)),
         limits,

@@ -13,7 +13,7 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core import Kernel, Record, compiled
+from foretouch.core import Kernel, Record, compiled, kernel
 from foretouch.identification.conditioning.fault_kernels import GOOD
 from foretouch.identification.conditioning.kernel import CONTACT_FLOOR, Conditioning
 from foretouch.identification.conditioning.kernel import Memory as Conditioner
@@ -38,7 +38,11 @@ USUAL_NS = 1_000_000
 
 
 class Rate(Record):
-    """State of a `TickRate`."""
+    """Whether a loop is too slow, by the time that its last 500 ticks took: constant time and memory a tick.
+
+    It is too slow where they took longer than 1 s, that is below 500 a second, and until they have taken less than
+    0.83 s, 600 a second.
+    """
 
     periods: Annotated[NDArray[Any], int, WINDOW] = USUAL_NS  # type: ignore[assignment]  # ring [ns]
     total: int = WINDOW * USUAL_NS  # [ns]
@@ -46,43 +50,15 @@ class Rate(Record):
     too_slow: bool
 
 
-@compiled
+@kernel("b1(Rate, i8)")
 def is_too_slow(rate: Rate, period_ns: int) -> bool:
-    """`TickRate.update`, of its state."""
+    """Take one tick, this time after the one before [ns], 0 in the first; whether the loop is too slow."""
     period_ns = min(max(period_ns, 0), LONGEST_NS)
     rate.total += period_ns - rate.periods[rate.at]
     rate.periods[rate.at] = period_ns
     rate.at = (rate.at + 1) % WINDOW
     rate.too_slow = rate.total * (AGAIN_FROM if rate.too_slow else LEAST_RATE) > WINDOW * 1_000_000_000
     return bool(rate.too_slow)
-
-
-_is_too_slow = Kernel(is_too_slow, "b1(Rate, i8)")
-
-
-class TickRate:
-    """Whether a loop is too slow, by the time that its last 500 ticks took: constant time and memory a tick.
-
-    It is too slow where they took longer than 1 s, that is below 500 a second, and until they have taken less than
-    0.83 s, 600 a second.
-
-    Args:
-        memory: Array of one `Rate` for the state, part of another record; None for one of its own.
-    """
-
-    __slots__ = ("_memory",)
-
-    def __init__(self, memory: NDArray[np.void] | None = None) -> None:
-        self._memory = Rate.new() if memory is None else memory
-
-    @property
-    def too_slow(self) -> bool:
-        """The newest judgement."""
-        return bool(self._memory[0].too_slow)
-
-    def update(self, period_ns: int) -> bool:
-        """Take one tick, this time after the one before [ns], 0 in the first; whether the loop is too slow."""
-        return _is_too_slow.entry(self._memory[0], period_ns)
 
 
 EFFORT_FROM, EFFORT_UNCERTAINTY = 0.3, 0.5
@@ -103,7 +79,7 @@ class Follower(Record):
     watch: Annotated[NDArray[Any], Watch, 1]
     touch: Annotated[NDArray[Any], Touch, 1]
     safety: Annotated[NDArray[Any], Memory, 1]
-    rate: Annotated[NDArray[Any], Rate, 1]
+    rate: Rate
     position: float  # of the tip in this tick [m]
     force: float  # of the sensor less tool and zero in this tick [N]
     validity: int  # of the sensors in this tick
@@ -111,7 +87,12 @@ class Follower(Record):
 
 HOLDING, TOO_SLOW = int(Status.HOLDING), int(Status.TOO_SLOW)
 
-_look, _keep_safe = look.function, keep_safe.function
+_look, _learn_raw, _keep_safe, _is_too_slow = (
+    look.function,
+    learn_raw.function,
+    keep_safe.function,
+    is_too_slow.function,
+)
 
 Showing = tuple[float, float, float, float, float, float, bool, float]
 """A `foretouch.robot.RobotSample`."""
@@ -192,7 +173,7 @@ def allow(
         desired = guarded_position(touch, desired, position, math.nan if faulty else felt, touches, known_surface)
     now_ns, heard_ns, period_ns = times_ns
     silence = math.inf if heard_ns < 0 else (now_ns - heard_ns) * 1e-9
-    too_slow = is_too_slow(follower.rate[0], period_ns)
+    too_slow = _is_too_slow(follower.rate, period_ns)
     if too_slow:
         silence = max(silence, limits.hold_after)
     surface, held_back, uncertain = conditioner[0][0].surface, touch.held_back != 0.0, follower.watch[0].uncertain
@@ -244,7 +225,7 @@ def tick(
     follower, newest = followers[0], learnings[0].newest[0]
     if validity == GOOD:
         raw = (now_ns - start_ns) * 1e-9, follower.position, follower.force
-        done, news = learn_raw(banks, conditioner, learnings, raw, 0.0, False)
+        done, news = _learn_raw(banks, conditioner, learnings, raw, 0.0, False)
     allowed = allow(
         followers,
         conditioner,
