@@ -6,15 +6,18 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple, TypeAlias
 
-from foretouch.quantities.pose import RigidMotion, Vector, add, dot, norm, scaled, subtract, unit
-from foretouch.rendering.surfaces import Surface, SurfaceProxy
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.quantities.pose import RigidMotion, Vector, add, dot, norm, scaled, subtract
+from foretouch.rendering.surfaces import Plane, Surface, SurfaceProxy
+from foretouch.rendering.surfaces.god_object import NO_MESH, Proxy
+from foretouch.rendering.surfaces.line import START, Line, followed, shape_of
 from foretouch.session.safety.force_guard import ForceGuard, guarded_speed
 
 Numbers6: TypeAlias = tuple[float, float, float, float, float, float]
 """A position [m] and a rotation vector [rad]."""
 
-
-ROUNDING = 1e-9  # [m]
 FARTHEST = 10.0  # No fixture is believed further away than this [m], or turned by more [rad]
 
 
@@ -55,24 +58,45 @@ class SurfaceLine:
         surface: Surface in the fixture's frame.
         pose: Pose of the fixture: a position [m] and a rotation vector [rad].
         leads: Whether it has an offset of its own; otherwise it is that of another line, set by the caller.
+        records: Array of one `Line` that this one takes, part of another record; None for one of its own.
 
     Attributes:
         motion: The believed pose as a rigid motion.
         offset: o [m].
         closest: Closest point of the newest position; None before it.
+        records: Its state, for compiled code: `foretouch.rendering.surfaces.line.follow_line`.
+        shape: The surface's, for the same; without triangles for a surface of Python's own, too.
     """
 
-    __slots__ = ("_leads", "_place", "_proxy", "closest", "motion", "offset", "pose", "surface")
+    __slots__ = ("_closest", "_offset", "_proxy", "motion", "pose", "records", "shape", "surface")
 
-    def __init__(self, surface: Surface, pose: Sequence[float], *, leads: bool = True) -> None:
-        self._leads = leads
+    def __init__(
+        self, surface: Surface, pose: Sequence[float], *, leads: bool = True, records: NDArray[np.void] | None = None
+    ) -> None:
+        shape = shape_of(surface)
+        self.records = Line.new() if records is None else records
+        self.records[:] = Line.new(leads=leads, compiled=shape is not None)
+        if isinstance(surface, Plane):
+            self.records["origin"], self.records["normal"] = surface.origin, surface.normal
+        self._offset, self._closest = self.records["offset"], self.records["closest"].view(np.float64)
         self._proxy = SurfaceProxy(surface)
-        self.surface = surface
-        self._place: Vector | None = None
-        self.pose: Numbers6 = _six(pose)
-        self.motion = RigidMotion.from_numbers(pose)
-        self.offset = 0.0
-        self.closest: ClosestPoint | None = None
+        self.surface, self.shape = surface, NO_MESH if shape is None else shape
+        self._move(pose)
+
+    @property
+    def offset(self) -> float:
+        """See above."""
+        return float(self._offset[0])
+
+    @offset.setter
+    def offset(self, offset: float) -> None:
+        self._offset[0] = offset
+
+    @property
+    def closest(self) -> ClosestPoint | None:
+        """See above."""
+        depth, along, a, b, c, d, e, f, g, h, i, place, *_ = self._closest.tolist()
+        return None if math.isnan(place) else ClosestPoint(depth, along, (a, b, c), (d, e, f), (g, h, i))
 
     def believe(self, pose: Sequence[float]) -> bool:
         """Believe the fixture elsewhere; the newest coordinate stays. Whether that was any news.
@@ -81,37 +105,38 @@ class SurfaceLine:
         """
         if len(pose) != 6 or not all(abs(number) <= FARTHEST for number in pose) or _six(pose) == self.pose:
             return False
-        before = self.closest
-        self.pose, self.motion = _six(pose), RigidMotion.from_numbers(pose)
-        if before is not None and self._place is not None:
-            self.follow(self._place)
+        self._move(pose)
+        x, y, z = self._closest[-3:].tolist()
+        if not math.isnan(x):
+            self.follow((x, y, z))
         return True
 
     def follow(self, place: Vector) -> ClosestPoint:
         """Follow a place [m]; one that is not finite is left out."""
+        x, y, z = place
+        self.touch(place)
+        return ClosestPoint(*followed.entry(self.records, self.shape, x, y, z))
+
+    def touch(self, place: Vector) -> None:
+        """Move the proxy on a surface of Python's own, which compiled code cannot, after a place [m]."""
+        if self.records["compiled"][0]:
+            return
         if not all(map(math.isfinite, place)):
             if self.closest is not None:
-                return self.closest
-            place = self.motion.apply((0.0, 0.0, 0.1))
-        before, moved = self.closest, math.inf if self._place is None else math.dist(place, self._place)
-        self._place = place
-        motion = self.motion
-        contact = self._proxy.follow(motion.apply_back(place))
-        point, normal = motion.apply(contact.point), motion.rotate(contact.normal)
-        if contact.depth < 0.0:
-            normal = unit(subtract(place, point), normal)
-        if self._leads and before is not None and abs(contact.depth - before.depth) > moved + ROUNDING:
-            self.offset += before.depth - contact.depth
-        self.closest = ClosestPoint(contact.depth, contact.depth + self.offset, normal, point, contact.point)
-        return self.closest
+                return
+            place = self.motion.apply(START)
+        contact, proxy = self._proxy.follow(self.motion.apply_back(place)), self.records["proxy"]
+        proxy["depth"], proxy["normal"], proxy["point"] = contact.depth, contact.normal, contact.point
 
     def restart(self) -> None:
         """Forget from which side the probe came; the coordinate goes on where it was."""
         self._proxy.restart()
+        self.records["proxy"] = Proxy.new()
 
-    def outside(self, inner: Vector) -> Vector:
-        """A point of the fixture's frame in the world's [m]."""
-        return add(self.motion.rotate(inner), self.motion.translation)
+    def _move(self, pose: Sequence[float]) -> None:
+        self.pose: Numbers6 = _six(pose)
+        self.motion = RigidMotion.from_numbers(pose)
+        self.records["rotation"], self.records["translation"] = self.motion[:3], self.motion.translation
 
 
 def _six(pose: Sequence[float]) -> Numbers6:
