@@ -25,8 +25,7 @@ from foretouch.session.safety.kernel import REST_FORCE
 from foretouch.session.safety.safety import Safety
 from foretouch.session.spatial import follower as space
 from foretouch.session.spatial import make_scene, make_spatial_robot
-from foretouch.session.spatial.course import Course, SurfaceLine
-from foretouch.session.spatial.safety import LastLimit
+from foretouch.session.spatial.safety import SpatialSafety
 from foretouch.session.steps import follower
 from foretouch.session.steps.sensing import Failures
 
@@ -119,7 +118,7 @@ ON_A_LINE: list[tuple[Any, str]] = [
     (FirstTouch, "update"),
     *LEARNING,
 ]
-IN_SPACE = [(MaterialFieldLearner, "update"), (space, "_with_position"), (Course, "go"), (FieldSender, "due")]
+IN_SPACE = [(MaterialFieldLearner, "update"), (space, "_with_position"), (SpatialSafety, "go"), (FieldSender, "due")]
 RARELY_IN_SPACE = [(MaterialFieldLearner, "touch_at"), (space, "_learn_beside_the_law"), (space, "_with_fixture")]
 
 
@@ -244,8 +243,8 @@ FOR_EVER = float("inf")
     [
         (LINE, Safety, "update", FOR_EVER),
         (SCENE, Safety, "update", FOR_EVER),
-        pytest.param(SCENE, SurfaceLine, "follow", FOR_EVER, marks=pytest.mark.long),
-        (SCENE, LastLimit, "update", FOR_EVER),
+        pytest.param(SCENE, SpatialSafety, "arrive", FOR_EVER, marks=pytest.mark.long),
+        (SCENE, SpatialSafety, "limit", FOR_EVER),
         pytest.param(SCENE, space, "_space", FOR_EVER, marks=pytest.mark.long),
         (LINE, Spoken, "publish", 1),
         (LINE, Spoken, "publish", FOR_EVER),

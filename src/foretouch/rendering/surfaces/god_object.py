@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from foretouch.core import Record, compiled, kernel
 from foretouch.quantities.pose import Vector
-from foretouch.rendering.surfaces.triangles import (
+from foretouch.rendering.surfaces.geometry import (
     FACE,
     Array,
     Ints,

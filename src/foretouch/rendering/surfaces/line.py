@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from foretouch.core import Record, compiled, kernel
 from foretouch.quantities.pose import Vector
+from foretouch.rendering.surfaces.geometry import Triangle, add, dot, norm, scaled, subtract, vector, write
 from foretouch.rendering.surfaces.god_object import MESH, NO_MESH, Mesh, Proxy, move
 from foretouch.rendering.surfaces.mesh import HeightField, TriangleMesh
 from foretouch.rendering.surfaces.surface import FARTHEST, Plane, Surface
-from foretouch.rendering.surfaces.triangles import Triangle, add, dot, norm, scaled, subtract, vector, write
 
 Numbers3: TypeAlias = Annotated[NDArray[np.float64], float, 3]
 

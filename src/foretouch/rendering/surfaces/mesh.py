@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 from foretouch.errors import SettingError
 from foretouch.errors.checks import require
 from foretouch.rendering.surfaces import god_object
+from foretouch.rendering.surfaces.geometry import Array, Ints, Triangle, build_boxes
 from foretouch.rendering.surfaces.surface import Memory, Surface, SurfaceContact
-from foretouch.rendering.surfaces.triangles import Array, Ints, Triangle, build_boxes
 
 LARGEST_COORDINATE = 100.0
 """Coordinates beyond this [m] are refused: the file is in other units, and crossings are told to a nanometre."""

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from foretouch.core import Kernel, Record, compiled, kernel
 from foretouch.errors.checks import require
 from foretouch.models.predictor import VELOCITY_CUTOFF
-from foretouch.quantities import pose as rigid
-from foretouch.quantities.pose import Vector, norm
+from foretouch.quantities.pose import Vector
+from foretouch.rendering.surfaces.geometry import add, dot, norm, scaled, subtract, vector, write
 
 Array = NDArray[np.float64]
 
@@ -186,22 +186,6 @@ class MotionLimits:
 
 NOTHING: Vector = (0.0, 0.0, 0.0)
 
-_add = compiled(rigid.add)
-_dot = compiled(rigid.dot)
-_norm = compiled(rigid.norm)
-_scaled = compiled(rigid.scaled)
-_subtract = compiled(rigid.subtract)
-
-
-@compiled
-def _vector(numbers: Array) -> Vector:
-    return numbers[0], numbers[1], numbers[2]
-
-
-@compiled
-def _write(numbers: Array, vector: Vector) -> None:
-    numbers[0], numbers[1], numbers[2] = vector
-
 
 @compiled
 def _know(vector: Vector, otherwise: Vector) -> Vector:
@@ -213,18 +197,18 @@ def _know(vector: Vector, otherwise: Vector) -> Vector:
 @compiled
 def _clip(vector: Vector, longest: float) -> Vector:
     """Limit a vector to this length."""
-    length = _norm(vector)
-    return _scaled(vector, longest / length) if length > longest else vector
+    length = norm(vector)
+    return scaled(vector, longest / length) if length > longest else vector
 
 
 @compiled
 def _slow_down(path: Path, velocity: Vector) -> Vector:
     """Limit a velocity to the bounds."""
     for bound in path.asked.bounds:
-        direction = _vector(bound)
-        beyond = _dot(velocity, direction) - bound[3]
+        direction = vector(bound)
+        beyond = dot(velocity, direction) - bound[3]
         if beyond > 0.0:
-            velocity = _subtract(velocity, _scaled(direction, beyond))
+            velocity = subtract(velocity, scaled(direction, beyond))
     return velocity
 
 
@@ -232,16 +216,16 @@ def _slow_down(path: Path, velocity: Vector) -> Vector:
 def _is_within(path: Path, velocity: Vector, last_velocity: Vector, last_acceleration: Vector) -> bool:
     """Whether a step at this velocity keeps all limits, and the next ones can."""
     period, speed, jerk = path.period, path.speed, path.jerk
-    acceleration = _scaled(_subtract(velocity, last_velocity), 1.0 / period)
-    size = _norm(acceleration)
+    acceleration = scaled(subtract(velocity, last_velocity), 1.0 / period)
+    size = norm(acceleration)
     # While the acceleration returns to 0 at the largest jerk, the velocity grows by this amount.
     coming = max(size / (2.0 * jerk) - 0.5 * period, 0.0)
-    if not (_norm(velocity) <= speed and _norm(_add(velocity, _scaled(acceleration, coming))) <= speed):
+    if not (norm(velocity) <= speed and norm(add(velocity, scaled(acceleration, coming))) <= speed):
         return False
     for bound in path.asked.bounds:
-        if not _dot(velocity, _vector(bound)) <= bound[3]:
+        if not dot(velocity, vector(bound)) <= bound[3]:
             return False
-    change = _norm(_subtract(acceleration, last_acceleration))
+    change = norm(subtract(acceleration, last_acceleration))
     return bool(size <= path.largest and change <= jerk * period)
 
 
@@ -252,86 +236,86 @@ def _brake(path: Path, velocity: Vector, last_velocity: Vector, lag: Vector) -> 
     hardest = EMERGENCY * path.largest * period
     braked = velocity
     for bound in path.asked.bounds:
-        direction = _vector(bound)
-        most = min(max(_dot(lag, direction) / period, 0.0), bound[3])
-        fast = _dot(braked, direction)
+        direction = vector(bound)
+        most = min(max(dot(lag, direction) / period, 0.0), bound[3])
+        fast = dot(braked, direction)
         if fast > most:
-            slower = min(fast, max(most, _dot(last_velocity, direction) - hardest))
-            braked = _subtract(braked, _scaled(direction, fast - slower))
-    return _add(last_velocity, _clip(_subtract(braked, last_velocity), hardest))
+            slower = min(fast, max(most, dot(last_velocity, direction) - hardest))
+            braked = subtract(braked, scaled(direction, fast - slower))
+    return add(last_velocity, _clip(subtract(braked, last_velocity), hardest))
 
 
 @compiled
 def _catch_up(path: Path, lag: Vector, stream: Vector, last_velocity: Vector, last_acceleration: Vector) -> Vector:
     """The velocity with which a path that is not with the stream comes to it."""
     period, largest, jerk = path.period, path.largest, path.jerk
-    rate, far = min(RATE, jerk / (4.0 * largest)), _norm(lag)
+    rate, far = min(RATE, jerk / (4.0 * largest)), norm(lag)
     towards = stream
     if far > 0.0:
         closing = min(0.5 * rate * far, math.sqrt(2.0 * BRAKING * largest * far))
-        towards = _add(stream, _scaled(lag, closing / far))
+        towards = add(stream, scaled(lag, closing / far))
     towards = _slow_down(path, _clip(towards, path.speed))
-    acceleration = _clip(_scaled(_subtract(towards, last_velocity), 2.0 * rate), largest)
-    change = _clip(_subtract(acceleration, last_acceleration), jerk * period)
-    acceleration = _clip(_add(last_acceleration, change), largest)
-    velocity = _clip(_add(last_velocity, _scaled(acceleration, period)), path.speed)
+    acceleration = _clip(scaled(subtract(towards, last_velocity), 2.0 * rate), largest)
+    change = _clip(subtract(acceleration, last_acceleration), jerk * period)
+    acceleration = _clip(add(last_acceleration, change), largest)
+    velocity = _clip(add(last_velocity, scaled(acceleration, period)), path.speed)
     return _brake(path, velocity, last_velocity, lag)
 
 
 @compiled
 def begin(path: Path, x: float, y: float, z: float) -> None:
     """See `MotionLimits.begin`; the path is written."""
-    _write(path.position, (x, y, z))
-    _write(path.before, (x, y, z))
+    write(path.position, (x, y, z))
+    write(path.before, (x, y, z))
     for still in (path.velocity, path.acceleration, path.stream):
-        _write(still, NOTHING)
+        write(still, NOTHING)
     path.caught = True
 
 
 @compiled
-def _move(path: Path) -> None:
+def go_on(path: Path) -> None:
     """One tick: see `MotionLimits.move`; what is asked has been written, and the path is."""
     if math.isnan(path.position[0]):
         return
     period, largest, asked = path.period, path.largest, path.asked
-    last_velocity, last_acceleration = _vector(path.velocity), _vector(path.acceleration)
-    stream, stayed = _vector(path.stream), _add(_vector(path.before), _know(_vector(asked.shifted), NOTHING))
-    wanted = _know(_vector(asked.wanted), stayed)
+    last_velocity, last_acceleration = vector(path.velocity), vector(path.acceleration)
+    stream, stayed = vector(path.stream), add(vector(path.before), _know(vector(asked.shifted), NOTHING))
+    wanted = _know(vector(asked.wanted), stayed)
     for bound in asked.bounds:
-        _write(bound, _know(_vector(bound), NOTHING))
+        write(bound, _know(vector(bound), NOTHING))
         if not bound[3] >= 0.0:
             bound[3] = 0.0
-    lag = _subtract(wanted, _vector(path.position))
-    going = _clip(_scaled(_subtract(wanted, stayed), 1.0 / period), path.speed)  # a jump is no speed to follow
-    stream = _add(stream, _scaled(_subtract(going, stream), path.gain))
-    velocity = _scaled(lag, 1.0 / period)
-    near = path.caught or _norm(_subtract(velocity, stream)) <= LOCKING * largest * period
+    lag = subtract(wanted, vector(path.position))
+    going = _clip(scaled(subtract(wanted, stayed), 1.0 / period), path.speed)  # a jump is no speed to follow
+    stream = add(stream, scaled(subtract(going, stream), path.gain))
+    velocity = scaled(lag, 1.0 / period)
+    near = path.caught or norm(subtract(velocity, stream)) <= LOCKING * largest * period
     path.caught = near and _is_within(path, velocity, last_velocity, last_acceleration)
     if not path.caught:
         velocity = _catch_up(path, lag, stream, last_velocity, last_acceleration)
-    _write(path.before, wanted)
-    _write(path.stream, stream)
-    _write(path.velocity, velocity)
-    _write(path.acceleration, _scaled(_subtract(velocity, last_velocity), 1.0 / period))
-    _write(path.position, _add(_vector(path.position), _scaled(velocity, period)))
+    write(path.before, wanted)
+    write(path.stream, stream)
+    write(path.velocity, velocity)
+    write(path.acceleration, scaled(subtract(velocity, last_velocity), 1.0 / period))
+    write(path.position, add(vector(path.position), scaled(velocity, period)))
 
 
 @kernel("void(Path[::1])")
 def moved(paths: NDArray[np.void]) -> None:
     """One tick of a path: see `MotionLimits.move`; what is asked has been written."""
-    _move(paths[0])
+    go_on(paths[0])
 
 
 @compiled
 def limited(path: Path, wanted: float, upwards: float, shifted: float) -> float:
     """One tick on a line: the next position [m]. The arguments are those of `MotionLimits.update`."""
     asked = path.asked
-    _write(asked.wanted, (wanted, 0.0, 0.0))
-    _write(asked.shifted, (shifted, 0.0, 0.0))
+    write(asked.wanted, (wanted, 0.0, 0.0))
+    write(asked.shifted, (shifted, 0.0, 0.0))
     asked.bounds[:] = 0.0
     asked.bounds[:, 3] = math.inf
     asked.bounds[0, 0], asked.bounds[0, 3] = 1.0, upwards
-    _move(path)
+    go_on(path)
     return float(path.position[0])
 
 

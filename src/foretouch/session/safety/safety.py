@@ -7,14 +7,14 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from foretouch.core import Kernel
+import numpy as np
+from numpy.typing import NDArray
+
 from foretouch.errors.checks import require
 from foretouch.messages import Status
 from foretouch.session.safety import kernel
+from foretouch.session.safety.force_guard import AIMED
 from foretouch.session.safety.motion import MotionLimits
-from foretouch.session.safety.proven_way import ProvenWay, forget_way
-
-_forget_way = Kernel(forget_way, "(ProvenWay,)", ProvenWay)
 
 REACTION = 3e-3
 """Time after its first touch for which a robot keeps its speed before it stops [s]: the delay of its sensor and drive.
@@ -176,46 +176,34 @@ class Safety:
         fastest: Speed at which the robot may go deeper now, negative where it has to retreat [m/s].
         shifted: Displacement of the aim by a limit in the newest tick [m], not positive: it is no motion.
         blind_speed: Speed at which the robot may approach a possible obstacle before it feels anything [m/s].
+        memories: Its state, for compiled code.
     """
 
     def __init__(self, limits: SafetyLimits, sample_period: float) -> None:
         impedance = impact_impedance(limits.stiffest, limits.most_damped, limits.mass, REACTION)
-        self._memories = kernel.Memory.new(
-            limits=dataclasses.astuple(limits), period=sample_period, impedance=impedance
-        )
+        self.memories = kernel.Memory.new(limits=dataclasses.astuple(limits), period=sample_period, impedance=impedance)
         self._keep_safe = kernel.keep_safe.entry
         self.limits, self._period = limits, sample_period
-        path = self._memories["motion"]
+        path = self.memories["motion"]
         self._motion = MotionLimits(limits.speed, limits.acceleration, limits.jerk, sample_period, paths=path)
-        self._position, self._velocity = path["position"][0], path["velocity"][0]
-        self._nearest, self._nearing = self._memories["nearest"], self._memories["nearing"]
         self.status, self.stop_reason, self.pressing = Status.FOLLOWING, "", False
         self.fastest = self.shifted = 0.0
-        self.blind_speed = kernel.AIMED * limits.force / impedance
+        self.blind_speed = AIMED * limits.force / impedance
 
-    def in_space(self) -> MotionLimits:
+    def in_space(self, paths: NDArray[np.void]) -> MotionLimits:
         """Leave the last rule to the caller that brings the aim into space: return its limits, for positions there.
 
-        From then on `update` returns the aim, and `went` must be called in each tick with the result.
-        """
-        limits = self.limits
-        self._memories["in_space"] = True
-        self._motion = MotionLimits(limits.speed, limits.acceleration, limits.jerk, self._period)
-        return self._motion
-
-    def comes_nearer(self, speed: float) -> None:
-        """In space: set the speed at which motion along the surface may bring the robot nearer to it [m/s]."""
-        self._nearing[0] = speed
-
-    def went(self, position: float, velocity: float, nearest: float) -> None:
-        """In space: take the robot's commanded position.
+        From then on `update` returns the aim, and in each tick the caller writes into `memories` how fast motion along
+        the surface may bring the robot nearer to it, the coordinate along the normal of the aim of the position that
+        the robot was told, its velocity towards the surface, and its own coordinate against the surface.
 
         Args:
-            position: Its coordinate along the normal of the aim [m].
-            velocity: Velocity towards the surface [m/s].
-            nearest: Coordinate of that point itself against the surface [m].
+            paths: Array of one `Path`, for the limits.
         """
-        self._position[0], self._velocity[0], self._nearest[0] = position, velocity, nearest
+        limits = self.limits
+        self.memories["in_space"] = True
+        self._motion = MotionLimits(limits.speed, limits.acceleration, limits.jerk, self._period, paths=paths)
+        return self._motion
 
     def go_on_from(self, position: float) -> None:
         """On a line: go on, at rest, from a position that something else commanded [m]."""
@@ -237,10 +225,6 @@ class Safety:
             return False
         self.stop_reason = ""
         return True
-
-    def forget_way(self) -> None:
-        """Forget the proven approach, which is of another point: all counts as untouched again."""
-        _forget_way.entry(self._memories[0].way)
 
     def update(
         self,
@@ -264,7 +248,7 @@ class Safety:
         """
         position, force, in_contact, faulty, uncertain = sensed
         commanded, status, self.pressing, self.fastest, self.shifted = self._keep_safe(
-            self._memories,
+            self.memories,
             self.stop_reason != "",
             desired,
             position,

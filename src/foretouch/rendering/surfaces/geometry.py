@@ -1,4 +1,4 @@
-"""Compiled geometry of triangles: the nearest point of one, where a segment crosses it, and which of many that is.
+"""Compiled geometry: vectors; the nearest point of a triangle, where a segment crosses it, and which of many that is.
 
 A balanced tree of boxes about them leaves few to look at.
 """
