@@ -10,10 +10,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from foretouch.quantities.pose import RigidMotion, Vector, norm, subtract, unit
+from foretouch.messages import VERSION, Command, FixtureBelief
+from foretouch.quantities.pose import RigidMotion, Vector, norm, scaled, subtract
 from foretouch.rendering.surfaces import HeightField, Plane, Surface, SurfaceContact, SurfaceProxy, TriangleMesh
-from foretouch.session.spatial import make_scene
+from foretouch.robot import SpatialSample
+from foretouch.session import SessionSettings
+from foretouch.session.runners.warm_up import SPECIFICATION
+from foretouch.session.spatial import follower, make_scene
 from foretouch.session.spatial.course import ClosestPoint, SurfaceLine
+from foretouch.session.spatial.scenes import MIDDLE, NOMINAL
+from foretouch.session.steps import follower as line_follower
 
 TETRAHEDRON = TriangleMesh(
     0.03 * np.array([(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)]), [(0, 1, 2), (0, 3, 1), (0, 2, 3), (1, 3, 2)]
@@ -21,6 +27,7 @@ TETRAHEDRON = TriangleMesh(
 HILL = make_scene("hill").surface
 SURFACES = {"plane": Plane((0.0, 0.001, 0.0), (0.1, 0.0, 2.0)), "hill": HILL, "mesh": TETRAHEDRON}
 NOWHERE = (math.nan, math.nan, math.nan)
+MS = 1_000_000
 
 
 class InPython:
@@ -46,7 +53,8 @@ class InPython:
         contact = self.proxy.follow(self.motion.apply_back(place))
         point, normal = self.motion.apply(contact.point), self.motion.rotate(contact.normal)
         if contact.depth < 0.0:
-            normal = unit(subtract(place, point), normal)
+            away = subtract(place, point)
+            normal = scaled(away, 1.0 / norm(away)) if norm(away) > 1e-9 else normal
         if self.leads and before is not None and abs(contact.depth - before.depth) > moved + 1e-9:
             self.offset += before.depth - contact.depth
         self.closest = ClosestPoint(contact.depth, contact.depth + self.offset, normal, point, contact.point)
@@ -92,6 +100,13 @@ class OwnPlane(Plane):
         return super().follow(memory, x, y, z)
 
 
+class OwnField(HeightField):
+    """The same contacts, by Python."""
+
+    def follow(self, memory: np.ndarray, x: float, y: float, z: float) -> SurfaceContact:
+        return super().follow(memory, x, y, z)
+
+
 class OwnHill(HeightField):
     def follow(self, memory: np.ndarray, x: float, y: float, z: float) -> SurfaceContact:
         contact = super().follow(memory, x, y, z)
@@ -116,3 +131,34 @@ def test_a_part_of_a_surface_that_is_written_anew_counts() -> None:
     for height in (0.01, 0.002, -0.003):
         place = (0.1, 0.12, height)
         assert own.follow(place).depth == pytest.approx(line.follow(place).depth + 1e-3, abs=1e-15)
+
+
+@pytest.mark.parametrize("own", [OwnPlane(MIDDLE), OwnField(0.01 * np.eye(5), 0.02, (0.035, -0.04))])
+def test_a_follower_on_a_surface_of_python_is_the_compiled_one(own: Plane | HeightField) -> None:
+    if isinstance(own, Plane):
+        same: Surface = Plane(MIDDLE)
+    else:
+        same = HeightField(0.01 * np.eye(5), 0.02, (0.035, -0.04))
+    settings = SessionSettings(scene="plane", material="hunt-crossley")
+    states = [follower.start(SPECIFICATION, settings, surface, NOMINAL) for surface in (own, same)]
+    random, here, far, told = np.random.default_rng(4), np.array((0.0, 0.0, 0.02)), np.zeros(3), []
+    for tick in range(1, 1500):
+        if tick % 100 == 0:
+            far = np.array((*random.uniform(-0.03, 0.03, 2), 0.02 if tick % 200 else -0.006))
+        here = here + 0.02 * (far - here)
+        force = (*random.normal(0.0, 0.3, 2).tolist(), 600.0 * max(-here[2], 0.0) + random.normal(0.0, 0.01))
+        place = NOWHERE if tick in (700, 701) else tuple(here.tolist())
+        command = Command(VERSION, tick, tick * MS, 0.0, 0, holder="test", epoch=1, place=tuple(far.tolist()))
+        pose = (NOMINAL[0] + 1e-6 * tick, *NOMINAL[1:5], 1e-5 * tick)
+        belief = FixtureBelief(
+            VERSION, tick, 0, pose, tuple(1e-8 * np.eye(6).ravel()), 0.0, tick, tick // 500, 0, "", 1
+        )
+        sample = SpatialSample(place, force, force, place, (), False)
+        inputs = line_follower.Inputs([command], sample, MS, 0, beliefs=[belief] if tick % 50 == 0 else [])
+        first, second = (follower.step(state, inputs, tick * MS)[1] for state in states)
+        np.testing.assert_equal(first.space, second.space)
+        np.testing.assert_equal(first.telemetry, second.telemetry)
+        told.append(first.desired)
+    assert np.ptp(told, axis=0).min() > 0.002
+    assert states[0].friction.updates == states[1].friction.updates > 0
+    assert states[0].touch_tick == states[1].touch_tick > 0

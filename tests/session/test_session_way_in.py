@@ -92,7 +92,7 @@ def test_three_touches_free_the_air_over_a_plane_and_one_near_it_until_a_surface
             assert feeler.over(x + 0.001, y) < 2e-3
             assert feeler.over(0.02, 0.02) > 0.02
     assert feeler.over(0.005, -0.005) < 1.5e-3
-    assert feeler.state.safety.way_in["turn"][0] == LEAST_TURN
+    assert feeler.state.safety.spaces[0].way_in.turn == LEAST_TURN
     # It is missed: nothing is free until it is felt again, and then what is near to that is.
     feeler.glide(0.005, 0.0, 0.01)
     for height in np.linspace(0.01, -0.005, 100).tolist():

@@ -130,24 +130,7 @@ def follow_line(line: Line, mesh: Mesh, x: float, y: float, z: float) -> None:
     write(closest.place, place)
 
 
-Shown = tuple[float, float, Vector, Vector, Vector]
-"""The fields of a `ClosestPoint`."""
-
-
-@compiled
-def show(closest: Closest) -> Shown:
-    """What a tick has come to."""
-    return (
-        float(closest.depth),
-        float(closest.along),
-        vector(closest.normal),
-        vector(closest.point),
-        vector(closest.inner_point),
-    )
-
-
-@kernel(f"Tuple((f8, f8, UniTuple(f8, 3), UniTuple(f8, 3), UniTuple(f8, 3)))(Line[::1], {MESH}, f8, f8, f8)", Triangle)
-def followed(lines: NDArray[np.void], mesh: Mesh, x: float, y: float, z: float) -> Shown:
-    """`follow_line`, and where the position then is."""
+@kernel(f"void(Line[::1], {MESH}, f8, f8, f8)", Triangle)
+def follow(lines: NDArray[np.void], mesh: Mesh, x: float, y: float, z: float) -> None:
+    """`follow_line`, from Python."""
     follow_line(lines[0], mesh, x, y, z)
-    return show(lines[0].closest)

@@ -10,11 +10,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from foretouch.core import Kernel
 from foretouch.errors.checks import require
 from foretouch.messages import Status
+from foretouch.quantities.pose import norm
 from foretouch.session.safety import kernel
 from foretouch.session.safety.force_guard import AIMED
-from foretouch.session.safety.motion import MotionLimits
+from foretouch.session.safety.motion import Path, begin, new_path
+
+_begin = Kernel(begin, "(Path, f8, f8, f8)", Path)
 
 REACTION = 3e-3
 """Time after its first touch for which a robot keeps its speed before it stops [s]: the delay of its sensor and drive.
@@ -156,7 +160,7 @@ class Safety:
 
        Clipping the force alone would come too late: an impact peaks within milliseconds.
     5. **Depth and workspace.**
-    6. **Speed, acceleration, jerk** (`MotionLimits`), from where the robot is in the first tick, at rest.
+    6. **Speed, acceleration, jerk** (`Path`), from where the robot is in the first tick, at rest.
 
     On a surface in space the first five are computed along its normal, and the last once the result is a position in
     space again: see `in_space`.
@@ -182,32 +186,27 @@ class Safety:
     def __init__(self, limits: SafetyLimits, sample_period: float) -> None:
         impedance = impact_impedance(limits.stiffest, limits.most_damped, limits.mass, REACTION)
         self.memories = kernel.Memory.new(limits=dataclasses.astuple(limits), period=sample_period, impedance=impedance)
-        self._keep_safe = kernel.keep_safe.entry
-        self.limits, self._period = limits, sample_period
-        path = self.memories["motion"]
-        self._motion = MotionLimits(limits.speed, limits.acceleration, limits.jerk, sample_period, paths=path)
+        self._keep_safe, self._begin = kernel.keep_safe.entry, _begin.entry
+        self.limits = limits
+        self._path = self.memories["motion"]
+        self._path[:] = new_path(limits.speed, limits.acceleration, limits.jerk, sample_period)
         self.status, self.stop_reason, self.pressing = Status.FOLLOWING, "", False
         self.fastest = self.shifted = 0.0
         self.blind_speed = AIMED * limits.force / impedance
 
-    def in_space(self, paths: NDArray[np.void]) -> MotionLimits:
-        """Leave the last rule to the caller that brings the aim into space: return its limits, for positions there.
+    def in_space(self, paths: NDArray[np.void]) -> None:
+        """Leave the last rule to the caller that brings the aim into space, on this `Path`, an array of one.
 
         From then on `update` returns the aim, and in each tick the caller writes into `memories` how fast motion along
         the surface may bring the robot nearer to it, the coordinate along the normal of the aim of the position that
         the robot was told, its velocity towards the surface, and its own coordinate against the surface.
-
-        Args:
-            paths: Array of one `Path`, for the limits.
         """
-        limits = self.limits
-        self.memories["in_space"] = True
-        self._motion = MotionLimits(limits.speed, limits.acceleration, limits.jerk, self._period, paths=paths)
-        return self._motion
+        paths[:] = self._path
+        self._path, self.memories["in_space"] = paths, True
 
     def go_on_from(self, position: float) -> None:
         """On a line: go on, at rest, from a position that something else commanded [m]."""
-        self._motion.begin(position)
+        self._begin(self._path[0], position, 0.0, 0.0)
 
     def stop(self, reason: str) -> None:
         """Emergency stop: latches; the first reason stays."""
@@ -220,7 +219,7 @@ class Safety:
             velocity: Velocity of the robot [m/s].
             force: Measured force [N].
         """
-        still = self._motion.speed <= REST_SPEED and abs(velocity) <= SEEN_AT_REST
+        still = norm(self._path["velocity"][0].tolist()) <= REST_SPEED and abs(velocity) <= SEEN_AT_REST
         if not (still and abs(force) <= kernel.REST_FORCE):
             return False
         self.stop_reason = ""

@@ -15,7 +15,7 @@ from foretouch.quantities.pose import RigidMotion, Vector
 from foretouch.rendering.surfaces import Plane, Surface, SurfaceProxy
 from foretouch.rendering.surfaces.geometry import add, dot, norm, scaled, subtract, vector, write
 from foretouch.rendering.surfaces.god_object import NO_MESH, Mesh, Proxy
-from foretouch.rendering.surfaces.line import START, Line, Numbers3, follow_line, followed, shape_of
+from foretouch.rendering.surfaces.line import START, Line, Numbers3, follow, follow_line, shape_of
 from foretouch.session.safety.force_guard import ForceGuard, allowed_speed, forget_contact, observe
 
 Numbers6: TypeAlias = tuple[float, float, float, float, float, float]
@@ -98,8 +98,13 @@ class SurfaceLine:
     @property
     def closest(self) -> ClosestPoint | None:
         """See above."""
-        depth, along, a, b, c, d, e, f, g, h, i, place, *_ = self._closest.tolist()
-        return None if math.isnan(place) else ClosestPoint(depth, along, (a, b, c), (d, e, f), (g, h, i))
+        return None if math.isnan(self._closest[-1]) else self.newest
+
+    @property
+    def newest(self) -> ClosestPoint:
+        """The same, once there is one."""
+        depth, along, a, b, c, d, e, f, g, h, i, *_ = self._closest.tolist()
+        return ClosestPoint(depth, along, (a, b, c), (d, e, f), (g, h, i))
 
     def believe(self, pose: Sequence[float]) -> bool:
         """Believe the fixture elsewhere; the newest coordinate stays. Whether that was any news.
@@ -118,7 +123,8 @@ class SurfaceLine:
         """Follow a place [m]; one that is not finite is left out."""
         x, y, z = place
         self.touch(place)
-        return ClosestPoint(*followed.entry(self.records, self.shape, x, y, z))
+        follow.entry(self.records, self.shape, x, y, z)
+        return self.newest
 
     def touch(self, place: Vector) -> None:
         """Move the proxy on a surface of Python's own, which compiled code cannot, after a place [m]."""
@@ -151,17 +157,6 @@ HELD = 0.7  # Fraction of the largest force with which an obstacle at the side i
 OBSTACLE = 0.5  # Excess over friction above which a force is an obstacle [N]
 
 
-class Way(Record):
-    """Inputs of a tick's course."""
-
-    here: Numbers3  # position of the probe [m]
-    resistance: Numbers3  # force along the surface on the probe [N]
-    pressed: float  # force along the normal [N]
-    sliding: float  # largest speed along the surface [m/s]
-    deeper: float  # largest speed into the surface now [m/s]
-    open: bool  # whether the robot follows: otherwise the course stays where it is
-
-
 class Course(Record):
     r"""Goes from the robot's position towards the commands, and holds back where safety does not allow it.
 
@@ -181,8 +176,13 @@ class Course(Record):
     """
 
     line: Line  # with an offset of its own
-    way: Way
     guard: ForceGuard
+    open: bool  # whether the robot follows in this tick: otherwise the course stays where it is
+    here: Numbers3  # position of the probe [m]
+    resistance: Numbers3  # force along the surface on the probe [N]
+    pressed: float  # force along the normal [N]
+    sliding: float  # largest speed along the surface [m/s]
+    deeper: float  # largest speed into the surface now [m/s]
     ceiling: float  # of the force [N]
     period: float  # T [s]
     longest: float  # largest step of the robot in a tick [m]
@@ -218,9 +218,9 @@ def begin_course(course: Course, mesh: Mesh, place: Vector) -> None:
 @compiled
 def meet(course: Course, mesh: Mesh, offset: float) -> None:
     """Come nearer to the coordinate of the probe, whose line has this offset [m], no faster than it may return."""
-    if not (course.way.open and course.begun):
+    if not (course.open and course.begun):
         return
-    deeper = min(course.returned, max(course.way.deeper, 0.0) * course.period)
+    deeper = min(course.returned, max(course.deeper, 0.0) * course.period)
     course.line.offset += min(max(offset - course.line.offset, -course.returned), deeper)
     settle(course, mesh)
 
@@ -231,7 +231,7 @@ def held_at(course: Course, aim: float) -> Vector:
     before, size = course.size, max(course.along - aim, 0.0)
     apart, normal = vector(course.apart), vector(course.normal)
     apart = scaled(apart, size / before) if size < before else add(apart, scaled(normal, size - before))
-    if course.way.open:
+    if course.open:
         turned = subtract(scaled(normal, size), apart)
         length = norm(turned)
         apart = add(apart, scaled(turned, course.returned / length) if length > course.returned else turned)
@@ -250,7 +250,7 @@ def _step(course: Course, step: Vector) -> Vector:
     if length > course.longest:
         rest = scaled(rest, course.longest / length)
     sideways = subtract(rest, scaled(normal, dot(rest, normal)))
-    length, longest = norm(sideways), course.way.sliding * course.period
+    length, longest = norm(sideways), course.sliding * course.period
     if length > longest:
         rest = subtract(rest, scaled(sideways, 1.0 - longest / length))
     return add(rest, outwards)
@@ -259,8 +259,7 @@ def _step(course: Course, step: Vector) -> Vector:
 @compiled(error_model="numpy")
 def _held_back(course: Course, path: Vector) -> Vector:
     """The path, but no further against an obstacle than its force allows."""
-    way = course.way
-    resistance, pressed = vector(way.resistance), max(way.pressed, 0.0)
+    resistance, pressed = vector(course.resistance), max(course.pressed, 0.0)
     force = norm(resistance)
     if not force < math.inf:
         return vector(course.place)  # the obstacle's properties are unknown
@@ -273,7 +272,7 @@ def _held_back(course: Course, path: Vector) -> Vector:
         forget_contact(course.guard)
     inwards = vector(course.inwards)
     against = -dot(resistance, inwards) - pressed
-    observe(course.guard, dot(vector(way.here), inwards), against, against > OBSTACLE)
+    observe(course.guard, dot(vector(course.here), inwards), against, against > OBSTACLE)
     deeper = allowed_speed(course.guard, HELD * course.ceiling, 0.0)
     course.allowed += max(deeper * course.period, -course.longest)
     beyond = dot(path, inwards) - course.allowed
@@ -290,7 +289,7 @@ def go(course: Course, mesh: Mesh, target: Vector) -> float:
 
     On a surface of Python's own, Python goes on with `settle`.
     """
-    if course.begun and course.way.open:
+    if course.begun and course.open:
         step = _step(course, subtract(target, vector(course.place)))
         write(course.place, _held_back(course, add(vector(course.place), step)))
         if course.line.compiled:

@@ -32,13 +32,13 @@ from foretouch.quantities import pose as rigid
 from foretouch.quantities.pose import Vector
 from foretouch.rendering.surfaces import Surface
 from foretouch.rendering.surfaces.geometry import add, norm, scaled, subtract, vector, write
-from foretouch.rendering.surfaces.line import Closest, Line, Numbers3, rotate
+from foretouch.rendering.surfaces.line import Closest, Numbers3, rotate
 from foretouch.robot import RobotSample, RobotSpecification, SpatialSample
 from foretouch.session.network.model_sender import FieldSender
 from foretouch.session.network.playout import Playout
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.spatial.course import ClosestPoint, SurfaceLine
-from foretouch.session.spatial.safety import SpatialSafety
+from foretouch.session.spatial.safety import Space, SpatialSafety
 from foretouch.session.spatial.way_in import MISSED, MISSED_TICKS, Known
 from foretouch.session.steps import follower
 
@@ -108,6 +108,7 @@ class Beside(Record):
     pressed: float  # force along the normal [N], low-passed
     rubbed: Numbers3  # force along the surface [N], low-passed alike
     sliding: Numbers3  # velocity along it [m/s], low-passed alike
+    largest_offset: float  # of the sensor, which is no contact [N]
     bias: Numbers3  # the sensor's offset [N]
     bias_ticks: int  # number of ticks that it is known from
     free_ticks: int  # since free air began; negative for a while after a contact
@@ -115,69 +116,54 @@ class Beside(Record):
     point: Numbers3 = math.nan  # type: ignore[assignment]  # of the surface, in the fixture, in the tick before [m]
 
 
-class Sensed(NamedTuple):
-    """What the sensors showed in a tick, and what the law was learnt from.
-
-    Attributes:
-        place: Position of the probe [m].
-        force: On it [N].
-        sideways: Its part along the surface, less the offset [N].
-        pressed: Force along the normal that was learnt from [N].
-        depth: Depth that was learnt from [m].
-        in_contact: Whether that was contact.
-        good: Whether the sensors are valid.
-    """
-
-    place: Vector
-    force: Vector
-    sideways: Vector
-    pressed: float
-    depth: float
-    in_contact: bool
-    good: bool
-
-
 LEFT, MISSED_IT, TOLD = 1, 2, 4
 """Of a tick: contact was left; the surface was missed; the onset of a contact is known."""
 
 
 @compiled(error_model="numpy")
-def _in_free_air(beside: Beside, sensed: Sensed, largest_offset: float) -> int:
+def _in_free_air(beside: Beside, force: Vector, missed: bool) -> int:
     """Learn the sensor's offset. A robot that is deeper than where it was felt and feels nothing has missed it."""
     news, beside.touch.ticks = LEFT if beside.touch.ticks > 0 else 0, 0
     beside.free_ticks += 1
-    beside.missed_ticks = beside.missed_ticks + 1 if sensed.depth > MISSED and sensed.good else 0
+    beside.missed_ticks = beside.missed_ticks + 1 if missed else 0
     if beside.missed_ticks >= MISSED_TICKS:
         beside.missed_ticks = 0
         news |= MISSED_IT
-    away = subtract(sensed.force, vector(beside.bias))
+    away = subtract(force, vector(beside.bias))
     still = not norm(away) > QUIET or beside.bias_ticks < SETTLING
-    if beside.free_ticks > 0 and still and norm(sensed.force) < largest_offset:
+    if beside.free_ticks > 0 and still and norm(force) < beside.largest_offset:
         beside.bias_ticks += 1
         rate = max(1.0 / beside.bias_ticks, BIAS_RATE)
         write(beside.bias, add(vector(beside.bias), scaled(away, rate)))
     return news
 
 
-SENSED = "NamedTuple((UniTuple(f8, 3), UniTuple(f8, 3), UniTuple(f8, 3), f8, f8, b1, b1), Sensed)"
-
-
-@kernel(f"i8(Beside[::1], Line[::1], {SENSED}, i8, f8)", Line)
+@kernel("i8(Beside[::1], Space[::1], UniTuple(f8, 3), f8, f8, b1, b1, i8)", Space)
 def learn_beside(
-    besides: NDArray[np.void], lines: NDArray[np.void], sensed: Sensed, tick: int, largest_offset: float
+    besides: NDArray[np.void],
+    spaces: NDArray[np.void],
+    force: Vector,
+    pressed: float,
+    depth: float,
+    in_contact: bool,
+    good: bool,
+    tick: int,
 ) -> int:
-    """In free air the sensor's offset; in contact friction, and where the contact began. Returns what is news."""
-    beside, line = besides[0], lines[0]
-    point, sideways = vector(line.closest.inner_point), sensed.sideways
+    """In free air the sensor's offset; in contact friction, and where the contact began. Returns what is news.
+
+    The law was learnt from a force along the normal, pressed [N], and a depth [m]; the whole force is as measured [N].
+    """
+    beside, line, course = besides[0], spaces[0].probe, spaces[0].course
+    point, sideways = vector(line.closest.inner_point), vector(course.resistance)
     moved = subtract(point, vector(beside.point))
     write(beside.point, point)
-    if not sensed.in_contact:
-        return _in_free_air(beside, sensed, largest_offset)
+    if not in_contact:
+        return _in_free_air(beside, force, depth > MISSED and good)
     beside.free_ticks = -AFTER_CONTACT
     if math.isfinite(moved[0] + sideways[0] + sideways[1] + sideways[2]):
         rubbed, sliding = vector(beside.rubbed), vector(beside.sliding)
         speed = rotate(line, scaled(moved, 1.0 / SAMPLE_PERIOD))
-        beside.pressed += SMOOTHED * (sensed.pressed - beside.pressed)
+        beside.pressed += SMOOTHED * (pressed - beside.pressed)
         rubbed = add(rubbed, scaled(subtract(sideways, rubbed), SMOOTHED))
         sliding = add(sliding, scaled(subtract(speed, sliding), SMOOTHED))
         write(beside.rubbed, rubbed)
@@ -185,7 +171,7 @@ def learn_beside(
         if norm(sliding) > SLIDING:
             learn_friction(beside.friction, beside.pressed, rubbed, sliding, SAMPLE_PERIOD)
     before = beside.touch.tick
-    _feel(beside.touch, sensed.pressed, line.closest, sensed.place, tick)
+    _feel(beside.touch, pressed, line.closest, vector(course.here), tick)
     return TOLD if beside.touch.tick != before else 0
 
 
@@ -262,6 +248,7 @@ def start(
     """
     inner = follower.start(specification, settings, estimator, run=run)
     safety, besides = SpatialSafety(inner.safety, surface, pose, SAMPLE_PERIOD), Beside.new()
+    besides["largest_offset"] = inner.specification.largest_offset
     inner.playout = Playout(safety.go)
     friction, fields = FrictionEstimator(besides["friction"]), FieldSender(inner.run)
     return State(inner, safety, fields, settings.approach_speed, settings.largest_speed, besides, friction)
@@ -287,8 +274,8 @@ def step(state: State, inputs: follower.Inputs[SpatialSample], now_ns: int) -> t
         math.isfinite(state.belief.image_age),
         inner.safety.status < Status.HOLDING,
     )
-    shown, felt, sideways, inner.free, inner.slid, jump = safety.arrive(sample.place, force, known)
-    closest = ClosestPoint(*shown)
+    felt, inner.free, inner.slid, jump = safety.arrive(sample.place, force, known)
+    closest = safety.line.newest
     if jump:
         inner.learner.conditioner.shift(jump)
     try:
@@ -316,7 +303,7 @@ def step(state: State, inputs: follower.Inputs[SpatialSample], now_ns: int) -> t
     model, materials = None, None
     if failures.learns:
         try:
-            _learn_beside_the_law(state, sample, sideways)
+            _learn_beside_the_law(state, sample.force)
             model = None if allowed.model is None else _with_fixture(state, allowed.model, now_ns)
             materials = state.fields.due(estimator, now_ns)
         except Exception as error:
@@ -347,12 +334,11 @@ def _with_position(command: Command) -> Command:
     return msgspec.structs.replace(command, position=max(map(abs, position)) if known else math.nan)
 
 
-def _learn_beside_the_law(state: State, sample: SpatialSample, sideways: Vector) -> None:
+def _learn_beside_the_law(state: State, force: Vector) -> None:
     """See `learn_beside`, and take what is news."""
     inner, besides = state.inner, state.besides
-    learnt, good = inner.learner.sample, inner.watch.state is SensorState.GOOD
-    sensed = Sensed(sample.place, sample.force, sideways, learnt.force, learnt.depth, learnt.in_contact, good)
-    news = state.learn(besides, state.line.records, sensed, inner.tick, inner.specification.largest_offset)
+    learnt, good, spaces = inner.learner.sample, inner.watch.state is SensorState.GOOD, state.safety.spaces
+    news = state.learn(besides, spaces, force, learnt.force, learnt.depth, learnt.in_contact, good, inner.tick)
     if not learnt.in_contact:
         x, y, z = besides["bias"][0].tolist()
         state.bias = x, y, z

@@ -15,12 +15,12 @@ from foretouch.core import Kernel, Record, compiled, kernel
 from foretouch.messages import FixtureBelief
 from foretouch.quantities.pose import Vector
 from foretouch.rendering.surfaces import Surface
-from foretouch.rendering.surfaces.geometry import Array, Triangle, add, dot, norm, scaled, subtract, vector, write
+from foretouch.rendering.surfaces.geometry import Triangle, add, dot, norm, scaled, subtract, vector, write
 from foretouch.rendering.surfaces.god_object import MESH, Mesh
-from foretouch.rendering.surfaces.line import Line, Shown, follow_line, is_known, rotate, show
+from foretouch.rendering.surfaces.line import Line, follow_line, is_known, rotate
 from foretouch.session.safety.force_guard import ForceCap, limit_force, observe_force, slide
 from foretouch.session.safety.kernel import Memory
-from foretouch.session.safety.motion import Path, begin, go_on
+from foretouch.session.safety.motion import Bound, Path, begin, go_on
 from foretouch.session.safety.safety import Safety
 from foretouch.session.spatial.course import Course, SurfaceLine, begin_course, go, held_at, meet, settle
 from foretouch.session.spatial.way_in import SIDEWAYS_SHARE, Known, WayIn, believe_covariance, come_to, uncertainty_of
@@ -73,22 +73,21 @@ def _begin(space: Space, mesh: Mesh, place: Vector) -> None:
 
 
 VECTOR = "UniTuple(f8, 3)"
-SHOWN = f"Tuple((f8, f8, {VECTOR}, {VECTOR}, {VECTOR}))"
 KNOWN = "NamedTuple((f8, f8, f8, f8, b1, b1, b1, b1), Known)"
 
 
 @kernel(
-    f"Tuple(({SHOWN}, f8, {VECTOR}, f8, f8, f8))(Space[::1], Memory[::1], {MESH}, {VECTOR}, {VECTOR}, {KNOWN})",
+    f"UniTuple(f8, 4)(Space[::1], Memory[::1], {MESH}, {VECTOR}, {VECTOR}, {KNOWN})",
     Triangle,
 )
 def arrive(
     spaces: NDArray[np.void], memories: NDArray[np.void], mesh: Mesh, place: Vector, force: Vector, known: Known
-) -> tuple[Shown, float, Vector, float, float, float]:
+) -> tuple[float, float, float, float]:
     """Take the probe's position [m] and the force on it [N], before the step along the normal.
 
     Returns:
-        Its closest point; force along the normal, and along the surface [N]; up to where the air is free [m]; how far
-        the probe went across the surface [m]; and how far its coordinate went on though it did not move [m].
+        Force along the normal [N]; up to where the air is free [m]; how far the probe went across the surface [m]; and
+        how far its coordinate went on though it did not move [m].
     """
     space, memory = spaces[0], memories[0]
     line, course, before = space.probe, space.course, space.probe.offset
@@ -104,24 +103,22 @@ def arrive(
     felt = dot(force, normal)
     if felt < -LARGEST_PULL:
         felt = PULL_SHARE * (felt + LARGEST_PULL) - LARGEST_PULL
-    sideways = subtract(force, scaled(normal, felt))
     if not course.begun and math.isfinite(place[0]) and math.isfinite(place[1]) and math.isfinite(place[2]):
         begin_course(course, mesh, place)
         _begin(space, mesh, place)
     observe_force(space.cap, place, force, normal)
-    way = course.way
-    write(way.here, place)
-    write(way.resistance, sideways)
-    way.open, way.pressed, way.deeper = known.follows, known.force, known.deeper
-    way.sliding = slide(space.cap, _along_speed(space, memory, known))
+    write(course.here, place)
+    write(course.resistance, subtract(force, scaled(normal, felt)))
+    course.open, course.pressed, course.deeper = known.follows, known.force, known.deeper
+    course.sliding = slide(space.cap, _along_speed(space, memory, known))
     meet(course, mesh, line.offset)
-    return show(line.closest), felt, sideways, float(space.way_in.free), slid, float(jump)
+    return felt, float(space.way_in.free), slid, float(jump)
 
 
 @compiled
-def _bound(bound: Array, normal: Vector, speed: float) -> None:
+def _against(normal: Vector, speed: float) -> Bound:
     """Limit the speed against a normal [m/s]."""
-    bound[0], bound[1], bound[2], bound[3] = -normal[0], -normal[1], -normal[2], speed
+    return -normal[0], -normal[1], -normal[2], speed
 
 
 @compiled
@@ -146,18 +143,18 @@ def limit(
     before = vector(path.position)
     if not (course.begun and is_known(line) and math.isfinite(aim)):
         return before, aim
-    allowed, gone, asked = held_at(course, aim), vector(course.normal), path.asked
+    allowed, gone = held_at(course, aim), vector(course.normal)
     wanted, moved = limit_force(cap, allowed, before)
-    write(asked.wanted, wanted)
-    write(asked.shifted, add(moved, scaled(gone, -shifted)))
     deeper, outwards = max(fastest, 0.0), vector(line.closest.normal)
     facing = rotate(line, vector(space.way_in.pose.facing)) if line.closest.depth < 0.0 else NO_VECTOR
     # Beside an edge the approach was proven towards the edge, and not down to where the surface may go on.
     beside = not space.probe.closest.along < space.way_in.free and dot(facing, outwards) < ALIGNED
-    _bound(asked.bounds[0], facing, min(deeper, space.blind_speed) if beside else deeper)
-    _bound(asked.bounds[1], outwards, deeper)
-    _bound(asked.bounds[2], vector(cap.outwards), max(min(cap.fastest, deeper), 0.0))
-    go_on(path)
+    bounds = (
+        _against(facing, min(deeper, space.blind_speed) if beside else deeper),
+        _against(outwards, deeper),
+        _against(vector(cap.outwards), max(min(cap.fastest, deeper), 0.0)),
+    )
+    go_on(path, wanted, add(moved, scaled(gone, -shifted)), bounds)
     commanded = vector(path.position)
     position = aim + dot(subtract(allowed, commanded), gone)
     memory.motion.position[0] = position
@@ -166,7 +163,12 @@ def limit(
     return commanded, position
 
 
-_go = Kernel(go, f"f8(Course, {MESH}, {VECTOR})", Triangle)
+@kernel(f"f8(Space[::1], {MESH}, {VECTOR})", Triangle)
+def play(spaces: NDArray[np.void], mesh: Mesh, target: Vector) -> float:
+    """`go`, in the step along the normal."""
+    return go(spaces[0].course, mesh, target)
+
+
 _settle = Kernel(settle, f"(Course, {MESH})", Triangle)
 _begin_there = Kernel(_begin, f"(Space, {MESH}, {VECTOR})", Triangle)
 _went_there = Kernel(_went, f"(Space, Memory, {MESH})", Triangle)
@@ -177,10 +179,10 @@ class SpatialSafety:
 
     Before the step along the normal it takes the probe's position and force (`arrive`), in it the commands (`go`), and
     after it the aim (`limit`): the position on the course with this aim; no further against the force than `ForceCap`
-    allows; then `MotionLimits`, as on a line. Three directions are limited to the speed that safety allows: outside the
-    surface, against its mean normal, for it may be elsewhere than believed, so that another part of it is near; into
-    the surface from the robot's commanded position; and against the force on the probe or, where none is felt, into
-    the surface under it. Over a flat surface they are the same, at an edge they differ.
+    allows; then the limits of `Path`, as on a line. Three directions are limited to the speed that safety allows:
+    outside the surface, against its mean normal, for it may be elsewhere than believed, so that another part of it is
+    near; into the surface from the robot's commanded position; and against the force on the probe or, where none is
+    felt, into the surface under it. Over a flat surface they are the same, at an edge they differ.
 
     A surface of Python's own is touched by Python, before each compiled call or after it.
 
@@ -191,72 +193,72 @@ class SpatialSafety:
         sample_period: Sample period [s].
 
     Attributes:
+        spaces: Array of one `Space`.
         line: Line of the probe.
-        told: Line of the commanded positions.
-        way_in: Array of one `WayIn`.
     """
 
     def __init__(self, safety: Safety, surface: Surface, pose: Sequence[float], sample_period: float) -> None:
         limits = safety.limits
-        self._safety, self._spaces = safety, Space.new(blind_speed=safety.blind_speed)
-        courses, self.way_in = self._spaces["course"], self._spaces["way_in"]
+        self._safety, self.spaces = safety, Space.new(blind_speed=safety.blind_speed)
+        courses = self.spaces["course"]
         courses["ceiling"], courses["period"] = limits.force, sample_period
         courses["longest"], courses["returned"] = limits.speed * sample_period, limits.return_speed * sample_period
-        self._spaces["cap"] = ForceCap.new(
+        self.spaces["cap"] = ForceCap.new(
             ceiling=limits.force, most_damped=limits.most_damped, speed=limits.speed, period=sample_period
         )
-        self.way_in["pose"] = uncertainty_of(surface)
-        safety.in_space(self._spaces["path"])
-        self.line = SurfaceLine(surface, pose, records=self._spaces["probe"])
+        self.spaces["way_in"]["pose"] = uncertainty_of(surface)
+        safety.in_space(self.spaces["path"])
+        self.line = SurfaceLine(surface, pose, records=self.spaces["probe"])
         self._gone = SurfaceLine(surface, pose, records=courses["line"])
-        self.told = SurfaceLine(surface, pose, leads=False, records=self._spaces["told"])
+        self._told = SurfaceLine(surface, pose, leads=False, records=self.spaces["told"])
         self._python = not self.line.records["compiled"][0]
-        self._arrive, self._go, self._limit = arrive.entry, _go.entry, limit.entry
+        self._arrive, self._go, self._limit, self._begin = arrive.entry, play.entry, limit.entry, _begin_there.entry
 
     def believe(self, belief: FixtureBelief) -> bool:
         """Take a belief of the fixture's pose; whether it stands elsewhere."""
         elsewhere = self.line.believe(belief.pose)
         if elsewhere:
             self._gone.believe(belief.pose)
-            self.told.offset = self.line.offset
-            self.told.believe(belief.pose)
-        way = self.way_in[0]
-        believe_covariance(self.way_in["pose"], belief.covariance)
+            self._told.offset = self.line.offset
+            self._told.believe(belief.pose)
+        way = self.spaces[0].way_in
+        believe_covariance(self.spaces["way_in"]["pose"], belief.covariance)
         way.believed = belief.contacts + belief.images
         way.contradicted = way.contradicted and not way.believed > way.then
         return elsewhere
 
-    def arrive(self, place: Vector, force: Vector, known: Known) -> tuple[Shown, float, Vector, float, float, float]:
+    def arrive(self, place: Vector, force: Vector, known: Known) -> tuple[float, float, float, float]:
         """See the function `arrive`."""
         if self._python:
-            course = self._spaces["course"][0]
+            course = self.spaces["course"][0]
             self.line.touch(place)
             self._gone.touch(course.place.tolist() if course.begun else place)
             if not course.begun:
-                self.told.touch(place)
-        return self._arrive(self._spaces, self._safety.memories, self.line.shape, place, force, known)
+                self._told.touch(place)
+        return self._arrive(self.spaces, self._safety.memories, self.line.shape, place, force, known)
 
     def go(self, target: tuple[float, ...]) -> float:
         """One tick of the course towards a place [m]; returns its coordinate along the normal [m]."""
         x, y, z = target
-        course = self._spaces["course"][0]
-        along = self._go(course, self.line.shape, (x, y, z))
-        if self._python and course.begun and course.way.open:
-            self._gone.touch(course.place.tolist())
-            _settle(course, self.line.shape)
-            return float(course.along)
+        along = self._go(self.spaces, self.line.shape, (x, y, z))
+        if self._python:
+            course = self.spaces[0].course
+            if course.begun and course.open:
+                self._gone.touch(course.place.tolist())
+                _settle(course, self.line.shape)
+            along = float(course.along)
         return along
 
     def limit(self, aim: float) -> tuple[Vector, float]:
         """See the function `limit`."""
         safety, shape = self._safety, self.line.shape
-        commanded, along = self._limit(self._spaces, safety.memories, shape, aim, safety.fastest, safety.shifted)
-        if self._python and math.isfinite(aim) and self._spaces["course"][0].begun:
-            self.told.touch(commanded)
-            _went_there(self._spaces[0], safety.memories[0], shape)
+        commanded, along = self._limit(self.spaces, safety.memories, shape, aim, safety.fastest, safety.shifted)
+        if self._python and math.isfinite(aim) and self.spaces["course"][0].begun:
+            self._told.touch(commanded)
+            _went_there(self.spaces[0], safety.memories[0], shape)
         return commanded, along
 
     def begin(self, place: Vector) -> None:
         """Begin again at the robot's position [m], at rest."""
-        self.told.touch(place)
-        _begin_there(self._spaces[0], self.line.shape, place)
+        self._told.touch(place)
+        self._begin(self.spaces[0], self.line.shape, place)

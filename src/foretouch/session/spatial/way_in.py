@@ -168,27 +168,16 @@ class WayIn(Record):
 
 
 class Known(NamedTuple):
-    """What the follower along the normal knows when a tick begins.
+    """What the follower along the normal knows when a tick begins."""
 
-    Attributes:
-        surface: Where the surface was felt [m]; NaN before it was.
-        force: Force along the normal that was learnt from [N].
-        deeper: Speed at which safety lets the robot go deeper [m/s].
-        fastest: Largest speed along a surface that is felt, or far [m/s].
-        in_contact: Whether that force is contact.
-        good: Whether the sensors are valid.
-        seen: Whether a camera has shown the fixture.
-        follows: Whether the robot follows the commands.
-    """
-
-    surface: float
-    force: float
-    deeper: float
-    fastest: float
-    in_contact: bool
-    good: bool
-    seen: bool
-    follows: bool
+    surface: float  # where the surface was felt [m]; NaN before it was
+    force: float  # force along the normal that was learnt from [N]
+    deeper: float  # speed at which safety lets the robot go deeper [m/s]
+    fastest: float  # largest speed along a surface that is felt, or far [m/s]
+    in_contact: bool  # whether that force is contact
+    good: bool  # whether the sensors are valid
+    seen: bool  # whether a camera has shown the fixture
+    follows: bool  # whether the robot follows the commands
 
 
 @compiled
