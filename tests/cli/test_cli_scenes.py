@@ -71,14 +71,7 @@ def test_without_what_draws_images_it_goes_on_and_says_what_to_install(monkeypat
         (("--scene", "plane", "--material", "bone"), "stiffest = 100000.0: must be at least 1.071e.05 N/m, which bone"),
         (("--scene", "phantom", "--material", "kelvin-voigt"), "most_damped = 500.0: must be at least 2000 N s/m"),
         (("--scene", "plane", "--stiffest", "100"), "stiffest = 100.0: must be at least "),
-<<<<<<< HEAD
-        (
-            ("--scene", "plane", "--operator", "gamepad"),
-            "moves along one axis, and the scene plane is touched in three",
-        ),
-=======
         (("--scene", "plane", "--operator", "gamepad"), "moves along one axis, and the scene plane is touched in"),
->>>>>>> features
         (("--scene", "plane", "--operator", "browser"), "needs real time"),
         (("--scene", "plane", "--fusion", "luck"), "unknown fusion 'luck'"),
         (("--scene", "plane", "--image-fault", "hand:3"), "KIND:BEGIN:END"),

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from foretouch.quantities import Pose
-from foretouch.quantities.pose import RigidMotion, add, dot, norm, scaled, subtract, unit
+from foretouch.quantities.pose import RigidMotion, add, dot, norm, scaled, subtract
 
 number = st.floats(-1.0, 1.0)
 vector = st.tuples(number, number, number)
@@ -33,8 +33,3 @@ def test_vectors_are_numpys(a: tuple, b: tuple) -> None:
     np.testing.assert_allclose(subtract(a, b), first - second)
     assert math.isclose(dot(a, b), float(first @ second), abs_tol=1e-15)
     assert math.isclose(norm(a), float(np.linalg.norm(first)), abs_tol=1e-15)
-
-
-def test_what_has_no_direction_takes_the_other() -> None:
-    assert unit((0.0, 0.0, 1e-10), (1.0, 0.0, 0.0)) == (1.0, 0.0, 0.0)
-    assert unit((0.0, 3.0, 4.0), (1.0, 0.0, 0.0)) == (0.0, 0.6000000000000001, 0.8)

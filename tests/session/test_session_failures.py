@@ -25,8 +25,7 @@ from foretouch.session.runners import live
 from foretouch.session.safety.kernel import REST_FORCE
 from foretouch.session.spatial import follower as space
 from foretouch.session.spatial import make_scene, make_spatial_robot
-from foretouch.session.spatial.course import Course, SurfaceLine
-from foretouch.session.spatial.safety import LastLimit
+from foretouch.session.spatial.safety import SpatialSafety
 from foretouch.session.steps import follower
 from foretouch.session.steps.sensing import Failures
 
@@ -123,7 +122,7 @@ PLUG_IN = dataclasses.replace(LINE, model="kelvin-voigt", estimator="rls")
 """An estimator of Python, with the compiled stages around it."""
 
 ON_A_LINE: list[tuple[Any, str]] = [(Freshness, "judge"), (Playout, "advance"), (follower.sense_alone, ""), *LEARNING]
-IN_SPACE = [(MaterialFieldLearner, "update"), (space, "_with_position"), (Course, "go"), (FieldSender, "due")]
+IN_SPACE = [(MaterialFieldLearner, "update"), (space, "_with_position"), (SpatialSafety, "go"), (FieldSender, "due")]
 RARELY_IN_SPACE = [(MaterialFieldLearner, "touch_at"), (space, "_learn_beside_the_law"), (space, "_with_fixture")]
 
 
@@ -255,8 +254,8 @@ FOR_EVER = float("inf")
     [
         (LINE, follower.allow_alone, "", FOR_EVER),
         (SCENE, follower.allow_alone, "", FOR_EVER),
-        pytest.param(SCENE, SurfaceLine, "follow", FOR_EVER, marks=pytest.mark.long),
-        (SCENE, LastLimit, "update", FOR_EVER),
+        pytest.param(SCENE, SpatialSafety, "arrive", FOR_EVER, marks=pytest.mark.long),
+        (SCENE, SpatialSafety, "limit", FOR_EVER),
         pytest.param(SCENE, space, "_space", FOR_EVER, marks=pytest.mark.long),
         (LINE, Spoken, "publish", 1),
         (LINE, Spoken, "publish", FOR_EVER),

@@ -11,9 +11,7 @@ from hypothesis import strategies as st
 
 from foretouch.errors import SettingError
 from foretouch.quantities.pose import Vector
-from foretouch.session.safety.force_cap import ForceCap
-from foretouch.session.safety.force_guard import PATIENCE, STEEPER, FirstTouch
-from foretouch.session.safety.kernel import AIMED
+from foretouch.session.safety.force_guard import AIMED, PATIENCE, STEEPER, FirstTouch, ForceCap, observe_force
 from foretouch.session.safety.proven_way import CELL, GROWTH, ProvenWay, forget_way, observe_way, proven_speed
 from foretouch.session.safety.safety import SafetyLimits
 
@@ -237,10 +235,10 @@ UP: Vector = (0.0, 0.0, 1.0)
 
 
 def pressed(normal: Vector) -> ForceCap:
-    cap = ForceCap(CEILING, MOST_DAMPED, 0.25, 1e-3)
+    cap: ForceCap = ForceCap.new(ceiling=CEILING, most_damped=MOST_DAMPED, speed=0.25, period=1e-3)[0]
     for tick in range(200):
         depth = 1e-5 * tick
-        cap.observe((0.0, 0.0, -depth), (0.0, 0.0, STIFFNESS * depth), normal)
+        observe_force(cap, (0.0, 0.0, -depth), (0.0, 0.0, STIFFNESS * depth), normal)
     return cap
 
 

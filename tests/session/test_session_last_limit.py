@@ -10,6 +10,7 @@ import pytest
 from commanded import MS, CommandedInSpace
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from motion_limits import UNBOUNDED, MotionLimits
 
 from foretouch.messages import VERSION, Command, FixtureBelief
 from foretouch.quantities import Pose
@@ -17,7 +18,7 @@ from foretouch.quantities.pose import Vector
 from foretouch.rendering.surfaces import TriangleMesh
 from foretouch.robot import GantryArm, RobotSample, RobotSpecification, SpatialSample, make_material
 from foretouch.session import SessionSettings
-from foretouch.session.safety.motion import EMERGENCY, UNBOUNDED, MotionLimits
+from foretouch.session.safety.motion import EMERGENCY
 from foretouch.session.spatial import make_scene
 from foretouch.session.spatial.making import SpatialWorld
 from foretouch.session.spatial.scenes import MIDDLE, Scene

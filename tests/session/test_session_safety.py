@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from motion_limits import MotionLimits
 from pressed import ACCELERATION, JERK, SPEED, TICK, Pressed, kept
 
 from foretouch.errors import SettingError
 from foretouch.messages import STATUS_SENTENCES, Status
-from foretouch.session.safety.motion import MotionLimits
 from foretouch.session.safety.safety import Safety, SafetyLimits, Sensed
 
 

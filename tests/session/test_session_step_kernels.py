@@ -9,6 +9,7 @@ import subprocess
 import sys
 
 import pytest
+from motion_limits import UNBOUNDED, MotionLimits
 
 from foretouch.identification import SensorWatch
 from foretouch.identification.conditioning import watch as sensor_watch_kernel
@@ -16,7 +17,6 @@ from foretouch.session.safety import force_guard as force_guard_kernel
 from foretouch.session.safety import kernel as safety_kernel
 from foretouch.session.safety import motion as motion_limits_kernel
 from foretouch.session.safety.force_guard import PATIENCE, SOFTEST, ForceGuard, guarded_speed
-from foretouch.session.safety.motion import UNBOUNDED, MotionLimits
 from foretouch.session.safety.safety import Safety, SafetyLimits, Sensed
 
 TICK = 1e-3
@@ -24,7 +24,7 @@ KERNELS = (
     force_guard_kernel.guarded_speed,
     motion_limits_kernel.begin,
     motion_limits_kernel.limited,
-    motion_limits_kernel.moved,
+    motion_limits_kernel.go_on,
     safety_kernel.keep_safe,
     sensor_watch_kernel.look,
 )

@@ -15,8 +15,15 @@ from foretouch.robot import SpatialSample
 from foretouch.session import SessionSettings
 from foretouch.session.runners.warm_up import SPECIFICATION
 from foretouch.session.spatial import follower, make_scene, tracker
-from foretouch.session.spatial.safety import LARGEST_TURN, LARGEST_UNCERTAINTY, LEAST_TURN, PoseUncertainty
 from foretouch.session.spatial.scenes import NOMINAL, KnownSurface
+from foretouch.session.spatial.way_in import (
+    LARGEST_TURN,
+    LARGEST_UNCERTAINTY,
+    LEAST_TURN,
+    believe_covariance,
+    uncertainty_at,
+    uncertainty_of,
+)
 from foretouch.session.steps import follower as line_follower
 
 MS = 1_000_000
@@ -85,7 +92,7 @@ def test_three_touches_free_the_air_over_a_plane_and_one_near_it_until_a_surface
             assert feeler.over(x + 0.001, y) < 2e-3
             assert feeler.over(0.02, 0.02) > 0.02
     assert feeler.over(0.005, -0.005) < 1.5e-3
-    assert feeler.state.way_in.turn == LEAST_TURN
+    assert feeler.state.safety.spaces[0].way_in.turn == LEAST_TURN
     # It is missed: nothing is free until it is felt again, and then what is near to that is.
     feeler.glide(0.005, 0.0, 0.01)
     for height in np.linspace(0.01, -0.005, 100).tolist():
@@ -120,19 +127,21 @@ def covariance(place: Sequence[float], turn: Sequence[float]) -> tuple[float, ..
 
 
 def test_the_uncertainty_is_of_the_height_alone_and_a_turn_about_the_normal_inclines_nothing() -> None:
-    uncertainty = PoseUncertainty(Plane())
-    uncertainty.believe(covariance((0.02, 0.02, 1e-4), (1e-3, 1e-3, 0.3)))
-    nearer, turn = uncertainty.at((0.05, 0.0, 0.0), UP)
+    uncertainty = uncertainty_of(Plane())
+    believe_covariance(uncertainty, covariance((0.02, 0.02, 1e-4), (1e-3, 1e-3, 0.3)))
+    nearer, turn = uncertainty_at(uncertainty[0], (0.05, 0.0, 0.0), UP)
     assert nearer == pytest.approx(3.0 * math.hypot(1e-4, 5e-5) + 5e-4, rel=1e-9)
     assert turn == LEAST_TURN
-    assert uncertainty.at((0.05, 0.0, 0.0), (1.0, 0.0, 0.0))[0] == pytest.approx(3.0 * 0.02 + 5e-4, rel=1e-3)
+    assert uncertainty_at(uncertainty[0], (0.05, 0.0, 0.0), (1.0, 0.0, 0.0))[0] == pytest.approx(
+        3.0 * 0.02 + 5e-4, rel=1e-3
+    )
 
 
 @pytest.mark.parametrize("told", [(), (1.0,) * 6, (math.nan,) * 36, (-1.0,) * 36, (1e300,) * 36])
 def test_what_is_no_covariance_says_nothing(told: tuple[float, ...]) -> None:
-    uncertainty = PoseUncertainty(Plane())
-    uncertainty.believe(told)
-    assert uncertainty.at((0.01, 0.02, 0.0), UP) == (LARGEST_UNCERTAINTY, LARGEST_TURN)
+    uncertainty = uncertainty_of(Plane())
+    believe_covariance(uncertainty, told)
+    assert uncertainty_at(uncertainty[0], (0.01, 0.02, 0.0), UP) == (LARGEST_UNCERTAINTY, LARGEST_TURN)
 
 
 def flat(surface: Surface) -> bool:
@@ -146,7 +155,7 @@ def test_a_hill_is_uncertain_where_it_may_stand_elsewhere_along_itself() -> None
     sine, relief = hill.relief()
     assert 0.12 < sine < 0.15  # the steepest slope, 4 / 18 exp(-1 / 2), of which the grid sees the chords
     assert 3.9e-3 < relief <= 4e-3
-    uncertainty = PoseUncertainty(hill)
+    uncertainty = uncertainty_of(hill)
     for along, least, most in ((2e-4, 0.5e-3, 1e-3), (0.02, 4e-3, 6e-3)):
-        uncertainty.believe(covariance((along, along, 1e-5), (1e-5, 1e-5, 1e-5)))
-        assert least < uncertainty.at((0.075, 0.0, 0.004), UP)[0] < most
+        believe_covariance(uncertainty, covariance((along, along, 1e-5), (1e-5, 1e-5, 1e-5)))
+        assert least < uncertainty_at(uncertainty[0], (0.075, 0.0, 0.004), UP)[0] < most

@@ -69,10 +69,11 @@ def compiled(function: Any = None, /, **options: Any) -> Any:
 
 
 def _signature(written: str, function: Callable[..., Any], records: tuple[type[Record], ...] = ()) -> Any:
-    """The types of a function, with those of these records and of those that its module knows."""
+    """The types of a function, with those of these records, and of those and the named tuples that its module knows."""
     known = [kind for kind in function.__globals__.values() if _is_record(kind)]
     named = {kind.__name__: numba.from_dtype(kind.layout) for kind in (*known, *records)}
-    return eval(written, vars(numba.types) | named)
+    tuples = {name: kind for name, kind in function.__globals__.items() if hasattr(kind, "_fields")}
+    return eval(written, vars(numba.types) | tuples | named)
 
 
 def _is_record(kind: Any) -> bool:

@@ -1,11 +1,17 @@
-"""Friction from sliding: coefficient and viscous part, and their standard deviations."""
+"""Friction from sliding: coefficient and viscous part, and their standard deviations, compiled."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Annotated
 
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.core import Held, Kernel, Record, compiled
 from foretouch.identification.estimator import Status
+from foretouch.quantities.pose import Vector
 
 SLOWEST = 2e-3  # Least speed of sliding [m/s]: below it the probe may stick
 LEAST_NORMAL_FORCE = 0.3  # Least normal force [N]: below it the sensor's noise would be learnt
@@ -19,7 +25,7 @@ FORCE_NOISE, SHARE_NOISE = 0.05, 0.05
 MEMORY = 10.0  # Time constant of sliding after which samples are forgotten [s]: surfaces get wet, and dry
 
 PRIOR = (0.3, 0.0)
-PRIOR_DEVIATIONS = (0.5, 2.0)  # Standard deviations of mu [-] and c [N s/m] before the first sample
+LARGEST_A, LARGEST_D = 0.5**2, 2.0**2  # Variances of mu [-] and c [N s/m] before the first sample
 
 FEWEST, SURE = 50, 0.1
 """Least number of samples, and largest standard deviation of mu, for a known coefficient."""
@@ -31,8 +37,87 @@ LARGEST_FORCE = 1e3
 
 LARGEST_SPEED = 10.0  # Largest speed of a sample [m/s]; others are left out
 
+LEARNT, UNUSABLE, GATED, WAITING = range(4)
+RESULTS = Status.LEARNT, Status.UNUSABLE, Status.GATED, Status.WAITING
 
-class FrictionEstimator:
+
+class Friction(Record):
+    """State of a `FrictionEstimator`."""
+
+    theta: Annotated[NDArray[np.float64], float, 2] = PRIOR  # type: ignore[assignment]  # mu [-] and c [N s/m]
+    covariance: Annotated[NDArray[np.float64], float, 3] = (LARGEST_A, 0.0, LARGEST_D)  # type: ignore[assignment]
+    filtered: Annotated[NDArray[np.float64], float, 7] = math.nan  # type: ignore[assignment]  # the low-passed sample
+    start: Annotated[NDArray[np.float64], float, 3]  # direction in which the motion began
+    way: float  # distance in one direction [m]
+    updates: int
+
+
+@compiled
+def _goes_on(friction: Friction, direction: Vector, step: float) -> bool:
+    """Whether the probe has gone far enough in one direction."""
+    start = friction.start
+    dx, dy, dz = direction
+    if friction.way == 0.0 or dx * start[0] + dy * start[1] + dz * start[2] < SAME_DIRECTION:
+        start[0], start[1], start[2] = direction
+        friction.way = 0.0
+    friction.way += step
+    return bool(friction.way >= LEAST_WAY)
+
+
+@compiled(error_model="numpy")
+def _learn(friction: Friction, pressed: float, speed: float, against: float, period: float, share: float) -> None:
+    """One step of recursive least squares with forgetting, in the form of Joseph."""
+    theta, covariance = friction.theta, friction.covariance
+    mu, c = theta[0], theta[1]
+    forget = math.exp(period / MEMORY)
+    a, d = min(covariance[0] * forget, LARGEST_A), min(covariance[2] * forget, LARGEST_D)
+    b = min(max(covariance[1] * forget, -math.sqrt(a * d)), math.sqrt(a * d))
+    noise = (FORCE_NOISE * FORCE_NOISE + (SHARE_NOISE * against) * (SHARE_NOISE * against)) / share
+    error = against - mu * pressed - c * speed
+    ha, hd = a * pressed + b * speed, b * pressed + d * speed
+    expected = pressed * ha + speed * hd + noise
+    if error * error > 9.0 * expected:  # outliers from bumps and catching weigh less
+        noise += error * error / 9.0 - expected
+        expected = error * error / 9.0
+    ga, gd = ha / expected, hd / expected
+    theta[0], theta[1] = mu + ga * error, c + gd * error
+    p, q, r, s = 1.0 - ga * pressed, -ga * speed, -gd * pressed, 1.0 - gd * speed
+    covariance[0] = p * (p * a + q * b) + q * (p * b + q * d) + noise * ga * ga
+    covariance[1] = r * (p * a + q * b) + s * (p * b + q * d) + noise * ga * gd
+    covariance[2] = r * (r * a + s * b) + s * (r * b + s * d) + noise * gd * gd
+    friction.updates += 1
+
+
+@compiled(error_model="numpy")
+def learn_friction(friction: Friction, pressed: float, rubbed: Vector, sliding: Vector, period: float) -> int:
+    """See `FrictionEstimator.update`; the result is an index into `RESULTS`."""
+    values = (pressed, rubbed[0], rubbed[1], rubbed[2], sliding[0], sliding[1], sliding[2])
+    if not 0.0 < period < 1.0:
+        return UNUSABLE
+    for k in range(7):
+        if not abs(values[k]) <= (LARGEST_FORCE if k < 4 else LARGEST_SPEED):
+            return UNUSABLE
+    weight, now = -math.expm1(-period / SMOOTHING), friction.filtered
+    first = math.isnan(now[0])
+    for k in range(7):
+        before = values[k] if first else now[k]
+        now[k] = before + weight * (values[k] - before)
+    vx, vy, vz = now[4], now[5], now[6]
+    speed = math.sqrt(vx * vx + vy * vy + vz * vz)
+    if speed < SLOWEST or now[0] < LEAST_NORMAL_FORCE:
+        friction.way = 0.0
+        return GATED
+    if not _goes_on(friction, (vx / speed, vy / speed, vz / speed), speed * period):
+        return WAITING
+    against = -(now[1] * vx + now[2] * vy + now[3] * vz) / speed
+    _learn(friction, now[0], speed, against, period, weight)
+    return LEARNT
+
+
+_update = Kernel(learn_friction, "i8(Friction, f8, UniTuple(f8, 3), UniTuple(f8, 3), f8)")
+
+
+class FrictionEstimator(Held):
     r"""Recursive least squares of Coulomb and viscous friction on the force against the sliding.
 
     .. math:: -f_t \cdot \frac{v}{|v|} = \mu f_n + c |v|
@@ -42,6 +127,9 @@ class FrictionEstimator:
     the share of the low-pass's time that they are new; forgetting is by the time slid, and never beyond the prior.
     Where speed and normal force do not vary, mu and c cannot be told apart: the deviations say so.
 
+    Args:
+        frictions: Array of one `Friction` that this one takes, part of another record; None for one of its own.
+
     Attributes:
         coefficient: mu [-], 0 to 2.
         viscous: c [N s/m], not negative.
@@ -50,19 +138,17 @@ class FrictionEstimator:
         updates: Samples learnt from.
     """
 
-    __slots__ = ("_covariance", "_filtered", "_start", "_theta", "_way", "updates")
+    __slots__ = ()
 
-    def __init__(self) -> None:
+    updates: int
+
+    def __init__(self, frictions: NDArray[np.void] | None = None) -> None:
+        super().__init__(Friction.new() if frictions is None else frictions)
         self.reset()
 
     def reset(self) -> None:
         """Forget all samples."""
-        self._theta = PRIOR
-        self._covariance = (PRIOR_DEVIATIONS[0] ** 2, 0.0, PRIOR_DEVIATIONS[1] ** 2)
-        self._filtered: list[float] | None = None
-        self._start = (0.0, 0.0, 0.0)
-        self._way = 0.0
-        self.updates = 0
+        self.records[:] = Friction.new()
 
     def update(
         self, normal_force: float, tangential_force: Sequence[float], sliding: Sequence[float], period: float
@@ -75,63 +161,15 @@ class FrictionEstimator:
             sliding: Velocity v of the probe along the surface [m/s], three numbers.
             period: Time since the previous sample [s].
         """
-        values = [normal_force, *tangential_force, *sliding]
-        if not (0.0 < period < 1.0 and math.isfinite(sum(values))):
-            return Status.UNUSABLE
-        if max(map(abs, values[:4])) > LARGEST_FORCE or max(map(abs, values[4:])) > LARGEST_SPEED:
-            return Status.UNUSABLE
-        weight = -math.expm1(-period / SMOOTHING)
-        before = self._filtered or values
-        self._filtered = now = [old + weight * (new - old) for old, new in zip(before, values, strict=True)]
-        pressed, fx, fy, fz, vx, vy, vz = now
-        speed = math.sqrt(vx * vx + vy * vy + vz * vz)
-        if speed < SLOWEST or pressed < LEAST_NORMAL_FORCE:
-            self._way = 0.0
-            return Status.GATED
-        if not self._goes_on(vx / speed, vy / speed, vz / speed, speed * period):
-            return Status.WAITING
-        against = -(fx * vx + fy * vy + fz * vz) / speed
-        self._learn(pressed, speed, against, period, weight)
-        return Status.LEARNT
-
-    def _goes_on(self, dx: float, dy: float, dz: float, step: float) -> bool:
-        """Whether the probe has gone far enough in one direction."""
-        start = self._start
-        if self._way == 0.0 or dx * start[0] + dy * start[1] + dz * start[2] < SAME_DIRECTION:
-            self._start, self._way = (dx, dy, dz), 0.0
-        self._way += step
-        return self._way >= LEAST_WAY
-
-    def _learn(self, pressed: float, speed: float, against: float, period: float, share: float) -> None:
-        """One step of recursive least squares with forgetting, in the form of Joseph."""
-        mu, c = self._theta
-        forget = math.exp(period / MEMORY)
-        a = min(self._covariance[0] * forget, PRIOR_DEVIATIONS[0] ** 2)
-        d = min(self._covariance[2] * forget, PRIOR_DEVIATIONS[1] ** 2)
-        b = min(max(self._covariance[1] * forget, -math.sqrt(a * d)), math.sqrt(a * d))
-        noise = (FORCE_NOISE**2 + (SHARE_NOISE * against) ** 2) / share
-        error = against - mu * pressed - c * speed
-        ha, hd = a * pressed + b * speed, b * pressed + d * speed
-        expected = pressed * ha + speed * hd + noise
-        if error * error > 9.0 * expected:  # outliers from bumps and catching weigh less
-            noise += error * error / 9.0 - expected
-            expected = error * error / 9.0
-        ga, gd = ha / expected, hd / expected
-        self._theta = (mu + ga * error, c + gd * error)
-        p, q, r, s = 1.0 - ga * pressed, -ga * speed, -gd * pressed, 1.0 - gd * speed
-        self._covariance = (
-            p * (p * a + q * b) + q * (p * b + q * d) + noise * ga * ga,
-            r * (p * a + q * b) + s * (p * b + q * d) + noise * ga * gd,
-            r * (r * a + s * b) + s * (r * b + s * d) + noise * gd * gd,
-        )
-        self.updates += 1
+        (fx, fy, fz), (vx, vy, vz) = tangential_force, sliding
+        return RESULTS[_update.entry(self.records[0], normal_force, (fx, fy, fz), (vx, vy, vz), period)]
 
     @property
     def _bounded(self) -> tuple[float, float]:
         """The best mu and c within their bounds: where c would be negative it is 0, and mu what fits best with that."""
-        mu, c = self._theta
+        (mu, c), (_, b, d) = self.records["theta"][0].tolist(), self.records["covariance"][0].tolist()
         if c < 0.0:
-            mu, c = mu - self._covariance[1] / self._covariance[2] * c, 0.0
+            mu, c = mu - b / d * c, 0.0
         return min(max(mu, 0.0), LARGEST_COEFFICIENT), c
 
     @property
@@ -147,7 +185,8 @@ class FrictionEstimator:
     @property
     def deviations(self) -> tuple[float, float]:
         """Standard deviations of mu [-] and c [N s/m]."""
-        return math.sqrt(max(self._covariance[0], 0.0)), math.sqrt(max(self._covariance[2], 0.0))
+        a, _, d = self.records["covariance"][0].tolist()
+        return math.sqrt(max(a, 0.0)), math.sqrt(max(d, 0.0))
 
     @property
     def known(self) -> bool:

@@ -43,12 +43,6 @@ def norm(a: Vector) -> float:
     return math.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])  # calls nothing of this module: kernels compile it
 
 
-def unit(a: Vector, otherwise: Vector) -> Vector:
-    """The first vector with length 1; the second where the first has next to none (1e-9)."""
-    length = norm(a)
-    return scaled(a, 1.0 / length) if length > 1e-9 else otherwise
-
-
 class RigidMotion(NamedTuple):
     r"""Points of a body's frame to those of the frame it is seen from, :math:`p = R q + t`."""
 

@@ -20,26 +20,28 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core import Record, compiled
+from foretouch.core import Record, compiled, kernel
 from foretouch.quantities.pose import Vector
-from foretouch.rendering.surfaces.boxes import find_crossing, find_nearest
-from foretouch.rendering.surfaces.triangle_kernel import (
+from foretouch.rendering.surfaces.geometry import (
     FACE,
+    Array,
+    Ints,
+    Triangle,
     add,
     dot,
+    find_crossing,
+    find_nearest,
     nearest,
     scaled,
     side,
     subtract,
     vector,
+    write,
 )
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int32]
 
 
 class Mesh(NamedTuple):
-    """A mesh as the god object walks on it.
+    """A mesh as the god object walks on it; a plane has no triangles.
 
     Attributes:
         triangles: One `Triangle` each.
@@ -58,18 +60,25 @@ class Mesh(NamedTuple):
     closed: bool
 
 
+MESH = "NamedTuple((Triangle[::1], i4[::1], i4[::1], f8[:, ::1], i4[::1], b1), Mesh)"
+"""The types of a `Mesh`, for a kernel."""
+
+NO_MESH = Mesh(
+    Triangle.new(0), np.zeros(1, np.int32), np.zeros(0, np.int32), np.zeros((0, 6)), np.zeros(0, np.int32), False
+)
+
 UNKNOWN, FREE, TOUCHING = range(3)
 
 
 class Proxy(Record):
-    """The god object and the probe that it follows."""
+    """The god object and the probe that it follows; infinitely far outside before the first place."""
 
     state: int  # `UNKNOWN`, `FREE` or `TOUCHING`
     place: Annotated[Array, float, 3]  # of the probe [m]
-    point: Annotated[Array, float, 3]  # of the proxy [m]
+    point: Annotated[Array, float, 3] = math.nan  # type: ignore[assignment]  # of the proxy [m]
     triangle: int  # that it is on
-    normal: Annotated[Array, float, 3]
-    depth: float  # [m]
+    normal: Annotated[Array, float, 3] = (0.0, 0.0, 1.0)  # type: ignore[assignment]
+    depth: float = -math.inf  # [m]
     in_front: bool  # whether a free probe was on the outward side of the surface, not beyond its border
 
 
@@ -145,24 +154,19 @@ def _outside(mesh: Mesh, spot: Spot) -> Vector:
 
 
 @compiled
-def _write(numbers: Array, values: Vector) -> None:
-    numbers[0], numbers[1], numbers[2] = values
-
-
-@compiled
 def _remember(mesh: Mesh, proxy: Proxy, spot: Spot, touching: bool, place: Vector) -> None:
     """Write the positions of probe and proxy."""
     sign = 1.0 if touching else -1.0
     distance = math.sqrt(spot[1])
     proxy.state = TOUCHING if touching else FREE
-    _write(proxy.place, place)
-    _write(proxy.point, spot[2])
+    write(proxy.place, place)
+    write(proxy.point, spot[2])
     proxy.triangle = spot[0]
     proxy.depth = sign * distance
     if distance > NO_DIRECTION:
-        _write(proxy.normal, scaled(subtract(spot[2], place), sign / distance))
+        write(proxy.normal, scaled(subtract(spot[2], place), sign / distance))
     else:
-        _write(proxy.normal, vector(mesh.triangles[spot[0]].normals[spot[3]]))
+        write(proxy.normal, vector(mesh.triangles[spot[0]].normals[spot[3]]))
 
 
 @compiled
@@ -181,8 +185,8 @@ def _enter(mesh: Mesh, proxy: Proxy, start: Vector, place: Vector) -> bool:
 
 
 @compiled
-def _follow(mesh: Mesh, proxy: Proxy, place: Vector) -> None:
-    """Move the probe on to a place, and the proxy after it."""
+def move(mesh: Mesh, proxy: Proxy, place: Vector) -> None:
+    """Move the probe on to a place [m], finite, and the proxy after it."""
     start = add(vector(proxy.place), scaled(vector(proxy.normal), NUDGE))
     last = proxy.triangle
     near = False  # whether something may have been crossed on the way
@@ -206,9 +210,9 @@ def _follow(mesh: Mesh, proxy: Proxy, place: Vector) -> None:
     proxy.in_front = not (border or inside)
 
 
-@compiled
+@kernel(f"Tuple((f8, UniTuple(f8, 3), UniTuple(f8, 3), i8))({MESH}, Proxy[::1], f8, f8, f8)")
 def follow(mesh: Mesh, proxies: NDArray[np.void], x: float, y: float, z: float) -> tuple[float, Vector, Vector, int]:
-    """Move the probe on to a place [m], finite, and its proxy after it: depth [m], normal, point [m] and triangle."""
+    """`move`; then depth [m], normal, point [m] and triangle."""
     proxy = proxies[0]
-    _follow(mesh, proxy, (x, y, z))
+    move(mesh, proxy, (x, y, z))
     return float(proxy.depth), vector(proxy.normal), vector(proxy.point), int(proxy.triangle)

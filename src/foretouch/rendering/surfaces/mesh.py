@@ -9,12 +9,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from foretouch.errors import SettingError
 from foretouch.errors.checks import require
-from foretouch.rendering.surfaces.surface import Array, Memory, Surface, SurfaceContact
+from foretouch.rendering.surfaces import god_object
+from foretouch.rendering.surfaces.geometry import Array, Ints, Triangle, build_boxes
+from foretouch.rendering.surfaces.surface import Memory, Surface, SurfaceContact
 
 LARGEST_COORDINATE = 100.0
 """Coordinates beyond this [m] are refused: the file is in other units, and crossings are told to a nanometre."""
-
-Ints = NDArray[np.int32]
 
 
 class TriangleMesh(Surface):
@@ -33,6 +33,7 @@ class TriangleMesh(Surface):
         vertices: As given, those of no face too.
         faces: As given.
         closed: Whether every edge has two triangles.
+        shape: What compiled code walks on.
 
     Raises:
         SettingError: Not a surface: shapes, numbers, faces without area, edges with more than two triangles or with two
@@ -40,10 +41,6 @@ class TriangleMesh(Surface):
     """
 
     def __init__(self, vertices: ArrayLike, faces: ArrayLike) -> None:
-        from foretouch.rendering.surfaces import god_object  # compiled code is loaded when it is needed
-        from foretouch.rendering.surfaces.boxes import build_boxes
-        from foretouch.rendering.surfaces.triangle_kernel import Triangle
-
         self.vertices = np.array(vertices, dtype=np.float64)
         self.faces = np.array(faces, dtype=np.int64)
         _check(self.vertices, self.faces)
@@ -64,16 +61,15 @@ class TriangleMesh(Surface):
             neighbours=neighbours,
             border=_border(self.faces, neighbours, len(self.vertices)),
         )
-        self._mesh = god_object.Mesh(triangles, fan_starts, fans, *build_boxes(corners), self.closed)
-        self._kernel = god_object
+        self.shape = god_object.Mesh(triangles, fan_starts, fans, *build_boxes(corners), self.closed)
 
     def initial_memory(self) -> Memory:
         """See `Surface.initial_memory`."""
-        return self._kernel.Proxy.new()
+        return god_object.Proxy.new()
 
     def follow(self, memory: Memory, x: float, y: float, z: float) -> SurfaceContact:
         """See `Surface.follow`."""
-        return SurfaceContact(*self._kernel.follow(self._mesh, memory, x, y, z))
+        return SurfaceContact(*god_object.follow.entry(self.shape, memory, x, y, z))
 
     def outline(self) -> tuple[Array, NDArray[np.int64]]:
         """See `Surface.outline`."""

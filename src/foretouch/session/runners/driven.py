@@ -204,7 +204,7 @@ class SpaceFollower(DrivenFollower):
         if 0.0 < size < math.inf:
             follower.feel_plainly(self.state, size)
             self.desired = add(self.desired, scaled(force, self._back / size))
-            self._whole.last.begin(self.desired)
+            self._whole.safety.begin(self.desired)
 
 
 class OperatorClock:

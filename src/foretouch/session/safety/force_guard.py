@@ -1,17 +1,28 @@
 """How fast a robot may go deeper, or has to retreat, so that a force approaches a limit without passing it.
 
-With it the follower guards a contact that the leader does not know yet.
+With it the follower guards a contact that the leader does not know yet, and in space keeps the force below its ceiling
+in every direction, whatever normal is believed.
 """
 
 from __future__ import annotations
 
 import math
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.core import Kernel, Record, compiled, kernel
 from foretouch.errors.checks import require
+from foretouch.quantities.pose import Vector
+from foretouch.rendering.surfaces.geometry import add, dot, norm, scaled, subtract, vector, write
+
+Numbers3 = Annotated[NDArray[np.float64], float, 3]
+
+AIMED = 0.88
+"""Fraction of the force ceiling that a press is brought to: the zero of a sensor that began in contact may err by 1 N,
+and an arm that leaves a damped contact and stops swings back into it. At 0.95 a search led to 15.1 N in
+Kelvin-Voigt."""
 
 PATIENCE = 0.01
 """Time constant with which a force is brought to its limit [s]: longer than the delay of sensor and drive."""
@@ -42,6 +53,13 @@ class ForceGuard(Record):
     force: float = math.nan  # the newest [N]; NaN if unknown
     reference: float = math.nan  # position where the newest tangent starts [m]
     reference_force: float = math.nan  # there [N]
+
+
+@compiled
+def forget_contact(guard: ForceGuard) -> None:
+    """Begin anew: the next contact is with something else."""
+    guard.stiffness = SOFTEST
+    guard.onset = guard.force = guard.reference = guard.reference_force = math.nan
 
 
 @compiled
@@ -194,3 +212,135 @@ class FirstTouch:
             known_surface: Surface of the newest model that the leader is known to render from [m]; NaN for none.
         """
         return _guarded_position.entry(self._touch, desired, position, force, in_contact, known_surface)
+
+
+SLOWED = 0.6  # Fraction of the force ceiling above which sliding slows down, until it stops at `AIMED`
+
+AHEAD, RATE_WEIGHT = 0.02, 0.2
+"""Look-ahead time of the force for sliding [s], and weight of a tick in the smoothing of the force's rate."""
+
+RECOVERY = 0.002
+"""Fraction of its speed by which a slide that was slowed may grow per tick: a probe that slips after it has stuck would
+otherwise reach full speed before its force is felt."""
+
+CONE = 0.8  # Cosine of the largest angle between force and normal that friction explains
+FELT = 1.0  # Smallest force that counts as a contact that matters [N]
+
+
+class ForceCap(Record):
+    """Force limit in space: along the measured force, whatever normal is believed.
+
+    Within the cone in which friction may turn a force its direction is that of the believed normal: friction turns
+    when the probe slides back along it.
+
+    The position goes no deeper against the force than `ForceGuard` allows for 88 % of the ceiling, by the distance that
+    the probe has moved against it, and retreats where that is exceeded. Where the normal does not explain the force,
+    what was proven along it says nothing of this material, which counts as damped as an untouched one. A slide is
+    slowed down while the force nears the ceiling: a surface that rises on the way makes a force grow that no depth
+    explains.
+    """
+
+    ceiling: float  # of the force [N]
+    most_damped: float  # damping assumed of an untouched material [N s/m]
+    speed: float  # largest of the robot [m/s]
+    period: float  # T [s]
+    guard: ForceGuard
+    here: Numbers3 = math.nan  # type: ignore[assignment]  # of the probe when a force was last known [m], or NaN
+    place: Numbers3  # newest allowed position [m]
+    outwards: Numbers3 = (0.0, 0.0, 1.0)  # type: ignore[assignment]  # direction of the force
+    way: float  # distance moved against the force [m]
+    force: float  # [N]
+    rate: float  # of the force [N/s], smoothed
+    fastest: float  # largest speed against the force, negative where it has to retreat [m/s]
+    sliding: float = 1.0  # fraction of the speed at which the probe may slide
+    slide: float  # speed at which it may [m/s]
+    known: bool  # whether the force is
+    limits: bool  # whether there is an allowed position
+
+
+@compiled(error_model="numpy")
+def observe_force(cap: ForceCap, here: Vector, force: Vector, normal: Vector) -> None:
+    """Take the probe's position [m], the measured force [N] and the believed normal.
+
+    A NaN force is unknown: nothing slides, and nothing goes deeper.
+    """
+    size = norm(force)
+    if not (size < math.inf and math.isfinite(here[0]) and math.isfinite(here[1]) and math.isfinite(here[2])):
+        observe(cap.guard, math.nan, math.nan, False)
+        cap.fastest = allowed_speed(cap.guard, 0.0, 0.0)
+        cap.known, cap.sliding = False, 0.0
+        return
+    felt = size > FELT
+    unexplained = felt and dot(force, normal) <= CONE * size
+    outwards = scaled(force, 1.0 / size) if unexplained else normal
+    if felt and not math.isnan(cap.here[0]):
+        cap.way -= dot(subtract(here, vector(cap.here)), outwards)
+    cap.known = True
+    write(cap.outwards, outwards)
+    write(cap.here, here)
+    observe(cap.guard, cap.way, size, felt)
+    deeper = allowed_speed(cap.guard, AIMED * cap.ceiling, cap.most_damped if unexplained else 0.0)
+    cap.fastest = deeper if felt else math.inf
+    cap.rate += RATE_WEIGHT * ((size - cap.force) / cap.period - cap.rate)
+    cap.force = size
+    coming = size + max(cap.rate, 0.0) * AHEAD
+    allowed = (AIMED * cap.ceiling - coming) / ((AIMED - SLOWED) * cap.ceiling)
+    cap.sliding = min(max(allowed, 0.0), 1.0, cap.sliding + RECOVERY)
+
+
+@compiled
+def slide(cap: ForceCap, fastest: float) -> float:
+    """Largest speed at which the probe may slide now, given the speed that all other limits allow [m/s].
+
+    In contact it grows no faster than a slowed slide recovers, however suddenly more becomes allowed.
+    """
+    speed = cap.sliding * fastest
+    if cap.force > FELT:
+        speed = min(speed, cap.slide + RECOVERY * cap.speed)
+    cap.slide = speed
+    return float(speed)
+
+
+@compiled
+def limit_force(cap: ForceCap, wanted: Vector, commanded: Vector) -> tuple[Vector, Vector]:
+    """Allowed position, and its displacement by a limit, which is no motion of the position [m].
+
+    Args:
+        cap: Written.
+        wanted: Wanted position [m].
+        commanded: Position commanded to the robot in the tick before [m].
+    """
+    before, shifted = vector(cap.place), (0.0, 0.0, 0.0)
+    if not cap.limits:
+        cap.limits = True
+        write(cap.place, wanted)
+        return wanted, shifted
+    if not cap.known:
+        return before, shifted
+    outwards, deeper = vector(cap.outwards), max(cap.fastest, 0.0)
+    # Never beyond the next position on the path, for the probe would slide and press on by itself.
+    shifted = subtract(add(commanded, _shortened(cap, subtract(before, commanded), cap.slide * PATIENCE)), before)
+    before = add(before, shifted)
+    place = add(before, _shortened(cap, subtract(wanted, before), cap.slide * cap.period))
+    if cap.force > FELT:
+        back = max(dot(subtract(commanded, before), outwards) - deeper * PATIENCE, 0.0)
+        inwards = back - dot(subtract(place, before), outwards)
+        most = min(max(cap.fastest, -cap.speed), cap.speed) * cap.period
+        if inwards > most:
+            place = add(place, scaled(outwards, inwards - most))
+            shifted = add(shifted, scaled(outwards, back))
+    write(cap.place, place)
+    return place, shifted
+
+
+@compiled(error_model="numpy")
+def _shortened(cap: ForceCap, step: Vector, longest: float) -> Vector:
+    """Shorten a step so that its part across the force is at most this long [m].
+
+    A course that leaves a surface inclined otherwise than believed may slide along the true one.
+    """
+    outwards = vector(cap.outwards)
+    along = scaled(outwards, dot(step, outwards))
+    across = subtract(step, along)
+    length = norm(across)
+    return add(along, scaled(across, longest / length)) if length > longest else step

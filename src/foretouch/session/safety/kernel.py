@@ -10,14 +10,9 @@ from numpy.typing import NDArray
 
 from foretouch.core import Record, compiled, kernel
 from foretouch.messages import Status
-from foretouch.session.safety.force_guard import AWAY, PATIENCE, ForceGuard, allowed_speed, observe
+from foretouch.session.safety.force_guard import AIMED, AWAY, PATIENCE, ForceGuard, allowed_speed, observe
 from foretouch.session.safety.motion import Path, begin, limited
 from foretouch.session.safety.proven_way import CELL, CELLS, ProvenWay, observe_way, proven_force, proven_speed
-
-AIMED = 0.88
-"""Fraction of the force ceiling that a press is brought to: the zero of a sensor that began in contact may err by 1 N,
-and an arm that leaves a damped contact and stops swings back into it. At 0.95 a search led to 15.1 N in
-Kelvin-Voigt."""
 
 PROVEN_FRACTION = 0.75
 """Fraction of the ceiling up to which a crossing at one speed permits a higher one: a robot that sets out overshoots

@@ -12,18 +12,14 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core import Kernel, Record, compiled, kernel
+from foretouch.core import Record, compiled
 from foretouch.errors.checks import require
 from foretouch.models.predictor import VELOCITY_CUTOFF
-from foretouch.quantities import pose as rigid
-from foretouch.quantities.pose import Vector, norm
+from foretouch.quantities.pose import Vector
+from foretouch.rendering.surfaces.geometry import add, dot, norm, scaled, subtract, vector, write
 
 Array = NDArray[np.float64]
 
-Bound = tuple[float, float, float, float]
-"""A direction of length 1 and the largest speed of the path that way [m/s], not negative."""
-
-UNBOUNDED: Bound = (0.0, 0.0, 0.0, math.inf)  # Bound that limits nothing
 RATE = 100.0  # Lambda: decay rate of a lag [rad/s]
 LOCKING = 0.1  # Fraction of the largest change of velocity in a tick within which the path locks onto the stream
 
@@ -36,34 +32,15 @@ FARTHEST = 1e3  # Largest coordinate of a valid position [m]: beyond it nothing 
 
 Numbers3 = Annotated[Array, float, 3]
 
+Bound = tuple[float, float, float, float]
+"""A direction of length 1 in which going on is dangerous, and the largest speed of the path that way [m/s]."""
 
-class Asked(Record):
-    """Inputs of a tick: see `MotionLimits.move`."""
-
-    wanted: Numbers3  # [m]
-    shifted: Numbers3  # [m]
-    bounds: Annotated[Array, float, (3, 4)]
+Bounds = tuple[Bound, Bound, Bound]
+UNBOUNDED: Bound = (0.0, 0.0, 0.0, math.inf)  # Bound that limits nothing
 
 
 class Path(Record):
-    """A path, the stream that it follows, and its limits; on a line the first of three numbers is all of it."""
-
-    position: Numbers3  # [m]
-    velocity: Numbers3  # [m/s]
-    acceleration: Numbers3  # [m/s^2]
-    before: Numbers3  # newest position of the stream [m]
-    stream: Numbers3  # u [m/s]
-    asked: Asked
-    speed: float  # V [m/s]
-    largest: float  # A [m/s^2]
-    jerk: float  # J [m/s^3]
-    period: float  # T [s]
-    gain: float  # of the low-pass of u
-    caught: bool  # whether the stream was caught up with
-
-
-class MotionLimits:
-    r"""Follows a stream of places exactly where that is within the limits, and as quickly as they allow elsewhere.
+    r"""Follows a stream of places exactly where that is within its limits, and as quickly as they allow elsewhere.
 
     A path begins where the robot is, at rest (`begin`). A step that leads to the stream, at a velocity not far from its
     own, and keeps all three limits is taken as it is. Otherwise, with the lag e of the path behind the stream, the
@@ -90,117 +67,30 @@ class MotionLimits:
     Two ticks that brake one after the other in opposite directions come near to the last one. On a line the one
     direction is where positions grow, and it is 6 A: 5 A of braking, and A the other way.
 
-    Once begun at numbers the path has numbers, whatever is asked.
-
-    Args:
-        speed: V [m/s], positive.
-        acceleration: A [m/s^2], positive.
-        jerk: J [m/s^3], positive.
-        sample_period: T [s], positive.
-        paths: Array of one `Path` that this one takes, part of another record; None for one of its own.
+    Once begun at numbers the path has numbers, whatever is asked. On a line the first of three numbers is all of it.
     """
 
-    __slots__ = ("_asked", "_paths")
+    position: Numbers3 = math.nan  # type: ignore[assignment]  # [m]
+    velocity: Numbers3  # v [m/s]
+    acceleration: Numbers3  # a [m/s^2]
+    before: Numbers3  # newest position of the stream [m]
+    stream: Numbers3  # u [m/s]
+    speed: float  # V [m/s]
+    largest: float  # A [m/s^2]
+    jerk: float  # J [m/s^3]
+    period: float  # T [s]
+    gain: float  # of the low-pass of u
+    caught: bool  # whether the stream was caught up with
 
-    def __init__(
-        self,
-        speed: float,
-        acceleration: float,
-        jerk: float,
-        sample_period: float,
-        *,
-        paths: NDArray[np.void] | None = None,
-    ) -> None:
-        require("speed", speed, above=0.0)
-        require("acceleration", acceleration, above=0.0)
-        require("jerk", jerk, above=0.0)
-        require("sample_period", sample_period, above=0.0)
-        gain = -math.expm1(-2.0 * math.pi * VELOCITY_CUTOFF * sample_period)
-        made = Path.new(
-            position=math.nan, speed=speed, largest=acceleration, jerk=jerk, period=sample_period, gain=gain
-        )
-        self._paths = made if paths is None else paths
-        self._paths[:] = made
-        self._asked = self._paths["asked"].view(np.float64)
 
-    @property
-    def place(self) -> Vector:
-        """Position of the path [m]; NaN before it has begun."""
-        return self._vector("position")
-
-    @property
-    def velocity(self) -> Vector:
-        """Velocity of the path [m/s]."""
-        return self._vector("velocity")
-
-    @property
-    def acceleration(self) -> Vector:
-        """Acceleration of the path [m/s^2]."""
-        return self._vector("acceleration")
-
-    @property
-    def speed(self) -> float:
-        """Speed of the path [m/s], not negative."""
-        return norm(self.velocity)
-
-    def _vector(self, name: str) -> Vector:
-        ((x, y, z),) = self._paths[name].tolist()
-        return x, y, z
-
-    def begin(self, x: float, y: float = 0.0, z: float = 0.0) -> None:
-        """Begin where the robot is, at rest [m]."""
-        _begin.entry(self._paths[0], x, y, z)
-
-    def update(self, wanted: float, upwards: float = math.inf, shifted: float = 0.0) -> float:
-        """One tick on a line: the next position of the path [m]; no number before it has begun.
-
-        Args:
-            wanted: Newest position of the stream [m]; no number means to stay.
-            upwards: Where positions grow the path is no faster than this either [m/s], not negative; a path that is,
-                brakes.
-            shifted: Displacement of the stream by a limit since the last tick [m], which is no motion of it; NaN, or
-                more than 1 km, is 0.
-        """
-        return _limited.entry(self._paths[0], wanted, upwards, shifted)
-
-    def move(
-        self,
-        wanted: Vector,
-        bounds: tuple[Bound, Bound, Bound] = (UNBOUNDED, UNBOUNDED, UNBOUNDED),
-        shifted: Vector = (0.0, 0.0, 0.0),
-    ) -> Vector:
-        """One tick in space: the next place of the path [m]; no numbers before it has begun.
-
-        Args:
-            wanted: Newest place of the stream [m]; one with no number, or beyond 1 km, means to stay.
-            bounds: Directions in which going on is dangerous; where they are at odds, the last comes first. One without
-                numbers is none, and a speed that is no number is 0.
-            shifted: Displacement of the stream by a limit since the last tick [m], which is no motion of it; NaN, or
-                more than 1 km, is 0.
-        """
-        first, second, third = bounds
-        self._asked[:] = wanted + shifted + first + second + third
-        moved(self._paths)
-        return self.place
+def new_path(speed: float, acceleration: float, jerk: float, sample_period: float) -> NDArray[np.void]:
+    """One `Path` that has not begun, with V, A, J and T, all positive."""
+    require("sample_period", sample_period, above=0.0)
+    gain = -math.expm1(-2.0 * math.pi * VELOCITY_CUTOFF * sample_period)
+    return Path.new(speed=speed, largest=acceleration, jerk=jerk, period=sample_period, gain=gain)
 
 
 NOTHING: Vector = (0.0, 0.0, 0.0)
-
-_add = compiled(rigid.add)
-_dot = compiled(rigid.dot)
-_norm = compiled(rigid.norm)
-_scaled = compiled(rigid.scaled)
-_subtract = compiled(rigid.subtract)
-
-
-@compiled
-def _vector(numbers: Array) -> Vector:
-    return numbers[0], numbers[1], numbers[2]
-
-
-@compiled
-def _write(numbers: Array, vector: Vector) -> None:
-    numbers[0], numbers[1], numbers[2] = vector
 
 
 @compiled
@@ -213,127 +103,128 @@ def _know(vector: Vector, otherwise: Vector) -> Vector:
 @compiled
 def _clip(vector: Vector, longest: float) -> Vector:
     """Limit a vector to this length."""
-    length = _norm(vector)
-    return _scaled(vector, longest / length) if length > longest else vector
+    length = norm(vector)
+    return scaled(vector, longest / length) if length > longest else vector
 
 
 @compiled
-def _slow_down(path: Path, velocity: Vector) -> Vector:
+def _slow_down(velocity: Vector, bounds: Bounds) -> Vector:
     """Limit a velocity to the bounds."""
-    for bound in path.asked.bounds:
-        direction = _vector(bound)
-        beyond = _dot(velocity, direction) - bound[3]
+    for bound in bounds:
+        direction = bound[:3]
+        beyond = dot(velocity, direction) - bound[3]
         if beyond > 0.0:
-            velocity = _subtract(velocity, _scaled(direction, beyond))
+            velocity = subtract(velocity, scaled(direction, beyond))
     return velocity
 
 
 @compiled
-def _is_within(path: Path, velocity: Vector, last_velocity: Vector, last_acceleration: Vector) -> bool:
+def _is_within(path: Path, velocity: Vector, last_velocity: Vector, last_acceleration: Vector, bounds: Bounds) -> bool:
     """Whether a step at this velocity keeps all limits, and the next ones can."""
     period, speed, jerk = path.period, path.speed, path.jerk
-    acceleration = _scaled(_subtract(velocity, last_velocity), 1.0 / period)
-    size = _norm(acceleration)
+    acceleration = scaled(subtract(velocity, last_velocity), 1.0 / period)
+    size = norm(acceleration)
     # While the acceleration returns to 0 at the largest jerk, the velocity grows by this amount.
     coming = max(size / (2.0 * jerk) - 0.5 * period, 0.0)
-    if not (_norm(velocity) <= speed and _norm(_add(velocity, _scaled(acceleration, coming))) <= speed):
+    if not (norm(velocity) <= speed and norm(add(velocity, scaled(acceleration, coming))) <= speed):
         return False
-    for bound in path.asked.bounds:
-        if not _dot(velocity, _vector(bound)) <= bound[3]:
+    for bound in bounds:
+        if not dot(velocity, bound[:3]) <= bound[3]:
             return False
-    change = _norm(_subtract(acceleration, last_acceleration))
+    change = norm(subtract(acceleration, last_acceleration))
     return bool(size <= path.largest and change <= jerk * period)
 
 
 @compiled
-def _brake(path: Path, velocity: Vector, last_velocity: Vector, lag: Vector) -> Vector:
+def _brake(path: Path, velocity: Vector, last_velocity: Vector, lag: Vector, bounds: Bounds) -> Vector:
     """Brake so as to go no further or faster than commanded in a dangerous direction, if the path can stop."""
     period = path.period
     hardest = EMERGENCY * path.largest * period
     braked = velocity
-    for bound in path.asked.bounds:
-        direction = _vector(bound)
-        most = min(max(_dot(lag, direction) / period, 0.0), bound[3])
-        fast = _dot(braked, direction)
+    for bound in bounds:
+        direction = bound[:3]
+        most = min(max(dot(lag, direction) / period, 0.0), bound[3])
+        fast = dot(braked, direction)
         if fast > most:
-            slower = min(fast, max(most, _dot(last_velocity, direction) - hardest))
-            braked = _subtract(braked, _scaled(direction, fast - slower))
-    return _add(last_velocity, _clip(_subtract(braked, last_velocity), hardest))
+            slower = min(fast, max(most, dot(last_velocity, direction) - hardest))
+            braked = subtract(braked, scaled(direction, fast - slower))
+    return add(last_velocity, _clip(subtract(braked, last_velocity), hardest))
 
 
 @compiled
-def _catch_up(path: Path, lag: Vector, stream: Vector, last_velocity: Vector, last_acceleration: Vector) -> Vector:
+def _catch_up(
+    path: Path, lag: Vector, stream: Vector, last_velocity: Vector, last_acceleration: Vector, bounds: Bounds
+) -> Vector:
     """The velocity with which a path that is not with the stream comes to it."""
     period, largest, jerk = path.period, path.largest, path.jerk
-    rate, far = min(RATE, jerk / (4.0 * largest)), _norm(lag)
+    rate, far = min(RATE, jerk / (4.0 * largest)), norm(lag)
     towards = stream
     if far > 0.0:
         closing = min(0.5 * rate * far, math.sqrt(2.0 * BRAKING * largest * far))
-        towards = _add(stream, _scaled(lag, closing / far))
-    towards = _slow_down(path, _clip(towards, path.speed))
-    acceleration = _clip(_scaled(_subtract(towards, last_velocity), 2.0 * rate), largest)
-    change = _clip(_subtract(acceleration, last_acceleration), jerk * period)
-    acceleration = _clip(_add(last_acceleration, change), largest)
-    velocity = _clip(_add(last_velocity, _scaled(acceleration, period)), path.speed)
-    return _brake(path, velocity, last_velocity, lag)
+        towards = add(stream, scaled(lag, closing / far))
+    towards = _slow_down(_clip(towards, path.speed), bounds)
+    acceleration = _clip(scaled(subtract(towards, last_velocity), 2.0 * rate), largest)
+    change = _clip(subtract(acceleration, last_acceleration), jerk * period)
+    acceleration = _clip(add(last_acceleration, change), largest)
+    velocity = _clip(add(last_velocity, scaled(acceleration, period)), path.speed)
+    return _brake(path, velocity, last_velocity, lag, bounds)
 
 
 @compiled
 def begin(path: Path, x: float, y: float, z: float) -> None:
-    """See `MotionLimits.begin`; the path is written."""
-    _write(path.position, (x, y, z))
-    _write(path.before, (x, y, z))
+    """Begin where the robot is, at rest [m]."""
+    write(path.position, (x, y, z))
+    write(path.before, (x, y, z))
     for still in (path.velocity, path.acceleration, path.stream):
-        _write(still, NOTHING)
+        write(still, NOTHING)
     path.caught = True
 
 
 @compiled
-def _move(path: Path) -> None:
-    """One tick: see `MotionLimits.move`; what is asked has been written, and the path is."""
+def _known(bound: Bound) -> Bound:
+    """A bound without numbers is none, and a speed that is no number is 0."""
+    x, y, z = _know(bound[:3], NOTHING)
+    return x, y, z, bound[3] if bound[3] >= 0.0 else 0.0
+
+
+@compiled
+def go_on(path: Path, wanted: Vector, shifted: Vector, bounds: Bounds) -> None:
+    """One tick; the path is written, once it has begun.
+
+    Args:
+        path: Written.
+        wanted: Newest place of the stream [m]; one with no number, or beyond 1 km, means to stay.
+        shifted: Displacement of the stream by a limit since the last tick [m], which is no motion of it; NaN, or more
+            than 1 km, is 0.
+        bounds: Where they are at odds, the last comes first.
+    """
     if math.isnan(path.position[0]):
         return
-    period, largest, asked = path.period, path.largest, path.asked
-    last_velocity, last_acceleration = _vector(path.velocity), _vector(path.acceleration)
-    stream, stayed = _vector(path.stream), _add(_vector(path.before), _know(_vector(asked.shifted), NOTHING))
-    wanted = _know(_vector(asked.wanted), stayed)
-    for bound in asked.bounds:
-        _write(bound, _know(_vector(bound), NOTHING))
-        if not bound[3] >= 0.0:
-            bound[3] = 0.0
-    lag = _subtract(wanted, _vector(path.position))
-    going = _clip(_scaled(_subtract(wanted, stayed), 1.0 / period), path.speed)  # a jump is no speed to follow
-    stream = _add(stream, _scaled(_subtract(going, stream), path.gain))
-    velocity = _scaled(lag, 1.0 / period)
-    near = path.caught or _norm(_subtract(velocity, stream)) <= LOCKING * largest * period
-    path.caught = near and _is_within(path, velocity, last_velocity, last_acceleration)
+    period, largest = path.period, path.largest
+    last_velocity, last_acceleration = vector(path.velocity), vector(path.acceleration)
+    stream, stayed = vector(path.stream), add(vector(path.before), _know(shifted, NOTHING))
+    wanted = _know(wanted, stayed)
+    bounds = _known(bounds[0]), _known(bounds[1]), _known(bounds[2])
+    lag = subtract(wanted, vector(path.position))
+    going = _clip(scaled(subtract(wanted, stayed), 1.0 / period), path.speed)  # a jump is no speed to follow
+    stream = add(stream, scaled(subtract(going, stream), path.gain))
+    velocity = scaled(lag, 1.0 / period)
+    near = path.caught or norm(subtract(velocity, stream)) <= LOCKING * largest * period
+    path.caught = near and _is_within(path, velocity, last_velocity, last_acceleration, bounds)
     if not path.caught:
-        velocity = _catch_up(path, lag, stream, last_velocity, last_acceleration)
-    _write(path.before, wanted)
-    _write(path.stream, stream)
-    _write(path.velocity, velocity)
-    _write(path.acceleration, _scaled(_subtract(velocity, last_velocity), 1.0 / period))
-    _write(path.position, _add(_vector(path.position), _scaled(velocity, period)))
-
-
-@kernel("void(Path[::1])")
-def moved(paths: NDArray[np.void]) -> None:
-    """One tick of a path: see `MotionLimits.move`; what is asked has been written."""
-    _move(paths[0])
+        velocity = _catch_up(path, lag, stream, last_velocity, last_acceleration, bounds)
+    write(path.before, wanted)
+    write(path.stream, stream)
+    write(path.velocity, velocity)
+    write(path.acceleration, scaled(subtract(velocity, last_velocity), 1.0 / period))
+    write(path.position, add(vector(path.position), scaled(velocity, period)))
 
 
 @compiled
 def limited(path: Path, wanted: float, upwards: float, shifted: float) -> float:
-    """One tick on a line: the next position [m]. The arguments are those of `MotionLimits.update`."""
-    asked = path.asked
-    _write(asked.wanted, (wanted, 0.0, 0.0))
-    _write(asked.shifted, (shifted, 0.0, 0.0))
-    asked.bounds[:] = 0.0
-    asked.bounds[:, 3] = math.inf
-    asked.bounds[0, 0], asked.bounds[0, 3] = 1.0, upwards
-    _move(path)
+    """One tick on a line: the next position [m].
+
+    Where positions grow the path is no faster than `upwards` [m/s]; if it is, it brakes.
+    """
+    go_on(path, (wanted, 0.0, 0.0), (shifted, 0.0, 0.0), ((1.0, 0.0, 0.0, upwards), UNBOUNDED, UNBOUNDED))
     return float(path.position[0])
-
-
-_begin = Kernel(begin, "(Path, f8, f8, f8)")
-_limited = Kernel(limited, "(Path, f8, f8, f8)")

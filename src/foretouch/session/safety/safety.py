@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 from foretouch.core import Kernel
 from foretouch.errors.checks import require
 from foretouch.messages import Status
+from foretouch.quantities.pose import norm
 from foretouch.session.safety import kernel
-from foretouch.session.safety.motion import MotionLimits
-from foretouch.session.safety.proven_way import ProvenWay, forget_way
+from foretouch.session.safety.force_guard import AIMED
+from foretouch.session.safety.motion import Path, begin, new_path
 
-_forget_way = Kernel(forget_way, "(ProvenWay,)", ProvenWay)
+_begin = Kernel(begin, "(Path, f8, f8, f8)", Path)
 
 REACTION = 3e-3
 """Time after its first touch for which a robot keeps its speed before it stops [s]: the delay of its sensor and drive.
@@ -159,7 +160,7 @@ class Safety:
 
        Clipping the force alone would come too late: an impact peaks within milliseconds.
     5. **Depth and workspace.**
-    6. **Speed, acceleration, jerk** (`MotionLimits`), from where the robot is in the first tick, at rest.
+    6. **Speed, acceleration, jerk** (`Path`), from where the robot is in the first tick, at rest.
 
     On a surface in space the first five are computed along its normal, and the last once the result is a position in
     space again: see `in_space`.
@@ -179,21 +180,19 @@ class Safety:
         pressing: Whether the robot feels more than 1 N; if its force is unknown, whether it has not yet retraced its
             path out of the contact.
         blind_speed: Speed at which the robot may approach a possible obstacle before it feels anything [m/s].
+        memories: Its state, for compiled code.
     """
 
     def __init__(self, limits: SafetyLimits, sample_period: float, *, memory: NDArray[np.void] | None = None) -> None:
         impedance = impact_impedance(limits.stiffest, limits.most_damped, limits.mass, REACTION)
-        self._memory = memory = kernel.Memory.new() if memory is None else memory
+        self.memories = memory = kernel.Memory.new() if memory is None else memory
         memory[:] = kernel.Memory.new(limits=dataclasses.astuple(limits), period=sample_period, impedance=impedance)
-        self._keep_safe = kernel.keep_safe.entry
-        self.limits, self._period = limits, sample_period
-        path = memory["motion"]
-        self._motion = MotionLimits(limits.speed, limits.acceleration, limits.jerk, sample_period, paths=path)
-        self._position, self._velocity = path["position"][0], path["velocity"][0]
-        self._nearest, self._nearing = memory["nearest"], memory["nearing"]
+        self._keep_safe, self._begin = kernel.keep_safe.entry, _begin.entry
+        self.limits, self._path = limits, memory["motion"]
+        self._path[:] = new_path(limits.speed, limits.acceleration, limits.jerk, sample_period)
         self._fastest, self._shifted = memory["fastest"], memory["shifted"]
         self.status, self.stop_reason, self.pressing = Status.FOLLOWING, "", False
-        self.blind_speed = kernel.AIMED * limits.force / impedance
+        self.blind_speed = AIMED * limits.force / impedance
 
     @property
     def fastest(self) -> float:
@@ -205,33 +204,19 @@ class Safety:
         """Displacement of the aim by a limit in the newest tick [m], not positive: it is no motion."""
         return float(self._shifted.item())
 
-    def in_space(self) -> MotionLimits:
-        """Leave the last rule to the caller that brings the aim into space: return its limits, for positions there.
+    def in_space(self, paths: NDArray[np.void]) -> None:
+        """Leave the last rule to the caller that brings the aim into space, on this `Path`, an array of one.
 
-        From then on `update` returns the aim, and `went` must be called in each tick with the result.
+        From then on `update` returns the aim, and in each tick the caller writes into `memories` how fast motion along
+        the surface may bring the robot nearer to it, the coordinate along the normal of the aim of the position that
+        the robot was told, its velocity towards the surface, and its own coordinate against the surface.
         """
-        limits = self.limits
-        self._memory["in_space"] = True
-        self._motion = MotionLimits(limits.speed, limits.acceleration, limits.jerk, self._period)
-        return self._motion
-
-    def comes_nearer(self, speed: float) -> None:
-        """In space: set the speed at which motion along the surface may bring the robot nearer to it [m/s]."""
-        self._nearing[0] = speed
-
-    def went(self, position: float, velocity: float, nearest: float) -> None:
-        """In space: take the robot's commanded position.
-
-        Args:
-            position: Its coordinate along the normal of the aim [m].
-            velocity: Velocity towards the surface [m/s].
-            nearest: Coordinate of that point itself against the surface [m].
-        """
-        self._position[0], self._velocity[0], self._nearest[0] = position, velocity, nearest
+        paths[:] = self._path
+        self._path, self.memories["in_space"] = paths, True
 
     def go_on_from(self, position: float) -> None:
         """On a line: go on, at rest, from a position that something else commanded [m]."""
-        self._motion.begin(position)
+        self._begin(self._path[0], position, 0.0, 0.0)
 
     def stop(self, reason: str) -> None:
         """Emergency stop: latches; the first reason stays."""
@@ -244,15 +229,11 @@ class Safety:
             velocity: Velocity of the robot [m/s].
             force: Measured force [N].
         """
-        still = self._motion.speed <= REST_SPEED and abs(velocity) <= SEEN_AT_REST
+        still = norm(self._path["velocity"][0].tolist()) <= REST_SPEED and abs(velocity) <= SEEN_AT_REST
         if not (still and abs(force) <= kernel.REST_FORCE):
             return False
         self.stop_reason = ""
         return True
-
-    def forget_way(self) -> None:
-        """Forget the proven approach, which is of another point: all counts as untouched again."""
-        _forget_way.entry(self._memory[0].way)
 
     def update(
         self,
@@ -276,7 +257,7 @@ class Safety:
         """
         position, force, in_contact, faulty, uncertain = sensed
         commanded, status, self.pressing = self._keep_safe(
-            self._memory,
+            self.memories,
             self.stop_reason != "",
             desired,
             position,

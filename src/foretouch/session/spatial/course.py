@@ -6,15 +6,21 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple, TypeAlias
 
-from foretouch.quantities.pose import RigidMotion, Vector, add, dot, norm, scaled, subtract, unit
-from foretouch.rendering.surfaces import Surface, SurfaceProxy
-from foretouch.session.safety.force_guard import ForceGuard, guarded_speed
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.core import Record, compiled
+from foretouch.quantities import pose as rigid
+from foretouch.quantities.pose import RigidMotion, Vector
+from foretouch.rendering.surfaces import Plane, Surface, SurfaceProxy
+from foretouch.rendering.surfaces.geometry import add, dot, norm, scaled, subtract, vector, write
+from foretouch.rendering.surfaces.god_object import NO_MESH, Mesh, Proxy
+from foretouch.rendering.surfaces.line import START, Line, Numbers3, follow, follow_line, shape_of
+from foretouch.session.safety.force_guard import ForceGuard, allowed_speed, forget_contact, observe
 
 Numbers6: TypeAlias = tuple[float, float, float, float, float, float]
 """A position [m] and a rotation vector [rad]."""
 
-
-ROUNDING = 1e-9  # [m]
 FARTHEST = 10.0  # No fixture is believed further away than this [m], or turned by more [rad]
 
 
@@ -37,7 +43,7 @@ class ClosestPoint(NamedTuple):
 
     def place_at(self, along: float) -> Vector:
         """The place on this normal with another coordinate [m]."""
-        return subtract(self.point, scaled(self.normal, along - self.along + self.depth))
+        return rigid.subtract(self.point, rigid.scaled(self.normal, along - self.along + self.depth))
 
 
 class SurfaceLine:
@@ -55,24 +61,50 @@ class SurfaceLine:
         surface: Surface in the fixture's frame.
         pose: Pose of the fixture: a position [m] and a rotation vector [rad].
         leads: Whether it has an offset of its own; otherwise it is that of another line, set by the caller.
+        records: Array of one `Line` that this one takes, part of another record; None for one of its own.
 
     Attributes:
         motion: The believed pose as a rigid motion.
         offset: o [m].
         closest: Closest point of the newest position; None before it.
+        records: Its state, for compiled code: `foretouch.rendering.surfaces.line.follow_line`.
+        shape: The surface's, for the same; without triangles for a surface of Python's own, too.
     """
 
-    __slots__ = ("_leads", "_place", "_proxy", "closest", "motion", "offset", "pose", "surface")
+    __slots__ = ("_closest", "_offset", "_proxy", "motion", "pose", "records", "shape", "surface")
 
-    def __init__(self, surface: Surface, pose: Sequence[float], *, leads: bool = True) -> None:
-        self._leads = leads
+    def __init__(
+        self, surface: Surface, pose: Sequence[float], *, leads: bool = True, records: NDArray[np.void] | None = None
+    ) -> None:
+        shape = shape_of(surface)
+        self.records = Line.new() if records is None else records
+        self.records[:] = Line.new(leads=leads, compiled=shape is not None)
+        if isinstance(surface, Plane):
+            self.records["origin"], self.records["normal"] = surface.origin, surface.normal
+        self._offset, self._closest = self.records["offset"], self.records["closest"].view(np.float64)
         self._proxy = SurfaceProxy(surface)
-        self.surface = surface
-        self._place: Vector | None = None
-        self.pose: Numbers6 = _six(pose)
-        self.motion = RigidMotion.from_numbers(pose)
-        self.offset = 0.0
-        self.closest: ClosestPoint | None = None
+        self.surface, self.shape = surface, NO_MESH if shape is None else shape
+        self._move(pose)
+
+    @property
+    def offset(self) -> float:
+        """See above."""
+        return float(self._offset[0])
+
+    @offset.setter
+    def offset(self, offset: float) -> None:
+        self._offset[0] = offset
+
+    @property
+    def closest(self) -> ClosestPoint | None:
+        """See above."""
+        return None if math.isnan(self._closest[-1]) else self.newest
+
+    @property
+    def newest(self) -> ClosestPoint:
+        """The same, once there is one."""
+        depth, along, a, b, c, d, e, f, g, h, i, *_ = self._closest.tolist()
+        return ClosestPoint(depth, along, (a, b, c), (d, e, f), (g, h, i))
 
     def believe(self, pose: Sequence[float]) -> bool:
         """Believe the fixture elsewhere; the newest coordinate stays. Whether that was any news.
@@ -81,37 +113,39 @@ class SurfaceLine:
         """
         if len(pose) != 6 or not all(abs(number) <= FARTHEST for number in pose) or _six(pose) == self.pose:
             return False
-        before = self.closest
-        self.pose, self.motion = _six(pose), RigidMotion.from_numbers(pose)
-        if before is not None and self._place is not None:
-            self.follow(self._place)
+        self._move(pose)
+        x, y, z = self._closest[-3:].tolist()
+        if not math.isnan(x):
+            self.follow((x, y, z))
         return True
 
     def follow(self, place: Vector) -> ClosestPoint:
         """Follow a place [m]; one that is not finite is left out."""
+        x, y, z = place
+        self.touch(place)
+        follow.entry(self.records, self.shape, x, y, z)
+        return self.newest
+
+    def touch(self, place: Vector) -> None:
+        """Move the proxy on a surface of Python's own, which compiled code cannot, after a place [m]."""
+        if self.records["compiled"][0]:
+            return
         if not all(map(math.isfinite, place)):
             if self.closest is not None:
-                return self.closest
-            place = self.motion.apply((0.0, 0.0, 0.1))
-        before, moved = self.closest, math.inf if self._place is None else math.dist(place, self._place)
-        self._place = place
-        motion = self.motion
-        contact = self._proxy.follow(motion.apply_back(place))
-        point, normal = motion.apply(contact.point), motion.rotate(contact.normal)
-        if contact.depth < 0.0:
-            normal = unit(subtract(place, point), normal)
-        if self._leads and before is not None and abs(contact.depth - before.depth) > moved + ROUNDING:
-            self.offset += before.depth - contact.depth
-        self.closest = ClosestPoint(contact.depth, contact.depth + self.offset, normal, point, contact.point)
-        return self.closest
+                return
+            place = self.motion.apply(START)
+        contact, proxy = self._proxy.follow(self.motion.apply_back(place)), self.records["proxy"]
+        proxy["depth"], proxy["normal"], proxy["point"] = contact.depth, contact.normal, contact.point
 
     def restart(self) -> None:
         """Forget from which side the probe came; the coordinate goes on where it was."""
         self._proxy.restart()
+        self.records["proxy"] = Proxy.new()
 
-    def outside(self, inner: Vector) -> Vector:
-        """A point of the fixture's frame in the world's [m]."""
-        return add(self.motion.rotate(inner), self.motion.translation)
+    def _move(self, pose: Sequence[float]) -> None:
+        self.pose: Numbers6 = _six(pose)
+        self.motion = RigidMotion.from_numbers(pose)
+        self.records["rotation"], self.records["translation"] = self.motion[:3], self.motion.translation
 
 
 def _six(pose: Sequence[float]) -> Numbers6:
@@ -122,31 +156,8 @@ def _six(pose: Sequence[float]) -> Numbers6:
 HELD = 0.7  # Fraction of the largest force with which an obstacle at the side is pushed at most
 OBSTACLE = 0.5  # Excess over friction above which a force is an obstacle [N]
 
-NOWHERE = (math.nan, math.nan, math.nan)
-NO_VECTOR: Vector = (0.0, 0.0, 0.0)
 
-
-class Way(NamedTuple):
-    """Inputs of a tick's course.
-
-    Attributes:
-        open: Whether the robot follows: otherwise the course stays where it is.
-        here: Position of the probe [m].
-        resistance: Force along the surface on the probe [N].
-        pressed: Force along the normal [N].
-        sliding: Largest speed along the surface [m/s].
-        deeper: Largest speed into the surface now [m/s].
-    """
-
-    open: bool
-    here: Vector
-    resistance: Vector
-    pressed: float
-    sliding: float
-    deeper: float
-
-
-class Course:
+class Course(Record):
     r"""Goes from the robot's position towards the commands, and holds back where safety does not allow it.
 
     The position c of the course goes to the commanded one no faster than the robot may; along the surface no faster
@@ -162,114 +173,125 @@ class Course:
     at first. For the same reason a step of q that no motion explains, where the nearest point of the surface is another
     or a fixture is believed elsewhere, is let in at that speed. Where nothing is held back, c + h is the command
     itself, whatever is believed of the surface.
-
-    Args:
-        line: Line of the course, with an offset of its own.
-        ceiling: Ceiling of the force [N].
-        speed: Largest speed of the robot [m/s].
-        return_speed: Speed at which it takes in changes that no motion explains [m/s].
-        sample_period: Sample period [s].
-
-    Attributes:
-        place: c [m]; NaN before it has begun.
-        closest: Closest point of c.
-        way: Inputs of this tick.
     """
 
-    def __init__(
-        self, line: SurfaceLine, ceiling: float, speed: float, return_speed: float, sample_period: float
-    ) -> None:
-        self.line = line
-        self._ceiling, self._period = ceiling, sample_period
-        self._longest, self._return = speed * sample_period, return_speed * sample_period
-        self._inwards: Vector | None = None  # into the obstacle
-        self._allowed = 0.0  # how far in that direction
-        self._guard = ForceGuard.new()
-        self._apart = NO_VECTOR  # h
-        self._size = 0.0  # q less the aim
-        self.place: Vector = NOWHERE
-        self.closest: ClosestPoint | None = None
-        self.way = Way(False, NOWHERE, NO_VECTOR, 0.0, 0.0, 0.0)
+    line: Line  # with an offset of its own
+    guard: ForceGuard
+    open: bool  # whether the robot follows in this tick: otherwise the course stays where it is
+    here: Numbers3  # position of the probe [m]
+    resistance: Numbers3  # force along the surface on the probe [N]
+    pressed: float  # force along the normal [N]
+    sliding: float  # largest speed along the surface [m/s]
+    deeper: float  # largest speed into the surface now [m/s]
+    ceiling: float  # of the force [N]
+    period: float  # T [s]
+    longest: float  # largest step of the robot in a tick [m]
+    returned: float  # step in a tick by which it takes in changes that no motion explains [m]
+    place: Numbers3 = math.nan  # type: ignore[assignment]  # c [m]
+    along: float = math.nan  # q [m], as of the tick in which the course last followed
+    normal: Numbers3  # n, likewise
+    apart: Numbers3  # h
+    size: float  # q less the aim [m]
+    inwards: Numbers3  # direction into the obstacle
+    allowed: float  # how far that way [m]
+    blocked: bool  # whether there is an obstacle
+    begun: bool
 
-    def begin(self, place: Vector) -> None:
-        """Begin where the robot is [m]."""
-        self.place = place
-        self.closest = self.line.follow(place)
 
-    def go(self, target: tuple[float, ...]) -> float:
-        """One tick towards a place [m], on the way that was set before; returns q [m]."""
-        closest = self.closest
-        if closest is None:
-            return math.nan
-        if self.way.open:
-            x, y, z = target
-            step = self._step(subtract((x, y, z), self.place), closest.normal)
-            self.place = self._held_back(add(self.place, step))
-            self.closest = self.line.follow(self.place)
-        return self.closest.along if self.closest is not None else math.nan
+@compiled
+def settle(course: Course, mesh: Mesh) -> None:
+    """Follow the position with the line; on a surface of Python's own, as Python has touched it."""
+    place = course.place
+    follow_line(course.line, mesh, place[0], place[1], place[2])
+    course.along = course.line.closest.along
+    write(course.normal, vector(course.line.closest.normal))
 
-    def meet(self, offset: float) -> None:
-        """Come nearer to the coordinate of the probe, whose line has this offset [m], no faster than it may return."""
-        if not self.way.open or self.closest is None:
-            return
-        apart = offset - self.line.offset
-        deeper = min(self._return, max(self.way.deeper, 0.0) * self._period)
-        self.line.offset += min(max(apart, -self._return), deeper)
-        self.closest = self.line.follow(self.place)
 
-    def held_at(self, aim: float) -> Vector:
-        """The place for an aim along the normal [m]."""
-        closest = self.closest
-        if closest is None:
-            return NOWHERE
-        before, self._size = self._size, max(closest.along - aim, 0.0)
-        apart, normal = self._apart, closest.normal
-        if self._size < before:
-            apart = scaled(apart, self._size / before)
-        else:
-            apart = add(apart, scaled(normal, self._size - before))
-        if self.way.open:
-            turned = subtract(scaled(normal, self._size), apart)
-            length = norm(turned)
-            apart = add(apart, scaled(turned, self._return / length) if length > self._return else turned)
-        self._apart = apart
-        return add(self.place, apart)
+@compiled
+def begin_course(course: Course, mesh: Mesh, place: Vector) -> None:
+    """Begin where the robot is [m]."""
+    write(course.place, place)
+    course.begun = True
+    settle(course, mesh)
 
-    def _step(self, step: Vector, normal: Vector) -> Vector:
-        """Step towards the command in this tick."""
-        outwards = scaled(normal, max(dot(step, normal), 0.0))
-        rest = subtract(step, outwards)
-        length = norm(rest)
-        if length > self._longest:
-            rest = scaled(rest, self._longest / length)
-        sideways = subtract(rest, scaled(normal, dot(rest, normal)))
-        length, longest = norm(sideways), self.way.sliding * self._period
-        if length > longest:
-            rest = subtract(rest, scaled(sideways, 1.0 - longest / length))
-        return add(rest, outwards)
 
-    def _held_back(self, path: Vector) -> Vector:
-        """The path, but no further against an obstacle than its force allows."""
-        way = self.way
-        force = norm(way.resistance)
-        if not force < math.inf:
-            return self.place  # the obstacle's properties are unknown
-        unexplained = force - max(way.pressed, 0.0)
-        if self._inwards is None:
-            if unexplained <= OBSTACLE:
-                return path
-            self._inwards = scaled(way.resistance, -1.0 / force)
-            self._allowed = dot(self.place, self._inwards)
-            self._guard = ForceGuard.new()
-        inwards = self._inwards
-        against = -dot(way.resistance, inwards) - max(way.pressed, 0.0)
-        here, limit = dot(way.here, inwards), HELD * self._ceiling
-        deeper = guarded_speed(self._guard, here, against, against > OBSTACLE, limit, 0.0)
-        self._allowed += max(deeper * self._period, -self._longest)
-        beyond = dot(path, inwards) - self._allowed
-        if beyond <= 0.0:
-            if unexplained <= OBSTACLE:
-                self._inwards = None  # it goes elsewhere
-            self._allowed = dot(path, inwards)
+@compiled
+def meet(course: Course, mesh: Mesh, offset: float) -> None:
+    """Come nearer to the coordinate of the probe, whose line has this offset [m], no faster than it may return."""
+    if not (course.open and course.begun):
+        return
+    deeper = min(course.returned, max(course.deeper, 0.0) * course.period)
+    course.line.offset += min(max(offset - course.line.offset, -course.returned), deeper)
+    settle(course, mesh)
+
+
+@compiled(error_model="numpy")
+def held_at(course: Course, aim: float) -> Vector:
+    """The place for an aim along the normal [m]."""
+    before, size = course.size, max(course.along - aim, 0.0)
+    apart, normal = vector(course.apart), vector(course.normal)
+    apart = scaled(apart, size / before) if size < before else add(apart, scaled(normal, size - before))
+    if course.open:
+        turned = subtract(scaled(normal, size), apart)
+        length = norm(turned)
+        apart = add(apart, scaled(turned, course.returned / length) if length > course.returned else turned)
+    course.size = size
+    write(course.apart, apart)
+    return add(vector(course.place), apart)
+
+
+@compiled(error_model="numpy")
+def _step(course: Course, step: Vector) -> Vector:
+    """Step towards the command in this tick."""
+    normal = vector(course.normal)
+    outwards = scaled(normal, max(dot(step, normal), 0.0))
+    rest = subtract(step, outwards)
+    length = norm(rest)
+    if length > course.longest:
+        rest = scaled(rest, course.longest / length)
+    sideways = subtract(rest, scaled(normal, dot(rest, normal)))
+    length, longest = norm(sideways), course.sliding * course.period
+    if length > longest:
+        rest = subtract(rest, scaled(sideways, 1.0 - longest / length))
+    return add(rest, outwards)
+
+
+@compiled(error_model="numpy")
+def _held_back(course: Course, path: Vector) -> Vector:
+    """The path, but no further against an obstacle than its force allows."""
+    resistance, pressed = vector(course.resistance), max(course.pressed, 0.0)
+    force = norm(resistance)
+    if not force < math.inf:
+        return vector(course.place)  # the obstacle's properties are unknown
+    unexplained = force - pressed
+    if not course.blocked:
+        if unexplained <= OBSTACLE:
             return path
-        return subtract(path, scaled(inwards, beyond))
+        write(course.inwards, scaled(resistance, -1.0 / force))
+        course.blocked, course.allowed = True, dot(vector(course.place), vector(course.inwards))
+        forget_contact(course.guard)
+    inwards = vector(course.inwards)
+    against = -dot(resistance, inwards) - pressed
+    observe(course.guard, dot(vector(course.here), inwards), against, against > OBSTACLE)
+    deeper = allowed_speed(course.guard, HELD * course.ceiling, 0.0)
+    course.allowed += max(deeper * course.period, -course.longest)
+    beyond = dot(path, inwards) - course.allowed
+    if beyond <= 0.0:
+        course.blocked = unexplained > OBSTACLE  # else it goes elsewhere
+        course.allowed = dot(path, inwards)
+        return path
+    return subtract(path, scaled(inwards, beyond))
+
+
+@compiled
+def go(course: Course, mesh: Mesh, target: Vector) -> float:
+    """One tick towards a place [m], on the way that was set before; returns q [m], NaN before it has begun.
+
+    On a surface of Python's own, Python goes on with `settle`.
+    """
+    if course.begun and course.open:
+        step = _step(course, subtract(target, vector(course.place)))
+        write(course.place, _held_back(course, add(vector(course.place), step)))
+        if course.line.compiled:
+            settle(course, mesh)
+    return float(course.along)

@@ -7,12 +7,17 @@ line decides which leader commands, learns, guards and limits; and the allowed p
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import msgspec
+import numpy as np
+from numpy.typing import NDArray
 
+from foretouch.core import Record, compiled, kernel
 from foretouch.identification import Estimator, FrictionEstimator, MaterialFieldLearner, SensorState
+from foretouch.identification.friction import Friction, learn_friction
 from foretouch.messages import (
     VERSION,
     Command,
@@ -23,23 +28,24 @@ from foretouch.messages import (
     Status,
     Telemetry,
 )
-from foretouch.quantities.pose import Vector, add, dot, norm, scaled, subtract
+from foretouch.quantities import pose as rigid
+from foretouch.quantities.pose import Vector
 from foretouch.rendering.surfaces import Surface
+from foretouch.rendering.surfaces.geometry import add, norm, scaled, subtract, vector, write
+from foretouch.rendering.surfaces.line import Closest, Numbers3, rotate
 from foretouch.robot import RobotSample, RobotSpecification, SpatialSample
 from foretouch.session.network.model_sender import FieldSender
 from foretouch.session.network.playout import Playout
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
-from foretouch.session.spatial.course import ClosestPoint, Course, SurfaceLine, Way
-from foretouch.session.spatial.safety import MISSED, MISSED_TICKS, LastLimit, WayIn
+from foretouch.session.spatial.course import ClosestPoint, SurfaceLine
+from foretouch.session.spatial.safety import Space, SpatialSafety
+from foretouch.session.spatial.way_in import MISSED, MISSED_TICKS, Known
 from foretouch.session.steps import follower
 
 BIAS_RATE = 2e-4  # Weight per tick of the measured force in the sensor's offset in free air, once it is known from 5 s
 
 QUIET, SETTLING = 0.3, 50
 """Largest deviation from the offset in free air [N], and number of ticks after which the offset is known."""
-
-LARGEST_PULL, PULL_SHARE = 0.5, 0.02
-"""Pull above which a force is reduced [N], and fraction of it kept: enough that a sensor does not seem stuck."""
 
 AFTER_CONTACT = 500
 """Ticks after a contact before free air begins: a probe that leaves slowly still feels a little below the threshold."""
@@ -48,7 +54,6 @@ SLIDING = 0.01
 """Speed below which the direction of sliding is unknown [m/s]: the encoders' noise turns it, and friction seems to be
 less."""
 
-NAN3 = (math.nan, math.nan, math.nan)
 POSE_NUMBERS = 6
 
 
@@ -61,7 +66,7 @@ SMOOTHED = -math.expm1(-2.0 * math.pi * 20.0 * SAMPLE_PERIOD)
 """Weight of a tick in a low-pass of 20 Hz: the speed of one tick is mostly the encoders' noise."""
 
 
-class FeltSurface:
+class FeltSurface(Record):
     r"""Where a contact began, once it is 1 mm deep.
 
     A contact is noticed late, at a force F_1 that the surface gives at a depth d. With F_2 after h more,
@@ -69,39 +74,105 @@ class FeltSurface:
     .. math:: d = \frac{r h}{1 - r}, \quad r = (F_1 / F_2)^{1 / n}
 
     for a law of exponent n, here 1.15: a spring has 1, and Hertz's ball 1.5.
-
-    Attributes:
-        ticks: Ticks since this contact began; 0 while there is none.
-        place: Onset of the newest contact that tells of the surface [m]; NaN before it.
-        tick: Tick in which that was known.
     """
 
-    __slots__ = ("_known", "_onset", "place", "tick", "ticks")
+    place: Numbers3 = math.nan  # type: ignore[assignment]  # newest onset that tells of the surface [m]
+    tick: int  # in which that was known
+    ticks: int  # since this contact began; 0 while there is none
+    began: float  # force at which this contact began [N]
+    at: float  # position along the normal then [m]
+    known: bool  # whether this contact needs no more
 
-    def __init__(self) -> None:
-        self._onset = 0.0, 0.0  # force at which this contact began [N], and the position along the normal then [m]
-        self._known = False
-        self.place: Vector = NAN3
-        self.tick = self.ticks = 0
 
-    def leave(self) -> bool:
-        """Nothing is felt in this tick; whether something was in the one before."""
-        left, self.ticks = self.ticks > 0, 0
-        return left
+@compiled(error_model="numpy")
+def _feel(touch: FeltSurface, force: float, closest: Closest, place: Vector, tick: int) -> None:
+    """Feel a force along the normal [N] at a place of the probe [m] in a tick."""
+    touch.ticks += 1
+    if touch.ticks == 1:
+        touch.began, touch.at, touch.known = force, closest.along, False
+    way = closest.along - touch.at
+    if touch.known or way < FELT_WAY:
+        return
+    touch.known = True
+    ratio = (touch.began / force) ** (1.0 / TOUCH_EXPONENT) if 0.0 < touch.began < force else 1.0
+    if ratio * way <= LATEST * (1.0 - ratio):  # else it hardly grew: its onset is unknown
+        write(touch.place, add(place, scaled(vector(closest.normal), way / (1.0 - ratio))))
+        touch.tick = tick
 
-    def feel(self, force: float, place: Vector, closest: ClosestPoint, tick: int) -> None:
-        """Feel a force along the normal [N] at a place of the probe [m] in a tick."""
-        self.ticks += 1
-        if self.ticks == 1:
-            self._onset, self._known = (force, closest.along), False
-        began, at = self._onset
-        way = closest.along - at
-        if self._known or way < FELT_WAY:
-            return
-        self._known = True
-        ratio = (began / force) ** (1.0 / TOUCH_EXPONENT) if 0.0 < began < force else 1.0
-        if ratio * way <= LATEST * (1.0 - ratio):  # else it hardly grew: its onset is unknown
-            self.place, self.tick = add(place, scaled(closest.normal, way / (1.0 - ratio))), tick
+
+class Beside(Record):
+    """What is learnt beside the law."""
+
+    touch: FeltSurface
+    friction: Friction
+    pressed: float  # force along the normal [N], low-passed
+    rubbed: Numbers3  # force along the surface [N], low-passed alike
+    sliding: Numbers3  # velocity along it [m/s], low-passed alike
+    largest_offset: float  # of the sensor, which is no contact [N]
+    bias: Numbers3  # the sensor's offset [N]
+    bias_ticks: int  # number of ticks that it is known from
+    free_ticks: int  # since free air began; negative for a while after a contact
+    missed_ticks: int  # in which the surface was missed
+    point: Numbers3 = math.nan  # type: ignore[assignment]  # of the surface, in the fixture, in the tick before [m]
+
+
+LEFT, MISSED_IT, TOLD = 1, 2, 4
+"""Of a tick: contact was left; the surface was missed; the onset of a contact is known."""
+
+
+@compiled(error_model="numpy")
+def _in_free_air(beside: Beside, force: Vector, missed: bool) -> int:
+    """Learn the sensor's offset. A robot that is deeper than where it was felt and feels nothing has missed it."""
+    news, beside.touch.ticks = LEFT if beside.touch.ticks > 0 else 0, 0
+    beside.free_ticks += 1
+    beside.missed_ticks = beside.missed_ticks + 1 if missed else 0
+    if beside.missed_ticks >= MISSED_TICKS:
+        beside.missed_ticks = 0
+        news |= MISSED_IT
+    away = subtract(force, vector(beside.bias))
+    still = not norm(away) > QUIET or beside.bias_ticks < SETTLING
+    if beside.free_ticks > 0 and still and norm(force) < beside.largest_offset:
+        beside.bias_ticks += 1
+        rate = max(1.0 / beside.bias_ticks, BIAS_RATE)
+        write(beside.bias, add(vector(beside.bias), scaled(away, rate)))
+    return news
+
+
+@kernel("i8(Beside[::1], Space[::1], UniTuple(f8, 3), f8, f8, b1, b1, i8)", Space)
+def learn_beside(
+    besides: NDArray[np.void],
+    spaces: NDArray[np.void],
+    force: Vector,
+    pressed: float,
+    depth: float,
+    in_contact: bool,
+    good: bool,
+    tick: int,
+) -> int:
+    """In free air the sensor's offset; in contact friction, and where the contact began. Returns what is news.
+
+    The law was learnt from a force along the normal, pressed [N], and a depth [m]; the whole force is as measured [N].
+    """
+    beside, line, course = besides[0], spaces[0].probe, spaces[0].course
+    point, sideways = vector(line.closest.inner_point), vector(course.resistance)
+    moved = subtract(point, vector(beside.point))
+    write(beside.point, point)
+    if not in_contact:
+        return _in_free_air(beside, force, depth > MISSED and good)
+    beside.free_ticks = -AFTER_CONTACT
+    if math.isfinite(moved[0] + sideways[0] + sideways[1] + sideways[2]):
+        rubbed, sliding = vector(beside.rubbed), vector(beside.sliding)
+        speed = rotate(line, scaled(moved, 1.0 / SAMPLE_PERIOD))
+        beside.pressed += SMOOTHED * (pressed - beside.pressed)
+        rubbed = add(rubbed, scaled(subtract(sideways, rubbed), SMOOTHED))
+        sliding = add(sliding, scaled(subtract(speed, sliding), SMOOTHED))
+        write(beside.rubbed, rubbed)
+        write(beside.sliding, sliding)
+        if norm(sliding) > SLIDING:
+            learn_friction(beside.friction, beside.pressed, rubbed, sliding, SAMPLE_PERIOD)
+    before = beside.touch.tick
+    _feel(beside.touch, pressed, line.closest, vector(course.here), tick)
+    return TOLD if beside.touch.tick != before else 0
 
 
 NO_BELIEF = FixtureBelief(VERSION, 0, 0, (0.0,) * 6, (), math.inf, 0, 0, 0, "", epoch=0)
@@ -113,37 +184,39 @@ class State:
     """State of the follower, updated in place in each tick.
 
     Attributes:
-        line: Line of the probe.
+        safety: Safety in space, with the lines of probe and commands.
         approach_speed: Speed along a surface whose first touch is guarded [m/s].
         largest_speed: Largest speed of the robot [m/s].
-        smoothed: Force along the normal and along the surface [N], and velocity along it [m/s], low-passed alike.
-        bias_ticks: Number of ticks that it is known from.
-        free_ticks: Ticks since free air began; negative for a while after a contact.
+        besides: One `Beside`.
+        friction: Of the surface.
+        learn: `learn_beside`, loaded before the loop.
+        bias: The force sensor's offset [N].
+        touch: Onset of the newest contact that tells of the surface [m]; NaN before it.
+        touch_tick: Tick in which that was known.
         belief: Newest belief of the fixture's pose, as its tracker sent it.
         believed_ns: Clock at its arrival: it ages while no other comes [ns].
-        point: Point of the surface, in the fixture, in the tick before [m].
-        shown: What the sensor showed then, and its part along the normal [N].
+        shown: What the sensor showed in the tick before, and its part along the normal [N].
     """
 
     inner: follower.State
-    line: SurfaceLine
-    course: Course
-    last: LastLimit
-    way_in: WayIn
+    safety: SpatialSafety
     fields: FieldSender
     approach_speed: float
     largest_speed: float
-    friction: FrictionEstimator = field(default_factory=FrictionEstimator)
-    smoothed: tuple[float, Vector, Vector] = (0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    besides: NDArray[np.void]
+    friction: FrictionEstimator
+    learn: Callable[..., int] = field(default_factory=lambda: learn_beside.entry)
     bias: Vector = (0.0, 0.0, 0.0)
-    bias_ticks: int = 0
-    free_ticks: int = 0
-    missed_ticks: int = 0
+    touch: Vector = (math.nan, math.nan, math.nan)
+    touch_tick: int = 0
     belief: FixtureBelief = NO_BELIEF
     believed_ns: int = 0
-    touch: FeltSurface = field(default_factory=FeltSurface)
-    point: Vector = NAN3
-    shown: tuple[Vector, float] = (NAN3, math.nan)
+    shown: tuple[Vector, float] = ((math.nan, math.nan, math.nan), math.nan)
+
+    @property
+    def line(self) -> SurfaceLine:
+        """Line of the probe."""
+        return self.safety.line
 
 
 class Outputs(NamedTuple):
@@ -176,31 +249,37 @@ def start(
         run: Epoch of this process.
     """
     inner = follower.start(specification, settings, estimator, run=run)
-    ceiling, speed = settings.force_ceiling, settings.largest_speed
-    probe, gone, reported = (SurfaceLine(surface, pose, leads=leads) for leads in (True, True, False))
-    course = Course(gone, ceiling, speed, settings.return_speed, SAMPLE_PERIOD)
-    inner.playout = Playout(course.go)
-    last = LastLimit(inner.safety, reported, SAMPLE_PERIOD)
-    way_in, fields = WayIn(surface), FieldSender(inner.run)
-    return State(inner, probe, course, last, way_in, fields, settings.approach_speed, speed)
+    safety, besides = SpatialSafety(inner.safety, surface, pose, SAMPLE_PERIOD), Beside.new()
+    besides["largest_offset"] = inner.specification.largest_offset
+    inner.playout = Playout(safety.go)
+    friction, fields = FrictionEstimator(besides["friction"]), FieldSender(inner.run)
+    return State(inner, safety, fields, settings.approach_speed, settings.largest_speed, besides, friction)
 
 
 def step(state: State, inputs: follower.Inputs[SpatialSample], now_ns: int) -> tuple[State, Outputs]:
     """One tick of the follower, at a time of its monotonic clock [ns]; the state is updated in place and returned."""
-    inner, sample, line, course = state.inner, inputs.sample, state.line, state.course
-    failures = inner.failures
+    inner, sample, safety = state.inner, inputs.sample, state.safety
+    failures, learnt_from = inner.failures, inner.learner.sample
     try:
         for belief in inputs.beliefs:
             _believe(state, belief, now_ns)
     except Exception as error:
         failures.note("what it believes of the fixture", error)
-    before = line.offset
-    closest = line.follow(sample.place)
-    if line.offset != before:  # the proxy has let go: the coordinate went on, and what was felt is elsewhere
-        inner.learner.conditioner.shift(line.offset - before)
-        state.last.line.offset = line.offset
-    state.way_in.come_to(inner, line, closest, seen=math.isfinite(state.belief.image_age))
-    force = subtract(sample.force, state.bias)
+    force = rigid.subtract(sample.force, state.bias)
+    known = Known(
+        inner.learner.conditioner.surface,
+        learnt_from.force,
+        inner.safety.fastest,
+        state.approach_speed if inner.first_touch.guarded else state.largest_speed,
+        learnt_from.in_contact,
+        inner.watch.state is SensorState.GOOD,
+        math.isfinite(state.belief.image_age),
+        inner.safety.status < Status.HOLDING,
+    )
+    felt, inner.free, inner.slid, jump = safety.arrive(sample.place, force, known)
+    closest = safety.line.newest
+    if jump:
+        inner.learner.conditioner.shift(jump)
     try:
         commands = [_with_position(command) for command in inputs.commands]
     except Exception as error:
@@ -212,25 +291,14 @@ def step(state: State, inputs: follower.Inputs[SpatialSample], now_ns: int) -> t
             estimator.touch_at(closest.inner_point)
         except Exception as error:
             failures.stop_learning("its learning in space", error)
-    # A pulling force is no contact of this surface: learnt as the sensor's offset, it would hide one.
-    felt = dot(force, closest.normal)
-    if felt < -LARGEST_PULL:
-        felt = PULL_SHARE * (felt + LARGEST_PULL) - LARGEST_PULL
     if sample.force == state.shown[0]:  # a sensor that hangs is to seem so along any normal
         felt = state.shown[1]
     state.shown = sample.force, felt
-    sideways = subtract(force, scaled(closest.normal, felt))
-    if course.closest is None and all(map(math.isfinite, sample.place)):
-        course.begin(sample.place)
-        state.last.begin(sample.place)
-    state.last.observe(sample.place, force, closest.normal)
-    course.way = _way(state, sample, sideways)
-    course.meet(line.offset)
     along = RobotSample(
         position=closest.along,
         sensor_force=felt,
         acceleration=0.0,
-        exact_force=norm(sample.exact_force),
+        exact_force=rigid.norm(sample.exact_force),
         exact_position=math.nan,
         commanded_position=closest.along,
         clipped=sample.clipped,
@@ -240,33 +308,16 @@ def step(state: State, inputs: follower.Inputs[SpatialSample], now_ns: int) -> t
     model, materials = None, None
     if failures.learns:
         try:
-            _learn_beside_the_law(state, closest, sample, sideways)
+            _learn_beside_the_law(state, sample.force)
             model = None if allowed.model is None else _with_fixture(state, allowed.model, now_ns)
             materials = state.fields.due(estimator, now_ns)
         except Exception as error:
             failures.stop_learning("its learning in space", error)
             model = None
-    desired, desired_along = state.last.update(course, allowed.desired_position, free=closest.along < inner.free)
+    desired, desired_along = safety.limit(allowed.desired_position)
     space = _space(state, sample, closest, force, desired, now_ns)
     telemetry = msgspec.structs.replace(allowed.telemetry, desired_position=desired_along)
     return state, Outputs(desired, telemetry, model, space, materials)
-
-
-def _way(state: State, sample: SpatialSample, sideways: Vector) -> Way:
-    """Inputs of the course, from this tick's sensors and the decisions of the tick before."""
-    inner, fastest = state.inner, state.largest_speed
-    if inner.first_touch.guarded:
-        fastest = state.approach_speed
-    if state.line.closest is not None:
-        fastest = state.way_in.along_speed(inner, state.line.closest, state.last.going, fastest)
-    return Way(
-        inner.safety.status < Status.HOLDING,
-        sample.place,
-        sideways,
-        inner.learner.sample.force,
-        state.last.slide(fastest),
-        inner.safety.fastest,
-    )
 
 
 def _believe(state: State, belief: FixtureBelief, now_ns: int) -> None:
@@ -274,14 +325,10 @@ def _believe(state: State, belief: FixtureBelief, now_ns: int) -> None:
     if belief.run != state.inner.run or (belief.epoch, belief.sequence) <= (known.epoch, known.sequence):
         return  # it is late, or of another process
     before = state.line.offset
-    if state.line.believe(belief.pose):
-        if belief.contacts == known.contacts:
-            # The image shows that the fixture is elsewhere: so is the surface that was felt. A touch shows where it was
-            # all the time.
-            state.inner.learner.conditioner.shift(state.line.offset - before)
-        state.course.line.believe(belief.pose)
-        state.last.believe(belief.pose, state.line.offset)
-    state.way_in.believe(belief)
+    if state.safety.believe(belief) and belief.contacts == known.contacts:
+        # The image shows that the fixture is elsewhere: so is the surface that was felt. A touch shows where it was all
+        # the time.
+        state.inner.learner.conditioner.shift(state.line.offset - before)
     state.belief, state.believed_ns = belief, now_ns
 
 
@@ -292,42 +339,21 @@ def _with_position(command: Command) -> Command:
     return msgspec.structs.replace(command, position=max(map(abs, position)) if known else math.nan)
 
 
-def _learn_beside_the_law(state: State, closest: ClosestPoint, sample: SpatialSample, sideways: Vector) -> None:
-    """The sensor's offset in free air; in contact friction, and where the contact began."""
-    inner, point = state.inner, closest.inner_point
-    learnt_from, moved = inner.learner.sample, subtract(point, state.point)
-    state.point = point
-    if not learnt_from.in_contact:
-        if state.touch.leave():
-            inner.learner.conditioner.distrust_surface()
-        state.free_ticks += 1
-        _miss_surface(state)
-        still = not norm(subtract(sample.force, state.bias)) > QUIET or state.bias_ticks < SETTLING
-        if state.free_ticks > 0 and still and norm(sample.force) < inner.specification.largest_offset:
-            state.bias_ticks += 1
-            rate = max(1.0 / state.bias_ticks, BIAS_RATE)
-            state.bias = add(state.bias, scaled(subtract(sample.force, state.bias), rate))
-        return
-    state.free_ticks = -AFTER_CONTACT
-    if math.isfinite(moved[0] + sideways[0] + sideways[1] + sideways[2]):
-        pressed, rubbed, sliding = state.smoothed
-        speed = state.line.motion.rotate(scaled(moved, 1.0 / SAMPLE_PERIOD))
-        pressed += SMOOTHED * (learnt_from.force - pressed)
-        rubbed = add(rubbed, scaled(subtract(sideways, rubbed), SMOOTHED))
-        sliding = add(sliding, scaled(subtract(speed, sliding), SMOOTHED))
-        state.smoothed = pressed, rubbed, sliding
-        if norm(sliding) > SLIDING:
-            state.friction.update(pressed, rubbed, sliding, SAMPLE_PERIOD)
-    state.touch.feel(learnt_from.force, sample.place, closest, inner.tick)
-
-
-def _miss_surface(state: State) -> None:
-    """Detect a missed surface: the robot is deeper than where it was felt, and feels nothing for a while."""
-    inner, depth = state.inner, state.inner.learner.sample.depth
-    state.missed_ticks = state.missed_ticks + 1 if depth > MISSED and inner.watch.state is SensorState.GOOD else 0
-    if state.missed_ticks >= MISSED_TICKS:
-        inner.learner.conditioner.shift(depth)
-        state.missed_ticks = 0
+def _learn_beside_the_law(state: State, force: Vector) -> None:
+    """See `learn_beside`, and take what is news."""
+    inner, besides = state.inner, state.besides
+    learnt, good, spaces = inner.learner.sample, inner.watch.state is SensorState.GOOD, state.safety.spaces
+    news = state.learn(besides, spaces, force, learnt.force, learnt.depth, learnt.in_contact, good, inner.tick)
+    if not learnt.in_contact:
+        x, y, z = besides["bias"][0].tolist()
+        state.bias = x, y, z
+    if news & LEFT:
+        inner.learner.conditioner.distrust_surface()
+    if news & MISSED_IT:
+        inner.learner.conditioner.shift(learnt.depth)
+    if news & TOLD:
+        x, y, z = besides["touch"]["place"][0].tolist()
+        state.touch, state.touch_tick = (x, y, z), inner.tick
 
 
 def _with_fixture(state: State, model: ModelUpdate, now_ns: int) -> ModelUpdate:
@@ -359,7 +385,7 @@ def _space(
         closest.depth,
         *state.line.pose,
         *(x, y, z, rx, ry, rz),
-        *state.touch.place,
-        state.touch.tick,
+        *state.touch,
+        state.touch_tick,
         inner.run,
     )

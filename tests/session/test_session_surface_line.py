@@ -1,0 +1,164 @@
+"""The compiled line of a surface against the same in Python, to the last bit, and surfaces of Python's own."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from foretouch.messages import VERSION, Command, FixtureBelief
+from foretouch.quantities.pose import RigidMotion, Vector, norm, scaled, subtract
+from foretouch.rendering.surfaces import HeightField, Plane, Surface, SurfaceContact, SurfaceProxy, TriangleMesh
+from foretouch.robot import SpatialSample
+from foretouch.session import SessionSettings
+from foretouch.session.runners.warm_up import SPECIFICATION
+from foretouch.session.spatial import follower, make_scene
+from foretouch.session.spatial.course import ClosestPoint, SurfaceLine
+from foretouch.session.spatial.scenes import MIDDLE, NOMINAL
+from foretouch.session.steps import follower as line_follower
+
+TETRAHEDRON = TriangleMesh(
+    0.03 * np.array([(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)]), [(0, 1, 2), (0, 3, 1), (0, 2, 3), (1, 3, 2)]
+)
+HILL = make_scene("hill").surface
+SURFACES = {"plane": Plane((0.0, 0.001, 0.0), (0.1, 0.0, 2.0)), "hill": HILL, "mesh": TETRAHEDRON}
+NOWHERE = (math.nan, math.nan, math.nan)
+MS = 1_000_000
+
+
+class InPython:
+    """What a line is to do."""
+
+    def __init__(self, surface: Surface, pose: Sequence[float], leads: bool) -> None:
+        self.leads, self.offset, self.proxy = leads, 0.0, SurfaceProxy(surface)
+        self.motion = RigidMotion.from_numbers(pose)
+        self.place: Vector = NOWHERE
+        self.closest: ClosestPoint | None = None
+
+    def believe(self, pose: Sequence[float]) -> None:
+        self.motion = RigidMotion.from_numbers(pose)
+        if self.closest is not None:
+            self.follow(self.place)
+
+    def follow(self, place: Vector) -> ClosestPoint:
+        if not all(map(math.isfinite, place)):
+            if self.closest is not None:
+                return self.closest
+            place = self.motion.apply((0.0, 0.0, 0.1))
+        before, moved, self.place = self.closest, norm(subtract(place, self.place)), place
+        contact = self.proxy.follow(self.motion.apply_back(place))
+        point, normal = self.motion.apply(contact.point), self.motion.rotate(contact.normal)
+        if contact.depth < 0.0:
+            away = subtract(place, point)
+            normal = scaled(away, 1.0 / norm(away)) if norm(away) > 1e-9 else normal
+        if self.leads and before is not None and abs(contact.depth - before.depth) > moved + 1e-9:
+            self.offset += before.depth - contact.depth
+        self.closest = ClosestPoint(contact.depth, contact.depth + self.offset, normal, point, contact.point)
+        return self.closest
+
+
+near, turn = st.floats(-0.05, 0.05), st.floats(-0.5, 0.5)
+places = st.tuples(near, near, near) | st.sampled_from([NOWHERE, (math.inf, 0.0, 0.0), (0.0, 5e3, 0.0), (0.0,) * 3])
+poses = st.tuples(near, near, near, turn, turn, turn)
+
+
+@pytest.mark.parametrize("leads", [True, False])
+@pytest.mark.parametrize("name", SURFACES)
+@given(places=st.lists(places, min_size=1, max_size=12), beliefs=st.lists(poses, min_size=2, max_size=3))
+def test_a_compiled_line_is_the_one_in_python_to_the_last_bit(
+    name: str, leads: bool, places: list[Vector], beliefs: list[Sequence[float]]
+) -> None:
+    surface, first = SURFACES[name], beliefs[0]
+    line, same = SurfaceLine(surface, first, leads=leads), InPython(surface, first, leads)
+    assert line.closest is None
+    for number, goal in enumerate(places):
+        if number and number % 4 == 0:
+            for belief in beliefs:
+                if line.believe(belief):
+                    same.believe(belief)
+        start = same.place if math.isfinite(same.place[0] + goal[0]) else goal
+        for part in np.linspace(0.0, 1.0, 7).tolist():  # a motion, in which the god object has a memory
+            place = tuple((1.0 - part) * a + part * b for a, b in zip(start, goal, strict=True))
+            np.testing.assert_equal(line.follow(place), same.follow(place))
+        np.testing.assert_equal((line.closest, line.offset), (same.closest, same.offset))
+    line.restart()
+    same.proxy.restart()
+    np.testing.assert_equal(line.follow(places[0]), same.follow(places[0]))
+
+
+class OwnPlane(Plane):
+    """Of a user, who writes Python."""
+
+    asked = 0
+
+    def follow(self, memory: np.ndarray, x: float, y: float, z: float) -> SurfaceContact:
+        self.asked += 1
+        return super().follow(memory, x, y, z)
+
+
+class OwnField(HeightField):
+    """The same contacts, by Python."""
+
+    def follow(self, memory: np.ndarray, x: float, y: float, z: float) -> SurfaceContact:
+        return super().follow(memory, x, y, z)
+
+
+class OwnHill(HeightField):
+    def follow(self, memory: np.ndarray, x: float, y: float, z: float) -> SurfaceContact:
+        contact = super().follow(memory, x, y, z)
+        return contact._replace(depth=contact.depth + 1e-3)
+
+
+@given(st.lists(places, min_size=1, max_size=12), poses)
+def test_a_surface_of_python_is_asked_itself(places: list[Vector], belief: Sequence[float]) -> None:
+    surface = OwnPlane((0.0, 0.001, 0.0), (0.1, 0.0, 2.0))
+    own, line = SurfaceLine(surface, (0.0,) * 6), SurfaceLine(SURFACES["plane"], (0.0,) * 6)
+    for number, place in enumerate(places):
+        if number == 3:
+            assert own.believe(belief) == line.believe(belief)
+        np.testing.assert_equal(own.follow(place), line.follow(place))
+    assert own.offset == line.offset
+    assert surface.asked > 0
+
+
+def test_a_part_of_a_surface_that_is_written_anew_counts() -> None:
+    heights = np.zeros((3, 3))
+    own, line = SurfaceLine(OwnHill(heights, 0.1), (0.0,) * 6), SurfaceLine(HeightField(heights, 0.1), (0.0,) * 6)
+    for height in (0.01, 0.002, -0.003):
+        place = (0.1, 0.12, height)
+        assert own.follow(place).depth == pytest.approx(line.follow(place).depth + 1e-3, abs=1e-15)
+
+
+@pytest.mark.parametrize("own", [OwnPlane(MIDDLE), OwnField(0.01 * np.eye(5), 0.02, (0.035, -0.04))])
+def test_a_follower_on_a_surface_of_python_is_the_compiled_one(own: Plane | HeightField) -> None:
+    if isinstance(own, Plane):
+        same: Surface = Plane(MIDDLE)
+    else:
+        same = HeightField(0.01 * np.eye(5), 0.02, (0.035, -0.04))
+    settings = SessionSettings(scene="plane", material="hunt-crossley")
+    states = [follower.start(SPECIFICATION, settings, surface, NOMINAL) for surface in (own, same)]
+    random, here, far, told = np.random.default_rng(4), np.array((0.0, 0.0, 0.02)), np.zeros(3), []
+    for tick in range(1, 1500):
+        if tick % 100 == 0:
+            far = np.array((*random.uniform(-0.03, 0.03, 2), 0.02 if tick % 200 else -0.006))
+        here = here + 0.02 * (far - here)
+        force = (*random.normal(0.0, 0.3, 2).tolist(), 600.0 * max(-here[2], 0.0) + random.normal(0.0, 0.01))
+        place = NOWHERE if tick in (700, 701) else tuple(here.tolist())
+        command = Command(VERSION, tick, tick * MS, 0.0, 0, holder="test", epoch=1, place=tuple(far.tolist()))
+        pose = (NOMINAL[0] + 1e-6 * tick, *NOMINAL[1:5], 1e-5 * tick)
+        belief = FixtureBelief(
+            VERSION, tick, 0, pose, tuple(1e-8 * np.eye(6).ravel()), 0.0, tick, tick // 500, 0, "", 1
+        )
+        sample = SpatialSample(place, force, force, place, (), False)
+        inputs = line_follower.Inputs([command], sample, MS, 0, beliefs=[belief] if tick % 50 == 0 else [])
+        first, second = (follower.step(state, inputs, tick * MS)[1] for state in states)
+        np.testing.assert_equal(first.space, second.space)
+        np.testing.assert_equal(first.telemetry, second.telemetry)
+        told.append(first.desired)
+    assert np.ptp(told, axis=0).min() > 0.002
+    assert states[0].friction.updates == states[1].friction.updates > 0
+    assert states[0].touch_tick == states[1].touch_tick > 0
