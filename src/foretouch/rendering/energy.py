@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from foretouch.core import Held, Kernel, Record, compiled
 from foretouch.errors.checks import require
-from foretouch.quantities import pose
 from foretouch.quantities.pose import Vector
+from foretouch.rendering.surfaces.geometry import dot, norm
 
 
 @runtime_checkable
@@ -58,8 +58,6 @@ bound. Twice what a device may show by its conformance check."""
 SAMPLE_PERIOD = 1e-3
 """Default period of a loop [s]."""
 
-norm = compiled(pose.norm)
-_dot = compiled(pose.dot)
 
 Numbers3: TypeAlias = Annotated[NDArray[Any], float, 3]
 
@@ -151,9 +149,9 @@ def observe(account: Account, x: float, y: float, z: float, period: float) -> No
     if distance < math.inf:  # there was a position before
         even, longest = account.period / elapsed, FASTEST_HAND * account.period
         part = even if not even * distance > longest else longest / distance  # of the motion, which E takes
-        work = -_dot((acted[0], acted[1], acted[2]), moved)
+        work = -dot((acted[0], acted[1], acted[2]), moved)
         account.energy += part * work
-        beyond = 1.0 / elapsed * -_dot((late[0], late[1], late[2]), moved)
+        beyond = 1.0 / elapsed * -dot((late[0], late[1], late[2]), moved)
         account.late_energy = min(account.late_energy + ((even - part) * work + beyond), 0.0)
         account.newest_step = part * distance + account.count
         if acted[0] != 0.0 or acted[1] != 0.0 or acted[2] != 0.0:

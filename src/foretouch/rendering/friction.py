@@ -10,13 +10,11 @@ from numpy.typing import NDArray
 
 from foretouch.core import Held, Kernel, Record, compiled
 from foretouch.errors.checks import require
-from foretouch.quantities import pose
 from foretouch.quantities.pose import Vector
-from foretouch.rendering.surfaces.triangle_kernel import add, dot, scaled, subtract, vector
+from foretouch.rendering.surfaces.geometry import add, dot, norm, scaled, subtract, vector, write
 
 NOTHING: Vector = (0.0, 0.0, 0.0)
 Numbers3 = Annotated[NDArray[Any], float, 3]
-norm = compiled(pose.norm)
 
 VELOCITY_CUTOFF = 30.0  # Cut-off of the velocity low-pass [Hz]: counts of the encoder are not to be felt
 
@@ -45,16 +43,11 @@ def _along(vector: Vector, normal: Vector) -> Vector:
 
 
 @compiled
-def _put(numbers: NDArray[Any], vector: Vector) -> None:
-    numbers[0], numbers[1], numbers[2] = vector
-
-
-@compiled
 def let_go(friction: Friction) -> None:
     """See `FrictionRenderer.restart`."""
     friction.touching = friction.sliding = False
-    _put(friction.velocity, NOTHING)
-    _put(friction.bend, NOTHING)
+    write(friction.velocity, NOTHING)
+    write(friction.bend, NOTHING)
     friction.stored = 0.0
 
 
@@ -68,7 +61,7 @@ def rub(
         let_go(friction)
         return NOTHING
     v, before = vector(friction.velocity), vector(friction.point) if friction.touching else point
-    _put(friction.point, point)
+    write(friction.point, point)
     friction.touching = True
     moved = _along(subtract(point, before), normal)
     cone = max(mu, 0.0) * pressed
@@ -80,12 +73,12 @@ def rub(
     if friction.sliding:  # at the cone
         scale = cone / (k * size)
         bend, size = scaled(bend, scale), size * scale
-    _put(friction.bend, bend)
+    write(friction.bend, bend)
     friction.stored = 0.5 * k * size * size
     gain = -math.expm1(-2.0 * math.pi * VELOCITY_CUTOFF * period)
     faster = (moved[0] / period - v[0], moved[1] / period - v[1], moved[2] / period - v[2])
     velocity = _along(add(v, scaled(faster, gain)), normal)
-    _put(friction.velocity, velocity)
+    write(friction.velocity, velocity)
     return subtract(scaled(bend, -k), scaled(velocity, c))
 
 

@@ -22,7 +22,7 @@ from foretouch.rendering.friction import Friction, rub
 from foretouch.rendering.limits import Limiter, carried, limit
 from foretouch.rendering.mediation import MediationState, mediate
 from foretouch.rendering.proxy import RETURN_SPEED, ProxyState
-from foretouch.rendering.surfaces.triangle_kernel import add, scaled
+from foretouch.rendering.surfaces.geometry import add, norm, scaled
 
 FARTHEST = 10.0  # Largest distance of a hand from its zero [m]
 
@@ -312,7 +312,7 @@ def give(r: Rendering, account: Account, rendered: float, normal: Vector, point:
     scale, held = r.setup.force_scale, min(period, r.setup.period)
     beside = scaled(rub(r.friction, point, normal, rendered / scale, r.coefficient, r.viscous, held), scale)
     left = math.sqrt(max(r.limiter.largest_force**2 - rendered**2, 0.0))
-    size = energy.norm(beside)
+    size = norm(beside)
     if size > left:
         beside = scaled(beside, left / size)
     return energy.hold_within(account, add(scaled(normal, rendered), beside))
