@@ -94,7 +94,10 @@ class GantryArm(SpatialRobot):
         data: Any = mujoco.MjData(model)
         data.qpos[:] = start
         mujoco.mj_forward(model, data)
-        self._model, self._data, self._mj_step, self._kernel = model, data, mujoco.mj_step, kernel
+        self._model, self._data, self._mj_step = model, data, mujoco.mj_step
+        self._begin, self._push, self._sense = (
+            each.entry for each in (kernel.begin_gantry, kernel.push_gantry, kernel.sense_gantry)
+        )
         self._applied = data.xfrc_applied[model.body("tool").id][:3]
         self._interaction = data.sensordata[:3]
         weight = (0.0, 0.0, TOOL_MASS * GRAVITY)
@@ -122,13 +125,13 @@ class GantryArm(SpatialRobot):
             low, high = self.reach
             x, y, z = (min(max(value, a), b) for value, a, b in zip(desired, low, high, strict=True))
             self._desired = (x, y, z)
-        arm, kernel, data = self._arm, self._kernel, self._data
-        kernel.begin_gantry(arm, *self._desired)
+        arm, data = self._arm, self._data
+        self._begin(arm, *self._desired)
         for _ in self._steps:
-            self._clipped = kernel.push_gantry(arm, data.qpos, data.qvel, data.ctrl)
+            self._clipped = self._push(arm, data.qpos, data.qvel, data.ctrl)
             self._applied[:] = self._contact
             self._mj_step(self._model, data)
-            kernel.sense_gantry(arm, data.qvel, self._interaction)
+            self._sense(arm, data.qvel, self._interaction)
             self._touch()
         self._sample = self._measure()
         return self._sample

@@ -108,7 +108,9 @@ class RcmArm(Robot):
         self._drive = self.mj_data.ctrl[self.mj_model.actuator("insertion").id :][:1]
         self._applied = self.mj_data.xfrc_applied[self.mj_model.body("tool").id][2:3]
         self._interaction = self.mj_data.sensordata[2:3]
-        built, self._kernel = self.specification, kernel
+        built = self.specification
+        self._begin, self._effort = kernel.begin.entry, kernel.effort.entry
+        self._sense, self._show = kernel.sense.entry, kernel.show.entry
         self._arm = kernel.Arm.new(
             servo=kernel.make_servo(built.force_limit, built.sample_period, 0.0),
             h=self._h,
@@ -139,16 +141,16 @@ class RcmArm(Robot):
 
     def exchange(self, desired_position: float) -> RobotSample:
         """Give a command, let one sample period pass, and return what the sensors show then: see `Robot`."""
-        arm, kernel = self._arm, self._kernel
+        arm, effort, sense = self._arm, self._effort, self._sense
         position, velocity = self._qpos.item(), self._qvel.item()
-        kernel.begin(arm, desired_position, velocity)
+        self._begin(arm, desired_position, velocity)
         for _ in self._substeps:
-            self._drive[0] = kernel.effort(arm, position, velocity) - MOVED_MASS * GRAVITY
+            self._drive[0] = effort(arm, position, velocity) - MOVED_MASS * GRAVITY
             self._applied[0] = self._contact_force
             self._mj_step(self.mj_model, self.mj_data)
             position, velocity = self._qpos.item(), self._qvel.item()
             # MuJoCo gives what the carriage does to the tool along the world's z: compression pushes it down
-            kernel.sense(arm, velocity, -self._interaction.item())
+            sense(arm, velocity, -self._interaction.item())
             self._touch(position, velocity)
         self._sample = self._measure()
         return self._sample
@@ -160,7 +162,7 @@ class RcmArm(Robot):
 
     def _measure(self) -> RobotSample:
         noise, exact = self._noise, self._qpos.item()
-        position, force, acceleration, reference, clipped = self._kernel.show(
+        position, force, acceleration, reference, clipped = self._show(
             self._arm, exact, next(noise), next(noise), next(noise)
         )
         effort = self._drive.item() + MOVED_MASS * GRAVITY
