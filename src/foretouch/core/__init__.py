@@ -2,7 +2,20 @@
 
 from __future__ import annotations
 
-from foretouch.core.compiling import Kernel, compiled, kernel
+from typing import TYPE_CHECKING, Any
+
 from foretouch.core.records import Held, Record
 
+if TYPE_CHECKING:
+    from foretouch.core.compiling import Kernel, compiled, kernel
+
 __all__ = ["Held", "Kernel", "Record", "compiled", "kernel"]
+
+
+def __getattr__(name: str) -> Any:
+    """What compiles, loaded when it is asked for: Numba is slow to import."""
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from foretouch.core import compiling
+
+    return getattr(compiling, name)
