@@ -1,4 +1,4 @@
-"""The steps of leader and follower in a session along a line, in simulated time, with a user's settings, on one core.
+"""The steps of leader and follower in sessions along a line and in a scene, in simulated time, on one core.
 
 The session runs once with the simulated arm, whose samples are kept, and then again with these, so that the robot costs
 nothing. Sessions are the same bit by bit on repeat, so the follower meets what it asked for; what is timed is the steps
@@ -8,51 +8,78 @@ alone, as the runner times them.
 from __future__ import annotations
 
 import gc
+import itertools
+import math
+import time
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.bench.timing import Row, Scope, Spread, one_core, spread
-from foretouch.devices import Device
-from foretouch.robot import Robot, RobotSample
+from foretouch.bench.benchmarks.updates import growth
+from foretouch.bench.timing import Row, Scope, Spread, one_core, resident_bytes, spread
+from foretouch.models import make_model
+from foretouch.rendering import Renderer
+from foretouch.robot import AnyRobot, SpatialRobot, WrappedRobot, WrappedSpatialRobot
+from foretouch.robot.robot import Wrapped
 from foretouch.session import SessionSettings, SimulatedSession, make_operator, make_session_robot, simulate
+from foretouch.session.spatial import make_scene, make_spatial_operator, make_spatial_robot
 
 DURATION, ROUNDS = 10.0, 5
 
-REACHES = {("leader", 50): 15.0, ("follower", 50): 10.0, ("leader", 99): 100.0, ("follower", 99): 40.0}
-"""Longest time of each side's step at each percentile [us]."""
+REACHES = {("leader", 50): 8.0, ("follower", 50): 10.0, ("leader", 99): 30.0, ("follower", 99): 40.0}
+REACHES_IN_SPACE = {("leader", 50): 12.0, ("follower", 50): 15.0, ("leader", 99): 45.0, ("follower", 99): 60.0}
+"""Longest time of each side's step at each percentile, along a line and on the phantom [us]."""
+
+PHANTOM = {"scene": "phantom", "material": "hunt-crossley", "fusion": "contact"}
+"""Settings of a session on the phantom without a camera, which would cost more than all the rest."""
+
+TICKS = 10_000  # Number of ticks of rendering in a round
+GROWN_TICKS = 100_000  # and of those over which memory may not grow
 
 
-class RobotOnTape(Robot):
-    """Keeps what a robot shows, or without one shows it again, whatever is commanded.
+class _OnTape(Wrapped[Any, Any]):
+    """Keeps what a robot shows, or, once it was rewound, shows it again, whatever is commanded."""
 
-    Args:
-        robot: Whose samples are kept.
-    """
-
-    def __init__(self, robot: Robot) -> None:
-        self.specification = robot.specification
-        self._robot: Robot | None = robot
+    def __init__(self, robot: AnyRobot[Any, Any]) -> None:
+        super().__init__(robot)
         self._first = robot.read()
-        self._samples: list[RobotSample] = []
-        self._next = 0
+        self._samples: list[Any] = []
+        self._next = -1
 
     def rewind(self) -> None:
-        """Show the samples again, from the first; the robot is released."""
-        self._robot = None
+        """Show the samples again, from the first."""
         self._next = 0
 
-    def read(self) -> RobotSample:
+    @property
+    def fresh(self) -> bool:
+        """True: it can be rewound."""
+        return True
+
+    def read(self) -> Any:
         """The first sample."""
         return self._first
 
-    def exchange(self, desired_position: float) -> RobotSample:
+    def exchange(self, desired_position: Any) -> Any:
         """See `Robot.exchange`; on tape, the next sample."""
-        if self._robot is not None:
-            self._samples.append(self._robot.exchange(desired_position))
+        if self._next < 0:
+            self._samples.append(self.robot.exchange(desired_position))
             return self._samples[-1]
         self._next += 1
         return self._samples[self._next - 1]
+
+
+class RobotOnTape(_OnTape, WrappedRobot):
+    """Keeps what a robot along a line shows, and shows it again."""
+
+
+class SpatialRobotOnTape(_OnTape, WrappedSpatialRobot):
+    """The same in three dimensions."""
+
+    def __init__(self, robot: SpatialRobot) -> None:
+        _OnTape.__init__(self, robot)
+        self.reach = robot.reach
 
 
 class TapedSession:
@@ -61,8 +88,12 @@ class TapedSession:
     def __init__(self, duration: float, settings: SessionSettings | None = None) -> None:
         self._settings = SessionSettings() if settings is None else settings
         self._duration = duration
-        arm, self._material = make_session_robot(self._settings)
-        self._tape = RobotOnTape(arm)
+        self._tape: RobotOnTape | SpatialRobotOnTape
+        if self._settings.scene:
+            self._tape = SpatialRobotOnTape(make_spatial_robot(self._settings, make_scene(self._settings.scene)))
+        else:
+            arm, self._material = make_session_robot(self._settings)
+            self._tape = RobotOnTape(arm)
         simulate(self._settings, duration=duration, operator=self._operator(), robot=self._tape)
 
     def times(self) -> dict[str, NDArray[np.float64]]:
@@ -81,11 +112,17 @@ class TapedSession:
             "contact": log.follower["in_contact"].astype(np.float64),
         }
 
-    def _operator(self) -> Device:
+    def _operator(self) -> Any:
+        settings = self._settings
+        if settings.scene:
+            scene = make_scene(settings.scene)
+            return make_spatial_operator(settings, scene, scene.nominal, say=_quiet)
         material = self._material
-        return make_operator(
-            self._settings, surface=material.surface, press_depth=material.press_depth, say=lambda text: None
-        )
+        return make_operator(settings, surface=material.surface, press_depth=material.press_depth, say=_quiet)
+
+
+def _quiet(text: str) -> None:
+    """Say nothing."""
 
 
 def step_times(session: TapedSession, rounds: int) -> dict[tuple[str, int], Spread]:
@@ -101,23 +138,60 @@ def step_times(session: TapedSession, rounds: int) -> dict[tuple[str, int], Spre
 
 
 def measure_steps(scope: Scope) -> list[Row]:
-    """Percentiles of both steps, in contact."""
-    result = step_times(TapedSession(DURATION), ROUNDS)
-    return [
-        Row.of(f"{side} step in contact, without the robot, {percentile} %", result[side, percentile], "us", reach)
-        for (side, percentile), reach in REACHES.items()
-    ]
+    """Percentiles of both steps, in contact, along a line and on the phantom; a tick alone; memory that ticks leave."""
+    rows = []
+    sessions = ("", SessionSettings(), REACHES), (" on the phantom", SessionSettings(**PHANTOM), REACHES_IN_SPACE)
+    for where, settings, reaches in sessions:
+        result = step_times(TapedSession(DURATION, settings), ROUNDS)
+        rows += [
+            Row.of(f"{side} step in contact{where}, without the robot, {percentile} %", result[key], "us", reach)
+            for key, reach in reaches.items()
+            for side, percentile in (key,)
+        ]
+    render, times = _rendering(), []
+    for _ in range(ROUNDS):
+        began = time.perf_counter()
+        render(TICKS)
+        times.append((time.perf_counter() - began) / TICKS)
+    rows.append(Row.of("leader's tick alone, with a contact map", spread(times, 1e6), "us", 3.0))
+    if resident_bytes():
+        rows.append(
+            Row("leader's tick, memory that 10^5 ticks leave", float(growth(lambda: render(GROWN_TICKS))), "B", 0.0)
+        )
+    return rows
 
 
-def run_session(duration: float) -> SimulatedSession:
-    """A fresh session with default settings, simulated for a duration [s]."""
-    return simulate(SessionSettings(), duration=duration, say=lambda text: None)
+def _rendering() -> Callable[[int], None]:
+    """So many more ticks of a hand with a device in the contact map that a default session learnt."""
+    model = run_session(6.0).log.models[-1]
+    renderer, period = Renderer(SessionSettings(grip="normal").device), 1e-3
+    renderer.engage(0.0, model.surface + 2e-3)
+    renderer.adopt(make_model(model.law, model.parameters, model.map), model.surface)
+    ticks = itertools.count(1)
+
+    def render(count: int) -> None:
+        for tick in itertools.islice(ticks, count):
+            renderer.update(period * tick, 1e-3 * math.sin(6.0 * period * tick), period)
+
+    render(TICKS)
+    return render
+
+
+def run_session(duration: float, **settings: Any) -> SimulatedSession:
+    """A fresh session with these settings, simulated for a duration [s]."""
+    return simulate(SessionSettings(**settings), duration=duration, say=_quiet)
 
 
 def measure_simulate(scope: Scope) -> list[Row]:
     """Speed over real time [-]."""
-    with one_core():
-        run_session(0.5)
-        faster = [DURATION / run_session(DURATION).elapsed for _ in range(ROUNDS)]
-    what = f"simulate, {DURATION:g} s with default settings on one core, over real time"
-    return [Row.of(what, spread(faster), "x", 15.0, at_least=True)]
+    rows = []
+    for what, settings, reach in (
+        ("with default settings", {}, 35.0),
+        ("on the phantom, without a camera", PHANTOM, 20.0),
+    ):
+        with one_core():
+            run_session(0.5, **settings)
+            faster = [DURATION / run_session(DURATION, **settings).elapsed for _ in range(ROUNDS)]
+        what = f"simulate, {DURATION:g} s {what} on one core, over real time"
+        rows.append(Row.of(what, spread(faster), "x", reach, at_least=True))
+    return rows

@@ -123,14 +123,17 @@ def bare(pressed: list[ContactSample]) -> Callable[[], None]:
 
 
 def memory_growth(estimator: Estimator, pressed: list[ContactSample]) -> int:
-    """Bytes that this process holds more after the second half of the calls than before, the least of some turns.
-
-    Memory is counted in whole pages, of Python and of compiled code alike. The first half of the samples fills what is
-    filled once.
-    """
+    """Bytes that the second half of the calls leave; the first half of the samples fills what is filled once."""
     half = len(pressed) // 2
     update_all(estimator, pressed[:half])()
-    run = update_all(estimator, pressed[half:])
+    return growth(update_all(estimator, pressed[half:]))
+
+
+def growth(run: Callable[[], None]) -> int:
+    """Bytes that this process holds more after a run than before, the least of some turns.
+
+    Memory is counted in whole pages, of Python and of compiled code alike.
+    """
     held = []
     for turn in range(TURNS + 1):
         if turn:
