@@ -11,11 +11,12 @@ import pytest
 
 from foretouch.devices import GRIPS, UNKNOWN_REACH, BrowserOperator, Device, DeviceSpecification, Hand, ScriptedOperator
 from foretouch.errors import SettingError
-from foretouch.quantities import Frame
+from foretouch.quantities import Frame, Pose, SpatialFrame
 from foretouch.robot import FaultySensor, RcmArm, Robot, RobotSample, SensorFault, make_robot
 from foretouch.session import SessionSettings, framed_device, framed_robot, inverse, make_operator, simulate
 from foretouch.session.frames import browser_operator
 from foretouch.session.operators import reach_of
+from foretouch.session.spatial import make_scene, make_spatial_robot
 
 
 class MirroredArm(Robot):
@@ -157,6 +158,38 @@ def test_the_inverse_of_a_frame_undoes_it(frame: Frame) -> None:
     for position in (-0.125, 0.0, 0.03125):
         assert back.inside(frame.inside(position)) == position
         assert back.outside(frame.outside(position)) == position
+
+
+def test_a_frame_in_space_is_a_pose_that_its_inverse_undoes() -> None:
+    frame = SpatialFrame((0.4, -0.1, 0.2), (0.3, -0.2, 1.4))
+    assert SpatialFrame.from_text("frame", str(frame)) == frame
+    back, pose = inverse(frame), Pose.from_rotation_vector(frame.rotation, frame.place)
+    for place in ((0.0, 0.0, 0.0), (0.1, 0.2, -0.3)):
+        assert frame.inside(place) == pytest.approx(pose.apply(place), abs=1e-15)
+        for one, other in ((frame, back), (back, frame)):
+            assert other.inside(one.inside(place)) == pytest.approx(place, abs=1e-15)
+            assert other.inside(place) == pytest.approx(one.outside(place), abs=1e-15)
+    seen = (0.05, 0.0, 0.01, 0.1, 0.2, -0.3)
+    assert back.pose_inside(frame.pose_inside(seen)) == pytest.approx(seen, abs=1e-12)
+
+
+def test_machines_in_space_are_translated_forces_and_the_fixture_too() -> None:
+    settings = SessionSettings(scene="hill", seed=2)
+    frame, scene = SpatialFrame((0.4, -0.1, 0.2), (0.3, -0.2, 1.4)), make_scene("hill")
+    plain = make_spatial_robot(settings, scene)
+    framed = make_spatial_robot(dataclasses.replace(settings, follower_frame=frame), scene)
+    again = framed_robot(framed, frame)
+    for tick in range(600):  # down, into the hill
+        place = (0.0, 0.0, 0.05 - 1e-4 * tick)
+        right, own, seen = plain.exchange(place), framed.exchange(frame.outside(place)), again.read()
+        assert own.place == pytest.approx(frame.outside(right.place), abs=1e-12)
+        for name in ("place", "force", "exact_force", "exact_place", "fixture"):
+            assert getattr(seen, name) == pytest.approx(getattr(right, name), abs=1e-6), name
+    assert right.exact_force[2] > 0.1
+    low, high = again.reach
+    assert all(a <= b for a, b in zip(low, high, strict=True))
+    assert again.fresh is plain.fresh is False
+    assert plain.read().place == right.place
 
 
 @pytest.mark.parametrize("text", ["nonsense", "0", "0,2", "0,0.5", "2,1", "nan,1", "0,1,1"])

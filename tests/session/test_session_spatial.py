@@ -12,7 +12,7 @@ from commanded import MS, CommandedInSpace
 from hypothesis import given
 from hypothesis import strategies as st
 
-from foretouch.devices import SpatialDevice
+from foretouch.devices import RecordedOperator, SpatialDevice
 from foretouch.errors import MissingExtraError, SettingError, UnknownNameError
 from foretouch.messages import (
     VERSION,
@@ -26,7 +26,8 @@ from foretouch.messages import (
     Telemetry,
 )
 from foretouch.quantities import Pose
-from foretouch.rendering.surfaces import Plane
+from foretouch.recordings import excerpt, read_leader_motion
+from foretouch.rendering.surfaces import Plane, SurfaceProxy
 from foretouch.robot import GantryArm, MissingGraphicsError, graphics_library, make_material
 from foretouch.session import SessionSettings
 from foretouch.session.runners.driven import Tick, drive_leader
@@ -449,6 +450,22 @@ def test_a_material_remembers_one_contact_as_along_a_line_wherever_it_is_pressed
         state, expected, _ = material.model.advance(state, depth, speed, step)
         assert force[2] == pytest.approx(expected, rel=1e-9, abs=1e-9)
     assert state != material.model.initial_state()
+
+
+def test_the_recorded_operator_presses_as_deep_as_measured_at_the_places_of_the_script() -> None:
+    scene, settings = make_scene("hill"), SessionSettings(scene="hill", operator="recorded")
+    operator = make_spatial_operator(settings, scene, NOMINAL)
+    assert operator.name == "recorded"
+    proxy, depths = SurfaceProxy(scene.surface), []
+    for tick in range(26_000):
+        x, y, z = operator.read(tick * MS)
+        depths.append((proxy.follow((x - NOMINAL[0], y, z)).depth, x, y))
+    pressed = np.array([row for row in depths if row[0] > 0.0])
+    assert 0.0045 < pressed[:, 0].max() < 0.0051  # straight down, and a hill's slope is a little nearer
+    places = {(round(x, 3), round(y, 3)) for _, x, y in pressed.tolist()}
+    assert len(places) == 9  # at each it stays where it is
+    measured = RecordedOperator(*read_leader_motion(excerpt("tue/b-foam")), 0.01, 0.005)
+    assert max(measured.loop) == pytest.approx(0.015, abs=1e-4)
 
 
 def test_what_is_chosen_with_a_scene_is_taken_and_what_is_not_is_the_scenes_own() -> None:

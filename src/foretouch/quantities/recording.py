@@ -223,8 +223,6 @@ class SpatialFrame:
 
     def pose_inside(self, numbers: Sequence[float]) -> tuple[float, ...]:
         """The pose in the world, a place [m] and a rotation vector [rad], of one in the machine's frame."""
-        base, seen = (
-            Pose.from_rotation_vector(pose[3:], pose[:3]) for pose in ((*self.place, *self.rotation), tuple(numbers))
-        )
-        pose = base @ seen
+        base, seen = Pose.from_rotation_vector(self.rotation, self.place), tuple(numbers)
+        pose = base @ Pose.from_rotation_vector(seen[3:], seen[:3])
         return (*pose.translation.tolist(), *pose.rotation_vector().tolist())

@@ -244,9 +244,4 @@ class MovedRobot(_Moved[float, RobotSample], WrappedRobot):
 
 
 class MovedSpatialRobot(_Moved[Vector, SpatialSample], WrappedSpatialRobot):
-    """The same in three dimensions.
-
-    Args:
-        robot: Robot that moves.
-        position_at: Place [m] that it is moved to at a time [s]; asked once for each exchange, in order.
-    """
+    """The same in three dimensions, with the same arguments."""

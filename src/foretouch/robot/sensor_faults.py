@@ -166,22 +166,10 @@ class FaultySensor(_Faulty, WrappedRobot):
 
 
 class FaultySpatialSensor(_Faulty, WrappedSpatialRobot):
-    """The same in three dimensions.
+    """The same in three dimensions, with the same arguments.
 
     Whole vectors repeat or are no numbers; what is off or saturated is the axis along the tool, which hangs along the
     world's z: a force of compression is positive there, and a deeper position is lower.
-
-    Args:
-        robot: Any robot.
-        fault: The fault and its times.
-        seed: Seed of the spikes, not negative.
-
-    Attributes:
-        fault: As given.
-        faulty: Whether the newest sample was changed.
-
-    Raises:
-        SettingError: A negative seed.
     """
 
     _names = ("place", "force")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -22,6 +22,7 @@ from foretouch.devices import (
 from foretouch.quantities import Frame, SpatialFrame
 from foretouch.quantities.pose import Vector
 from foretouch.robot import Robot, RobotSample, SpatialRobot, SpatialSample, WrappedRobot, WrappedSpatialRobot
+from foretouch.robot.robot import Wrapped
 
 POSE_NUMBERS = 6  # A place and a rotation vector
 
@@ -119,7 +120,20 @@ class FramedSpatialDevice(_Framed, SpatialDevice):
         self.device.see(_posed(self._frame.inverse(), tuple(pose)))
 
 
-class FramedRobot(WrappedRobot):
+class _FramedRobot(Wrapped[Any, Any]):
+    frame: Any
+    _inside: Callable[[Any], Any]
+
+    def read(self) -> Any:
+        """Present sample of the sensors."""
+        return self._inside(self.robot.read())
+
+    def exchange(self, desired_position: Any) -> Any:
+        """Give a command [m], let one sample period pass, and return the sample then."""
+        return self._inside(self.robot.exchange(self.frame.outside(desired_position)))
+
+
+class FramedRobot(_FramedRobot, WrappedRobot):
     """A robot whose positions, acceleration and gravity are translated; forces are not, and no length changes."""
 
     def __init__(self, robot: Robot, frame: Frame) -> None:
@@ -127,14 +141,6 @@ class FramedRobot(WrappedRobot):
         self.frame, own = frame, robot.specification
         low, high = sorted(map(frame.inside, own.workspace))
         self.specification = replace(own, workspace=(low, high), gravity=frame.direction * own.gravity)
-
-    def read(self) -> RobotSample:
-        """Present sample of the sensors."""
-        return self._inside(self.robot.read())
-
-    def exchange(self, desired_position: float) -> RobotSample:
-        """Give a command [m], let one sample period pass, and return the sample then."""
-        return self._inside(self.robot.exchange(self.frame.outside(desired_position)))
 
     def _inside(self, sample: RobotSample) -> RobotSample:
         inside = self.frame.inside
@@ -146,7 +152,7 @@ class FramedRobot(WrappedRobot):
         )
 
 
-class FramedSpatialRobot(WrappedSpatialRobot):
+class FramedSpatialRobot(_FramedRobot, WrappedSpatialRobot):
     """A robot in space whose places and forces, and the fixture where it says that, are translated.
 
     Its `reach` is the box along the world's axes that holds its own.
@@ -159,14 +165,6 @@ class FramedSpatialRobot(WrappedSpatialRobot):
         corners = [frame.inside(corner) for corner in itertools.product((x, u), (y, v), (z, w))]
         low, high = (tuple(map(end, zip(*corners, strict=True))) for end in (min, max))
         self.reach = low, high
-
-    def read(self) -> SpatialSample:
-        """Present sample of the sensors."""
-        return self._inside(self.robot.read())
-
-    def exchange(self, desired_position: Vector) -> SpatialSample:
-        """Give a command [m], let one sample period pass, and return the sample then."""
-        return self._inside(self.robot.exchange(self.frame.outside(desired_position)))
 
     def _inside(self, sample: SpatialSample) -> SpatialSample:
         inside, turned = self.frame.inside, self.frame.motion.rotate

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
-from typing import Any
+from typing import Any, cast
 
 from foretouch.devices import (
     GRIPS,
@@ -101,14 +101,12 @@ def make_operator(
         surface = known.surface if surface is None else surface
         press_depth = known.press_depth if press_depth is None else press_depth
     if settings.operator not in OPERATORS:
-        device: Device = foreign_operator(settings, _scaled(settings, surface, press_depth), say)
-        return device
+        return cast("Device", foreign_operator(settings, _scaled(settings, surface, press_depth), say))
     reach = _hand_lengths(settings, surface, press_depth)
     deepest = reach.press_depth
     if settings.grip != NO_GRIP and reach.known:
         deepest = min(deepest + INTENDED_FORCE / GRIPS[settings.grip].stiffness, DEEPEST)
-    operator: Device = mounted_operator(settings, _intention(settings, reach.surface, deepest, say))
-    return operator
+    return cast("Device", mounted_operator(settings, _intention(settings, reach.surface, deepest, say)))
 
 
 def mounted_operator(settings: SessionSettings, intention: Any) -> Any:

@@ -4,13 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, cast
 
 from foretouch.devices import Reach
 from foretouch.errors import SettingError, UnknownNameError
 from foretouch.plugins import make_plugin
-from foretouch.robot import FaultySensor, FaultySpatialSensor, Material, MovedRobot, Robot, SpatialRobot, make_robot
-from foretouch.session.frames import framed_robot, inverse
+from foretouch.robot import (
+    FaultySensor,
+    FaultySpatialSensor,
+    Material,
+    MovedRobot,
+    MovedSpatialRobot,
+    Robot,
+    SpatialRobot,
+    make_robot,
+)
+from foretouch.session.frames import framed_device, framed_robot, inverse
 from foretouch.session.operators import make_operator, reach_of, require_axes
 from foretouch.session.settings import ROBOTS, SAMPLE_PERIOD, SessionSettings, shadow_settings
 from foretouch.settings import SIMULATED
@@ -57,8 +66,19 @@ def make_moved_robot(settings: SessionSettings, *, say: Callable[[str], None]) -
     if not robot.specification.simulated:
         return robot, reach
     operator = make_operator(settings, surface=reach.surface, press_depth=reach.press_depth, say=say)
-    frame: Any = settings.follower_frame
-    return MovedRobot(robot, lambda time: frame.outside(operator.read(round(time * 1e9)))), reach
+    return cast("Robot", moved_by(operator, robot, settings)), reach
+
+
+def moved_by(operator: Any, robot: Any, settings: SessionSettings) -> Any:
+    """A simulated robot moved by an operator, who sees the fixture where it is."""
+    mover = framed_device(operator, inverse(settings.follower_frame))
+
+    def position_at(time: float) -> Any:
+        if settings.scene:
+            mover.see(robot.read().fixture)
+        return mover.read(round(time * 1e9))
+
+    return (MovedSpatialRobot if settings.scene else MovedRobot)(robot, position_at)
 
 
 def reach_texts(reach: Material | Reach) -> dict[str, str]:

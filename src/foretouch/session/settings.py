@@ -135,7 +135,8 @@ class SessionSettings(Declared, Brief):
             if given is None or (given == "" and absent is None):
                 object.__setattr__(self, name, absent)
             elif isinstance(given, str):
-                kind = kinds[-1] if given.count(",") > 1 else kinds[0]  # of two frames the one in space has six numbers
+                in_space = given.count(",") > (1 if self.scene else 4)  # a frame in space has six numbers
+                kind = kinds[-1] if in_space else kinds[0]
                 object.__setattr__(self, name, kind.from_text(name, given))
             elif not isinstance(given, kinds):
                 wanted = " or ".join(kind.__name__ for kind in kinds)
@@ -175,12 +176,8 @@ class SessionSettings(Declared, Brief):
         """The scene exists, and what is chosen is of three dimensions or of a line as the session is."""
         for name in ("leader_frame", "follower_frame"):
             frame = getattr(self, name)
-            if self.scene and isinstance(frame, Frame) and frame != NO_FRAME:
-                rule = "is of a line; with a scene give six numbers, X,Y,Z,RX,RY,RZ: the base in the world [m, rad]"
-                raise SettingError(name, str(frame), rule)
-            if not self.scene and isinstance(frame, SpatialFrame):
-                rule = "is of a scene; along a line give two numbers, ORIGIN,DIRECTION: for example 0.02,-1"
-                raise SettingError(name, str(frame), rule)
+            if frame != NO_FRAME and isinstance(frame, SpatialFrame) != bool(self.scene):
+                raise SettingError(name, str(frame), OTHER_FRAME[bool(self.scene)])
         if not self.scene:
             return
         if self.scene not in SCENES and not self.scene.lower().endswith(MESH_ENDINGS):
@@ -267,6 +264,10 @@ ABSENT = ("", "none", 0.0)  # Defaults that stand for nothing, for which None ma
 UNCHOSEN = {"material": ("foam-measured", "hunt-crossley"), "model": ("contact-map", "quadratic")}
 """What is taken where nothing is chosen, along a line and with a scene."""
 
+OTHER_FRAME = (
+    "is of a scene; along a line give two numbers, ORIGIN,DIRECTION: for example 0.02,-1",
+    "is of a line; with a scene give six numbers, X,Y,Z,RX,RY,RZ: the base in the world [m, rad]",
+)
 ONE_AXIS = "moves along one axis, and the scene {} is touched in three dimensions: take one that is a {}"
 THREE_AXES = "moves in three dimensions, and this session is along a line: give a scene, or take one that is a {}"
 

@@ -11,7 +11,9 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
+from foretouch.devices import SpatialDevice
 from foretouch.errors import ForetouchError
+from foretouch.robot import SpatialRobot
 
 LONGEST_LOOK = 2.0  # Time over which slow calls are timed, at least ten of them [s]
 
@@ -97,6 +99,9 @@ class Checks(Generic[Subject]):
             raise  # its message states what is missing
         except Exception as error:
             yield Finding("made", False, f"raises {type(error).__name__}: {error}", "it can be made")
+            return
+        if isinstance(made, SpatialDevice | SpatialRobot):
+            yield Finding("made", None, f"a {type(made).__name__}", "these checks are of what moves along one axis")
             return
         if not isinstance(made, self._kind):
             yield Finding("made", False, f"a {type(made).__name__}", f"it is a {self._public}")

@@ -23,12 +23,8 @@ from foretouch.session.frames import framed_device, inverse
 from foretouch.session.network.playout import Playout
 from foretouch.session.replay.machines import PlayedOperator, PlayedRobot
 from foretouch.session.robots import make_session_robot
-from foretouch.session.runners.lap import run_session
 from foretouch.session.runners.simulated import simulate
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
-from foretouch.session.spatial.camera import SimulatedCamera
-from foretouch.session.spatial.making import make_camera, make_spatial_operator, make_spatial_robot
-from foretouch.session.spatial.scenes import Scene, make_scene
 from foretouch.settings import NO_GRIP, SIMULATED
 
 _REAL = "is of a robot in three dimensions that is not the simulated one: nobody can simulate it again"
@@ -86,50 +82,30 @@ def _replay_scene(
         raise RecordingError("session", _STILL)
     if (material := log.settings.get("material", settings.material)) not in material_names():
         raise RecordingError("session", f"was of the material {material!r}, which is not here to be simulated again")
-    scene = make_scene(settings.scene)
-    operator = _scene_operator(log, settings, scene, closed_loop)
-    robot = make_spatial_robot(settings, scene)
-    camera = _camera(settings, scene)
-    ticks = round(np.ptp(log.leader["time_ns"]) * 1e-9 / SAMPLE_PERIOD) + 1
-    try:
-        return run_session(
-            settings,
-            operator,
-            robot,
-            camera,
-            duration=ticks * SAMPLE_PERIOD,
-            description=description,
-            progress=progress,
-        ).log
-    finally:
-        if camera is not None:
-            camera.close()
-
-
-def _scene_operator(log: SessionLog, settings: SessionSettings, scene: Scene, closed_loop: bool) -> SpatialDevice:
     name = log.settings.get("operator", settings.operator)
+    operator: SpatialDevice | None = None  # the settings' own, which plays again
     if not closed_loop:
         if settings.grip != NO_GRIP:
             raise RecordingError("session", _HELD)
-        played: SpatialDevice = framed_device(
-            PlayedSpatialOperator(name, log.leader_space, position_scale=settings.position_scale),
-            inverse(settings.leader_frame),
-        )
-        return played
-    if name not in ("scripted", "recorded"):
+        played = PlayedSpatialOperator(name, log.leader_space, position_scale=settings.position_scale)
+        operator = framed_device(played, inverse(settings.leader_frame))
+    elif name not in ("scripted", "recorded"):
         raise RecordingError("session", _UNKNOWN)
-    return make_spatial_operator(settings, scene, scene.nominal)
+    ticks = round(np.ptp(log.leader["time_ns"]) * 1e-9 / SAMPLE_PERIOD) + 1
+    session = simulate(
+        settings,
+        duration=ticks * SAMPLE_PERIOD,
+        operator=operator,
+        description=description,
+        progress=progress,
+        say=_miss_camera,
+    )
+    return session.log
 
 
-def _camera(settings: SessionSettings, scene: Scene) -> SimulatedCamera | None:
-    if settings.fusion not in ("full", "image"):
-        return None
-    sentences: list[str] = []
-    camera = make_camera(settings, scene, say=sentences.append)
-    if camera is None:
-        problem = sentences[0].partition(";")[0].removeprefix("camera: ")
-        raise RecordingError("session", f"has images, which are drawn again: {problem}")
-    return camera
+def _miss_camera(line: str) -> None:
+    problem = line.partition(";")[0].removeprefix("camera: ")
+    raise RecordingError("session", f"has images, which are drawn again: {problem}")
 
 
 Times = NDArray[np.int64]

@@ -21,15 +21,14 @@ from foretouch.devices import (
 from foretouch.devices.device import minimum_jerk
 from foretouch.devices.recorded import KNOT_PERIOD
 from foretouch.errors import MissingExtraError, SettingError
-from foretouch.quantities import Pose, SpatialFrame
+from foretouch.quantities import Pose
 from foretouch.quantities.pose import RigidMotion, Vector, add, dot, norm, scaled, subtract
 from foretouch.rendering.surfaces import SurfaceProxy
-from foretouch.robot import GantryArm, Material, MovedSpatialRobot, SpatialRobot, make_material
+from foretouch.robot import GantryArm, Material, SpatialRobot, make_material
 from foretouch.robot.engine import MOVED_MASS
 from foretouch.robot.gantry_arm import LEAST_STEPS
-from foretouch.session.frames import framed_robot
 from foretouch.session.operators import foreign_operator, mounted_operator, recorded_operator, say_on_stderr
-from foretouch.session.robots import foreign_robot, mounted_robot
+from foretouch.session.robots import foreign_robot, mounted_robot, moved_by
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings, shadow_settings
 from foretouch.session.spatial.camera import SimulatedCamera
 from foretouch.session.spatial.scenes import HOVER, Scene, palpation, recorded_palpation
@@ -141,10 +140,8 @@ def make_spatial_robot(settings: SessionSettings, scene: Scene, *, force_limit: 
         UnknownNameError: No such robot or material.
         PluginError: Another package's robot, which cannot be made.
     """
-    robot: SpatialRobot
     if settings.robot != SIMULATED:
-        robot = foreign_robot(settings)
-        return robot
+        return cast("SpatialRobot", foreign_robot(settings))
     material = make_material(settings.material)
     world = SpatialWorld(
         scene,
@@ -161,30 +158,17 @@ def make_spatial_robot(settings: SessionSettings, scene: Scene, *, force_limit: 
             raise SettingError(name, getattr(settings, name), rule)
     steps = max(LEAST_STEPS, math.ceil(damping * SAMPLE_PERIOD / (STOPPED_AT_MOST * MOVED_MASS)))
     arm = GantryArm(world.touch, world.fixture, seed=settings.seed, substeps=steps, force_limit=force_limit)
-    robot = mounted_robot(settings, arm)
-    return robot
+    return cast("SpatialRobot", mounted_robot(settings, arm))
 
 
-def make_moved_spatial_robot(
-    settings: SessionSettings, scene: Scene, *, say: Callable[[str], None] = say_on_stderr
-) -> SpatialRobot:
-    """The same, moved by the settings' operator as by somebody with a pendant, who sees where the fixture is.
-
-    A real one is moved by somebody else. Args and Raises: As of `make_spatial_robot`.
-    """
+def make_moved_spatial_robot(settings: SessionSettings, scene: Scene, *, say: Callable[[str], None]) -> SpatialRobot:
+    """The same, moved as by `foretouch.session.make_moved_robot`."""
     settings = shadow_settings(settings)
     robot = make_spatial_robot(settings, scene)
     if not robot.specification.simulated:
         return robot
-    framed, frame = framed_robot(robot, settings.follower_frame), cast("SpatialFrame", settings.follower_frame)
-    operator = make_spatial_operator(settings, scene, framed.read().fixture or scene.nominal, say)
-
-    def place_at(time: float) -> Vector:
-        operator.see(framed.read().fixture)
-        place = operator.read(round(time * 1e9))
-        return place if framed is robot else frame.outside(place)
-
-    return MovedSpatialRobot(robot, place_at)
+    operator = make_spatial_operator(settings, scene, scene.nominal, say)
+    return cast("SpatialRobot", moved_by(operator, robot, settings))
 
 
 def _hardest(settings: SessionSettings, scene: Scene, material: Material) -> tuple[float, float]:
@@ -226,19 +210,15 @@ def make_spatial_operator(
         UnknownNameError: No such operator.
         PluginError: Another package's device, which cannot be made.
     """
-    made: SpatialDevice
     if settings.operator not in OPERATORS:
-        made = foreign_operator(settings, UNKNOWN_REACH, say)
-        return made
+        return cast("SpatialDevice", foreign_operator(settings, UNKNOWN_REACH, say))
     depth, scale = PRESS_DEPTH, settings.position_scale
     if settings.grip != NO_GRIP:
         depth += min(INTENDED_FORCE / GRIPS[settings.grip].stiffness, 2.0 * PRESS_DEPTH)
     if settings.operator == "recorded":
         heights = [HOVER - position for position in recorded_operator(HOVER, depth).loop]
-        made = RecordedPalpatingOperator(recorded_palpation(scene, heights, KNOT_PERIOD), pose, scale)
+        moved: SpatialDevice = RecordedPalpatingOperator(recorded_palpation(scene, heights, KNOT_PERIOD), pose, scale)
     else:
-        made = PalpatingOperator(palpation(scene, depth, settings.seed), pose, scale)
-    if settings.operator == "browser":
-        made = SpatialBrowserOperator(made, scale)
-    mounted: SpatialDevice = mounted_operator(settings, made)
-    return mounted
+        moved = PalpatingOperator(palpation(scene, depth, settings.seed), pose, scale)
+    moved = SpatialBrowserOperator(moved, scale) if settings.operator == "browser" else moved
+    return cast("SpatialDevice", mounted_operator(settings, moved))
