@@ -27,7 +27,7 @@ from foretouch.session.spatial import follower as space
 from foretouch.session.spatial import make_scene, make_spatial_robot
 from foretouch.session.spatial.course import Course, SurfaceLine
 from foretouch.session.spatial.safety import LastLimit
-from foretouch.session.steps import follower
+from foretouch.session.steps import tick as stages
 from foretouch.session.steps.sensing import Failures
 
 LINE = SessionSettings(material="hunt-crossley", first_touch="guarded", approach_speed=0.05, guarded_force=10.0)
@@ -99,7 +99,7 @@ class Session:
         """A stage of the tick, whether it is called alone or within the whole."""
         made = Broken(stage.entry, self.presses, times)
         self.patch.setattr(stage, "_entry", made)
-        self.patch.setattr(follower.tick_at_once, "_entry", Broken(follower.tick_at_once.entry, self.presses, times))
+        self.patch.setattr(stages.tick_at_once, "_entry", Broken(stages.tick_at_once.entry, self.presses, times))
         return made
 
     def broken(self, owner: Any, name: str, times: float = float("inf")) -> Broken:
@@ -122,7 +122,7 @@ LEARNING: list[tuple[Any, str]] = [(KelvinVoigtRLS, "update"), (Learner, "taken"
 PLUG_IN = dataclasses.replace(LINE, model="kelvin-voigt", estimator="rls")
 """An estimator of Python, with the compiled stages around it."""
 
-ON_A_LINE: list[tuple[Any, str]] = [(Freshness, "judge"), (Playout, "advance"), (follower.sense_alone, ""), *LEARNING]
+ON_A_LINE: list[tuple[Any, str]] = [(Freshness, "judge"), (Playout, "advance"), (stages.sense_alone, ""), *LEARNING]
 IN_SPACE = [(MaterialFieldLearner, "update"), (space, "_with_position"), (Course, "go"), (FieldSender, "due")]
 RARELY_IN_SPACE = [(MaterialFieldLearner, "touch_at"), (space, "_learn_beside_the_law"), (space, "_with_fixture")]
 
@@ -149,7 +149,7 @@ def test_an_exception_before_safety_is_counted_and_told_and_safety_goes_on(
     assert session.force < REST_FORCE + 0.1  # it ended unloaded
     if settings is SCENE:
         return
-    if owner is follower.sense_alone:
+    if owner is stages.sense_alone:
         assert session.link.telemetry[-1].status == Status.SENSOR_FAULT
     learns = (owner, name) not in [*LEARNING, (Learner, "update")]
     assert (broken.raised > 1) is learns
@@ -180,7 +180,7 @@ def test_where_the_judge_of_the_sensors_raises_the_robot_goes_out_as_it_came(
         session.robot.exchange = dumb  # type: ignore[method-assign, assignment]
         assert int(session.run(2.0)["step_failures"]) > 500
     else:
-        broken = session.broken_stage(follower.sense_alone)
+        broken = session.broken_stage(stages.sense_alone)
         session.run(2.0)
         assert broken.raised > 500
     faulty = [telemetry for telemetry in session.link.telemetry if telemetry.status == Status.SENSOR_FAULT]
@@ -253,8 +253,8 @@ FOR_EVER = float("inf")
 @pytest.mark.parametrize(
     ("settings", "owner", "name", "times"),
     [
-        (LINE, follower.allow_alone, "", FOR_EVER),
-        (SCENE, follower.allow_alone, "", FOR_EVER),
+        (LINE, stages.allow_alone, "", FOR_EVER),
+        (SCENE, stages.allow_alone, "", FOR_EVER),
         pytest.param(SCENE, SurfaceLine, "follow", FOR_EVER, marks=pytest.mark.long),
         (SCENE, LastLimit, "update", FOR_EVER),
         pytest.param(SCENE, space, "_space", FOR_EVER, marks=pytest.mark.long),

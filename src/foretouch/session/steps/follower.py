@@ -27,18 +27,8 @@ from foretouch.session.network.playout import Arrival, Freshness, Playout
 from foretouch.session.safety.force_guard import FirstTouch
 from foretouch.session.safety.safety import STATES, Safety, SafetyLimits
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
+from foretouch.session.steps import tick as stages
 from foretouch.session.steps.sensing import Failures, calibrated
-from foretouch.session.steps.tick import (
-    Allowed,
-    Follower,
-    Shown,
-    Times,
-    Wanted,
-    allow_alone,
-    feel_alone,
-    sense_alone,
-    tick_at_once,
-)
 from foretouch.settings import SAFETY_LIMITS
 
 # Constants used in every tick: a member of an enumeration costs more to look up than to compare.
@@ -48,7 +38,7 @@ OF_ROBOT = ("tool_mass", "gravity", "moved_mass", "largest_offset")  # What a ti
 HOLDING, RETREATING, TOO_SLOW = int(Status.HOLDING), int(Status.RETREATING), int(Status.TOO_SLOW)
 
 
-Acted = tuple[Allowed, int, Shown]
+Acted = tuple[stages.Allowed, int, stages.Shown]
 """Of a tick: what is allowed, the validity of the sensors, and what is shown."""
 
 
@@ -157,10 +147,11 @@ def start(
         mass=specification.moved_mass,
         retreats=settings.on_silence == "retreat",
     )
-    memory = Follower.new(
+    memory = stages.Follower.new(
         zero=known.zero or 0.0, compliance=known.compliance, **{name: getattr(specification, name) for name in OF_ROBOT}
     )
-    period, speed = specification.sample_period, settings.approach_speed
+    period = specification.sample_period
+    stages.load(whole=type(learner.estimator) is ContactMap)
     return State(
         specification,
         learner,
@@ -169,7 +160,7 @@ def start(
         memory,
         SensorWatch((-force, force), moving_mass=specification.moved_mass, memory=memory["watch"][0]),
         Freshness(settings.queueing_allowance, SAMPLE_PERIOD),
-        FirstTouch(speed, settings.guarded_force, period, memory=memory["touch"][0]),
+        FirstTouch(settings.approach_speed, settings.guarded_force, period, memory=memory["touch"][0]),
         Safety(limits, period, memory=memory["safety"][0]),
         settings.guards(simulated=specification.simulated),
         deque(maxlen=1 + round(known.sensor_lag / SAMPLE_PERIOD)),
@@ -281,14 +272,16 @@ def _learns(state: State, applied: int, now_ns: int) -> bool:
     return state.failures.learns
 
 
-def _at_once(state: State, sample: RobotSample, applied: int, times_ns: Times, wanted: Wanted) -> Acted | None:
+def _at_once(
+    state: State, sample: RobotSample, applied: int, times_ns: stages.Times, wanted: stages.Wanted
+) -> Acted | None:
     """A tick in one compiled call, `foretouch.session.steps.tick.tick`; None where that cannot be."""
     learner, estimator = state.learner, state.learner.estimator
     if type(estimator) is not ContactMap:
         return None
     states = state.memory, estimator.states, learner.conditioner.memory, learner.learning
     try:
-        allowed, validity, shown, learnt = tick_at_once.entry(*states, sample, times_ns, wanted, state.guarded)
+        allowed, validity, shown, learnt = stages.tick_at_once.entry(*states, sample, times_ns, wanted, state.guarded)
     except Exception:  # the robot shows what is no number: which stage that stops is found one by one
         return None
     if state.watch.taken(validity) is GOOD:
@@ -300,11 +293,11 @@ def _at_once(state: State, sample: RobotSample, applied: int, times_ns: Times, w
     return allowed, validity, shown
 
 
-def _one_by_one(state: State, inputs: Inputs[RobotSample], times_ns: Times, wanted: Wanted) -> Acted:
+def _one_by_one(state: State, inputs: Inputs[RobotSample], times_ns: stages.Times, wanted: stages.Wanted) -> Acted:
     """The same stage by stage: an exception in one of them is noted, and the last one runs all the same."""
     sample, memory, learner, record = inputs.sample, state.memory, state.learner, state.memory[0]
     try:
-        validity = sense_alone.entry(memory, learner.conditioner.memory, sample, times_ns[0], state.slid)
+        validity = stages.sense_alone.entry(memory, learner.conditioner.memory, sample, times_ns[0], state.slid)
         state.watch.taken(validity)
     except Exception as error:
         state.failures.note("its sensors", error)
@@ -313,11 +306,13 @@ def _one_by_one(state: State, inputs: Inputs[RobotSample], times_ns: Times, want
     force = float(record.force)
     if validity == GOOD and state.start_ns is not None:
         _learn(state, (times_ns[0] - state.start_ns) * 1e-9, float(record.position), force)
-    felt, _ = feel_alone.entry(memory, learner.learning)
+    felt, _ = stages.feel_alone.entry(memory, learner.learning)
     if not _stop_or_release(state, inputs, felt, validity != GOOD):
         wanted = math.nan, *wanted[1:]
     conditions, conditioner = (state.guarded, state.safety.stop_reason != ""), learner.conditioner.memory
-    allowed = allow_alone.entry(memory, conditioner, learner.learning, sample.position, times_ns, wanted, conditions)
+    allowed = stages.allow_alone.entry(
+        memory, conditioner, learner.learning, sample.position, times_ns, wanted, conditions
+    )
     _, _, velocity, felt, in_contact = learner.sample
     return allowed, validity, (force, velocity, felt, in_contact)
 

@@ -220,3 +220,9 @@ tick_at_once = Kernel(tick, ALL, *LEARNT)
 sense_alone = Kernel(sense, f"i8(Follower[::1], {CONDITIONER}, {SAMPLE}, i8, f8)", *LEARNT)
 feel_alone = Kernel(feel, "(Follower[::1], Learning[::1])", *LEARNT)
 allow_alone = Kernel(allow, GIVEN, *LEARNT)
+
+
+def load(*, whole: bool) -> None:
+    """Load what is compiled before any loop: the stages, and for a contact map the tick as a whole."""
+    for stage in (sense_alone, feel_alone, allow_alone, *((tick_at_once,) if whole else ())):
+        assert callable(stage.entry)
