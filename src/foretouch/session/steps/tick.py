@@ -170,7 +170,7 @@ def allow(
     too_slow = _is_too_slow(follower.rate, period_ns)
     if too_slow:
         silence = max(silence, limits.hold_after)
-    surface, held_back, uncertain = conditioner[0][0].surface, touch.held_back != 0.0, follower.watch[0].uncertain
+    surface, held_back, uncertain = conditioner[0][0].surface, touch.held_back != 0.0, follower.watch[0].loss.uncertain
     safety = follower.safety
     allowed, status, presses = _keep_safe(
         safety, stopped, desired, position, felt, touches, surface, silence, faulty, held_back, free, uncertain
