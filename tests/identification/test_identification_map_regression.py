@@ -117,7 +117,7 @@ def columns(data: list[ContactSample]) -> ContactSamples:
 
 
 def same_state(one: ExactContinuousSwitching | ContactMap, other: ExactContinuousSwitching | ContactMap) -> bool:
-    states = (each._states if isinstance(each, ContactMap) else each._filters for each in (one, other))
+    states = (each.states if isinstance(each, ContactMap) else each._filters for each in (one, other))
     return len({state.tobytes() for state in states}) == 1
 
 

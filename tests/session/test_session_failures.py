@@ -26,7 +26,7 @@ from foretouch.session.safety.kernel import REST_FORCE
 from foretouch.session.spatial import follower as space
 from foretouch.session.spatial import make_scene, make_spatial_robot
 from foretouch.session.spatial.safety import SpatialSafety
-from foretouch.session.steps import follower
+from foretouch.session.steps import tick as stages
 from foretouch.session.steps.sensing import Failures
 
 LINE = SessionSettings(material="hunt-crossley", first_touch="guarded", approach_speed=0.05, guarded_force=10.0)
@@ -121,7 +121,7 @@ LEARNING: list[tuple[Any, str]] = [(KelvinVoigtRLS, "update"), (Learner, "taken"
 PLUG_IN = dataclasses.replace(LINE, model="kelvin-voigt", estimator="rls")
 """An estimator of Python, with the compiled stages around it."""
 
-ON_A_LINE: list[tuple[Any, str]] = [(Freshness, "judge"), (Playout, "advance"), (follower.sense_alone, ""), *LEARNING]
+ON_A_LINE: list[tuple[Any, str]] = [(Freshness, "judge"), (Playout, "advance"), (stages.sense_alone, ""), *LEARNING]
 IN_SPACE = [(MaterialFieldLearner, "update"), (space, "_with_position"), (SpatialSafety, "go"), (FieldSender, "due")]
 RARELY_IN_SPACE = [(MaterialFieldLearner, "touch_at"), (space, "_learn_beside_the_law"), (space, "_with_fixture")]
 
@@ -148,7 +148,7 @@ def test_an_exception_before_safety_is_counted_and_told_and_safety_goes_on(
     assert session.force < REST_FORCE + 0.1  # it ended unloaded
     if settings is SCENE:
         return
-    if owner is follower.sense_alone:
+    if owner is stages.sense_alone:
         assert session.link.telemetry[-1].status == Status.SENSOR_FAULT
     learns = (owner, name) not in [*LEARNING, (Learner, "update")]
     assert (broken.raised > 1) is learns
@@ -179,7 +179,7 @@ def test_where_the_judge_of_the_sensors_raises_the_robot_goes_out_as_it_came(
         session.robot.exchange = dumb  # type: ignore[method-assign, assignment]
         assert int(session.run(2.0)["step_failures"]) > 500
     else:
-        broken = session.broken_stage(follower.sense_alone)
+        broken = session.broken_stage(stages.sense_alone)
         session.run(2.0)
         assert broken.raised > 500
     faulty = [telemetry for telemetry in session.link.telemetry if telemetry.status == Status.SENSOR_FAULT]
@@ -252,8 +252,8 @@ FOR_EVER = float("inf")
 @pytest.mark.parametrize(
     ("settings", "owner", "name", "times"),
     [
-        (LINE, follower.allow_alone, "", FOR_EVER),
-        (SCENE, follower.allow_alone, "", FOR_EVER),
+        (LINE, stages.allow_alone, "", FOR_EVER),
+        (SCENE, stages.allow_alone, "", FOR_EVER),
         pytest.param(SCENE, SpatialSafety, "arrive", FOR_EVER, marks=pytest.mark.long),
         (SCENE, SpatialSafety, "limit", FOR_EVER),
         pytest.param(SCENE, space, "_space", FOR_EVER, marks=pytest.mark.long),

@@ -96,6 +96,35 @@ def test_compiled_and_interpreted_are_equal() -> None:
     assert len(statuses) > 4
 
 
+SESSIONS = """
+import hashlib
+from foretouch.session import SessionSettings, simulate
+guarded = dict(first_touch="guarded", approach_speed=0.2, material="hunt-crossley", sensor_fault="stuck:1.3:1.5")
+for changes in ({}, guarded, dict(model="kelvin-voigt", estimator="rls")):
+    log = simulate(SessionSettings(**changes), duration=1.6, say=lambda text: None).log
+    for rows in (log.follower, log.leader):
+        numbers = [rows[name].tobytes() for name in rows.dtype.names if name != "compute_ns"]
+        print(hashlib.sha256(b"".join(numbers)).hexdigest(), int(log.follower["in_contact"].sum()) > 100)
+"""
+
+
+@pytest.mark.long
+def test_a_session_is_the_same_compiled_and_interpreted() -> None:
+    told = [
+        subprocess.run(
+            [sys.executable, "-c", SESSIONS],
+            env={**os.environ, "NUMBA_DISABLE_JIT": interpreted},
+            capture_output=True,
+            text=True,
+            check=True,
+            timeout=300,
+        ).stdout
+        for interpreted in ("0", "1")
+    ]
+    assert told[0] == told[1]
+    assert told[0].count("True") == 6
+
+
 def test_a_whole_number_compiles_nothing_and_is_the_same() -> None:
     output = []
     for kind in (int, float):

@@ -87,6 +87,7 @@ class Loss(Record):
     count: int  # of samples in the rings
     at: int  # next index to write
     low: int  # samples in a row with a force that is too low
+    uncertain: bool  # whether a force has fallen and it is not certain yet if that is a fault
     effort: float  # of the drive, low-passed [N]
     felt: float  # force, low-passed [N]
     differs: float  # time for which these two differ [s]

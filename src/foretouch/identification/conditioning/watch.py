@@ -87,7 +87,6 @@ class Watch(Record):
     """State of a `SensorWatch`, with its settings."""
 
     state: int
-    uncertain: bool  # whether a force has fallen and it is not certain yet if that is a fault
     time: float = -math.inf  # of the newest sample [s]
     bad_until: float = -math.inf  # end of a transient fault [s]
     activity: float  # mean change of the force between samples [N]
@@ -219,7 +218,8 @@ def look(
 ) -> int:
     """Take one sample, as `SensorWatch.update` does: its `state` after it."""
     watch = watches[0]
-    loss, step, watch.uncertain = watch.loss, watch.step, False
+    loss, step = watch.loss, watch.step
+    loss.uncertain = False
     if not (
         abs(position) < LARGEST_VALUE
         and abs(force) < LARGEST_VALUE
@@ -244,7 +244,7 @@ def look(
         past[2], past[1], past[0] = past[1], past[0], newest
     watch.known = min(watch.known + 1, 3)
     # An operator who presses deeper would not feel how hard: the step being judged lowers the force, or it is too low.
-    watch.uncertain = (step.age < math.inf and step.rise < 0.0) or loss.low > 0
+    loss.uncertain = (step.age < math.inf and step.rise < 0.0) or loss.low > 0
     return _judge(watch, result, time)
 
 

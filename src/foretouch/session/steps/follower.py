@@ -27,21 +27,19 @@ from foretouch.session.network.playout import Arrival, Freshness, Playout
 from foretouch.session.safety.force_guard import FirstTouch
 from foretouch.session.safety.safety import STATES, Safety, SafetyLimits
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
+from foretouch.session.steps import tick as stages
 from foretouch.session.steps.sensing import Failures, calibrated
-from foretouch.session.steps.tick import (
-    Acted,
-    Follower,
-    allow_alone,
-    feel_alone,
-    sense_alone,
-    tick_at_once,
-)
 from foretouch.settings import SAFETY_LIMITS
 
 # Constants used in every tick: a member of an enumeration costs more to look up than to compare.
 GOOD, NOT_FINITE = SensorState.GOOD, SensorState.NOT_FINITE
 FRESH, FUTURE = Arrival.FRESH, Arrival.FUTURE
+OF_ROBOT = ("tool_mass", "gravity", "moved_mass", "largest_offset")  # What a tick knows of the robot's specification
 HOLDING, RETREATING, TOO_SLOW = int(Status.HOLDING), int(Status.RETREATING), int(Status.TOO_SLOW)
+
+
+Acted = tuple[stages.Allowed, int, stages.Shown]
+"""Of a tick: what is allowed, the validity of the sensors, and what is shown."""
 
 
 @dataclass(slots=True)
@@ -76,7 +74,6 @@ class State:
     safety: Safety
     guards: bool
     felt_commands: deque[int]
-    limits: SafetyLimits
     zero: float
     compliance: float
     lease: ControlLease = field(default_factory=ControlLease)
@@ -150,15 +147,11 @@ def start(
         mass=specification.moved_mass,
         retreats=settings.on_silence == "retreat",
     )
-    memory = Follower.new(
-        zero=known.zero or 0.0,
-        compliance=known.compliance,
-        tool_mass=specification.tool_mass,
-        gravity=specification.gravity,
-        moved_mass=specification.moved_mass,
-        largest_offset=specification.largest_offset,
+    memory = stages.Follower.new(
+        zero=known.zero or 0.0, compliance=known.compliance, **{name: getattr(specification, name) for name in OF_ROBOT}
     )
-    period, speed = specification.sample_period, settings.approach_speed
+    period = specification.sample_period
+    stages.load(whole=type(learner.estimator) is ContactMap)
     return State(
         specification,
         learner,
@@ -167,11 +160,10 @@ def start(
         memory,
         SensorWatch((-force, force), moving_mass=specification.moved_mass, memory=memory["watch"][0]),
         Freshness(settings.queueing_allowance, SAMPLE_PERIOD),
-        FirstTouch(speed, settings.guarded_force, period, memory=memory["touch"][0]),
+        FirstTouch(settings.approach_speed, settings.guarded_force, period, memory=memory["touch"][0]),
         Safety(limits, period, memory=memory["safety"][0]),
         settings.guards(simulated=specification.simulated),
         deque(maxlen=1 + round(known.sensor_lag / SAMPLE_PERIOD)),
-        limits,
         known.zero or 0.0,
         known.compliance,
     )
@@ -189,7 +181,8 @@ def step(state: State, inputs: Inputs[RobotSample], now_ns: int) -> tuple[State,
     learns = _learns(state, applied, now_ns)
     known_surface = sender.known_surface() if state.guarded else math.nan
     heard_ns = state.freshness.newest_ns
-    times_ns = now_ns, -1 if heard_ns is None or inputs.ended else heard_ns, inputs.period_ns
+    heard = -1 if heard_ns is None or inputs.ended else heard_ns
+    times_ns = now_ns, heard, inputs.period_ns, state.start_ns or 0
     wanted, acted = (desired, known_surface, state.free, state.slid), None
     if learns and not (inputs.stop or inputs.release or safety.stop_reason):
         acted = _at_once(state, sample, applied, times_ns, wanted)
@@ -280,65 +273,46 @@ def _learns(state: State, applied: int, now_ns: int) -> bool:
 
 
 def _at_once(
-    state: State,
-    sample: RobotSample,
-    applied: int,
-    times_ns: tuple[int, int, int],
-    wanted: tuple[float, float, float, float],
+    state: State, sample: RobotSample, applied: int, times_ns: stages.Times, wanted: stages.Wanted
 ) -> Acted | None:
-    """A tick in one compiled call, see `foretouch.session.steps.tick.tick`; None where that cannot be."""
-    learner, start_ns = state.learner, state.start_ns
-    estimator, conditioner = learner.estimator, learner.conditioner.memory
-    if type(estimator) is not ContactMap or start_ns is None:
+    """A tick in one compiled call, `foretouch.session.steps.tick.tick`; None where that cannot be."""
+    learner, estimator = state.learner, state.learner.estimator
+    if type(estimator) is not ContactMap:
         return None
+    states = state.memory, estimator.states, learner.conditioner.memory, learner.learning
     try:
-        allowed, (validity, done, news), shown = tick_at_once.entry(
-            state.memory,
-            estimator.states,
-            conditioner,
-            learner.learning,
-            sample,
-            (*times_ns, start_ns),
-            wanted,
-            state.guarded,
-        )
+        allowed, validity, shown, learnt = stages.tick_at_once.entry(*states, sample, times_ns, wanted, state.guarded)
     except Exception:  # the robot shows what is no number: which stage that stops is found one by one
         return None
     if state.watch.taken(validity) is GOOD:
         try:
-            learner.taken(estimator, done, news)
+            learner.taken(estimator, *learnt)
             state.felt_commands.append(applied)
         except Exception as error:
             state.failures.stop_learning("its learning", error)
     return allowed, validity, shown
 
 
-def _one_by_one(
-    state: State,
-    inputs: Inputs[RobotSample],
-    times_ns: tuple[int, int, int],
-    wanted: tuple[float, float, float, float],
-) -> Acted:
+def _one_by_one(state: State, inputs: Inputs[RobotSample], times_ns: stages.Times, wanted: stages.Wanted) -> Acted:
     """The same stage by stage: an exception in one of them is noted, and the last one runs all the same."""
-    sample, memory, learner, failures = inputs.sample, state.memory, state.learner, state.failures
-    now_ns, record = times_ns[0], memory[0]
+    sample, memory, learner, record = inputs.sample, state.memory, state.learner, state.memory[0]
     try:
-        validity = sense_alone.entry(memory, learner.conditioner.memory, sample, now_ns, state.slid)
+        validity = stages.sense_alone.entry(memory, learner.conditioner.memory, sample, times_ns[0], state.slid)
         state.watch.taken(validity)
     except Exception as error:
-        failures.note("its sensors", error)
+        state.failures.note("its sensors", error)
         validity = record.validity = int(NOT_FINITE)
         record.position, record.force = sample.position, math.nan
-    position, force = float(record.position), float(record.force)
+    force = float(record.force)
     if validity == GOOD and state.start_ns is not None:
-        _learn(state, (now_ns - state.start_ns) * 1e-9, position, force)
-    felt, _ = feel_alone.entry(memory, learner.learning)
-    desired, known_surface, free, _ = wanted
+        _learn(state, (times_ns[0] - state.start_ns) * 1e-9, float(record.position), force)
+    felt, _ = stages.feel_alone.entry(memory, learner.learning)
     if not _stop_or_release(state, inputs, felt, validity != GOOD):
-        desired = math.nan
-    wanted = desired, sample.position, known_surface, free
-    conditions = state.guarded, state.safety.stop_reason != ""
-    allowed = allow_alone.entry(memory, learner.conditioner.memory, learner.learning, times_ns, wanted, conditions)
+        wanted = math.nan, *wanted[1:]
+    conditions, conditioner = (state.guarded, state.safety.stop_reason != ""), learner.conditioner.memory
+    allowed = stages.allow_alone.entry(
+        memory, conditioner, learner.learning, sample.position, times_ns, wanted, conditions
+    )
     _, _, velocity, felt, in_contact = learner.sample
     return allowed, validity, (force, velocity, felt, in_contact)
 

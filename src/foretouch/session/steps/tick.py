@@ -24,17 +24,13 @@ from foretouch.messages import Status
 from foretouch.session.safety.force_guard import Touch, follow, guarded_position
 from foretouch.session.safety.kernel import Memory, keep_safe
 
-LEAST_RATE = 500
-"""Tick rate below which a loop is too slow [1/s]: half of the rate for which limits and filters are made."""
-
-AGAIN_FROM = 600
-"""Tick rate from which a slow loop is fast enough again [1/s]: the hysteresis keeps the judgement from flickering."""
+LEAST_RATE, AGAIN_FROM = 500, 600
+"""Tick rate below which a loop is too slow, half of that for which limits and filters are made, and from which it is
+fast enough again [1/s]: the hysteresis keeps the judgement from flickering."""
 
 WINDOW = 500  # Number of ticks over which the rate is taken: a second at the least rate, half a second at the usual one
 LONGEST_NS = 250_000_000  # Largest time that one tick counts for [ns]: a process that stood still once is not slow
-
-USUAL_NS = 1_000_000
-"""Period assumed of a loop before its first tick [ns]."""
+USUAL_NS = 1_000_000  # Period assumed of a loop before its first tick [ns]
 
 
 class Rate(Record):
@@ -87,12 +83,8 @@ class Follower(Record):
 
 HOLDING, TOO_SLOW = int(Status.HOLDING), int(Status.TOO_SLOW)
 
-_look, _learn_raw, _keep_safe, _is_too_slow = (
-    look.function,
-    learn_raw.function,
-    keep_safe.function,
-    is_too_slow.function,
-)
+_look, _learn_raw = look.function, learn_raw.function
+_keep_safe, _is_too_slow = keep_safe.function, is_too_slow.function
 
 Showing = tuple[float, float, float, float, float, float, bool, float]
 """A `foretouch.robot.RobotSample`."""
@@ -108,11 +100,10 @@ def sense(followers: NDArray[np.void], conditioner: Conditioner, sample: Showing
     """
     follower, offset = followers[0], conditioner[0][0].offset
     position, sensor_force, acceleration, effort = sample[0], sample[1], sample[2], sample[7]
-    tool_force = follower.tool_mass * (acceleration - follower.gravity)
+    tool_force, time = follower.tool_mass * (acceleration - follower.gravity), now_ns * 1e-9
     force = sensor_force - tool_force - follower.zero
     zero = min(offset, follower.largest_offset) + follower.zero
     effort -= follower.moved_mass * acceleration
-    time = now_ns * 1e-9
     follower.validity = _look(follower.watch, time, position, sensor_force, tool_force, zero, effort, slid)
     give = 0.0
     if follower.compliance > 0.0:
@@ -138,31 +129,35 @@ def feel(followers: NDArray[np.void], learnings: NDArray[np.void]) -> tuple[floa
     return felt, bool(newest.in_contact or unexplained > CONTACT_FLOOR or witnessed)
 
 
+Times = tuple[int, int, int, int]
+"""Of this tick; of the newest fresh command, negative before the first; since the last tick; and of the first tick that
+was learnt from [ns]."""
+
+Wanted = tuple[float, float, float, float]
+"""Commanded position, NaN for none; surface that the leader is known to have, NaN for none; position up to which the
+air is free; motion across the surface since the last tick [m]."""
+
+Allowed = tuple[float, int, bool]
+"""What `keep_safe` returns."""
+
+
 @compiled
 def allow(
     followers: NDArray[np.void],
     conditioner: Conditioner,
     learnings: NDArray[np.void],
-    times_ns: tuple[int, int, int],
-    wanted: tuple[float, float, float, float],
+    position: float,
+    times_ns: Times,
+    wanted: Wanted,
     conditions: tuple[bool, bool],
-) -> tuple[float, int, bool]:
-    """Allowed position for a commanded one: the first touch, then safety.
+) -> Allowed:
+    """Allowed position for a commanded one, with the robot at a position [m]: the first touch, then safety.
 
-    Args:
-        followers: Written.
-        conditioner: Knows the surface.
-        learnings: The newest sample as conditioned.
-        times_ns: Of this tick, of the newest fresh command, negative before the first, and since the last tick [ns].
-        wanted: Commanded position, NaN for none; position of the robot; surface that the leader is known to have, NaN
-            for none; position up to which the air is free [m].
-        conditions: Whether first touches are guarded, and whether a stop is latched.
-
-    Returns:
-        As `keep_safe`.
+    The conditions are whether first touches are guarded, and whether a stop is latched.
     """
     follower, touch, limits = followers[0], followers[0].touch[0], followers[0].safety[0].limits
-    (desired, position, known_surface, free), (guarded, stopped) = wanted, conditions
+    (now_ns, heard_ns, period_ns, _), (desired, known_surface, free, _) = times_ns, wanted
+    guarded, stopped = conditions
     faulty = follower.validity != GOOD
     felt, touches = feel(followers, learnings)
     if follower.compliance > 0.0 and not faulty and touches:  # commands give the position of the tip
@@ -171,12 +166,11 @@ def allow(
         follow(touch)
     else:
         desired = guarded_position(touch, desired, position, math.nan if faulty else felt, touches, known_surface)
-    now_ns, heard_ns, period_ns = times_ns
     silence = math.inf if heard_ns < 0 else (now_ns - heard_ns) * 1e-9
     too_slow = _is_too_slow(follower.rate, period_ns)
     if too_slow:
         silence = max(silence, limits.hold_after)
-    surface, held_back, uncertain = conditioner[0][0].surface, touch.held_back != 0.0, follower.watch[0].uncertain
+    surface, held_back, uncertain = conditioner[0][0].surface, touch.held_back != 0.0, follower.watch[0].loss.uncertain
     safety = follower.safety
     allowed, status, presses = _keep_safe(
         safety, stopped, desired, position, felt, touches, surface, silence, faulty, held_back, free, uncertain
@@ -184,9 +178,8 @@ def allow(
     return allowed, TOO_SLOW if too_slow and status == HOLDING else status, presses
 
 
-Acted = tuple[tuple[float, int, bool], int, tuple[float, float, float, bool]]
-"""Of a tick: what `allow` returns, validity of the sensors, and sensor force [N], then velocity [m/s], force [N] and
-contact that were learnt from."""
+Shown = tuple[float, float, float, bool]
+"""Sensor force less tool and zero [N]; then velocity [m/s], force [N] and contact that were learnt from."""
 
 NOTHING = -1  # What was done by learning where nothing is learnt
 
@@ -198,56 +191,38 @@ def tick(
     conditioner: Conditioner,
     learnings: NDArray[np.void],
     sample: Showing,
-    times_ns: tuple[int, int, int, int],
-    wanted: tuple[float, float, float, float],
+    times_ns: Times,
+    wanted: Wanted,
     guarded: bool,
-) -> tuple[tuple[float, int, bool], tuple[int, int, bool], tuple[float, float, float, bool]]:
+) -> tuple[Allowed, int, Shown, tuple[int, bool]]:
     """A tick in which a contact map learns, and nothing is requested at the robot.
 
-    Args:
-        followers: Written.
-        banks: The contact map's; written.
-        conditioner: Written; its rings have room.
-        learnings: The learner's; written.
-        sample: What the robot shows.
-        times_ns: See `allow`; then that of the first tick that was learnt from.
-        wanted: Commanded position, surface that the leader is known to have, position up to which the air is free [m];
-            motion across the surface since the last tick [m].
-        guarded: Whether first touches are guarded.
+    The records are written; the conditioner's rings have room. `guarded` says whether first touches are.
 
     Returns:
-        As `allow`; validity of the sensors, and what `learn_raw` returns; sensor force [N], then velocity [m/s], force
-        [N] and contact that were learnt from.
+        What is allowed, validity of the sensors, what is shown, and what `learn_raw` returns.
     """
-    now_ns, heard_ns, period_ns, start_ns = times_ns
-    desired, known_surface, free, slid = wanted
-    validity, done, news = sense(followers, conditioner, sample, now_ns, slid), NOTHING, False
+    validity, done, news = sense(followers, conditioner, sample, times_ns[0], wanted[3]), NOTHING, False
     follower, newest = followers[0], learnings[0].newest[0]
     if validity == GOOD:
-        raw = (now_ns - start_ns) * 1e-9, follower.position, follower.force
+        raw = (times_ns[0] - times_ns[3]) * 1e-9, follower.position, follower.force
         done, news = _learn_raw(banks, conditioner, learnings, raw, 0.0, False)
-    allowed = allow(
-        followers,
-        conditioner,
-        learnings,
-        (now_ns, heard_ns, period_ns),
-        (desired, sample[0], known_surface, free),
-        (guarded, False),
-    )
-    shown = follower.force, newest.velocity, newest.force, newest.in_contact
-    return allowed, (validity, done, news), shown
+    allowed = allow(followers, conditioner, learnings, sample[0], times_ns, wanted, (guarded, False))
+    return allowed, validity, (follower.force, newest.velocity, newest.force, newest.in_contact), (done, news)
 
 
-CONDITIONER, SAMPLE = "Tuple((Conditioning[::1], f8[:, ::1]))", "Tuple((f8, f8, f8, f8, f8, f8, b1, f8))"
 LEARNT = Conditioning, Learning, Bank
+CONDITIONER, SAMPLE = "Tuple((Conditioning[::1], f8[:, ::1]))", "Tuple((f8, f8, f8, f8, f8, f8, b1, f8))"
+GIVEN = f"(Follower[::1], {CONDITIONER}, Learning[::1], f8, UniTuple(i8, 4), UniTuple(f8, 4), UniTuple(b1, 2))"
+ALL = f"(Follower[::1], Bank[::1], {CONDITIONER}, Learning[::1], {SAMPLE}, UniTuple(i8, 4), UniTuple(f8, 4), b1)"
 
-tick_at_once = Kernel(
-    tick,
-    f"(Follower[::1], Bank[::1], {CONDITIONER}, Learning[::1], {SAMPLE}, UniTuple(i8, 4), UniTuple(f8, 4), b1)",
-    *LEARNT,
-)
+tick_at_once = Kernel(tick, ALL, *LEARNT)
 sense_alone = Kernel(sense, f"i8(Follower[::1], {CONDITIONER}, {SAMPLE}, i8, f8)", *LEARNT)
 feel_alone = Kernel(feel, "(Follower[::1], Learning[::1])", *LEARNT)
-allow_alone = Kernel(
-    allow, f"(Follower[::1], {CONDITIONER}, Learning[::1], UniTuple(i8, 3), UniTuple(f8, 4), UniTuple(b1, 2))", *LEARNT
-)
+allow_alone = Kernel(allow, GIVEN, *LEARNT)
+
+
+def load(*, whole: bool) -> None:
+    """Load what is compiled before any loop: the stages, and for a contact map the tick as a whole."""
+    for stage in (sense_alone, feel_alone, allow_alone, *((tick_at_once,) if whole else ())):
+        assert callable(stage.entry)
