@@ -338,7 +338,8 @@ def _learn_beside_the_law(state: State, force: Vector) -> None:
     """See `learn_beside`, and take what is news."""
     inner, besides = state.inner, state.besides
     learnt, good, spaces = inner.learner.sample, inner.watch.state is SensorState.GOOD, state.safety.spaces
-    news = state.learn(besides, spaces, force, learnt.force, learnt.depth, learnt.in_contact, good, inner.tick)
+    x, y, z = force
+    news = state.learn(besides, spaces, (x, y, z), learnt.force, learnt.depth, learnt.in_contact, good, inner.tick)
     if not learnt.in_contact:
         x, y, z = besides["bias"][0].tolist()
         state.bias = x, y, z
