@@ -31,8 +31,8 @@ from foretouch.messages import (
 from foretouch.quantities import pose as rigid
 from foretouch.quantities.pose import Vector
 from foretouch.rendering.surfaces import Surface
-from foretouch.rendering.surfaces.geometry import add, norm, scaled, subtract, vector, write
-from foretouch.rendering.surfaces.line import Closest, Numbers3, rotate
+from foretouch.rendering.surfaces.geometry import Numbers3, add, norm, scaled, subtract, vector, write
+from foretouch.rendering.surfaces.line import Closest, rotate
 from foretouch.robot import RobotSample, RobotSpecification, SpatialSample
 from foretouch.session.network.model_sender import FieldSender
 from foretouch.session.network.playout import Playout

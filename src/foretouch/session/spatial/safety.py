@@ -106,9 +106,9 @@ def arrive(
     observe_force(space.cap, place, force, normal)
     write(course.here, place)
     write(course.resistance, subtract(force, scaled(normal, felt)))
-    course.open, course.pressed, course.deeper = known.follows, known.force, known.deeper
+    course.open, course.pressed = known.follows, known.force
     course.sliding = slide(space.cap, _along_speed(space, memory, known))
-    meet(course, mesh, line.offset)
+    meet(course, mesh, line.offset, known.deeper)
     return felt, float(space.way_in.free), slid, float(jump)
 
 
