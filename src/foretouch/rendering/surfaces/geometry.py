@@ -15,6 +15,7 @@ from foretouch.quantities import pose
 from foretouch.quantities.pose import Vector
 
 Array = NDArray[np.float64]
+Numbers3 = Annotated[Array, float, 3]
 Ints = NDArray[np.int32]
 
 FACE = 6  # Index of the feature that is neither corner nor edge

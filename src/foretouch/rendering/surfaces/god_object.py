@@ -15,7 +15,7 @@ References:
 from __future__ import annotations
 
 import math
-from typing import Annotated, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,7 @@ from foretouch.rendering.surfaces.geometry import (
     FACE,
     Array,
     Ints,
+    Numbers3,
     Triangle,
     add,
     dot,
@@ -74,10 +75,10 @@ class Proxy(Record):
     """The god object and the probe that it follows; infinitely far outside before the first place."""
 
     state: int  # `UNKNOWN`, `FREE` or `TOUCHING`
-    place: Annotated[Array, float, 3]  # of the probe [m]
-    point: Annotated[Array, float, 3] = math.nan  # type: ignore[assignment]  # of the proxy [m]
+    place: Numbers3  # of the probe [m]
+    point: Numbers3 = math.nan  # type: ignore[assignment]  # of the proxy [m]
     triangle: int  # that it is on
-    normal: Annotated[Array, float, 3] = (0.0, 0.0, 1.0)  # type: ignore[assignment]
+    normal: Numbers3 = (0.0, 0.0, 1.0)  # type: ignore[assignment]
     depth: float = -math.inf  # [m]
     in_front: bool  # whether a free probe was on the outward side of the surface, not beyond its border
 

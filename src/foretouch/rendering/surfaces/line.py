@@ -6,19 +6,17 @@ What it keeps is one record, and the surface's shape a `Mesh`, in which a plane 
 from __future__ import annotations
 
 import math
-from typing import Annotated, TypeAlias
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.core import Record, compiled, kernel
 from foretouch.quantities.pose import Vector
-from foretouch.rendering.surfaces.geometry import Triangle, add, dot, norm, scaled, subtract, vector, write
+from foretouch.rendering.surfaces.geometry import Numbers3, Triangle, add, dot, norm, scaled, subtract, vector, write
 from foretouch.rendering.surfaces.god_object import MESH, NO_MESH, Mesh, Proxy, move
 from foretouch.rendering.surfaces.mesh import HeightField, TriangleMesh
 from foretouch.rendering.surfaces.surface import FARTHEST, Plane, Surface
-
-Numbers3: TypeAlias = Annotated[NDArray[np.float64], float, 3]
 
 ROUNDING = 1e-9  # Change of depth beyond the motion that is rounding [m]
 NO_LENGTH = 1e-9  # Length below which a difference of two positions has no direction [m]

@@ -7,7 +7,6 @@ in every direction, whatever normal is believed.
 from __future__ import annotations
 
 import math
-from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +14,7 @@ from numpy.typing import NDArray
 from foretouch.core import Kernel, Record, compiled, kernel
 from foretouch.errors.checks import require
 from foretouch.quantities.pose import Vector
-from foretouch.rendering.surfaces.geometry import add, dot, norm, scaled, subtract, vector, write
-
-Numbers3 = Annotated[NDArray[np.float64], float, 3]
+from foretouch.rendering.surfaces.geometry import Numbers3, add, dot, norm, scaled, subtract, vector, write
 
 AIMED = 0.88
 """Fraction of the force ceiling that a press is brought to: the zero of a sensor that began in contact may err by 1 N,

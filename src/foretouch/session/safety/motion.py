@@ -7,7 +7,6 @@ integer where a float came before must cause no new compilation in a loop.
 from __future__ import annotations
 
 import math
-from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +15,7 @@ from foretouch.core import Record, compiled
 from foretouch.errors.checks import require
 from foretouch.models.predictor import VELOCITY_CUTOFF
 from foretouch.quantities.pose import Vector
-from foretouch.rendering.surfaces.geometry import add, dot, norm, scaled, subtract, vector, write
-
-Array = NDArray[np.float64]
+from foretouch.rendering.surfaces.geometry import Numbers3, add, dot, norm, scaled, subtract, vector, write
 
 RATE = 100.0  # Lambda: decay rate of a lag [rad/s]
 LOCKING = 0.1  # Fraction of the largest change of velocity in a tick within which the path locks onto the stream
@@ -29,8 +26,6 @@ a bound, or is too fast."""
 
 BRAKING = 0.7  # Fraction of the largest acceleration assumed for braking in time
 FARTHEST = 1e3  # Largest coordinate of a valid position [m]: beyond it nothing can be computed to a micrometre
-
-Numbers3 = Annotated[Array, float, 3]
 
 Bound = tuple[float, float, float, float]
 """A direction of length 1 in which going on is dangerous, and the largest speed of the path that way [m/s]."""

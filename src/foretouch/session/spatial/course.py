@@ -13,9 +13,9 @@ from foretouch.core import Record, compiled
 from foretouch.quantities import pose as rigid
 from foretouch.quantities.pose import RigidMotion, Vector
 from foretouch.rendering.surfaces import Plane, Surface, SurfaceProxy
-from foretouch.rendering.surfaces.geometry import add, dot, norm, scaled, subtract, vector, write
+from foretouch.rendering.surfaces.geometry import Numbers3, add, dot, norm, scaled, subtract, vector, write
 from foretouch.rendering.surfaces.god_object import NO_MESH, Mesh, Proxy
-from foretouch.rendering.surfaces.line import START, Line, Numbers3, follow, follow_line, shape_of
+from foretouch.rendering.surfaces.line import START, Line, follow, follow_line, shape_of
 from foretouch.session.safety.force_guard import ForceGuard, allowed_speed, forget_contact, observe
 
 Numbers6: TypeAlias = tuple[float, float, float, float, float, float]
@@ -182,7 +182,6 @@ class Course(Record):
     resistance: Numbers3  # force along the surface on the probe [N]
     pressed: float  # force along the normal [N]
     sliding: float  # largest speed along the surface [m/s]
-    deeper: float  # largest speed into the surface now [m/s]
     ceiling: float  # of the force [N]
     period: float  # T [s]
     longest: float  # largest step of the robot in a tick [m]
@@ -216,11 +215,14 @@ def begin_course(course: Course, mesh: Mesh, place: Vector) -> None:
 
 
 @compiled
-def meet(course: Course, mesh: Mesh, offset: float) -> None:
-    """Come nearer to the coordinate of the probe, whose line has this offset [m], no faster than it may return."""
+def meet(course: Course, mesh: Mesh, offset: float, fastest: float) -> None:
+    """Come nearer to the coordinate of the probe, whose line has this offset [m].
+
+    It does so no faster than it may return, and deeper no faster than safety lets the robot [m/s].
+    """
     if not (course.open and course.begun):
         return
-    deeper = min(course.returned, max(course.deeper, 0.0) * course.period)
+    deeper = min(course.returned, max(fastest, 0.0) * course.period)
     course.line.offset += min(max(offset - course.line.offset, -course.returned), deeper)
     settle(course, mesh)
 

@@ -31,8 +31,8 @@ from foretouch.messages import (
 from foretouch.quantities import pose as rigid
 from foretouch.quantities.pose import Vector
 from foretouch.rendering.surfaces import Surface
-from foretouch.rendering.surfaces.geometry import add, norm, scaled, subtract, vector, write
-from foretouch.rendering.surfaces.line import Closest, Numbers3, rotate
+from foretouch.rendering.surfaces.geometry import Numbers3, add, norm, scaled, subtract, vector, write
+from foretouch.rendering.surfaces.line import Closest, rotate
 from foretouch.robot import RobotSample, RobotSpecification, SpatialSample
 from foretouch.session.network.model_sender import FieldSender
 from foretouch.session.network.playout import Playout
@@ -343,7 +343,8 @@ def _learn_beside_the_law(state: State, force: Vector) -> None:
     """See `learn_beside`, and take what is news."""
     inner, besides = state.inner, state.besides
     learnt, good, spaces = inner.learner.sample, inner.watch.state is SensorState.GOOD, state.safety.spaces
-    news = state.learn(besides, spaces, force, learnt.force, learnt.depth, learnt.in_contact, good, inner.tick)
+    x, y, z = force
+    news = state.learn(besides, spaces, (x, y, z), learnt.force, learnt.depth, learnt.in_contact, good, inner.tick)
     if not learnt.in_contact:
         x, y, z = besides["bias"][0].tolist()
         state.bias = x, y, z

@@ -76,10 +76,7 @@ VECTOR = "UniTuple(f8, 3)"
 KNOWN = "NamedTuple((f8, f8, f8, f8, b1, b1, b1, b1), Known)"
 
 
-@kernel(
-    f"UniTuple(f8, 4)(Space[::1], Memory[::1], {MESH}, {VECTOR}, {VECTOR}, {KNOWN})",
-    Triangle,
-)
+@kernel(f"UniTuple(f8, 4)(Space[::1], Memory[::1], {MESH}, {VECTOR}, {VECTOR}, {KNOWN})", Triangle)
 def arrive(
     spaces: NDArray[np.void], memories: NDArray[np.void], mesh: Mesh, place: Vector, force: Vector, known: Known
 ) -> tuple[float, float, float, float]:
@@ -109,9 +106,9 @@ def arrive(
     observe_force(space.cap, place, force, normal)
     write(course.here, place)
     write(course.resistance, subtract(force, scaled(normal, felt)))
-    course.open, course.pressed, course.deeper = known.follows, known.force, known.deeper
+    course.open, course.pressed = known.follows, known.force
     course.sliding = slide(space.cap, _along_speed(space, memory, known))
-    meet(course, mesh, line.offset)
+    meet(course, mesh, line.offset, known.deeper)
     return felt, float(space.way_in.free), slid, float(jump)
 
 
@@ -235,7 +232,8 @@ class SpatialSafety:
             self._gone.touch(course.place.tolist() if course.begun else place)
             if not course.begun:
                 self._told.touch(place)
-        return self._arrive(self.spaces, self._safety.memories, self.line.shape, place, force, known)
+        x, y, z = place  # a driver may give a list
+        return self._arrive(self.spaces, self._safety.memories, self.line.shape, (x, y, z), force, known)
 
     def go(self, target: tuple[float, ...]) -> float:
         """One tick of the course towards a place [m]; returns its coordinate along the normal [m]."""

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from foretouch.core import Record, compiled
 from foretouch.quantities.pose import Vector
 from foretouch.rendering.surfaces import Surface
-from foretouch.rendering.surfaces.geometry import Array, norm, subtract, vector, write
-from foretouch.rendering.surfaces.line import Line, Numbers3, rotate_back
+from foretouch.rendering.surfaces.geometry import Array, Numbers3, norm, subtract, vector, write
+from foretouch.rendering.surfaces.line import Line, rotate_back
 from foretouch.session.safety.kernel import Memory
 from foretouch.session.safety.proven_way import forget_way
 
