@@ -98,7 +98,7 @@ class Session:
         """A stage of the tick, whether it is called alone or within the whole."""
         made = Broken(stage.entry, self.presses, times)
         self.patch.setattr(stage, "_entry", made)
-        self.patch.setattr(follower.tick_at_once, "_entry", Broken(follower.tick_at_once.entry, self.presses, times))
+        self.patch.setattr(stages.tick_at_once, "_entry", Broken(stages.tick_at_once.entry, self.presses, times))
         return made
 
     def broken(self, owner: Any, name: str, times: float = float("inf")) -> Broken:

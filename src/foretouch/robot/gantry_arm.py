@@ -95,9 +95,8 @@ class GantryArm(SpatialRobot):
         data.qpos[:] = start
         mujoco.mj_forward(model, data)
         self._model, self._data, self._mj_step = model, data, mujoco.mj_step
-        self._begin, self._push, self._sense = (
-            each.entry for each in (kernel.begin_gantry, kernel.push_gantry, kernel.sense_gantry)
-        )
+        self._begin, self._push = kernel.begin_gantry.entry, kernel.push_gantry.entry
+        self._sense = kernel.sense_gantry.entry
         self._applied = data.xfrc_applied[model.body("tool").id][:3]
         self._interaction = data.sensordata[:3]
         weight = (0.0, 0.0, TOOL_MASS * GRAVITY)

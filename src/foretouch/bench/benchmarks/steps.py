@@ -32,7 +32,7 @@ REACHES = {("leader", 50): 8.0, ("follower", 50): 10.0, ("leader", 99): 30.0, ("
 REACHES_IN_SPACE = {("leader", 50): 12.0, ("follower", 50): 15.0, ("leader", 99): 45.0, ("follower", 99): 60.0}
 """Longest time of each side's step at each percentile, along a line and on the phantom [us]."""
 
-PHANTOM = {"scene": "phantom", "material": "hunt-crossley", "fusion": "contact"}
+PHANTOM: dict[str, Any] = {"scene": "phantom", "material": "hunt-crossley", "fusion": "contact"}
 """Settings of a session on the phantom without a camera, which would cost more than all the rest."""
 
 TICKS = 10_000  # Number of ticks of rendering in a round
