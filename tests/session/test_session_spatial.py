@@ -417,7 +417,6 @@ def test_beliefs_that_are_late_or_of_another_process_are_left_out() -> None:
     [
         ({"scene": "moon"}, "unknown scene 'moon'"),
         ({"operator": "gamepad"}, "operator = 'gamepad': moves along one axis, and the scene hill is touched in three"),
-        ({"baseline": "delayed"}, "baseline"),
         ({"follower_frame": "0.1,-1"}, "follower_frame = '0.1,-1': is of a line; with a scene give six numbers"),
         ({"leader_frame": "0,0,0,1"}, "leader_frame = '0,0,0,1': must be X,Y,Z,RX,RY,RZ"),
         ({"leader_frame": "11,0,0,0,0,0"}, "leader_frame = '11,0,0,0,0,0': must be X,Y,Z,RX,RY,RZ: metres within 10"),

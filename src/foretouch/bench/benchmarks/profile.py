@@ -25,7 +25,6 @@ from foretouch.bench.timing import Row, Scope
 from foretouch.devices import ScriptedOperator
 from foretouch.identification import Learner
 from foretouch.link import FaultStage
-from foretouch.models import Predictor
 from foretouch.rendering import tick
 from foretouch.session.network.model_sender import ModelSender, RoundTrip
 from foretouch.session.network.playout import Playout
@@ -171,11 +170,7 @@ PARTS: dict[str, tuple[Part, ...]] = {
     "leader": (
         Part("hearing the follower", ((FollowerView, "take_telemetry"), (FollowerView, "is_for_us"))),
         Part("letting a model in", ((leader, "_adopt"),)),
-        Part("booking energy and placing the proxy", ((tick.move, "_entry"),)),
-        Part("predicting the force", ((Predictor, "update"),)),
-        Part("predicting the work to leave contact", ((Predictor, "leaving_work"),)),
-        Part("mediating and limiting", ((tick.want, "_entry"), (tick.render, "_entry"))),
-        Part("carrying what the device can", ((Predictor, "local_slopes"), (tick.carry, "_entry"))),
+        Part("predicting, mediating and limiting", ((tick.whole, "_entry"),)),
         Part("making command and record", ((leader, "Command"), (leader, "LeaderState"))),
         Part(ELSE),
     ),

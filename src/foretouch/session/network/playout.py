@@ -274,7 +274,8 @@ class Playout:
 
     def push(self, sequence: int, position: float, place: tuple[float, ...] = ()) -> None:
         """Take one command; it is dropped if it comes after its turn, or has no position within a metre."""
-        self._push(self._playings, sequence, position, place if len(place) == 3 else NOWHERE)
+        x, y, z = place if len(place) == 3 else NOWHERE
+        self._push(self._playings, sequence, position, (x, y, z))
 
     def advance(self) -> float:
         """Play one tick and return the position [m]."""

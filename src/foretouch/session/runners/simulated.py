@@ -102,7 +102,8 @@ def prepare_simulation(
     require_type("settings", settings, SessionSettings, "SessionSettings: SessionSettings() are the defaults")
     kinds = {"operator": (Device, SpatialDevice), "robot": (Robot, SpatialRobot)}
     for (name, kind), given in zip(kinds.items(), (operator, robot), strict=True):
-        wanted = f"a {kind[0].__name__}, in a scene a {kind[1].__name__}, or None for the settings' own"
+        kinds_of = f"a {kind[0].__name__}, in a scene a {kind[1].__name__}"
+        wanted = f"{kinds_of}, or None for the settings' own: make_{name} gives one"
         require_type(name, given, (*kind, type(None)), wanted)
         if given is not None:
             require_axes(name, given, type(given).__name__, settings)
