@@ -25,7 +25,7 @@ from foretouch.recordings.formats.published import (
 )
 from foretouch.recordings.formats.topics import TOPICS
 from foretouch.recordings.meaning.guess import Guess, guess_mapping
-from foretouch.recordings.meaning.joining import clocks_of
+from foretouch.recordings.meaning.mapped import clocks_of
 from foretouch.recordings.meaning.mapping import TIMES, Mapping, Signal, TimeSource
 from foretouch.recordings.meaning.names import name_says
 from foretouch.recordings.reading import is_session, open_source, require_readable

@@ -77,7 +77,7 @@ class Hdf5Table(Table):
 
     @contextlib.contextmanager
     def _opened(self) -> Iterator[Any]:
-        with foreign(self.path, f"{self.format} file"), self._h5py.File(self.path, "r") as file:
+        with foreign(self.path, f"is no {self.format} file that can be read"), self._h5py.File(self.path, "r") as file:
             yield file
 
     def _datasets(self, file: Any) -> list[tuple[str, Any]]:
@@ -123,7 +123,12 @@ def open_mat(path: str | PathLike[str]) -> Table:
     from scipy.io import loadmat
 
     quiet = warnings.catch_warnings(action="ignore")  # on variables without a name, which cannot be asked for
-    with foreign(path, "MATLAB file"), reading(path), contextlib.suppress(NotImplementedError), quiet:
+    with (
+        foreign(path, "is no MATLAB file that can be read"),
+        reading(path),
+        contextlib.suppress(NotImplementedError),
+        quiet,
+    ):
         return MatTable(path, loadmat(str(path), squeeze_me=True, struct_as_record=False))
     # what SciPy does not implement is version 7.3
     return Hdf5Table(path, "MATLAB 7.3 (HDF5)")

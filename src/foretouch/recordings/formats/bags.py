@@ -142,7 +142,7 @@ class Rosbag2(RosBag):
         if Path(path).is_dir() and not (Path(path) / "metadata.yaml").is_file():
             problem = "is a folder without metadata.yaml, so no whole rosbag2: `ros2 bag reindex` makes one"
             raise RecordingError(path, problem)
-        with foreign(self.path, "rosbag2"):
+        with foreign(self.path, "is no rosbag2 that can be read"):
             self._reader = reader = self._opened()
             self._definitions_by_type = {
                 result.msgtype: (result.msgdef.data, "ros2idl" if result.msgdef.format.name == "IDL" else "ros2msg")
@@ -163,7 +163,7 @@ class Rosbag2(RosBag):
 
     def messages(self, topic: Topic, most: int | None = None) -> tuple[list[bytes], NDArray[np.int64]]:
         """As `RosBag.messages`."""
-        with foreign(self.path, "rosbag2"):
+        with foreign(self.path, "is no rosbag2 that can be read"):
             wanted = [result for result in self._reader.connections if result.topic == topic.name]
             result = contextlib.closing(self._reader.messages(wanted)) if wanted else contextlib.nullcontext(())
             with result as messages:

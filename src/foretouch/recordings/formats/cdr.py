@@ -143,23 +143,19 @@ def pack_fields(types: Mapping[str, str], values: Sequence[Any]) -> bytes:
         out.extend(struct.pack("<" + code, value))
 
     def put(ros_type: str, value: Any) -> None:
-        if ros_type == "string":
-            text = value.encode()
-            number("I", len(text) + 1)
-            out.extend(text + b"\0")
-        else:
-            number(_NUMBERS[ros_type], value)
-
-    for ros_type, value in zip(types.values(), values, strict=True):
-        if ros_type == BYTES:
-            number("I", len(value))
-            out.extend(value)
+        if ros_type in ("string", BYTES):
+            content = value if ros_type == BYTES else value.encode() + b"\0"
+            number("I", len(content))
+            out.extend(content)
         elif ros_type.endswith("[]"):
             number("I", len(value))
             for item in value:
                 put(ros_type[:-2], item)
         else:
-            put(ros_type, value)
+            number(_NUMBERS[ros_type], value)
+
+    for ros_type, value in zip(types.values(), values, strict=True):
+        put(ros_type, value)
     return bytes(out)
 
 
@@ -175,8 +171,10 @@ def _unpack(types: dict[str, str], data: bytes) -> list[Any]:
 
     def take(ros_type: str) -> Any:
         nonlocal position
-        if ros_type not in ("string", BYTES):
+        if ros_type in _NUMBERS:
             return number(_NUMBERS[ros_type])
+        if ros_type not in ("string", BYTES):
+            return tuple(take(ros_type[:-2]) for _ in range(number("I")))
         length = number("I")
         position += length
         if position > len(data):
@@ -184,12 +182,7 @@ def _unpack(types: dict[str, str], data: bytes) -> list[Any]:
         content = data[position - length : position]
         return content if ros_type == BYTES else content[:-1].decode()
 
-    return [
-        tuple(take(ros_type[:-2]) for _ in range(number("I")))
-        if ros_type.endswith("[]") and ros_type != BYTES
-        else take(ros_type)
-        for ros_type in types.values()
-    ]
+    return [take(ros_type) for ros_type in types.values()]
 
 
 Array = NDArray[np.float64]
@@ -333,25 +326,22 @@ def extract(
         table = np.frombuffer(b"".join([raws[index] for index in left.tolist()]), np.uint8).reshape(left.size, size)
         while left.size:
             positions = Places(raws[int(left[0])], definitions, type_name)
-            results = {field: positions.find(field) for field in fields}
-            whole = {field: index for field, index in results.items() if index is not None}
+            whole = {field: index for field in fields if (index := positions.find(field)) is not None}
             end = max((offset + 8 for _, offset in whole.values()), default=int(size))
+            complete = whole.keys() == set(fields)
             layouts += 1
-            if layouts > _MOST_LAYOUTS:  # each message is another: one by one, so that it stays linear
-                same, rows = np.arange(left.size) == 0, table[:1]
-            else:
-                same = positions.same(table, fields, end if len(whole) == len(results) else int(size))
-                rows = table[same]
-            if len(whole) == len(results):
-                chosen = left[same]
+            same: Any = slice(1)  # where each message is another: one by one, so that it stays linear
+            others: Any = slice(1, None)
+            if layouts <= _MOST_LAYOUTS:
+                same = positions.same(table, fields, end if complete else int(size))
+                others = ~same
+            if complete:
+                chosen, rows = left[same], table[same]
                 present[chosen] = True
                 for field, (code, offset) in whole.items():
                     width = np.dtype(code).itemsize
                     values[field][chosen] = np.ascontiguousarray(rows[:, offset : offset + width]).view(code)[:, 0]
-            if layouts > _MOST_LAYOUTS:
-                left, table = left[1:], table[1:]
-            else:
-                left, table = left[~same], table[~same]
+            left, table = left[others], table[others]
     return values, present
 
 

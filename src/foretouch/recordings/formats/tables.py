@@ -38,7 +38,7 @@ class ParquetTable(Table):
     def __init__(self, path: str | PathLike[str]) -> None:
         self.path, self.format = path, "Parquet"
         self._pyarrow, self._parquet = optional("pyarrow"), optional("pyarrow.parquet")
-        with foreign(path, "Parquet file"), self._parquet.ParquetFile(path) as file:
+        with foreign(path, "is no Parquet file that can be read"), self._parquet.ParquetFile(path) as file:
             schema, count = file.schema_arrow, file.metadata.num_rows
         self.columns = tuple(Column(field.name, str(field.type), count, _unit_of(field)) for field in schema)
         self._names = list(schema.names)
@@ -47,7 +47,7 @@ class ParquetTable(Table):
     def read(self, names: Sequence[str]) -> dict[str, NDArray[np.float64]]:
         """Columns by name."""
         require_names(self.path, self._names, names, row=1)
-        with foreign(self.path, "Parquet file"), self._parquet.ParquetFile(self.path) as file:
+        with foreign(self.path, "is no Parquet file that can be read"), self._parquet.ParquetFile(self.path) as file:
             table = file.read(columns=list(names))
         return {name: self._numbers(name, table[name]) for name in names}
 
