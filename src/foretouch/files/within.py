@@ -176,8 +176,8 @@ class _Server:
         self._socket, theirs = socket.socketpair()
         command = f"from foretouch.files.within import serve; serve({theirs.fileno()})"
         # No thread beside the first, so that it can be copied; no memory that is set aside for many.
-        one = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-        environment = {**os.environ, **one, "PYTHONPATH": os.pathsep.join(sys.path), "PYTHONWARNINGS": "ignore"}
+        environment = os.environ | dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+        environment |= {"PYTHONPATH": os.pathsep.join(sys.path), "PYTHONWARNINGS": "ignore"}
         environment |= {"ARROW_DEFAULT_MEMORY_POOL": "system", "MALLOC_ARENA_MAX": "2"}
         with theirs:
             self.process = subprocess.Popen(
@@ -356,7 +356,7 @@ def _answer(parcel: int, outcome: tuple[str, object]) -> None:
     write_parcel(parcel, outcome)
 
 
-def _limit(budget: Any) -> None:
+def _limit(budget: Budget) -> None:
     def time_up(*_: object) -> None:
         signal.signal(signal.SIGXCPU, signal.SIG_IGN)
         raise _TimeUp
@@ -373,7 +373,7 @@ def _limit(budget: Any) -> None:
         resource.setrlimit(limit, (min(soft, *given), min(hard, given[1])))
 
 
-def _outcome(request: Any) -> tuple[str, object]:
+def _outcome(request: Request) -> tuple[str, object]:
     try:
         return "made", request.read(*request.given, **request.named)
     except _TimeUp:
@@ -382,7 +382,7 @@ def _outcome(request: Any) -> tuple[str, object]:
         kinds = set()
         link: BaseException | None = error
         while link is not None:  # a reader may have made a line of its own of it
-            kinds |= {type(link)} | set(type(link).__mro__)
+            kinds |= set(type(link).__mro__)
             link = link.__cause__ or link.__context__
         if kinds & {MemoryError, RecursionError}:
             return ("memory" if MemoryError in kinds else "deep"), ""

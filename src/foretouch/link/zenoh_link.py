@@ -170,12 +170,9 @@ class ZenohLink:
             roles: Roles of its peers; the sides of a session where none are named. The link receives
                 ``hello``.
         """
-        wanted = set(roles)
-        if wanted & self._greeted:
-            return None
-        latest = time.monotonic_ns() - round(PATIENCE * 1e9)
+        wanted, latest = set(roles), time.monotonic_ns() - round(PATIENCE * 1e9)
         errors = (error for role, (first, error) in self._foreigners.items() if role in wanted and first <= latest)
-        return next(errors, None)
+        return None if wanted & self._greeted else next(errors, None)
 
     def publish(self, message: Message) -> None:
         """Send a message on its channel; never waits and never raises: what cannot be sent is dropped."""

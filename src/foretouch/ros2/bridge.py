@@ -176,19 +176,17 @@ class Bridge:
 
     def look(self) -> None:
         """Look for the router and at the clock that ROS 2 goes by; say so where the router has come or gone."""
-        there = self._graph.connect()
+        before, self._there = self._there, self._graph.connect()
         self._offset_ns = wall_offset_ns()
-        if there is self._there:
+        if self._there is before:
             return
-        if there:
-            self._say(f"bridge: on the ROS 2 graph, through {self._router}")
-        elif self._there is None:
-            self._say(
-                f"bridge: no ROS 2 router at {self._router}: goes on trying; one is `ros2 run rmw_zenoh_cpp rmw_zenohd`"
-            )
+        if self._there:
+            text = f"on the ROS 2 graph, through {self._router}"
+        elif before is None:
+            text = f"no ROS 2 router at {self._router}: goes on trying; one is `ros2 run rmw_zenoh_cpp rmw_zenohd`"
         else:
-            self._say(f"bridge: the ROS 2 router at {self._router} is gone: goes on trying")
-        self._there = there
+            text = f"the ROS 2 router at {self._router} is gone: goes on trying"
+        self._say(f"bridge: {text}")
 
     def take(self, channel: str, message: Message, arrival_ns: int) -> None:
         """Pass one message on, if there is a router and it is the message's turn.
@@ -200,8 +198,11 @@ class Bridge:
         """
         if isinstance(message, Telemetry):
             self._obeyed = message.epoch
+        if channel == "stop":
+            self._ended = True
+        elif isinstance(message, Hello) and message.role == "follower":
+            self._on_a_line = not message.texts.get("scene")
         if channel not in SENDERS:
-            self._note(channel, message)
             return
         if not self._there or (isinstance(message, LeaderState) and self._obeyed not in (0, message.epoch)):
             return
@@ -215,10 +216,3 @@ class Bridge:
             topics += probe_on_a_line(message, stamp_ns)
         for topic, data in topics:
             self._graph.publish(topic, data)
-
-    def _note(self, channel: str, message: Message) -> None:
-        """Note the state of the session."""
-        if channel == "stop":
-            self._ended = True
-        elif isinstance(message, Hello) and message.role == "follower":
-            self._on_a_line = not message.texts.get("scene")
