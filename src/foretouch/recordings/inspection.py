@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from dataclasses import astuple, dataclass, field, replace
+from dataclasses import astuple, dataclass, replace
 from os import PathLike
 from typing import Any
 
@@ -62,7 +62,7 @@ class Contents(Brief):
     rate: float | None = None
     stated: str = ""
     guess: Guess | None = None
-    notes: tuple[str, ...] = field(default=())
+    notes: tuple[str, ...] = ()
 
     def rate_of(self, topic: Topic) -> float | None:
         """Messages of a topic a second, over the whole bag [1/s]."""
@@ -117,8 +117,7 @@ def _of_aurora(path: str | PathLike[str]) -> Contents:
     recording = read_aurora(path)
     columns = (Column("AI0", "length", len(recording), "mm"), Column("AI1", "force", len(recording), "mN"))
     stated = f"an Aurora file states columns and units itself; contact floor {AURORA_CONTACT_FLOOR:g} N"
-    duration, rate = _span(recording)
-    return Contents(str(path), "Aurora .ddf", columns, duration_s=duration, rate=rate, stated=stated)
+    return Contents(str(path), "Aurora .ddf", columns, stated=stated, **_span(recording))
 
 
 def _of_excerpt(path: str | PathLike[str]) -> Contents:
@@ -127,26 +126,21 @@ def _of_excerpt(path: str | PathLike[str]) -> Contents:
     shown = (Column(name, "count", values.size, units.get(name, "m")) for name, values in columns.items())
     stated = f"an excerpt of {about.name}, which needs no map; contact floor {about.contact_floor:g} N"
     notes = (f"made from {about.original}, SHA-256 {about.sha256}", f"licence: {about.licence}")
-    duration, rate = _span(recording_of(path))
-    return Contents(str(path), "excerpt", tuple(shown), duration_s=duration, rate=rate, stated=stated, notes=notes)
+    return Contents(str(path), "excerpt", tuple(shown), stated=stated, notes=notes, **_span(recording_of(path)))
 
 
 def _of_table(table: Table, suffix: str) -> Contents:
-    if suffix == ".mat" and is_tue(table.path):
-        guess, stated = _tue_guess(table), "a TU/e recording, which needs no map"
-    else:
-        guess, stated = guess_mapping(table), ""
+    tue = suffix == ".mat" and is_tue(table.path)
+    guess, stated = _tue_guess(table) if tue else guess_mapping(table), tue * "a TU/e recording, which needs no map"
     columns = tuple(replace(one, unit=name_says(one.name, one.unit).unit) for one in table.columns)
-    duration, rate = None, None
+    duration = rate = None
     time = guess.time if guess.stated is None else guess.stated.time
     values, notes = _taken(table, guess, time.column)
     notes = [*table.notes, *notes, *_missing(table, values)]
     if time.column in values:
         notes += _backwards(table, time.column, values[time.column])
         seconds = values[time.column] / TIMES[time.unit]
-        columns = tuple(
-            column if column.count is not None else replace(column, count=seconds.size) for column in columns
-        )
+        columns = tuple(replace(one, count=seconds.size) if one.count is None else one for one in columns)
         if seconds.size > 1 and np.isfinite(seconds).all():
             duration = float(seconds[-1] - seconds[0])
             step = float(np.median(np.diff(seconds)))
@@ -215,7 +209,7 @@ def _of_bag(bag: Bag, topic: str | None) -> Contents:
     chosen = [] if guess is None else [signal.topic for signal in (guess.position, guess.force) if signal is not None]
     notes = [] if bag.whole else ["was not ended by its recorder: read as far as it goes"]
     notes += _clock_note(bag, list(dict.fromkeys(chosen)))
-    notes += [] if guess is None else guess.notes
+    notes += () if guess is None else guess.notes
     columns: tuple[Column, ...] = ()
     if topic is not None:
         columns, looked_at = _looked_through(bag, topic, bag.fields(topic))
@@ -254,16 +248,13 @@ def _looked_through(bag: Bag, topic: str, columns: tuple[Column, ...]) -> tuple[
 
 
 def _clock_note(bag: Bag, topics: list[str]) -> list[str]:
-    if len(topics) < 2:
-        return []
-    try:
-        clocks = clocks_of([bag.read(topic, [], within=FIRST_LOOK) for topic in topics])
-    except RecordingError:
-        return []  # the reader of the whole reports why
-    if clocks is None or not clocks.differ:
-        return []
-    return [f"header stamps begin {clocks.apart:.6g} s apart: two clocks? ({clocks.text})"]
+    with contextlib.suppress(RecordingError):  # the reader of the whole reports why
+        clocks = clocks_of([bag.read(topic, [], within=FIRST_LOOK) for topic in topics]) if len(topics) > 1 else None
+        if clocks is not None and clocks.differ:
+            return [f"header stamps begin {clocks.apart:.6g} s apart: two clocks? ({clocks.text})"]
+    return []
 
 
-def _span(recording: Recording) -> tuple[float, float]:
-    return float(recording.time[-1] - recording.time[0]), float(1.0 / np.median(np.diff(recording.time)))
+def _span(recording: Recording) -> dict[str, Any]:
+    time = recording.time
+    return {"duration_s": float(time[-1] - time[0]), "rate": float(1.0 / np.median(np.diff(time)))}

@@ -146,7 +146,7 @@ def read_with_notes(
         raise RecordingError(path, "only a TU/e recording has another --force-channel: leave it out")
     if options.map_file is None:
         return within_budget(path, budget, _by_itself, path, suffix, options)
-    if options.states_units():
+    if replace(options, map_file=None) != RecordingOptions():
         given = "--position-unit, --force-unit, --flip, --flip-force"
         raise RecordingError(options.map_file, f"a map states units and signs: leave {given} out")
     return within_budget(path, budget, _by_given_map, path, read_mapping(options.map_file))

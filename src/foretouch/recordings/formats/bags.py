@@ -75,10 +75,9 @@ class RosBag(Bag):
             positions = Places(raws[0], self._definitions(result), result.type_name)
         except (ValueError, RecordingError):
             return ()
-        shown = ((name, np.dtype(code), offset) for name, code, offset in positions.fields())
         return tuple(
-            Column(name, code.name, result.count, example=float(np.frombuffer(raws[0], code, 1, offset)[0]))
-            for name, code, offset in shown
+            Column(name, np.dtype(code).name, result.count, example=float(np.frombuffer(raws[0], code, 1, offset)[0]))
+            for name, code, offset in positions.fields()
         )
 
     def first_rate(self, topic: str, most: int) -> float:
@@ -119,11 +118,9 @@ class RosBag(Bag):
 
     def _refuse(self, topic: Topic, raw: bytes, fields: Sequence[str]) -> None:
         positions = Places(raw, self._definitions(topic), topic.type_name)
-        missing = [field for field in fields if positions.find(field) is None]
-        there = listed(name for name, _, _ in positions.fields(8))
-        why = f" ({positions.problem})" if positions.problem else ""
-        problem = f"{topic.name} ({topic.type_name}) has no number {', '.join(missing)}; it has {there}{why}"
-        raise RecordingError(self.path, problem)
+        missing = ", ".join(field for field in fields if positions.find(field) is None)
+        there = listed(name for name, _, _ in positions.fields(8)) + bool(positions.problem) * f" ({positions.problem})"
+        raise RecordingError(self.path, f"{topic.name} ({topic.type_name}) has no number {missing}; it has {there}")
 
 
 _PARSE_QOS_USERS: Final = ("reader", "storage_sqlite3", "storage_mcap")
@@ -143,7 +140,10 @@ class Rosbag2(RosBag):
             problem = "is a folder without metadata.yaml, so no whole rosbag2: `ros2 bag reindex` makes one"
             raise RecordingError(path, problem)
         with foreign(self.path, "is no rosbag2 that can be read"):
-            self._reader = reader = self._opened()
+            self._reader = reader = self._rosbag2.Reader(Path(path))
+            with _equal_profiles_parsed_once(self._rosbag2):
+                reader.open()
+            weakref.finalize(self, reader.close)
             self._definitions_by_type = {
                 result.msgtype: (result.msgdef.data, "ros2idl" if result.msgdef.format.name == "IDL" else "ros2msg")
                 for result in reader.connections
@@ -170,13 +170,6 @@ class Rosbag2(RosBag):
                 pairs = [(bytes(raw), at) for _, at, raw in islice(messages, most)]
         raws, times = zip(*pairs, strict=True) if pairs else ((), ())
         return list(raws), np.array(times, dtype=np.int64)
-
-    def _opened(self) -> Any:
-        reader = self._rosbag2.Reader(Path(self.path))
-        with _equal_profiles_parsed_once(self._rosbag2):
-            reader.open()
-        weakref.finalize(self, reader.close)
-        return reader
 
 
 @contextlib.contextmanager

@@ -47,12 +47,9 @@ class Layout:
     one size, ``dtype`` is the structured dtype of their bytes, header included, else None.
     """
 
-    def __init__(self, kind: type[Message]) -> None:
-        self._set(kind, {field.name: _ros_type(kind, field) for field in _fields(kind)})
-        self.missing: dict[str, Any] = {}
-
-    def _set(self, kind: type[Message], types: dict[str, str]) -> None:
-        self.kind, self._types = kind, types
+    def __init__(self, kind: type[Message], types: dict[str, str] | None = None) -> None:
+        self.kind, self.missing = kind, dict[str, Any]()
+        self._types = {field.name: _ros_type(kind, field) for field in _fields(kind)} if types is None else types
         self.schema = "".join(f"{ros_type} {name}\n" for name, ros_type in self._types.items())
         self.dtype: np.dtype[np.void] | None = None
         if all(ros_type in _NUMBERS for ros_type in self._types.values()):
@@ -77,8 +74,7 @@ class Layout:
         other_types = any(theirs.get(name, ros_type) != ros_type for name, ros_type in self._types.items())
         if other_types or not missing <= defaults.keys():
             return None
-        other = Layout(self.kind)
-        other._set(self.kind, theirs)
+        other = Layout(self.kind, theirs)
         other.missing = {name: defaults[name] for name in missing}
         return None if (other.dtype is None) != (self.dtype is None) else other
 
@@ -102,9 +98,8 @@ def _parsed(schema: str) -> dict[str, str]:
     scalars = (*_NUMBERS, "string")
     known = {*scalars, *(f"{scalar}[]" for scalar in scalars), BYTES}
     lines = [line.split() for line in schema.splitlines()]
-    if not all(len(words) == 2 and words[0] in known for words in lines):
-        return {}
-    return {name: ros_type for ros_type, name in lines}
+    whole = all(len(words) == 2 and words[0] in known for words in lines)
+    return {name: ros_type for ros_type, name in lines} if whole else {}
 
 
 def _ros_type(kind: type[Message], field: msgspec.inspect.Field) -> str:
@@ -218,9 +213,9 @@ class Places:
 
     def find(self, field: str) -> tuple[str, int] | None:
         """Dtype and offset of a field; of an array, ``name[2]``, or ``position[elbow]`` by the texts in ``name``."""
-        whole = self.numbers.get(field)
-        if whole is not None:
-            return whole[:2] if whole[2] is None else None
+        if field in self.numbers:
+            code, offset, count = self.numbers[field]
+            return (code, offset) if count is None else None
         match = _index.match(field)
         if match is None or match[1] not in self.numbers:
             return None
@@ -236,8 +231,7 @@ class Places:
         for name, (code, offset, count) in self.numbers.items():
             if count is None:
                 yield name, code, offset
-                continue
-            for position in range(min(count, most)):
+            for position in range(min(count or 0, most)):
                 yield f"{name}[{position}]", code, offset + position * np.dtype(code).itemsize
 
     def same(self, table: NDArray[np.uint8], fields: Sequence[str], end: int) -> NDArray[np.bool_]:

@@ -266,8 +266,8 @@ class _Summary:
             self._put(data)
             if number % 1000 == 999:
                 self._file.flush()
-        if self._file.tell() > start:
-            length = self._file.tell() - start
+        length = self._file.tell() - start
+        if length:
             self._offsets.append(optional("mcap.records").SummaryOffset(code, start, length))
 
     def end(self) -> None:

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from foretouch.errors import RecordingError, plural, was_or_were
 from foretouch.quantities import Recording
+from foretouch.recordings.meaning.guess import LEAST_RATE
 from foretouch.recordings.meaning.mapping import FORCES, LENGTHS, TIMES, Mapping, to_si
-from foretouch.recordings.meaning.topic_choice import LEAST_RATE
 from foretouch.recordings.source import Bag, Series, Table
 
 Array = NDArray[np.float64]
@@ -94,9 +94,8 @@ def _of_bag(bag: Bag, mapping: Mapping) -> tuple[Recording, list[str]]:
     at_force, columns = ordered[0]
     notes += _too_rare(position.topic, at_force)
     if not together:
-        joined = at_force_times(bag.path, mapping.join, *ordered[0], *ordered[1])
-        at_force, columns = joined.time_ns, joined.columns
-        notes += joined.notes
+        at_force, columns, text = at_force_times(bag.path, mapping.join, *ordered[0], *ordered[1])
+        notes += text
     since = at_force - (at_force[:1] if time.start == "first" else 0)
     speed = None if not extra else to_si(columns[f"{position.topic} {extra[0]}"], position, LENGTHS)
     recording = Recording(
@@ -120,25 +119,14 @@ def _too_rare(topic: str, times: NDArray[np.int64]) -> list[str]:
 
 def _require_finite(bag: Bag, series: Series) -> None:
     for name, values in series.values.items():
-        bad = ~np.isfinite(values)
-        if bad.any():
-            message = int(np.argmax(bad))
-            problem = (
-                f"{series.topic}: {name} of message {message + 1} is {values[message]}: every value must be finite"
-            )
-            raise RecordingError(bag.path, problem)
-
-
-def _of_size_one(values: Array) -> Array:
-    """Values over the largest of them, which may be too large to be squared."""
-    largest = float(np.abs(values).max())
-    return values / largest if largest > 0.0 else values
+        for message in np.flatnonzero(~np.isfinite(values))[:1]:
+            what = f"{series.topic}: {name} of message {message + 1} is {values[message]}"
+            raise RecordingError(bag.path, f"{what}: every value must be finite")
 
 
 def falls_with_depth(recording: Recording) -> bool:
     """Whether the force falls where the probe is deeper: the sign of one of them is wrong, as it seems."""
-    position, force = _seen(recording)
-    return _together(position, force) < DEEPER_WITH_LESS_FORCE
+    return _together(*_seen(recording)) < DEEPER_WITH_LESS_FORCE
 
 
 def _uncertainties(recording: Recording) -> list[str]:
@@ -157,7 +145,8 @@ def _uncertainties(recording: Recording) -> list[str]:
 def _seen(recording: Recording) -> tuple[Array, Array]:
     """Positions and forces over their largest: of an hour's samples, not all need be looked at."""
     few = slice(None, None, 1 + len(recording) // LOOKED_AT)
-    return _of_size_one(recording.position[few]), _of_size_one(recording.force[few])
+    position, force = recording.position[few], recording.force[few]  # the largest may be too large to be squared
+    return position / (np.abs(position).max() or 1.0), force / (np.abs(force).max() or 1.0)
 
 
 def _still(values: Array) -> bool:
@@ -177,14 +166,6 @@ and recorders alone make some milliseconds."""
 
 LEAST_SAID: Final = 2e-3  # smaller distances [s] are what networks make
 LARGEST_GAP: Final = 0.1  # forces within a longer time without a position [s] are left out (or than ten of its periods)
-
-
-class Joined(NamedTuple):
-    """Samples at the times of the forces [ns], increasing, shape (n,): their columns, and sentences on how."""
-
-    time_ns: Times
-    columns: dict[str, Array]
-    notes: list[str]
 
 
 class Clocks(NamedTuple):
@@ -260,9 +241,8 @@ def clock_of(source: object, series: list[Series], asked: str) -> tuple[list[Tim
         return log, [f'{problem}; {how}; [time] stamp = "aligned" takes stamps, less that distance']
     if asked == "auto" and clocks.differ:
         problem = f"{clocks.text}: two clocks {_seconds(clocks.apart)} apart, or one topic that is that much later"
-        return stamps, [
-            f'{problem}; header stamps are taken as they are, [time] stamp = "aligned" takes them less that distance'
-        ]
+        remedy = '[time] stamp = "aligned" takes them less that distance'
+        return stamps, [f"{problem}; header stamps are taken as they are, {remedy}"]
     notes = []
     if max(map(abs, clocks.medians)) > CLOCKS_AGREE:
         notes = [f"header stamps and log time are {_seconds(clocks.medians[0])} apart; header stamps are taken"]
@@ -300,8 +280,8 @@ def at_force_times(
     position: dict[str, Array],
     force_ns: Times,
     force: dict[str, Array],
-) -> Joined:
-    r"""Positions at the times of the forces.
+) -> tuple[Times, dict[str, Array], list[str]]:
+    r"""Samples at the times of the forces [ns], increasing, shape (n,): their columns, and sentences on how.
 
     ``interpolate`` takes the line between the two positions around,
 
@@ -311,21 +291,18 @@ def at_force_times(
     last position before, which a causal system has too; it lags by half a period on average, which looks like damping.
     """
     if np.array_equal(position_ns, force_ns):
-        return Joined(force_ns, position | force, [])
+        return force_ns, position | force, []
     before = np.searchsorted(position_ns, force_ns, side="right") - 1
     inside = (before >= 0) & (force_ns <= position_ns[-1])
     if inside.sum() < 2:
         spans = " and ".join(f"{at[0] / 1e9:.3f} to {at[-1] / 1e9:.3f} s" for at in (position_ns, force_ns))
-        problem = f"positions and forces have no time in common ({spans})"
-        raise RecordingError(
-            source, f'{problem}: if their stamps are on two clocks, give [time] stamp = "aligned" or "log"'
-        )
+        remedy = 'if their stamps are on two clocks, give [time] stamp = "aligned" or "log"'
+        raise RecordingError(source, f"positions and forces have no time in common ({spans}): {remedy}")
     gaps = np.diff(position_ns)
     longest = max(int(LARGEST_GAP * 1e9), 10 * int(np.median(gaps)))
     after = np.minimum(before + 1, position_ns.size - 1)
-    hole = (
-        inside & (position_ns[after] - position_ns[np.maximum(before, 0)] > longest) & (position_ns[before] != force_ns)
-    )
+    wide = position_ns[after] - position_ns[np.maximum(before, 0)] > longest
+    hole = inside & wide & (position_ns[before] != force_ns)
     kept = inside & ~hole
     times = force_ns[kept]
     if method == "hold":
@@ -333,14 +310,6 @@ def at_force_times(
     else:
         at, known = (times - position_ns[0]) / 1e9, (position_ns - position_ns[0]) / 1e9
         joined = {name: np.interp(at, known, column) for name, column in position.items()}
-    return Joined(
-        times,
-        joined | {name: column[kept] for name, column in force.items()},
-        _how(method, position_ns, force_ns, int((~inside).sum()), int(hole.sum()), longest),
-    )
-
-
-def _how(method: str, position_ns: Times, force_ns: Times, outside: int, holes: int, longest: int) -> list[str]:
     rates = " and ".join(f"{1e9 / float(np.median(np.diff(at))):.5g}" for at in (position_ns, force_ns))
     ways = {
         "interpolate": "positions are interpolated to the times of forces, for holding the last one lags, which looks "
@@ -348,11 +317,13 @@ def _how(method: str, position_ns: Times, force_ns: Times, outside: int, holes: 
         "hold": "the last position before each force is held, which is causal and lags by half a period of positions",
     }
     notes = [f"positions and forces come {rates} times a second: {ways[method]}"]
-    if outside:
-        notes.append(f"{outside} forces before the first or after the last position are left out")
-    if holes:
-        notes.append(f"{holes} forces in times of more than {longest / 1e9:.3g} s without a position are left out")
-    return notes
+    if not inside.all():
+        notes.append(f"{int((~inside).sum())} forces before the first or after the last position are left out")
+    if hole.any():
+        notes.append(
+            f"{int(hole.sum())} forces in times of more than {longest / 1e9:.3g} s without a position are left out"
+        )
+    return times, joined | {name: column[kept] for name, column in force.items()}, notes
 
 
 def _seconds(seconds: float) -> str:

@@ -201,21 +201,19 @@ class _Scan:
         content = mcap.chunk_content(head)
         chunk, reached = _Chunk(), 0
         results: list[tuple[int, bytes]] = []
-        for code, start, end in mcap.records_in(content):
-            reached = end
+        for code, start, reached in mcap.records_in(content):
             if code == mcap.MESSAGE:
                 channel, _, time_ns, _ = mcap.MESSAGE_HEAD.unpack_from(content, start)
                 chunk.entries[channel].append((time_ns, start - mcap.RECORD.size))
             else:
-                results.append((code, content[start:end]))
+                results.append((code, content[start:reached]))
         if reached != len(content):
             raise ValueError("a record goes beyond its chunk")
         for code, part in results:
             self._look(code, part)
         if not chunk.entries.keys() <= self.channels.keys():
             raise ValueError("nobody says what its messages are")
-        for channel, entries in chunk.entries.items():
-            self.messages[channel] += len(entries)
+        self.messages.update({channel: len(entries) for channel, entries in chunk.entries.items()})
         if chunk.entries:
             times = [time_ns for entries in chunk.entries.values() for time_ns, _ in entries]
             head.message_start_time, head.message_end_time = min(times), max(times)

@@ -164,12 +164,12 @@ class SessionWriter:
 
 def _declarations(records: Any) -> tuple[list[Any], list[Any]]:
     """Schema and channel records of the library for all topics, numbered as its writer numbers them."""
-    own = {topic.name: (topic.type_name, topic.layout.schema) for topic in TOPICS.values()}
-    standard = {topic.name: (topic.type_name, topic.schema) for topic in STANDARD}
+    topics = [(topic.name, topic.type_name, topic.layout.schema) for topic in TOPICS.values()]
+    topics += [(topic.name, topic.type_name, topic.schema) for topic in STANDARD]
     numbers: dict[str, int] = {}
     schemas: list[Any] = []
     channels: list[Any] = []
-    for name, (type_name, text) in {**own, **standard}.items():
+    for name, type_name, text in topics:
         if type_name not in numbers:
             numbers[type_name] = len(numbers) + 1
             schemas.append(records.Schema(numbers[type_name], text.encode(), "ros2msg", type_name))
