@@ -98,10 +98,10 @@ def check_port_free(endpoint: str) -> None:
     """
     _, host, port = _parse(endpoint)
     error = bind_error(host, port)
-    if error is not None and error.errno == errno.EADDRINUSE:
-        raise LinkError(f"port {port} on {host} is in use: choose another one, or end what uses it")
     if error is not None:
-        raise LinkError(f"cannot listen on {endpoint}: {error.strerror or error}")
+        used = f"port {port} on {host} is in use: choose another one, or end what uses it"
+        problem = f"cannot listen on {endpoint}: {error.strerror or error}"
+        raise LinkError(used if error.errno == errno.EADDRINUSE else problem)
 
 
 def free_port(host: str = "127.0.0.1") -> int:

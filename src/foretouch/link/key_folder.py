@@ -168,17 +168,17 @@ class KeyFolder:
             raise refused(self.path / name, rule)
 
     def _authority(self, now: datetime) -> Identity:
-        authority = Identity.read(self._read(_AUTHORITY_KEY), self.path / _AUTHORITY_KEY, with_key=True)
+        path = self.path / _AUTHORITY_KEY
+        authority = Identity.read(self._read(_AUTHORITY_KEY), path, with_key=True)
         if authority.days_left(now) <= 0.0:
-            problem = "has expired: foretouch keys rotate --authority makes a new one"
-            raise refused(self.path / _AUTHORITY_KEY, problem)
+            raise refused(path, "has expired: foretouch keys rotate --authority makes a new one")
         return authority
 
     def _identity(self, common_name: str) -> Identity:
-        identity = Identity.read(self._read(f"{common_name}.pem"), self.path / f"{common_name}.pem", with_key=True)
+        path = self.path / f"{common_name}.pem"
+        identity = Identity.read(self._read(path.name), path, with_key=True)
         if identity.common_name != common_name:
-            rule = f"is the certificate of {identity.common_name!r}: a file is named as its certificate"
-            raise refused(self.path / f"{common_name}.pem", rule)
+            raise refused(path, f"is the certificate of {identity.common_name!r}: a file is named as its certificate")
         return identity
 
     def _names(self) -> list[str]:

@@ -141,17 +141,15 @@ def type_of(topic: StandardTopic) -> TopicType:
     return TopicType(topic.type_name, type_hash(topic.type_name, topic.schema))
 
 
-def as_ros(message: Message, stamp_ns: int) -> tuple[tuple[StandardTopic, bytes], ...]:
+def as_ros(message: Message, stamp_ns: int, *, on_a_line: bool) -> tuple[tuple[StandardTopic, bytes], ...]:
     """The topics that say what a message says; none where it has no counterpart, or its sensors are not trusted."""
     make = BESIDE.get(type(message))
     if make is None or (isinstance(message, Telemetry) and message.validity):
         return ()
-    return make(msgspec.structs.replace(message, time_ns=stamp_ns))
-
-
-def probe_on_a_line(telemetry: Telemetry, stamp_ns: int) -> tuple[tuple[StandardTopic, bytes], ...]:
-    """The position of the probe along a line: z of the world points out of the surface, as the force does."""
-    return () if telemetry.validity else ((PROBE, pose_on_a_line(stamp_ns, telemetry.position)),)
+    topics: tuple[tuple[StandardTopic, bytes], ...] = make(msgspec.structs.replace(message, time_ns=stamp_ns))
+    if on_a_line and isinstance(message, Telemetry):
+        topics += ((PROBE, pose_on_a_line(stamp_ns, message.position)),)
+    return topics
 
 
 SETTINGS: Final = {

@@ -115,7 +115,7 @@ class Node:
             session: Zenoh identifier of the session.
             number: Number of the node in the session.
         """
-        return "/".join([self._begin(session, number), str(number), "NN", self._place])
+        return self._entity(session, number, number, "NN")
 
     def publisher_token(self, session: str, numbers: tuple[int, int], topic: str, kind: TopicType, qos: Qos) -> str:
         """Liveliness token of a publisher.
@@ -129,16 +129,12 @@ class Node:
             kind: The type that it carries.
             qos: How.
         """
-        node, entity = numbers
         what = [self.full_name(topic).replace("/", "%"), dds_type(kind.name), kind.hash, qos.token]
-        return "/".join([self._begin(session, node), str(entity), "MP", self._place, *what])
+        return "/".join([self._entity(session, *numbers, "MP"), *what])
 
-    def _begin(self, session: str, node: int) -> str:
-        return f"@ros2_lv/{self.domain}/{session}/{node}"
-
-    @property
-    def _place(self) -> str:
-        return f"%/{self.namespace.replace('/', '%')}/{self.name}"
+    def _entity(self, session: str, node: int, number: int, kind: str) -> str:
+        namespace = self.namespace.replace("/", "%")
+        return f"@ros2_lv/{self.domain}/{session}/{node}/{number}/{kind}/%/{namespace}/{self.name}"
 
 
 def dds_type(type_name: str) -> str:
