@@ -206,28 +206,21 @@ def _tue_guess(table: Table) -> Guess:
 def _of_bag(bag: Bag, topic: str | None) -> Contents:
     session = is_session(bag.path) and any(one.name in {own.name for own in TOPICS.values()} for one in bag.topics)
     guess = None if session else guess_mapping(bag)
-    chosen = [] if guess is None else [signal.topic for signal in (guess.position, guess.force) if signal is not None]
+    chosen = [signal.topic for signal in (guess.position, guess.force) if signal is not None] if guess else []
     notes = [] if bag.whole else ["was not ended by its recorder: read as far as it goes"]
-    notes += _clock_note(bag, list(dict.fromkeys(chosen)))
-    notes += () if guess is None else guess.notes
+    notes += [*_clock_note(bag, list(dict.fromkeys(chosen))), *(guess.notes if guess else ())]
     columns: tuple[Column, ...] = ()
     if topic is not None:
         columns, looked_at = _looked_through(bag, topic, bag.fields(topic))
         if 0 < looked_at < bag.topic(topic).count:
             notes.append(f"{topic}: smallest and largest are those of the first {looked_at} messages")
     held = any(one.count for one in bag.topics)
-    if not held:
-        notes.append("holds no messages")
+    notes += [] if held else ["holds no messages"]
+    topics = tuple(sorted(bag.topics, key=lambda one: (one.name not in chosen, -one.count, one.name)))
+    begin, duration = (bag.begin_ns, bag.duration) if held else (None, None)
+    stated = session * "a session of foretouch, which needs no map"
     return Contents(
-        str(bag.path),
-        bag.format,
-        columns,
-        tuple(sorted(bag.topics, key=lambda one: (one.name not in chosen, -one.count, one.name))),
-        bag.begin_ns if held else None,
-        bag.duration if held else None,
-        stated="a session of foretouch, which needs no map" if session else "",
-        guess=guess,
-        notes=tuple(notes),
+        str(bag.path), bag.format, columns, topics, begin, duration, stated=stated, guess=guess, notes=tuple(notes)
     )
 
 
@@ -237,14 +230,10 @@ def _looked_through(bag: Bag, topic: str, columns: tuple[Column, ...]) -> tuple[
         series = bag.read(topic, [column.name for column in columns], within=LONG_LOOK)
     except RecordingError:
         return columns, 0  # their reader reports why
-    ranged = []
-    for column in columns:
-        values = series.values[column.name]
-        finite = values[np.isfinite(values)]
-        ranged.append(
-            replace(column, smallest=float(finite.min()), largest=float(finite.max())) if finite.size else column
-        )
-    return tuple(ranged), series.log_ns.size + series.left_out
+    finite = {name: values[np.isfinite(values)] for name, values in series.values.items()}
+    ends = {name: [float(some.min()), float(some.max())] for name, some in finite.items() if some.size}
+    ranges = {name: {"smallest": low, "largest": high} for name, (low, high) in ends.items()}
+    return tuple(replace(one, **ranges.get(one.name, {})) for one in columns), series.log_ns.size + series.left_out
 
 
 def _clock_note(bag: Bag, topics: list[str]) -> list[str]:

@@ -45,8 +45,7 @@ def definitions_of(type_name: str, text: str, encoding: str) -> Definitions:
 
 def _parsed(typesys: Any, type_name: str, text: str, encoding: str) -> Definitions:
     if encoding == "ros2msg":
-        result: Definitions = typesys.get_types_from_msg(text, type_name)
-        return result
+        return dict(typesys.get_types_from_msg(text, type_name))
     types: dict[str, Any] = {}
     parts = [part.split("\n", 1)[1] for part in text.split(_SEPARATOR) if part.startswith("IDL: ")]
     for part in parts or [text]:
@@ -101,12 +100,11 @@ class RosBag(Bag):
         if not present.any():
             self._refuse(result, raws[0], fields)
         kept = {name: values[name][present] for name in fields}
-        stamps = None
+        stamps = np.zeros(0, np.int64)
         if stamped:
             seconds, nanoseconds = (values[name][present].astype(np.int64) for name in STAMP)
             stamps = seconds * 1_000_000_000 + nanoseconds
-            stamps = stamps if stamps.any() else None
-        return Series(topic, log_ns[present], stamps, kept, int((~present).sum()))
+        return Series(topic, log_ns[present], stamps if stamps.any() else None, kept, int((~present).sum()))
 
     def _fitting(self, topic: Topic, size: int) -> int:
         """How many messages of a topic make up a size [bytes], by its first one; at least one."""

@@ -31,7 +31,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.errors import RecordingError, UnknownNameError
+from foretouch.errors import RecordingError
 from foretouch.files import within_budget
 from foretouch.quantities import Recording
 from foretouch.recordings.meaning.names import FORCE_CHANNELS
@@ -101,8 +101,6 @@ def write_excerpt(path: str | PathLike[str], about: About, columns: Mapping[str,
 
 def recording_of(path: str | PathLike[str], force_channel: str = "raw") -> Recording:
     """The recording that an excerpt holds."""
-    if force_channel not in FORCES:
-        raise UnknownNameError("force channel", force_channel, FORCES)
     about, columns = read_excerpt(path)
     if FORCES[force_channel] not in columns:
         raise RecordingError(path, f"{about.name} has one force alone: leave --force-channel out")
@@ -123,10 +121,8 @@ def _quantity(steps: NDArray[Any], counts_per_unit: float, last: NDArray[Any] | 
 
 
 def _smallest(steps: NDArray[np.int64]) -> NDArray[np.signedinteger]:
-    for kind in (np.int8, np.int16, np.int32):
-        if np.array_equal(steps.astype(kind), steps):
-            return steps.astype(kind)
-    return steps
+    kinds = (np.int8, np.int16, np.int32, np.int64)
+    return next(steps.astype(kind) for kind in kinds if np.array_equal(steps.astype(kind), steps))
 
 
 LEVER = 0.075  # length of the levers [m]
@@ -141,8 +137,6 @@ def read_tue(path: str | PathLike[str], force_channel: str = "raw") -> Recording
 
     In these files the angle and both torques already grow while pressing.
     """
-    if force_channel not in FORCE_CHANNELS:
-        raise UnknownNameError("force channel", force_channel, FORCE_CHANNELS)
     time, angles, torques, bridge = _signals(path)
     torque = bridge * TORQUE_PER_VOLT if force_channel == "raw" else torques[:, 1]
     return Recording(time, LEVER * angles[:, 1], torque / LEVER, name=str(path), contact_floor=TUE_CONTACT_FLOOR)
@@ -190,17 +184,14 @@ def _signals(path: str | PathLike[str]) -> tuple[Array, Array, Array, Array]:
     with foreign(path, "is no MATLAB file that can be read"), reading(path):
         content: dict[str, Any] = loadmat(str(path), squeeze_me=True, struct_as_record=False, variable_names=_VARIABLES)
     try:
-        scope = content["scope"]
-        time = np.asarray(scope.time, dtype=np.float64)
-        angles = np.asarray(scope.signals[0].values, dtype=np.float64)
-        torques = np.asarray(scope.signals[1].values, dtype=np.float64)
-        bridge = np.asarray(content["env_est3"].signals[2].values, dtype=np.float64)
+        scope, bridge = content["scope"], content["env_est3"].signals[2].values
+        signals = scope.time, scope.signals[0].values, scope.signals[1].values, bridge
+        time, angles, torques, bridge = (np.asarray(values, dtype=np.float64) for values in signals)
     except (KeyError, AttributeError, IndexError, TypeError, ValueError):
         angles = torques = bridge = time = np.empty(0)
     if time.ndim != 1 or angles.shape != (time.size, 2) or torques.shape != angles.shape or bridge.shape != time.shape:
-        raise RecordingError(
-            path, "is no TU/e teleoperation recording (no scope with angles, torques and force bridge): use CSV"
-        )
+        problem = "is no TU/e teleoperation recording (no scope with angles, torques and force bridge): use CSV"
+        raise RecordingError(path, problem)
     return time, angles, torques, bridge
 
 

@@ -202,12 +202,10 @@ _FRAME, _WORLD = _text("probe"), _text("world")
 _JOINT = _FRAME + struct.pack("<I", 1) + _text("probe") + struct.pack("<I", 1)  # frame_id, one name, one position
 _ONE = struct.pack("<II", 1, 0)  # count 1, padded to the next multiple of 8
 _NONE_AND_ONE = struct.pack("<II", 0, 1)  # no velocity, one effort
-_JPEG = _text("camera") + _text("jpeg")
 _wrench = struct.Struct(f"<4siI{len(_FRAME)}s4x6d")
 _joint_state = struct.Struct(f"<4siI{len(_JOINT)}sd8sd8sd")
 _joint_at_rest = struct.Struct(f"<4siI{len(_JOINT)}sd8sd")
 _pose = struct.Struct(f"<4siI{len(_WORLD)}s4x7d")
-_image = struct.Struct(f"<4siI{len(_JPEG)}sI")
 LARGEST_SECOND = 2**31 - 1
 
 
@@ -254,7 +252,7 @@ def quaternion(turn: Sequence[float]) -> tuple[float, float, float, float]:
 
 def compressed_image(time_ns: int, jpeg: bytes) -> bytes:
     """CDR bytes of a CompressedImage."""
-    return _image.pack(HEADER, *_stamp(time_ns), _JPEG, len(jpeg)) + jpeg
+    return pack_fields(_HEADER | {"format": "string", "data": "uint8[]"}, (*_stamp(time_ns), "camera", "jpeg", jpeg))
 
 
 Packed: TypeAlias = tuple[tuple[StandardTopic, bytes], ...]

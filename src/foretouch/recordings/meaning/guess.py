@@ -63,7 +63,6 @@ class Guess:
     notes: tuple[str, ...] = ()  # one sentence for each thing that should be known of what was guessed
     # what `position` and `force` might be, where there are several; the likeliest first
     candidates: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    contact_floor: float = 0.05  # that of a map in the file
     stated: Mapping | None = None  # the map that the file carries, which then is taken
 
     @property
@@ -86,7 +85,7 @@ class Guess:
             return self.stated
         if self.open or self.position is None or self.force is None:
             raise RecordingError(self.path, self._what_to_do())
-        mapping = Mapping(self.position, self.force, self.time, self.velocity, contact_floor=self.contact_floor)
+        mapping = Mapping(self.position, self.force, self.time, self.velocity)
         check_mapping(self.path, mapping)
         return mapping
 
@@ -149,10 +148,7 @@ def guess_mapping(source: Table | Bag) -> Guess:
     """
     if source.stated_map:
         stated = parse_mapping(f"{source.path}: the map in it", source.stated_map)
-        return Guess(
-            source.path, stated.time, stated.position, stated.force, stated.velocity,
-            contact_floor=stated.contact_floor, stated=stated,
-        )  # fmt: skip
+        return Guess(source.path, stated.time, stated.position, stated.force, stated.velocity, stated=stated)
     return _of_table(source) if isinstance(source, Table) else _of_bag(source)
 
 
@@ -181,18 +177,16 @@ def _of_table(table: Table) -> Guess:
             problems.append(f"column {name} is in {own} by its name, and in {unit} as the file states it elsewhere")
     time, unit = values.get(TIME, (UNKNOWN, "s"))
     if TIME in values and not unit:
-        stated = named[time].unit
         unit = "s"  # that of nearly all; a time in another unit has steps that `read_with_notes` looks at
-        if stated:
+        if named[time].unit:
             problems.append(f"the unit of time {time} is not known ({', '.join(TIMES)})")
     position, force = (
         Signal(column=values[name][0], unit=values[name][1] or UNKNOWN) if name in values else None
         for name in (POSITION, FORCE)
     )
-    velocity, notes = _velocity(table.columns, position), _frame_notes(position, force)
-    return Guess(
-        table.path, TimeSource(column=time, unit=unit), position, force, velocity, tuple(problems), notes, candidates
-    )  # fmt: skip
+    source, velocity = TimeSource(column=time, unit=unit), _velocity(table.columns, position)
+    notes = _frame_notes(position, force)
+    return Guess(table.path, source, position, force, velocity, tuple(problems), notes, candidates)
 
 
 def _rank(quantity: str, column: str, named: Named) -> tuple[float, str]:
@@ -383,9 +377,8 @@ def _rate(bag: Bag, topic: Topic, before: int) -> float:
     if topic.count < 2 or bag.duration <= 0.0:
         return 0.0
     rate = (topic.count - 1) / bag.duration
-    if rate >= LEAST_RATE or topic.count <= LEAST_RATE or before >= LOOKED_INTO:
-        return rate
-    return max(rate, bag.first_rate(topic.name, int(LEAST_RATE) + 1))
+    known = rate >= LEAST_RATE or topic.count <= LEAST_RATE or before >= LOOKED_INTO
+    return rate if known else max(rate, bag.first_rate(topic.name, int(LEAST_RATE) + 1))
 
 
 def _some(texts: Sequence[str]) -> str:
