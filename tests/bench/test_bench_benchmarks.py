@@ -34,7 +34,7 @@ from foretouch.files.children import measure_process
 from foretouch.identification import ContactSample, Estimator, Status
 from foretouch.messages.session_log import FOLLOWER_DTYPE
 from foretouch.recordings import read_recording
-from foretouch.recordings.session.follower_samples import LARGE
+from foretouch.recordings.session.reader import LARGE
 
 
 def rows(late_ns: list[int], compute_ns: list[int] | None = None) -> np.ndarray:

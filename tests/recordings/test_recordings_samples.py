@@ -1,6 +1,5 @@
 """The follower's samples: the same from the whole log, from a narrow reading, and from the file beside the mcap."""
 
-import importlib
 import os
 from dataclasses import astuple
 from pathlib import Path
@@ -18,9 +17,8 @@ from foretouch.recordings import (
     read_recording,
     read_session,
 )
+from foretouch.recordings.session import reader as samples_file
 from foretouch.recordings.session.reader import read_samples
-
-samples_file = importlib.import_module("foretouch.recordings.session.follower_samples")  # a function has its name too
 
 
 def write(path: Path, ticks: int = 900, force: float = 1.0) -> None:

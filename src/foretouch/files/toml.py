@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from os import PathLike
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Final, TypeVar
 
 import msgspec
 
@@ -48,10 +48,9 @@ def decode_toml(source: object, text: bytes | str, kind: type[Made], what: str, 
     if len(text) > LARGEST_TOML:
         raise RecordingError(source, f"is no {what}: it is longer than {LARGEST_TOML} bytes")
     try:
-        result: Any = msgspec.toml.decode(text, type=kind)
+        return msgspec.toml.decode(text, type=kind)
     except (msgspec.DecodeError, UnicodeDecodeError, SettingError) as error:
         problem = " ".join(str(error).split())
         raise RecordingError(source, f"is no {what}: {problem}{'; it takes ' * bool(form)}{form}") from None
     except RecursionError:
         raise RecordingError(source, f"is no {what}: it is nested too deep") from None
-    return result  # type: ignore[no-any-return]

@@ -23,8 +23,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from datetime import datetime
 
-from foretouch.errors import LinkError, SettingError
-from foretouch.link.certificates import WARNING_DAYS, Identity, utc_now
+from foretouch.errors import LinkError
+from foretouch.link.certificates import WARNING_DAYS, Identity, refused, utc_now
 from foretouch.link.key_folder import ROLES, KeyFolder, role_of
 from foretouch.messages import CHANNELS, Command, Hello, Message
 
@@ -79,13 +79,7 @@ def check_endpoint(endpoint: str, *, insecure: bool = False) -> None:
 
 
 def bind_error(host: str, port: int, family: int = socket.AF_UNSPEC) -> OSError | None:
-    """The reason that a server could not listen there now; None where it could.
-
-    Args:
-        host: Name or address.
-        port: TCP port.
-        family: Family of addresses, ``socket.AF_INET`` or another; any where none is given.
-    """
+    """The reason that a server could not listen on a TCP port of a host now; None where it could."""
     try:
         kind, _, _, _, address = socket.getaddrinfo(host, port, family, socket.SOCK_STREAM)[0]
         with socket.socket(kind, socket.SOCK_STREAM) as probe:
@@ -104,18 +98,14 @@ def check_port_free(endpoint: str) -> None:
     """
     _, host, port = _parse(endpoint)
     error = bind_error(host, port)
-    if error is not None and error.errno == errno.EADDRINUSE:
-        raise LinkError(f"port {port} on {host} is in use: choose another one, or end what uses it")
     if error is not None:
-        raise LinkError(f"cannot listen on {endpoint}: {error.strerror or error}")
+        used = f"port {port} on {host} is in use: choose another one, or end what uses it"
+        problem = f"cannot listen on {endpoint}: {error.strerror or error}"
+        raise LinkError(used if error.errno == errno.EADDRINUSE else problem)
 
 
 def free_port(host: str = "127.0.0.1") -> int:
-    """A TCP port of this machine that is free at this moment.
-
-    Args:
-        host: Address.
-    """
+    """A TCP port of this machine that is free at this moment."""
     with socket.socket() as probe:
         probe.bind((host, 0))
         return int(probe.getsockname()[1])
@@ -166,18 +156,18 @@ def load_credentials(
     authority, here, allowed = keys.read()
     fitting = [name for name in here if role_of(name) == role]
     if not fitting:
-        raise SettingError("keys", str(keys.path), f"has no certificate for the {role}: foretouch keys issue {role}")
+        raise refused(keys.path, f"has no certificate for the {role}: foretouch keys issue {role}")
     if role not in fitting and len(fitting) > 1:
-        rule = f"has several certificates for the {role} ({', '.join(fitting)}): keep the one of this machine"
-        raise SettingError("keys", str(keys.path), rule)
+        several = f"has several certificates for the {role} ({', '.join(fitting)})"
+        raise refused(keys.path, f"{several}: keep the one of this machine")
     identity = here[role if role in fitting else fitting[0]]
     if not identity.issued_by(authority):
         rule = f"is from another authority than {keys.path / 'authority.crt'}: copy both from where they were made"
-        raise SettingError("keys", str(keys.path / f"{identity.common_name}.pem"), rule)
+        raise refused(keys.path / f"{identity.common_name}.pem", rule)
     for each, remedy in ((authority, "rotate --authority"), (identity, f"rotate {identity.common_name}")):
         if each.days_left(now) <= 0.0:
             rule = f"expired on {each.expires:%Y-%m-%d}: foretouch keys {remedy}, and copy the new files"
-            raise SettingError("keys", each.common_name, rule)
+            raise refused(each.common_name, rule)
     left, ends = identity.days_left(now), f"{identity.expires:%Y-%m-%d}"
     soon = f"the certificate of {identity.common_name} ends in {left:.0f} days, on {ends}: foretouch keys rotate"
     return Credentials(identity, authority, allowed, soon if left <= WARNING_DAYS else "")
@@ -202,50 +192,31 @@ def may_publish(role: str) -> tuple[str, ...]:
 
 
 def key_to_send(name: str, common_name: str = "") -> str:
-    """Network key under which a process speaks on a channel.
-
-    Args:
-        name: Name of the channel.
-        common_name: Common name of the process's certificate, "" where it has none.
-    """
+    """Network key under which a process speaks on a channel, by the common name of its certificate, if it has one."""
     if not common_name or name not in NAMED:
         return PREFIX + name
     return f"{PREFIX}{name}/{role_of(common_name) if name == HELLO else common_name}"
 
 
 def keys_to_receive(name: str) -> tuple[str, ...]:
-    """Network keys under which a channel is received: from this machine, and from others.
-
-    Args:
-        name: Name of the channel.
-    """
+    """Network keys under which a channel is received: from this machine, and from others."""
     return (PREFIX + name, f"{PREFIX}{name}/*") if name in NAMED else (PREFIX + name,)
 
 
 def may_say(key: str, message: Message) -> bool:
-    """Whether what came under a key may name the sender that it names.
-
-    Args:
-        key: Network key; without a name at its end, it is from this machine or an insecure one.
-        message: A `Hello` with its role, or a `Command` with its holder; others name no sender.
-    """
+    """Whether what came under a key may name the sender that it names: a `Hello` its role, a `Command` its holder."""
     if isinstance(message, Hello):
         return may_claim(key, message.role)
     return not isinstance(message, Command) or _sender(key) in ("", message.holder)
 
 
 def may_claim(key: str, role: str) -> bool:
-    """Whether a hello that came under a key may be of this role.
-
-    Args:
-        key: As for `may_say`.
-        role: Leader, follower, or what is a watcher.
-    """
+    """Whether a hello that came under a key may be of this role; what is no leader and no follower is a watcher."""
     return _sender(key) in ("", role if role in ROLES else "watcher")
 
 
 def _sender(key: str) -> str:
-    """The sender, as the access list has checked it; "" where nothing was checked."""
+    """The sender, as the access list has checked it; "" where nothing was: on this machine, or an insecure one."""
     return key.removeprefix(PREFIX).partition("/")[2]
 
 

@@ -66,9 +66,9 @@ class Identity:
             key = c.serialization.load_pem_private_key(content, None) if with_key else None
         except Exception as error:  # the package has no error of its own for all that can be wrong
             reason = " ".join(str(error).split())[:120] or type(error).__name__
-            raise SettingError("keys", str(source), f"is no key with a certificate ({reason})") from None
+            raise refused(source, f"is no key with a certificate ({reason})") from None
         if key is not None and key.public_key() != certificate.public_key():
-            raise SettingError("keys", str(source), "holds a key and the certificate of another key: issue it again")
+            raise refused(source, "holds a key and the certificate of another key: issue it again")
         return cls(
             str(names[0].value),
             certificate.not_valid_after_utc,
@@ -99,33 +99,23 @@ class Identity:
 
 
 def make_authority(now: datetime) -> Identity:
-    """A private authority: only signs certificates.
-
-    Args:
-        now: UTC.
-
-    Raises:
-        MissingExtraError: cryptography is not installed.
-    """
+    """A private authority, which only signs certificates."""
     return _issue(AUTHORITY_NAME, now, now + timedelta(days=AUTHORITY_DAYS), None)
 
 
 def make_identity(authority: Identity, common_name: str, now: datetime, days: float = CERTIFICATE_DAYS) -> Identity:
     """A certificate for one process of a session, which listens with it and connects with it.
 
-    Args:
-        authority: Authority with its key.
-        common_name: Its name in the access list.
-        now: Present time, UTC.
-        days: Validity [days], above 0; never longer than the authority's.
-
-    Raises:
-        SettingError: A length that is none.
-        MissingExtraError: cryptography is not installed.
+    It never lasts longer than its authority, whose key is needed.
     """
     if not 0.0 < days <= AUTHORITY_DAYS:
         raise SettingError("days", days, f"must be above 0 and at most {AUTHORITY_DAYS}")
     return _issue(common_name, now, min(now + timedelta(days=days), authority.expires), authority)
+
+
+def refused(what: object, rule: str) -> SettingError:
+    """The error of a file, a folder or a name of keys."""
+    return SettingError("keys", str(what), rule)
 
 
 def utc_now() -> datetime:

@@ -19,7 +19,7 @@ from datetime import datetime
 from pathlib import Path
 
 from foretouch.errors import SettingError
-from foretouch.link.certificates import CERTIFICATE_DAYS, Identity, make_authority, make_identity
+from foretouch.link.certificates import CERTIFICATE_DAYS, Identity, make_authority, make_identity, refused
 
 ROLES = ("leader", "follower", "watcher")
 """Roles of processes; recorder and console are watchers."""
@@ -86,7 +86,7 @@ class KeyFolder:
                 self.path.chmod(0o700)
                 self.tightened = True
         except OSError as error:
-            raise SettingError("keys", str(self.path), f"cannot be made: {error.strerror}") from None
+            raise refused(self.path, f"cannot be made: {error.strerror}") from None
         with self._locked():
             for name in (_AUTHORITY_KEY, _AUTHORITY):
                 self._require_new(name, "--authority")
@@ -138,11 +138,10 @@ class KeyFolder:
             here = self._names()
             if common_name is not None:
                 if common_name not in here:
-                    rule = f"has no certificate in {self.path}, which has {', '.join(here) or 'none'}"
-                    raise SettingError("keys", common_name, rule)
+                    there = ", ".join(here) or "none"
+                    raise refused(common_name, f"has no certificate in {self.path}, which has {there}")
                 if authority:
-                    rule = "cannot be made again alone: with a new authority all certificates are"
-                    raise SettingError("keys", common_name, rule)
+                    raise refused(common_name, "cannot be made again alone: with a new authority all certificates are")
                 here = [common_name]
             if authority:
                 self._read(_AUTHORITY_KEY)  # a new one takes the place of the old one, which must be here
@@ -166,20 +165,20 @@ class KeyFolder:
     def _require_new(self, name: str, rotated: str) -> None:
         if (self.path / name).exists():
             rule = f"is there already and is not overwritten: foretouch keys rotate {rotated} makes a new one"
-            raise SettingError("keys", str(self.path / name), rule)
+            raise refused(self.path / name, rule)
 
     def _authority(self, now: datetime) -> Identity:
-        authority = Identity.read(self._read(_AUTHORITY_KEY), self.path / _AUTHORITY_KEY, with_key=True)
+        path = self.path / _AUTHORITY_KEY
+        authority = Identity.read(self._read(_AUTHORITY_KEY), path, with_key=True)
         if authority.days_left(now) <= 0.0:
-            rule = "has expired: foretouch keys rotate --authority makes a new one"
-            raise SettingError("keys", str(self.path / _AUTHORITY_KEY), rule)
+            raise refused(path, "has expired: foretouch keys rotate --authority makes a new one")
         return authority
 
     def _identity(self, common_name: str) -> Identity:
-        identity = Identity.read(self._read(f"{common_name}.pem"), self.path / f"{common_name}.pem", with_key=True)
+        path = self.path / f"{common_name}.pem"
+        identity = Identity.read(self._read(path.name), path, with_key=True)
         if identity.common_name != common_name:
-            rule = f"is the certificate of {identity.common_name!r}: a file is named as its certificate"
-            raise SettingError("keys", str(self.path / f"{common_name}.pem"), rule)
+            raise refused(path, f"is the certificate of {identity.common_name!r}: a file is named as its certificate")
         return identity
 
     def _names(self) -> list[str]:
@@ -199,20 +198,20 @@ class KeyFolder:
             with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb") as file:
                 status = os.fstat(file.fileno())
                 if not stat.S_ISREG(status.st_mode):
-                    raise SettingError("keys", str(path), "is no regular file")
+                    raise refused(path, "is no regular file")
                 public = name in (_AUTHORITY, _ALLOWED)
                 if status.st_mode & (0o022 if public else 0o077):
                     verb = "written" if public else "read"
-                    raise SettingError("keys", str(path), f"can be {verb} by others than its owner: chmod 600 {path}")
+                    raise refused(path, f"can be {verb} by others than its owner: chmod 600 {path}")
                 content = file.read(LARGEST_FILE + 1)
         except FileNotFoundError:
             remedy = "run this" if name == _AUTHORITY_KEY else "copy it from the machine"
             rule = f"is not here: {remedy} where the authority was made, or foretouch keys init"
-            raise SettingError("keys", str(path), rule) from None
+            raise refused(path, rule) from None
         except OSError as error:
-            raise SettingError("keys", str(path), f"cannot be read: {error.strerror}") from None
+            raise refused(path, f"cannot be read: {error.strerror}") from None
         if len(content) > LARGEST_FILE:
-            raise SettingError("keys", str(path), f"is longer than {LARGEST_FILE} bytes")
+            raise refused(path, f"is longer than {LARGEST_FILE} bytes")
         return content
 
     @contextmanager
@@ -222,17 +221,17 @@ class KeyFolder:
             folder = os.open(self.path, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
         except OSError as error:
             rule = f"is no folder of keys ({error.strerror}): foretouch keys init makes one"
-            raise SettingError("keys", str(self.path), rule) from None
+            raise refused(self.path, rule) from None
         try:
             if os.fstat(folder).st_mode & 0o022:
-                raise SettingError("keys", str(self.path), f"can be written by others: chmod 700 {self.path}")
+                raise refused(self.path, f"can be written by others: chmod 700 {self.path}")
             fcntl.flock(folder, fcntl.LOCK_EX)
             try:
                 shutil.rmtree(self.path / _STAGED, ignore_errors=True)  # never declared valid
                 self._finish()
                 yield
             except OSError as error:
-                raise SettingError("keys", str(self.path), f"cannot be written: {error.strerror or error}") from None
+                raise refused(self.path, f"cannot be written: {error.strerror or error}") from None
         finally:
             os.close(folder)
 

@@ -97,10 +97,7 @@ class ZenohLink:
         credentials: Credentials | None = None,
         watch: Callable[[Message], None] | None = None,
     ) -> None:
-        try:
-            import zenoh
-        except ImportError:
-            raise MissingExtraError("eclipse-zenoh", "link") from None
+        zenoh = zenoh_module()
         subscribe = list(subscribe)
         for endpoint in (*listen, *connect):
             check_endpoint(endpoint, insecure=insecure)
@@ -173,12 +170,9 @@ class ZenohLink:
             roles: Roles of its peers; the sides of a session where none are named. The link receives
                 ``hello``.
         """
-        wanted = set(roles)
-        if wanted & self._greeted:
-            return None
-        latest = time.monotonic_ns() - round(PATIENCE * 1e9)
+        wanted, latest = set(roles), time.monotonic_ns() - round(PATIENCE * 1e9)
         errors = (error for role, (first, error) in self._foreigners.items() if role in wanted and first <= latest)
-        return next(errors, None)
+        return None if wanted & self._greeted else next(errors, None)
 
     def publish(self, message: Message) -> None:
         """Send a message on its channel; never waits and never raises: what cannot be sent is dropped."""
@@ -209,10 +203,25 @@ class ZenohLink:
         self.close()
 
 
-def _config(listen: Sequence[str], connect: Sequence[str], secured: dict[str, object]) -> zenoh.Config:
-    import zenoh
+def zenoh_module() -> Any:
+    """The package, which is imported when it is needed."""
+    try:
+        import zenoh
+    except ImportError:
+        raise MissingExtraError("eclipse-zenoh", "link") from None
+    return zenoh
 
-    config = zenoh.Config()
+
+def zenoh_config(settings: dict[str, object]) -> zenoh.Config:
+    """Zenoh's settings: those given, and nobody is looked for or shares memory."""
+    config: zenoh.Config = zenoh_module().Config()
+    never = ("scouting/multicast/enabled", "scouting/gossip/enabled", "transport/shared_memory/enabled")
+    for key, value in (dict.fromkeys(never, False) | settings).items():
+        config.insert_json5(key, json.dumps(value))
+    return config
+
+
+def _config(listen: Sequence[str], connect: Sequence[str], secured: dict[str, object]) -> zenoh.Config:
     settings: dict[str, object] = {
         "mode": "peer",
         "listen/endpoints": list(listen),
@@ -221,8 +230,6 @@ def _config(listen: Sequence[str], connect: Sequence[str], secured: dict[str, ob
         "connect/timeout_ms": -1,
         "connect/exit_on_failure": False,
         "connect/retry": {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2},
-        "scouting/multicast/enabled": False,
-        "scouting/gossip/enabled": False,
         # Without these two, jitter of the machine alone loses messages on loopback.
         "transport/unicast/lowlatency": True,
         "transport/unicast/qos/enabled": False,
@@ -230,15 +237,11 @@ def _config(listen: Sequence[str], connect: Sequence[str], secured: dict[str, ob
         # while it does, some stay dumb. To learn of silence sooner, poll.
         "transport/link/tx/lease": 5000,
         "transport/link/protocols": ["tcp", "tls"],
-        "transport/shared_memory/enabled": False,
         # Limits of what a peer may make this process hold.
         "transport/link/rx/max_message_size": 2 * LARGEST_MESSAGE,
         "transport/unicast/max_sessions": MOST_PEERS,
-        **secured,
     }
-    for key, value in settings.items():
-        config.insert_json5(key, json.dumps(value))
-    return config
+    return zenoh_config(settings | secured)
 
 
 def _secured(credentials: Credentials, receive: Iterable[str]) -> dict[str, object]:

@@ -24,8 +24,7 @@ from foretouch.recordings.meaning.names import FORCE_CHANNELS, FORCE_UNITS, POSI
 from foretouch.recordings.output import atomic_path, read_calibration, write_calibration, write_columns
 from foretouch.recordings.pose_table import POSE_COLUMNS, StaticPoses, read_poses
 from foretouch.recordings.reading import SUFFIXES, Read, is_session, open_source, read_recording, read_with_notes
-from foretouch.recordings.session.follower_samples import FollowerSamples, follower_samples, read_follower_samples
-from foretouch.recordings.session.reader import read_session
+from foretouch.recordings.session.reader import FollowerSamples, follower_samples, read_follower_samples, read_session
 from foretouch.recordings.session.repair import Repair, is_whole, repair_session
 from foretouch.recordings.session.writer import SessionWriter
 

@@ -12,14 +12,7 @@ import numpy as np
 
 from foretouch.errors import RecordingError
 from foretouch.quantities import Recording
-from foretouch.recordings.formats.topics import (
-    JOINT_STATE_SCHEMA,
-    POSE_SCHEMA,
-    WRENCH_SCHEMA,
-    joint_state,
-    pose,
-    wrench,
-)
+from foretouch.recordings.formats import topics
 from foretouch.recordings.meaning.mapping import Mapping, Signal, TimeSource, Velocity, mapping_text
 from foretouch.recordings.output import atomic_path, optional, write_columns
 from foretouch.recordings.source import MAP_NAME
@@ -29,9 +22,9 @@ OUTPUTS: Final = (".csv", ".parquet", ".mcap")
 
 JOINTS, WRENCH, POSE = "/probe/joint_states", "/probe/wrench", "/probe/pose"
 _TOPICS: Final = {
-    JOINTS: ("sensor_msgs/msg/JointState", JOINT_STATE_SCHEMA),
-    WRENCH: ("geometry_msgs/msg/WrenchStamped", WRENCH_SCHEMA),
-    POSE: ("geometry_msgs/msg/PoseStamped", POSE_SCHEMA),
+    JOINTS: ("sensor_msgs/msg/JointState", topics.JOINT_STATE_SCHEMA),
+    WRENCH: ("geometry_msgs/msg/WrenchStamped", topics.WRENCH_SCHEMA),
+    POSE: ("geometry_msgs/msg/PoseStamped", topics.POSE_SCHEMA),
 }
 
 
@@ -59,21 +52,16 @@ def write_recording(path: str | PathLike[str], recording: Recording) -> list[str
     if suffix == ".mcap":
         return _write_mcap(path, recording)
     columns = {"time_s": recording.time, "position_m": recording.position, "force_N": recording.force}
+    velocity, floor = None, recording.contact_floor
     if recording.velocity is not None:
-        columns["velocity_m_s"] = recording.velocity
+        columns["velocity_m_s"], velocity = recording.velocity, Velocity(column="velocity_m_s")
     if suffix == ".csv":
         write_columns(path, columns)
-        floor = recording.contact_floor
         lost = f"a CSV keeps no contact floor: put contact_floor = {floor:g} into a --map for it"
         return [] if floor == 0.05 else [lost]
-    table = Mapping(
-        Signal(column="position_m", unit="m"),
-        Signal(column="force_N", unit="N"),
-        TimeSource(column="time_s"),
-        None if recording.velocity is None else Velocity(column="velocity_m_s"),
-        contact_floor=recording.contact_floor,
-    )
-    write_columns(path, columns, metadata={MAP_NAME: mapping_text(table)})
+    position, force = Signal(column="position_m", unit="m"), Signal(column="force_N", unit="N")
+    mapping = Mapping(position, force, TimeSource(column="time_s"), velocity, contact_floor=floor)
+    write_columns(path, columns, metadata={MAP_NAME: mapping_text(mapping)})
     return []
 
 
@@ -106,9 +94,8 @@ def _write_mcap(path: str | PathLike[str], recording: Recording) -> list[str]:
 
 def _messages(recording: Recording, stamps: list[int]) -> Iterator[tuple[str, int, bytes]]:
     speeds: Iterable[float | None] = repeat(None) if recording.velocity is None else recording.velocity.tolist()
-    for stamp, position, force, speed in zip(
-        stamps, recording.position.tolist(), recording.force.tolist(), speeds, strict=False
-    ):
-        yield JOINTS, stamp, joint_state(stamp, position, speed, force)
-        yield WRENCH, stamp, wrench(stamp, force)
-        yield POSE, stamp, pose(stamp, (0.0, 0.0, position))
+    columns = stamps, recording.position.tolist(), recording.force.tolist(), speeds
+    for stamp, position, force, speed in zip(*columns, strict=False):
+        yield JOINTS, stamp, topics.joint_state(stamp, position, speed, force)
+        yield WRENCH, stamp, topics.wrench(stamp, force)
+        yield POSE, stamp, topics.pose(stamp, (0.0, 0.0, position))

@@ -17,7 +17,7 @@ import logging
 import os
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 from urllib.parse import quote
@@ -86,21 +86,15 @@ class Dataset:
         return f"{HOST}/" + quote(f"{origin.repository}/{origin.commit}/{origin.folder}/{self.file}")
 
 
-_REPOSITORY, _COMMIT = (
-    "Ohara124c41/Haptics-Bilateral_Teleoperation-1DOF_Experiments",
-    "2ae23ed4f6e6b9726be4153a1f094085124c0c57",
+_TUE = Origin(
+    repository="Ohara124c41/Haptics-Bilateral_Teleoperation-1DOF_Experiments",
+    commit="2ae23ed4f6e6b9726be4153a1f094085124c0c57",
+    folder="m2_question1",
+    local_folder="tue_1dof_teleoperation",
+    licence="MIT, Copyright (c) 2018 Christopher Ohara",
+    about="a hand moves a leader lever, a follower lever presses a material; 2 kHz, TU/e 2018",
 )
-_TUE, _TUE_FIRST = (
-    Origin(
-        repository=_REPOSITORY,
-        commit=_COMMIT,
-        folder=folder,
-        local_folder="tue_1dof_teleoperation",
-        licence="MIT, Copyright (c) 2018 Christopher Ohara",
-        about="a hand moves a leader lever, a follower lever presses a material; 2 kHz, TU/e 2018",
-    )
-    for folder in ("m2_question1", "m1_question1")
-)
+_TUE_FIRST = replace(_TUE, folder="m1_question1")
 _AURORA = Origin(
     repository="SDAMcIntyre/Indentation_Discrimination",
     commit="da51ad73f586d8d51f46b2d2230aa79e17a963b7",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from dataclasses import astuple, dataclass, field, replace
+from dataclasses import astuple, dataclass, replace
 from os import PathLike
 from typing import Any
 
@@ -25,7 +25,7 @@ from foretouch.recordings.formats.published import (
 )
 from foretouch.recordings.formats.topics import TOPICS
 from foretouch.recordings.meaning.guess import Guess, guess_mapping
-from foretouch.recordings.meaning.joining import clocks_of
+from foretouch.recordings.meaning.mapped import clocks_of
 from foretouch.recordings.meaning.mapping import TIMES, Mapping, Signal, TimeSource
 from foretouch.recordings.meaning.names import name_says
 from foretouch.recordings.reading import is_session, open_source, require_readable
@@ -62,7 +62,7 @@ class Contents(Brief):
     rate: float | None = None
     stated: str = ""
     guess: Guess | None = None
-    notes: tuple[str, ...] = field(default=())
+    notes: tuple[str, ...] = ()
 
     def rate_of(self, topic: Topic) -> float | None:
         """Messages of a topic a second, over the whole bag [1/s]."""
@@ -117,8 +117,7 @@ def _of_aurora(path: str | PathLike[str]) -> Contents:
     recording = read_aurora(path)
     columns = (Column("AI0", "length", len(recording), "mm"), Column("AI1", "force", len(recording), "mN"))
     stated = f"an Aurora file states columns and units itself; contact floor {AURORA_CONTACT_FLOOR:g} N"
-    duration, rate = _span(recording)
-    return Contents(str(path), "Aurora .ddf", columns, duration_s=duration, rate=rate, stated=stated)
+    return Contents(str(path), "Aurora .ddf", columns, stated=stated, **_span(recording))
 
 
 def _of_excerpt(path: str | PathLike[str]) -> Contents:
@@ -127,26 +126,21 @@ def _of_excerpt(path: str | PathLike[str]) -> Contents:
     shown = (Column(name, "count", values.size, units.get(name, "m")) for name, values in columns.items())
     stated = f"an excerpt of {about.name}, which needs no map; contact floor {about.contact_floor:g} N"
     notes = (f"made from {about.original}, SHA-256 {about.sha256}", f"licence: {about.licence}")
-    duration, rate = _span(recording_of(path))
-    return Contents(str(path), "excerpt", tuple(shown), duration_s=duration, rate=rate, stated=stated, notes=notes)
+    return Contents(str(path), "excerpt", tuple(shown), stated=stated, notes=notes, **_span(recording_of(path)))
 
 
 def _of_table(table: Table, suffix: str) -> Contents:
-    if suffix == ".mat" and is_tue(table.path):
-        guess, stated = _tue_guess(table), "a TU/e recording, which needs no map"
-    else:
-        guess, stated = guess_mapping(table), ""
+    tue = suffix == ".mat" and is_tue(table.path)
+    guess, stated = _tue_guess(table) if tue else guess_mapping(table), tue * "a TU/e recording, which needs no map"
     columns = tuple(replace(one, unit=name_says(one.name, one.unit).unit) for one in table.columns)
-    duration, rate = None, None
+    duration = rate = None
     time = guess.time if guess.stated is None else guess.stated.time
     values, notes = _taken(table, guess, time.column)
     notes = [*table.notes, *notes, *_missing(table, values)]
     if time.column in values:
         notes += _backwards(table, time.column, values[time.column])
         seconds = values[time.column] / TIMES[time.unit]
-        columns = tuple(
-            column if column.count is not None else replace(column, count=seconds.size) for column in columns
-        )
+        columns = tuple(replace(one, count=seconds.size) if one.count is None else one for one in columns)
         if seconds.size > 1 and np.isfinite(seconds).all():
             duration = float(seconds[-1] - seconds[0])
             step = float(np.median(np.diff(seconds)))
@@ -212,28 +206,21 @@ def _tue_guess(table: Table) -> Guess:
 def _of_bag(bag: Bag, topic: str | None) -> Contents:
     session = is_session(bag.path) and any(one.name in {own.name for own in TOPICS.values()} for one in bag.topics)
     guess = None if session else guess_mapping(bag)
-    chosen = [] if guess is None else [signal.topic for signal in (guess.position, guess.force) if signal is not None]
+    chosen = [signal.topic for signal in (guess.position, guess.force) if signal is not None] if guess else []
     notes = [] if bag.whole else ["was not ended by its recorder: read as far as it goes"]
-    notes += _clock_note(bag, list(dict.fromkeys(chosen)))
-    notes += [] if guess is None else guess.notes
+    notes += [*_clock_note(bag, list(dict.fromkeys(chosen))), *(guess.notes if guess else ())]
     columns: tuple[Column, ...] = ()
     if topic is not None:
         columns, looked_at = _looked_through(bag, topic, bag.fields(topic))
         if 0 < looked_at < bag.topic(topic).count:
             notes.append(f"{topic}: smallest and largest are those of the first {looked_at} messages")
     held = any(one.count for one in bag.topics)
-    if not held:
-        notes.append("holds no messages")
+    notes += [] if held else ["holds no messages"]
+    topics = tuple(sorted(bag.topics, key=lambda one: (one.name not in chosen, -one.count, one.name)))
+    begin, duration = (bag.begin_ns, bag.duration) if held else (None, None)
+    stated = session * "a session of foretouch, which needs no map"
     return Contents(
-        str(bag.path),
-        bag.format,
-        columns,
-        tuple(sorted(bag.topics, key=lambda one: (one.name not in chosen, -one.count, one.name))),
-        bag.begin_ns if held else None,
-        bag.duration if held else None,
-        stated="a session of foretouch, which needs no map" if session else "",
-        guess=guess,
-        notes=tuple(notes),
+        str(bag.path), bag.format, columns, topics, begin, duration, stated=stated, guess=guess, notes=tuple(notes)
     )
 
 
@@ -243,27 +230,20 @@ def _looked_through(bag: Bag, topic: str, columns: tuple[Column, ...]) -> tuple[
         series = bag.read(topic, [column.name for column in columns], within=LONG_LOOK)
     except RecordingError:
         return columns, 0  # their reader reports why
-    ranged = []
-    for column in columns:
-        values = series.values[column.name]
-        finite = values[np.isfinite(values)]
-        ranged.append(
-            replace(column, smallest=float(finite.min()), largest=float(finite.max())) if finite.size else column
-        )
-    return tuple(ranged), series.log_ns.size + series.left_out
+    finite = {name: values[np.isfinite(values)] for name, values in series.values.items()}
+    ends = {name: [float(some.min()), float(some.max())] for name, some in finite.items() if some.size}
+    ranges = {name: {"smallest": low, "largest": high} for name, (low, high) in ends.items()}
+    return tuple(replace(one, **ranges.get(one.name, {})) for one in columns), series.log_ns.size + series.left_out
 
 
 def _clock_note(bag: Bag, topics: list[str]) -> list[str]:
-    if len(topics) < 2:
-        return []
-    try:
-        clocks = clocks_of([bag.read(topic, [], within=FIRST_LOOK) for topic in topics])
-    except RecordingError:
-        return []  # the reader of the whole reports why
-    if clocks is None or not clocks.differ:
-        return []
-    return [f"header stamps begin {clocks.apart:.6g} s apart: two clocks? ({clocks.text})"]
+    with contextlib.suppress(RecordingError):  # the reader of the whole reports why
+        clocks = clocks_of([bag.read(topic, [], within=FIRST_LOOK) for topic in topics]) if len(topics) > 1 else None
+        if clocks is not None and clocks.differ:
+            return [f"header stamps begin {clocks.apart:.6g} s apart: two clocks? ({clocks.text})"]
+    return []
 
 
-def _span(recording: Recording) -> tuple[float, float]:
-    return float(recording.time[-1] - recording.time[0]), float(1.0 / np.median(np.diff(recording.time)))
+def _span(recording: Recording) -> dict[str, Any]:
+    time = recording.time
+    return {"duration_s": float(time[-1] - time[0]), "rate": float(1.0 / np.median(np.diff(time)))}

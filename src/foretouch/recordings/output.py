@@ -77,20 +77,15 @@ def write_columns(
     if len(shapes) != 1 or len(next(iter(shapes))) != 1:
         raise RecordingError(path, f"columns of unequal length cannot be written: {shapes}")
     pyarrow = optional("pyarrow")
-    with atomic_path(path) as part:
+    with atomic_path(path) as part, part.open("wb") as file:
         if suffix == ".csv":
-            _write_csv(part, pyarrow, arrays)
+            csv = optional("pyarrow.csv")
+            numbers = {name: array.astype(np.int8) if array.dtype == bool else array for name, array in arrays.items()}
+            file.write((",".join(arrays) + "\n").encode())  # pyarrow would put the names in quotes
+            csv.write_csv(pyarrow.table(numbers), file, csv.WriteOptions(include_header=False))
         else:
             table = pyarrow.table(arrays, metadata=dict(metadata) if metadata else None)
-            optional("pyarrow.parquet").write_table(table, part, compression="zstd")
-
-
-def _write_csv(part: Path, pyarrow: Any, arrays: dict[str, Any]) -> None:
-    csv = optional("pyarrow.csv")
-    numbers = {name: array.astype(np.int8) if array.dtype == bool else array for name, array in arrays.items()}
-    with part.open("wb") as file:
-        file.write((",".join(arrays) + "\n").encode())  # pyarrow would put the names in quotes
-        csv.write_csv(pyarrow.table(numbers), file, csv.WriteOptions(include_header=False))
+            optional("pyarrow.parquet").write_table(table, file, compression="zstd")
 
 
 def read_calibration(path: str | PathLike[str]) -> SensorCalibration:

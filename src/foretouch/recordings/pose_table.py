@@ -95,12 +95,9 @@ def _vectors(table: CsvTable, names: tuple[str, ...]) -> Array:
 def _unit(table: CsvTable, vectors: Array, what: str, *, strict: bool) -> Array:
     lengths = np.linalg.norm(vectors, axis=1)
     bad = np.abs(lengths - 1.0) > UNIT_TOLERANCE if strict else lengths < 1e-3
-    if bad.any():
-        sample = int(np.argmax(bad))
-        rule = "it must be 1" if strict else "it must not be 0"
-        raise RecordingError(
-            table.path, f"the {what} has length {lengths[sample]:.4g}: {rule}", row=table.row_of(sample)
-        )
+    for sample in np.flatnonzero(bad)[:1].tolist():
+        problem = f"the {what} has length {lengths[sample]:.4g}: it must {'be 1' if strict else 'not be 0'}"
+        raise RecordingError(table.path, problem, row=table.row_of(sample))
     return np.asarray(vectors / lengths[:, None])
 
 
@@ -118,6 +115,4 @@ def _means(values: Array, group: NDArray[np.intp]) -> Array:
 def _noise(force: Array, group: NDArray[np.intp]) -> float | None:
     """Standard deviation about the mean of each pose, over all axes; None where every pose has one row."""
     freedom = force.size - 3 * (int(group.max()) + 1)
-    if freedom == 0:
-        return None
-    return math.sqrt(float(np.square(force - _means(force, group)[group]).sum()) / freedom)
+    return math.sqrt(float(np.square(force - _means(force, group)[group]).sum()) / freedom) if freedom else None

@@ -6,6 +6,7 @@ import sys
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from os import PathLike
 from pathlib import Path
 from typing import Final, NamedTuple, Unpack
@@ -26,7 +27,7 @@ from foretouch.recordings.meaning.guess import HELP, guess_mapping
 from foretouch.recordings.meaning.mapped import read_mapped
 from foretouch.recordings.meaning.mapping import Mapping, Signal, TimeSource, Velocity, mapping_text, read_mapping
 from foretouch.recordings.meaning.names import REQUIRED, VELOCITY_KEY, ReadingKeywords, RecordingOptions, name_says
-from foretouch.recordings.session.follower_samples import read_follower
+from foretouch.recordings.session.reader import read_follower
 from foretouch.recordings.source import Bag, Table, reading, require_names
 
 OPENERS: Final[dict[str, Callable[[str | PathLike[str]], Table | Bag]]] = {
@@ -145,7 +146,7 @@ def read_with_notes(
         raise RecordingError(path, "only a TU/e recording has another --force-channel: leave it out")
     if options.map_file is None:
         return within_budget(path, budget, _by_itself, path, suffix, options)
-    if options.states_units():
+    if replace(options, map_file=None) != RecordingOptions():
         given = "--position-unit, --force-unit, --flip, --flip-force"
         raise RecordingError(options.map_file, f"a map states units and signs: leave {given} out")
     return within_budget(path, budget, _by_given_map, path, read_mapping(options.map_file))
@@ -184,18 +185,15 @@ def _by_given_map(path: str | PathLike[str], mapping: Mapping) -> Read:
 
 
 def _by_itself(path: str | PathLike[str], suffix: str, options: RecordingOptions) -> Read:
-    stated = suffix in (".ddf", ".npz") or (suffix == ".mcap" and is_session(path))
-    tue = suffix == ".mat" and is_tue(path)
-    if (stated or tue) and (options.position_unit or options.force_unit):
-        raise RecordingError(path, f"a {suffix} file states its own units: leave --position-unit and --force-unit out")
-    if suffix == ".npz":
-        return _stated(recording_of(path, options.force_channel, flip=options.flip), options)
-    if suffix == ".ddf":
-        return _stated(read_aurora(path, flip=options.flip), options)
-    if tue:
-        return _stated(read_tue(path, options.force_channel, flip=options.flip), options)
-    if stated:
-        return _stated(read_follower(path, flip=options.flip), options)
+    stated = _stated(path, suffix, options.force_channel)
+    if stated is not None:
+        if options.position_unit or options.force_unit:
+            problem = f"a {suffix} file states its own units: leave --position-unit and --force-unit out"
+            raise RecordingError(path, problem)
+        recording = stated()
+        flips = {"position": options.flip, "force": options.flip_force}
+        turned = {name: -getattr(recording, name) for name, flip in flips.items() if flip}
+        return Read(replace(recording, **turned) if turned else recording, (), None)
     source = open_source(path)
     if options.force_channel != "raw":
         raise RecordingError(path, "only a TU/e recording has another --force-channel: leave it out")
@@ -212,8 +210,15 @@ def _by_itself(path: str | PathLike[str], suffix: str, options: RecordingOptions
     return read._replace(notes=(*read.notes, *guess.notes))
 
 
-def _stated(recording: Recording, options: RecordingOptions) -> Read:
-    return Read(replace(recording, force=-recording.force) if options.flip_force else recording, (), None)
+def _stated(path: str | PathLike[str], suffix: str, force_channel: str) -> Callable[[], Recording] | None:
+    """How a file is read that states columns and units itself; None for any other."""
+    if suffix == ".npz":
+        return partial(recording_of, path, force_channel)
+    if suffix == ".mat" and is_tue(path):
+        return partial(read_tue, path, force_channel)
+    if suffix == ".ddf":
+        return partial(read_aurora, path)
+    return partial(read_follower, path) if suffix == ".mcap" and is_session(path) else None
 
 
 def _by_names(names: list[str], options: RecordingOptions) -> Mapping:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import difflib
 from abc import ABC, abstractmethod
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -133,10 +135,9 @@ class Bag(ABC):
 
 def gathered(topics: Iterable[Topic]) -> tuple[Topic, ...]:
     """The topics, those that several publishers had (channels of one name and type) as one."""
-    counts: dict[tuple[str, str], int] = {}
+    counts: Counter[tuple[str, str]] = Counter()
     for topic in topics:
-        key = topic.name, topic.type_name
-        counts[key] = counts.get(key, 0) + topic.count
+        counts[topic.name, topic.type_name] += topic.count
     return tuple(Topic(*key, count) for key, count in counts.items())
 
 
@@ -174,19 +175,17 @@ def reading(path: object) -> Iterator[None]:
 
 
 @contextmanager
-def foreign(path: object, what: str) -> Iterator[None]:
+def foreign(path: object, problem: str, remedy: str = "") -> Iterator[None]:
     """What a library raises on a damaged or foreign file, of many kinds, as a `RecordingError` of one line."""
     try:
         yield
     except RecordingError:
         raise
     except Exception as error:
-        raise RecordingError(path, f"is no {what} that can be read: {one_line(error)}") from None
+        raise RecordingError(path, f"{problem}: {one_line(error)}{remedy}") from None
 
 
 def _nearest(name: str, topics: Sequence[Topic]) -> str:
-    import difflib
-
     names = [topic.name for topic in topics]
     if len(names) <= 10:
         return f"there are {listed(names)}"

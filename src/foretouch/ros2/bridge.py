@@ -14,7 +14,7 @@ from typing import Final
 from foretouch.errors import SettingError
 from foretouch.link import ZenohLink
 from foretouch.messages import Hello, LeaderState, Message, Telemetry
-from foretouch.ros2.graph import Graph, as_ros, probe_on_a_line
+from foretouch.ros2.graph import Graph, as_ros
 
 BLOCK_NS = 30_000_000_000
 """The smallest transit is that of this block of time and of the one before [ns]: the last half to whole minute."""
@@ -33,22 +33,6 @@ def wall_offset_ns() -> int:
     return wall - (before + after) // 2
 
 
-class _Transit:
-    """The smallest transit of one sender: this block's, and that of the block before."""
-
-    __slots__ = ("_before", "_begun", "_now")
-
-    def __init__(self, now_ns: int, transit_ns: int) -> None:
-        self._begun = now_ns
-        self._before = self._now = transit_ns
-
-    def smallest(self, now_ns: int, transit_ns: int) -> int:
-        if now_ns - self._begun >= BLOCK_NS:
-            self._begun, self._before, self._now = now_ns, self._now, transit_ns
-        self._now = min(self._now, transit_ns)
-        return min(self._now, self._before)
-
-
 class SessionClock:
     r"""Puts the times of all senders of a session on this machine's monotonic clock.
 
@@ -64,7 +48,8 @@ class SessionClock:
     """
 
     def __init__(self) -> None:
-        self._transits: dict[Hashable, _Transit] = {}
+        # by sender: begin of its block, smallest transit of the block before and of this one [ns]
+        self._transits: dict[Hashable, tuple[int, int, int]] = {}
 
     def local_ns(self, sender: Hashable, sent_ns: int, arrival_ns: int) -> int:
         """The time at which a message was made, by this machine's monotonic clock [ns].
@@ -74,12 +59,14 @@ class SessionClock:
             sent_ns: The sender's clock in the message [ns].
             arrival_ns: Time of its arrival [ns].
         """
-        transit = self._transits.get(sender)
-        if transit is None:
-            if len(self._transits) >= MOST_SENDERS:
-                self._transits.pop(next(iter(self._transits)))
-            transit = self._transits[sender] = _Transit(arrival_ns, arrival_ns - sent_ns)
-        return sent_ns + transit.smallest(arrival_ns, arrival_ns - sent_ns)
+        transit = arrival_ns - sent_ns
+        if sender not in self._transits and len(self._transits) >= MOST_SENDERS:
+            self._transits.pop(next(iter(self._transits)))
+        begun, before, now = self._transits.get(sender, (arrival_ns, transit, transit))
+        if arrival_ns - begun >= BLOCK_NS:
+            begun, before, now = arrival_ns, now, transit
+        self._transits[sender] = begun, before, min(now, transit)
+        return sent_ns + min(now, transit, before)
 
 
 EARLY, EARLY_NS = 0.25, 250_000
@@ -176,19 +163,17 @@ class Bridge:
 
     def look(self) -> None:
         """Look for the router and at the clock that ROS 2 goes by; say so where the router has come or gone."""
-        there = self._graph.connect()
+        before, self._there = self._there, self._graph.connect()
         self._offset_ns = wall_offset_ns()
-        if there is self._there:
+        if self._there is before:
             return
-        if there:
-            self._say(f"bridge: on the ROS 2 graph, through {self._router}")
-        elif self._there is None:
-            self._say(
-                f"bridge: no ROS 2 router at {self._router}: goes on trying; one is `ros2 run rmw_zenoh_cpp rmw_zenohd`"
-            )
+        if self._there:
+            text = f"on the ROS 2 graph, through {self._router}"
+        elif before is None:
+            text = f"no ROS 2 router at {self._router}: goes on trying; one is `ros2 run rmw_zenoh_cpp rmw_zenohd`"
         else:
-            self._say(f"bridge: the ROS 2 router at {self._router} is gone: goes on trying")
-        self._there = there
+            text = f"the ROS 2 router at {self._router} is gone: goes on trying"
+        self._say(f"bridge: {text}")
 
     def take(self, channel: str, message: Message, arrival_ns: int) -> None:
         """Pass one message on, if there is a router and it is the message's turn.
@@ -200,8 +185,11 @@ class Bridge:
         """
         if isinstance(message, Telemetry):
             self._obeyed = message.epoch
+        if channel == "stop":
+            self._ended = True
+        elif isinstance(message, Hello) and message.role == "follower":
+            self._on_a_line = not message.texts.get("scene")
         if channel not in SENDERS:
-            self._note(channel, message)
             return
         if not self._there or (isinstance(message, LeaderState) and self._obeyed not in (0, message.epoch)):
             return
@@ -210,15 +198,5 @@ class Bridge:
         if not self._paces[channel].is_due(local_ns):
             return
         stamp_ns = local_ns + self._offset_ns
-        topics = as_ros(message, stamp_ns)
-        if self._on_a_line and isinstance(message, Telemetry):
-            topics += probe_on_a_line(message, stamp_ns)
-        for topic, data in topics:
+        for topic, data in as_ros(message, stamp_ns, on_a_line=bool(self._on_a_line)):
             self._graph.publish(topic, data)
-
-    def _note(self, channel: str, message: Message) -> None:
-        """Note the state of the session."""
-        if channel == "stop":
-            self._ended = True
-        elif isinstance(message, Hello) and message.role == "follower":
-            self._on_a_line = not message.texts.get("scene")

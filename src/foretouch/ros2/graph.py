@@ -8,44 +8,29 @@ descriptions and hashes"), and ``rosidl_generator_type_description`` of ROS 2, w
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import json
 import re
 import time
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import msgspec
 
-from foretouch.errors import LinkError, MissingExtraError
+from foretouch.errors import LinkError
 from foretouch.link import check_endpoint, is_encrypted
+from foretouch.link.zenoh_link import zenoh_config, zenoh_module
 from foretouch.messages import Message, Telemetry
 from foretouch.recordings.formats.topics import BESIDE, FIXTURE, MODEL, NUMBERS, PROBE, StandardTopic, pose_on_a_line
 from foretouch.ros2.keys import DEFAULT, SENSOR_DATA, Node, Qos, TopicType, attachment, publisher_gid
 
-if TYPE_CHECKING:
-    import zenoh
-
-
 NESTED: Final = 1
 """Number of a field whose type is another message; see ``FieldType.msg`` of ``type_description_interfaces``."""
 
-TYPE_NUMBERS: Final = {
-    "int8": 2,
-    "uint8": 3,
-    "int16": 4,
-    "uint16": 5,
-    "int32": 6,
-    "uint32": 7,
-    "int64": 8,
-    "uint64": 9,
-    "float32": 10,
-    "float64": 11,
-    "bool": 15,
-    "byte": 16,
-    "string": 17,
-    "wstring": 18,
-}
+_INTEGERS: Final = ("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64")
+_OTHERS: Final = {"float32": 10, "float64": 11, "bool": 15, "byte": 16, "string": 17, "wstring": 18}
+TYPE_NUMBERS: Final = {name: number for number, name in enumerate(_INTEGERS, 2)} | _OTHERS
 """Number of each type that is no message, by its name in the ``.msg`` language."""
 
 ARRAY, SEQUENCE = 48, 144
@@ -109,13 +94,9 @@ def _full_name(name: str, beside: str) -> str:
 
 def _fields(owner: str, text: str, definitions: dict[str, str]) -> list[dict[str, Any]]:
     lines = [line.split("#")[0].split() for line in text.splitlines()]
-    members = [words[:2] for words in lines if words and not _is_constant(words)]
+    # without constants: TYPE NAME=VALUE, spaces or not
+    members = [words[:2] for words in lines if words and not ("=" in words[1] or words[2:3] == ["="])]
     return [_field(owner, ros_type, name, definitions) for ros_type, name in members or [EMPTY]]
-
-
-def _is_constant(words: list[str]) -> bool:
-    """Whether a line is ``TYPE NAME=VALUE``, spaces or not."""
-    return "=" in words[1] or words[2:3] == ["="]
 
 
 def _field(owner: str, ros_type: str, name: str, definitions: dict[str, str]) -> dict[str, Any]:
@@ -148,39 +129,35 @@ def _referenced(type_name: str, fields: dict[str, list[dict[str, Any]]]) -> set[
 KEPT: Final = (MODEL.name, NUMBERS.name, FIXTURE.name)
 """Topics whose last message must not be missed: reliable. The others are streams of samples."""
 
-_TYPES: Final[dict[str, TopicType]] = {}
-
 
 def qos_of(topic: StandardTopic) -> Qos:
     """Quality of service of a topic: models and the fixture's pose reliable, samples as sensor data."""
     return DEFAULT if topic.name in KEPT else SENSOR_DATA
 
 
+@functools.cache
 def type_of(topic: StandardTopic) -> TopicType:
-    """Type of a topic with the hash of its definition, computed once."""
-    if topic.type_name not in _TYPES:
-        _TYPES[topic.type_name] = TopicType(topic.type_name, type_hash(topic.type_name, topic.schema))
-    return _TYPES[topic.type_name]
+    """Type of a topic with the hash of its definition."""
+    return TopicType(topic.type_name, type_hash(topic.type_name, topic.schema))
 
 
-def as_ros(message: Message, stamp_ns: int) -> tuple[tuple[StandardTopic, bytes], ...]:
-    """The topics that say what a message says, with their CDR bytes.
-
-    Returns:
-        Empty for a kind of message that has no counterpart, and for samples of sensors that are not to be trusted.
-    """
+def as_ros(message: Message, stamp_ns: int, *, on_a_line: bool) -> tuple[tuple[StandardTopic, bytes], ...]:
+    """The topics that say what a message says; none where it has no counterpart, or its sensors are not trusted."""
     make = BESIDE.get(type(message))
     if make is None or (isinstance(message, Telemetry) and message.validity):
         return ()
-    return make(msgspec.structs.replace(message, time_ns=stamp_ns))
+    topics: tuple[tuple[StandardTopic, bytes], ...] = make(msgspec.structs.replace(message, time_ns=stamp_ns))
+    if on_a_line and isinstance(message, Telemetry):
+        topics += ((PROBE, pose_on_a_line(stamp_ns, message.position)),)
+    return topics
 
 
-def probe_on_a_line(telemetry: Telemetry, stamp_ns: int) -> tuple[tuple[StandardTopic, bytes], ...]:
-    """The position of the probe along a line: z of the world points out of the surface, as the force does."""
-    return () if telemetry.validity else ((PROBE, pose_on_a_line(stamp_ns, telemetry.position)),)
-
-
-CONNECTING_MS = 1000  # Longest time that an attempt to reach the router takes [ms]
+SETTINGS: Final = {
+    "mode": "client",
+    "connect/timeout_ms": 1000,  # of one attempt to reach the router
+    "connect/retry": {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_factor": 2},
+    "transport/link/protocols": ["tcp"],
+}
 NODE_NUMBER = 0  # Number of the node in its session; publishers have the numbers behind it
 
 
@@ -215,14 +192,10 @@ class Graph:
     """
 
     def __init__(self, router: str, node: Node, *, insecure: bool = False) -> None:
-        try:
-            import zenoh
-        except ImportError:
-            raise MissingExtraError("eclipse-zenoh", "link") from None
+        self._zenoh = zenoh_module()
         check_endpoint(router, insecure=insecure)
         if is_encrypted(router):
             raise LinkError(f"router {router!r}: write it as tcp/HOST:PORT; keys for a ROS 2 graph are not read here")
-        self._zenoh: Any = zenoh
         self._router, self._node = router, node
         self._session: Any = None
         self._token: Any = None
@@ -243,7 +216,7 @@ class Graph:
         """Look for the router, for at most a second if it was never there; whether it is."""
         if self._session is None:
             try:
-                self._session = self._zenoh.open(_config(self._router))
+                self._session = self._zenoh.open(zenoh_config({"connect/endpoints": [self._router], **SETTINGS}))
             except self._zenoh.ZError:
                 return False
             token = self._node.token(self._id, NODE_NUMBER)
@@ -291,22 +264,3 @@ class Graph:
             reliability=reliability,
         )
         return _Publisher(publisher, self._session.liveliness().declare_token(token), publisher_gid(token))
-
-
-def _config(router: str) -> zenoh.Config:
-    import zenoh
-
-    config = zenoh.Config()
-    settings: dict[str, object] = {
-        "mode": "client",
-        "connect/endpoints": [router],
-        "connect/timeout_ms": CONNECTING_MS,
-        "connect/retry": {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_factor": 2},
-        "scouting/multicast/enabled": False,
-        "scouting/gossip/enabled": False,
-        "transport/link/protocols": ["tcp"],
-        "transport/shared_memory/enabled": False,
-    }
-    for key, value in settings.items():
-        config.insert_json5(key, json.dumps(value))
-    return config

@@ -115,7 +115,7 @@ class Node:
             session: Zenoh identifier of the session.
             number: Number of the node in the session.
         """
-        return "/".join([self._begin(session, number), str(number), "NN", self._place])
+        return self._entity(session, number, number, "NN")
 
     def publisher_token(self, session: str, numbers: tuple[int, int], topic: str, kind: TopicType, qos: Qos) -> str:
         """Liveliness token of a publisher.
@@ -129,27 +129,18 @@ class Node:
             kind: The type that it carries.
             qos: How.
         """
-        node, entity = numbers
-        what = [_mangled(self.full_name(topic)), dds_type(kind.name), kind.hash, qos.token]
-        return "/".join([self._begin(session, node), str(entity), "MP", self._place, *what])
+        what = [self.full_name(topic).replace("/", "%"), dds_type(kind.name), kind.hash, qos.token]
+        return "/".join([self._entity(session, *numbers, "MP"), *what])
 
-    def _begin(self, session: str, node: int) -> str:
-        return f"@ros2_lv/{self.domain}/{session}/{node}"
-
-    @property
-    def _place(self) -> str:
-        return f"%/{_mangled(self.namespace)}/{self.name}"
+    def _entity(self, session: str, node: int, number: int, kind: str) -> str:
+        namespace = self.namespace.replace("/", "%")
+        return f"@ros2_lv/{self.domain}/{session}/{node}/{number}/{kind}/%/{namespace}/{self.name}"
 
 
 def dds_type(type_name: str) -> str:
     """Name of a message type in keys: ``geometry_msgs::msg::dds_::WrenchStamped_``."""
     *spaces, name = type_name.split("/")
     return "::".join([*spaces, "dds_", f"{name}_"])
-
-
-def _mangled(name: str) -> str:
-    """A name as one part of a key."""
-    return name.replace("/", "%")
 
 
 SHORTEST: Final = 129  # Bytes of the shortest text that has an identifier here
@@ -237,12 +228,6 @@ def _accumulate(lanes: list[int], data: bytes, offset: int, secret: int) -> None
         lanes[lane] = (lanes[lane] + (keyed & _HALF) * (keyed >> 32)) & _WHOLE
 
 
-def _scramble(lanes: list[int]) -> None:
-    for lane, key in enumerate(_eight.unpack_from(SECRET, len(SECRET) - STRIPE)):
-        value = lanes[lane]
-        lanes[lane] = ((value ^ (value >> 47) ^ key) * PRIME32_1) & _WHOLE
-
-
 def _merged(lanes: list[int], secret: int, start: int) -> int:
     keys = _eight.unpack_from(SECRET, secret)
     mixed = [lane ^ key for lane, key in zip(lanes, keys, strict=True)]
@@ -257,7 +242,8 @@ def _long(data: bytes) -> tuple[int, int]:
     for stripe in range((length - 1) // STRIPE):
         _accumulate(lanes, data, STRIPE * stripe, SECRET_STEP * (stripe % in_block))
         if stripe % in_block == in_block - 1:
-            _scramble(lanes)
+            keys = _eight.unpack_from(SECRET, len(SECRET) - STRIPE)
+            lanes = [((lane ^ (lane >> 47) ^ key) * PRIME32_1) & _WHOLE for lane, key in zip(lanes, keys, strict=True)]
     _accumulate(lanes, data, length - STRIPE, len(SECRET) - STRIPE - 7)
     low = _merged(lanes, 11, length * PRIME64_1)
     return low, _merged(lanes, len(SECRET) - STRIPE - 11, ~(length * PRIME64_2) & _WHOLE)

@@ -21,8 +21,8 @@ from foretouch.recordings.source import MAP_NAME, Column, Table, foreign, readin
 MOST_COLUMNS = 64  # an array that is wider is no set of signals, but an image or a matrix
 
 
-def column_shapes(name: str, shape: tuple[int, ...]) -> Iterator[tuple[str, int]]:
-    """Name and length of each column of an array: itself where it is one line, else ``name[0]`` and so on.
+def column_shapes(name: str, shape: tuple[int, ...]) -> Iterator[tuple[str, int | None, int]]:
+    """Name, number and length of each column of an array: itself where it is one line, else ``name[0]`` and so on.
 
     Arrays of no or one value, of more than two dimensions or of more than 64 columns have none.
     """
@@ -30,9 +30,9 @@ def column_shapes(name: str, shape: tuple[int, ...]) -> Iterator[tuple[str, int]
     if 0 in lengths:
         return
     if len(lengths) == 1:
-        yield name, lengths[0]
+        yield name, None, lengths[0]
     elif len(lengths) == 2 and min(lengths) <= MOST_COLUMNS:
-        yield from ((f"{name}[{position}]", max(lengths)) for position in range(min(lengths)))
+        yield from ((f"{name}[{position}]", position, max(lengths)) for position in range(min(lengths)))
 
 
 def column_of(array: NDArray[np.generic], index: int | None) -> NDArray[np.float64]:
@@ -67,17 +67,13 @@ class Hdf5Table(Table):
     def read(self, names: Sequence[str]) -> dict[str, NDArray[np.float64]]:
         """Columns by name."""
         require_names(self.path, list(self._columns), names)
+        where = {name: self._columns[name] for name in names}
         with self._opened() as file:
-            values = {}
-            for name in names:
-                dataset, field, position = self._columns[name]
-                content = file[dataset][field] if field else file[dataset][()]
-                values[name] = column_of(content, position)
-        return values
+            return {name: column_of(file[data][field or ()], index) for name, (data, field, index) in where.items()}
 
     @contextlib.contextmanager
     def _opened(self) -> Iterator[Any]:
-        with foreign(self.path, f"{self.format} file"), self._h5py.File(self.path, "r") as file:
+        with foreign(self.path, f"is no {self.format} file that can be read"), self._h5py.File(self.path, "r") as file:
             yield file
 
     def _datasets(self, file: Any) -> list[tuple[str, Any]]:
@@ -98,13 +94,13 @@ class Hdf5Table(Table):
     def _columns_of(self, name: str, dataset: Any) -> list[Column]:
         unit = next((_text(dataset.attrs[key]) for key in UNIT_ATTRIBUTES if key in dataset.attrs), "")
         fields = dataset.dtype.names
-        parts = [(f"{name}.{field}", field, dataset.dtype[field]) for field in fields] if fields else []
+        parts = [(f"{name}.{field}", field, dataset.dtype[field]) for field in fields or ()]
         columns = []
         for whole, field, kind in parts or [(name, "", dataset.dtype)]:
             if kind.kind not in "fiu":
                 continue
-            for index, (column, length) in enumerate(column_shapes(whole, dataset.shape or ())):
-                self._columns[column] = name, field, (None if column == whole else index)
+            for column, index, length in column_shapes(whole, dataset.shape or ()):
+                self._columns[column] = name, field, index
                 columns.append(Column(column, str(kind), length, unit))
         return columns
 
@@ -123,7 +119,8 @@ def open_mat(path: str | PathLike[str]) -> Table:
     from scipy.io import loadmat
 
     quiet = warnings.catch_warnings(action="ignore")  # on variables without a name, which cannot be asked for
-    with foreign(path, "MATLAB file"), reading(path), contextlib.suppress(NotImplementedError), quiet:
+    wrong = foreign(path, "is no MATLAB file that can be read")
+    with wrong, reading(path), contextlib.suppress(NotImplementedError), quiet:
         return MatTable(path, loadmat(str(path), squeeze_me=True, struct_as_record=False))
     # what SciPy does not implement is version 7.3
     return Hdf5Table(path, "MATLAB 7.3 (HDF5)")
@@ -138,8 +135,8 @@ class MatTable(Table):
         self._arrays: dict[str, tuple[NDArray[np.generic], int | None]] = {}
         columns = []
         for name, array in _arrays(self.variables, "", 0):
-            for index, (column, length) in enumerate(column_shapes(name, array.shape)):
-                self._arrays[column] = array, (None if column == name else index)
+            for column, index, length in column_shapes(name, array.shape):
+                self._arrays[column] = array, index
                 columns.append(Column(column, str(array.dtype), length))
         self.columns = tuple(columns)
 
@@ -152,14 +149,14 @@ class MatTable(Table):
 def _arrays(value: Any, name: str, depth: int) -> Iterator[tuple[str, NDArray[np.generic]]]:
     if depth > DEEPEST_STRUCT:
         return
+    parts: dict[str, Any] = {}
     if isinstance(value, np.ndarray) and value.dtype.kind in "fiu":
         yield name, value
     elif isinstance(value, np.ndarray) and value.dtype == object and value.ndim == 1:
-        for index, part in enumerate(value[:1000]):
-            yield from _arrays(part, f"{name}[{index}]", depth + 1)
+        parts = {f"{name}[{index}]": part for index, part in enumerate(value[:1000])}
     elif isinstance(value, dict):
-        for key, part in value.items():
-            yield from _arrays(part, f"{name}.{key}" if name else key, depth + 1)
+        parts = {f"{name}.{key}" if name else key: part for key, part in value.items()}
     elif hasattr(value, "_fieldnames"):
-        for key in value._fieldnames:
-            yield from _arrays(getattr(value, key), f"{name}.{key}", depth + 1)
+        parts = {f"{name}.{key}": getattr(value, key) for key in value._fieldnames}
+    for whole, part in parts.items():
+        yield from _arrays(part, whole, depth + 1)

@@ -45,8 +45,7 @@ def definitions_of(type_name: str, text: str, encoding: str) -> Definitions:
 
 def _parsed(typesys: Any, type_name: str, text: str, encoding: str) -> Definitions:
     if encoding == "ros2msg":
-        result: Definitions = typesys.get_types_from_msg(text, type_name)
-        return result
+        return dict(typesys.get_types_from_msg(text, type_name))
     types: dict[str, Any] = {}
     parts = [part.split("\n", 1)[1] for part in text.split(_SEPARATOR) if part.startswith("IDL: ")]
     for part in parts or [text]:
@@ -75,10 +74,9 @@ class RosBag(Bag):
             positions = Places(raws[0], self._definitions(result), result.type_name)
         except (ValueError, RecordingError):
             return ()
-        shown = ((name, np.dtype(code), offset) for name, code, offset in positions.fields())
         return tuple(
-            Column(name, code.name, result.count, example=float(np.frombuffer(raws[0], code, 1, offset)[0]))
-            for name, code, offset in shown
+            Column(name, np.dtype(code).name, result.count, example=float(np.frombuffer(raws[0], code, 1, offset)[0]))
+            for name, code, offset in positions.fields()
         )
 
     def first_rate(self, topic: str, most: int) -> float:
@@ -102,12 +100,11 @@ class RosBag(Bag):
         if not present.any():
             self._refuse(result, raws[0], fields)
         kept = {name: values[name][present] for name in fields}
-        stamps = None
+        stamps = np.zeros(0, np.int64)
         if stamped:
             seconds, nanoseconds = (values[name][present].astype(np.int64) for name in STAMP)
             stamps = seconds * 1_000_000_000 + nanoseconds
-            stamps = stamps if stamps.any() else None
-        return Series(topic, log_ns[present], stamps, kept, int((~present).sum()))
+        return Series(topic, log_ns[present], stamps if stamps.any() else None, kept, int((~present).sum()))
 
     def _fitting(self, topic: Topic, size: int) -> int:
         """How many messages of a topic make up a size [bytes], by its first one; at least one."""
@@ -119,11 +116,9 @@ class RosBag(Bag):
 
     def _refuse(self, topic: Topic, raw: bytes, fields: Sequence[str]) -> None:
         positions = Places(raw, self._definitions(topic), topic.type_name)
-        missing = [field for field in fields if positions.find(field) is None]
-        there = listed(name for name, _, _ in positions.fields(8))
-        why = f" ({positions.problem})" if positions.problem else ""
-        problem = f"{topic.name} ({topic.type_name}) has no number {', '.join(missing)}; it has {there}{why}"
-        raise RecordingError(self.path, problem)
+        missing = ", ".join(field for field in fields if positions.find(field) is None)
+        there = listed(name for name, _, _ in positions.fields(8)) + bool(positions.problem) * f" ({positions.problem})"
+        raise RecordingError(self.path, f"{topic.name} ({topic.type_name}) has no number {missing}; it has {there}")
 
 
 _PARSE_QOS_USERS: Final = ("reader", "storage_sqlite3", "storage_mcap")
@@ -142,8 +137,11 @@ class Rosbag2(RosBag):
         if Path(path).is_dir() and not (Path(path) / "metadata.yaml").is_file():
             problem = "is a folder without metadata.yaml, so no whole rosbag2: `ros2 bag reindex` makes one"
             raise RecordingError(path, problem)
-        with foreign(self.path, "rosbag2"):
-            self._reader = reader = self._opened()
+        with foreign(self.path, "is no rosbag2 that can be read"):
+            self._reader = reader = self._rosbag2.Reader(Path(path))
+            with _equal_profiles_parsed_once(self._rosbag2):
+                reader.open()
+            weakref.finalize(self, reader.close)
             self._definitions_by_type = {
                 result.msgtype: (result.msgdef.data, "ros2idl" if result.msgdef.format.name == "IDL" else "ros2msg")
                 for result in reader.connections
@@ -163,20 +161,13 @@ class Rosbag2(RosBag):
 
     def messages(self, topic: Topic, most: int | None = None) -> tuple[list[bytes], NDArray[np.int64]]:
         """As `RosBag.messages`."""
-        with foreign(self.path, "rosbag2"):
+        with foreign(self.path, "is no rosbag2 that can be read"):
             wanted = [result for result in self._reader.connections if result.topic == topic.name]
             result = contextlib.closing(self._reader.messages(wanted)) if wanted else contextlib.nullcontext(())
             with result as messages:
                 pairs = [(bytes(raw), at) for _, at, raw in islice(messages, most)]
         raws, times = zip(*pairs, strict=True) if pairs else ((), ())
         return list(raws), np.array(times, dtype=np.int64)
-
-    def _opened(self) -> Any:
-        reader = self._rosbag2.Reader(Path(self.path))
-        with _equal_profiles_parsed_once(self._rosbag2):
-            reader.open()
-        weakref.finalize(self, reader.close)
-        return reader
 
 
 @contextlib.contextmanager

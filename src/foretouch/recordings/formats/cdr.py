@@ -47,12 +47,9 @@ class Layout:
     one size, ``dtype`` is the structured dtype of their bytes, header included, else None.
     """
 
-    def __init__(self, kind: type[Message]) -> None:
-        self._set(kind, {field.name: _ros_type(kind, field) for field in _fields(kind)})
-        self.missing: dict[str, Any] = {}
-
-    def _set(self, kind: type[Message], types: dict[str, str]) -> None:
-        self.kind, self._types = kind, types
+    def __init__(self, kind: type[Message], types: dict[str, str] | None = None) -> None:
+        self.kind, self.missing = kind, dict[str, Any]()
+        self._types = {field.name: _ros_type(kind, field) for field in _fields(kind)} if types is None else types
         self.schema = "".join(f"{ros_type} {name}\n" for name, ros_type in self._types.items())
         self.dtype: np.dtype[np.void] | None = None
         if all(ros_type in _NUMBERS for ros_type in self._types.values()):
@@ -77,8 +74,7 @@ class Layout:
         other_types = any(theirs.get(name, ros_type) != ros_type for name, ros_type in self._types.items())
         if other_types or not missing <= defaults.keys():
             return None
-        other = Layout(self.kind)
-        other._set(self.kind, theirs)
+        other = Layout(self.kind, theirs)
         other.missing = {name: defaults[name] for name in missing}
         return None if (other.dtype is None) != (self.dtype is None) else other
 
@@ -102,9 +98,8 @@ def _parsed(schema: str) -> dict[str, str]:
     scalars = (*_NUMBERS, "string")
     known = {*scalars, *(f"{scalar}[]" for scalar in scalars), BYTES}
     lines = [line.split() for line in schema.splitlines()]
-    if not all(len(words) == 2 and words[0] in known for words in lines):
-        return {}
-    return {name: ros_type for ros_type, name in lines}
+    whole = all(len(words) == 2 and words[0] in known for words in lines)
+    return {name: ros_type for ros_type, name in lines} if whole else {}
 
 
 def _ros_type(kind: type[Message], field: msgspec.inspect.Field) -> str:
@@ -143,23 +138,19 @@ def pack_fields(types: Mapping[str, str], values: Sequence[Any]) -> bytes:
         out.extend(struct.pack("<" + code, value))
 
     def put(ros_type: str, value: Any) -> None:
-        if ros_type == "string":
-            text = value.encode()
-            number("I", len(text) + 1)
-            out.extend(text + b"\0")
-        else:
-            number(_NUMBERS[ros_type], value)
-
-    for ros_type, value in zip(types.values(), values, strict=True):
-        if ros_type == BYTES:
-            number("I", len(value))
-            out.extend(value)
+        if ros_type in ("string", BYTES):
+            content = value if ros_type == BYTES else value.encode() + b"\0"
+            number("I", len(content))
+            out.extend(content)
         elif ros_type.endswith("[]"):
             number("I", len(value))
             for item in value:
                 put(ros_type[:-2], item)
         else:
-            put(ros_type, value)
+            number(_NUMBERS[ros_type], value)
+
+    for ros_type, value in zip(types.values(), values, strict=True):
+        put(ros_type, value)
     return bytes(out)
 
 
@@ -175,8 +166,10 @@ def _unpack(types: dict[str, str], data: bytes) -> list[Any]:
 
     def take(ros_type: str) -> Any:
         nonlocal position
-        if ros_type not in ("string", BYTES):
+        if ros_type in _NUMBERS:
             return number(_NUMBERS[ros_type])
+        if ros_type not in ("string", BYTES):
+            return tuple(take(ros_type[:-2]) for _ in range(number("I")))
         length = number("I")
         position += length
         if position > len(data):
@@ -184,12 +177,7 @@ def _unpack(types: dict[str, str], data: bytes) -> list[Any]:
         content = data[position - length : position]
         return content if ros_type == BYTES else content[:-1].decode()
 
-    return [
-        tuple(take(ros_type[:-2]) for _ in range(number("I")))
-        if ros_type.endswith("[]") and ros_type != BYTES
-        else take(ros_type)
-        for ros_type in types.values()
-    ]
+    return [take(ros_type) for ros_type in types.values()]
 
 
 Array = NDArray[np.float64]
@@ -225,9 +213,9 @@ class Places:
 
     def find(self, field: str) -> tuple[str, int] | None:
         """Dtype and offset of a field; of an array, ``name[2]``, or ``position[elbow]`` by the texts in ``name``."""
-        whole = self.numbers.get(field)
-        if whole is not None:
-            return whole[:2] if whole[2] is None else None
+        if field in self.numbers:
+            code, offset, count = self.numbers[field]
+            return (code, offset) if count is None else None
         match = _index.match(field)
         if match is None or match[1] not in self.numbers:
             return None
@@ -243,8 +231,7 @@ class Places:
         for name, (code, offset, count) in self.numbers.items():
             if count is None:
                 yield name, code, offset
-                continue
-            for position in range(min(count, most)):
+            for position in range(min(count or 0, most)):
                 yield f"{name}[{position}]", code, offset + position * np.dtype(code).itemsize
 
     def same(self, table: NDArray[np.uint8], fields: Sequence[str], end: int) -> NDArray[np.bool_]:
@@ -333,25 +320,22 @@ def extract(
         table = np.frombuffer(b"".join([raws[index] for index in left.tolist()]), np.uint8).reshape(left.size, size)
         while left.size:
             positions = Places(raws[int(left[0])], definitions, type_name)
-            results = {field: positions.find(field) for field in fields}
-            whole = {field: index for field, index in results.items() if index is not None}
+            whole = {field: index for field in fields if (index := positions.find(field)) is not None}
             end = max((offset + 8 for _, offset in whole.values()), default=int(size))
+            complete = whole.keys() == set(fields)
             layouts += 1
-            if layouts > _MOST_LAYOUTS:  # each message is another: one by one, so that it stays linear
-                same, rows = np.arange(left.size) == 0, table[:1]
-            else:
-                same = positions.same(table, fields, end if len(whole) == len(results) else int(size))
-                rows = table[same]
-            if len(whole) == len(results):
-                chosen = left[same]
+            same: Any = slice(1)  # where each message is another: one by one, so that it stays linear
+            others: Any = slice(1, None)
+            if layouts <= _MOST_LAYOUTS:
+                same = positions.same(table, fields, end if complete else int(size))
+                others = ~same
+            if complete:
+                chosen, rows = left[same], table[same]
                 present[chosen] = True
                 for field, (code, offset) in whole.items():
                     width = np.dtype(code).itemsize
                     values[field][chosen] = np.ascontiguousarray(rows[:, offset : offset + width]).view(code)[:, 0]
-            if layouts > _MOST_LAYOUTS:
-                left, table = left[1:], table[1:]
-            else:
-                left, table = left[~same], table[~same]
+            left, table = left[others], table[others]
     return values, present
 
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from foretouch.errors import RecordingError
 from foretouch.recordings.formats.bags import RosBag
 from foretouch.recordings.output import optional
-from foretouch.recordings.source import MAP_NAME, Topic, gathered, one_line
+from foretouch.recordings.source import MAP_NAME, Topic, foreign, gathered
 
 MAGIC: Final = b"\x89MCAP0\r\n"
 FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX = 0x02, 0x03, 0x04, 0x05, 0x06, 0x07
@@ -98,14 +98,10 @@ def chunk_content(chunk: Any) -> bytes:
     elif chunk.compression:
         raise ValueError(f"compression {chunk.compression!r} is not known: zstd and lz4 are")
     else:
-        return _checked(packed, chunk.uncompressed_crc)
-    if len(content) != size:
+        content = packed
+    if chunk.compression and len(content) != size:
         raise ValueError(f"it says that it holds {size} bytes, and holds {'more' if len(content) > size else 'fewer'}")
-    return _checked(content, chunk.uncompressed_crc)
-
-
-def _checked(content: bytes, crc: int) -> bytes:
-    if crc and zlib.crc32(content) != crc:
+    if chunk.uncompressed_crc and zlib.crc32(content) != chunk.uncompressed_crc:
         raise ValueError("its check sum is wrong")
     return content
 
@@ -178,18 +174,15 @@ class McapFile(RosBag):
             return False
         statistics = None
         for code, start, stop in records_in(data, summary):
-            if code in (SCHEMA, CHANNEL):
-                self._structure(code, data[start:stop], start)
-            elif code == CHUNK_INDEX:
-                index = self._record(code, data[start:stop], start)
-                self._chunks.append((index.chunk_start_offset, frozenset(index.message_index_offsets) or None))
+            if code not in (SCHEMA, CHANNEL, CHUNK_INDEX, STATISTICS, METADATA_INDEX):
+                continue
+            record = self._record(code, data[start:stop], start)
+            if code == CHUNK_INDEX:
+                self._chunks.append((record.chunk_start_offset, frozenset(record.message_index_offsets) or None))
             elif code == STATISTICS:
-                statistics = self._record(code, data[start:stop], start)
-            elif code == METADATA_INDEX:
-                index = self._record(code, data[start:stop], start)
-                if index.name == MAP_NAME:
-                    content = data[index.offset + RECORD.size : index.offset + index.length]
-                    self._structure(METADATA, content, index.offset)
+                statistics = record
+            elif code == METADATA_INDEX and record.name == MAP_NAME:
+                self._record(METADATA, data[record.offset + RECORD.size : record.offset + record.length], record.offset)
         if statistics is None or (statistics.message_count and not self._channels):
             self._chunks.clear()
             return False
@@ -209,7 +202,7 @@ class McapFile(RosBag):
                 inside = records_in(block)
             for inner, begin, end in inside:
                 if inner in (SCHEMA, CHANNEL, METADATA):
-                    self._structure(inner, block[begin:end], begin)
+                    self._record(inner, block[begin:end], begin)
                 elif inner == MESSAGE:
                     channel, _, log_time, _ = MESSAGE_HEAD.unpack_from(block, begin)
                     self._counts[channel] = self._counts.get(channel, 0) + 1
@@ -219,22 +212,17 @@ class McapFile(RosBag):
                 break
         self.begin_ns = first or 0
 
-    def _structure(self, code: int, content: bytes, start: int) -> None:
-        record = self._record(code, content, start)
-        if code == METADATA:
-            self.stated_map = record.metadata.get("toml", "") if record.name == MAP_NAME else self.stated_map
-        else:
-            (self._schemas if code == SCHEMA else self._channels)[record.id] = record
-
     def _record(self, code: int, content: bytes, start: int) -> Any:
-        try:
-            return parsed(code, content)
-        except Exception as error:  # mcap and struct have their own errors
-            raise RecordingError(self.path, f"the record at byte {start} is damaged: {one_line(error)}") from None
+        """A record; what it says of schemas, channels and the map is kept."""
+        with foreign(self.path, f"the record at byte {start} is damaged"):
+            record = parsed(code, content)
+        if code in (SCHEMA, CHANNEL):
+            (self._schemas if code == SCHEMA else self._channels)[record.id] = record
+        elif code == METADATA and record.name == MAP_NAME:
+            self.stated_map = record.metadata.get("toml", "")
+        return record
 
     def _chunk(self, content: bytes, start: int) -> bytes:
         record = self._record(CHUNK, content, start)
-        try:
+        with foreign(self.path, f"the block at byte {start} is damaged"):
             return chunk_content(record)
-        except Exception as error:  # each compression library has its own errors
-            raise RecordingError(self.path, f"the block at byte {start} is damaged: {one_line(error)}") from None

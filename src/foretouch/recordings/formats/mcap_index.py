@@ -153,7 +153,7 @@ def append_index(file: BlockFile, schemas: list[Any], channels: list[Any]) -> No
     The memory that this takes does not grow with the file. Where it cannot be written (an OSError) the file is as it
     was.
     """
-    end, records, result = file.tell(), optional("mcap.records"), _Found()
+    end, records, result = file.tell(), optional("mcap.records"), Found()
     try:
         file.write(mcap.record_bytes(records.DataEnd(0)))
         summary = _Summary(file)
@@ -168,8 +168,8 @@ def append_index(file: BlockFile, schemas: list[Any], channels: list[Any]) -> No
             channel_message_counts=dict(sorted(result.messages.items())),
             chunk_count=result.chunks,
             message_count=result.messages.total(),
-            message_end_time=result.last,
-            message_start_time=result.first or 0,
+            message_end_time=max(result.times, default=0),
+            message_start_time=min(result.times, default=0),
             metadata_count=len(result.metadata),
             schema_count=len(schemas),
         )
@@ -181,23 +181,22 @@ def append_index(file: BlockFile, schemas: list[Any], channels: list[Any]) -> No
 
 
 @dataclass
-class _Found:
+class Found:
     """What the data of a file add up to."""
 
     chunks: int = 0
     messages: Counter[int] = field(default_factory=Counter)  # by channel
-    first: int | None = None
-    last: int = 0
+    times: list[int] = field(default_factory=list)  # of the first and the last message [ns]
     metadata: list[Any] = field(default_factory=list)
     attachments: list[Any] = field(default_factory=list)
 
     def span(self, first: int, last: int) -> None:
         """Log times of messages."""
-        self.first = first if self.first is None else min(self.first, first)
-        self.last = max(self.last, last)
+        times = [*self.times, first, last]
+        self.times = [min(times), max(times)]
 
 
-def _chunk_indexes(file: BlockFile, end: int, result: _Found) -> Iterator[bytes]:
+def _chunk_indexes(file: BlockFile, end: int, result: Found) -> Iterator[bytes]:
     """Index record of each block; the rest of the file is added up on the way."""
     chunk: Any = None
     for code, start, stop in mcap.records_read(file.read_at, len(mcap.MAGIC), end):
@@ -240,7 +239,7 @@ def _chunk_index(file: BlockFile, start: int, stop: int) -> Any:
     )
 
 
-def _named(file: BlockFile, code: int, start: int, stop: int, result: _Found) -> None:
+def _named(file: BlockFile, code: int, start: int, stop: int, result: Found) -> None:
     records, read = optional("mcap.records"), mcap.parsed(code, file.read_at(start, stop - start))
     position = {"offset": start - mcap.RECORD.size, "length": stop - start + mcap.RECORD.size}
     if code == mcap.METADATA:
@@ -266,8 +265,8 @@ class _Summary:
             self._put(data)
             if number % 1000 == 999:
                 self._file.flush()
-        if self._file.tell() > start:
-            length = self._file.tell() - start
+        length = self._file.tell() - start
+        if length:
             self._offsets.append(optional("mcap.records").SummaryOffset(code, start, length))
 
     def end(self) -> None:

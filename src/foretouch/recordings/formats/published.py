@@ -31,7 +31,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.errors import RecordingError, UnknownNameError
+from foretouch.errors import RecordingError
 from foretouch.files import within_budget
 from foretouch.quantities import Recording
 from foretouch.recordings.meaning.names import FORCE_CHANNELS
@@ -99,16 +99,13 @@ def write_excerpt(path: str | PathLike[str], about: About, columns: Mapping[str,
         np.savez_compressed(file, about=np.array(msgspec.json.encode(about).decode()), **steps)
 
 
-def recording_of(path: str | PathLike[str], force_channel: str = "raw", *, flip: bool = False) -> Recording:
+def recording_of(path: str | PathLike[str], force_channel: str = "raw") -> Recording:
     """The recording that an excerpt holds."""
-    if force_channel not in FORCES:
-        raise UnknownNameError("force channel", force_channel, FORCES)
     about, columns = read_excerpt(path)
     if FORCES[force_channel] not in columns:
         raise RecordingError(path, f"{about.name} has one force alone: leave --force-channel out")
-    position = -columns["position"] if flip else columns["position"]
     force = columns[FORCES[force_channel]]
-    return Recording(columns["time"], position, force, name=str(path), contact_floor=about.contact_floor)
+    return Recording(columns["time"], columns["position"], force, name=str(path), contact_floor=about.contact_floor)
 
 
 def _quantity(steps: NDArray[Any], counts_per_unit: float, last: NDArray[Any] | None) -> Array:
@@ -124,10 +121,8 @@ def _quantity(steps: NDArray[Any], counts_per_unit: float, last: NDArray[Any] | 
 
 
 def _smallest(steps: NDArray[np.int64]) -> NDArray[np.signedinteger]:
-    for kind in (np.int8, np.int16, np.int32):
-        if np.array_equal(steps.astype(kind), steps):
-            return steps.astype(kind)
-    return steps
+    kinds = (np.int8, np.int16, np.int32, np.int64)
+    return next(steps.astype(kind) for kind in kinds if np.array_equal(steps.astype(kind), steps))
 
 
 LEVER = 0.075  # length of the levers [m]
@@ -137,17 +132,14 @@ TUE_CONTACT_FLOOR = 0.3  # smallest force [N] that counts as contact: lever fric
 _VARIABLES = ["scope", "env_est3"]
 
 
-def read_tue(path: str | PathLike[str], force_channel: str = "raw", *, flip: bool = False) -> Recording:
+def read_tue(path: str | PathLike[str], force_channel: str = "raw") -> Recording:
     """The follower's press: position = 0.075 m times its angle, force = torque / 0.075 m.
 
     In these files the angle and both torques already grow while pressing.
     """
-    if force_channel not in FORCE_CHANNELS:
-        raise UnknownNameError("force channel", force_channel, FORCE_CHANNELS)
     time, angles, torques, bridge = _signals(path)
     torque = bridge * TORQUE_PER_VOLT if force_channel == "raw" else torques[:, 1]
-    lever = -LEVER if flip else LEVER
-    return Recording(time, lever * angles[:, 1], torque / LEVER, name=str(path), contact_floor=TUE_CONTACT_FLOOR)
+    return Recording(time, LEVER * angles[:, 1], torque / LEVER, name=str(path), contact_floor=TUE_CONTACT_FLOOR)
 
 
 def read_leader_motion(path: str | PathLike[str]) -> tuple[Array, Array]:
@@ -189,27 +181,24 @@ def _signals(path: str | PathLike[str]) -> tuple[Array, Array, Array, Array]:
     """Time (n,), leader and follower angle (n, 2), minus operator and environment torque (n, 2), bridge (n,)."""
     from scipy.io import loadmat
 
-    with foreign(path, "MATLAB file"), reading(path):
+    with foreign(path, "is no MATLAB file that can be read"), reading(path):
         content: dict[str, Any] = loadmat(str(path), squeeze_me=True, struct_as_record=False, variable_names=_VARIABLES)
     try:
-        scope = content["scope"]
-        time = np.asarray(scope.time, dtype=np.float64)
-        angles = np.asarray(scope.signals[0].values, dtype=np.float64)
-        torques = np.asarray(scope.signals[1].values, dtype=np.float64)
-        bridge = np.asarray(content["env_est3"].signals[2].values, dtype=np.float64)
+        scope, bridge = content["scope"], content["env_est3"].signals[2].values
+        signals = scope.time, scope.signals[0].values, scope.signals[1].values, bridge
+        time, angles, torques, bridge = (np.asarray(values, dtype=np.float64) for values in signals)
     except (KeyError, AttributeError, IndexError, TypeError, ValueError):
         angles = torques = bridge = time = np.empty(0)
     if time.ndim != 1 or angles.shape != (time.size, 2) or torques.shape != angles.shape or bridge.shape != time.shape:
-        raise RecordingError(
-            path, "is no TU/e teleoperation recording (no scope with angles, torques and force bridge): use CSV"
-        )
+        problem = "is no TU/e teleoperation recording (no scope with angles, torques and force bridge): use CSV"
+        raise RecordingError(path, problem)
     return time, angles, torques, bridge
 
 
 AURORA_CONTACT_FLOOR = 0.005  # smallest force [N] that counts as contact
 
 
-def read_aurora(path: str | PathLike[str], *, flip: bool = False) -> Recording:
+def read_aurora(path: str | PathLike[str]) -> Recording:
     """A whole ``.ddf`` file: length (channel AI0) and force (AI1), scaled as the file's header says.
 
     The length grows as the tip goes into the skin, and the force is positive under compression. The press is at 0.5 to
@@ -225,7 +214,7 @@ def read_aurora(path: str | PathLike[str], *, flip: bool = False) -> Recording:
     if not any(line.startswith("Units\tmm\tmN\t") for line in lines[:header]) or rate <= 0:
         raise RecordingError(path, "channels AI0 and AI1 are not length in mm and force in mN")
     volts = _rows(path, lines, header + 1)
-    length = (volts[:, 1] - offset[0]) * scale[0] / (-1e3 if flip else 1e3)
+    length = (volts[:, 1] - offset[0]) * scale[0] / 1e3
     force = (volts[:, 2] - offset[1]) * scale[1] / 1e3
     return Recording(
         volts[:, 0] / rate, length, force, name=str(path), contact_floor=AURORA_CONTACT_FLOOR, first_row=header + 2
@@ -233,11 +222,9 @@ def read_aurora(path: str | PathLike[str], *, flip: bool = False) -> Recording:
 
 
 def _header_values(path: object, header: list[str], label: str, separator: str) -> list[float]:
-    for line in header:
-        if line.startswith(label):
-            with contextlib.suppress(ValueError):
-                return [float(value) for value in line[len(label) :].strip().split(separator)]
-            break
+    with contextlib.suppress(StopIteration, ValueError):
+        values = next(line.removeprefix(label) for line in header if line.startswith(label))
+        return [float(value) for value in values.strip().split(separator)]
     raise RecordingError(path, f"has no numbers for {label!r} in its header")
 
 

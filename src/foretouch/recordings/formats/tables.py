@@ -18,7 +18,7 @@ import csv
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import islice
+from itertools import islice, zip_longest
 from os import PathLike
 from pathlib import Path
 from typing import Any, Final, TextIO
@@ -26,7 +26,7 @@ from typing import Any, Final, TextIO
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.errors import RecordingError
+from foretouch.errors import MissingExtraError, RecordingError
 from foretouch.recordings.meaning.names import is_unit
 from foretouch.recordings.output import optional
 from foretouch.recordings.source import MAP_NAME, Column, Table, foreign, require_names
@@ -38,7 +38,7 @@ class ParquetTable(Table):
     def __init__(self, path: str | PathLike[str]) -> None:
         self.path, self.format = path, "Parquet"
         self._pyarrow, self._parquet = optional("pyarrow"), optional("pyarrow.parquet")
-        with foreign(path, "Parquet file"), self._parquet.ParquetFile(path) as file:
+        with foreign(path, "is no Parquet file that can be read"), self._parquet.ParquetFile(path) as file:
             schema, count = file.schema_arrow, file.metadata.num_rows
         self.columns = tuple(Column(field.name, str(field.type), count, _unit_of(field)) for field in schema)
         self._names = list(schema.names)
@@ -47,7 +47,7 @@ class ParquetTable(Table):
     def read(self, names: Sequence[str]) -> dict[str, NDArray[np.float64]]:
         """Columns by name."""
         require_names(self.path, self._names, names, row=1)
-        with foreign(self.path, "Parquet file"), self._parquet.ParquetFile(self.path) as file:
+        with foreign(self.path, "is no Parquet file that can be read"), self._parquet.ParquetFile(self.path) as file:
             table = file.read(columns=list(names))
         return {name: self._numbers(name, table[name]) for name in names}
 
@@ -97,9 +97,9 @@ def _encoding(path: str | PathLike[str]) -> str:
 class _Top:
     separator: str
     names: list[str]
-    units: list[str]
-    row: int
-    lines: int
+    row: int  # line of the names
+    lines: int  # how many stand above the samples
+    units: tuple[str, ...] = ()
     passed_over: int = 0
 
 
@@ -125,10 +125,11 @@ class CsvTable(Table):
             rows = [row for _, row in islice(self._rows(), LOOKED_AT)]
         comma = self._separator != "," and any(_DECIMAL_COMMA.match(cell) for row in rows for cell in row)
         self._decimal = "," if comma else "."
-        kinds = [_kind([row[index] for row in rows if index < len(row)]) for index in range(len(top.names))]
-        self.columns = tuple(
-            Column(name, kind, unit=unit) for name, kind, unit in zip(top.names, kinds, top.units, strict=True)
-        )
+        cells = zip_longest(*rows, [""] * len(top.names), fillvalue="")
+        filled = [list(filter(str.strip, column)) for column in cells][: len(top.names)]
+        kinds = ["number" if some and all(map(_is_number, some)) else "text" for some in filled]
+        columns = zip_longest(top.names, kinds, top.units, fillvalue="")
+        self.columns = tuple(Column(name, kind, unit=unit) for name, kind, unit in columns)
 
     def _top(self) -> _Top:
         with Path(self.path).open(encoding=self._encoding, errors="replace", newline="") as file:
@@ -141,16 +142,16 @@ class CsvTable(Table):
                 raise RecordingError(self.path, "has no header where the first line has to name the columns", row=1)
             below = [self._line(file, lines + 1)]
             if _filled(line) < FEWEST and _by_spaces(line, below[0]):
-                return _Top(" ", _cells(line.strip(), " "), [""] * len(line.split()), lines, lines)
+                return _Top(" ", _cells(line.strip(), " "), lines, lines)
             if _filled(line) < FEWEST:
                 below += [self._line(file, lines + 1 + more) for more in range(1, LOOKED_AT)]
                 result = _under_a_preamble(lines + 1, below)
                 if result is not None:
-                    return replace(result, passed_over=result.passed_over + 1)
+                    return result
         separator = _separator_of(line)
         names, above = _cells(line, separator), _cells(remark, separator)
         if any(map(_is_number, names)) and len(above) == len(names) and not any(map(_is_number, above)):
-            return _Top(separator, above, [""] * len(above), lines - 1, lines - 1)
+            return _Top(separator, above, lines - 1, lines - 1)
         return _header(separator, names, below[0], lines)
 
     def _line(self, file: TextIO, row: int) -> str:
@@ -168,24 +169,17 @@ class CsvTable(Table):
     def read_fast(self, names: Sequence[str]) -> dict[str, NDArray[np.float64]] | None:
         """The columns, or None where anything at all is out of order."""
         try:
-            import pyarrow
-            import pyarrow.csv
-        except ModuleNotFoundError:
+            pyarrow, csv = optional("pyarrow"), optional("pyarrow.csv")
+        except MissingExtraError:
             return None
+        encoding = self._encoding.removesuffix("-sig")
+        reading = csv.ReadOptions(column_names=self.header, skip_rows=self._skipped, encoding=encoding)
+        numbers = dict.fromkeys(names, pyarrow.float64())
+        converting = csv.ConvertOptions(
+            include_columns=list(names), column_types=numbers, null_values=[], decimal_point=self._decimal
+        )
         try:
-            table = pyarrow.csv.read_csv(
-                str(self.path),
-                read_options=pyarrow.csv.ReadOptions(
-                    column_names=self.header, skip_rows=self._skipped, encoding=self._encoding.removesuffix("-sig")
-                ),
-                parse_options=pyarrow.csv.ParseOptions(delimiter=self._separator),
-                convert_options=pyarrow.csv.ConvertOptions(
-                    include_columns=list(names),
-                    column_types=dict.fromkeys(names, pyarrow.float64()),
-                    null_values=[],
-                    decimal_point=self._decimal,
-                ),
-            )
+            table = csv.read_csv(str(self.path), reading, csv.ParseOptions(delimiter=self._separator), converting)
         except pyarrow.ArrowException:
             return None
         return {name: numbers_of(table[name]) for name in names}
@@ -249,8 +243,8 @@ def _header(separator: str, names: list[str], below: str, row: int) -> _Top:
     """The names in a row, with the units below them where that line has these."""
     units = _cells(below, separator)
     if len(units) == len(names) and any(map(is_unit, units)) and not any(map(_is_number, units)):
-        return _Top(separator, names, [unit.strip("[](){}<> ") for unit in units], row, row + 1)
-    return _Top(separator, names, [""] * len(names), row, row)
+        return _Top(separator, names, row, row + 1, tuple(unit.strip("[](){}<> ") for unit in units))
+    return _Top(separator, names, row, row)
 
 
 def _by_spaces(line: str, below: str) -> bool:
@@ -270,7 +264,7 @@ def _under_a_preamble(first: int, lines: list[str]) -> _Top | None:
         samples = lines[top.lines - first + 1 :]
         cells = _cells(samples[0], separator) if samples else []
         if len(cells) == len(names) and sum(map(_is_number, cells)) >= FEWEST:
-            return replace(top, passed_over=sum(bool(above.strip()) for above in lines[:index]))
+            return replace(top, passed_over=1 + sum(bool(above.strip()) for above in lines[:index]))
     return None
 
 
@@ -281,11 +275,6 @@ def _filled(line: str) -> int:
 
 def _cells(line: str, separator: str) -> list[str]:
     return [cell.strip() for cell in next(csv.reader([line], delimiter=separator), [])]
-
-
-def _kind(cells: list[str]) -> str:
-    filled = [cell for cell in cells if cell.strip()]
-    return "number" if filled and all(map(_is_number, filled)) else "text"
 
 
 def _is_number(text: str) -> bool:

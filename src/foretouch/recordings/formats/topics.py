@@ -9,8 +9,9 @@ also those that only foretouch can use.
 from __future__ import annotations
 
 import math
+import re
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, TypeAlias
 
@@ -49,7 +50,9 @@ class Topic:
     former: str = ""
 
 
-FORMER: Final[dict[type[Message], str]] = {ModelUpdate: "foretouch_msgs/msg/ContactModel"}
+CONTACT_MODEL_TYPE: Final = "foretouch_msgs/msg/ContactModel"
+
+FORMER: Final[dict[type[Message], str]] = {ModelUpdate: CONTACT_MODEL_TYPE}
 """Type names of former recordings; that name now belongs to the message of the same topic with only standard parts."""
 
 TOPICS: Final[dict[type[Message], Topic]] = {
@@ -72,9 +75,6 @@ TOPICS: Final[dict[type[Message], Topic]] = {
         (CameraImage, "/camera/image", "CameraImage"),
     )
 }
-
-
-CONTACT_MODEL_TYPE: Final = "foretouch_msgs/msg/ContactModel"
 
 CONTACT_MODEL_MSG: Final = """\
 # A contact model as the follower learns it. All numbers are in SI units: metres, newtons, seconds.
@@ -112,10 +112,8 @@ uint64 sequence
 _HEADER: Final = {"sec": "int32", "nanosec": "uint32", "frame_id": "string"}
 _FIELDS: Final = [line.split() for line in CONTACT_MODEL_MSG.splitlines() if line and not line.startswith("#")]
 _CONTACT_MODEL: Final = _HEADER | {name: ros_type for ros_type, name in _FIELDS[1:]}
-_NUMBER_ARRAY: Final = {"dimensions": "uint32", "label": "string", "size": "uint32", "stride": "uint32"} | {
-    "data_offset": "uint32",
-    "data": "float64[]",
-}
+_DIMENSIONS: Final = {"dimensions": "uint32", "label": "string", "size": "uint32", "stride": "uint32"}
+_NUMBER_ARRAY: Final = _DIMENSIONS | {"data_offset": "uint32", "data": "float64[]"}
 
 
 def parameter_names(law: str, count: int) -> tuple[str, ...]:
@@ -161,30 +159,26 @@ _PARTS: Final = {
     "std_msgs/MultiArrayDimension": "string label\nuint32 size\nuint32 stride\n",
 }
 """Definitions of the standard types within others."""
-_STAMPED: Final = ("std_msgs/Header", "builtin_interfaces/Time")
 
 
-def _schema(fields: str, *parts: str) -> str:
+def _parts_of(fields: str) -> Iterator[str]:
+    for part in re.findall(r"^\w+/\w+", fields, re.MULTILINE):
+        yield part
+        yield from _parts_of(_PARTS[part])
+
+
+def _schema(fields: str) -> str:
     """Definition of a type with those of the types within it."""
-    return fields + "".join(f"{'=' * 80}\nMSG: {part}\n{_PARTS[part]}" for part in parts)
+    return fields + "".join(f"{'=' * 80}\nMSG: {part}\n{_PARTS[part]}" for part in dict.fromkeys(_parts_of(fields)))
 
 
 _HEAD = "std_msgs/Header header\n"
-JOINT_STATE_SCHEMA = _schema(
-    f"{_HEAD}string[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n", *_STAMPED
-)
-WRENCH_SCHEMA = _schema(
-    f"{_HEAD}geometry_msgs/Wrench wrench\n", *_STAMPED, "geometry_msgs/Wrench", "geometry_msgs/Vector3"
-)
-POSE_SCHEMA = _schema(
-    f"{_HEAD}geometry_msgs/Pose pose\n",
-    *(*_STAMPED, "geometry_msgs/Pose", "geometry_msgs/Point", "geometry_msgs/Quaternion"),
-)
-_IMAGE_SCHEMA = _schema(f"{_HEAD}string format\nuint8[] data\n", *_STAMPED)
-_MODEL_SCHEMA = _schema(CONTACT_MODEL_MSG, *_STAMPED)
-_ARRAY_SCHEMA = _schema(
-    "std_msgs/MultiArrayLayout layout\nfloat64[] data\n", "std_msgs/MultiArrayLayout", "std_msgs/MultiArrayDimension"
-)
+JOINT_STATE_SCHEMA = _schema(f"{_HEAD}string[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n")
+WRENCH_SCHEMA = _schema(f"{_HEAD}geometry_msgs/Wrench wrench\n")
+POSE_SCHEMA = _schema(f"{_HEAD}geometry_msgs/Pose pose\n")
+_IMAGE_SCHEMA = _schema(f"{_HEAD}string format\nuint8[] data\n")
+_MODEL_SCHEMA = _schema(CONTACT_MODEL_MSG)
+_ARRAY_SCHEMA = _schema("std_msgs/MultiArrayLayout layout\nfloat64[] data\n")
 WRENCH: Final = StandardTopic("/follower/wrench", "geometry_msgs/msg/WrenchStamped", WRENCH_SCHEMA)
 FOLLOWER_JOINTS: Final = StandardTopic("/follower/joint_states", "sensor_msgs/msg/JointState", JOINT_STATE_SCHEMA)
 LEADER_JOINTS: Final = StandardTopic("/leader/joint_states", "sensor_msgs/msg/JointState", JOINT_STATE_SCHEMA)
@@ -208,12 +202,10 @@ _FRAME, _WORLD = _text("probe"), _text("world")
 _JOINT = _FRAME + struct.pack("<I", 1) + _text("probe") + struct.pack("<I", 1)  # frame_id, one name, one position
 _ONE = struct.pack("<II", 1, 0)  # count 1, padded to the next multiple of 8
 _NONE_AND_ONE = struct.pack("<II", 0, 1)  # no velocity, one effort
-_JPEG = _text("camera") + _text("jpeg")
 _wrench = struct.Struct(f"<4siI{len(_FRAME)}s4x6d")
 _joint_state = struct.Struct(f"<4siI{len(_JOINT)}sd8sd8sd")
 _joint_at_rest = struct.Struct(f"<4siI{len(_JOINT)}sd8sd")
 _pose = struct.Struct(f"<4siI{len(_WORLD)}s4x7d")
-_image = struct.Struct(f"<4siI{len(_JPEG)}sI")
 LARGEST_SECOND = 2**31 - 1
 
 
@@ -260,11 +252,10 @@ def quaternion(turn: Sequence[float]) -> tuple[float, float, float, float]:
 
 def compressed_image(time_ns: int, jpeg: bytes) -> bytes:
     """CDR bytes of a CompressedImage."""
-    return _image.pack(HEADER, *_stamp(time_ns), _JPEG, len(jpeg)) + jpeg
+    return pack_fields(_HEADER | {"format": "string", "data": "uint8[]"}, (*_stamp(time_ns), "camera", "jpeg", jpeg))
 
 
 Packed: TypeAlias = tuple[tuple[StandardTopic, bytes], ...]
-
 
 BESIDE: Final[dict[type[Message], Callable[[Any], Packed]]] = {
     Telemetry: lambda message: (

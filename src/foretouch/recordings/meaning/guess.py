@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Final, NamedTuple
 
 import msgspec
+import numpy as np
 
 from foretouch.errors import RecordingError
 from foretouch.recordings.meaning.mapping import (
@@ -34,8 +37,7 @@ from foretouch.recordings.meaning.names import (
     rank,
     robot_column,
 )
-from foretouch.recordings.meaning.topic_choice import axis_note, choose_topic
-from foretouch.recordings.source import Bag, Column, Table, listed
+from foretouch.recordings.source import Bag, Column, Table, Topic, listed
 
 HELP = "`foretouch recordings inspect` writes what is known with --save FILE.toml: complete it, and give it with --map"
 
@@ -44,7 +46,7 @@ UNIT_OPTIONS = {"position": "--position-unit mm", "force": "--force-unit N"}
 
 _NUMBER = re.compile(r"[-+]?[\d.,]+(e[-+]?\d+)?\s*\Z", re.IGNORECASE)
 
-NAMED = 5  # number of candidates that are named in a map that is to be completed
+NAMED = 5  # number of candidates that are named in a sentence, or in a map that is to be completed
 
 
 @dataclass(frozen=True)
@@ -61,19 +63,18 @@ class Guess:
     notes: tuple[str, ...] = ()  # one sentence for each thing that should be known of what was guessed
     # what `position` and `force` might be, where there are several; the likeliest first
     candidates: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    contact_floor: float = 0.05  # that of a map in the file
     stated: Mapping | None = None  # the map that the file carries, which then is taken
 
     @property
     def open(self) -> tuple[str, ...]:
         """One sentence for each item that a map must still state; none where the guess is complete."""
-        sentences = list(self.problems) if self.stated is None else []
+        if self.stated is not None:
+            return ()
+        sentences = list(self.problems)
         for name, signal, units in (("position", self.position, LENGTHS), ("force", self.force, FORCES)):
-            if self.stated is not None or signal is None:
-                continue
-            if signal.unit == UNKNOWN:
+            if signal is not None and signal.unit == UNKNOWN:
                 sentences.append(f"the unit of {_called(name, signal)} is not known ({', '.join(units)})")
-            elif signal.unit in NEEDS_SCALE:
+            elif signal is not None and signal.unit in NEEDS_SCALE:
                 needed = NEEDS_SCALE[signal.unit]
                 sentences.append(f"{_called(name, signal)} is in {signal.unit} and needs a scale, {needed}")
         return tuple(sentences)
@@ -84,7 +85,7 @@ class Guess:
             return self.stated
         if self.open or self.position is None or self.force is None:
             raise RecordingError(self.path, self._what_to_do())
-        mapping = Mapping(self.position, self.force, self.time, self.velocity, contact_floor=self.contact_floor)
+        mapping = Mapping(self.position, self.force, self.time, self.velocity)
         check_mapping(self.path, mapping)
         return mapping
 
@@ -147,10 +148,7 @@ def guess_mapping(source: Table | Bag) -> Guess:
     """
     if source.stated_map:
         stated = parse_mapping(f"{source.path}: the map in it", source.stated_map)
-        return Guess(
-            source.path, stated.time, stated.position, stated.force, stated.velocity,
-            contact_floor=stated.contact_floor, stated=stated,
-        )  # fmt: skip
+        return Guess(source.path, stated.time, stated.position, stated.force, stated.velocity, stated=stated)
     return _of_table(source) if isinstance(source, Table) else _of_bag(source)
 
 
@@ -179,18 +177,16 @@ def _of_table(table: Table) -> Guess:
             problems.append(f"column {name} is in {own} by its name, and in {unit} as the file states it elsewhere")
     time, unit = values.get(TIME, (UNKNOWN, "s"))
     if TIME in values and not unit:
-        stated = named[time].unit
         unit = "s"  # that of nearly all; a time in another unit has steps that `read_with_notes` looks at
-        if stated:
+        if named[time].unit:
             problems.append(f"the unit of time {time} is not known ({', '.join(TIMES)})")
     position, force = (
         Signal(column=values[name][0], unit=values[name][1] or UNKNOWN) if name in values else None
         for name in (POSITION, FORCE)
     )
-    velocity, notes = _velocity(table.columns, position), _frame_notes(position, force)
-    return Guess(
-        table.path, TimeSource(column=time, unit=unit), position, force, velocity, tuple(problems), notes, candidates
-    )  # fmt: skip
+    source, velocity = TimeSource(column=time, unit=unit), _velocity(table.columns, position)
+    notes = _frame_notes(position, force)
+    return Guess(table.path, source, position, force, velocity, tuple(problems), notes, candidates)
 
 
 def _rank(quantity: str, column: str, named: Named) -> tuple[float, str]:
@@ -203,14 +199,13 @@ def _rank(quantity: str, column: str, named: Named) -> tuple[float, str]:
 
 def _frame_notes(*signals: Signal | None) -> tuple[str, ...]:
     """Of columns that robots name: what they are, and in which frame."""
-    notes = []
-    for signal in signals:
-        known = None if signal is None else robot_column(signal.column)
-        if signal is not None and known is not None:
-            x, y, _ = known.axes
-            position = f"{signal.column} is taken for {known.quantity}: {known.text}"
-            notes.append(f"{position}, z; numbers {x} and {y} are x and y (--map takes them)")
-    return tuple(notes)
+    columns = [signal.column for signal in signals if signal is not None]
+    return tuple(
+        f"{column} is taken for {known.quantity}: {known.text}, z; "
+        f"numbers {known.axes[0]} and {known.axes[1]} are x and y (--map takes them)"
+        for column in columns
+        if (known := robot_column(column)) is not None
+    )
 
 
 def _velocity(columns: tuple[Column, ...], position: Signal | None) -> Velocity | None:
@@ -236,3 +231,157 @@ def _of_bag(bag: Bag) -> Guess:
     candidates = {quantity: one.candidates for quantity, one in chosen.items()}
     position, force = (one.signal for one in chosen.values())
     return Guess(bag.path, TimeSource(), position, force, None, tuple(problems), tuple(notes), candidates)
+
+
+# --- which topic of a bag: by the type of its messages, and by how often they come ------------------------------------
+
+LEAST_RATE: Final = 20.0
+"""What follows a press comes as often [1/s] or more; markers, stages and states of health come more rarely."""
+
+FORCE_FIELDS: Final = {
+    "geometry_msgs/msg/WrenchStamped": "wrench.force.z",
+    "geometry_msgs/msg/Wrench": "force.z",
+}
+"""Types of messages that hold a force in newtons, and its field along z."""
+
+POSITION_FIELDS: Final = {
+    "geometry_msgs/msg/PoseStamped": "pose.position.z",
+    "geometry_msgs/msg/PointStamped": "point.z",
+    "geometry_msgs/msg/TransformStamped": "transform.translation.z",
+    "geometry_msgs/msg/PoseWithCovarianceStamped": "pose.pose.position.z",
+    "nav_msgs/msg/Odometry": "pose.pose.position.z",
+    "geometry_msgs/msg/Pose": "position.z",
+    "geometry_msgs/msg/Point": "z",
+}
+"""Types of messages that hold a position in metres, and its field along z."""
+
+JOINTS: Final = "sensor_msgs/msg/JointState"
+PLAIN: Final = {f"std_msgs/msg/{kind}": "data" for kind in ("Float64", "Float32")}
+_OF = {POSITION: (POSITION_FIELDS, "m"), FORCE: (FORCE_FIELDS, "N")}
+
+LOOKED_INTO: Final = 8
+"""Number of topics that are looked into, those of most messages first; of other joint states one joint is taken for
+a candidate, and of other topics the rate over the whole bag for their rate."""
+
+LARGEST_LOOK: Final = 2**25  # bytes of the first messages, which tell along which axis something moves
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One field that could be the quantity."""
+
+    signal: Signal  # topic, field and unit
+    # 3 for a type of message with that quantity, 2 for a joint alone, 1 for a joint among others or a bare number whose
+    # topic is named like the quantity; words in a name are no more than that
+    standing: int
+    count: int  # number of messages
+    rate: float  # messages per second [1/s]
+
+    @property
+    def text(self) -> str:
+        """Place and rate, for people."""
+        return f"{self.signal.place} ({self.rate:.4g} a second)"
+
+
+class Chosen(NamedTuple):
+    """What came of it: the only signal that it can be, or what is open with all candidates; and notes."""
+
+    signal: Signal | None
+    problems: tuple[str, ...]
+    notes: tuple[str, ...]
+    candidates: tuple[str, ...]
+
+
+def choose_topic(bag: Bag, quantity: str) -> Chosen:
+    """The one topic that can be a quantity.
+
+    Of the topics that come `LEAST_RATE` times a second or more, those whose type of message fits best; of several none.
+    Where no topic comes as often, the same of all; positions that come so rarely are refused, for a press lies between
+    two of them.
+    """
+    results = sorted(_candidates(bag, quantity), key=lambda one: (-one.standing, -one.count))
+    if not results:
+        types = listed(f"{topic.name} ({topic.type_name})" for topic in bag.topics)
+        return Chosen(None, (f"no topic has messages of a type with a {quantity}; its topics: {types}",), (), ())
+    names = tuple(one.signal.place for one in results)
+    fast = [one for one in results if one.rate >= LEAST_RATE]
+    best = [one for one in fast or results if one.standing == (fast or results)[0].standing]
+    if len(best) > 1:
+        return Chosen(None, (f"several topics could be {quantity}: {_some([one.text for one in best])}",), (), names)
+    (one,) = best
+    problems, notes = [], []
+    if not fast and quantity == POSITION:
+        problems.append(
+            f"position {one.signal.place} comes {one.rate:.3g} times a second: one that comes less often than "
+            f"{LEAST_RATE:g} times is not guessed, for a press lies between two of its messages"
+        )
+    rivals = [other for other in results if other is not one and other.standing >= one.standing]
+    if fast and rivals:
+        notes.append(
+            f"{quantity} is {one.text}, for no other topic of such messages comes {LEAST_RATE:g} times a second: "
+            f"not {_some([other.signal.topic for other in rivals])}"
+        )
+    return Chosen(one.signal, tuple(problems), tuple(notes), names if problems else ())
+
+
+def axis_note(bag: Bag, quantity: str, signal: Signal) -> tuple[str, ...]:
+    """A sentence where a quantity moves more along another axis than along z, which is assumed."""
+    stem, dot, axis = signal.field.rpartition(".")
+    if axis != "z":
+        return ()
+    fields = {name: f"{stem}{dot}{name}" for name in "xyz"}
+    try:
+        series = bag.read(signal.topic, list(fields.values()), within=LARGEST_LOOK)
+    except RecordingError:
+        return ()  # the reader of the whole reports why
+    moved = {name: float(np.ptp(series.values[field])) for name, field in fields.items()}
+    most = max(moved, key=lambda name: moved[name])
+    if not moved[most] > moved["z"]:  # so that NaN gives no sentence
+        return ()
+    unit = signal.unit
+    text = f"it moves most along {most} ({_amount(moved[most], unit)} against {_amount(moved['z'], unit)})"
+    return (f'{quantity}: z is assumed, but {text}; [{quantity}] field = "{fields[most]}" takes that',)
+
+
+def _amount(value: float, unit: str) -> str:
+    return f"{1e3 * value:.3g} mm" if unit == "m" and value < 1.0 else f"{value:.3g} {unit}"
+
+
+def _candidates(bag: Bag, quantity: str) -> list[Candidate]:
+    fields, unit = _OF[quantity]
+    results: list[Candidate] = []
+    joints = 0
+    for topic in sorted((topic for topic in bag.topics if topic.count), key=lambda topic: -topic.count):
+        standing = 1
+        if topic.type_name in fields:
+            signals, standing = [Signal(topic=topic.name, field=fields[topic.type_name], unit=unit)], 3
+        elif topic.type_name == JOINTS and quantity == POSITION:
+            joints += 1
+            there = [Column("position[0]", "")] if joints > LOOKED_INTO else bag.fields(topic.name)
+            names = [column.name for column in there if column.name.startswith("position[")]
+            signals, standing = [Signal(topic=topic.name, field=name) for name in names], 2 if len(names) == 1 else 1
+        elif topic.type_name in PLAIN and rank(quantity, name_says(topic.name))[0] >= BY_WORD:
+            signals = [Signal(topic=topic.name, field=PLAIN[topic.type_name])]
+        else:
+            continue
+        rate = _rate(bag, topic, len(results))
+        results += [Candidate(signal, standing, topic.count, rate) for signal in signals]
+    return results
+
+
+def _rate(bag: Bag, topic: Topic, before: int) -> float:
+    """Messages a second [1/s], over the whole bag, or over the topic's first ones, whichever is more.
+
+    A topic may be there for a part of the bag's time only.
+    """
+    if topic.count < 2 or bag.duration <= 0.0:
+        return 0.0
+    rate = (topic.count - 1) / bag.duration
+    known = rate >= LEAST_RATE or topic.count <= LEAST_RATE or before >= LOOKED_INTO
+    return rate if known else max(rate, bag.first_rate(topic.name, int(LEAST_RATE) + 1))
+
+
+def _some(texts: Sequence[str]) -> str:
+    named = ", ".join(texts[:NAMED])
+    more = len(texts) - NAMED
+    return f"{named} and {more} more" if more > 0 else named

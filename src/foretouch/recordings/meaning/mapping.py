@@ -193,11 +193,9 @@ def mapping_text(mapping: Mapping) -> str:
     parts = ["\n".join(top)] if top else []
     for name in ("time", "position", "force", "velocity"):
         section = getattr(mapping, name)
-        if section is None:
-            continue
         lines = [
             f"{key} = {_literal(value)}"
-            for key, value in msgspec.structs.asdict(section).items()
+            for key, value in (msgspec.structs.asdict(section).items() if section else ())
             if value != getattr(type(section)(), key)
             or (key == "unit" and (name != "time" or (section.column and not section.rate)))
         ]

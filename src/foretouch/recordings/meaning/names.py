@@ -9,7 +9,7 @@ from __future__ import annotations
 import functools
 import re
 import unicodedata
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from os import PathLike
 from typing import Final, NamedTuple, TypedDict
 
@@ -101,15 +101,14 @@ def rank(quantity: str, named: Named) -> tuple[float, str]:
     if quantity == POSITION and set(words) & _words(FORCE):
         known -= frozenset(_plain(PRESSED).split())
     unit = _unit(quantity, named.unit)
-    if named.unit == "%":
-        return 0.0, ""  # of a length, and so a strain
-    if named.unit and not unit and quantity != VELOCITY:
-        others = [one for one in UNITS if one != quantity and _unit(one, named.unit)]
-        if others or _is_rate(named.unit):
-            return 0.0, ""  # "force [mm]" is none
-    if quantity != VELOCITY and set(words) & _words(VELOCITY):
-        return 0.0, ""
-    if (quantity == FORCE and "torque" in words) or set(ASKED_FOR.split()) & set(words):
+    no_speed = quantity != VELOCITY
+    if (
+        named.unit == "%"  # of a length, and so a strain
+        or (no_speed and named.unit and not unit and _known(named.unit))  # "force [mm]" is none
+        or (no_speed and set(words) & _words(VELOCITY))
+        or (quantity == FORCE and "torque" in words)
+        or set(ASKED_FOR.split()) & set(words)
+    ):
         return 0.0, ""
     score = 0.0
     if len(words) == 1 and words[0] in known:
@@ -130,12 +129,9 @@ def is_unit(text: str) -> bool:
 
 def _parts(word: str) -> tuple[str, ...]:
     """A word, or the two that it is put together of."""
-    if any(word in _words(quantity) for quantity in WORDS):
-        return (word,)
-    for end in COMPOUNDS:
-        if word.endswith(end) and len(word) >= len(end) + SHORTEST_PART:
-            return word.removesuffix(end), end
-    return (word,)
+    whole = any(word in _words(quantity) for quantity in WORDS)
+    ends = [end for end in COMPOUNDS if word.endswith(end) and len(word) >= len(end) + SHORTEST_PART]
+    return (word,) if whole or not ends else (word.removesuffix(ends[0]), ends[0])
 
 
 @functools.cache
@@ -197,8 +193,7 @@ _indexed = re.compile(rf"(?:^|[^A-Za-z])({'|'.join(KNOWN)})[\[_. ]?(\d+)\]?\s*\Z
 def robot_column(name: str) -> RobotColumn | None:
     """What a column is, such as ``O_T_EE[14]`` or ``state/actual_TCP_force_2``, if along z; None for any other."""
     result = _indexed.search(name)
-    known = KNOWN[result[1]] if result else None
-    return known if result and known is not None and int(result[2]) == known.axes[2] else None
+    return KNOWN[result[1]] if result and int(result[2]) == KNOWN[result[1]].axes[2] else None
 
 
 POSITION_UNITS: Final = {"m": 1.0, "cm": 1e2, "mm": 1e3, "um": 1e6}
@@ -259,7 +254,3 @@ class RecordingOptions:
                 raise UnknownNameError(name.replace("_", " "), unit, known)
         if self.force_channel not in FORCE_CHANNELS:
             raise UnknownNameError("force channel", self.force_channel, FORCE_CHANNELS)
-
-    def states_units(self) -> bool:
-        """Whether anything is stated that a map states too."""
-        return replace(self, map_file=None) != RecordingOptions()

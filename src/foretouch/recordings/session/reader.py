@@ -1,17 +1,23 @@
-"""Reads a session back from MCAP, as columns, also from a file whose writer was killed."""
+"""Reads a session back from MCAP, as columns, also from a file whose writer was killed.
+
+The measurements of its follower, as needed to learn from a recording, are kept beside a long one.
+"""
 
 from __future__ import annotations
 
+import contextlib
+import json
 import mmap
 import struct
-from collections.abc import Mapping
+from dataclasses import dataclass, fields
 from os import PathLike
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
-from foretouch.errors import RecordingError
+from foretouch.errors import RecordingError, plural
 from foretouch.errors.checks import require_path
 from foretouch.files import within_budget
 from foretouch.messages import (
@@ -34,38 +40,34 @@ from foretouch.messages import (
     Telemetry,
     as_printed,
 )
-from foretouch.messages.session_log import in_order
-from foretouch.quantities import Rows
+from foretouch.messages.session_log import believable, in_order, side_seconds
+from foretouch.quantities import ByValue, Recording, Rows
 from foretouch.recordings.formats import mcap
 from foretouch.recordings.formats.cdr import Layout
 from foretouch.recordings.formats.topics import COUNTS, TOPICS, TRUNCATED
-from foretouch.recordings.output import optional
-from foretouch.recordings.source import one_line, reading
+from foretouch.recordings.output import atomic_path, optional
+from foretouch.recordings.source import foreign, one_line, reading
 
 _channel_id = struct.Struct("<H")  # begins a message
 
 NOTHING: Final = "was cut off before anything was flushed"
 
-_COLUMNS: Final[dict[type[Message], np.dtype[np.void]]] = {
+Wanted: TypeAlias = dict[type[Message], np.dtype[np.void]]  # columns by kind of message
+
+_COLUMNS: Final[Wanted] = {
     LeaderState: LEADER_DTYPE,
     Telemetry: FOLLOWER_DTYPE,
     LeaderSpace: LEADER_SPACE_DTYPE,
     FollowerSpace: FOLLOWER_SPACE_DTYPE,
 }
-_KEPT: Final[tuple[type[Message], ...]] = (
-    ModelUpdate,
-    EmergencyStop,
-    FieldUpdate,
-    FixtureBelief,
-    CameraImage,
-)
+_KEPT: Final[tuple[type[Message], ...]] = (ModelUpdate, EmergencyStop, FieldUpdate, FixtureBelief, CameraImage)
 
 
 def _narrowed(whole: np.dtype[np.void], *names: str) -> np.dtype[np.void]:
     return np.dtype([(name, whole[name]) for name in names])
 
 
-_SAMPLES: Final[dict[type[Message], np.dtype[np.void]]] = {
+_SAMPLES: Final[Wanted] = {
     LeaderState: _narrowed(LEADER_DTYPE, "epoch", "run", "time_ns"),
     Telemetry: _narrowed(FOLLOWER_DTYPE, "epoch", "run", "time_ns", "validity", "position", "sensor_force"),
 }
@@ -106,9 +108,7 @@ def read_samples(path: str | PathLike[str]) -> SessionLog:
     return _read(path, _SAMPLES, ())
 
 
-def _read(
-    path: str | PathLike[str], columns: Mapping[type[Message], np.dtype[np.void]], kept: tuple[type[Message], ...]
-) -> SessionLog:
+def _read(path: str | PathLike[str], columns: Wanted, kept: tuple[type[Message], ...]) -> SessionLog:
     optional("mcap.records")
     with reading(path), Path(path).open("rb") as handle:
         begins = handle.read(len(mcap.MAGIC))
@@ -129,12 +129,7 @@ class _Scan:
     object a message, which takes ten times as long.
     """
 
-    def __init__(
-        self,
-        path: str | PathLike[str],
-        columns: Mapping[type[Message], np.dtype[np.void]],
-        kept: tuple[type[Message], ...],
-    ) -> None:
+    def __init__(self, path: str | PathLike[str], columns: Wanted, kept: tuple[type[Message], ...]) -> None:
         self._path, self._columns = path, columns
         self._wanted = {TOPICS[kind].name: kind for kind in (*columns, *kept)}
         self._schemas: dict[int, Any] = {}
@@ -153,9 +148,10 @@ class _Scan:
                 raise RecordingError(self._path, NOTHING)
             there = ", ".join(sorted(self._topics)) or "none"
             raise RecordingError(self._path, f"holds no foretouch session; its topics: {there}")
-        columns = {kind: np.empty(0, whole) for kind, whole in _COLUMNS.items()}
-        for kind, wanted in self._columns.items():
-            columns[kind] = np.concatenate([np.empty(0, wanted), *self._parts.pop(kind)])
+        columns = {
+            kind: np.concatenate([np.empty(0, self._columns.get(kind, whole)), *self._parts.pop(kind, ())])
+            for kind, whole in _COLUMNS.items()
+        }
         return SessionLog(
             columns[LeaderState],
             columns[Telemetry],
@@ -182,7 +178,9 @@ class _Scan:
                 if kind is not None:
                     spans.setdefault(kind, []).append((start + mcap.MESSAGE_HEAD.size, end))
             elif code in (mcap.SCHEMA, mcap.CHANNEL, mcap.CHUNK, mcap.METADATA):
-                self._structure(code, data[start:end], start)
+                remedy = "; `foretouch recordings repair` keeps the others"
+                with foreign(self._path, f"the block at byte {start} is damaged", remedy):
+                    self._structure(code, data[start:end])
                 if isinstance(data, mmap.mmap) and end > _PAGE:  # what has been read takes no memory any more
                     data.madvise(mmap.MADV_DONTNEED, 0, end // _PAGE * _PAGE)
             elif code == mcap.FOOTER:
@@ -192,16 +190,7 @@ class _Scan:
             self._take(kind, data, positions)
         return ended
 
-    def _structure(self, code: int, content: bytes, start: int) -> None:
-        try:
-            self._read(code, content)
-        except RecordingError:
-            raise
-        except Exception as error:  # mcap, struct and each compression library raise different errors
-            problem = f"the block at byte {start} is damaged: {one_line(error)}"
-            raise RecordingError(self._path, f"{problem}; `foretouch recordings repair` keeps the others") from None
-
-    def _read(self, code: int, content: bytes) -> None:
+    def _structure(self, code: int, content: bytes) -> None:
         record = mcap.parsed(code, content)
         if code == mcap.SCHEMA:
             self._schemas[record.id] = record
@@ -228,7 +217,7 @@ class _Scan:
         layout = self._layouts[kind]
         try:
             if kind in self._columns and layout.dtype is not None:
-                rows = _columns(data, spans, layout, self._columns[kind])
+                rows = _rows(data, spans, layout, self._columns[kind])
                 narrow = kind is LeaderState and self._columns is _SAMPLES
                 self._parts[kind].append(_ends(rows) if narrow else rows)
                 return
@@ -242,7 +231,7 @@ class _Scan:
             raise RecordingError(self._path, f"{TOPICS[kind].name}: {one_line(error)}") from None
 
 
-def _columns(data: bytes | mmap.mmap, spans: list[tuple[int, int]], layout: Layout, wanted: np.dtype[np.void]) -> Rows:
+def _rows(data: bytes | mmap.mmap, spans: list[tuple[int, int]], layout: Layout, wanted: np.dtype[np.void]) -> Rows:
     """Messages of one fixed size, all at once."""
     stored, edges = layout.dtype, np.array(spans)
     assert stored is not None
@@ -265,3 +254,129 @@ def _ends(rows: Rows) -> Rows:
     new = np.ones(rows.size, dtype=np.bool_)
     new[1:] = (np.diff(rows["epoch"]) != 0) | (np.diff(rows["run"]) != 0)
     return rows[new | np.roll(new, -1)]
+
+
+LARGE = 50_000_000  # size [bytes], some minutes, from which on the samples of a recording are kept in a file beside it
+
+VERSION = 2
+"""Version of the form of that file."""
+
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class FollowerSamples(ByValue):
+    """The samples of the follower's process of the longest segment (`SessionLog.longest`), and what is not among them.
+
+    Attributes:
+        time: Time since the first of them [s], shape (n,).
+        position: Position of the probe [m], shape (n,).
+        force: Sensor force, offset included [N], shape (n,).
+        faults: Kinds of samples that were left out because the sensors were not to be trusted, `validity` of
+            `Telemetry`, shape (k,).
+        fault_counts: Number of each, shape (k,).
+        segments: Number of segments of the session.
+        leader_starts: Number of processes of the leader that were received from.
+        follower_starts: Number of processes of the follower.
+        seconds: Duration of the longest segment [s].
+    """
+
+    time: Array
+    position: Array
+    force: Array
+    faults: NDArray[np.int64]
+    fault_counts: NDArray[np.int64]
+    segments: int
+    leader_starts: int
+    follower_starts: int
+    seconds: float
+
+
+def follower_samples(log: SessionLog) -> FollowerSamples:
+    """The samples of a session.
+
+    Args:
+        log: Of `read_session`, or of `read_samples`.
+    """
+    follower, segment = log.follower, log.longest()
+    if segment.follower.size:
+        follower = follower[follower["run"] == segment.follower["run"][0]]
+    believed = follower[believable(follower)]
+    kinds, counts = np.unique(segment.follower["validity"], return_counts=True)
+    begin = believed["time_ns"][0] if believed.size else 0
+    return FollowerSamples(
+        (believed["time_ns"] - begin) / 1e9,
+        believed["position"].astype(np.float64),
+        believed["sensor_force"].astype(np.float64),
+        kinds[kinds > 0],
+        counts[kinds > 0],
+        len(log.segments()),
+        int(np.unique(log.leader["epoch"]).size),
+        int(np.unique(log.follower["run"]).size),
+        max(side_seconds(segment.leader), side_seconds(segment.follower)),
+    )
+
+
+def read_follower_samples(path: str | PathLike[str]) -> FollowerSamples:
+    """The samples of a session's MCAP file.
+
+    Those of a file of 50 MB or more are kept in a file beside it, `NAME.mcap.samples`, where that can be written, and
+    taken from there as long as the recording stays as it is: same length, same time of change.
+
+    Raises:
+        RecordingError: As `read_session`.
+        MissingExtraError: As `read_session`.
+    """
+    return within_budget(path, None, _samples_of, path)
+
+
+def _samples_of(path: str | PathLike[str]) -> FollowerSamples:
+    kept = Path(f"{path}.samples")
+    label = _label(path)
+    if label and kept.is_file():
+        with contextlib.suppress(Exception):  # whatever is wrong with what was kept, the recording is still there
+            return _load(kept, label)
+    samples = follower_samples(read_samples(path))
+    if label:
+        with contextlib.suppress(RecordingError, OSError):  # a folder that is not ours: then it is read again
+            _save(kept, label, samples)
+    return samples
+
+
+def read_follower(path: str | PathLike[str]) -> Recording:
+    """The follower's own measurement in a session: positions and the sensor force with its offset.
+
+    Samples whose sensors were not to be trusted are left out, as the session itself learnt nothing from them. Of
+    several processes of the follower it is that of the longest segment (`SessionLog.longest`).
+    """
+    samples = read_follower_samples(path)
+    if samples.time.size < 2:
+        without = " with sensors that could be believed" if samples.faults.size else ""
+        there = plural(samples.time.size, "sample")
+        raise RecordingError(path, f"{there} of the follower{without}: at least 2 are needed")
+    return Recording(samples.time, samples.position, samples.force, name=str(path))
+
+
+def _label(path: str | PathLike[str]) -> str:
+    """Identity of the recording that a kept file belongs to; empty where none is kept."""
+    try:
+        about = Path(path).stat()
+    except OSError:
+        return ""
+    return json.dumps([VERSION, about.st_size, about.st_mtime_ns]) if about.st_size >= LARGE else ""
+
+
+def _load(kept: Path, label: str) -> FollowerSamples:
+    """Raises `ValueError` where it is of another recording."""
+    with kept.open("rb") as handle, np.load(handle, allow_pickle=False) as file:
+        if str(file["label"]) != label:
+            raise ValueError("of another recording")
+        columns: dict[str, Any] = {one.name: file[one.name] for one in fields(FollowerSamples)}
+        return FollowerSamples(**{name: kept if kept.ndim else kept.item() for name, kept in columns.items()})
+
+
+def _save(kept: Path, label: str, samples: FollowerSamples) -> None:
+    columns: dict[str, Any] = {one.name: getattr(samples, one.name) for one in fields(samples)}
+    with atomic_path(kept) as beside, beside.open("wb") as file:
+        np.savez(file, label=np.array(label), **columns)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import zlib
-from collections import Counter, defaultdict, deque
+from collections import defaultdict, deque
 from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import dataclass, field
@@ -15,7 +15,7 @@ from typing import Any
 from foretouch.errors import RecordingError
 from foretouch.files import within_budget
 from foretouch.recordings.formats import mcap
-from foretouch.recordings.formats.mcap_index import BlockFile, append_index, being_written, counts_record
+from foretouch.recordings.formats.mcap_index import BlockFile, Found, append_index, being_written, counts_record
 from foretouch.recordings.formats.topics import TRUNCATED
 from foretouch.recordings.output import atomic_path, optional
 from foretouch.recordings.source import reading
@@ -99,8 +99,7 @@ class _Data:
     """The bytes of a file, read as they are asked for: mapped, a large file would count as memory of ours."""
 
     def __init__(self, descriptor: int) -> None:
-        self._descriptor = descriptor
-        self.size = os.fstat(descriptor).st_size
+        self._descriptor, self.size = descriptor, os.fstat(descriptor).st_size
 
     def read_at(self, position: int, size: int) -> bytes:
         return os.pread(self._descriptor, size, position)
@@ -123,7 +122,7 @@ def _write(data: _Data, path: Path, target: Path, ended: bool) -> Repair:
         for block in scan.blocks():
             file.write(block)
             file.flush()
-        if not scan.messages:
+        if not scan.found.messages:
             raise RecordingError(path, "holds no message that can be read: nothing to keep")
         was_whole = ended and scan.ended and scan.indexed and not scan.damaged
         if not scan.ended:
@@ -141,13 +140,12 @@ class _Scan:
         self._data = data
         self.schemas: dict[int, Any] = {}
         self.channels: dict[int, Any] = {}
-        self.messages: Counter[int] = Counter()  # by channel
+        self.found = Found()
         self.damaged = 0
         self.ended = False
         self.indexed = True
         self._kept = 0
         self._end = len(mcap.MAGIC)
-        self._times: list[int] = []  # first and last
 
     def blocks(self) -> Iterator[bytes]:
         """Records of the data section, each chunk with its message indexes."""
@@ -180,11 +178,12 @@ class _Scan:
 
     def result(self, path: Path, *, was_whole: bool) -> Repair:
         """The report of the repair."""
+        counts, times = sorted(self.found.messages.items()), self.found.times
         return Repair(
             path=path,
             was_whole=was_whole,
-            messages={self.channels[channel].topic: count for channel, count in sorted(self.messages.items())},
-            duration=(self._times[-1] - self._times[0]) * 1e-9 if self._times else 0.0,
+            messages={self.channels[channel].topic: count for channel, count in counts},
+            duration=(times[-1] - times[0]) * 1e-9 if times else 0.0,
             bytes_kept=self._kept,
             bytes_cut=0 if self.ended else self._data.size - self._end,
             damaged_blocks=self.damaged,
@@ -201,25 +200,23 @@ class _Scan:
         content = mcap.chunk_content(head)
         chunk, reached = _Chunk(), 0
         results: list[tuple[int, bytes]] = []
-        for code, start, end in mcap.records_in(content):
-            reached = end
+        for code, start, reached in mcap.records_in(content):
             if code == mcap.MESSAGE:
                 channel, _, time_ns, _ = mcap.MESSAGE_HEAD.unpack_from(content, start)
                 chunk.entries[channel].append((time_ns, start - mcap.RECORD.size))
             else:
-                results.append((code, content[start:end]))
+                results.append((code, content[start:reached]))
         if reached != len(content):
             raise ValueError("a record goes beyond its chunk")
         for code, part in results:
             self._look(code, part)
         if not chunk.entries.keys() <= self.channels.keys():
             raise ValueError("nobody says what its messages are")
-        for channel, entries in chunk.entries.items():
-            self.messages[channel] += len(entries)
+        self.found.messages.update({channel: len(entries) for channel, entries in chunk.entries.items()})
         if chunk.entries:
             times = [time_ns for entries in chunk.entries.values() for time_ns, _ in entries]
             head.message_start_time, head.message_end_time = min(times), max(times)
-            self._span(head.message_start_time, head.message_end_time)
+            self.found.span(head.message_start_time, head.message_end_time)
         chunk.record = mcap.record_bytes(head)  # its header is correct from here on
         self.indexed &= chunk.record == record
         return chunk
@@ -228,16 +225,12 @@ class _Scan:
         """Read a record that is no chunk, to see that it can be read, and to know schemas and channels."""
         if code == mcap.MESSAGE:
             number, _, time_ns, _ = mcap.MESSAGE_HEAD.unpack_from(content)
-            self.messages[self.channels[number].id] += 1
-            self._span(time_ns, time_ns)
+            self.found.messages[self.channels[number].id] += 1
+            self.found.span(time_ns, time_ns)
         elif code in (mcap.SCHEMA, mcap.CHANNEL, mcap.METADATA, mcap.ATTACHMENT):
             record = mcap.parsed(code, content)
             if code in (mcap.SCHEMA, mcap.CHANNEL):
                 (self.schemas if code == mcap.SCHEMA else self.channels)[record.id] = record
-
-    def _span(self, first: int, last: int) -> None:
-        times = [*self._times, first, last]
-        self._times = [min(times), max(times)]
 
 
 @dataclass

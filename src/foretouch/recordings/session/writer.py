@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from os import PathLike
 from pathlib import Path
 from types import TracebackType
@@ -47,11 +47,7 @@ class SessionWriter:
         self.kept_ns: tuple[int, int] | None = None
         self._failed = False
         self._schemas, self._channels = _declarations(records)
-        numbers = {channel.topic: channel.id for channel in self._channels}
-        self._own: dict[type[Message], tuple[int, Callable[[Message], bytes]]] = {
-            kind: (numbers[topic.name], topic.layout.pack) for kind, topic in TOPICS.items()
-        }
-        self._standard = {topic: numbers[topic.name] for topic in STANDARD}
+        self._numbers: dict[str, int] = {channel.topic: channel.id for channel in self._channels}
         self._in_space = False
         try:
             self._file = BlockFile(path)
@@ -81,18 +77,15 @@ class SessionWriter:
             RecordingError: The file cannot be written any more, for example because the disk is full. It stays as it
                 was at the last flush; `close` ends it there.
         """
-        channel, pack = self._own[type(message)]
-        add, sequence, time_ns = self._block.add_message, message.sequence & 0xFFFF_FFFF, message.time_ns
-        add(channel, log_time_ns, pack(message), time_ns, sequence)
-        beside = BESIDE.get(type(message))
-        if beside is not None:
-            for topic, data in beside(message):
-                add(self._standard[topic], log_time_ns, data, time_ns, sequence)
+        own, beside, sequence = TOPICS[type(message)], BESIDE.get(type(message)), message.sequence & 0xFFFF_FFFF
+        packed = [(own.name, own.layout.pack(message))]
+        packed += [(topic.name, data) for topic, data in (beside(message) if beside else ())]
         if isinstance(message, FollowerSpace):
             self._in_space = True  # and its messages give the probe's position
         elif isinstance(message, Telemetry) and not self._in_space and sequence % POSE_EVERY == 0:
-            data = pose_on_a_line(time_ns, message.position)
-            add(self._standard[PROBE], log_time_ns, data, time_ns, sequence)
+            packed.append((PROBE.name, pose_on_a_line(message.time_ns, message.position)))
+        for name, data in packed:
+            self._block.add_message(self._numbers[name], log_time_ns, data, message.time_ns, sequence)
         self._first = log_time_ns if self._first is None else self._first
         self._last = log_time_ns
         self._messages += 1
@@ -164,12 +157,12 @@ class SessionWriter:
 
 def _declarations(records: Any) -> tuple[list[Any], list[Any]]:
     """Schema and channel records of the library for all topics, numbered as its writer numbers them."""
-    own = {topic.name: (topic.type_name, topic.layout.schema) for topic in TOPICS.values()}
-    standard = {topic.name: (topic.type_name, topic.schema) for topic in STANDARD}
+    topics = [(topic.name, topic.type_name, topic.layout.schema) for topic in TOPICS.values()]
+    topics += [(topic.name, topic.type_name, topic.schema) for topic in STANDARD]
     numbers: dict[str, int] = {}
     schemas: list[Any] = []
     channels: list[Any] = []
-    for name, (type_name, text) in {**own, **standard}.items():
+    for name, type_name, text in topics:
         if type_name not in numbers:
             numbers[type_name] = len(numbers) + 1
             schemas.append(records.Schema(numbers[type_name], text.encode(), "ros2msg", type_name))
