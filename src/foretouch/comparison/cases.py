@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Final, NamedTuple, Unpack
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.comparison.truth import Truth
 from foretouch.devices import ScriptedOperator
@@ -25,13 +24,11 @@ from foretouch.errors import UnknownNameError
 from foretouch.errors.checks import require_path
 from foretouch.messages import SessionLog
 from foretouch.models import ContactModel, ContinuousSwitching, HuntCrossley, KelvinVoigt, MemorylessLaw, advance
-from foretouch.quantities import ByValue, Recording
+from foretouch.quantities import Array, ByValue, Recording
 from foretouch.recordings import RecordingOptions, is_session, read_session, read_with_notes
 from foretouch.recordings.meaning.names import ReadingKeywords
 from foretouch.recordings.reading import options_of
 from foretouch.robot import make_material
-
-Array = NDArray[np.float64]
 
 SAMPLE_PERIOD: Final = 1e-3
 """Time between two samples of a simulated recording [s]."""

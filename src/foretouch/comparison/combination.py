@@ -14,7 +14,6 @@ from time import perf_counter
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.comparison.cases import Case, Loaded, load
 from foretouch.comparison.result import LocalStiffness, Prediction, Result
@@ -24,11 +23,8 @@ from foretouch.errors.checks import require
 from foretouch.identification import ContactSample, Learner, LearntModel, identify, make_estimator
 from foretouch.identification.estimator import Estimator
 from foretouch.models import Predictor
-from foretouch.quantities import Recording
+from foretouch.quantities import Array, Flags, Recording
 from foretouch.report import Forces, Scores, forces_under_delay, lowest_mean, require_delay_within, score_prediction
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 
 class OnceLearnt(Learner):
@@ -302,7 +298,7 @@ def _prediction(
         "contact_floor": scoring.contact_floor,
     }
 
-    def floor(left_out: NDArray[np.bool_] | None) -> float | None:
+    def floor(left_out: Flags | None) -> float | None:
         return None if whole_file is None else score_outside(whole_file, left_out, **window).prediction_error_percent
 
     if loaded.log is None:

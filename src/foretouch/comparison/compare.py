@@ -9,7 +9,6 @@ from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.comparison.cases import Case, file_case
 from foretouch.comparison.combination import Combination, Scoring, failed, try_combination
@@ -19,7 +18,7 @@ from foretouch.comparison.result import Result
 from foretouch.errors import InputError, UnknownNameError, plural
 from foretouch.errors.checks import require, require_type
 from foretouch.identification import Estimator, all_estimators, load_estimator
-from foretouch.quantities import as_frame
+from foretouch.quantities import Array, as_frame
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -62,7 +61,7 @@ class Results(list[Result]):
         """
         return as_frame(self.rows())
 
-    def to_numpy(self) -> NDArray[np.float64]:
+    def to_numpy(self) -> Array:
         """Prediction errors [%], shape (results, delays), NaN where there is none."""
         delays = max((len(result.predictions) for result in self), default=0)
         errors = np.full((len(self), delays), np.nan)

@@ -9,14 +9,12 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.comparison.result import NEVER, Prediction, Result, middle
 from foretouch.identification import DEFAULT_ESTIMATORS
+from foretouch.quantities import Array
 from foretouch.report import finished, new_figure
 from foretouch.report.drawing import COLOURS, PREDICTED, RENDERED, TRUE
-
-Array = NDArray[np.float64]
 
 MOST_RECORDINGS = 16
 """Largest number of recordings in the figures of a page, which would grow without bound; its tables have all."""

@@ -8,15 +8,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.identification import LearntModel
 from foretouch.models import ContactModel, HuntCrossley, KelvinVoigt, MemorylessLaw, MotionFilter, advance
-from foretouch.quantities import ByValue, Recording
+from foretouch.quantities import Array, ByValue, Flags, Recording
 from foretouch.report import delayed_force
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 LEARNING_TIME: Final = 0.1  # Time granted for learning a changed law, beyond the delay [s]
 CONVERGED_SPAN: Final = 0.5  # Time over which a converged estimate predicts the force [s]

@@ -7,15 +7,11 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from foretouch.quantities import Rows, brief_text
+from foretouch.quantities import Array, Flags, Rows, brief_text
 from foretouch.rendering.energy import FASTEST_HAND, SAMPLE_PERIOD, SMALLEST_COUNT
 from foretouch.rendering.tick import FARTHEST, PHANTOM
 from foretouch.report.numbers import finite_or_none, largest
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 
 class BookedDevice(NamedTuple):

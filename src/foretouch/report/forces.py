@@ -6,22 +6,18 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.errors import SettingError
 from foretouch.errors.checks import require
 from foretouch.identification import Learner, predict
 from foretouch.identification.force_calibration import TOUCH, lowest_mean
 from foretouch.messages import SessionLog
-from foretouch.quantities import ByValue, Recording
+from foretouch.quantities import Array, ByValue, Flags, Recording
 from foretouch.report.perception import LargestJump, largest_jump, time_to_accuracy
 from foretouch.report.rows import not_scored, pair
 from foretouch.report.scores import STATUSES, Scores, delayed_force
 from foretouch.report.session import CONTACT_FLOOR
 from foretouch.session import replay
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)

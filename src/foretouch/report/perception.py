@@ -13,9 +13,7 @@ from numpy.typing import NDArray
 from foretouch.devices import GRIPS, Device, DeviceSpecification, Hand
 from foretouch.errors import ForetouchError
 from foretouch.messages import SessionLog
-from foretouch.quantities import Rows
-
-Array = NDArray[np.float64]
+from foretouch.quantities import Array, Flags, Rows
 
 ACCURATE_WITHIN = 0.10
 """Error of an accurate prediction, as a fraction of the force RMS: people tell forces apart at 7 to 10 %."""
@@ -132,7 +130,7 @@ def time_to_accuracy(
     time: Array,
     true_force: Array,
     predicted_force: Array,
-    in_contact: NDArray[np.bool_],
+    in_contact: Flags,
     *,
     within: float = ACCURATE_WITHIN,
     lasting: float = ACCURATE_FOR,

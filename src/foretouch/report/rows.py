@@ -9,16 +9,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.errors import ForetouchError
 from foretouch.messages import WITH_THE_COMMANDS, ModelUpdate, SessionLog, Status
 from foretouch.messages.session_log import believable
 from foretouch.models import ContactModel, Predictor, make_model
-from foretouch.quantities import ByValue, Rows
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+from foretouch.quantities import Array, ByValue, Flags, Rows
 
 APART_NS = 100_000_000
 """Segments that are nearer to each other than this are one [ns]: about its speed a command comes and goes."""
@@ -148,7 +144,7 @@ def pair(log: SessionLog) -> Pairs:
     return Pairs(since * 1e-9, leader, follower, rows.never_applied)
 
 
-def not_scored(pairs: Pairs) -> NDArray[np.bool_]:
+def not_scored(pairs: Pairs) -> Flags:
     """Rows in which the robot was not at its commanded position, or the hand did not lead it.
 
     It guarded a first touch or did something else than follow (`foretouch.report.statuses.away`), the clutch was
@@ -159,7 +155,7 @@ def not_scored(pairs: Pairs) -> NDArray[np.bool_]:
     return np.asarray(pairs.follower["guarded"] | away(pairs.follower) | ~led)
 
 
-def nowhere(leader: Rows) -> NDArray[np.bool_]:
+def nowhere(leader: Rows) -> Flags:
     """Rows in which the operator's device gave no position.
 
     There are none in a recording of old, which has commands and no hand.

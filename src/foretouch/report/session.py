@@ -6,13 +6,12 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from foretouch.errors.checks import require_type
 from foretouch.messages import CHANNELS, SessionLog, encode
 from foretouch.models import ContactMapModel, summarise_map
-from foretouch.quantities import Rows
+from foretouch.quantities import Array, Flags, Rows
 from foretouch.report.numbers import largest, renders_models, setting
 from foretouch.report.perception import time_to_accuracy, update_jumps
 from foretouch.report.rows import Pairs, away, force_at_follower, joining, model_of, not_scored, nowhere, pair
@@ -23,8 +22,6 @@ from foretouch.report.sections.hand import contact_force, hand_figures
 from foretouch.report.sections.safety import safety_figures, segment_figures
 from foretouch.report.sections.session import loop_sentence, phase_figures, rendered_scores, scored
 from foretouch.settings import NO_BASELINE
-
-Array = NDArray[np.float64]
 
 CONTACT_FLOOR = 0.05
 """Smallest force that counts as contact in a session [N]."""
@@ -223,7 +220,7 @@ def _learnt(log: SessionLog, pairs: Pairs) -> dict[str, Any]:
     }
 
 
-def _coverage(pairs: Pairs, contact: NDArray[np.bool_], scores: Scores) -> dict[str, float | None]:
+def _coverage(pairs: Pairs, contact: Flags, scores: Scores) -> dict[str, float | None]:
     """Calibration of the predicted force's standard deviation: fractions of contact rows within one and two of it."""
     deviation = pairs.leader["standard_deviation"]
     known = contact & np.isfinite(deviation)

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from foretouch.errors import SettingError, UnknownNameError
 from foretouch.identification import ContactSample
@@ -23,10 +23,8 @@ from foretouch.models import (
     MemorylessLaw,
     advance,
 )
-from foretouch.quantities import Brief
+from foretouch.quantities import Array, Brief
 from foretouch.reproduction.theory.linearisation import fit_polynomial, linearise
-
-Array = NDArray[np.float64]
 
 START_DEPTH = 0.020  # depth about which the trajectory of Fig. 6 swings, and at which it starts: x_0 [m].
 

@@ -9,7 +9,6 @@ from itertools import product
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.identification import (
     FPRLS,
@@ -24,13 +23,11 @@ from foretouch.identification import (
 from foretouch.identification.linear.recursion import ErrorUnit
 from foretouch.messages import SessionLog
 from foretouch.models import ContactModel
-from foretouch.quantities import Brief
+from foretouch.quantities import Array, Brief
 from foretouch.report import session_figures
 from foretouch.reproduction.experiment import FORCE_DELAY
 from foretouch.reproduction.section import Outcome
 from foretouch.session import replay
-
-Array = NDArray[np.float64]
 
 FIELDS = (
     *("time", "iteration", "depth", "velocity", "force"),

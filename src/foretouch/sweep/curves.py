@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.quantities import Brief
+from foretouch.quantities import Array, Brief
 from foretouch.sweep.cases import is_clean, is_plain
 from foretouch.sweep.outcome import Outcome, of, totals
 
-Array = NDArray[np.float64]
 Figure = Callable[[Outcome], float | None]
 
 LABEL = {"none": "models (ours)", "delayed": "delayed force", "delayed-tdpa": "delayed force, passivity controller"}

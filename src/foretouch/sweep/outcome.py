@@ -9,10 +9,9 @@ from typing import Any
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.messages import SessionLog, Status, encode
-from foretouch.quantities import Rows
+from foretouch.quantities import Array, Rows
 from foretouch.report import CONTACT_FLOOR, hand_figures, pair, update_jumps
 from foretouch.session import SAMPLE_PERIOD, SessionSettings, simulate
 from foretouch.sweep.cases import Case
@@ -188,8 +187,6 @@ def _median(rows: Sequence[Outcome], name: str) -> float | None:
 def _surplus(margin: float | None) -> float | None:
     return None if margin is None else max(0.0, -margin)
 
-
-Array = NDArray[np.float64]
 
 _ENERGY = ("net_energy_J", "energy_bound_J", "energy_margin_J", "energy_used_percent", "net_energy_exact_J")
 

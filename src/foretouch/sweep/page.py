@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from foretouch.quantities import Array
 from foretouch.report import COLOURS, embedded, finished, legend, new_figure, table, tiles, write_html
 from foretouch.sweep.cases import NETWORKS, STIFF
 from foretouch.sweep.curves import (
@@ -198,7 +198,7 @@ def _scale(axes: Any, axis: Axis) -> None:
 def _histograms(
     rows: Sequence[Outcome],
     figure: Callable[[Outcome], float | None],
-    edges: NDArray[np.float64],
+    edges: Array,
     kinds: list[str],
     title: str,
 ) -> tuple[Any, Any]:

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.errors import ForetouchError
 from foretouch.messages import SessionLog
 from foretouch.models import MaterialField
+from foretouch.quantities import Array, Flags
 from foretouch.report.energy import (
     Account,
     BookedDevice,
@@ -29,9 +29,6 @@ from foretouch.report.scene.map import StiffnessMap, learnt_field, map_figures, 
 from foretouch.report.scene.pose import PoseError, SceneRows, pose_error, pose_figures, scene_rows, vectors
 from foretouch.robot import MATERIALS
 from foretouch.session.spatial import Scene, make_scene
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 FELT = 0.05  # A force above this is one that is felt [N]
 EPISODE = 0.02  # Shorter ones are edges of a contact, which are never quite where they were [s]

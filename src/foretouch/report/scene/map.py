@@ -6,20 +6,16 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import Delaunay, cKDTree
 
 from foretouch.errors import ForetouchError
 from foretouch.messages import SessionLog
 from foretouch.models import FIELD_DEPTH, MaterialField
-from foretouch.quantities import ByValue
+from foretouch.quantities import Array, ByValue, Flags
 from foretouch.quantities.pose import RigidMotion
 from foretouch.report.scene.pose import SceneRows
 from foretouch.robot import make_material
 from foretouch.session.spatial import Scene
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 CELL = 1e-3  # Side of a cell of the map [m]
 NEAR = 3e-3  # Largest distance of the probe from a point that counts as touched [m], half the distance of two nodes

@@ -11,11 +11,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from foretouch.messages import SessionLog
-from foretouch.quantities import ByValue, Rows
+from foretouch.quantities import Array, ByValue, Flags, Rows
 from foretouch.report.numbers import number_of, setting
 from foretouch.report.rows import Pairs
-
-Array = NDArray[np.float64]
 
 ONE_CLOCK_NS = 5_000_000
 """Two clocks that the fastest command shows no further apart than this, and the jitter, are one [ns]."""
@@ -89,8 +87,6 @@ def _clocks_apart(settings: Mapping[str, str], pairs: Pairs) -> int:
     jitter = round(1e9 * number_of(settings, "jitter", 0.0))
     return 0 if abs(apart) <= jitter + ONE_CLOCK_NS else apart
 
-
-Flags = NDArray[np.bool_]
 
 TOUCHES = 4  # Number of touches after which a pose should be known
 

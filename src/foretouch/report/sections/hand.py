@@ -6,10 +6,9 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.messages import SessionLog
-from foretouch.quantities import Rows, new_figure
+from foretouch.quantities import Array, Flags, Rows, new_figure
 from foretouch.rendering.limits import LARGEST_FORCE
 from foretouch.rendering.withheld import LEAST_FORCE, LEAST_SHARE, LEAST_TICKS, OWED, UNPAID
 from foretouch.report.drawing import (
@@ -33,9 +32,6 @@ from foretouch.report.sections import Drawing, Section, View
 from foretouch.report.sections.energy import FELT
 from foretouch.report.sections.safety import guarded_figures
 from foretouch.settings import NO_BASELINE, NO_GRIP
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 PHANTOM, PHANTOM_TICKS = 0.3, 50
 """A hand felt what the robot did not touch where the rendered force was above this [N] for more than this many commands

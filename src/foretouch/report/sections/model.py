@@ -6,17 +6,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.messages import ModelUpdate
 from foretouch.models import LAWS
-from foretouch.quantities import QUANTITIES, new_figure
+from foretouch.quantities import QUANTITIES, Array, new_figure
 from foretouch.report.drawing import ERROR, NARROW, PREDICTED, extremes, finished, legend, mark, note
 from foretouch.report.numbers import Finding, figure, number, parameter_text
 from foretouch.report.rows import Segment
 from foretouch.report.sections import Drawing, Section, View
-
-Array = NDArray[np.float64]
 
 IDLE_LAW = "the law's weight in the force is 0 %: these numbers play no part in it"
 """Remark beside the numbers of a contact map's law where that holds."""

@@ -6,17 +6,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.errors import plural
 from foretouch.messages import SessionLog
-from foretouch.quantities import new_figure
+from foretouch.quantities import Array, new_figure
 from foretouch.report.drawing import ERROR, PREDICTED, RENDERED, TRUE, curve, finished, legend, mark, note
 from foretouch.report.numbers import Finding, figure, filled, number
 from foretouch.report.rows import Pairs, Segment
 from foretouch.report.sections import Drawing, Section, View
-
-Array = NDArray[np.float64]
 
 OFTEN_LATE = 0.1  # A loop that is late in more than this fraction of its ticks does not keep its rate
 

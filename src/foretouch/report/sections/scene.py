@@ -6,10 +6,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.messages import SessionLog
-from foretouch.quantities import new_figure
+from foretouch.quantities import Array, new_figure
 from foretouch.report.drawing import (
     ERROR,
     NARROW,
@@ -30,8 +29,6 @@ from foretouch.report.scene.map import StiffnessMap, map_figures
 from foretouch.report.scene.pose import NEAR_DEGREES, NEAR_MM, PoseError
 from foretouch.report.sections import Drawing, Section, View
 from foretouch.session.spatial import Inclusion
-
-Array = NDArray[np.float64]
 
 LEAST_MM, LEAST_DEGREES = 0.01, 0.01
 """Begin of the axes of errors: no camera knows less."""

@@ -6,10 +6,10 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.errors import plural, was_or_were
 from foretouch.messages import SessionLog, Status
+from foretouch.quantities import Array
 from foretouch.recordings import FollowerSamples
 from foretouch.report.numbers import AS_IT_COMES, Finding, figure, filled, largest, number, number_of, sentence, setting
 from foretouch.report.rows import Pairs, not_scored, pair
@@ -127,7 +127,7 @@ def _begun(segments: Mapping[str, Any]) -> str:
 MOST_LINES = 12  # Phases that are listed in the text, the longest of them; all are in the JSON
 
 
-def scored(pairs: Pairs, force: NDArray[np.float64], true: str = "sensor_force", **window: Any) -> Scores:
+def scored(pairs: Pairs, force: Array, true: str = "sensor_force", **window: Any) -> Scores:
     """Scores of a force at equal command against one of the follower's; the sender took the delayed one's zero off."""
     columns = pairs.follower[true], force, pairs.leader["delayed_force"]
     window |= {"position": pairs.follower["position"], "skipped": not_scored(pairs), "delayed_offset": 0.0}

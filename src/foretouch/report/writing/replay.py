@@ -11,11 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.identification.force_calibration import lowest_mean
 from foretouch.messages import SessionLog
-from foretouch.quantities import Rows, new_figure
+from foretouch.quantities import Array, Flags, Rows, new_figure
 from foretouch.report.drawing import DELAYED, ERROR, PREDICTED, TRUE, curve, finished, last_contact, legend, peak
 from foretouch.report.numbers import number, sentence, value_of
 from foretouch.report.rows import Pairs, not_scored, pair
@@ -23,9 +22,6 @@ from foretouch.report.sections.session import scored
 from foretouch.report.session import CONTACT_FLOOR, session_figures
 from foretouch.report.writing.pages import embedded, table, write_html
 from foretouch.session import SessionSettings
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 APART = 0.05  # Touches that are nearer to each other than this [s] are one contact
 SHORTEST = 0.05  # Shortest contact [s] for which an error is given

@@ -12,17 +12,15 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.identification import FPRLS
+from foretouch.quantities import Array
 from foretouch.report import COLOURS, finished, legend, new_figure
 from foretouch.reproduction.presses import DURATION, PERIOD, STEPS, Press, Trace, press, true_parameters, two_presses
 from foretouch.reproduction.questions.choices import BEST, NEAREST, PRINTED, PRINTED_WORDS, Choice, claims_of, run_of
 from foretouch.reproduction.section import Claim, Section, Table, verdict_of
 
 LONGER = 60.0  # time for which the formula is followed beyond [s]
-
-Array = NDArray[np.float64]
 
 
 def turns(duration: float) -> list[float]:

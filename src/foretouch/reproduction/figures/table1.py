@@ -9,8 +9,8 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from foretouch.quantities import Array
 from foretouch.report import COLOURS, finished, legend, new_figure
 from foretouch.reproduction.presses import linearisation_press
 from foretouch.reproduction.section import Claim, Section, verdict_of
@@ -21,7 +21,6 @@ DEPTHS = np.geomspace(0.5e-3, 40e-3, 400)  # depths over which the lines are dra
 CLOSE = 0.01
 """Relative difference up to which a fit counts as the printed one [-]: one unit of the last digit of a2 is more."""
 
-Array = NDArray[np.float64]
 Line = tuple[float, float]
 
 

@@ -6,7 +6,6 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.identification import (
     FPRLS,
@@ -18,11 +17,10 @@ from foretouch.identification import (
 from foretouch.identification.estimator import Estimator
 from foretouch.identification.offline import OfflineFit, fit_offline
 from foretouch.models import ContinuousSwitching, HuntCrossley
+from foretouch.quantities import Array
 from foretouch.report import COLOURS, finished, legend, new_figure
 from foretouch.reproduction.presses import HUNT_CROSSLEY, KELVIN_VOIGT, WAVES, Press, follow, press
 from foretouch.reproduction.section import Claim, Section, Table, verdict_of
-
-Array = NDArray[np.float64]
 
 SETS: dict[str, tuple[tuple[float, float], ...]] = {
     "1: 2.5 mm": WAVES[:1],

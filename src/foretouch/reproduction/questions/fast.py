@@ -12,12 +12,10 @@ from numpy.typing import NDArray
 from foretouch.identification import FPRLS, ROBUST, Estimator, FPRLSOptions, RobustFPRLS, RobustOptions, Status
 from foretouch.identification.exact.recursive import ExactContinuousSwitching
 from foretouch.models import ContactModel, ContinuousSwitching, LinearisedContinuousSwitching, MotionFilter
-from foretouch.quantities import Brief
+from foretouch.quantities import Array, Brief
 from foretouch.report import COLOURS, finished, legend, new_figure
 from foretouch.reproduction.presses import STEPS, Press, follow, forces_of, press
 from foretouch.reproduction.section import Claim, Section, verdict_of
-
-Array = NDArray[np.float64]
 
 PERIOD = 1e-3  # time between samples [s]
 NOISE, ENCODER = 0.02, 5e-6  # standard deviation of the force noise [N]; step of the encoder [m]

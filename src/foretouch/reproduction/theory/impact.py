@@ -19,17 +19,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.errors import SettingError
 from foretouch.errors.checks import require
 from foretouch.models.classic import ContinuousSwitching
 from foretouch.models.contact_model import NO_STATE, ContactModel
 from foretouch.models.memoryless_law import MemorylessLaw
-from foretouch.quantities import Brief
+from foretouch.quantities import Array, Brief
 from foretouch.reproduction.theory.energy_loss import energy_loss
-
-Array = NDArray[np.float64]
 
 _LONGEST = 1e4
 """Time at which an impact that neither separates nor loses its energy is given up [scaled length over speed]."""
@@ -278,7 +275,7 @@ def impact_of(law: MemorylessLaw, *, speed: float = SPEED, allow_tension: bool =
     return integrate_impact(law, MASS, speed, allow_tension=allow_tension, samples=2001)
 
 
-def impact_table(impact: Impact) -> dict[str, NDArray[np.float64]]:
+def impact_table(impact: Impact) -> dict[str, Array]:
     """What figures of an impact draw, by column."""
     return {
         "time_s": impact.time,
