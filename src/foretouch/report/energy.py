@@ -94,7 +94,6 @@ def book(force: Array, position: Array, period: Array, device: BookedDevice) -> 
 
 ROUNDING = 1e-9  # Largest error of sums of floating-point numbers [J]
 
-
 SAME = 1e-9
 """Products of the same numbers differ by no more than this fraction: forces that fade pass through every size."""
 
@@ -123,15 +122,12 @@ def has_account(leader: Rows) -> bool:
 
 
 def energy_account(leader: Rows, device: BookedDevice | None = NO_DEVICE) -> Account:
-    """The account of a session, summed up again from the forces and positions that were recorded.
+    """The account of a session (`SessionLog.leader`), summed up again from the recorded forces and positions.
 
     As in `foretouch.rendering.energy.Ledger`. Only where a surplus was forgiven is taken from the leader's columns:
     where nothing was carried over and no more than 0.05 N was rendered. After lost rows, energy goes on from the value
-    that the leader recorded there, and its recorded bound is used from then on.
-
-    Args:
-        leader: Rows of `SessionLog.leader`.
-        device: Device in the hand; None where it is unknown: then the whole account is the leader's.
+    that the leader recorded there, and its recorded bound is used from then on. Without a known device (None) the whole
+    account is the leader's.
     """
     if device is None:
         return Account(*(leader[name].copy() for name in ("energy", "energy_bound", "late_energy")))
@@ -187,11 +183,11 @@ def summed_account(
         lost: Whether the row before is missing or unusable.
         device: Device in the hand.
     """
-    largest = np.maximum.accumulate(_held(force))
+    largest = np.maximum.accumulate(_before(force))
     farthest = np.maximum.accumulate(booked.reach)
     bound = (1.0 + 2.0 * device.delay / SAMPLE_PERIOD) * largest * farthest
     bound = np.where(np.logical_or.accumulate(lost), recorded["energy_bound"], bound)
-    begins = _begins(recorded["energy"], booked.work, _held(pressing) > PHANTOM, lost)
+    begins = _begins(recorded["energy"], booked.work, _before(pressing) > PHANTOM, lost)
     late = _owed(np.where(lost, 0.0, booked.late), recorded["late_energy"], lost)
     return Account(_summed(recorded["energy"], booked.work, begins, lost), bound, late)
 
@@ -243,10 +239,11 @@ def energy_figures(leader: Rows, device: BookedDevice | None = NO_DEVICE) -> dic
         return dict.fromkeys(_FIGURES)
     account = energy_account(leader, device)
     figures = account_figures(account, leader)
+    given = largest(-exact_energy(leader, device))
     used = float((-account.energy / np.where(account.bound > 0.0, account.bound, np.inf)).max())
     figures |= {
         "energy_used_percent": finite_or_none(100.0 * max(0.0, used)),
-        "net_energy_exact_J": _exact(leader, device),
+        "net_energy_exact_J": None if given is None else min(-given, 0.0),
         "largest_energy_cut_N": _largest_cut(leader),
     }
     return {name: figures[name] for name in _FIGURES}
@@ -280,7 +277,7 @@ def exact_energy(leader: Rows, device: BookedDevice | None = NO_DEVICE) -> Array
         return np.full(force.size, np.nan)
     period, lost = _summed_again(leader, device)[1], lost_rows(leader, np.isfinite(leader["hand_position"]))
     shown, exact = (book(-force[:, None], x, period, device) for x in (leader["hand_position"][:, None], position))
-    begins = _begins(leader["energy"], shown.work, _held(force) > PHANTOM, lost)
+    begins = _begins(leader["energy"], shown.work, _before(force) > PHANTOM, lost)
     return np.where(np.isfinite(position[:, 0]), _summed(leader["energy"], exact.work, begins, lost), np.nan)
 
 
@@ -297,17 +294,16 @@ def lost_rows(recorded: Rows, there: Flags) -> Flags:
     return np.asarray(lost)
 
 
-def _held(force: Array) -> Array:
-    """The force that acted until each row: that of the row before."""
-    return np.concatenate((np.zeros(min(1, force.size)), force[:-1]))
+def _before(values: Array) -> Array:
+    """Values of the row before, 0 at the first: a force acts until the next row."""
+    return np.concatenate((np.zeros(min(1, values.size)), values[:-1]))
 
 
 def _begins(recorded: Array, work: Array, firm: Flags, lost: Flags) -> Flags:
     """Ticks in which a surplus was forgiven: the work of one tick is all there is, after a surplus, no firm force."""
-    had = np.concatenate((np.zeros(min(1, recorded.size)), recorded[:-1])) > 0.0
     with np.errstate(invalid="ignore"):
         fresh = np.abs(recorded - work) <= SAME * np.abs(work)
-    return np.asarray(fresh & had & ~firm & ~lost)
+    return np.asarray(fresh & (_before(recorded) > 0.0) & ~firm & ~lost)
 
 
 def _summed(recorded: Array, work: Array, begins: Flags, lost: Flags) -> Array:
@@ -326,12 +322,6 @@ def _owed(late: Array, recorded: Array, lost: Flags) -> Array:
         owed = kept if gone else min(owed + work, 0.0)
         total[row] = owed
     return total
-
-
-def _exact(leader: Rows, device: BookedDevice | None) -> float | None:
-    energy = exact_energy(leader, device)
-    most = largest(-energy)
-    return None if most is None else min(-most, 0.0)
 
 
 def _largest_cut(leader: Rows) -> float:

@@ -107,7 +107,7 @@ def forces_under_delay(source: Recording | SessionLog, learner: Learner, delay: 
             source.contact_floor,
             predicted.standard_deviation,
             predicted.jump,
-            _periods(source.time),
+            np.diff(source.time, prepend=np.nan),
         )
     again, pairs, leader = replay(source, learner, delay=delay), pair(source), source.longest().leader
     ticks = np.searchsorted(leader["sequence"], pairs.leader["sequence"])
@@ -120,14 +120,9 @@ def forces_under_delay(source: Recording | SessionLog, learner: Learner, delay: 
         CONTACT_FLOOR,
         again.predicted.standard_deviation[ticks],
         again.predicted.jump[ticks],
-        _periods(leader["time_ns"] * 1e-9)[ticks],
+        np.diff(leader["time_ns"] * 1e-9, prepend=np.nan)[ticks],
         not_scored(pairs),
     )
-
-
-def _periods(time: Array) -> Array:
-    """Time since the sample before, NaN at the first."""
-    return np.concatenate((np.full(min(1, time.size), np.nan), np.diff(time)))
 
 
 APART = 0.1  # Touches that are nearer to each other than this [s] are one
@@ -174,7 +169,6 @@ def _said(forces: Forces, scores: Scores, delay: float, score_from: float | None
 
 
 def _meaning(status: str, time: Array, all_count: bool, score_from: float | None) -> str:
-    """Meaning of a status for this recording."""
     if status == "nothing_to_score" and score_from is not None and time.size and time[-1] < score_from:
         return f"the recording ends after {time[-1]:.3g} s, before --score-from {score_from:g}"
     if status == "nothing_to_score" and all_count:

@@ -47,8 +47,6 @@ def filled(template: str, figures: Mapping[str, Any]) -> str:
 
 
 class _Filler(string.Formatter):
-    """Of `filled`."""
-
     def get_field(self, field_name: str, args: Any, kwargs: Any) -> tuple[Any, str]:
         return value_of(kwargs, field_name), field_name
 

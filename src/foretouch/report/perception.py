@@ -175,14 +175,11 @@ def time_to_accuracy(
 
 
 def _window_sums(values: Array, count: int) -> Array:
-    """Sums of all runs of this length."""
     sums = np.concatenate(([0.0], np.cumsum(values)))
     return np.asarray(sums[count:] - sums[:-count])
 
 
 class _Intention(Device):
-    """The intention of a hand, read again."""
-
     name = "recorded intention"
     closed_loop = False
 
@@ -197,13 +194,9 @@ class _Intention(Device):
 
 
 def free_hand(log: SessionLog) -> Array | None:
-    """Position that the hand of the settings would have had by its intention alone, without any force [m].
+    """Position that the hand of the settings would have had by its intention alone, without any force [m], shape (n,).
 
-    Args:
-        log: The session.
-
-    Returns:
-        Positions, shape (n,), NaN where the intention is unknown; None where the operator or the device is unknown.
+    NaN where the intention is unknown; None where the operator or the device is.
     """
     try:
         grip = GRIPS[log.settings["grip"]]
@@ -286,11 +279,7 @@ def swings(position: Array) -> NDArray[np.int64]:
     With l_j the way to the j-th of the `turning_points` from the one before, the j-th counts if
     :math:`l_j \ge l_{j-2} / 2`: if it is not much shorter than the swing before it in the same direction.
 
-    Args:
-        position: Finite [m], shape (n,).
-
-    Returns:
-        Their indices, increasing.
+    The position [m], shape (n,), is finite; the indices increase.
     """
     turns = turning_points(position)
     ways = np.abs(np.diff(position[np.concatenate(([0], turns))])) if turns.size else np.zeros(0)
@@ -300,14 +289,9 @@ def swings(position: Array) -> NDArray[np.int64]:
 
 
 def turning_points(position: Array, swing: float = SWING) -> NDArray[np.int64]:
-    """Samples at which a position turns, with a way of more than one swing between any two, and before and after.
+    """Samples at which a finite position [m], shape (n,), turns, increasing.
 
-    Args:
-        position: Finite [m], shape (n,).
-        swing: Smallest way that counts [m], positive.
-
-    Returns:
-        Their indices, increasing.
+    Between any two, and before and after, there is a way of more than one swing [m].
     """
     turns = []
     direction = low = high = 0  # low and high: samples of the extremes since the last turn

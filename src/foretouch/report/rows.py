@@ -73,7 +73,7 @@ def trusted(follower: Rows, rows: Rows) -> Flags:
     """Rows that hold a true force: the sensors are believed, then and in the 0.1 s that a fault may go unnoticed."""
     good = believable(rows)
     failing = follower["validity"] > 0
-    faults = follower["time_ns"][failing & ~np.concatenate((np.zeros(min(1, failing.size), np.bool_), failing[:-1]))]
+    faults = follower["time_ns"][failing & np.diff(failing, prepend=False)]
     if faults.size:
         following = np.append(faults, 2 * FOUND_WITHIN_NS + int(rows["time_ns"].max(initial=0)))
         until = following[np.searchsorted(faults, rows["time_ns"])] - rows["time_ns"]

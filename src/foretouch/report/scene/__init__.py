@@ -151,18 +151,10 @@ class SceneFindings:
 
 
 def look_at_scene(log: SessionLog, pairs: Pairs) -> SceneFindings:
-    """Everything that figures and drawings of a session in three dimensions are made of.
-
-    Args:
-        log: One segment, with messages in space.
-        pairs: Its rows at equal command.
-    """
+    """What figures and drawings of a segment with messages in space are made of; its rows at equal command with it."""
     rows = scene_rows(log, pairs)
-    account = spatial_account(
-        rows,
-        position_scale=number_of(log.settings, "position_scale", 1.0),
-        device=booked_device(log.settings),
-    )
+    scale, device = number_of(log.settings, "position_scale", 1.0), booked_device(log.settings)
+    account = spatial_account(rows, position_scale=scale, device=device)
     scene, field = _scene(log.settings), learnt_field(log)
     stiffness = None
     if scene is not None and field is not None:

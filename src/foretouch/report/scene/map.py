@@ -168,7 +168,6 @@ def _height(scene: Scene, x: float, y: float) -> float:
 
 
 def _touched(points: Array, touched: Array) -> Flags:
-    """Flags of the points near a touched one, seen from above."""
     if not len(touched):
         return np.zeros(len(points), dtype=np.bool_)
     return np.asarray(cKDTree(touched).query(points[:, :2])[0] < NEAR)

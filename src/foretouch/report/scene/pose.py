@@ -175,7 +175,6 @@ def _settled(error: PoseError) -> Flags:
 
 
 def _bumps(rows: SceneRows) -> tuple[tuple[float, float], ...]:
-    """Times at which the true fixture moved."""
     pose = np.hstack([vectors(rows.probe, "exact"), vectors(rows.probe, "exact", turn=True)])
     moved = np.flatnonzero((np.diff(pose, axis=0) != 0.0).any(axis=1) & np.isfinite(pose[1:]).all(axis=1))
     if not moved.size:

@@ -30,7 +30,7 @@ from foretouch.report.perception import free_hand, oscillation
 from foretouch.report.rows import Pairs, away, not_scored, pair
 from foretouch.report.sections import Drawing, Section, View
 from foretouch.report.sections.energy import FELT
-from foretouch.report.sections.safety import guarded_figures
+from foretouch.report.sections.safety import contact_force, guarded_figures
 from foretouch.settings import NO_BASELINE, NO_GRIP
 
 PHANTOM, PHANTOM_TICKS = 0.3, 50
@@ -121,12 +121,6 @@ def _finite(log: SessionLog) -> bool:
     exact = log.follower["exact_force"]
     wrong = np.isinf(exact) | (np.isnan(exact) & ~np.isnan(exact).all())  # on a robot it is known nowhere
     return bool(np.isfinite(log.leader["rendered_force"]).all() and not wrong.any())
-
-
-def contact_force(log: SessionLog) -> Array:
-    """Force between probe and material in all ticks [N]: the simulator's where it is known, else the sensor's."""
-    exact = log.follower["exact_force"]
-    return np.asarray(exact if np.isfinite(exact).any() else log.follower["force"])
 
 
 def _largest_phantom(pairs: Pairs) -> float | None:

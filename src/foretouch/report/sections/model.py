@@ -20,7 +20,6 @@ IDLE_LAW = "the law's weight in the force is 0 %: these numbers play no part in 
 
 
 def _useless(report: Mapping[str, Any]) -> Iterator[Finding]:
-    """A finding where nothing could be predicted."""
     if report["samples"] and not report["models"]["valid"]:
         yield Finding("No valid contact model was ever identified: nothing could be predicted.")
 
@@ -38,22 +37,14 @@ def model_lines(report: Mapping[str, Any]) -> list[str]:
 
 
 def law_is_idle(figures: Mapping[str, Any]) -> bool:
-    """Whether the law's fraction of a contact map's force is 0 % as printed.
-
-    Args:
-        figures: By name, as `foretouch.models.MapSummary.figures` gives them.
-    """
+    """Whether the law's fraction in the figures of a `foretouch.models.MapSummary` is 0 % as printed."""
     return f"{100.0 * figures['shares'].get('law', 1.0):.0f}" == "0"
 
 
 def map_lines(figures: Mapping[str, Any]) -> list[str]:
-    """A contact map as lines for a terminal.
+    """A contact map, by its `foretouch.models.MapSummary.figures`, as lines for a terminal.
 
-    Args:
-        figures: By name, as `foretouch.models.MapSummary.figures` gives them.
-
-    Returns:
-        Weights of the experts and the region visited; local stiffness; uncertainty.
+    Weights of the experts and the region visited; local stiffness; uncertainty.
     """
     weights = ", ".join(f"{name} {100.0 * weight:.0f} %" for name, weight in figures["shares"].items())
     depth, speed = 1e3 * figures["depth_visited_m"], 1e3 * figures["speed_visited_m_per_s"]

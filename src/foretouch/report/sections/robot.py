@@ -29,7 +29,6 @@ _MOTION = (
 
 
 def _cut(report: Mapping[str, Any]) -> Iterator[Finding]:
-    """Findings on limits that cut a force or a command."""
     for side, what in (("leader", "rendered force"), ("follower", "robot's command")):
         if report["clipped"][side]:
             yield Finding(f"The limits cut the {what} in {plural(report['clipped'][side], 'tick')}.")

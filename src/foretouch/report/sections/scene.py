@@ -35,11 +35,7 @@ LEAST_MM, LEAST_DEGREES = 0.01, 0.01
 
 
 def pose_figure(error: PoseError) -> Any:
-    """Error of the rendered fixture, position and rotation, with the filter's standard deviations.
-
-    Args:
-        error: With at least one tick.
-    """
+    """Error of the rendered fixture in at least one tick, position and rotation, with the filter's deviations."""
     figure = new_figure(6.4)
     distance, turn = figure.subplots(2, 1, sharex=True)
     for axes, values, deviation, near, least, unit, what in (
@@ -95,12 +91,7 @@ def contact_figure(log: SessionLog, pairs: Pairs, wrong: Wrong, true_friction: f
 def map_figure(stiffness: StiffnessMap, inclusion: Inclusion | None = None, *, centre: Sequence[float] = ()) -> Any:
     """The map of local stiffness as it was learnt, its standard deviation, and the truth where it is known.
 
-    What was not touched is left grey.
-
-    Args:
-        stiffness: The map.
-        inclusion: The true one; None for none.
-        centre: Its estimated centre [mm], x and y; or nothing.
+    What was not touched is left grey. The inclusion is the true one, the centre [mm] is that which was found.
     """
     panels = [("learnt", stiffness.learnt, "stiffness"), ("standard deviation", stiffness.uncertainty, "uncertainty")]
     if stiffness.true is not None:
@@ -163,7 +154,6 @@ def _scale(values: Array) -> tuple[float, float]:
 
 
 def _findings(report: Mapping[str, Any]) -> Iterator[Finding]:
-    """Faults of a scene."""
     if "scene" not in report:
         return
     for bump in report["scene"]["pose"]["bumps"]:
@@ -177,7 +167,6 @@ def _findings(report: Mapping[str, Any]) -> Iterator[Finding]:
 
 
 def _lines(report: Mapping[str, Any]) -> Iterator[str]:
-    """The block of the report on a scene; none for a session along a line."""
     if "scene" not in report:
         return
     scene = report["scene"]

@@ -108,11 +108,7 @@ def compare_replay(recorded: SessionLog, replayed: SessionLog, notes: Sequence[s
 
 
 def contacts(log: SessionLog) -> list[Contact]:
-    """The contacts of a session at equal command, as `score_prediction` finds them; those that are not scored left out.
-
-    Args:
-        log: The session, whose longest segment is taken.
-    """
+    """Contacts of the longest segment at equal command, as `score_prediction` finds them; only what is scored."""
     pairs = pair(log)
     if not pairs.time.size:
         return []
@@ -133,14 +129,7 @@ def hand_begins_ns(leader: Rows) -> int:
 
 
 def render_replay(content: Mapping[str, Any]) -> str:
-    """Both sessions side by side, for a terminal.
-
-    Args:
-        content: Result of `compare_replay`.
-
-    Returns:
-        Lines of at most about 100 characters, without a last line break.
-    """
+    """Both sessions (`compare_replay`) side by side: lines of about 100 characters, without a last line break."""
     article = "a" if content["loop"].startswith("closed") else "an"
     texts = (f"replay in {article} {content['loop']}", content["motion"], *content["notes"])
     lines = [sentence(text) for text in texts]
@@ -208,19 +197,9 @@ def write_replay_page(
     content: Mapping[str, Any],
     made: Mapping[str, Any] | None = None,
 ) -> Path:
-    """Write a recorded session and its replay, over one another, as ``index.html``.
+    """Write a recorded session of this name and its replay, over one another, as `foretouch.report.write_page`.
 
-    Args:
-        directory: Made if it is not there.
-        name: Of the recording, for the heading.
-        recorded: The session.
-        replayed: Its replay.
-        content: Result of `compare_replay`.
-        made: Its origin, for the end of the page, as `write_html` takes it.
-
-    Raises:
-        InputError: The folder cannot be made or the page cannot be written.
-        MissingExtraError: Matplotlib is not installed.
+    The content is that of `compare_replay`.
     """
     before, after = (content[of]["settings"] for of in ("recorded", "replayed"))
     body = [
@@ -243,10 +222,7 @@ def write_replay_page(
 def replay_figure(recorded: SessionLog, replayed: SessionLog, contacts: Mapping[str, Any]) -> Any:
     """Forces of both sessions at the time of the hand, a close-up, and the errors of each contact.
 
-    Args:
-        recorded: The session.
-        replayed: Its replay.
-        contacts: Of each, by ``recorded`` and ``replayed``, as `compare_replay` gives them.
+    The contacts are by ``recorded`` and ``replayed``, as `compare_replay` gives them.
     """
     figure = new_figure(9.5)
     whole, near, errors = figure.subplots(3, 1)
