@@ -52,18 +52,14 @@ class Scenario:
     Attributes:
         duration: [s].
         motion: Position of the probe [m] from the time [s], the surface [m] and a seed.
-        law: The law at a time [s], or the one that holds throughout.
+        law: The law that holds at a time [s].
         changes: Times of its sudden changes [s].
     """
 
     duration: float
     motion: Callable[[Array, float, int], Array]
-    law: ContactModel | Callable[[float], ContactModel]
+    law: Callable[[float], ContactModel]
     changes: tuple[float, ...] = ()
-
-    def law_at(self, time: float) -> ContactModel:
-        """The law that holds at a time [s]."""
-        return self.law if isinstance(self.law, ContactModel) else self.law(time)
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,8 +88,7 @@ def simulate(name: str, *, seed: int = 0) -> Simulated:
     Raises:
         UnknownNameError: No such recording.
     """
-    if name not in SIMULATED:
-        raise UnknownNameError("simulated recording", name, SIMULATED)
+    simulated_case(name)  # refuses what there is not
     scenario = SIMULATED[name]()
     random = np.random.default_rng([seed, zlib.crc32(name.encode())])
     surface, offset = random.uniform(0.008, 0.015), random.uniform(-0.5, 0.5)
@@ -101,7 +96,7 @@ def simulate(name: str, *, seed: int = 0) -> Simulated:
     position = scenario.motion(time, surface, seed)
     depth = position - surface
     force = _force(scenario, time, depth)
-    last = scenario.law_at(float(time[-1]))
+    last = scenario.law(float(time[-1]))
     recording = Recording(
         time,
         np.round(position / ENCODER_STEP) * ENCODER_STEP,
@@ -116,10 +111,10 @@ def simulate(name: str, *, seed: int = 0) -> Simulated:
 def _force(scenario: Scenario, time: Array, depths: Array) -> Array:
     """True force [N], the law advanced along the true motion."""
     force = np.empty(time.size)
-    state = scenario.law_at(0.0).initial_state()
+    state = scenario.law(0.0).initial_state()
     samples = zip(time.tolist(), depths.tolist(), np.gradient(depths, time).tolist(), strict=True)
     for index, (now, depth, speed) in enumerate(samples):
-        state, force[index], _ = advance(scenario.law_at(now), state, depth, speed, SAMPLE_PERIOD)
+        state, force[index], _ = advance(scenario.law(now), state, depth, speed, SAMPLE_PERIOD)
     return force
 
 
@@ -179,20 +174,20 @@ def _sudden(time: float) -> ContactModel:
 def _material(name: str) -> Callable[[], Scenario]:
     def scenario() -> Scenario:
         material = make_material(name)
-        return Scenario(15.0, _presses(material.press_depth), material.model)
+        return Scenario(15.0, _presses(material.press_depth), lambda time: material.model)
 
     return scenario
 
 
 SIMULATED: Final[dict[str, Callable[[], Scenario]]] = {
-    "kelvin-voigt": lambda: Scenario(12.0, _presses(0.010), KELVIN_VOIGT),
-    "hunt-crossley": lambda: Scenario(12.0, _presses(0.015), HUNT_CROSSLEY),
-    "continuous-switching": lambda: Scenario(12.0, _presses(0.012), BETWEEN),
+    "kelvin-voigt": lambda: Scenario(12.0, _presses(0.010), lambda time: KELVIN_VOIGT),
+    "hunt-crossley": lambda: Scenario(12.0, _presses(0.015), lambda time: HUNT_CROSSLEY),
+    "continuous-switching": lambda: Scenario(12.0, _presses(0.012), lambda time: BETWEEN),
     "gradual-change": lambda: Scenario(FREE_AIR + GRADUAL_DURATION, _palpation, _gradual),
     "sudden-change": lambda: Scenario(
         FREE_AIR + 22.0, _palpation, _sudden, tuple(FREE_AIR + change for change in CHANGES)
     ),
-    "tapping": lambda: Scenario(10.0, _taps, HUNT_CROSSLEY),
+    "tapping": lambda: Scenario(10.0, _taps, lambda time: HUNT_CROSSLEY),
     "sponge": _material("sponge"),
     "foam": _material("foam"),
     "hand": _material("hand"),
@@ -243,19 +238,10 @@ class Loaded(NamedTuple):
 def file_case(
     path: str | PathLike[str], options: RecordingOptions | None = None, **named: Unpack[ReadingKeywords]
 ) -> Case:
-    """A recording in a file.
+    """A recording in a file; options, or named attributes of them, are for reading it, as `read_recording` takes them.
 
-    Args:
-        path: Path of any file that `read_recording` takes.
-        options: Options for reading it, where the file does not say so by itself.
-        **named: In place of `options`, its attributes by name, as `read_recording` takes them.
-
-    Returns:
-        A case, also where the file is missing or cannot be read: its combinations fail with that reason.
-
-    Raises:
-        UnknownNameError: A unit or force channel that is not known.
-        ArgumentTypeError: A path or a unit that is none.
+    Also where the file is missing or cannot be read there is a case: its combinations fail with that reason. An
+    UnknownNameError says that a unit or force channel is not known, an ArgumentTypeError that a path or unit is none.
     """
     require_path("path", path)
     options = options_of(options, named)

@@ -28,7 +28,6 @@ Progress = Callable[[int, int, Result], None]
 
 FEW = 8  # Number of results shown in the representation of all
 
-
 _IN_A_ROW = ("recording", "model", "estimator", "status", "reason", "samples", "contact_samples", "residual_percent")
 """Fields of each result in `Results.rows`."""
 

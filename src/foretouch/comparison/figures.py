@@ -325,7 +325,6 @@ def _law_colour(model: str) -> str:
 
 
 def _handles(pairs: Sequence[Pair], with_floors: bool) -> list[Any]:
-    """Entries of the legend."""
     lines, patches = import_module("matplotlib.lines"), import_module("matplotlib.patches")
     shown = [lines.Line2D([], [], color=TRUE, linewidth=2.2, label="delayed force: the ceiling")]
     for pair, (colour, _) in PROMINENT.items():

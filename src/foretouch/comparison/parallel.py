@@ -81,12 +81,7 @@ def run_on_cluster(
 
 
 class _Watch:
-    """Whether outcomes can still be expected.
-
-    Args:
-        client: Client of the scheduler.
-        say: Called when there are no workers any more.
-    """
+    """Whether outcomes can still be expected; `say` is called when there are no workers any more."""
 
     def __init__(self, client: Any, say: Callable[[str], None]) -> None:
         self._client = client
@@ -177,12 +172,10 @@ def _without_its_log() -> Iterator[None]:
 
 
 def _one_line(error: BaseException) -> str:
-    """One line of an error."""
     return " ".join(str(error).split()) or type(error).__name__
 
 
 def _reason(error: BaseException | None) -> str:
-    """One line of what a worker died of."""
     if type(error).__name__ == "KilledWorker":
         return "its workers died, one after another"
     return type(error).__name__ if error is None else f"{type(error).__name__}: {_one_line(error)}"

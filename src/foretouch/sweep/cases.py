@@ -185,7 +185,6 @@ def _short(value: float) -> float:
 
 
 def _delays(random: np.random.Generator, round_trip: float) -> Options:
-    """The round trip, split unevenly."""
     there = _short(round_trip * random.uniform(0.1, 0.9))
     return {"position_delay": there, "force_delay": round(round_trip - there, 4)}
 

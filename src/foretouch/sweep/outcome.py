@@ -19,7 +19,6 @@ from foretouch.sweep.cases import Case
 LARGEST_JUMP = 0.1
 """Largest change of force that models may make in one tick, before limits [N]."""
 
-
 FORCE_CEILING = SessionSettings.force_ceiling  # Largest force with which a robot may press [N]
 
 
