@@ -47,19 +47,12 @@ BETWEEN: Final = ContinuousSwitching(4500.0, 1000.0, 0.7, 0.5)  # Parameters of 
 
 @dataclass(frozen=True)
 class Scenario:
-    """A material and the motion that presses it.
+    """A material and the motion that presses it."""
 
-    Attributes:
-        duration: [s].
-        motion: Position of the probe [m] from the time [s], the surface [m] and a seed.
-        law: The law that holds at a time [s].
-        changes: Times of its sudden changes [s].
-    """
-
-    duration: float
-    motion: Callable[[Array, float, int], Array]
-    law: Callable[[float], ContactModel]
-    changes: tuple[float, ...] = ()
+    duration: float  # [s]
+    motion: Callable[[Array, float, int], Array]  # position of the probe [m] by time [s], surface [m] and seed
+    law: Callable[[float], ContactModel]  # the law that holds at a time [s]
+    changes: tuple[float, ...] = ()  # times of its sudden changes [s]
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,17 +215,11 @@ class Case:
 
 
 class Loaded(NamedTuple):
-    """A case in memory.
+    """A case in memory."""
 
-    Attributes:
-        recording: Recording of the follower.
-        truth: The truth, where it is known.
-        log: Log of a file that holds a session: the prediction is then made on the leader's motion.
-    """
-
-    recording: Recording
-    truth: Truth | None = None
-    log: SessionLog | None = None
+    recording: Recording  # recording of the follower
+    truth: Truth | None = None  # the truth, where it is known
+    log: SessionLog | None = None  # log of a file that holds a session: the prediction is then on the leader's motion
 
 
 def file_case(

@@ -15,17 +15,11 @@ from foretouch.report.numbers import finite_or_none, largest
 
 
 class BookedDevice(NamedTuple):
-    """Properties of the device that the energy account depends on.
+    """Properties of the device that the energy account depends on."""
 
-    Attributes:
-        resolution: One count of its encoder [m]; less than a micrometre counts as one.
-        delay: From reading a position until the force computed from it acts [s].
-        watchdog: Time for which it holds a force that is not renewed [s]; 0 for no end.
-    """
-
-    resolution: float = 0.0
-    delay: float = 0.0
-    watchdog: float = 0.0
+    resolution: float = 0.0  # one count of its encoder [m]; less than a micrometre counts as one
+    delay: float = 0.0  # from reading a position until the force computed from it acts [s]
+    watchdog: float = 0.0  # time for which it holds a force that is not renewed [s]; 0 for no end
 
 
 NO_DEVICE = BookedDevice()  # The device of an open loop, which no hand holds
@@ -99,17 +93,11 @@ SAME = 1e-9
 
 
 class Account(NamedTuple):
-    """The account of energy in every tick of the leader; columns of shape (n,).
+    """The account of energy in every tick of the leader; columns of shape (n,)."""
 
-    Attributes:
-        energy: E, work of the hand against the rendered force, with all debts and no surplus of former contacts [J].
-        bound: Largest amount by which E may be below zero [J].
-        late: L, the energy lost beside it in late ticks and missing positions, never positive [J].
-    """
-
-    energy: Array
-    bound: Array
-    late: Array
+    energy: Array  # E, the hand's work against the rendered force, with all debts, no surplus of former contacts [J]
+    bound: Array  # largest amount by which E may be below zero [J]
+    late: Array  # L, the energy lost beside it in late ticks and missing positions, never positive [J]
 
     def __repr__(self) -> str:
         """In a few lines, however long the session was."""

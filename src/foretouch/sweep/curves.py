@@ -26,19 +26,12 @@ FEWEST = 3  # Smallest number of sessions of a bin that is drawn
 
 @dataclass(frozen=True)
 class Axis:
-    """Quantity by which sessions are laid out.
+    """Quantity by which sessions are laid out."""
 
-    Attributes:
-        name: Name for texts, as ``"round trip"``.
-        unit: Unit of the value.
-        value: Function from a session to its value.
-        edges: Edges of the bins.
-    """
-
-    name: str
-    unit: str
-    value: Figure
-    edges: tuple[float, ...]
+    name: str  # name for texts, as ``"round trip"``
+    unit: str  # unit of the value
+    value: Figure  # function from a session to its value
+    edges: tuple[float, ...]  # edges of the bins
 
 
 AXES = (

@@ -41,19 +41,12 @@ SHOWING = (
 
 
 class Header(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The settings that all rows of a folder have in common.
+    """The settings that all rows of a folder have in common."""
 
-    Attributes:
-        version: Version of foretouch.
-        code: Digest of the code that ran the sessions.
-        seed: Seed of the sweep.
-        duration_s: Duration of sessions without delay [s].
-    """
-
-    version: str
-    code: str
-    seed: int
-    duration_s: float
+    version: str  # version of foretouch
+    code: str  # digest of the code that ran the sessions
+    seed: int  # seed of the sweep
+    duration_s: float  # duration of sessions without delay [s]
 
 
 @functools.cache

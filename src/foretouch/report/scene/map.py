@@ -33,25 +33,15 @@ SMALL = 1e-6  # Difference of depths over which a slope is taken [m]
 
 @dataclass(frozen=True, eq=False)
 class StiffnessMap(ByValue):
-    """Local stiffness at rest over a scene's surface, seen from above; fields of shape (rows, columns).
+    """Local stiffness at rest over a scene's surface, seen from above; fields of shape (rows, columns)."""
 
-    Attributes:
-        x: Coordinates of the columns, in the fixture's frame [m].
-        y: Coordinates of the rows [m].
-        learnt: Local stiffness at `depth` [N/m].
-        uncertainty: Its standard deviation [N/m].
-        true: Stiffness of the simulated material; None where it is unknown.
-        touched: Whether the probe was within 3 mm of the point.
-        depth: Depth at which it is taken [m].
-    """
-
-    x: Array
-    y: Array
-    learnt: Array
-    uncertainty: Array
-    true: Array | None
-    touched: Flags
-    depth: float = FIELD_DEPTH
+    x: Array  # coordinates of the columns, in the fixture's frame [m]
+    y: Array  # coordinates of the rows [m]
+    learnt: Array  # local stiffness at `depth` [N/m]
+    uncertainty: Array  # its standard deviation [N/m]
+    true: Array | None  # stiffness of the simulated material; None where it is unknown
+    touched: Flags  # whether the probe was within 3 mm of the point
+    depth: float = FIELD_DEPTH  # depth at which it is taken [m]
 
 
 def learnt_field(log: SessionLog) -> MaterialField | None:

@@ -21,25 +21,15 @@ ONE_CLOCK_NS = 5_000_000
 
 @dataclass(frozen=True, eq=False)
 class SceneRows(ByValue):
-    """One segment of a session in three dimensions; columns of one side have the same length.
+    """One segment of a session in three dimensions; columns of one side have the same length."""
 
-    Attributes:
-        leader: Rows of `SessionLog.leader`.
-        hand: Those of `SessionLog.leader_space` of the same ticks.
-        follower: Rows of `SessionLog.follower`.
-        probe: Those of `SessionLog.follower_space` of the same ticks.
-        leader_time: Of the leader's ticks, by the follower's clock, since its tick of `Pairs.time` zero [s].
-        follower_time: Of the follower's ticks, since the same [s].
-        newest: For each tick of the leader, the follower's newest then; -1 where there was none yet.
-    """
-
-    leader: Rows
-    hand: Rows
-    follower: Rows
-    probe: Rows
-    leader_time: Array
-    follower_time: Array
-    newest: NDArray[np.int64]
+    leader: Rows  # rows of `SessionLog.leader`
+    hand: Rows  # those of `SessionLog.leader_space` of the same ticks
+    follower: Rows  # rows of `SessionLog.follower`
+    probe: Rows  # those of `SessionLog.follower_space` of the same ticks
+    leader_time: Array  # of the leader's ticks, by the follower's clock, since its tick of `Pairs.time` zero [s]
+    follower_time: Array  # of the follower's ticks, since the same [s]
+    newest: NDArray[np.int64]  # for each tick of the leader, the follower's newest then; -1 where there was none yet
 
 
 def has_scene(log: SessionLog) -> bool:
@@ -96,25 +86,15 @@ NEAR_MM, NEAR_DEGREES, NEAR_FOR = 0.5, 0.5, 0.5
 
 @dataclass(frozen=True, eq=False)
 class PoseError(ByValue):
-    """Difference between the rendered and the true fixture, at each tick of the leader; shape (n,).
+    """Difference between the rendered and the true fixture, at each tick of the leader; shape (n,)."""
 
-    Attributes:
-        time: Time of the tick [s].
-        distance: Distance of the two origins [mm]; NaN where the truth is unknown.
-        turn: Angle between them [degrees].
-        distance_deviation: Standard deviation of the distance by the filter [mm].
-        turn_deviation: Standard deviation of the angle by the filter [degrees].
-        touches: Beginning of each touch [s].
-        bumps: Beginning and end of each motion of the true fixture [s].
-    """
-
-    time: Array
-    distance: Array
-    turn: Array
-    distance_deviation: Array
-    turn_deviation: Array
-    touches: Array
-    bumps: tuple[tuple[float, float], ...]
+    time: Array  # time of the tick [s]
+    distance: Array  # distance of the two origins [mm]; NaN where the truth is unknown
+    turn: Array  # angle between them [degrees]
+    distance_deviation: Array  # standard deviation of the distance by the filter [mm]
+    turn_deviation: Array  # standard deviation of the angle by the filter [degrees]
+    touches: Array  # beginning of each touch [s]
+    bumps: tuple[tuple[float, float], ...]  # beginning and end of each motion of the true fixture [s]
 
 
 def pose_error(rows: SceneRows) -> PoseError:

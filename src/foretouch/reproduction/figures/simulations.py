@@ -23,14 +23,14 @@ from foretouch.reproduction.section import Claim, Section, Table, verdict_of
 LONGER = 60.0  # time for which the formula is followed beyond [s]
 
 
-def turns(duration: float) -> list[float]:
-    """Times [s] after the start at which the velocity changes its sign."""
+def turns(duration: float, of: int = 1) -> list[float]:
+    """Times [s] after the start at which the velocity, or of 0 the depth, changes its sign."""
     from scipy.optimize import brentq
 
     time = np.linspace(0.0, duration, 2001)
-    sign = np.sign(two_presses(time)[1])
+    sign = np.sign(two_presses(time)[of])
     changes = np.nonzero(sign[1:] * sign[:-1] < 0.0)[0]
-    return [brentq(lambda t: float(two_presses(t)[1]), time[i], time[i + 1], xtol=1e-12) for i in changes]
+    return [brentq(lambda t: float(two_presses(t)[of]), time[i], time[i + 1], xtol=1e-12) for i in changes]
 
 
 def make_fig6() -> Section:
@@ -42,7 +42,7 @@ def make_fig6() -> Section:
     into, out = sum(phases), len(phases) - sum(phases)
     way = ", ".join(f"{1e3 * float(two_presses(t)[0]):.2f} mm at {t:.2f} s" for t in ends)
     later = [t for t in turns(LONGER) if t > DURATION]
-    leaves = _leaves()
+    leaves = turns(LONGER, 0)[0]
     text = (
         f"The formula as printed: {way}. That is {into} compressions and {out} restitution in {DURATION:g} s, not two "
         f"of each. The next restitution begins at {later[0]:.2f} s and leaves the material at {leaves:.2f} s, so no "
@@ -71,15 +71,6 @@ def make_fig6() -> Section:
     data = {"trajectory": {"time_s": time, "depth_m": depth, "velocity_m_s": velocity}}
     figure = _trajectory_figure(time, depth, velocity, ends, phases)
     return Section("fig6", "Fig. 6: penetration depth and velocity", text, figure, data, claims)
-
-
-def _leaves() -> float:
-    """Time [s] at which the formula first leaves the material."""
-    from scipy.optimize import brentq
-
-    time = np.linspace(0.0, LONGER, 2001)
-    outside = int(np.argmax(two_presses(time)[0] < 0.0))
-    return float(brentq(lambda t: float(two_presses(t)[0]), time[outside - 1], time[outside]))
 
 
 def _trajectory_figure(time: Array, depth: Array, velocity: Array, ends: list[float], phases: list[bool]) -> Any:

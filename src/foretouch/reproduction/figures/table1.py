@@ -26,23 +26,14 @@ Line = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """What the paper leaves open about the fit of (17).
+    """What the paper leaves open about the fit of (17)."""
 
-    Attributes:
-        duration: Duration of the trajectory of Fig. 5 [s].
-        rate: Samples per second [Hz].
-        noise: Greatest of the trajectory's noise [m].
-        power: Power of depth that (17) is multiplied by: 0 as printed, 1, or 2 for x^(2 - alpha) = a1 x^2 + a2 x.
-        forgetting_factor: Forgetting factor of the recursive least squares [-]; 1 is the plain one.
-        covariance: Initial P of them, times I, in metres; infinite for a start without opinion.
-    """
-
-    duration: float
-    rate: float
-    noise: float
-    power: int
-    forgetting_factor: float
-    covariance: float
+    duration: float  # duration of the trajectory of Fig. 5 [s]
+    rate: float  # samples per second [Hz]
+    noise: float  # greatest of the trajectory's noise [m]
+    power: int  # power of depth that (17) is multiplied by: 0 as printed, 1, or 2 for x^(2 - alpha) = a1 x^2 + a2 x
+    forgetting_factor: float  # forgetting factor of the recursive least squares [-]; 1 is the plain one
+    covariance: float  # initial P of them, times I, in metres; infinite for a start without opinion
 
     def __str__(self) -> str:
         form = ("1/x^alpha", "x^(1-alpha)", "x^(2-alpha)")[self.power]

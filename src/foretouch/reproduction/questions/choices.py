@@ -260,7 +260,6 @@ def _column(name: str) -> str:
 
 
 def _figure(result: Search) -> Any:
-    """Claims down, values across, fractions in the cells."""
     columns = [(name, value) for name, one in OPEN.items() for value in one.values]
     values = {name: np.array([getattr(choice, name) for choice in result.choices]) for name in OPEN}
     fractions = np.array(

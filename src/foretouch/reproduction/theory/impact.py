@@ -178,7 +178,6 @@ def integrate_impact(
 
 
 def _cannot(law: ContactModel, mass: float, speed: float) -> SettingError:
-    """The error for an impact that the solver cannot follow."""
     impact = f"an impact of {mass:g} kg at {speed:g} m/s cannot be integrated to its end"
     return SettingError("law", law, f"{impact}: take less damping, or a greater relative_tolerance")
 
