@@ -143,7 +143,6 @@ CLEARANCE = -0.003  # depth at which the probe waits [m]: above the surface
 Script = tuple[tuple[float, float], ...]
 """Turning points of the hand: time [s] and depth [m], negative above the surface."""
 
-
 BACK, FURTHER_BACK = 1.0 / 2.0, 1.0 / 3.0
 """Fraction of the depth kept in each restitution of sponge and foam: without leaving contact, and nearly leaving it."""
 

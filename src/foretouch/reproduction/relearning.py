@@ -161,7 +161,6 @@ AS_PRINTED = CHOICES[0]
 ROBUST = Choice("robust-fprls", 1, RobustFPRLS)  # the paper's estimator with all that mends it on contact
 EXACT = Choice("exact", 1, lambda: make_estimator("continuous-switching", "exact"))  # our own, on the exact law (4)
 
-
 EVERY = (*CHOICES, ROBUST, EXACT)
 
 
