@@ -152,11 +152,17 @@ def _ramp(fraction: Array) -> Array:
 # --- laws that change -------------------------------------------------------------------------------------------------
 
 
+def gradual_law(time: float) -> ContinuousSwitching:
+    """Law of the change from Hunt-Crossley to Kelvin-Voigt in 25 s, as in Fig. 8 of the paper, after a time [s].
+
+    n = 1.4 - 0.056 t as printed, written so that it ends at 0 and not at a rounding error below it.
+    """
+    part = time / GRADUAL_DURATION
+    return ContinuousSwitching(3000.0 + 120.0 * time, 1500.0 - 40.0 * time, 1.4 * (1.0 - part), part)
+
+
 def _gradual(time: float) -> ContactModel:
-    """Change from Hunt-Crossley to Kelvin-Voigt in 25 s, as in Fig. 8 of the paper."""
-    t = min(max(time - FREE_AIR, 0.0), GRADUAL_DURATION)
-    part = t / GRADUAL_DURATION
-    return ContinuousSwitching(3000.0 + 120.0 * t, 1500.0 - 40.0 * t, 1.4 * (1.0 - part), part)
+    return gradual_law(min(max(time - FREE_AIR, 0.0), GRADUAL_DURATION))
 
 
 def _sudden(time: float) -> ContactModel:
@@ -241,14 +247,9 @@ def file_case(
 
 
 def simulated_case(name: str, seed: int = 0) -> Case:
-    """A simulated recording.
+    """A simulated recording, by its name in `SIMULATED`, of a seed as of `simulate`, with whose errors.
 
-    Args:
-        name: One of `SIMULATED`.
-        seed: As of `simulate`; everything that was chosen on simulated recordings was chosen on seed 0.
-
-    Raises:
-        UnknownNameError: No such recording.
+    Everything that was chosen on simulated recordings was chosen on seed 0.
     """
     if name not in SIMULATED:
         raise UnknownNameError("simulated recording", name, SIMULATED)

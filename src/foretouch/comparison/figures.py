@@ -28,14 +28,10 @@ def matrix_figure(
     first_row: tuple[str, Callable[[Result], float | None]] | None = None,
     limits: tuple[float, float] = (1.0, 100.0),
 ) -> Any:
-    """A number for each combination (rows) and recording (columns), coloured on a logarithmic scale.
+    """A number for each combination (rows) and recording (columns), coloured on a logarithmic scale between the limits.
 
-    Args:
-        results: As `compare` gave them.
-        figure_of: The number, None where there is none, infinite where it was never reached; its size is coloured.
-        title: Name of the numbers, with unit.
-        first_row: Name of a row above all others, and the number whose median over the combinations it shows.
-        limits: Numbers at the ends of the colours, positive.
+    The number is None where there is none, infinite where it was never reached; its size is coloured. The first row is
+    above all others: its name, and the number whose median over the combinations it shows.
     """
     names = list(dict.fromkeys(result.recording for result in results))
     pairs = list(dict.fromkeys((result.model, result.estimator) for result in results))

@@ -108,15 +108,8 @@ def convergence(recording: Recording, truth: Truth, learnt: Sequence[LearntModel
 
     A model has converged if it, and no newer one, gives the true force of the recorded motion over the next half second
     with an RMS error of at most 10 % of that force's RMS, over the samples in contact. Every fiftieth of a second is
-    tried, while the half second ends before the next change.
-
-    Args:
-        recording: n samples.
-        truth: Truth of the recording.
-        learnt: Models after each sample, n of them.
-
-    Returns:
-        One for the first touch and for each change that is felt.
+    tried, while the half second ends before the next change. There is one model after each sample of the recording,
+    and one result for the first touch and for each change that is felt.
     """
     time, position = recording.time, recording.position
     velocity = (

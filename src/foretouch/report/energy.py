@@ -49,11 +49,8 @@ class Booked(NamedTuple):
 def book(force: Array, position: Array, period: Array, device: BookedDevice) -> Booked:
     """Sum up tick by tick the work of a hand against a force delayed by the device: see `Ledger`.
 
-    Args:
-        force: Force on the hand, held from each tick on [N], shape (n, axes).
-        position: Position of the hand in each tick [m], the same shape; NaN where it was missing.
-        period: Time since the tick before [s], shape (n,); 0 counts as nominal.
-        device: Device in the hand.
+    The force on the hand [N], shape (n, axes), is held from each tick on; its position [m], of the same shape, is NaN
+    where it was missing; a period [s], shape (n,), of 0 counts as nominal.
     """
     count = math.sqrt(position.shape[1]) * max(device.resolution, SMALLEST_COUNT)
     delta, nothing = device.delay / SAMPLE_PERIOD, np.zeros_like(force[:1])
@@ -161,15 +158,10 @@ def _agree(account: Account, recorded: Rows) -> bool:
 def summed_account(
     recorded: Rows, booked: Booked, force: Array, pressing: Array, lost: Flags, device: BookedDevice
 ) -> Account:
-    """The account of the booked work.
+    """The account of the booked work, beside ``energy``, ``energy_bound`` and ``late_energy`` as recorded.
 
-    Args:
-        recorded: Rows of the leader with the account that it kept: ``energy``, ``energy_bound``, ``late_energy``.
-        booked: Work booked in each row.
-        force: Size of the force that is held from each row on [N].
-        pressing: Its part along the normal, without friction [N]: no surplus is forgiven above 0.05 N of it.
-        lost: Whether the row before is missing or unusable.
-        device: Device in the hand.
+    The size of the force [N] is held from each row on; above 0.05 N of its part along the normal, without friction, no
+    surplus is forgiven. A row is lost where the one before is missing or unusable.
     """
     largest = np.maximum.accumulate(_before(force))
     farthest = np.maximum.accumulate(booked.reach)
@@ -213,9 +205,7 @@ def account_figures(account: Account, recorded: Rows) -> dict[str, Any]:
 def energy_figures(leader: Rows, device: BookedDevice | None = NO_DEVICE) -> dict[str, Any]:
     """The certificate of a session, over all ticks in contact; every figure is None where no account was kept.
 
-    Args:
-        leader: Rows of `SessionLog.leader`.
-        device: Device in the hand, None where it is unknown.
+    The leader's rows are those of `SessionLog.leader`; the device in the hand is None where it is unknown.
 
     Returns:
         The figures of `account_figures`. ``energy_used_percent``: the largest part of its bound that E took.
@@ -253,12 +243,7 @@ def exact_energy(leader: Rows, device: BookedDevice | None = NO_DEVICE) -> Array
     so that a force that goes up and down often can take more energy than the encoder shows: friction and damping of the
     device dissipate that, as they do the other energy that sampling generates.
 
-    Args:
-        leader: Rows of `SessionLog.leader`.
-        device: Device in the hand, None where it is unknown.
-
-    Returns:
-        E [J], shape (n,); NaN where the hand's own position or its device is not known.
+    It has the shape (n,) of `SessionLog.leader`, and is NaN where the hand's own position or its device is not known.
     """
     position, force = leader["exact_hand_position"][:, None], leader["rendered_force"]
     if device is None:

@@ -80,14 +80,7 @@ def rendered_jump(sequence: NDArray[np.int64], wanted: Array, rendered: Array, j
     is not observed: while they cut, up to what it would have changed by in one tick can be counted wrongly, never more
     than J.
 
-    Args:
-        sequence: Numbers of the ticks, shape (n,).
-        wanted: F [N], shape (n,).
-        rendered: R [N], shape (n,).
-        jump: J [N], shape (n,).
-
-    Returns:
-        J' [N], shape (n,); NaN where J is not 0 and the tick before is missing.
+    All have the shape (n,) of the numbers of the ticks; J' [N] is NaN where J is not 0 and the tick before is missing.
     """
     part = np.zeros(jump.size)
     came = np.flatnonzero(jump != 0.0)
@@ -102,16 +95,9 @@ def rendered_jump(sequence: NDArray[np.int64], wanted: Array, rendered: Array, j
 def update_jumps(leader: Rows) -> dict[str, float | None]:
     """The largest jumps that new models made in a session, over all ticks of the leader.
 
-    Three forces are looked at: the predicted one, which a new model changes at once; the mediated one, into which the
-    change is let in tick by tick; and what the limits left of that. Where nothing mediates, as in recordings of old,
-    the first two are the same.
-
-    Args:
-        leader: Rows of `SessionLog.leader`.
-
-    Returns:
-        Figures of `LargestJump` under ``largest_model_jump``, ``largest_update_jump`` and
-        ``largest_rendered_update_jump``.
+    Three forces are looked at: the predicted one, which a new model changes at once (``largest_model_jump``); the
+    mediated one, into which the change is let in tick by tick (``largest_update_jump``); and what the limits left of
+    that (``largest_rendered_update_jump``). Where nothing mediates, as in old recordings, the first two are the same.
     """
     time, period, sequence = leader["time_ns"] * 1e-9, leader["period_ns"] * 1e-9, leader["sequence"]
     mediated = leader["mediated_force"].any() or not leader["rendered_force"].any()
@@ -245,10 +231,7 @@ def oscillation(leader: Rows, free: Array | None = None) -> dict[str, Any]:
     to. The hand without force swings as often as it means to in these sessions, and with 10 kg and hardly any damping
     in the hand up to three times as often.
 
-    Args:
-        leader: Rows of `SessionLog.leader`.
-        free: Position of the hand without force [m], shape (n,), as `free_hand` gives it; None for where it
-            meant to be.
+    The position of the hand without force is as `free_hand` gives it [m], shape (n,); None for where it meant to be.
 
     Returns:
         ``swings``, ``free_swings``, ``extra_swings`` (never below 0), ``largest_burst`` and when it begins after

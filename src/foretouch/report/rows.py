@@ -180,10 +180,7 @@ def force_at_follower(log: SessionLog, pairs: Pairs) -> Array:
 
     In each row the newest model that had arrived at the leader is run at the follower's position and velocity;
     without a valid model the force is 0, as it is at the leader. A law with memory runs on along the rows, from the
-    state that its message carried, which is that of the command that the follower had applied then.
-
-    Returns:
-        Force [N], shape (n,).
+    state that its message carried, which is that of the command that the follower had applied then. [N], shape (n,).
     """
     sent = {model.sequence: model for model in log.models}
     predictor = Predictor()

@@ -165,12 +165,7 @@ def look_at_scene(log: SessionLog, pairs: Pairs) -> SceneFindings:
 
 
 def scene_figures(log: SessionLog, pairs: Pairs, findings: SceneFindings) -> dict[str, Any]:
-    """Figures of a scene in a report, as plain numbers, texts and None; a figure is None where the truth is unknown.
-
-    Args:
-        log: One segment.
-        pairs: Its rows at equal command.
-        findings: Result of `look_at_scene`.
+    """Figures of a scene in one segment, as plain numbers, texts and None; None where the truth is unknown.
 
     Returns:
         ``name``, ``fusion``, and by kind ``pose`` (`pose_figures`), ``contacts`` (`contact_figures`), ``friction``

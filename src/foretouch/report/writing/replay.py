@@ -74,12 +74,7 @@ class Contact:
 
 
 def compare_replay(recorded: SessionLog, replayed: SessionLog, notes: Sequence[str]) -> dict[str, Any]:
-    """Both reports, and what differs.
-
-    Args:
-        recorded: The session.
-        replayed: Result of `foretouch.session.replay.under`.
-        notes: Result of `foretouch.session.replay_notes`; the first is of the operator's motion.
+    """Both reports, and what differs, from `foretouch.session.replay.under` and `foretouch.session.replay_notes`.
 
     Returns:
         ``motion`` and ``notes``, the sentences; ``loop``, "open loop" or "closed loop"; ``settings``, those that

@@ -12,12 +12,13 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from foretouch.comparison.cases import KELVIN_VOIGT
 from foretouch.identification import SwitchingOptions, ThresholdSwitching
 from foretouch.identification.linear.estimators import by_distance
 from foretouch.identification.linear.recursion import PerturbationForm, Recursion
 from foretouch.models import ContactModel, KelvinVoigt
 from foretouch.quantities import Array, Flags
-from foretouch.reproduction.presses import KELVIN_VOIGT, PERIOD, STEPS, Press, Trace, forces_of, true_parameters
+from foretouch.reproduction.presses import PERIOD, STEPS, Press, Trace, forces_of, true_parameters
 
 THRESHOLD = 4000.0  # threshold of the paper [N/m]
 FEWEST = 20  # smallest number of samples with a law, as in the estimators

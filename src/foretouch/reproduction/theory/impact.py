@@ -100,13 +100,8 @@ def integrate_impact(
     without gravity, until x comes back to 0, by SciPy's explicit Runge-Kutta method of order 8 (DOP853) in depths of
     the first guess of x_M and in speeds of v_i.
 
-    Args:
-        law: Any law without memory.
-        mass: m [kg], positive.
-        speed: v_i [m/s], positive.
-        allow_tension: True lets the law pull at release, as the equations are written. Needs a `MemorylessLaw`.
-        samples: Number of evenly spaced times returned, at least 2.
-        relative_tolerance: Relative tolerance of the solver.
+    The law has no memory; mass m [kg] and speed v_i [m/s] are positive. With tension the law, which must be a
+    `MemorylessLaw`, pulls at release, as the equations are written. At least two evenly spaced samples are returned.
 
     Raises:
         SettingError: A law with a memory or without tension, a number out of range, or an impact that the solver cannot
