@@ -53,11 +53,7 @@ class Results(list[Result]):
         return rows
 
     def to_pandas(self) -> pd.DataFrame:
-        """`rows` as a data frame; what is not there is NaN or None.
-
-        Raises:
-            MissingExtraError: pandas is not installed.
-        """
+        """`rows` as a data frame, NaN or None for what is not there; a MissingExtraError without pandas."""
         return as_frame(self.rows())
 
     def to_numpy(self) -> Array:
@@ -71,11 +67,7 @@ class Results(list[Result]):
         return errors
 
     def plot(self) -> Figure:
-        """The prediction error under the longest delay, for every combination and recording.
-
-        Raises:
-            MissingExtraError: Matplotlib is not installed.
-        """
+        """The prediction error under the longest delay; a MissingExtraError where Matplotlib is not installed."""
 
         def error(result: Result) -> float | None:
             return result.predictions[-1].prediction_error_percent if result.predictions else None
@@ -86,12 +78,9 @@ class Results(list[Result]):
 
 
 def combinations(models: Sequence[str] = (), estimators: Sequence[str | type[Estimator]] = ()) -> list[tuple[str, str]]:
-    """Pairs of law and estimator that exist.
+    """Pairs of law and estimator that exist, of these laws by name and of these estimators; empty for all.
 
-    Args:
-        models: Names of laws; empty for all.
-        estimators: Names of estimators, of all laws that have one so named; or their classes, each of its own law;
-            empty for all.
+    Estimators are names, of all laws that have one so named, or their classes, each of its own law.
 
     Raises:
         UnknownNameError: No such law, or an estimator that none of these laws has.

@@ -159,12 +159,8 @@ def delay_figure(results: Sequence[Result], title: str = "Prediction error again
     Ceiling is the delayed force, floors are the fits of whole files. The delay has a scale of square roots, so
     that 0 is on it and short delays are apart. Curves that leave the panel above are far beyond the delayed force.
 
-    Args:
-        results: As `compare` gave them, with at least two delays in one that did not fail.
-        title: Title of the figure.
-
-    Raises:
-        MissingExtraError: Matplotlib is not installed.
+    Results are as `compare` gave them, with at least two delays in one that did not fail. A MissingExtraError says that
+    Matplotlib is not installed.
     """
     drawn = [row for row in results if row.status == "ok" and row.predictions]
     recordings = _by(drawn, lambda row: row.recording)

@@ -224,7 +224,6 @@ def _block(name: str, rows: list[Result]) -> list[str]:
 
 
 def _summary(results: Sequence[Result]) -> list[str]:
-    """Median and worst prediction error of each combination over all recordings."""
     recordings = len({result.recording for result in results})
     delays = delays_of(results)
     lines = [

@@ -83,17 +83,8 @@ def unforeseeable(time: Array, depth: Array, delay: float, changes: Sequence[flo
     - from a sudden change of the law until the delay and 0.1 s for learning have passed since it could be felt first:
       at the first sample in contact from the change on.
 
-    Args:
-        time: [s], increasing, shape (n,).
-        depth: True depth [m], shape (n,).
-        delay: d, of the forces [s], 0 or more.
-        changes: Times at which the law changed without notice [s].
-
-    Returns:
-        Flags, shape (n,).
-
-    Raises:
-        SettingError: A delay below 0.
+    Time [s], increasing, true depth [m] and flags have the shape (n,). The delay d of the forces [s] is 0 or more, else
+    a SettingError; the changes are the times at which the law changed without notice [s].
     """
     reached = np.nan_to_num(delayed_force(time, np.maximum.accumulate(np.maximum(depth, 0.0)), delay), nan=0.0)
     flags: Flags = (depth > 0.0) & (depth > reached)

@@ -49,11 +49,8 @@ def largest_jump(time: Array, jump: Array, period: Array) -> LargestJump:
     All samples count, those before the scoring window too, and so does the first model: where it comes in the middle
     of a press, the force appears from nothing.
 
-    Args:
-        time: [s], increasing, shape (n,).
-        jump: J [N]: force less that of the model before, had it been kept, 0 where no model came, shape (n,); one that
-            is not finite is left out.
-        period: T, time since the sample before [s], shape (n,); one that is not above 0 gives no rate.
+    All have the shape (n,): increasing times [s]; J [N], the force less that of the model before, had it been kept, 0
+    where no model came, left out where not finite; and T, the time since the sample before [s], with no rate for 0.
     """
     finite = np.isfinite(jump)
     if not finite.any():
@@ -132,16 +129,9 @@ def time_to_accuracy(
     may be several short touches; that it stays accurate afterwards is not asked. The time is that on the clock, free
     air included.
 
-    Args:
-        time: [s], increasing, shape (n,).
-        true_force: F, less its zero [N], finite, shape (n,).
-        predicted_force: [N], shape (n,); one that is not finite is as wrong as can be.
-        in_contact: Flags, shape (n,).
-        within: Largest error, as a fraction of the force RMS.
-        lasting: Contact over which it is taken [s].
-
-    Returns:
-        None where neither the accuracy nor the contact ever lasts for `lasting`.
+    All columns have the shape (n,): the time [s] increases; F [N] is finite and less its zero; a predicted force [N]
+    that is not finite is as wrong as can be. Other limits are given as the largest error, a fraction of the force RMS,
+    and the contact over which it is taken [s]. None where neither accuracy nor contact ever lasts for so long.
     """
     if time.size < 2:
         return None

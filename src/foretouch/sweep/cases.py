@@ -99,15 +99,8 @@ def draw_case(number: int, *, seed: int = 0, duration: float = 30.0) -> Case:
 
     A tenth of the round trips is 0, half of the others is uniform from 0 to 5 s, the other half uniform in its
     logarithm from 10 ms to 5 s. Where it is long the session is too, by 4 round trips: knowledge of a surface takes
-    that long to arrive.
-
-    Args:
-        number: 0 or more.
-        seed: Seed of the sweep, not negative.
-        duration: [s], from 2 on; whole milliseconds are taken.
-
-    Raises:
-        SettingError: An argument out of range.
+    that long to arrive. Number and seed are 0 or more, the duration [s] is 2 or more, of which whole milliseconds are
+    taken; an argument out of range is a SettingError.
 
     References:
         The recurrence: Roberts (2018), The unreasonable effectiveness of quasirandom sequences.

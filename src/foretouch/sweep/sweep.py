@@ -110,11 +110,7 @@ class Store:
 
 
 def read_store(path: Path) -> tuple[Header, dict[tuple[int, str], Outcome]]:
-    """The header and all rows of a file.
-
-    Raises:
-        InputError: It is not there, or a line in it is not ours.
-    """
+    """The header and all rows of a file; an InputError says that it is not there, or that a line in it is not ours."""
     try:
         first, *lines = path.read_bytes().splitlines()
     except (OSError, ValueError):

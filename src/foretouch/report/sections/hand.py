@@ -54,10 +54,7 @@ def hand_figures(log: SessionLog, pairs: Pairs | None = None) -> dict[str, Any]:
        where it is not known what the hand means to do, as in an open loop, this is not asked.
 
     A baseline renders no model: the force that a device could not carry and that the energy ceiling cut are None there.
-
-    Args:
-        log: One segment of a session (`SessionLog.segments`).
-        pairs: Its rows at equal command; None to pair them here.
+    The log is one segment of a session (`SessionLog.segments`); without its rows at equal command they are paired here.
 
     Returns:
         ``stable`` (None where no account of energy was kept, as in old recordings, and for a baseline in an open
@@ -276,7 +273,6 @@ _GUARD = (
 
 
 def _least_share(hand: Mapping[str, Any]) -> str:
-    """Smallest fraction of the model's stiffness that the device could carry."""
     return f", down to {figure(100.0 * hand['smallest_rendered_share'])} % of its stiffness"
 
 

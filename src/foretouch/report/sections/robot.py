@@ -64,7 +64,6 @@ ROBOT = Section("robot", _cut, _motion_lines, _tracking)
 
 
 def _late(report: Mapping[str, Any]) -> Iterator[Finding]:
-    """Each loop that was late in more than a tenth of its ticks, and how often the device gave no position."""
     for side in ("leader", "follower"):
         timing = report["timing"][side]
         late, ticks = timing["late_ticks"], timing["ticks"]

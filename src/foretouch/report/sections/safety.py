@@ -175,7 +175,6 @@ def safety_findings(report: Mapping[str, Any]) -> Iterator[Finding]:
 
 
 def _stops(report: Mapping[str, Any]) -> str:
-    """Emergency stops: their number, the segments in which they began, their length in all, and the reasons."""
     safety = report["safety"]
     stops = safety["statuses"].get("stopped")
     began = [str(index) for index, one in enumerate(report["segments"]["each"], 1) if one["emergency_stop"]]

@@ -234,7 +234,6 @@ def _map(stiffness: Mapping[str, Any] | None) -> Iterator[str]:
 
 
 def _drawings(view: View) -> Iterator[Drawing]:
-    """Error of the pose, wrong contacts and friction, and the map of stiffness, as far as they are known."""
     scene = view.scene
     if scene is None:
         return

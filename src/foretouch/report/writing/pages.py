@@ -129,17 +129,10 @@ def _origin(made: Mapping[str, Any]) -> str:
 def write_html(
     directory: str | PathLike[str], title: str, body: list[str], made: Mapping[str, Any] | None = None
 ) -> Path:
-    """Write ``index.html`` in a folder, which is made if it is not there; at its end it says what made it.
+    """Write ``index.html`` with the HTML of its parts in a folder, which is made if it is not there.
 
-    Args:
-        directory: The folder.
-        title: Of the page.
-        body: HTML of the page's parts.
-        made: Origin of the page, by name: the ``command`` that repeats it, the recording, the law, the settings;
-            version and date are given in any case.
-
-    Raises:
-        InputError: The folder cannot be made or the page cannot be written.
+    At its end it says what made it, by name: the ``command`` that repeats it, the recording, the law, the settings;
+    version and date in any case. An InputError says that the folder cannot be made or the page cannot be written.
     """
     folder = Path(directory)
     try:

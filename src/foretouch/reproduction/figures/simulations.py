@@ -160,9 +160,6 @@ def compared(
     return pressed, printed, other, curves, data
 
 
-NAMES_OF_FIG7A = ("kvm k, s", "hcm k, s", "kvm b1", "kvm b2", "hcm b2")
-
-
 def make_fig7a() -> Section:
     """Both pure laws, as printed and under the choice that finds k and s soonest."""
     materials = {"kelvin-voigt": ("Kelvin-Voigt <1>", COLOURS[0]), "hunt-crossley": ("Hunt-Crossley <2>", COLOURS[4])}
@@ -188,11 +185,9 @@ def make_fig7a() -> Section:
         "the second-order term of (16): the data are free of noise here, so it is the modelling error alone."
     )
     figure = parameter_figure(curves, ((0.0, 8000.0), (0.6, 1.6), (-1.2, 1.2), (-0.4, 0.4)))
+    claims = claims_of(("kvm k, s", "hcm k, s", "kvm b1", "kvm b2", "hcm b2"))
     title = "Fig. 7a: estimation for Kelvin-Voigt and Hunt-Crossley"
-    return Section("fig7a", title, text, figure, data, claims_of(NAMES_OF_FIG7A))
-
-
-NAMES_OF_FIG7B = ("follows", "arrives")
+    return Section("fig7a", title, text, figure, data, claims)
 
 
 def make_fig7b() -> Section:
@@ -209,10 +204,8 @@ def make_fig7b() -> Section:
         f"open choices follows, nor does a higher rate (section fast). The nearest choice drawn here: {choice}."
     )
     figure = parameter_figure(curves, ((0.0, 8000.0), (0.0, 1.8), (-150.0, 150.0), (-8.0, 8.0)))
-    return Section("fig7b", "Fig. 7b: continuous change of the material", text, figure, data, claims_of(NAMES_OF_FIG7B))
-
-
-NAMES_OF_FIG7C = ("step 1", "step 2", "step b1", "step b2", "step force")
+    claims = claims_of(("follows", "arrives"))
+    return Section("fig7b", "Fig. 7b: continuous change of the material", text, figure, data, claims)
 
 
 def make_fig7c() -> Section:
@@ -231,7 +224,7 @@ def make_fig7c() -> Section:
         f"the material's own is {data['best']['true_b1_s_m'][FIRST]:.2f}."
     )
     figure = parameter_figure(curves, ((0.0, 9000.0), (0.6, 2.2), (-3.0, 3.0), (-0.3, 0.3)))
-    claims = (*claims_of(NAMES_OF_FIG7C), _covariance_claim())
+    claims = (*claims_of(("step 1", "step 2", "step b1", "step b2", "step force")), _covariance_claim())
     return Section("fig7c", "Fig. 7c: sudden changes of the material", text, figure, data, claims)
 
 
