@@ -111,9 +111,6 @@ def _force(scenario: Scenario, time: Array, depths: Array) -> Array:
     return force
 
 
-# --- motions ----------------------------------------------------------------------------------------------------------
-
-
 def _presses(press_depth: float) -> Callable[[Array, float, int], Array]:
     """Presses of a palpating hand, out of contact in between: see `ScriptedOperator`."""
 
@@ -147,9 +144,6 @@ def _palpation(time: Array, surface: float, seed: int) -> Array:
 
 def _ramp(fraction: Array) -> Array:
     return np.array([minimum_jerk(value) for value in fraction.tolist()])
-
-
-# --- laws that change -------------------------------------------------------------------------------------------------
 
 
 def gradual_law(time: float) -> ContinuousSwitching:

@@ -192,9 +192,6 @@ def delay_figure(results: Sequence[Result], title: str = "Prediction error again
     return finished(figure, rows, above=above, gap=0.6, right=0.90, between=0.44)
 
 
-# --- curves -----------------------------------------------------------------------------------------------------------
-
-
 def _error(prediction: Prediction, name: str) -> float | None:
     """The error of this name; on a simulated recording that of the foreseeable samples."""
     prefix = "" if prediction.unforeseeable_percent is None else "foreseeable_"
@@ -221,9 +218,6 @@ def _by(results: Sequence[Result], key_of: Callable[[Result], Key]) -> dict[Key,
     for row in results:
         groups.setdefault(key_of(row), []).append(row)
     return groups
-
-
-# --- drawing ----------------------------------------------------------------------------------------------------------
 
 
 def _draw_panel(panel: Any, results: Sequence[Result], limits: tuple[float, float]) -> None:

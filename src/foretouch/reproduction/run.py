@@ -109,16 +109,6 @@ def counted(claims: Sequence[Claim]) -> dict[Verdict, int]:
     return {verdict: result[verdict] for verdict in SHOWN}
 
 
-def central(sections: Sequence[Section]) -> list[tuple[Section, Claim]]:
-    """The claims that matter most, as far as their sections are there."""
-    return [
-        (section, claim)
-        for section in sections
-        for claim in section.claims
-        if section.name in CENTRAL and claim.claim.startswith(CENTRAL[section.name])
-    ]
-
-
 def named_equations(section: Section, claim: Claim) -> tuple[int, ...]:
     """Numbers of the equations that a claim names, else those of its section."""
     return tuple(sorted(_named(claim.claim, claim.paper))) or OF_SECTION.get(section.name, ())
@@ -142,7 +132,12 @@ def _summary(sections: Sequence[Section]) -> list[str]:
         f"Of {len(claims)} claims {counts['holds']} hold as printed, {counts['holds under stated choice']} under a "
         f"choice that the paper leaves open and that is stated, and {counts['does not hold']} with none that was tried."
     )
-    most = central(sections)
+    most = [
+        (section, claim)
+        for section in sections
+        for claim in section.claims
+        if section.name in CENTRAL and claim.claim.startswith(CENTRAL[section.name])
+    ]
     return [
         f"<p>{text} A click on a claim shows what the paper says, what was measured and how; one on a figure enlarges "
         f'it.</p><div class="bar">{bar}</div>',

@@ -190,15 +190,12 @@ def summary(rows: Sequence[Outcome]) -> dict[str, Any]:
         content["compared"] = totals([row for row in of(rows, "none") if row.number in numbers])
         content |= {name: totals(of(rows, name)) for name in LABEL if name != "none"}
         content["crossovers"] = crossovers(rows)
-    content["objections"] = objections(of(rows, "none"))
-    return content
-
-
-def objections(rows: Sequence[Outcome]) -> list[dict[str, Any]]:
-    """The objections to these sessions."""
-    return [
-        {"number": row.number, "objection": text, "command": row.command} for row in rows for text in row.objections
+    content["objections"] = [
+        {"number": row.number, "objection": text, "command": row.command}
+        for row in of(rows, "none")
+        for text in row.objections
     ]
+    return content
 
 
 def render_table(content: dict[str, Any]) -> str:

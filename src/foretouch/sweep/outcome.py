@@ -197,7 +197,8 @@ def measure(log: SessionLog, settings: SessionSettings) -> dict[str, Any]:
     """All measured figures of `Outcome`, by name; most are those of the session's report."""
     figures = hand_figures(log)
     hand = figures["hand"]
-    models = log.leader["model_sequence"]
+    models, follower = log.leader["model_sequence"], log.follower[log.follower["command_sequence"] > 0]
+    held = ~np.isin(follower["status"], (Status.FOLLOWING, Status.GUARDED))
     return {
         **{name: figures[name] for name in ("stable", *_ENERGY, "guarded_contacts", "guarded_s")},
         "oscillating": bool(hand["oscillation"]["oscillates"]),
@@ -207,7 +208,8 @@ def measure(log: SessionLog, settings: SessionSettings) -> dict[str, Any]:
         "models_per_s": np.unique(models[models > 0]).size / (models.size * SAMPLE_PERIOD),
         "largest_hand_force_N": hand["peak_force_hand_N"],
         "largest_robot_force_N": hand["peak_force_robot_N"],
-        **_faults(log.follower[log.follower["command_sequence"] > 0]),
+        "held_s": float(held.sum()) * SAMPLE_PERIOD,
+        "disbelieved_ticks": int((follower["validity"] > 0).sum()),
         "depth_lost_mm": hand["depth_lost_mm"],
         "time_lost_s": hand["time_lost_s"],
         "device_bound_percent": hand["device_bound_percent"],
@@ -231,9 +233,10 @@ def _transparency(log: SessionLog, settings: SessionSettings) -> dict[str, float
     """Felt forces against true ones: rows in contact, coupled before and after, nothing held back."""
     pairs = pair(log)
     leader, follower = pairs.leader, pairs.follower
-    rows = (follower["exact_force"] > CONTACT_FLOOR) & leader["engaged"] & (follower["status"] == Status.FOLLOWING)
+    coupled = leader["engaged"] & (follower["status"] == Status.FOLLOWING)
+    rows, nothing = (follower["exact_force"] > CONTACT_FLOOR) & coupled, (follower["exact_force"] <= 0.0) & coupled
     contact = float(rows.sum()) * SAMPLE_PERIOD
-    phantom = _phantom(leader, follower, settings)
+    phantom = float((leader["rendered_force"][nothing] / settings.force_scale).max()) if nothing.any() else None
     if contact < SHORTEST_CONTACT:
         return {"contact_s": contact, "largest_phantom_N": phantom}
     leader, follower = leader[rows], follower[rows]
@@ -248,19 +251,6 @@ def _transparency(log: SessionLog, settings: SessionSettings) -> dict[str, float
         "felt_stiffness_percent": felt_stiffness([(hand[p], felt[p], probe[p], true[p]) for p in presses]),
         "age_s": _age(log, leader, settings.baseline != "none"),
     }
-
-
-def _faults(follower: Rows) -> dict[str, Any]:
-    """Time in which the robot did not follow commands, and number of ticks with disbelieved sensors."""
-    held = ~np.isin(follower["status"], (Status.FOLLOWING, Status.GUARDED))
-    return {"held_s": float(held.sum()) * SAMPLE_PERIOD, "disbelieved_ticks": int((follower["validity"] > 0).sum())}
-
-
-def _phantom(leader: Rows, follower: Rows, settings: SessionSettings) -> float | None:
-    """The largest force that was felt where there was nothing, at equal command."""
-    rows = (follower["exact_force"] <= 0.0) & leader["engaged"] & (follower["status"] == Status.FOLLOWING)
-    felt = leader["rendered_force"][rows] / settings.force_scale
-    return float(felt.max()) if felt.size else None
 
 
 def _rms(values: Array) -> float:

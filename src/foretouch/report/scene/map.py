@@ -67,7 +67,7 @@ def stiffness_map(
     """
     x = MIDDLE[0] + np.arange(-REACH, REACH + 0.5 * CELL, CELL)
     y = MIDDLE[1] + np.arange(-REACH, REACH + 0.5 * CELL, CELL)
-    points = _surface_points(scene, x, y)
+    points = np.array([(column, row, _height(scene, column, row)) for row in y.tolist() for column in x.tolist()])
     learnt, uncertainty = field.stiffness_at(points, max(FIELD_DEPTH - felt_deeper, 0.0))
     shape = (y.size, x.size)
     touched = _touched(points, _touched_places(rows))
@@ -139,11 +139,6 @@ def _among_touched(stiffness: StiffnessMap) -> Flags:
     if len(touched) < 3 or min(np.ptp(touched, axis=0)) < CELL:
         return stiffness.touched
     return np.asarray(Delaunay(touched).find_simplex(points) >= 0).reshape(x.shape)
-
-
-def _surface_points(scene: Scene, x: Array, y: Array) -> Array:
-    """Points of the surface under a grid, row by row, shape (n, 3)."""
-    return np.array([(column, row, _height(scene, column, row)) for row in y.tolist() for column in x.tolist()])
 
 
 def _height(scene: Scene, x: float, y: float) -> float:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from foretouch.messages import SessionLog
-from foretouch.quantities import Array, ByValue, Flags, Rows
+from foretouch.quantities import Array, ByValue, Rows
 from foretouch.report.numbers import number_of, setting
 from foretouch.report.rows import Pairs
 
@@ -128,7 +128,9 @@ def pose_figures(log: SessionLog, error: PoseError) -> dict[str, Any]:
         below 0.5 mm and 0.5 degrees for half a second, None where it never is. ``images_used``, ``contacts_used`` and
         ``refused`` as the tracker counted. Errors are None where the truth is unknown.
     """
-    counted = _settled(error)
+    counted = np.isfinite(error.distance)
+    if error.touches.size >= TOUCHES:
+        counted &= error.time >= error.touches[TOUCHES - 1]
     recovered = [(begin, _recovered(error, begin, end)) for begin, end in error.bumps]
     for begin, seconds in recovered:
         if seconds is not None:
@@ -144,14 +146,6 @@ def pose_figures(log: SessionLog, error: PoseError) -> dict[str, Any]:
         "contacts_used": None if belief is None else belief.contacts,
         "refused": None if belief is None else belief.refused,
     }
-
-
-def _settled(error: PoseError) -> Flags:
-    """Ticks with a known error, from the fourth touch on."""
-    known = np.isfinite(error.distance)
-    if error.touches.size >= TOUCHES:
-        known &= error.time >= error.touches[TOUCHES - 1]
-    return np.asarray(known)
 
 
 def _bumps(rows: SceneRows) -> tuple[tuple[float, float], ...]:

@@ -89,7 +89,7 @@ def model_figure(models: tuple[ModelUpdate, ...], start_ns: int, segments: Seque
             axes.plot(time[dots], values[dots], ".", color=ERROR, markersize=3.0, label="not valid")
         _robust_range(axes, values[valid] if valid.any() else values)
         mark(axes, segments)
-        symbol, unit = _symbol_and_unit(name)
+        symbol, unit = next(((one.symbol, one.unit) for one in QUANTITIES if one.name == name), ("", "SI"))
         axes.set_title(f"{name} [{unit}]" if symbol in ("", name) else f"{name} {symbol} [{unit}]")
     for axes in grid.flat[len(names) :]:
         axes.set_visible(False)
@@ -116,10 +116,6 @@ def _robust_range(axes: Any, values: Array) -> None:
     else:
         low, high = min(low, finite.min()), max(high, finite.max())
     axes.set_ylim(low, high)
-
-
-def _symbol_and_unit(name: str) -> tuple[str, str]:
-    return next(((quantity.symbol, quantity.unit) for quantity in QUANTITIES if quantity.name == name), ("", "SI"))
 
 
 MODEL = Section("model", _useless, model_lines, _parameters)

@@ -34,10 +34,6 @@ def _cut(report: Mapping[str, Any]) -> Iterator[Finding]:
             yield Finding(f"The limits cut the {what} in {plural(report['clipped'][side], 'tick')}.")
 
 
-def _motion_lines(report: Mapping[str, Any]) -> list[str]:
-    return [filled(line, report) for line in _MOTION]
-
-
 def _tracking(view: View) -> Iterator[Drawing]:
     """Of a session along a line in which a command was applied."""
     if view.scene is None and view.pairs.time.size:
@@ -60,7 +56,7 @@ def tracking_figure(pairs: Pairs, segments: Sequence[Segment] = ()) -> Any:
     return finished(figure, 2, gap=0.5)
 
 
-ROBOT = Section("robot", _cut, _motion_lines, _tracking)
+ROBOT = Section("robot", _cut, lambda report: [filled(line, report) for line in _MOTION], _tracking)
 
 
 def _late(report: Mapping[str, Any]) -> Iterator[Finding]:
