@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Final, NamedTuple, Unpack
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.comparison.truth import Truth
 from foretouch.devices import ScriptedOperator
@@ -25,13 +24,11 @@ from foretouch.errors import UnknownNameError
 from foretouch.errors.checks import require_path
 from foretouch.messages import SessionLog
 from foretouch.models import ContactModel, ContinuousSwitching, HuntCrossley, KelvinVoigt, MemorylessLaw, advance
-from foretouch.quantities import ByValue, Recording
+from foretouch.quantities import Array, ByValue, Recording
 from foretouch.recordings import RecordingOptions, is_session, read_session, read_with_notes
 from foretouch.recordings.meaning.names import ReadingKeywords
 from foretouch.recordings.reading import options_of
 from foretouch.robot import make_material
-
-Array = NDArray[np.float64]
 
 SAMPLE_PERIOD: Final = 1e-3
 """Time between two samples of a simulated recording [s]."""
@@ -50,23 +47,12 @@ BETWEEN: Final = ContinuousSwitching(4500.0, 1000.0, 0.7, 0.5)  # Parameters of 
 
 @dataclass(frozen=True)
 class Scenario:
-    """A material and the motion that presses it.
+    """A material and the motion that presses it."""
 
-    Attributes:
-        duration: [s].
-        motion: Position of the probe [m] from the time [s], the surface [m] and a seed.
-        law: The law at a time [s], or the one that holds throughout.
-        changes: Times of its sudden changes [s].
-    """
-
-    duration: float
-    motion: Callable[[Array, float, int], Array]
-    law: ContactModel | Callable[[float], ContactModel]
-    changes: tuple[float, ...] = ()
-
-    def law_at(self, time: float) -> ContactModel:
-        """The law that holds at a time [s]."""
-        return self.law if isinstance(self.law, ContactModel) else self.law(time)
+    duration: float  # [s]
+    motion: Callable[[Array, float, int], Array]  # position of the probe [m] by time [s], surface [m] and seed
+    law: Callable[[float], ContactModel]  # the law that holds at a time [s]
+    changes: tuple[float, ...] = ()  # times of its sudden changes [s]
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,8 +81,7 @@ def simulate(name: str, *, seed: int = 0) -> Simulated:
     Raises:
         UnknownNameError: No such recording.
     """
-    if name not in SIMULATED:
-        raise UnknownNameError("simulated recording", name, SIMULATED)
+    simulated_case(name)  # refuses what there is not
     scenario = SIMULATED[name]()
     random = np.random.default_rng([seed, zlib.crc32(name.encode())])
     surface, offset = random.uniform(0.008, 0.015), random.uniform(-0.5, 0.5)
@@ -104,7 +89,7 @@ def simulate(name: str, *, seed: int = 0) -> Simulated:
     position = scenario.motion(time, surface, seed)
     depth = position - surface
     force = _force(scenario, time, depth)
-    last = scenario.law_at(float(time[-1]))
+    last = scenario.law(float(time[-1]))
     recording = Recording(
         time,
         np.round(position / ENCODER_STEP) * ENCODER_STEP,
@@ -119,14 +104,11 @@ def simulate(name: str, *, seed: int = 0) -> Simulated:
 def _force(scenario: Scenario, time: Array, depths: Array) -> Array:
     """True force [N], the law advanced along the true motion."""
     force = np.empty(time.size)
-    state = scenario.law_at(0.0).initial_state()
+    state = scenario.law(0.0).initial_state()
     samples = zip(time.tolist(), depths.tolist(), np.gradient(depths, time).tolist(), strict=True)
     for index, (now, depth, speed) in enumerate(samples):
-        state, force[index], _ = advance(scenario.law_at(now), state, depth, speed, SAMPLE_PERIOD)
+        state, force[index], _ = advance(scenario.law(now), state, depth, speed, SAMPLE_PERIOD)
     return force
-
-
-# --- motions ----------------------------------------------------------------------------------------------------------
 
 
 def _presses(press_depth: float) -> Callable[[Array, float, int], Array]:
@@ -164,14 +146,17 @@ def _ramp(fraction: Array) -> Array:
     return np.array([minimum_jerk(value) for value in fraction.tolist()])
 
 
-# --- laws that change -------------------------------------------------------------------------------------------------
+def gradual_law(time: float) -> ContinuousSwitching:
+    """Law of the change from Hunt-Crossley to Kelvin-Voigt in 25 s, as in Fig. 8 of the paper, after a time [s].
+
+    n = 1.4 - 0.056 t as printed, written so that it ends at 0 and not at a rounding error below it.
+    """
+    part = time / GRADUAL_DURATION
+    return ContinuousSwitching(3000.0 + 120.0 * time, 1500.0 - 40.0 * time, 1.4 * (1.0 - part), part)
 
 
 def _gradual(time: float) -> ContactModel:
-    """Change from Hunt-Crossley to Kelvin-Voigt in 25 s, as in Fig. 8 of the paper."""
-    t = min(max(time - FREE_AIR, 0.0), GRADUAL_DURATION)
-    part = t / GRADUAL_DURATION
-    return ContinuousSwitching(3000.0 + 120.0 * t, 1500.0 - 40.0 * t, 1.4 * (1.0 - part), part)
+    return gradual_law(min(max(time - FREE_AIR, 0.0), GRADUAL_DURATION))
 
 
 def _sudden(time: float) -> ContactModel:
@@ -182,20 +167,20 @@ def _sudden(time: float) -> ContactModel:
 def _material(name: str) -> Callable[[], Scenario]:
     def scenario() -> Scenario:
         material = make_material(name)
-        return Scenario(15.0, _presses(material.press_depth), material.model)
+        return Scenario(15.0, _presses(material.press_depth), lambda time: material.model)
 
     return scenario
 
 
 SIMULATED: Final[dict[str, Callable[[], Scenario]]] = {
-    "kelvin-voigt": lambda: Scenario(12.0, _presses(0.010), KELVIN_VOIGT),
-    "hunt-crossley": lambda: Scenario(12.0, _presses(0.015), HUNT_CROSSLEY),
-    "continuous-switching": lambda: Scenario(12.0, _presses(0.012), BETWEEN),
+    "kelvin-voigt": lambda: Scenario(12.0, _presses(0.010), lambda time: KELVIN_VOIGT),
+    "hunt-crossley": lambda: Scenario(12.0, _presses(0.015), lambda time: HUNT_CROSSLEY),
+    "continuous-switching": lambda: Scenario(12.0, _presses(0.012), lambda time: BETWEEN),
     "gradual-change": lambda: Scenario(FREE_AIR + GRADUAL_DURATION, _palpation, _gradual),
     "sudden-change": lambda: Scenario(
         FREE_AIR + 22.0, _palpation, _sudden, tuple(FREE_AIR + change for change in CHANGES)
     ),
-    "tapping": lambda: Scenario(10.0, _taps, HUNT_CROSSLEY),
+    "tapping": lambda: Scenario(10.0, _taps, lambda time: HUNT_CROSSLEY),
     "sponge": _material("sponge"),
     "foam": _material("foam"),
     "hand": _material("hand"),
@@ -230,35 +215,20 @@ class Case:
 
 
 class Loaded(NamedTuple):
-    """A case in memory.
+    """A case in memory."""
 
-    Attributes:
-        recording: Recording of the follower.
-        truth: The truth, where it is known.
-        log: Log of a file that holds a session: the prediction is then made on the leader's motion.
-    """
-
-    recording: Recording
-    truth: Truth | None = None
-    log: SessionLog | None = None
+    recording: Recording  # recording of the follower
+    truth: Truth | None = None  # the truth, where it is known
+    log: SessionLog | None = None  # log of a file that holds a session: the prediction is then on the leader's motion
 
 
 def file_case(
     path: str | PathLike[str], options: RecordingOptions | None = None, **named: Unpack[ReadingKeywords]
 ) -> Case:
-    """A recording in a file.
+    """A recording in a file; options, or named attributes of them, are for reading it, as `read_recording` takes them.
 
-    Args:
-        path: Path of any file that `read_recording` takes.
-        options: Options for reading it, where the file does not say so by itself.
-        **named: In place of `options`, its attributes by name, as `read_recording` takes them.
-
-    Returns:
-        A case, also where the file is missing or cannot be read: its combinations fail with that reason.
-
-    Raises:
-        UnknownNameError: A unit or force channel that is not known.
-        ArgumentTypeError: A path or a unit that is none.
+    Also where the file is missing or cannot be read there is a case: its combinations fail with that reason. An
+    UnknownNameError says that a unit or force channel is not known, an ArgumentTypeError that a path or unit is none.
     """
     require_path("path", path)
     options = options_of(options, named)
@@ -271,14 +241,9 @@ def file_case(
 
 
 def simulated_case(name: str, seed: int = 0) -> Case:
-    """A simulated recording.
+    """A simulated recording, by its name in `SIMULATED`, of a seed as of `simulate`, with whose errors.
 
-    Args:
-        name: One of `SIMULATED`.
-        seed: As of `simulate`; everything that was chosen on simulated recordings was chosen on seed 0.
-
-    Raises:
-        UnknownNameError: No such recording.
+    Everything that was chosen on simulated recordings was chosen on seed 0.
     """
     if name not in SIMULATED:
         raise UnknownNameError("simulated recording", name, SIMULATED)

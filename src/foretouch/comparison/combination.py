@@ -6,7 +6,7 @@ It learns once, predicts under many delays, is fitted to the whole file, and is 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import repeat
@@ -14,7 +14,6 @@ from time import perf_counter
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.comparison.cases import Case, Loaded, load
 from foretouch.comparison.result import LocalStiffness, Prediction, Result
@@ -24,11 +23,8 @@ from foretouch.errors.checks import require
 from foretouch.identification import ContactSample, Learner, LearntModel, identify, make_estimator
 from foretouch.identification.estimator import Estimator
 from foretouch.models import Predictor
-from foretouch.quantities import Recording
+from foretouch.quantities import Array, Flags, Recording
 from foretouch.report import Forces, Scores, forces_under_delay, lowest_mean, require_delay_within, score_prediction
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 
 class OnceLearnt(Learner):
@@ -40,19 +36,17 @@ class OnceLearnt(Learner):
     Args:
         make: Makes a fresh estimator.
         contact_floor: Contact floor of the recording [N], as in `Learner`.
+
+    Attributes:
+        memory: The models known after each sample of the recording up to now.
     """
 
     def __init__(self, make: Callable[[], Estimator], *, contact_floor: float) -> None:
         super().__init__(make(), contact_floor=contact_floor)
         self._make = make
         self._floor = contact_floor
-        self._memory: list[LearntModel] = []
+        self.memory: list[LearntModel] = []
         self._place = -1
-
-    @property
-    def memory(self) -> Sequence[LearntModel]:
-        """The models known after each sample of the recording up to now."""
-        return self._memory
 
     def learn(self, recording: Recording) -> None:
         """Learn all samples of a recording; predictions alone leave out those that come too late for them."""
@@ -67,21 +61,21 @@ class OnceLearnt(Learner):
         if self.estimator.horizon != learnt_for:
             super().__init__(self._make(), contact_floor=self._floor)
             self.estimator.expect_delay(delay)
-            self._memory = []
+            self.memory = []
         self._place = -1
         return self
 
     def update(self, time: float, position: float, force: float, velocity: float | None = None) -> ContactSample:
         """Learn from a sample that is new, recall what was learnt of one that is not."""
         self._place += 1
-        if self._place == len(self._memory):
+        if self._place == len(self.memory):
             super().update(time, position, force, velocity)
-            self._memory.append(super().learnt())
+            self.memory.append(super().learnt())
         return self.sample
 
     def learnt(self) -> LearntModel:
         """The model after the newest sample."""
-        return self._memory[self._place] if self._place >= 0 else super().learnt()
+        return self.memory[self._place] if self._place >= 0 else super().learnt()
 
 
 def whole_file_force(recording: Recording, estimator: Estimator, known: Learner) -> Array:
@@ -121,19 +115,10 @@ def score_outside(
     score_to: float | None = None,
     contact_floor: float | None = None,
 ) -> Scores:
-    """Score a prediction as `score_prediction` does, on those samples that are not left out.
+    """Score a prediction as `score_prediction` does, on those samples that are not left out, flags of shape (n,).
 
-    The zero of the measured force is found in all samples, errors and contact force in those that stay.
-
-    Args:
-        forces: Columns of shape (n,).
-        left_out: Flags of shape (n,), None for none.
-        score_from: Start of the window [s after the first sample].
-        score_to: End of the window [s after the first sample], None for the last sample.
-        contact_floor: Smallest force that counts as contact [N]; None takes that of the recording.
-
-    Raises:
-        SettingError: As `score_prediction`.
+    The zero of the measured force is found in all samples, errors and contact force in those that stay. Window [s after
+    the first sample], contact floor [N] (None for that of the recording) and errors are those of `score_prediction`.
     """
     kept = np.ones(forces.time.size, dtype=np.bool_) if left_out is None else ~left_out
     time = forces.time[kept]
@@ -302,7 +287,7 @@ def _prediction(
         "contact_floor": scoring.contact_floor,
     }
 
-    def floor(left_out: NDArray[np.bool_] | None) -> float | None:
+    def floor(left_out: Flags | None) -> float | None:
         return None if whole_file is None else score_outside(whole_file, left_out, **window).prediction_error_percent
 
     if loaded.log is None:

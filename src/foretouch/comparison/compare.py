@@ -9,7 +9,6 @@ from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.comparison.cases import Case, file_case
 from foretouch.comparison.combination import Combination, Scoring, failed, try_combination
@@ -19,7 +18,7 @@ from foretouch.comparison.result import Result
 from foretouch.errors import InputError, UnknownNameError, plural
 from foretouch.errors.checks import require, require_type
 from foretouch.identification import Estimator, all_estimators, load_estimator
-from foretouch.quantities import as_frame
+from foretouch.quantities import Array, as_frame
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -28,7 +27,6 @@ if TYPE_CHECKING:
 Progress = Callable[[int, int, Result], None]
 
 FEW = 8  # Number of results shown in the representation of all
-
 
 _IN_A_ROW = ("recording", "model", "estimator", "status", "reason", "samples", "contact_samples", "residual_percent")
 """Fields of each result in `Results.rows`."""
@@ -55,14 +53,10 @@ class Results(list[Result]):
         return rows
 
     def to_pandas(self) -> pd.DataFrame:
-        """`rows` as a data frame; what is not there is NaN or None.
-
-        Raises:
-            MissingExtraError: pandas is not installed.
-        """
+        """`rows` as a data frame, NaN or None for what is not there; a MissingExtraError without pandas."""
         return as_frame(self.rows())
 
-    def to_numpy(self) -> NDArray[np.float64]:
+    def to_numpy(self) -> Array:
         """Prediction errors [%], shape (results, delays), NaN where there is none."""
         delays = max((len(result.predictions) for result in self), default=0)
         errors = np.full((len(self), delays), np.nan)
@@ -73,11 +67,7 @@ class Results(list[Result]):
         return errors
 
     def plot(self) -> Figure:
-        """The prediction error under the longest delay, for every combination and recording.
-
-        Raises:
-            MissingExtraError: Matplotlib is not installed.
-        """
+        """The prediction error under the longest delay; a MissingExtraError where Matplotlib is not installed."""
 
         def error(result: Result) -> float | None:
             return result.predictions[-1].prediction_error_percent if result.predictions else None
@@ -88,12 +78,9 @@ class Results(list[Result]):
 
 
 def combinations(models: Sequence[str] = (), estimators: Sequence[str | type[Estimator]] = ()) -> list[tuple[str, str]]:
-    """Pairs of law and estimator that exist.
+    """Pairs of law and estimator that exist, of these laws by name and of these estimators; empty for all.
 
-    Args:
-        models: Names of laws; empty for all.
-        estimators: Names of estimators, of all laws that have one so named; or their classes, each of its own law;
-            empty for all.
+    Estimators are names, of all laws that have one so named, or their classes, each of its own law.
 
     Raises:
         UnknownNameError: No such law, or an estimator that none of these laws has.

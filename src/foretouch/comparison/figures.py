@@ -9,14 +9,12 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.comparison.result import NEVER, Prediction, Result, middle
 from foretouch.identification import DEFAULT_ESTIMATORS
+from foretouch.quantities import Array
 from foretouch.report import finished, new_figure
 from foretouch.report.drawing import COLOURS, PREDICTED, RENDERED, TRUE
-
-Array = NDArray[np.float64]
 
 MOST_RECORDINGS = 16
 """Largest number of recordings in the figures of a page, which would grow without bound; its tables have all."""
@@ -30,14 +28,10 @@ def matrix_figure(
     first_row: tuple[str, Callable[[Result], float | None]] | None = None,
     limits: tuple[float, float] = (1.0, 100.0),
 ) -> Any:
-    """A number for each combination (rows) and recording (columns), coloured on a logarithmic scale.
+    """A number for each combination (rows) and recording (columns), coloured on a logarithmic scale between the limits.
 
-    Args:
-        results: As `compare` gave them.
-        figure_of: The number, None where there is none, infinite where it was never reached; its size is coloured.
-        title: Name of the numbers, with unit.
-        first_row: Name of a row above all others, and the number whose median over the combinations it shows.
-        limits: Numbers at the ends of the colours, positive.
+    The number is None where there is none, infinite where it was never reached; its size is coloured. The first row is
+    above all others: its name, and the number whose median over the combinations it shows.
     """
     names = list(dict.fromkeys(result.recording for result in results))
     pairs = list(dict.fromkeys((result.model, result.estimator) for result in results))
@@ -165,12 +159,8 @@ def delay_figure(results: Sequence[Result], title: str = "Prediction error again
     Ceiling is the delayed force, floors are the fits of whole files. The delay has a scale of square roots, so
     that 0 is on it and short delays are apart. Curves that leave the panel above are far beyond the delayed force.
 
-    Args:
-        results: As `compare` gave them, with at least two delays in one that did not fail.
-        title: Title of the figure.
-
-    Raises:
-        MissingExtraError: Matplotlib is not installed.
+    Results are as `compare` gave them, with at least two delays in one that did not fail. A MissingExtraError says that
+    Matplotlib is not installed.
     """
     drawn = [row for row in results if row.status == "ok" and row.predictions]
     recordings = _by(drawn, lambda row: row.recording)
@@ -202,9 +192,6 @@ def delay_figure(results: Sequence[Result], title: str = "Prediction error again
     return finished(figure, rows, above=above, gap=0.6, right=0.90, between=0.44)
 
 
-# --- curves -----------------------------------------------------------------------------------------------------------
-
-
 def _error(prediction: Prediction, name: str) -> float | None:
     """The error of this name; on a simulated recording that of the foreseeable samples."""
     prefix = "" if prediction.unforeseeable_percent is None else "foreseeable_"
@@ -231,9 +218,6 @@ def _by(results: Sequence[Result], key_of: Callable[[Result], Key]) -> dict[Key,
     for row in results:
         groups.setdefault(key_of(row), []).append(row)
     return groups
-
-
-# --- drawing ----------------------------------------------------------------------------------------------------------
 
 
 def _draw_panel(panel: Any, results: Sequence[Result], limits: tuple[float, float]) -> None:
@@ -327,7 +311,6 @@ def _law_colour(model: str) -> str:
 
 
 def _handles(pairs: Sequence[Pair], with_floors: bool) -> list[Any]:
-    """Entries of the legend."""
     lines, patches = import_module("matplotlib.lines"), import_module("matplotlib.patches")
     shown = [lines.Line2D([], [], color=TRUE, linewidth=2.2, label="delayed force: the ceiling")]
     for pair, (colour, _) in PROMINENT.items():

@@ -89,7 +89,6 @@ def _figures(results: Sequence[Result]) -> list[str]:
 
 
 def _against_delay(results: Sequence[Result]) -> list[str]:
-    """The plots of measured and of simulated recordings."""
     groups: dict[str, list[Result]] = {}
     for row in results:
         if row.predictions:

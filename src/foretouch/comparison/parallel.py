@@ -81,12 +81,7 @@ def run_on_cluster(
 
 
 class _Watch:
-    """Whether outcomes can still be expected.
-
-    Args:
-        client: Client of the scheduler.
-        say: Called when there are no workers any more.
-    """
+    """Whether outcomes can still be expected; `say` is called when there are no workers any more."""
 
     def __init__(self, client: Any, say: Callable[[str], None]) -> None:
         self._client = client
@@ -177,12 +172,10 @@ def _without_its_log() -> Iterator[None]:
 
 
 def _one_line(error: BaseException) -> str:
-    """One line of an error."""
     return " ".join(str(error).split()) or type(error).__name__
 
 
 def _reason(error: BaseException | None) -> str:
-    """One line of what a worker died of."""
     if type(error).__name__ == "KilledWorker":
         return "its workers died, one after another"
     return type(error).__name__ if error is None else f"{type(error).__name__}: {_one_line(error)}"
@@ -202,20 +195,12 @@ def run_all(
     Where a worker process dies (killed, out of memory), the jobs that were not done are done one after the other,
     each alone, and only one that kills its process again is lost.
 
-    Args:
-        work: Does one job; it does not raise.
-        jobs: In the order in which they are begun.
-        processes: Number at a time; None for as many as there are cores. 1 works in this process.
-        cluster: Address of a Dask scheduler whose workers do them; None for this machine's.
-        lost: Outcome of a job whose process died, from the job and the reason.
-        say: As of `run_on_cluster`.
+    The work does not raise. The jobs are begun in their order, as many at a time as there are processes (None for as
+    many as cores; 1 works in this process), or on the workers of a cluster (`run_on_cluster`, with its errors). `lost`
+    makes the outcome of a job whose process died from the job and the reason.
 
     Yields:
         Place of the job in `jobs` and its outcome, as they are done.
-
-    Raises:
-        LinkError: As `run_on_cluster`.
-        MissingExtraError: As `run_on_cluster`.
     """
     if cluster is not None:
         yield from run_on_cluster(work, jobs, cluster, lost=lost, say=say)

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from itertools import groupby
 from statistics import median
 from typing import Any
+
+import msgspec
+import numpy as np
 
 from foretouch.comparison.truth import Convergence, ParameterError
 from foretouch.errors import plural
@@ -117,19 +120,8 @@ class Result(Brief):
 
     def as_row(self) -> dict[str, Any]:
         """The result as plain values for JSON: no NaN, no infinity."""
-        row: dict[str, Any] = _finite(asdict(self))
+        row: dict[str, Any] = msgspec.json.decode(msgspec.json.encode(self, enc_hook=np.generic.item))
         return row
-
-
-def _finite(value: Any) -> Any:
-    """The value with None for every number that is not finite."""
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, dict):
-        return {key: _finite(inner) for key, inner in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(inner) for inner in value]
-    return value
 
 
 NEVER = "never"
@@ -232,7 +224,6 @@ def _block(name: str, rows: list[Result]) -> list[str]:
 
 
 def _summary(results: Sequence[Result]) -> list[str]:
-    """Median and worst prediction error of each combination over all recordings."""
     recordings = len({result.recording for result in results})
     delays = delays_of(results)
     lines = [

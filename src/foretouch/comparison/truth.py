@@ -8,15 +8,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.identification import LearntModel
 from foretouch.models import ContactModel, HuntCrossley, KelvinVoigt, MemorylessLaw, MotionFilter, advance
-from foretouch.quantities import ByValue, Recording
+from foretouch.quantities import Array, ByValue, Flags, Recording
 from foretouch.report import delayed_force
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 LEARNING_TIME: Final = 0.1  # Time granted for learning a changed law, beyond the delay [s]
 CONVERGED_SPAN: Final = 0.5  # Time over which a converged estimate predicts the force [s]
@@ -87,17 +83,8 @@ def unforeseeable(time: Array, depth: Array, delay: float, changes: Sequence[flo
     - from a sudden change of the law until the delay and 0.1 s for learning have passed since it could be felt first:
       at the first sample in contact from the change on.
 
-    Args:
-        time: [s], increasing, shape (n,).
-        depth: True depth [m], shape (n,).
-        delay: d, of the forces [s], 0 or more.
-        changes: Times at which the law changed without notice [s].
-
-    Returns:
-        Flags, shape (n,).
-
-    Raises:
-        SettingError: A delay below 0.
+    Time [s], increasing, true depth [m] and flags have the shape (n,). The delay d of the forces [s] is 0 or more, else
+    a SettingError; the changes are the times at which the law changed without notice [s].
     """
     reached = np.nan_to_num(delayed_force(time, np.maximum.accumulate(np.maximum(depth, 0.0)), delay), nan=0.0)
     flags: Flags = (depth > 0.0) & (depth > reached)
@@ -112,15 +99,8 @@ def convergence(recording: Recording, truth: Truth, learnt: Sequence[LearntModel
 
     A model has converged if it, and no newer one, gives the true force of the recorded motion over the next half second
     with an RMS error of at most 10 % of that force's RMS, over the samples in contact. Every fiftieth of a second is
-    tried, while the half second ends before the next change.
-
-    Args:
-        recording: n samples.
-        truth: Truth of the recording.
-        learnt: Models after each sample, n of them.
-
-    Returns:
-        One for the first touch and for each change that is felt.
+    tried, while the half second ends before the next change. There is one model after each sample of the recording,
+    and one result for the first touch and for each change that is felt.
     """
     time, position = recording.time, recording.position
     velocity = (

@@ -3,7 +3,9 @@
 from foretouch.quantities.brief import Brief, ByValue, brief_number, brief_text, measured, shortest
 from foretouch.quantities.columns import (
     QUANTITIES,
+    Array,
     Columns,
+    Flags,
     Quantity,
     Rows,
     as_frame,
@@ -19,9 +21,11 @@ __all__ = [
     "LARGEST_POSITION",
     "QUANTITIES",
     "STANDARD_GRAVITY",
+    "Array",
     "Brief",
     "ByValue",
     "Columns",
+    "Flags",
     "Frame",
     "Pose",
     "Quantity",

@@ -95,6 +95,11 @@ def in_words(name: str) -> tuple[str, str]:
     return ("rate of " if unit == "N/s" else "") + " ".join(words), unit
 
 
+Array = NDArray[np.float64]
+"""Numbers, of the shape that is stated where they are used."""
+Flags = NDArray[np.bool_]
+"""Truths, one for each row or point."""
+
 Rows = Any
 """A structured array, shape (n,): ``rows["force"]`` is a column. To NumPy's types a column is an array of anything, for
 which every operator tries all of its overloads: more than half of all the time that the type checker took."""

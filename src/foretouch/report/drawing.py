@@ -8,11 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.quantities import Rows, colours, columns
+from foretouch.quantities import Array, Flags, Rows, colours, columns
 from foretouch.report.numbers import largest
 from foretouch.report.rows import Segment
-
-Array = NDArray[np.float64]
 
 TRUE, PREDICTED, DELAYED, RENDERED, ERROR = (
     colours.css(colour)
@@ -32,7 +30,7 @@ def legend(axes: Any, columns: int) -> None:
     axes.set_title(axes.get_title(), pad=22.0 + 13.0 * max(rows - 1, 0))
 
 
-def shade(axes: Any, time: NDArray[np.float64], flags: NDArray[np.bool_], colour: str, label: str) -> None:
+def shade(axes: Any, time: Array, flags: Flags, colour: str, label: str) -> None:
     """Shade the times at which a flag is set, over the whole height."""
     if not flags.any():
         return
@@ -157,7 +155,7 @@ def joined(spans: Array, shown: float) -> Array:
     return np.column_stack((spans[np.append(0, cuts + 1), 0], ends[np.append(cuts, -1)]))
 
 
-def corners(time: Array, flags: NDArray[np.bool_]) -> tuple[Array, NDArray[np.bool_]]:
+def corners(time: Array, flags: Flags) -> tuple[Array, Flags]:
     """The corners of a flag: of each span its begin and its end, and its end once more without the flag."""
     changes = np.diff(np.concatenate(([0], flags.astype(np.int8), [0])))
     begin, end = np.flatnonzero(changes > 0), np.flatnonzero(changes < 0) - 1

@@ -7,29 +7,19 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from foretouch.quantities import Rows, brief_text
+from foretouch.quantities import Array, Flags, Rows, brief_text
 from foretouch.rendering.energy import FASTEST_HAND, SAMPLE_PERIOD, SMALLEST_COUNT
 from foretouch.rendering.tick import FARTHEST, PHANTOM
 from foretouch.report.numbers import finite_or_none, largest
 
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
-
 
 class BookedDevice(NamedTuple):
-    """Properties of the device that the energy account depends on.
+    """Properties of the device that the energy account depends on."""
 
-    Attributes:
-        resolution: One count of its encoder [m]; less than a micrometre counts as one.
-        delay: From reading a position until the force computed from it acts [s].
-        watchdog: Time for which it holds a force that is not renewed [s]; 0 for no end.
-    """
-
-    resolution: float = 0.0
-    delay: float = 0.0
-    watchdog: float = 0.0
+    resolution: float = 0.0  # one count of its encoder [m]; less than a micrometre counts as one
+    delay: float = 0.0  # from reading a position until the force computed from it acts [s]
+    watchdog: float = 0.0  # time for which it holds a force that is not renewed [s]; 0 for no end
 
 
 NO_DEVICE = BookedDevice()  # The device of an open loop, which no hand holds
@@ -59,11 +49,8 @@ class Booked(NamedTuple):
 def book(force: Array, position: Array, period: Array, device: BookedDevice) -> Booked:
     """Sum up tick by tick the work of a hand against a force delayed by the device: see `Ledger`.
 
-    Args:
-        force: Force on the hand, held from each tick on [N], shape (n, axes).
-        position: Position of the hand in each tick [m], the same shape; NaN where it was missing.
-        period: Time since the tick before [s], shape (n,); 0 counts as nominal.
-        device: Device in the hand.
+    The force on the hand [N], shape (n, axes), is held from each tick on; its position [m], of the same shape, is NaN
+    where it was missing; a period [s], shape (n,), of 0 counts as nominal.
     """
     count = math.sqrt(position.shape[1]) * max(device.resolution, SMALLEST_COUNT)
     delta, nothing = device.delay / SAMPLE_PERIOD, np.zeros_like(force[:1])
@@ -98,23 +85,16 @@ def book(force: Array, position: Array, period: Array, device: BookedDevice) -> 
 
 ROUNDING = 1e-9  # Largest error of sums of floating-point numbers [J]
 
-
 SAME = 1e-9
 """Products of the same numbers differ by no more than this fraction: forces that fade pass through every size."""
 
 
 class Account(NamedTuple):
-    """The account of energy in every tick of the leader; columns of shape (n,).
+    """The account of energy in every tick of the leader; columns of shape (n,)."""
 
-    Attributes:
-        energy: E, work of the hand against the rendered force, with all debts and no surplus of former contacts [J].
-        bound: Largest amount by which E may be below zero [J].
-        late: L, the energy lost beside it in late ticks and missing positions, never positive [J].
-    """
-
-    energy: Array
-    bound: Array
-    late: Array
+    energy: Array  # E, the hand's work against the rendered force, with all debts, no surplus of former contacts [J]
+    bound: Array  # largest amount by which E may be below zero [J]
+    late: Array  # L, the energy lost beside it in late ticks and missing positions, never positive [J]
 
     def __repr__(self) -> str:
         """In a few lines, however long the session was."""
@@ -127,15 +107,12 @@ def has_account(leader: Rows) -> bool:
 
 
 def energy_account(leader: Rows, device: BookedDevice | None = NO_DEVICE) -> Account:
-    """The account of a session, summed up again from the forces and positions that were recorded.
+    """The account of a session (`SessionLog.leader`), summed up again from the recorded forces and positions.
 
     As in `foretouch.rendering.energy.Ledger`. Only where a surplus was forgiven is taken from the leader's columns:
     where nothing was carried over and no more than 0.05 N was rendered. After lost rows, energy goes on from the value
-    that the leader recorded there, and its recorded bound is used from then on.
-
-    Args:
-        leader: Rows of `SessionLog.leader`.
-        device: Device in the hand; None where it is unknown: then the whole account is the leader's.
+    that the leader recorded there, and its recorded bound is used from then on. Without a known device (None) the whole
+    account is the leader's.
     """
     if device is None:
         return Account(*(leader[name].copy() for name in ("energy", "energy_bound", "late_energy")))
@@ -181,21 +158,16 @@ def _agree(account: Account, recorded: Rows) -> bool:
 def summed_account(
     recorded: Rows, booked: Booked, force: Array, pressing: Array, lost: Flags, device: BookedDevice
 ) -> Account:
-    """The account of the booked work.
+    """The account of the booked work, beside ``energy``, ``energy_bound`` and ``late_energy`` as recorded.
 
-    Args:
-        recorded: Rows of the leader with the account that it kept: ``energy``, ``energy_bound``, ``late_energy``.
-        booked: Work booked in each row.
-        force: Size of the force that is held from each row on [N].
-        pressing: Its part along the normal, without friction [N]: no surplus is forgiven above 0.05 N of it.
-        lost: Whether the row before is missing or unusable.
-        device: Device in the hand.
+    The size of the force [N] is held from each row on; above 0.05 N of its part along the normal, without friction, no
+    surplus is forgiven. A row is lost where the one before is missing or unusable.
     """
-    largest = np.maximum.accumulate(_held(force))
+    largest = np.maximum.accumulate(_before(force))
     farthest = np.maximum.accumulate(booked.reach)
     bound = (1.0 + 2.0 * device.delay / SAMPLE_PERIOD) * largest * farthest
     bound = np.where(np.logical_or.accumulate(lost), recorded["energy_bound"], bound)
-    begins = _begins(recorded["energy"], booked.work, _held(pressing) > PHANTOM, lost)
+    begins = _begins(recorded["energy"], booked.work, _before(pressing) > PHANTOM, lost)
     late = _owed(np.where(lost, 0.0, booked.late), recorded["late_energy"], lost)
     return Account(_summed(recorded["energy"], booked.work, begins, lost), bound, late)
 
@@ -233,9 +205,7 @@ def account_figures(account: Account, recorded: Rows) -> dict[str, Any]:
 def energy_figures(leader: Rows, device: BookedDevice | None = NO_DEVICE) -> dict[str, Any]:
     """The certificate of a session, over all ticks in contact; every figure is None where no account was kept.
 
-    Args:
-        leader: Rows of `SessionLog.leader`.
-        device: Device in the hand, None where it is unknown.
+    The leader's rows are those of `SessionLog.leader`; the device in the hand is None where it is unknown.
 
     Returns:
         The figures of `account_figures`. ``energy_used_percent``: the largest part of its bound that E took.
@@ -247,10 +217,11 @@ def energy_figures(leader: Rows, device: BookedDevice | None = NO_DEVICE) -> dic
         return dict.fromkeys(_FIGURES)
     account = energy_account(leader, device)
     figures = account_figures(account, leader)
+    given = largest(-exact_energy(leader, device))
     used = float((-account.energy / np.where(account.bound > 0.0, account.bound, np.inf)).max())
     figures |= {
         "energy_used_percent": finite_or_none(100.0 * max(0.0, used)),
-        "net_energy_exact_J": _exact(leader, device),
+        "net_energy_exact_J": None if given is None else min(-given, 0.0),
         "largest_energy_cut_N": _largest_cut(leader),
     }
     return {name: figures[name] for name in _FIGURES}
@@ -272,19 +243,14 @@ def exact_energy(leader: Rows, device: BookedDevice | None = NO_DEVICE) -> Array
     so that a force that goes up and down often can take more energy than the encoder shows: friction and damping of the
     device dissipate that, as they do the other energy that sampling generates.
 
-    Args:
-        leader: Rows of `SessionLog.leader`.
-        device: Device in the hand, None where it is unknown.
-
-    Returns:
-        E [J], shape (n,); NaN where the hand's own position or its device is not known.
+    It has the shape (n,) of `SessionLog.leader`, and is NaN where the hand's own position or its device is not known.
     """
     position, force = leader["exact_hand_position"][:, None], leader["rendered_force"]
     if device is None:
         return np.full(force.size, np.nan)
     period, lost = _summed_again(leader, device)[1], lost_rows(leader, np.isfinite(leader["hand_position"]))
     shown, exact = (book(-force[:, None], x, period, device) for x in (leader["hand_position"][:, None], position))
-    begins = _begins(leader["energy"], shown.work, _held(force) > PHANTOM, lost)
+    begins = _begins(leader["energy"], shown.work, _before(force) > PHANTOM, lost)
     return np.where(np.isfinite(position[:, 0]), _summed(leader["energy"], exact.work, begins, lost), np.nan)
 
 
@@ -301,17 +267,16 @@ def lost_rows(recorded: Rows, there: Flags) -> Flags:
     return np.asarray(lost)
 
 
-def _held(force: Array) -> Array:
-    """The force that acted until each row: that of the row before."""
-    return np.concatenate((np.zeros(min(1, force.size)), force[:-1]))
+def _before(values: Array) -> Array:
+    """Values of the row before, 0 at the first: a force acts until the next row."""
+    return np.concatenate((np.zeros(min(1, values.size)), values[:-1]))
 
 
 def _begins(recorded: Array, work: Array, firm: Flags, lost: Flags) -> Flags:
     """Ticks in which a surplus was forgiven: the work of one tick is all there is, after a surplus, no firm force."""
-    had = np.concatenate((np.zeros(min(1, recorded.size)), recorded[:-1])) > 0.0
     with np.errstate(invalid="ignore"):
         fresh = np.abs(recorded - work) <= SAME * np.abs(work)
-    return np.asarray(fresh & had & ~firm & ~lost)
+    return np.asarray(fresh & (_before(recorded) > 0.0) & ~firm & ~lost)
 
 
 def _summed(recorded: Array, work: Array, begins: Flags, lost: Flags) -> Array:
@@ -330,12 +295,6 @@ def _owed(late: Array, recorded: Array, lost: Flags) -> Array:
         owed = kept if gone else min(owed + work, 0.0)
         total[row] = owed
     return total
-
-
-def _exact(leader: Rows, device: BookedDevice | None) -> float | None:
-    energy = exact_energy(leader, device)
-    most = largest(-energy)
-    return None if most is None else min(-most, 0.0)
 
 
 def _largest_cut(leader: Rows) -> float:

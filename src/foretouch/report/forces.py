@@ -6,22 +6,18 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.errors import SettingError
 from foretouch.errors.checks import require
 from foretouch.identification import Learner, predict
 from foretouch.identification.force_calibration import TOUCH, lowest_mean
 from foretouch.messages import SessionLog
-from foretouch.quantities import ByValue, Recording
+from foretouch.quantities import Array, ByValue, Flags, Recording
 from foretouch.report.perception import LargestJump, largest_jump, time_to_accuracy
 from foretouch.report.rows import not_scored, pair
 from foretouch.report.scores import STATUSES, Scores, delayed_force
 from foretouch.report.session import CONTACT_FLOOR
 from foretouch.session import replay
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,11 +50,7 @@ class Forces(ByValue):
     skipped: Flags | None = None
 
     def perception(self, scores: Scores) -> dict[str, float | None]:
-        """Noticeable effects, as named figures: the largest jump by a model, and the time to accuracy.
-
-        Args:
-            scores: Result of `score_prediction` for these columns, all samples among them.
-        """
+        """Noticeable effects in the scores of all samples: the largest jump by a model, and the time to accuracy."""
         jump = LargestJump(None, None, None)
         if self.jump is not None and self.period is not None:
             jump = largest_jump(self.time, self.jump, self.period)
@@ -68,14 +60,9 @@ class Forces(ByValue):
 
 
 def require_delay_within(source: Recording | SessionLog, delay: float) -> None:
-    """Refuse a delay under which nothing of a recording arrives before it ends.
+    """Refuse a delay [s] that is below 0, not finite, or as long as a recording or longer, with a SettingError.
 
-    Args:
-        source: The recording, or the session, whose longest segment is taken.
-        delay: Of the forces [s].
-
-    Raises:
-        SettingError: It is below 0, not finite, or as long as the recording or longer.
+    Nothing would arrive before the recording ends; of a session the longest segment is taken.
     """
     require("delay", delay, at_least=0.0)
     time = source.time if isinstance(source, Recording) else source.longest().leader["time_ns"] * 1e-9
@@ -88,14 +75,8 @@ def require_delay_within(source: Recording | SessionLog, delay: float) -> None:
 def forces_under_delay(source: Recording | SessionLog, learner: Learner, delay: float) -> Forces:
     """Predict a recording's force, or a session's at the leader's own motion, whose forces are known late.
 
-    Args:
-        source: The recording, or the session, whose longest segment is taken.
-        learner: Fresh.
-        delay: Of the forces [s], 0 or more.
-
-    Raises:
-        RecordingError: A session with a side missing.
-        SettingError: As `require_delay_within`.
+    The learner is fresh. Of a session the longest segment is taken; a RecordingError says that it has one side alone.
+    The delay of the forces [s] is refused as by `require_delay_within`.
     """
     require_delay_within(source, delay)
     if isinstance(source, Recording):
@@ -111,7 +92,7 @@ def forces_under_delay(source: Recording | SessionLog, learner: Learner, delay: 
             source.contact_floor,
             predicted.standard_deviation,
             predicted.jump,
-            _periods(source.time),
+            np.diff(source.time, prepend=np.nan),
         )
     again, pairs, leader = replay(source, learner, delay=delay), pair(source), source.longest().leader
     ticks = np.searchsorted(leader["sequence"], pairs.leader["sequence"])
@@ -124,14 +105,9 @@ def forces_under_delay(source: Recording | SessionLog, learner: Learner, delay: 
         CONTACT_FLOOR,
         again.predicted.standard_deviation[ticks],
         again.predicted.jump[ticks],
-        _periods(leader["time_ns"] * 1e-9)[ticks],
+        np.diff(leader["time_ns"] * 1e-9, prepend=np.nan)[ticks],
         not_scored(pairs),
     )
-
-
-def _periods(time: Array) -> Array:
-    """Time since the sample before, NaN at the first."""
-    return np.concatenate((np.full(min(1, time.size), np.nan), np.diff(time)))
 
 
 APART = 0.1  # Touches that are nearer to each other than this [s] are one
@@ -151,13 +127,8 @@ def remarks(forces: Forces, scores: Scores, delay: float, score_from: float | No
     """Sentences on what is special about a recording: none for most.
 
     Among them: what the status means where it is not ``ok``; a recording that begins in contact, touches only once,
-    whose probe never moves, whose force drifts in free air, that has gaps in time or is sampled slowly.
-
-    Args:
-        forces: Of the recording.
-        scores: Result of `score_prediction` for them, all samples among them.
-        delay: Of the forces [s].
-        score_from: Begin of scoring [s after the first sample], where that is known.
+    whose probe never moves, whose force drifts in free air, that has gaps in time or is sampled slowly. The scores are
+    those of all samples; scoring begins at `score_from` [s after the first sample], where that is known.
     """
     return tuple(_said(forces, scores, delay, score_from))
 
@@ -178,7 +149,6 @@ def _said(forces: Forces, scores: Scores, delay: float, score_from: float | None
 
 
 def _meaning(status: str, time: Array, all_count: bool, score_from: float | None) -> str:
-    """Meaning of a status for this recording."""
     if status == "nothing_to_score" and score_from is not None and time.size and time[-1] < score_from:
         return f"the recording ends after {time[-1]:.3g} s, before --score-from {score_from:g}"
     if status == "nothing_to_score" and all_count:

@@ -8,10 +8,9 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.errors import plural
-from foretouch.quantities import measured, parameter_unit
+from foretouch.quantities import Array, Flags, measured, parameter_unit
 from foretouch.settings import NO_BASELINE
 
 AS_IT_COMES = "delayed"  # The baseline that renders the delayed force itself
@@ -48,8 +47,6 @@ def filled(template: str, figures: Mapping[str, Any]) -> str:
 
 
 class _Filler(string.Formatter):
-    """Of `filled`."""
-
     def get_field(self, field_name: str, args: Any, kwargs: Any) -> tuple[Any, str]:
         return value_of(kwargs, field_name), field_name
 
@@ -83,7 +80,7 @@ def figure(value: float) -> str:
     return f"{value:.2f}" if size >= 0.1 else f"{value:.2g}"
 
 
-def largest(values: NDArray[np.float64]) -> float | None:
+def largest(values: Array) -> float | None:
     """The largest finite value, None where there is none."""
     finite = values[np.isfinite(values)]
     return float(finite.max()) if finite.size else None
@@ -94,7 +91,7 @@ def finite_or_none(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def runs(flags: Flags) -> list[tuple[int, int]]:
     """Begin and end of each run of rows that are flagged, as a slice takes them."""
     edges = np.flatnonzero(np.diff(flags, prepend=False, append=False)).tolist()
     return list(zip(edges[::2], edges[1::2], strict=True))

@@ -13,9 +13,7 @@ from numpy.typing import NDArray
 from foretouch.devices import GRIPS, Device, DeviceSpecification, Hand
 from foretouch.errors import ForetouchError
 from foretouch.messages import SessionLog
-from foretouch.quantities import Rows
-
-Array = NDArray[np.float64]
+from foretouch.quantities import Array, Flags, Rows
 
 ACCURATE_WITHIN = 0.10
 """Error of an accurate prediction, as a fraction of the force RMS: people tell forces apart at 7 to 10 %."""
@@ -51,11 +49,8 @@ def largest_jump(time: Array, jump: Array, period: Array) -> LargestJump:
     All samples count, those before the scoring window too, and so does the first model: where it comes in the middle
     of a press, the force appears from nothing.
 
-    Args:
-        time: [s], increasing, shape (n,).
-        jump: J [N]: force less that of the model before, had it been kept, 0 where no model came, shape (n,); one that
-            is not finite is left out.
-        period: T, time since the sample before [s], shape (n,); one that is not above 0 gives no rate.
+    All have the shape (n,): increasing times [s]; J [N], the force less that of the model before, had it been kept, 0
+    where no model came, left out where not finite; and T, the time since the sample before [s], with no rate for 0.
     """
     finite = np.isfinite(jump)
     if not finite.any():
@@ -82,14 +77,7 @@ def rendered_jump(sequence: NDArray[np.int64], wanted: Array, rendered: Array, j
     is not observed: while they cut, up to what it would have changed by in one tick can be counted wrongly, never more
     than J.
 
-    Args:
-        sequence: Numbers of the ticks, shape (n,).
-        wanted: F [N], shape (n,).
-        rendered: R [N], shape (n,).
-        jump: J [N], shape (n,).
-
-    Returns:
-        J' [N], shape (n,); NaN where J is not 0 and the tick before is missing.
+    All have the shape (n,) of the numbers of the ticks; J' [N] is NaN where J is not 0 and the tick before is missing.
     """
     part = np.zeros(jump.size)
     came = np.flatnonzero(jump != 0.0)
@@ -104,16 +92,9 @@ def rendered_jump(sequence: NDArray[np.int64], wanted: Array, rendered: Array, j
 def update_jumps(leader: Rows) -> dict[str, float | None]:
     """The largest jumps that new models made in a session, over all ticks of the leader.
 
-    Three forces are looked at: the predicted one, which a new model changes at once; the mediated one, into which the
-    change is let in tick by tick; and what the limits left of that. Where nothing mediates, as in recordings of old,
-    the first two are the same.
-
-    Args:
-        leader: Rows of `SessionLog.leader`.
-
-    Returns:
-        Figures of `LargestJump` under ``largest_model_jump``, ``largest_update_jump`` and
-        ``largest_rendered_update_jump``.
+    Three forces are looked at: the predicted one, which a new model changes at once (``largest_model_jump``); the
+    mediated one, into which the change is let in tick by tick (``largest_update_jump``); and what the limits left of
+    that (``largest_rendered_update_jump``). Where nothing mediates, as in old recordings, the first two are the same.
     """
     time, period, sequence = leader["time_ns"] * 1e-9, leader["period_ns"] * 1e-9, leader["sequence"]
     mediated = leader["mediated_force"].any() or not leader["rendered_force"].any()
@@ -132,7 +113,7 @@ def time_to_accuracy(
     time: Array,
     true_force: Array,
     predicted_force: Array,
-    in_contact: NDArray[np.bool_],
+    in_contact: Flags,
     *,
     within: float = ACCURATE_WITHIN,
     lasting: float = ACCURATE_FOR,
@@ -148,16 +129,9 @@ def time_to_accuracy(
     may be several short touches; that it stays accurate afterwards is not asked. The time is that on the clock, free
     air included.
 
-    Args:
-        time: [s], increasing, shape (n,).
-        true_force: F, less its zero [N], finite, shape (n,).
-        predicted_force: [N], shape (n,); one that is not finite is as wrong as can be.
-        in_contact: Flags, shape (n,).
-        within: Largest error, as a fraction of the force RMS.
-        lasting: Contact over which it is taken [s].
-
-    Returns:
-        None where neither the accuracy nor the contact ever lasts for `lasting`.
+    All columns have the shape (n,): the time [s] increases; F [N] is finite and less its zero; a predicted force [N]
+    that is not finite is as wrong as can be. Other limits are given as the largest error, a fraction of the force RMS,
+    and the contact over which it is taken [s]. None where neither accuracy nor contact ever lasts for so long.
     """
     if time.size < 2:
         return None
@@ -177,14 +151,11 @@ def time_to_accuracy(
 
 
 def _window_sums(values: Array, count: int) -> Array:
-    """Sums of all runs of this length."""
     sums = np.concatenate(([0.0], np.cumsum(values)))
     return np.asarray(sums[count:] - sums[:-count])
 
 
 class _Intention(Device):
-    """The intention of a hand, read again."""
-
     name = "recorded intention"
     closed_loop = False
 
@@ -199,13 +170,9 @@ class _Intention(Device):
 
 
 def free_hand(log: SessionLog) -> Array | None:
-    """Position that the hand of the settings would have had by its intention alone, without any force [m].
+    """Position that the hand of the settings would have had by its intention alone, without any force [m], shape (n,).
 
-    Args:
-        log: The session.
-
-    Returns:
-        Positions, shape (n,), NaN where the intention is unknown; None where the operator or the device is unknown.
+    NaN where the intention is unknown; None where the operator or the device is.
     """
     try:
         grip = GRIPS[log.settings["grip"]]
@@ -254,10 +221,7 @@ def oscillation(leader: Rows, free: Array | None = None) -> dict[str, Any]:
     to. The hand without force swings as often as it means to in these sessions, and with 10 kg and hardly any damping
     in the hand up to three times as often.
 
-    Args:
-        leader: Rows of `SessionLog.leader`.
-        free: Position of the hand without force [m], shape (n,), as `free_hand` gives it; None for where it
-            meant to be.
+    The position of the hand without force is as `free_hand` gives it [m], shape (n,); None for where it meant to be.
 
     Returns:
         ``swings``, ``free_swings``, ``extra_swings`` (never below 0), ``largest_burst`` and when it begins after
@@ -288,11 +252,7 @@ def swings(position: Array) -> NDArray[np.int64]:
     With l_j the way to the j-th of the `turning_points` from the one before, the j-th counts if
     :math:`l_j \ge l_{j-2} / 2`: if it is not much shorter than the swing before it in the same direction.
 
-    Args:
-        position: Finite [m], shape (n,).
-
-    Returns:
-        Their indices, increasing.
+    The position [m], shape (n,), is finite; the indices increase.
     """
     turns = turning_points(position)
     ways = np.abs(np.diff(position[np.concatenate(([0], turns))])) if turns.size else np.zeros(0)
@@ -302,14 +262,9 @@ def swings(position: Array) -> NDArray[np.int64]:
 
 
 def turning_points(position: Array, swing: float = SWING) -> NDArray[np.int64]:
-    """Samples at which a position turns, with a way of more than one swing between any two, and before and after.
+    """Samples at which a finite position [m], shape (n,), turns, increasing.
 
-    Args:
-        position: Finite [m], shape (n,).
-        swing: Smallest way that counts [m], positive.
-
-    Returns:
-        Their indices, increasing.
+    Between any two, and before and after, there is a way of more than one swing [m].
     """
     turns = []
     direction = low = high = 0  # low and high: samples of the extremes since the last turn

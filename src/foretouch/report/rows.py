@@ -9,16 +9,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.errors import ForetouchError
 from foretouch.messages import WITH_THE_COMMANDS, ModelUpdate, SessionLog, Status
 from foretouch.messages.session_log import believable
 from foretouch.models import ContactModel, Predictor, make_model
-from foretouch.quantities import ByValue, Rows
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+from foretouch.quantities import Array, ByValue, Flags, Rows
 
 APART_NS = 100_000_000
 """Segments that are nearer to each other than this are one [ns]: about its speed a command comes and goes."""
@@ -77,7 +73,7 @@ def trusted(follower: Rows, rows: Rows) -> Flags:
     """Rows that hold a true force: the sensors are believed, then and in the 0.1 s that a fault may go unnoticed."""
     good = believable(rows)
     failing = follower["validity"] > 0
-    faults = follower["time_ns"][failing & ~np.concatenate((np.zeros(min(1, failing.size), np.bool_), failing[:-1]))]
+    faults = follower["time_ns"][failing & np.diff(failing, prepend=False)]
     if faults.size:
         following = np.append(faults, 2 * FOUND_WITHIN_NS + int(rows["time_ns"].max(initial=0)))
         until = following[np.searchsorted(faults, rows["time_ns"])] - rows["time_ns"]
@@ -148,7 +144,7 @@ def pair(log: SessionLog) -> Pairs:
     return Pairs(since * 1e-9, leader, follower, rows.never_applied)
 
 
-def not_scored(pairs: Pairs) -> NDArray[np.bool_]:
+def not_scored(pairs: Pairs) -> Flags:
     """Rows in which the robot was not at its commanded position, or the hand did not lead it.
 
     It guarded a first touch or did something else than follow (`foretouch.report.statuses.away`), the clutch was
@@ -159,7 +155,7 @@ def not_scored(pairs: Pairs) -> NDArray[np.bool_]:
     return np.asarray(pairs.follower["guarded"] | away(pairs.follower) | ~led)
 
 
-def nowhere(leader: Rows) -> NDArray[np.bool_]:
+def nowhere(leader: Rows) -> Flags:
     """Rows in which the operator's device gave no position.
 
     There are none in a recording of old, which has commands and no hand.
@@ -184,10 +180,7 @@ def force_at_follower(log: SessionLog, pairs: Pairs) -> Array:
 
     In each row the newest model that had arrived at the leader is run at the follower's position and velocity;
     without a valid model the force is 0, as it is at the leader. A law with memory runs on along the rows, from the
-    state that its message carried, which is that of the command that the follower had applied then.
-
-    Returns:
-        Force [N], shape (n,).
+    state that its message carried, which is that of the command that the follower had applied then. [N], shape (n,).
     """
     sent = {model.sequence: model for model in log.models}
     predictor = Predictor()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from foretouch.errors import InputError, SettingError
 from foretouch.errors.checks import NUMBER, require_type
@@ -17,11 +17,8 @@ from foretouch.identification.force_calibration import (
     median_period,
     never_leaves_contact,
 )
-from foretouch.quantities import ByValue
+from foretouch.quantities import Array, ByValue, Flags
 from foretouch.report.numbers import finite_or_none
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 JND_SHARE = 0.10  # Just noticeable difference of force, as a fraction of the force
 JND_FORCE = 0.05  # The smallest just noticeable difference that is asked for [N]

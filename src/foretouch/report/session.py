@@ -6,25 +6,22 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from foretouch.errors.checks import require_type
 from foretouch.messages import CHANNELS, SessionLog, encode
 from foretouch.models import ContactMapModel, summarise_map
-from foretouch.quantities import Rows
+from foretouch.quantities import Array, Flags, Rows
 from foretouch.report.numbers import largest, renders_models, setting
 from foretouch.report.perception import time_to_accuracy, update_jumps
 from foretouch.report.rows import Pairs, away, force_at_follower, joining, model_of, not_scored, nowhere, pair
 from foretouch.report.scene import in_scene, look_at_scene, scene_figures, tracking_error
 from foretouch.report.scene.pose import has_scene
 from foretouch.report.scores import Scores
-from foretouch.report.sections.hand import contact_force, hand_figures
-from foretouch.report.sections.safety import safety_figures, segment_figures
-from foretouch.report.sections.session import loop_sentence, phase_figures, rendered_scores, scored
+from foretouch.report.sections.hand import hand_figures
+from foretouch.report.sections.safety import contact_force, safety_figures, segment_figures
+from foretouch.report.sections.session import duration, loop_sentence, phase_figures, rendered_scores, scored
 from foretouch.settings import NO_BASELINE
-
-Array = NDArray[np.float64]
 
 CONTACT_FLOOR = 0.05
 """Smallest force that counts as contact in a session [N]."""
@@ -114,14 +111,15 @@ def session_figures(
     local, exact = scored(pairs, force_at_follower(log, pairs), **limits), None
     if np.isfinite(follower["exact_force"]).all():  # the simulator's force has no offset to take off
         exact = scored(pairs, predicted, "exact_force", offset=0.0, **limits)
+    jumps = update_jumps(log.leader)
     clipped = {"leader": int(log.leader["clipped"].sum()), "follower": int(log.follower["clipped"].sum())}
     report = {
         "status": main.status,
         "recording": recording,
         "segments": segment_figures(whole)
-        | {"duration_s": _duration(whole), "each": phase_figures(whole, log, **limits)},
+        | {"duration_s": duration(whole), "each": phase_figures(whole, log, **limits)},
         "safety": safety_figures(whole),
-        "duration_s": _duration(log),
+        "duration_s": duration(log),
         "samples": main.samples,
         "scored_samples": main.scored_samples,
         "guarded_samples": int(follower["guarded"].sum()),
@@ -143,7 +141,7 @@ def session_figures(
         "phantom_force_rms_N": main.phantom_force_rms_N,
         "rendered_phantom_force_rms_N": rendered.phantom_force_rms_N,
         "missed_contact_percent": main.missed_contact_percent,
-        **_jumps(log),
+        **(jumps if renders_models(log.settings) else dict.fromkeys(jumps)),
         "time_to_ten_percent_s": time_to_accuracy(
             pairs.time, main.measured_force, predicted, main.in_contact & ~skipped
         ),
@@ -183,24 +181,8 @@ def session_figures(
 
 
 def _errors(scores: Scores | None) -> dict[str, float | None]:
-    """The figures of a second comparison."""
     names = ("contact_force_rms_N", "prediction_rmse_N", "prediction_error_percent", "within_jnd_percent")
     return {name: getattr(scores, name, None) for name in names}
-
-
-def _jumps(log: SessionLog) -> dict[str, float | None]:
-    """Changes of the force by new models; None each where no models were rendered."""
-    jumps = update_jumps(log.leader)
-    return jumps if renders_models(log.settings) else dict.fromkeys(jumps)
-
-
-def _duration(log: SessionLog) -> float:
-    """Time between the first and the last tick of the leader, or of the follower without a leader [s]."""
-    return _span(log.leader if log.leader.size else log.follower)
-
-
-def _span(table: Rows) -> float:
-    return float(np.ptp(table["time_ns"])) * 1e-9 if table.size else 0.0
 
 
 def _learnt(log: SessionLog, pairs: Pairs) -> dict[str, Any]:
@@ -223,7 +205,7 @@ def _learnt(log: SessionLog, pairs: Pairs) -> dict[str, Any]:
     }
 
 
-def _coverage(pairs: Pairs, contact: NDArray[np.bool_], scores: Scores) -> dict[str, float | None]:
+def _coverage(pairs: Pairs, contact: Flags, scores: Scores) -> dict[str, float | None]:
     """Calibration of the predicted force's standard deviation: fractions of contact rows within one and two of it."""
     deviation = pairs.leader["standard_deviation"]
     known = contact & np.isfinite(deviation)
@@ -249,9 +231,9 @@ def _models(log: SessionLog) -> dict[str, int]:
 
 def _model_bytes(log: SessionLog) -> dict[str, float | None]:
     """Network load of the models: bytes of their messages without the network's own."""
-    sizes, duration = np.array([len(encode(model)) for model in log.models]), _duration(log)
+    sizes, seconds = np.array([len(encode(model)) for model in log.models]), duration(log)
     return {
-        "per_s": float(sizes.sum()) / duration if duration > 0.0 else None,
+        "per_s": float(sizes.sum()) / seconds if seconds > 0.0 else None,
         "p50": float(np.median(sizes)) if sizes.size else None,
         "max": float(sizes.max()) if sizes.size else None,
     }
@@ -273,7 +255,8 @@ def _total(counts: dict[str, int], word: str) -> int | None:
 
 def _timing(table: Rows, rate: float) -> dict[str, Any]:
     """Loop period and compute time of one side; the first tick has no period."""
-    period, span = table["period_ns"][table["period_ns"] > 0], _span(table)
+    period = table["period_ns"][table["period_ns"] > 0]
+    span = float(np.ptp(table["time_ns"])) * 1e-9 if table.size else 0.0
     return {
         "period_ms": _spread(period * 1e-6),
         "compute_us": _spread(table["compute_ns"] * 1e-3),

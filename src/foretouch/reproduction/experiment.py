@@ -20,11 +20,10 @@ from foretouch.devices import Device
 from foretouch.devices.device import limit_force, minimum_jerk
 from foretouch.errors import SettingError, UnknownNameError
 from foretouch.messages import SessionLog
-from foretouch.quantities import Brief
+from foretouch.quantities import Array, Brief
 from foretouch.robot import Material, make_material, make_robot
 from foretouch.session import SessionSettings, simulate
 
-Array = NDArray[np.float64]
 History = Mapping[str, Array]
 
 JUMP_TIME = 0.1  # changes within this time are jumps [s]: a twelfth of a compression
@@ -143,7 +142,6 @@ CLEARANCE = -0.003  # depth at which the probe waits [m]: above the surface
 
 Script = tuple[tuple[float, float], ...]
 """Turning points of the hand: time [s] and depth [m], negative above the surface."""
-
 
 BACK, FURTHER_BACK = 1.0 / 2.0, 1.0 / 3.0
 """Fraction of the depth kept in each restitution of sponge and foam: without leaving contact, and nearly leaving it."""

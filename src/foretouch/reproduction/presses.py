@@ -9,24 +9,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from foretouch.comparison.cases import BETWEEN, CHANGES, GRADUAL_DURATION, HUNT_CROSSLEY, KELVIN_VOIGT, gradual_law
 from foretouch.errors import SettingError, UnknownNameError
 from foretouch.identification import ContactSample
 from foretouch.identification.linear.linearised import LinearisedEstimator
-from foretouch.models import (
-    ContactModel,
-    ContinuousSwitching,
-    HuntCrossley,
-    KelvinVoigt,
-    LinearisedContinuousSwitching,
-    MemorylessLaw,
-    advance,
-)
-from foretouch.quantities import Brief
+from foretouch.models import ContactModel, ContinuousSwitching, LinearisedContinuousSwitching, MemorylessLaw, advance
+from foretouch.quantities import Array, Brief
 from foretouch.reproduction.theory.linearisation import fit_polynomial, linearise
-
-Array = NDArray[np.float64]
 
 START_DEPTH = 0.020  # depth about which the trajectory of Fig. 6 swings, and at which it starts: x_0 [m].
 
@@ -64,24 +55,15 @@ def linearisation_press(time: ArrayLike, *, noise: float = 0.5e-3, seed: int = 0
     return 0.040 * np.sin(t / 4.0) + noise * random.random(t.shape), 0.010 * np.cos(t / 4.0)
 
 
-DURATION = 25.0  # duration of the paper's simulations [s]
+DURATION, STEPS = GRADUAL_DURATION, CHANGES  # duration of the paper's simulations and times of sudden changes [s]
 PERIOD = 0.1  # period of the paper's samples [s]: its changes at 7 s and 15 s are at the 70th and 150th iteration
-KELVIN_VOIGT = KelvinVoigt(6000.0, 500.0)  # the paper's <1>
-HUNT_CROSSLEY = HuntCrossley(3000.0, 1500.0, 1.4)  # the paper's <2>
-STEPS = (7.0, 15.0)  # times of the two sudden changes [s]
 
 STEP_LAWS = {
     "<2> Hunt-Crossley": ContinuousSwitching(3000.0, 1500.0, 1.4, 0.0),
-    "middle": ContinuousSwitching(4500.0, 1000.0, 0.7, 0.5),
+    "middle": BETWEEN,
     "<1> Kelvin-Voigt": ContinuousSwitching(6000.0, 500.0, 0.0, 1.0),
 }
 """The three materials of the paper's sudden changes (Fig. 7c)."""
-
-
-def _gradual(time: float) -> MemorylessLaw:
-    # n = 1.4 - 0.056 t as printed, written so that it ends at 0 and not at a rounding error below it.
-    fraction = time / DURATION
-    return ContinuousSwitching(3000.0 + 120.0 * time, 1500.0 - 40.0 * time, 1.4 * (1.0 - fraction), fraction)
 
 
 def _sudden(time: float) -> MemorylessLaw:
@@ -91,7 +73,7 @@ def _sudden(time: float) -> MemorylessLaw:
 MATERIALS: dict[str, Callable[[float], MemorylessLaw]] = {
     "kelvin-voigt": lambda time: KELVIN_VOIGT,
     "hunt-crossley": lambda time: HUNT_CROSSLEY,
-    "continuous": _gradual,
+    "continuous": gradual_law,
     "steps": _sudden,
 }
 """The law of each simulated material at a time [s]."""

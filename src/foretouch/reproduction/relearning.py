@@ -9,7 +9,6 @@ from itertools import product
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.identification import (
     FPRLS,
@@ -24,13 +23,11 @@ from foretouch.identification import (
 from foretouch.identification.linear.recursion import ErrorUnit
 from foretouch.messages import SessionLog
 from foretouch.models import ContactModel
-from foretouch.quantities import Brief
+from foretouch.quantities import Array, Brief
 from foretouch.report import session_figures
 from foretouch.reproduction.experiment import FORCE_DELAY
 from foretouch.reproduction.section import Outcome
 from foretouch.session import replay
-
-Array = NDArray[np.float64]
 
 FIELDS = (
     *("time", "iteration", "depth", "velocity", "force"),
@@ -163,7 +160,6 @@ AS_PRINTED = CHOICES[0]
 """Every sample of the 1 kHz, rho = 1000 / m, the test on the innovation of ln F as equation (20) has it."""
 ROBUST = Choice("robust-fprls", 1, RobustFPRLS)  # the paper's estimator with all that mends it on contact
 EXACT = Choice("exact", 1, lambda: make_estimator("continuous-switching", "exact"))  # our own, on the exact law (4)
-
 
 EVERY = (*CHOICES, ROBUST, EXACT)
 

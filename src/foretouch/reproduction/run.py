@@ -103,33 +103,10 @@ body { max-width: 76rem; } a { color: inherit; } h2 { margin: 1.2rem 0 .4rem; }
 </style>"""
 
 
-def write_paper_page(directory: Path, sections: Sequence[Section], made: Mapping[str, Any] | None = None) -> Path:
-    """Write ``index.html``, as `write_report`: at first a summary, and everything else folded to one line each."""
-    body = [
-        STYLE,
-        "<h1>The paper, reproduced</h1>",
-        f'<p class="quiet">{escape(PAPER.partition(", doi:")[0])}, <a href="{LINK}">doi:{LINK[16:]}</a></p>',
-        *_summary(sections),
-        *_equations(sections),
-        *(part for section in sections for part in _part(section)),
-    ]
-    return write_html(directory, "The paper, reproduced", body, made)
-
-
 def counted(claims: Sequence[Claim]) -> dict[Verdict, int]:
     """Number of claims with each verdict, in the order in which verdicts are shown."""
     result = Counter(claim.verdict for claim in claims)
     return {verdict: result[verdict] for verdict in SHOWN}
-
-
-def central(sections: Sequence[Section]) -> list[tuple[Section, Claim]]:
-    """The claims that matter most, as far as their sections are there."""
-    return [
-        (section, claim)
-        for section in sections
-        for claim in section.claims
-        if section.name in CENTRAL and claim.claim.startswith(CENTRAL[section.name])
-    ]
 
 
 def named_equations(section: Section, claim: Claim) -> tuple[int, ...]:
@@ -155,7 +132,12 @@ def _summary(sections: Sequence[Section]) -> list[str]:
         f"Of {len(claims)} claims {counts['holds']} hold as printed, {counts['holds under stated choice']} under a "
         f"choice that the paper leaves open and that is stated, and {counts['does not hold']} with none that was tried."
     )
-    most = central(sections)
+    most = [
+        (section, claim)
+        for section in sections
+        for claim in section.claims
+        if section.name in CENTRAL and claim.claim.startswith(CENTRAL[section.name])
+    ]
     return [
         f"<p>{text} A click on a claim shows what the paper says, what was measured and how; one on a figure enlarges "
         f'it.</p><div class="bar">{bar}</div>',
@@ -259,17 +241,10 @@ SLOWEST = "fig11"
 
 
 def reproduce(names: Sequence[str], *, progress: Callable[[str, float], None] | None = None) -> list[Section]:
-    """Make sections, side by side on the cores of this machine.
+    """Make sections, by their names, side by side on the cores of this machine; they come back in the paper's order.
 
-    Args:
-        names: Names of the sections.
-        progress: Called with the name of each section that is done and the time since the start [s].
-
-    Returns:
-        The sections in the order of the paper.
-
-    Raises:
-        UnknownNameError: No such section.
+    `progress` is called with the name of each section that is done and the time since the start [s]. Where there is no
+    such section, that is an UnknownNameError.
     """
     started = time.perf_counter()
     made: dict[str, Section] = {}
@@ -292,22 +267,24 @@ def write_report(
     *,
     progress: Callable[[str], None] | None = None,
 ) -> Path:
-    """Write the page, and each section's figure as SVG and PNG and its data as Parquet beside it.
+    """Write the page, at first a summary, all else folded to a line each, and figures (SVG, PNG) and data (Parquet).
 
-    Args:
-        directory: Directory; made if it is not there.
-        sections: Sections to write.
-        made: What made it, for the end of the page, as `foretouch.report.write_html` takes it.
-        progress: Called with the name of each section before it is written.
-
-    Returns:
-        Path of the page.
+    The directory is made if it is not there; `made` is as of `foretouch.report.write_html`, and `progress` is called
+    with the name of each section before it is written. Returns the path of the page.
 
     Raises:
         InputError: Something cannot be written there.
         MissingExtraError: A package of the extras ``report`` or ``recordings`` is not installed.
     """
-    page = write_paper_page(directory, sections, made)
+    body = [
+        STYLE,
+        "<h1>The paper, reproduced</h1>",
+        f'<p class="quiet">{escape(PAPER.partition(", doi:")[0])}, <a href="{LINK}">doi:{LINK[16:]}</a></p>',
+        *_summary(sections),
+        *_equations(sections),
+        *(part for section in sections for part in _part(section)),
+    ]
+    page = write_html(directory, "The paper, reproduced", body, made)
     try:
         for section in sections:
             if progress is not None:
@@ -319,10 +296,8 @@ def write_report(
 
 
 def _write_files(directory: Path, section: Section) -> None:
-    if section.figure is not None:
-        for suffix in ("svg", "png"):
-            metadata = {"Date": None} if suffix == "svg" else None
-            with atomic_path(directory / f"{section.name}.{suffix}") as part:
-                section.figure.savefig(part, format=suffix, dpi=150, metadata=metadata)
+    for suffix, metadata in (("svg", {"Date": None}), ("png", None)) if section.figure is not None else ():
+        with atomic_path(directory / f"{section.name}.{suffix}") as part:
+            section.figure.savefig(part, format=suffix, dpi=150, metadata=metadata)
     for name, columns in section.data.items():
         write_columns(directory / f"{section.name}-{name}.parquet", dict(columns))

@@ -99,15 +99,8 @@ def draw_case(number: int, *, seed: int = 0, duration: float = 30.0) -> Case:
 
     A tenth of the round trips is 0, half of the others is uniform from 0 to 5 s, the other half uniform in its
     logarithm from 10 ms to 5 s. Where it is long the session is too, by 4 round trips: knowledge of a surface takes
-    that long to arrive.
-
-    Args:
-        number: 0 or more.
-        seed: Seed of the sweep, not negative.
-        duration: [s], from 2 on; whole milliseconds are taken.
-
-    Raises:
-        SettingError: An argument out of range.
+    that long to arrive. Number and seed are 0 or more, the duration [s] is 2 or more, of which whole milliseconds are
+    taken; an argument out of range is a SettingError.
 
     References:
         The recurrence: Roberts (2018), The unreasonable effectiveness of quasirandom sequences.
@@ -122,7 +115,9 @@ def draw_case(number: int, *, seed: int = 0, duration: float = 30.0) -> Case:
     lasting = round(duration + 4.0 * round_trip, 3)
     options: Options = {"seed": int(random.integers(2**31))}
     options |= {"material": sorted(MATERIALS)[int(where[3] * len(MATERIALS))], "grip": list(GRIPS)[int(where[4] * 3)]}
-    options |= _delays(random, round_trip) | {"model_rate": _short(_log_uniform(where[1], 2.0, 200.0))}
+    there = _short(round_trip * random.uniform(0.1, 0.9))  # the round trip is split unevenly
+    options |= {"position_delay": there, "force_delay": round(round_trip - there, 4)}
+    options |= {"model_rate": _short(_log_uniform(where[1], 2.0, 200.0))}
     law = _chosen(LAWS, random.uniform())
     options |= {} if law == SessionSettings().model else {"model": law}
     options |= _faults(random, network, round_trip)
@@ -182,12 +177,6 @@ def _log_uniform(u: float, low: float, high: float) -> float:
 def _short(value: float) -> float:
     """Four digits: the command that repeats the session shall be readable."""
     return float(f"{value:.4g}")
-
-
-def _delays(random: np.random.Generator, round_trip: float) -> Options:
-    """The round trip, split unevenly."""
-    there = _short(round_trip * random.uniform(0.1, 0.9))
-    return {"position_delay": there, "force_delay": round(round_trip - there, 4)}
 
 
 def _faults(random: np.random.Generator, network: str, round_trip: float) -> Options:

@@ -4,39 +4,34 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.quantities import Brief
+from foretouch.quantities import Array, Brief
 from foretouch.sweep.cases import is_clean, is_plain
 from foretouch.sweep.outcome import Outcome, of, totals
 
-Array = NDArray[np.float64]
 Figure = Callable[[Outcome], float | None]
 
 LABEL = {"none": "models (ours)", "delayed": "delayed force", "delayed-tdpa": "delayed force, passivity controller"}
 """Names of the rendered forces in figures, by baseline."""
+
+error_of: Figure = attrgetter("error_percent")  # error of the felt force [%]
 
 FEWEST = 3  # Smallest number of sessions of a bin that is drawn
 
 
 @dataclass(frozen=True)
 class Axis:
-    """Quantity by which sessions are laid out.
+    """Quantity by which sessions are laid out."""
 
-    Attributes:
-        name: Name for texts, as ``"round trip"``.
-        unit: Unit of the value.
-        value: Function from a session to its value.
-        edges: Edges of the bins.
-    """
-
-    name: str
-    unit: str
-    value: Figure
-    edges: tuple[float, ...]
+    name: str  # name for texts, as ``"round trip"``
+    unit: str  # unit of the value
+    value: Figure  # function from a session to its value
+    edges: tuple[float, ...]  # edges of the bins
 
 
 AXES = (
@@ -45,11 +40,6 @@ AXES = (
     Axis("model age", "s", lambda row: row.age_s, (0.0, 0.01, 0.04, 0.1, 0.3, 1.0, 2.0, 3.5, 10.0)),
 )
 """Quantities over which figures are drawn; for a baseline, which renders no models, the age is that of the force."""
-
-
-def error_of(row: Outcome) -> float | None:
-    """Error of the felt force [%]."""
-    return row.error_percent
 
 
 def plain(rows: Sequence[Outcome]) -> list[Outcome]:
@@ -106,10 +96,7 @@ def crossover(ours: Curve, other: Curve) -> float | None:
 
     Between the bins both medians are straight lines.
     """
-    x = _common(ours, other)
-    if not x.size:
-        return None
-    apart = np.interp(x, ours.x, ours.middle) - np.interp(x, other.x, other.middle)
+    x, apart = _apart(ours, other)
     worse = np.flatnonzero(apart >= 0.0)
     if not worse.size or worse[-1] == x.size - 1:
         return None
@@ -146,27 +133,23 @@ def _sentence(axis: Axis, baseline: str, ours: Curve, other: Curve, at: float | 
     name = LABEL[baseline].replace(", ", " with a ")
     if at is not None:
         return f"From a {axis.name} of {at:.2g} {axis.unit} on, models are nearer to the true force than the {name}."
-    x = _common(ours, other)
+    x, apart = _apart(ours, other)
     if not x.size:
         return None
-    better = bool((np.interp(x, ours.x, ours.middle) < np.interp(x, other.x, other.middle)).all())
     where = f"from {x[0]:.2g} to {x[-1]:.2g} {axis.unit} of {axis.name}"
-    if better:
+    if (apart < 0.0).all():
         return f"Everywhere {where}, models are nearer to the true force than the {name}."
     return f"There is no point {where} from which on models are nearer to the true force than the {name}."
 
 
-def _common(ours: Curve, other: Curve) -> Array:
-    """All x of both curves at which both are known."""
+def _apart(ours: Curve, other: Curve) -> tuple[Array, Array]:
+    """All x of both curves at which both are known, and by how much the median of ours is above the other's."""
     if not ours.x.size or not other.x.size:
-        return np.empty(0)
+        return np.empty(0), np.empty(0)
     x = np.unique(np.concatenate([ours.x, other.x]))
-    common: Array = x[(x >= max(ours.x[0], other.x[0])) & (x <= min(ours.x[-1], other.x[-1]))]
-    return common
+    x = x[(x >= max(ours.x[0], other.x[0])) & (x <= min(ours.x[-1], other.x[-1]))]
+    return x, np.interp(x, ours.x, ours.middle) - np.interp(x, other.x, other.middle)
 
-
-KINDS = {"none": "ours", "delayed": "delayed", "delayed-tdpa": "delayed-tdpa"}
-"""Names of the rendered forces in the summary, by baseline."""
 
 TOTALS = {
     "sessions": ("", "sessions"),
@@ -205,26 +188,19 @@ def summary(rows: Sequence[Outcome]) -> dict[str, Any]:
     content: dict[str, Any] = {"ours": totals(of(rows, "none"))}
     if numbers:
         content["compared"] = totals([row for row in of(rows, "none") if row.number in numbers])
-        content |= {name: totals(of(rows, name)) for name in KINDS if name != "none"}
+        content |= {name: totals(of(rows, name)) for name in LABEL if name != "none"}
         content["crossovers"] = crossovers(rows)
-    content["objections"] = objections(of(rows, "none"))
+    content["objections"] = [
+        {"number": row.number, "objection": text, "command": row.command}
+        for row in of(rows, "none")
+        for text in row.objections
+    ]
     return content
 
 
-def objections(rows: Sequence[Outcome]) -> list[dict[str, Any]]:
-    """The objections to these sessions."""
-    return [
-        {"number": row.number, "objection": text, "command": row.command} for row in rows for text in row.objections
-    ]
-
-
 def render_table(content: dict[str, Any]) -> str:
-    """A summary for a terminal.
-
-    Returns:
-        Lines without a last line break.
-    """
-    columns = {name: content[name] for name in ("ours", "compared", *list(KINDS)[1:]) if name in content}
+    """A summary for a terminal, without a last line break."""
+    columns = {name: content[name] for name in ("ours", "compared", *list(LABEL)[1:]) if name in content}
     width = max(len(words) for _, words in TOTALS.values())
     lines = [" " * width + "".join(f"{name:>14}" for name in columns)]
     for name, (unit, words) in TOTALS.items():

@@ -9,17 +9,15 @@ from typing import Any
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.messages import SessionLog, Status, encode
-from foretouch.quantities import Rows
+from foretouch.quantities import Array, Rows
 from foretouch.report import CONTACT_FLOOR, hand_figures, pair, update_jumps
 from foretouch.session import SAMPLE_PERIOD, SessionSettings, simulate
 from foretouch.sweep.cases import Case
 
 LARGEST_JUMP = 0.1
 """Largest change of force that models may make in one tick, before limits [N]."""
-
 
 FORCE_CEILING = SessionSettings.force_ceiling  # Largest force with which a robot may press [N]
 
@@ -189,8 +187,6 @@ def _surplus(margin: float | None) -> float | None:
     return None if margin is None else max(0.0, -margin)
 
 
-Array = NDArray[np.float64]
-
 _ENERGY = ("net_energy_J", "energy_bound_J", "energy_margin_J", "energy_used_percent", "net_energy_exact_J")
 
 SHORTEST_CONTACT = 0.2  # Shortest contact from which the feel is judged [s]
@@ -201,7 +197,8 @@ def measure(log: SessionLog, settings: SessionSettings) -> dict[str, Any]:
     """All measured figures of `Outcome`, by name; most are those of the session's report."""
     figures = hand_figures(log)
     hand = figures["hand"]
-    models = log.leader["model_sequence"]
+    models, follower = log.leader["model_sequence"], log.follower[log.follower["command_sequence"] > 0]
+    held = ~np.isin(follower["status"], (Status.FOLLOWING, Status.GUARDED))
     return {
         **{name: figures[name] for name in ("stable", *_ENERGY, "guarded_contacts", "guarded_s")},
         "oscillating": bool(hand["oscillation"]["oscillates"]),
@@ -211,7 +208,8 @@ def measure(log: SessionLog, settings: SessionSettings) -> dict[str, Any]:
         "models_per_s": np.unique(models[models > 0]).size / (models.size * SAMPLE_PERIOD),
         "largest_hand_force_N": hand["peak_force_hand_N"],
         "largest_robot_force_N": hand["peak_force_robot_N"],
-        **_faults(log.follower[log.follower["command_sequence"] > 0]),
+        "held_s": float(held.sum()) * SAMPLE_PERIOD,
+        "disbelieved_ticks": int((follower["validity"] > 0).sum()),
         "depth_lost_mm": hand["depth_lost_mm"],
         "time_lost_s": hand["time_lost_s"],
         "device_bound_percent": hand["device_bound_percent"],
@@ -235,9 +233,10 @@ def _transparency(log: SessionLog, settings: SessionSettings) -> dict[str, float
     """Felt forces against true ones: rows in contact, coupled before and after, nothing held back."""
     pairs = pair(log)
     leader, follower = pairs.leader, pairs.follower
-    rows = (follower["exact_force"] > CONTACT_FLOOR) & leader["engaged"] & (follower["status"] == Status.FOLLOWING)
+    coupled = leader["engaged"] & (follower["status"] == Status.FOLLOWING)
+    rows, nothing = (follower["exact_force"] > CONTACT_FLOOR) & coupled, (follower["exact_force"] <= 0.0) & coupled
     contact = float(rows.sum()) * SAMPLE_PERIOD
-    phantom = _phantom(leader, follower, settings)
+    phantom = float((leader["rendered_force"][nothing] / settings.force_scale).max()) if nothing.any() else None
     if contact < SHORTEST_CONTACT:
         return {"contact_s": contact, "largest_phantom_N": phantom}
     leader, follower = leader[rows], follower[rows]
@@ -252,19 +251,6 @@ def _transparency(log: SessionLog, settings: SessionSettings) -> dict[str, float
         "felt_stiffness_percent": felt_stiffness([(hand[p], felt[p], probe[p], true[p]) for p in presses]),
         "age_s": _age(log, leader, settings.baseline != "none"),
     }
-
-
-def _faults(follower: Rows) -> dict[str, Any]:
-    """Time in which the robot did not follow commands, and number of ticks with disbelieved sensors."""
-    held = ~np.isin(follower["status"], (Status.FOLLOWING, Status.GUARDED))
-    return {"held_s": float(held.sum()) * SAMPLE_PERIOD, "disbelieved_ticks": int((follower["validity"] > 0).sum())}
-
-
-def _phantom(leader: Rows, follower: Rows, settings: SessionSettings) -> float | None:
-    """The largest force that was felt where there was nothing, at equal command."""
-    rows = (follower["exact_force"] <= 0.0) & leader["engaged"] & (follower["status"] == Status.FOLLOWING)
-    felt = leader["rendered_force"][rows] / settings.force_scale
-    return float(felt.max()) if felt.size else None
 
 
 def _rms(values: Array) -> float:

@@ -9,13 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from foretouch.quantities import Array
 from foretouch.report import COLOURS, embedded, finished, legend, new_figure, table, tiles, write_html
 from foretouch.sweep.cases import NETWORKS, STIFF
 from foretouch.sweep.curves import (
     AXES,
-    KINDS,
     LABEL,
     TOTALS,
     Axis,
@@ -69,7 +68,7 @@ def stiffness_figure(rows: Sequence[Outcome], axis: Axis) -> Any:
 
 def condition_figure(rows: Sequence[Outcome]) -> Any:
     """Fraction of stable sessions by network, grip and round trip; pale: no oscillation, but energy given out."""
-    kinds = [kind for kind in KINDS if of(rows, kind)]
+    kinds = [kind for kind in LABEL if of(rows, kind)]
     every: list[tuple[str, Callable[[Outcome], bool]]] = [
         *((name, lambda row, name=name: row.network == name) for name in NETWORKS),
         *(
@@ -116,7 +115,7 @@ def energy_figure(rows: Sequence[Outcome]) -> Any:
             return None
         return min(row.energy_used_percent, 99.9) if row.energy_margin_J >= 0.0 else 110.0
 
-    kinds = [kind for kind in KINDS if of(rows, kind)]
+    kinds = [kind for kind in LABEL if of(rows, kind)]
     title = "Energy that was given out, against the bound for one tick and one encoder count"
     axes, drawing = _histograms(rows, value, edges, kinds, title)
     axes.axvline(100.0, color="black", linewidth=1.2, linestyle=(0, (4, 2)))
@@ -143,7 +142,7 @@ def _dots_and_curves(rows: Sequence[Outcome], figure: Callable[[Outcome], float 
     """All plain sessions: each a dot, medians and quartiles in bins; a baseline's have no model rate."""
     drawing = new_figure(4.6)
     axes = drawing.subplots()
-    for kind in KINDS:
+    for kind in LABEL:
         sessions = plain(of(rows, kind))
         if not sessions or (kind != "none" and axis is AXES[1]):
             continue
@@ -171,7 +170,6 @@ def _named(drawing: Any, axes: Any, title: str) -> Any:
 
 
 def _legend(axes: Any) -> None:
-    """Draw a legend of all that is drawn, if anything is."""
     if drawn := len(axes.get_legend_handles_labels()[1]):
         legend(axes, drawn)
 
@@ -198,7 +196,7 @@ def _scale(axes: Any, axis: Axis) -> None:
 def _histograms(
     rows: Sequence[Outcome],
     figure: Callable[[Outcome], float | None],
-    edges: NDArray[np.float64],
+    edges: Array,
     kinds: list[str],
     title: str,
 ) -> tuple[Any, Any]:

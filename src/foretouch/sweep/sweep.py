@@ -41,19 +41,12 @@ SHOWING = (
 
 
 class Header(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The settings that all rows of a folder have in common.
+    """The settings that all rows of a folder have in common."""
 
-    Attributes:
-        version: Version of foretouch.
-        code: Digest of the code that ran the sessions.
-        seed: Seed of the sweep.
-        duration_s: Duration of sessions without delay [s].
-    """
-
-    version: str
-    code: str
-    seed: int
-    duration_s: float
+    version: str  # version of foretouch
+    code: str  # digest of the code that ran the sessions
+    seed: int  # seed of the sweep
+    duration_s: float  # duration of sessions without delay [s]
 
 
 @functools.cache
@@ -70,12 +63,7 @@ def code_digest() -> str:
 
 
 class Store:
-    """The rows in a folder.
-
-    Args:
-        folder: Folder; made if it is not there.
-        seed: Seed of the sweep.
-        duration: Duration of sessions without delay [s].
+    """The rows in a folder, which is made if it is not there, of a seed and a duration [s] of sessions without delay.
 
     Attributes:
         path: Path of the file.
@@ -122,11 +110,7 @@ class Store:
 
 
 def read_store(path: Path) -> tuple[Header, dict[tuple[int, str], Outcome]]:
-    """The header and all rows of a file.
-
-    Raises:
-        InputError: It is not there, or a line in it is not ours.
-    """
+    """The header and all rows of a file; an InputError says that it is not there, or that a line in it is not ours."""
     try:
         first, *lines = path.read_bytes().splitlines()
     except (OSError, ValueError):
@@ -197,23 +181,16 @@ def run_sweep(
     progress: Progress | None = None,
     say: Callable[[str], None] = lambda line: None,
 ) -> list[Outcome]:
-    """Run all sessions of a plan that the folder does not have yet.
+    """Run all sessions of a plan that the folder, which is made if it is not there, does not have yet.
 
-    Args:
-        folder: Folder; made if it is not there. Each row is in its file as soon as it is known.
-        plan: The sessions.
-        processes: Number at a time; None for as many as there are cores.
-        cluster: Address of a Dask scheduler whose workers do it; None for this machine.
-        progress: Called with the number of rows there are, the total, and the newest.
-        say: Called with a line for people where a cluster has no workers left and new ones are awaited.
+    Each row is in its file as soon as it is known, and `progress` is then called with the number of rows there are, the
+    total, and the row. Processes, cluster and `say` are those of `foretouch.comparison.compare`, and so are its errors.
 
     Returns:
         One row for each session of the plan, those that failed too, in its order.
 
     Raises:
         InputError: The folder cannot be used, or holds the rows of another sweep.
-        LinkError: No scheduler answers there, or it has no workers.
-        MissingExtraError: The package ``distributed`` is not installed.
     """
     cases = plan.cases()
     store = Store(folder, seed=plan.seed, duration=plan.duration)
@@ -258,7 +235,8 @@ class Replayed:
     @property
     def differing(self) -> list[str]:
         """Names of the columns that differ."""
-        return [name for name in Outcome.__struct_fields__ if name != "elapsed_s" and self._differs(name)]
+        before, now = msgspec.structs.asdict(self.stored), msgspec.structs.asdict(self.again)
+        return [name for name in before if name != "elapsed_s" and before[name] != now[name]]
 
     def as_row(self) -> dict[str, Any]:
         """The report as plain values for JSON."""
@@ -271,21 +249,11 @@ class Replayed:
             "again": msgspec.to_builtins(self.again),
         }
 
-    def _differs(self, name: str) -> bool:
-        return bool(getattr(self.stored, name) != getattr(self.again, name))
-
 
 def replay_session(folder: str | Path, number: int, *, baseline: str = "none") -> Replayed:
-    """Run one session of a sweep again.
+    """Run one session of a sweep again, by its number and the baseline that was rendered.
 
-    Args:
-        folder: Folder of the sweep.
-        number: Number of the session.
-        baseline: Baseline that was rendered.
-
-    Raises:
-        InputError: There is no sweep, or no such session in it.
-        UnknownNameError: No such baseline.
+    An InputError says that there is no sweep in the folder, or no such session in it, an UnknownNameError no baseline.
     """
     if baseline not in BASELINES:
         raise UnknownNameError("baseline", baseline, BASELINES)

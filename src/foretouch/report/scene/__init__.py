@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.errors import ForetouchError
 from foretouch.messages import SessionLog
 from foretouch.models import MaterialField
+from foretouch.quantities import Array, Flags
 from foretouch.report.energy import (
     Account,
     BookedDevice,
@@ -29,9 +29,6 @@ from foretouch.report.scene.map import StiffnessMap, learnt_field, map_figures, 
 from foretouch.report.scene.pose import PoseError, SceneRows, pose_error, pose_figures, scene_rows, vectors
 from foretouch.robot import MATERIALS
 from foretouch.session.spatial import Scene, make_scene
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 FELT = 0.05  # A force above this is one that is felt [N]
 EPISODE = 0.02  # Shorter ones are edges of a contact, which are never quite where they were [s]
@@ -154,18 +151,10 @@ class SceneFindings:
 
 
 def look_at_scene(log: SessionLog, pairs: Pairs) -> SceneFindings:
-    """Everything that figures and drawings of a session in three dimensions are made of.
-
-    Args:
-        log: One segment, with messages in space.
-        pairs: Its rows at equal command.
-    """
+    """What figures and drawings of a segment with messages in space are made of; its rows at equal command with it."""
     rows = scene_rows(log, pairs)
-    account = spatial_account(
-        rows,
-        position_scale=number_of(log.settings, "position_scale", 1.0),
-        device=booked_device(log.settings),
-    )
+    scale, device = number_of(log.settings, "position_scale", 1.0), booked_device(log.settings)
+    account = spatial_account(rows, position_scale=scale, device=device)
     scene, field = _scene(log.settings), learnt_field(log)
     stiffness = None
     if scene is not None and field is not None:
@@ -176,12 +165,7 @@ def look_at_scene(log: SessionLog, pairs: Pairs) -> SceneFindings:
 
 
 def scene_figures(log: SessionLog, pairs: Pairs, findings: SceneFindings) -> dict[str, Any]:
-    """Figures of a scene in a report, as plain numbers, texts and None; a figure is None where the truth is unknown.
-
-    Args:
-        log: One segment.
-        pairs: Its rows at equal command.
-        findings: Result of `look_at_scene`.
+    """Figures of a scene in one segment, as plain numbers, texts and None; None where the truth is unknown.
 
     Returns:
         ``name``, ``fusion``, and by kind ``pose`` (`pose_figures`), ``contacts`` (`contact_figures`), ``friction``

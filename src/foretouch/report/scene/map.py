@@ -6,20 +6,16 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import Delaunay, cKDTree
 
 from foretouch.errors import ForetouchError
 from foretouch.messages import SessionLog
 from foretouch.models import FIELD_DEPTH, MaterialField
-from foretouch.quantities import ByValue
+from foretouch.quantities import Array, ByValue, Flags
 from foretouch.quantities.pose import RigidMotion
 from foretouch.report.scene.pose import SceneRows
 from foretouch.robot import make_material
 from foretouch.session.spatial import Scene
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 CELL = 1e-3  # Side of a cell of the map [m]
 NEAR = 3e-3  # Largest distance of the probe from a point that counts as touched [m], half the distance of two nodes
@@ -37,25 +33,15 @@ SMALL = 1e-6  # Difference of depths over which a slope is taken [m]
 
 @dataclass(frozen=True, eq=False)
 class StiffnessMap(ByValue):
-    """Local stiffness at rest over a scene's surface, seen from above; fields of shape (rows, columns).
+    """Local stiffness at rest over a scene's surface, seen from above; fields of shape (rows, columns)."""
 
-    Attributes:
-        x: Coordinates of the columns, in the fixture's frame [m].
-        y: Coordinates of the rows [m].
-        learnt: Local stiffness at `depth` [N/m].
-        uncertainty: Its standard deviation [N/m].
-        true: Stiffness of the simulated material; None where it is unknown.
-        touched: Whether the probe was within 3 mm of the point.
-        depth: Depth at which it is taken [m].
-    """
-
-    x: Array
-    y: Array
-    learnt: Array
-    uncertainty: Array
-    true: Array | None
-    touched: Flags
-    depth: float = FIELD_DEPTH
+    x: Array  # coordinates of the columns, in the fixture's frame [m]
+    y: Array  # coordinates of the rows [m]
+    learnt: Array  # local stiffness at `depth` [N/m]
+    uncertainty: Array  # its standard deviation [N/m]
+    true: Array | None  # stiffness of the simulated material; None where it is unknown
+    touched: Flags  # whether the probe was within 3 mm of the point
+    depth: float = FIELD_DEPTH  # depth at which it is taken [m]
 
 
 def learnt_field(log: SessionLog) -> MaterialField | None:
@@ -81,7 +67,7 @@ def stiffness_map(
     """
     x = MIDDLE[0] + np.arange(-REACH, REACH + 0.5 * CELL, CELL)
     y = MIDDLE[1] + np.arange(-REACH, REACH + 0.5 * CELL, CELL)
-    points = _surface_points(scene, x, y)
+    points = np.array([(column, row, _height(scene, column, row)) for row in y.tolist() for column in x.tolist()])
     learnt, uncertainty = field.stiffness_at(points, max(FIELD_DEPTH - felt_deeper, 0.0))
     shape = (y.size, x.size)
     touched = _touched(points, _touched_places(rows))
@@ -155,11 +141,6 @@ def _among_touched(stiffness: StiffnessMap) -> Flags:
     return np.asarray(Delaunay(touched).find_simplex(points) >= 0).reshape(x.shape)
 
 
-def _surface_points(scene: Scene, x: Array, y: Array) -> Array:
-    """Points of the surface under a grid, row by row, shape (n, 3)."""
-    return np.array([(column, row, _height(scene, column, row)) for row in y.tolist() for column in x.tolist()])
-
-
 def _height(scene: Scene, x: float, y: float) -> float:
     """Height of the surface at a point: from above down by the free distance, again and again [m]."""
     height = HIGH
@@ -172,7 +153,6 @@ def _height(scene: Scene, x: float, y: float) -> float:
 
 
 def _touched(points: Array, touched: Array) -> Flags:
-    """Flags of the points near a touched one, seen from above."""
     if not len(touched):
         return np.zeros(len(points), dtype=np.bool_)
     return np.asarray(cKDTree(touched).query(points[:, :2])[0] < NEAR)

@@ -11,11 +11,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from foretouch.messages import SessionLog
-from foretouch.quantities import ByValue, Rows
+from foretouch.quantities import Array, ByValue, Rows
 from foretouch.report.numbers import number_of, setting
 from foretouch.report.rows import Pairs
-
-Array = NDArray[np.float64]
 
 ONE_CLOCK_NS = 5_000_000
 """Two clocks that the fastest command shows no further apart than this, and the jitter, are one [ns]."""
@@ -23,25 +21,15 @@ ONE_CLOCK_NS = 5_000_000
 
 @dataclass(frozen=True, eq=False)
 class SceneRows(ByValue):
-    """One segment of a session in three dimensions; columns of one side have the same length.
+    """One segment of a session in three dimensions; columns of one side have the same length."""
 
-    Attributes:
-        leader: Rows of `SessionLog.leader`.
-        hand: Those of `SessionLog.leader_space` of the same ticks.
-        follower: Rows of `SessionLog.follower`.
-        probe: Those of `SessionLog.follower_space` of the same ticks.
-        leader_time: Of the leader's ticks, by the follower's clock, since its tick of `Pairs.time` zero [s].
-        follower_time: Of the follower's ticks, since the same [s].
-        newest: For each tick of the leader, the follower's newest then; -1 where there was none yet.
-    """
-
-    leader: Rows
-    hand: Rows
-    follower: Rows
-    probe: Rows
-    leader_time: Array
-    follower_time: Array
-    newest: NDArray[np.int64]
+    leader: Rows  # rows of `SessionLog.leader`
+    hand: Rows  # those of `SessionLog.leader_space` of the same ticks
+    follower: Rows  # rows of `SessionLog.follower`
+    probe: Rows  # those of `SessionLog.follower_space` of the same ticks
+    leader_time: Array  # of the leader's ticks, by the follower's clock, since its tick of `Pairs.time` zero [s]
+    follower_time: Array  # of the follower's ticks, since the same [s]
+    newest: NDArray[np.int64]  # for each tick of the leader, the follower's newest then; -1 where there was none yet
 
 
 def has_scene(log: SessionLog) -> bool:
@@ -90,8 +78,6 @@ def _clocks_apart(settings: Mapping[str, str], pairs: Pairs) -> int:
     return 0 if abs(apart) <= jitter + ONE_CLOCK_NS else apart
 
 
-Flags = NDArray[np.bool_]
-
 TOUCHES = 4  # Number of touches after which a pose should be known
 
 NEAR_MM, NEAR_DEGREES, NEAR_FOR = 0.5, 0.5, 0.5
@@ -100,25 +86,15 @@ NEAR_MM, NEAR_DEGREES, NEAR_FOR = 0.5, 0.5, 0.5
 
 @dataclass(frozen=True, eq=False)
 class PoseError(ByValue):
-    """Difference between the rendered and the true fixture, at each tick of the leader; shape (n,).
+    """Difference between the rendered and the true fixture, at each tick of the leader; shape (n,)."""
 
-    Attributes:
-        time: Time of the tick [s].
-        distance: Distance of the two origins [mm]; NaN where the truth is unknown.
-        turn: Angle between them [degrees].
-        distance_deviation: Standard deviation of the distance by the filter [mm].
-        turn_deviation: Standard deviation of the angle by the filter [degrees].
-        touches: Beginning of each touch [s].
-        bumps: Beginning and end of each motion of the true fixture [s].
-    """
-
-    time: Array
-    distance: Array
-    turn: Array
-    distance_deviation: Array
-    turn_deviation: Array
-    touches: Array
-    bumps: tuple[tuple[float, float], ...]
+    time: Array  # time of the tick [s]
+    distance: Array  # distance of the two origins [mm]; NaN where the truth is unknown
+    turn: Array  # angle between them [degrees]
+    distance_deviation: Array  # standard deviation of the distance by the filter [mm]
+    turn_deviation: Array  # standard deviation of the angle by the filter [degrees]
+    touches: Array  # beginning of each touch [s]
+    bumps: tuple[tuple[float, float], ...]  # beginning and end of each motion of the true fixture [s]
 
 
 def pose_error(rows: SceneRows) -> PoseError:
@@ -152,7 +128,9 @@ def pose_figures(log: SessionLog, error: PoseError) -> dict[str, Any]:
         below 0.5 mm and 0.5 degrees for half a second, None where it never is. ``images_used``, ``contacts_used`` and
         ``refused`` as the tracker counted. Errors are None where the truth is unknown.
     """
-    counted = _settled(error)
+    counted = np.isfinite(error.distance)
+    if error.touches.size >= TOUCHES:
+        counted &= error.time >= error.touches[TOUCHES - 1]
     recovered = [(begin, _recovered(error, begin, end)) for begin, end in error.bumps]
     for begin, seconds in recovered:
         if seconds is not None:
@@ -170,16 +148,7 @@ def pose_figures(log: SessionLog, error: PoseError) -> dict[str, Any]:
     }
 
 
-def _settled(error: PoseError) -> Flags:
-    """Ticks with a known error, from the fourth touch on."""
-    known = np.isfinite(error.distance)
-    if error.touches.size >= TOUCHES:
-        known &= error.time >= error.touches[TOUCHES - 1]
-    return np.asarray(known)
-
-
 def _bumps(rows: SceneRows) -> tuple[tuple[float, float], ...]:
-    """Times at which the true fixture moved."""
     pose = np.hstack([vectors(rows.probe, "exact"), vectors(rows.probe, "exact", turn=True)])
     moved = np.flatnonzero((np.diff(pose, axis=0) != 0.0).any(axis=1) & np.isfinite(pose[1:]).all(axis=1))
     if not moved.size:

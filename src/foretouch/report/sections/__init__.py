@@ -17,23 +17,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A session as the drawings of its sections look at it.
+    """A session as the drawings of its sections look at it."""
 
-    Attributes:
-        log: Its longest part in which nothing changed.
-        pairs: The rows of that part at equal command.
-        report: Result of `session_figures`.
-        start_ns: Time zero of the drawings by the follower's clock [ns].
-        away: Segments in which the robot was not at its commanded position, since then.
-        scene: Figures of a scene; None for a session along a line.
-    """
-
-    log: SessionLog
-    pairs: Pairs
-    report: Mapping[str, Any]
-    start_ns: int
-    away: list[Segment]
-    scene: SceneFindings | None
+    log: SessionLog  # its longest part in which nothing changed
+    pairs: Pairs  # the rows of that part at equal command
+    report: Mapping[str, Any]  # result of `session_figures`
+    start_ns: int  # time zero of the drawings by the follower's clock [ns]
+    away: list[Segment]  # segments in which the robot was not at its commanded position, since then
+    scene: SceneFindings | None  # figures of a scene; None for a session along a line
 
     @property
     def wanted(self) -> str:

@@ -30,27 +30,26 @@ from foretouch.settings import NO_GRIP
 FELT = 0.05  # Rendered force from which on a tick counts as contact at the hand [N]
 
 
-def instability(report: Mapping[str, Any]) -> str:
-    """Reason that a session was not stable, in a sentence; empty where it was, or where that is unknown."""
-    if report["stable"] is not False:
-        return ""
-    hand = report["hand"]
+def _instability(report: Mapping[str, Any]) -> str:
+    """Why a session was not stable, in a sentence."""
+    hand, margin = report["hand"], report["energy_margin_J"]
     swings, reasons = hand["oscillation"], []
-    if not hand["certificate_holds"] and (hand["energy_agrees"] or _is_broken(report)):
-        reasons.append(_broken(report["energy_margin_J"]))
+    if not hand["certificate_holds"] and (hand["energy_agrees"] or margin is None or margin < 0.0):
+        given = "" if margin is None else f"the hand was given {_joules(-margin)} more than the energy account allows"
+        reasons.append(given or "its energy was not a finite number")
     if hand["energy_agrees"] is False:
         reasons.append("the leader's account of energy is not what its forces and positions add up to")
     if swings["oscillates"]:
-        reasons.append(f"the hand oscillates{_most(swings)}: it swung {_swings(swings)}")
+        when, burst = swings["largest_burst_at_s"], swings["largest_burst"]
+        most = f" ({burst} too many from {when:.1f} s on)" if when is not None and burst > 1 else ""
+        reasons.append(f"the hand oscillates{most}: it swung {_swings(swings)}")
     if not hand["forces_finite"]:
         reasons.append("a force was not a finite number")
     return f"Unstable: {', and '.join(reasons)}."
 
 
-def stability(report: Mapping[str, Any]) -> str:
-    """A finding where a session with a hand was stable, or had no hand to be stable; else empty."""
-    if not report["stable"] or report["hand"]["grip"] == NO_GRIP:
-        return ""
+def _stability(report: Mapping[str, Any]) -> str:
+    """That a session with a hand was stable, in a sentence."""
     if report["hand"]["guarded_contact_percent"] is None:
         coupled = "" if report["engaged_percent"] else "hand and robot were never coupled, and "
         return f"Stable, but {coupled}nothing was touched."
@@ -75,23 +74,6 @@ def energy_lines(report: Mapping[str, Any]) -> Iterator[str]:
 def _swings(swings: Mapping[str, Any]) -> str:
     swung, free = (plural(swings[name], "time") for name in ("swings", "free_swings"))
     return f"{swung}, and would have swung {free} without force"
-
-
-def _most(swings: Mapping[str, Any]) -> str:
-    """The largest swing of the hand."""
-    when, burst = swings["largest_burst_at_s"], swings["largest_burst"]
-    return f" ({burst} too many from {when:.1f} s on)" if when is not None and burst > 1 else ""
-
-
-def _broken(margin: float | None) -> str:
-    if margin is None:
-        return "its energy was not a finite number"
-    return f"the hand was given {_joules(-margin)} more than the energy account allows"
-
-
-def _is_broken(report: Mapping[str, Any]) -> bool:
-    margin = report["energy_margin_J"]
-    return margin is None or margin < 0.0
 
 
 def _stable(report: Mapping[str, Any]) -> str:
@@ -120,16 +102,15 @@ def _energy(report: Mapping[str, Any]) -> str:
 
 
 def _joules(energy: float | None) -> str:
-    """An energy in the unit that suits it."""
     small = energy is not None and abs(energy) < 1e-4
     return number(None if energy is None else energy * (1e6 if small else 1e3), "uJ" if small else "mJ")
 
 
 def _findings(report: Mapping[str, Any]) -> Iterator[Finding]:
-    if unstable := instability(report):
-        yield Finding(unstable)
-    if stable := stability(report):
-        yield Finding(stable, good=True)
+    if report["stable"] is False:
+        yield Finding(_instability(report))
+    elif report["stable"] and report["hand"]["grip"] != NO_GRIP:
+        yield Finding(_stability(report), good=True)
 
 
 def _drawings(view: View) -> Iterator[Drawing]:

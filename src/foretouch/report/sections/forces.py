@@ -6,10 +6,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.identification.force_calibration import lowest_mean
-from foretouch.quantities import new_figure
+from foretouch.quantities import Array, Flags, new_figure
 from foretouch.report.drawing import (
     DELAYED,
     NARROW,
@@ -34,8 +33,6 @@ from foretouch.report.sections import Drawing, Section, View
 from foretouch.session.operators import STAYS_IN_THE_AIR
 from foretouch.settings import NO_BASELINE, SIMULATED
 
-Array = NDArray[np.float64]
-
 ZOOM = 4.0  # Length of the close-up [s], and of shorter recordings half of them
 LEAST = 0.3  # The force axis reaches at least to this [N], so that noise does not fill it
 
@@ -52,7 +49,7 @@ def force_figure(
     delayed_force: Array,
     rendered_force: Array | None = None,
     *,
-    scored: NDArray[np.bool_] | None = None,
+    scored: Flags | None = None,
     wanted: str = "predicted",
     segments: Sequence[Segment] = (),
 ) -> Any:
@@ -114,7 +111,7 @@ def _within(segments: Sequence[Segment], time: Array) -> list[Segment]:
 
 
 def prediction_figure(
-    time: Array, measured_force: Array, predicted_force: Array, delayed_force: Array, in_contact: NDArray[np.bool_]
+    time: Array, measured_force: Array, predicted_force: Array, delayed_force: Array, in_contact: Flags
 ) -> Any:
     """Forces of a prediction on a recording, as `force_figure`, with the samples in contact marked below them."""
     figure = force_figure(time, measured_force, predicted_force, delayed_force)

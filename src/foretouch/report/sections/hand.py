@@ -6,10 +6,9 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.messages import SessionLog
-from foretouch.quantities import Rows, new_figure
+from foretouch.quantities import Array, Flags, Rows, new_figure
 from foretouch.rendering.limits import LARGEST_FORCE
 from foretouch.rendering.withheld import LEAST_FORCE, LEAST_SHARE, LEAST_TICKS, OWED, UNPAID
 from foretouch.report.drawing import (
@@ -31,11 +30,8 @@ from foretouch.report.perception import free_hand, oscillation
 from foretouch.report.rows import Pairs, away, not_scored, pair
 from foretouch.report.sections import Drawing, Section, View
 from foretouch.report.sections.energy import FELT
-from foretouch.report.sections.safety import guarded_figures
+from foretouch.report.sections.safety import contact_force, guarded_figures
 from foretouch.settings import NO_BASELINE, NO_GRIP
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 PHANTOM, PHANTOM_TICKS = 0.3, 50
 """A hand felt what the robot did not touch where the rendered force was above this [N] for more than this many commands
@@ -58,10 +54,7 @@ def hand_figures(log: SessionLog, pairs: Pairs | None = None) -> dict[str, Any]:
        where it is not known what the hand means to do, as in an open loop, this is not asked.
 
     A baseline renders no model: the force that a device could not carry and that the energy ceiling cut are None there.
-
-    Args:
-        log: One segment of a session (`SessionLog.segments`).
-        pairs: Its rows at equal command; None to pair them here.
+    The log is one segment of a session (`SessionLog.segments`); without its rows at equal command they are paired here.
 
     Returns:
         ``stable`` (None where no account of energy was kept, as in old recordings, and for a baseline in an open
@@ -125,12 +118,6 @@ def _finite(log: SessionLog) -> bool:
     exact = log.follower["exact_force"]
     wrong = np.isinf(exact) | (np.isnan(exact) & ~np.isnan(exact).all())  # on a robot it is known nowhere
     return bool(np.isfinite(log.leader["rendered_force"]).all() and not wrong.any())
-
-
-def contact_force(log: SessionLog) -> Array:
-    """Force between probe and material in all ticks [N]: the simulator's where it is known, else the sensor's."""
-    exact = log.follower["exact_force"]
-    return np.asarray(exact if np.isfinite(exact).any() else log.follower["force"])
 
 
 def _largest_phantom(pairs: Pairs) -> float | None:
@@ -286,7 +273,6 @@ _GUARD = (
 
 
 def _least_share(hand: Mapping[str, Any]) -> str:
-    """Smallest fraction of the model's stiffness that the device could carry."""
     return f", down to {figure(100.0 * hand['smallest_rendered_share'])} % of its stiffness"
 
 

@@ -6,24 +6,20 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.messages import ModelUpdate
 from foretouch.models import LAWS
-from foretouch.quantities import QUANTITIES, new_figure
+from foretouch.quantities import QUANTITIES, Array, new_figure
 from foretouch.report.drawing import ERROR, NARROW, PREDICTED, extremes, finished, legend, mark, note
 from foretouch.report.numbers import Finding, figure, number, parameter_text
 from foretouch.report.rows import Segment
 from foretouch.report.sections import Drawing, Section, View
-
-Array = NDArray[np.float64]
 
 IDLE_LAW = "the law's weight in the force is 0 %: these numbers play no part in it"
 """Remark beside the numbers of a contact map's law where that holds."""
 
 
 def _useless(report: Mapping[str, Any]) -> Iterator[Finding]:
-    """A finding where nothing could be predicted."""
     if report["samples"] and not report["models"]["valid"]:
         yield Finding("No valid contact model was ever identified: nothing could be predicted.")
 
@@ -41,22 +37,14 @@ def model_lines(report: Mapping[str, Any]) -> list[str]:
 
 
 def law_is_idle(figures: Mapping[str, Any]) -> bool:
-    """Whether the law's fraction of a contact map's force is 0 % as printed.
-
-    Args:
-        figures: By name, as `foretouch.models.MapSummary.figures` gives them.
-    """
+    """Whether the law's fraction in the figures of a `foretouch.models.MapSummary` is 0 % as printed."""
     return f"{100.0 * figures['shares'].get('law', 1.0):.0f}" == "0"
 
 
 def map_lines(figures: Mapping[str, Any]) -> list[str]:
-    """A contact map as lines for a terminal.
+    """A contact map, by its `foretouch.models.MapSummary.figures`, as lines for a terminal.
 
-    Args:
-        figures: By name, as `foretouch.models.MapSummary.figures` gives them.
-
-    Returns:
-        Weights of the experts and the region visited; local stiffness; uncertainty.
+    Weights of the experts and the region visited; local stiffness; uncertainty.
     """
     weights = ", ".join(f"{name} {100.0 * weight:.0f} %" for name, weight in figures["shares"].items())
     depth, speed = 1e3 * figures["depth_visited_m"], 1e3 * figures["speed_visited_m_per_s"]
@@ -101,7 +89,7 @@ def model_figure(models: tuple[ModelUpdate, ...], start_ns: int, segments: Seque
             axes.plot(time[dots], values[dots], ".", color=ERROR, markersize=3.0, label="not valid")
         _robust_range(axes, values[valid] if valid.any() else values)
         mark(axes, segments)
-        symbol, unit = _symbol_and_unit(name)
+        symbol, unit = next(((one.symbol, one.unit) for one in QUANTITIES if one.name == name), ("", "SI"))
         axes.set_title(f"{name} [{unit}]" if symbol in ("", name) else f"{name} {symbol} [{unit}]")
     for axes in grid.flat[len(names) :]:
         axes.set_visible(False)
@@ -128,10 +116,6 @@ def _robust_range(axes: Any, values: Array) -> None:
     else:
         low, high = min(low, finite.min()), max(high, finite.max())
     axes.set_ylim(low, high)
-
-
-def _symbol_and_unit(name: str) -> tuple[str, str]:
-    return next(((quantity.symbol, quantity.unit) for quantity in QUANTITIES if quantity.name == name), ("", "SI"))
 
 
 MODEL = Section("model", _useless, model_lines, _parameters)

@@ -6,17 +6,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.errors import plural
 from foretouch.messages import SessionLog
-from foretouch.quantities import new_figure
+from foretouch.quantities import Array, new_figure
 from foretouch.report.drawing import ERROR, PREDICTED, RENDERED, TRUE, curve, finished, legend, mark, note
 from foretouch.report.numbers import Finding, figure, filled, number
 from foretouch.report.rows import Pairs, Segment
 from foretouch.report.sections import Drawing, Section, View
-
-Array = NDArray[np.float64]
 
 OFTEN_LATE = 0.1  # A loop that is late in more than this fraction of its ticks does not keep its rate
 
@@ -32,14 +29,9 @@ _MOTION = (
 
 
 def _cut(report: Mapping[str, Any]) -> Iterator[Finding]:
-    """Findings on limits that cut a force or a command."""
     for side, what in (("leader", "rendered force"), ("follower", "robot's command")):
         if report["clipped"][side]:
             yield Finding(f"The limits cut the {what} in {plural(report['clipped'][side], 'tick')}.")
-
-
-def _motion_lines(report: Mapping[str, Any]) -> list[str]:
-    return [filled(line, report) for line in _MOTION]
 
 
 def _tracking(view: View) -> Iterator[Drawing]:
@@ -64,11 +56,10 @@ def tracking_figure(pairs: Pairs, segments: Sequence[Segment] = ()) -> Any:
     return finished(figure, 2, gap=0.5)
 
 
-ROBOT = Section("robot", _cut, _motion_lines, _tracking)
+ROBOT = Section("robot", _cut, lambda report: [filled(line, report) for line in _MOTION], _tracking)
 
 
 def _late(report: Mapping[str, Any]) -> Iterator[Finding]:
-    """Each loop that was late in more than a tenth of its ticks, and how often the device gave no position."""
     for side in ("leader", "follower"):
         timing = report["timing"][side]
         late, ticks = timing["late_ticks"], timing["ticks"]

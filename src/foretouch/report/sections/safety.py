@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from foretouch.errors import plural
 from foretouch.identification import SENSOR_SENTENCES, SensorState
 from foretouch.messages import STATUS_SENTENCES, WITH_THE_COMMANDS, SessionLog, Status
-from foretouch.quantities import Rows
+from foretouch.quantities import Array, Rows
 from foretouch.report.numbers import Finding, largest, number
 from foretouch.report.rows import guarded_runs, joining, runs_of, seconds_of, since_first_command, usual_period
 from foretouch.report.sections import Section
@@ -62,6 +62,12 @@ def _depth_lost(leader: Rows, commands: NDArray[np.int64], rows: Rows) -> float:
     return max(float(lost.max()), 0.0) if lost.size else 0.0
 
 
+def contact_force(log: SessionLog) -> Array:
+    """Force between probe and material in all ticks [N]: the simulator's where it is known, else the sensor's."""
+    exact = log.follower["exact_force"]
+    return np.asarray(exact if np.isfinite(exact).any() else log.follower["force"])
+
+
 REFUSALS = ("stale", "overtaken", "future", "of_others", "before_release")
 """Reasons of refused commands, by the names of their counters."""
 
@@ -74,7 +80,6 @@ def segment_figures(log: SessionLog) -> dict[str, Any]:
         between. ``count``: number of `SessionLog.phases`.
         ``max_rendered_force_N``, ``max_follower_force_N``: over all of them.
     """
-    exact, felt = log.follower["exact_force"], log.follower["force"]
     phases = len(log.phases())
     return {
         "leader_starts": int(np.unique(log.leader["epoch"]).size),
@@ -82,7 +87,7 @@ def segment_figures(log: SessionLog) -> dict[str, Any]:
         "changes": phases - len(log.segments()),
         "count": phases,
         "max_rendered_force_N": largest(log.leader["rendered_force"]),
-        "max_follower_force_N": largest(exact if np.isfinite(exact).any() else felt),
+        "max_follower_force_N": largest(contact_force(log)),
     }
 
 
@@ -170,7 +175,6 @@ def safety_findings(report: Mapping[str, Any]) -> Iterator[Finding]:
 
 
 def _stops(report: Mapping[str, Any]) -> str:
-    """Emergency stops: their number, the segments in which they began, their length in all, and the reasons."""
     safety = report["safety"]
     stops = safety["statuses"].get("stopped")
     began = [str(index) for index, one in enumerate(report["segments"]["each"], 1) if one["emergency_stop"]]

@@ -6,10 +6,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.messages import SessionLog
-from foretouch.quantities import new_figure
+from foretouch.quantities import Array, new_figure
 from foretouch.report.drawing import (
     ERROR,
     NARROW,
@@ -31,18 +30,12 @@ from foretouch.report.scene.pose import NEAR_DEGREES, NEAR_MM, PoseError
 from foretouch.report.sections import Drawing, Section, View
 from foretouch.session.spatial import Inclusion
 
-Array = NDArray[np.float64]
-
 LEAST_MM, LEAST_DEGREES = 0.01, 0.01
 """Begin of the axes of errors: no camera knows less."""
 
 
 def pose_figure(error: PoseError) -> Any:
-    """Error of the rendered fixture, position and rotation, with the filter's standard deviations.
-
-    Args:
-        error: With at least one tick.
-    """
+    """Error of the rendered fixture in at least one tick, position and rotation, with the filter's deviations."""
     figure = new_figure(6.4)
     distance, turn = figure.subplots(2, 1, sharex=True)
     for axes, values, deviation, near, least, unit, what in (
@@ -98,12 +91,7 @@ def contact_figure(log: SessionLog, pairs: Pairs, wrong: Wrong, true_friction: f
 def map_figure(stiffness: StiffnessMap, inclusion: Inclusion | None = None, *, centre: Sequence[float] = ()) -> Any:
     """The map of local stiffness as it was learnt, its standard deviation, and the truth where it is known.
 
-    What was not touched is left grey.
-
-    Args:
-        stiffness: The map.
-        inclusion: The true one; None for none.
-        centre: Its estimated centre [mm], x and y; or nothing.
+    What was not touched is left grey. The inclusion is the true one, the centre [mm] is that which was found.
     """
     panels = [("learnt", stiffness.learnt, "stiffness"), ("standard deviation", stiffness.uncertainty, "uncertainty")]
     if stiffness.true is not None:
@@ -166,7 +154,6 @@ def _scale(values: Array) -> tuple[float, float]:
 
 
 def _findings(report: Mapping[str, Any]) -> Iterator[Finding]:
-    """Faults of a scene."""
     if "scene" not in report:
         return
     for bump in report["scene"]["pose"]["bumps"]:
@@ -180,7 +167,6 @@ def _findings(report: Mapping[str, Any]) -> Iterator[Finding]:
 
 
 def _lines(report: Mapping[str, Any]) -> Iterator[str]:
-    """The block of the report on a scene; none for a session along a line."""
     if "scene" not in report:
         return
     scene = report["scene"]
@@ -248,7 +234,6 @@ def _map(stiffness: Mapping[str, Any] | None) -> Iterator[str]:
 
 
 def _drawings(view: View) -> Iterator[Drawing]:
-    """Error of the pose, wrong contacts and friction, and the map of stiffness, as far as they are known."""
     scene = view.scene
     if scene is None:
         return

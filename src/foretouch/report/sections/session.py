@@ -6,10 +6,10 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.errors import plural, was_or_were
 from foretouch.messages import SessionLog, Status
+from foretouch.quantities import Array
 from foretouch.recordings import FollowerSamples
 from foretouch.report.numbers import AS_IT_COMES, Finding, figure, filled, largest, number, number_of, sentence, setting
 from foretouch.report.rows import Pairs, not_scored, pair
@@ -26,11 +26,7 @@ OWN_HAND = "closed loop: a hand of its own holds the device {} and feels the for
 
 
 def pressed(settings: Mapping[str, str]) -> dict[str, str]:
-    """The material, by the name of its setting: a robot of another package has its own material.
-
-    Returns:
-        ``scene`` and ``material``, as far as they are known, or ``robot`` in place of the material.
-    """
+    """``scene`` and ``material``, as far as they are known; a robot of another package has its own: ``robot``."""
     robot = settings.get("robot", SIMULATED)
     names = ("scene", "material") if robot == SIMULATED else ("scene", "robot")
     return {name: settings[name] for name in names if settings.get(name)}
@@ -103,11 +99,7 @@ def segment_sentence(report: Mapping[str, Any]) -> str:
 
 
 def left_out(samples: FollowerSamples) -> list[str]:
-    """Samples left out when learning from a session or predicting on it, one sentence each; none for most.
-
-    Args:
-        samples: Of the whole session.
-    """
+    """Samples of a session that are left out of learning and predicting, one sentence each; none for most."""
     sentences = []
     if samples.segments > 1:
         begun = _begun({"leader_starts": samples.leader_starts, "follower_starts": samples.follower_starts})
@@ -127,7 +119,13 @@ def _begun(segments: Mapping[str, Any]) -> str:
 MOST_LINES = 12  # Phases that are listed in the text, the longest of them; all are in the JSON
 
 
-def scored(pairs: Pairs, force: NDArray[np.float64], true: str = "sensor_force", **window: Any) -> Scores:
+def duration(log: SessionLog) -> float:
+    """Time between the first and the last tick of the leader, or of the follower without a leader [s]."""
+    table = log.leader if log.leader.size else log.follower
+    return float(np.ptp(table["time_ns"])) * 1e-9 if table.size else 0.0
+
+
+def scored(pairs: Pairs, force: Array, true: str = "sensor_force", **window: Any) -> Scores:
     """Scores of a force at equal command against one of the follower's; the sender took the delayed one's zero off."""
     columns = pairs.follower[true], force, pairs.leader["delayed_force"]
     window |= {"position": pairs.follower["position"], "skipped": not_scored(pairs), "delayed_offset": 0.0}
@@ -164,12 +162,11 @@ def phase_figures(whole: SessionLog, chosen: SessionLog, **window: Any) -> list[
         pairs = pair(phase)
         rendered = rendered_scores(phase, pairs, **window)
         predicted = scored(pairs, pairs.leader["predicted_force"], **window)
-        table = phase.leader if phase.leader.size else phase.follower
         shown = pressed(phase.settings) | {name: phase.settings.get(name, "") for name in telling}
         segments.append(
             {
                 "begin_s": float(phase.leader["time_ns"][0] - began) * 1e-9 if phase.leader.size else None,
-                "duration_s": float(np.ptp(table["time_ns"])) * 1e-9 if table.size else 0.0,
+                "duration_s": duration(phase),
                 "reported": _same(phase, chosen),
                 "emergency_stop": bool((stopped[1:] & ~stopped[:-1]).any()),
                 "settings": shown,

@@ -60,10 +60,7 @@ pre { overflow-x: auto; background: var(--card); border: 1px solid var(--line); 
   font-size: .8rem; }
 """
 
-
 MOST_COLUMNS = 6  # Largest number of cards beside each other on a wide page
-
-
 MOST_BYTES = 400_000  # Most bytes that a figure may take as lines; one with more has its curves as pixels
 MOST_WORDS = 100  # Words among the curves are pixels too where there are more than this: the numbers of a matrix
 PIXELS = 150  # Pixels per inch of such curves: half as many again as the widest page has
@@ -109,18 +106,13 @@ def table(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
 
 
 def tiles(figures: Sequence[tuple[str, str]]) -> str:
-    """Cards side by side, in rows of equal length where that can be: none is left alone in a row of its own.
-
-    Args:
-        figures: Of each its value with unit, and what it is.
-    """
+    """Cards of a value with its unit and what it is, in rows of equal length where that can be: none is left alone."""
     rows = -(-len(figures) // MOST_COLUMNS) or 1
     cards = (f'<div class="tile"><b>{escape(value)}</b><span>{escape(what)}</span></div>' for value, what in figures)
     return f'<div class="tiles" style="--columns: {-(-len(figures) // rows)}">{"".join(cards)}</div>'
 
 
 def _origin(made: Mapping[str, Any]) -> str:
-    """The origin of the page, and how to make it again."""
     now = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
     command = f"<code>{escape(made['command'])}</code>" if made.get("command") else "none: written from Python"
     version = importlib.metadata.version("foretouch")
@@ -137,17 +129,10 @@ def _origin(made: Mapping[str, Any]) -> str:
 def write_html(
     directory: str | PathLike[str], title: str, body: list[str], made: Mapping[str, Any] | None = None
 ) -> Path:
-    """Write ``index.html`` in a folder, which is made if it is not there; at its end it says what made it.
+    """Write ``index.html`` with the HTML of its parts in a folder, which is made if it is not there.
 
-    Args:
-        directory: The folder.
-        title: Of the page.
-        body: HTML of the page's parts.
-        made: Origin of the page, by name: the ``command`` that repeats it, the recording, the law, the settings;
-            version and date are given in any case.
-
-    Raises:
-        InputError: The folder cannot be made or the page cannot be written.
+    At its end it says what made it, by name: the ``command`` that repeats it, the recording, the law, the settings;
+    version and date in any case. An InputError says that the folder cannot be made or the page cannot be written.
     """
     folder = Path(directory)
     try:
@@ -175,15 +160,8 @@ def write_page(
 ) -> Path:
     """Write the report of a session with its figures as ``index.html``; it makes no request to anywhere.
 
-    Args:
-        directory: Made if it is not there.
-        log: The session.
-        report: Result of `session_figures` for it.
-        made: Its origin, for the end of the page, as `write_html` takes it.
-
-    Raises:
-        InputError: The folder cannot be made or the page cannot be written.
-        MissingExtraError: Matplotlib is not installed.
+    The report is that of `session_figures`; directory, `made` and the errors are as of `write_html`, and a
+    MissingExtraError says that Matplotlib is not installed.
     """
     body = [
         "<h1>foretouch session</h1>",
@@ -207,20 +185,11 @@ def write_prediction_page(
     figures: Mapping[str, Any],
     made: Mapping[str, Any] | None = None,
 ) -> Path:
-    """Write what became of a prediction on a recording as ``index.html``.
+    """Write what became of a prediction on a recording, whose name is in the heading, as `write_page`.
 
-    Args:
-        directory: Made if it is not there.
-        name: Of the recording, for the heading.
-        forces: Columns ``time_s``, ``measured_force_N``, ``predicted_force_N``, ``delayed_force_N`` and
-            ``in_contact``, shape (n,).
-        figures: The figures by name, among them ``delay_s`` and ``status``, as ``predict --json`` prints them; where
-            there are ``remarks``, they come first.
-        made: Its origin, for the end of the page, as `write_html` takes it.
-
-    Raises:
-        InputError: The folder cannot be made or the page cannot be written.
-        MissingExtraError: Matplotlib is not installed.
+    Forces are the columns ``time_s``, ``measured_force_N``, ``predicted_force_N``, ``delayed_force_N`` and
+    ``in_contact``, shape (n,). Figures are by name, among them ``delay_s`` and ``status``, as ``predict --json`` prints
+    them; where there are ``remarks``, they come first.
     """
     status, remarks = figures["status"], figures.get("remarks", ())
     figures = {key: value for key, value in figures.items() if key != "remarks"}
@@ -287,7 +256,6 @@ def _tiles(report: Mapping[str, Any], words: Mapping[str, str] | None = None) ->
 
 
 def _drawn(log: SessionLog, report: Mapping[str, Any]) -> Iterator[str]:
-    """Drawings of a session by its sections."""
     log = log.longest_phase()
     pairs = pair(log)
     start = int(pairs.follower["time_ns"][0]) if pairs.time.size else log.models[0].time_ns if log.models else 0
@@ -305,21 +273,10 @@ def write_calibration_page(
     figures: Mapping[str, Any],
     made: Mapping[str, Any] | None = None,
 ) -> Path:
-    """Write the result of a calibration as ``index.html``.
+    """Write the result of a calibration, with its figures by name and that of the file in the heading, as `write_page`.
 
     Of static poses it shows the residuals pose by pose; of presses on a rigid block the force over the deflection and
     the residual.
-
-    Args:
-        directory: Made if it is not there.
-        name: Of the file, for the heading.
-        result: Weight or compliance.
-        figures: By name, for the table.
-        made: Its origin, for the end of the page, as `write_html` takes it.
-
-    Raises:
-        InputError: The folder cannot be made or the page cannot be written.
-        MissingExtraError: Matplotlib is not installed.
     """
     if isinstance(result, ToolWeight):
         title, drawn = f"Sensor calibration from {name}", _weight_figure(result)

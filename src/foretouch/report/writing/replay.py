@@ -11,11 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.identification.force_calibration import lowest_mean
 from foretouch.messages import SessionLog
-from foretouch.quantities import Rows, new_figure
+from foretouch.quantities import Array, Flags, Rows, new_figure
 from foretouch.report.drawing import DELAYED, ERROR, PREDICTED, TRUE, curve, finished, last_contact, legend, peak
 from foretouch.report.numbers import number, sentence, value_of
 from foretouch.report.rows import Pairs, not_scored, pair
@@ -23,9 +22,6 @@ from foretouch.report.sections.session import scored
 from foretouch.report.session import CONTACT_FLOOR, session_figures
 from foretouch.report.writing.pages import embedded, table, write_html
 from foretouch.session import SessionSettings
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 APART = 0.05  # Touches that are nearer to each other than this [s] are one contact
 SHORTEST = 0.05  # Shortest contact [s] for which an error is given
@@ -78,12 +74,7 @@ class Contact:
 
 
 def compare_replay(recorded: SessionLog, replayed: SessionLog, notes: Sequence[str]) -> dict[str, Any]:
-    """Both reports, and what differs.
-
-    Args:
-        recorded: The session.
-        replayed: Result of `foretouch.session.replay.under`.
-        notes: Result of `foretouch.session.replay_notes`; the first is of the operator's motion.
+    """Both reports, and what differs, from `foretouch.session.replay.under` and `foretouch.session.replay_notes`.
 
     Returns:
         ``motion`` and ``notes``, the sentences; ``loop``, "open loop" or "closed loop"; ``settings``, those that
@@ -112,11 +103,7 @@ def compare_replay(recorded: SessionLog, replayed: SessionLog, notes: Sequence[s
 
 
 def contacts(log: SessionLog) -> list[Contact]:
-    """The contacts of a session at equal command, as `score_prediction` finds them; those that are not scored left out.
-
-    Args:
-        log: The session, whose longest segment is taken.
-    """
+    """Contacts of the longest segment at equal command, as `score_prediction` finds them; only what is scored."""
     pairs = pair(log)
     if not pairs.time.size:
         return []
@@ -137,14 +124,7 @@ def hand_begins_ns(leader: Rows) -> int:
 
 
 def render_replay(content: Mapping[str, Any]) -> str:
-    """Both sessions side by side, for a terminal.
-
-    Args:
-        content: Result of `compare_replay`.
-
-    Returns:
-        Lines of at most about 100 characters, without a last line break.
-    """
+    """Both sessions (`compare_replay`) side by side: lines of about 100 characters, without a last line break."""
     article = "a" if content["loop"].startswith("closed") else "an"
     texts = (f"replay in {article} {content['loop']}", content["motion"], *content["notes"])
     lines = [sentence(text) for text in texts]
@@ -212,19 +192,9 @@ def write_replay_page(
     content: Mapping[str, Any],
     made: Mapping[str, Any] | None = None,
 ) -> Path:
-    """Write a recorded session and its replay, over one another, as ``index.html``.
+    """Write a recorded session of this name and its replay, over one another, as `foretouch.report.write_page`.
 
-    Args:
-        directory: Made if it is not there.
-        name: Of the recording, for the heading.
-        recorded: The session.
-        replayed: Its replay.
-        content: Result of `compare_replay`.
-        made: Its origin, for the end of the page, as `write_html` takes it.
-
-    Raises:
-        InputError: The folder cannot be made or the page cannot be written.
-        MissingExtraError: Matplotlib is not installed.
+    The content is that of `compare_replay`.
     """
     before, after = (content[of]["settings"] for of in ("recorded", "replayed"))
     body = [
@@ -247,10 +217,7 @@ def write_replay_page(
 def replay_figure(recorded: SessionLog, replayed: SessionLog, contacts: Mapping[str, Any]) -> Any:
     """Forces of both sessions at the time of the hand, a close-up, and the errors of each contact.
 
-    Args:
-        recorded: The session.
-        replayed: Its replay.
-        contacts: Of each, by ``recorded`` and ``replayed``, as `compare_replay` gives them.
+    The contacts are by ``recorded`` and ``replayed``, as `compare_replay` gives them.
     """
     figure = new_figure(9.5)
     whole, near, errors = figure.subplots(3, 1)

@@ -27,14 +27,7 @@ URGENT_FIRST = (SESSION, SAFETY, LOOPS, ENERGY, HAND, SCENE, FORCES, ROBOT, MODE
 
 
 def render_text(report: Mapping[str, Any]) -> str:
-    """The report of a session for a terminal.
-
-    Args:
-        report: Result of `session_figures`.
-
-    Returns:
-        Lines of at most about 100 characters, without a last line break.
-    """
+    """The report of `session_figures`: lines of at most about 100 characters, without a last line break."""
     blocks = (line for section in SECTIONS for line in section.lines(report))
     return "\n".join([*heading(report), *(finding.text for finding in findings(report)), "", *blocks])
 
@@ -45,11 +38,7 @@ def findings(report: Mapping[str, Any]) -> list[Finding]:
 
 
 class Figures:
-    """Figures by name, read as attributes and never written; groups of figures are `Figures` again.
-
-    Args:
-        figures: By name.
-    """
+    """Figures by name, read as attributes and never written; groups of figures are `Figures` again."""
 
     def __init__(self, figures: dict[str, Any]) -> None:
         vars(self)["_figures"] = figures

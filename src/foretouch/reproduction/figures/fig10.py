@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.models import ContactModel
+from foretouch.quantities import Array
 from foretouch.report import COLOURS, finished, new_figure
 from foretouch.reproduction.experiment import (
     FIRST_PRESS,
     FURTHER_BACK,
     MATERIALS,
     PRESS_PERIOD,
-    Array,
     Experiment,
     History,
     in_deep_half,

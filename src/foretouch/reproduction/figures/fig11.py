@@ -7,9 +7,9 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.identification.offline import fit_offline
+from foretouch.quantities import Array
 from foretouch.report import finished, new_figure, pair
 from foretouch.report.drawing import DELAYED, TRUE
 from foretouch.reproduction.experiment import (
@@ -37,8 +37,6 @@ from foretouch.reproduction.relearning import (
 )
 from foretouch.reproduction.section import Claim, Outcome, Section, Table, judge, verdict_of
 from foretouch.session import SAMPLE_PERIOD
-
-Array = NDArray[np.float64]
 
 NEARLY = 10.0
 """Largest RMS difference at which a force almost lies on another [% of the RMS]: the just noticeable difference."""

@@ -6,9 +6,9 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.models import ContinuousSwitching, KelvinVoigt
+from foretouch.quantities import Array
 from foretouch.report import COLOURS, finished, legend, new_figure
 from foretouch.reproduction.section import Claim, Section, Table, verdict_of
 from foretouch.reproduction.theory.energy_loss import (
@@ -33,8 +33,6 @@ LAWS = {rf"$\alpha$ = {alpha:g}": (round(1.4 * (1.0 - alpha), 12), alpha) for al
 DAMPED = np.geomspace(1e-3, 1.0, 10)  # Damping ratios at which they are integrated [-]
 UNDAMPED = 1e-4  # Damping ratio that counts as none [-]
 TOLERANCE = 0.1  # Error of (12) at which the low-damping approximation is taken to end [-]
-
-Array = NDArray[np.float64]
 
 
 def area(points: int) -> tuple[Array, Array]:

@@ -6,9 +6,10 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from foretouch.models import ContinuousSwitching
+from foretouch.quantities import Array
 from foretouch.report import COLOURS, finished, legend, new_figure
 from foretouch.reproduction.presses import linearisation_press
 from foretouch.reproduction.section import Claim, Section, Table, verdict_of
@@ -22,8 +23,6 @@ from foretouch.reproduction.theory.linearisation import (
 
 NOTICED = 0.1  # relative error of force that a hand begins to notice [-]
 CONDITION = 0.1  # the paper's bound of phi
-
-Array = NDArray[np.float64]
 
 
 def _law(switching: float) -> ContinuousSwitching:

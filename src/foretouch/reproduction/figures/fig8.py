@@ -8,17 +8,15 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.identification import HuntCrossleyLogOptions, KelvinVoigtOptions, SwitchingOptions, TwoStageOptions
 from foretouch.identification.linear.recursion import PerturbationForm
+from foretouch.quantities import Array, Flags
 from foretouch.report import COLOURS, finished, legend, new_figure
 from foretouch.reproduction.presses import Press, press
 from foretouch.reproduction.questions.choices import NEAREST, PRINTED, PRINTED_WORDS, claims_of, run_of
 from foretouch.reproduction.questions.tried import THRESHOLD, errors_of_fprls_threshold, errors_of_threshold, ordinal
 from foretouch.reproduction.section import Claim, Section, verdict_of
-
-Array = NDArray[np.float64]
 
 FORGETTING = (1.0, 0.99, 0.98, 0.97, 0.95, 0.93, 0.9, 0.88, 0.86, 0.85, 0.84, 0.82, 0.8, 0.7, 0.5)
 """Forgetting factors of threshold switching that are tried, both its estimators alike."""
@@ -117,7 +115,7 @@ def fprls_grid() -> Iterator[Switch]:
         yield _switch(f"FPRLS {words}, rho = {rate:g} / m", name, *errors_of_fprls_threshold(pressed, rate, form))
 
 
-def _switch(choice: str, data: str, error: Array, stiff: NDArray[np.bool_]) -> Switch:
+def _switch(choice: str, data: str, error: Array, stiff: Flags) -> Switch:
     change = np.diff(stiff.astype(np.int64))
     on, off = (np.nonzero(change == sign)[0] + 1 for sign in (1, -1))
     shocks = tuple((float(error[i - 1]), float(error[i])) for i in on.tolist())
@@ -133,7 +131,7 @@ def make() -> Section:
         "continuous switching, as printed": np.abs(printed.force - pressed.true_force),
         "continuous switching, best choice": np.abs(nearest.force - pressed.true_force),
     }
-    stiff: dict[float | None, NDArray[np.bool_]] = {}
+    stiff: dict[float | None, Flags] = {}
     for factor in DRAWN:
         error, chosen = errors_of_threshold(pressed, switching_options(factor, "log-rls"))
         errors[f"threshold switching, forgetting {factor:g}"] = error
@@ -242,7 +240,7 @@ def _jump_claim(errors: dict[str, Array]) -> Claim:
 FIRST = 19  # index of the first sample with laws from both
 
 
-def _figure(errors: dict[str, Array], stiff: dict[float | None, NDArray[np.bool_]]) -> Any:
+def _figure(errors: dict[str, Array], stiff: dict[float | None, Flags]) -> Any:
     figure = new_figure(6.4)
     top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(4.0, 1.0))
     across = np.arange(1, 251)

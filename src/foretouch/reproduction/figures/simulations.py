@@ -12,9 +12,9 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.identification import FPRLS
+from foretouch.quantities import Array
 from foretouch.report import COLOURS, finished, legend, new_figure
 from foretouch.reproduction.presses import DURATION, PERIOD, STEPS, Press, Trace, press, true_parameters, two_presses
 from foretouch.reproduction.questions.choices import BEST, NEAREST, PRINTED, PRINTED_WORDS, Choice, claims_of, run_of
@@ -22,17 +22,15 @@ from foretouch.reproduction.section import Claim, Section, Table, verdict_of
 
 LONGER = 60.0  # time for which the formula is followed beyond [s]
 
-Array = NDArray[np.float64]
 
-
-def turns(duration: float) -> list[float]:
-    """Times [s] after the start at which the velocity changes its sign."""
+def turns(duration: float, of: int = 1) -> list[float]:
+    """Times [s] after the start at which the velocity, or of 0 the depth, changes its sign."""
     from scipy.optimize import brentq
 
     time = np.linspace(0.0, duration, 2001)
-    sign = np.sign(two_presses(time)[1])
+    sign = np.sign(two_presses(time)[of])
     changes = np.nonzero(sign[1:] * sign[:-1] < 0.0)[0]
-    return [brentq(lambda t: float(two_presses(t)[1]), time[i], time[i + 1], xtol=1e-12) for i in changes]
+    return [brentq(lambda t: float(two_presses(t)[of]), time[i], time[i + 1], xtol=1e-12) for i in changes]
 
 
 def make_fig6() -> Section:
@@ -44,7 +42,7 @@ def make_fig6() -> Section:
     into, out = sum(phases), len(phases) - sum(phases)
     way = ", ".join(f"{1e3 * float(two_presses(t)[0]):.2f} mm at {t:.2f} s" for t in ends)
     later = [t for t in turns(LONGER) if t > DURATION]
-    leaves = _leaves()
+    leaves = turns(LONGER, 0)[0]
     text = (
         f"The formula as printed: {way}. That is {into} compressions and {out} restitution in {DURATION:g} s, not two "
         f"of each. The next restitution begins at {later[0]:.2f} s and leaves the material at {leaves:.2f} s, so no "
@@ -73,15 +71,6 @@ def make_fig6() -> Section:
     data = {"trajectory": {"time_s": time, "depth_m": depth, "velocity_m_s": velocity}}
     figure = _trajectory_figure(time, depth, velocity, ends, phases)
     return Section("fig6", "Fig. 6: penetration depth and velocity", text, figure, data, claims)
-
-
-def _leaves() -> float:
-    """Time [s] at which the formula first leaves the material."""
-    from scipy.optimize import brentq
-
-    time = np.linspace(0.0, LONGER, 2001)
-    outside = int(np.argmax(two_presses(time)[0] < 0.0))
-    return float(brentq(lambda t: float(two_presses(t)[0]), time[outside - 1], time[outside]))
 
 
 def _trajectory_figure(time: Array, depth: Array, velocity: Array, ends: list[float], phases: list[bool]) -> Any:
@@ -171,9 +160,6 @@ def compared(
     return pressed, printed, other, curves, data
 
 
-NAMES_OF_FIG7A = ("kvm k, s", "hcm k, s", "kvm b1", "kvm b2", "hcm b2")
-
-
 def make_fig7a() -> Section:
     """Both pure laws, as printed and under the choice that finds k and s soonest."""
     materials = {"kelvin-voigt": ("Kelvin-Voigt <1>", COLOURS[0]), "hunt-crossley": ("Hunt-Crossley <2>", COLOURS[4])}
@@ -199,11 +185,9 @@ def make_fig7a() -> Section:
         "the second-order term of (16): the data are free of noise here, so it is the modelling error alone."
     )
     figure = parameter_figure(curves, ((0.0, 8000.0), (0.6, 1.6), (-1.2, 1.2), (-0.4, 0.4)))
+    claims = claims_of(("kvm k, s", "hcm k, s", "kvm b1", "kvm b2", "hcm b2"))
     title = "Fig. 7a: estimation for Kelvin-Voigt and Hunt-Crossley"
-    return Section("fig7a", title, text, figure, data, claims_of(NAMES_OF_FIG7A))
-
-
-NAMES_OF_FIG7B = ("follows", "arrives")
+    return Section("fig7a", title, text, figure, data, claims)
 
 
 def make_fig7b() -> Section:
@@ -220,10 +204,8 @@ def make_fig7b() -> Section:
         f"open choices follows, nor does a higher rate (section fast). The nearest choice drawn here: {choice}."
     )
     figure = parameter_figure(curves, ((0.0, 8000.0), (0.0, 1.8), (-150.0, 150.0), (-8.0, 8.0)))
-    return Section("fig7b", "Fig. 7b: continuous change of the material", text, figure, data, claims_of(NAMES_OF_FIG7B))
-
-
-NAMES_OF_FIG7C = ("step 1", "step 2", "step b1", "step b2", "step force")
+    claims = claims_of(("follows", "arrives"))
+    return Section("fig7b", "Fig. 7b: continuous change of the material", text, figure, data, claims)
 
 
 def make_fig7c() -> Section:
@@ -242,7 +224,7 @@ def make_fig7c() -> Section:
         f"the material's own is {data['best']['true_b1_s_m'][FIRST]:.2f}."
     )
     figure = parameter_figure(curves, ((0.0, 9000.0), (0.6, 2.2), (-3.0, 3.0), (-0.3, 0.3)))
-    claims = (*claims_of(NAMES_OF_FIG7C), _covariance_claim())
+    claims = (*claims_of(("step 1", "step 2", "step b1", "step b2", "step force")), _covariance_claim())
     return Section("fig7c", "Fig. 7c: sudden changes of the material", text, figure, data, claims)
 
 

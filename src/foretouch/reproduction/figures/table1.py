@@ -9,8 +9,8 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from foretouch.quantities import Array
 from foretouch.report import COLOURS, finished, legend, new_figure
 from foretouch.reproduction.presses import linearisation_press
 from foretouch.reproduction.section import Claim, Section, verdict_of
@@ -21,29 +21,19 @@ DEPTHS = np.geomspace(0.5e-3, 40e-3, 400)  # depths over which the lines are dra
 CLOSE = 0.01
 """Relative difference up to which a fit counts as the printed one [-]: one unit of the last digit of a2 is more."""
 
-Array = NDArray[np.float64]
 Line = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """What the paper leaves open about the fit of (17).
+    """What the paper leaves open about the fit of (17)."""
 
-    Attributes:
-        duration: Duration of the trajectory of Fig. 5 [s].
-        rate: Samples per second [Hz].
-        noise: Greatest of the trajectory's noise [m].
-        power: Power of depth that (17) is multiplied by: 0 as printed, 1, or 2 for x^(2 - alpha) = a1 x^2 + a2 x.
-        forgetting_factor: Forgetting factor of the recursive least squares [-]; 1 is the plain one.
-        covariance: Initial P of them, times I, in metres; infinite for a start without opinion.
-    """
-
-    duration: float
-    rate: float
-    noise: float
-    power: int
-    forgetting_factor: float
-    covariance: float
+    duration: float  # duration of the trajectory of Fig. 5 [s]
+    rate: float  # samples per second [Hz]
+    noise: float  # greatest of the trajectory's noise [m]
+    power: int  # power of depth that (17) is multiplied by: 0 as printed, 1, or 2 for x^(2 - alpha) = a1 x^2 + a2 x
+    forgetting_factor: float  # forgetting factor of the recursive least squares [-]; 1 is the plain one
+    covariance: float  # initial P of them, times I, in metres; infinite for a start without opinion
 
     def __str__(self) -> str:
         form = ("1/x^alpha", "x^(1-alpha)", "x^(2-alpha)")[self.power]

@@ -6,8 +6,8 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from foretouch.comparison.cases import BETWEEN, HUNT_CROSSLEY, KELVIN_VOIGT
 from foretouch.identification import (
     FPRLS,
     HuntCrossleyLogOptions,
@@ -18,11 +18,10 @@ from foretouch.identification import (
 from foretouch.identification.estimator import Estimator
 from foretouch.identification.offline import OfflineFit, fit_offline
 from foretouch.models import ContinuousSwitching, HuntCrossley
+from foretouch.quantities import Array
 from foretouch.report import COLOURS, finished, legend, new_figure
-from foretouch.reproduction.presses import HUNT_CROSSLEY, KELVIN_VOIGT, WAVES, Press, follow, press
+from foretouch.reproduction.presses import WAVES, Press, follow, press
 from foretouch.reproduction.section import Claim, Section, Table, verdict_of
-
-Array = NDArray[np.float64]
 
 SETS: dict[str, tuple[tuple[float, float], ...]] = {
     "1: 2.5 mm": WAVES[:1],
@@ -88,7 +87,6 @@ def exponent_effects() -> dict[str, Array]:
     x, v = pressed.depth, pressed.velocity
     right = HUNT_CROSSLEY
     wrong = HuntCrossley(right.stiffness, right.damping, right.exponent + SLIP)
-    half = ContinuousSwitching(4500.0, 1000.0, 0.7, 0.5)
     half_wrong = ContinuousSwitching(4500.0, 1000.0, 0.7 + SLIP, 0.5 - SLIP)
     a, b = (law.force(x, 0.0) for law in (right, wrong))
     c, d = (law.force(x, v, allow_tension=True) - law.force(x, 0.0) for law in (right, wrong))
@@ -97,7 +95,7 @@ def exponent_effects() -> dict[str, Array]:
         "spring": b / a - 1.0,
         "damper": d / c - 1.0,
         "force": wrong.force(x, v) / right.force(x, v) - 1.0,
-        "continuous": half_wrong.force(x, v) / half.force(x, v) - 1.0,
+        "continuous": half_wrong.force(x, v) / BETWEEN.force(x, v) - 1.0,
     }
 
 

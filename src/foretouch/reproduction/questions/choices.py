@@ -11,11 +11,11 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.identification import FPRLS, FPRLSOptions
 from foretouch.identification.linear.options import DepthUnit
 from foretouch.identification.linear.recursion import ErrorUnit, PerturbationForm, PerturbationMoment
+from foretouch.quantities import Flags
 from foretouch.report import finished, new_figure
 from foretouch.reproduction.presses import MATERIALS, Press, Trace, follow, press
 from foretouch.reproduction.questions.tried import QUESTIONS, Answer
@@ -167,7 +167,7 @@ class Search:
             runs = {material: run_of(choice, material) for material in MATERIALS}
             for name, question in QUESTIONS.items():
                 self.answers[name].append(question.measure(*runs[question.material]))
-        self.holds: dict[str, NDArray[np.bool_]] = {
+        self.holds: dict[str, Flags] = {
             name: np.array([question.holds(answer) for answer in self.answers[name]])
             for name, question in QUESTIONS.items()
         }
@@ -260,7 +260,6 @@ def _column(name: str) -> str:
 
 
 def _figure(result: Search) -> Any:
-    """Claims down, values across, fractions in the cells."""
     columns = [(name, value) for name, one in OPEN.items() for value in one.values]
     values = {name: np.array([getattr(choice, name) for choice in result.choices]) for name in OPEN}
     fractions = np.array(

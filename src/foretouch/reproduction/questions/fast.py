@@ -9,15 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from foretouch.comparison.cases import BETWEEN
 from foretouch.identification import FPRLS, ROBUST, Estimator, FPRLSOptions, RobustFPRLS, RobustOptions, Status
 from foretouch.identification.exact.recursive import ExactContinuousSwitching
 from foretouch.models import ContactModel, ContinuousSwitching, LinearisedContinuousSwitching, MotionFilter
-from foretouch.quantities import Brief
+from foretouch.quantities import Array, Brief
 from foretouch.report import COLOURS, finished, legend, new_figure
 from foretouch.reproduction.presses import STEPS, Press, follow, forces_of, press
 from foretouch.reproduction.section import Claim, Section, verdict_of
-
-Array = NDArray[np.float64]
 
 PERIOD = 1e-3  # time between samples [s]
 NOISE, ENCODER = 0.02, 5e-6  # standard deviation of the force noise [N]; step of the encoder [m]
@@ -29,7 +28,6 @@ TAP_DEPTH, TAP_PERIOD, TAP_TIME = 0.010, 2.0, 10.0
 
 TREMOR, TREMOR_RATE = 1e-5, 8.0  # amplitude [m] and rate [Hz] of the hand's tremor in taps and holding
 HOLD_TIME = 10.0  # time for which a press is held [s]
-TAP_LAW = ContinuousSwitching(4500.0, 1000.0, 0.7, 0.5)  # the paper's material after the first change
 
 
 def measured_press(pressed: Press) -> Press:
@@ -41,13 +39,13 @@ def measured_press(pressed: Press) -> Press:
 
 
 def _along(phase: Array, rate: Array, name: str) -> Press:
-    """Press `TAP_LAW` to and fro as a cosine of a phase [rad] with its rate [rad/s], with the tremor of a hand."""
+    """Press `BETWEEN` to and fro as a cosine of a phase [rad] with its rate [rad/s], with the tremor of a hand."""
     time = np.arange(1.0, phase.size + 1.0) * PERIOD
     trembling = 2.0 * np.pi * TREMOR_RATE
     depth = 0.5 * TAP_DEPTH * (1.0 - np.cos(phase)) + TREMOR * np.sin(trembling * time)
     velocity = 0.5 * TAP_DEPTH * rate * np.sin(phase) + TREMOR * trembling * np.cos(trembling * time)
-    force = TAP_LAW.force(depth, velocity)
-    return Press(name, time, depth, velocity, force, force, (TAP_LAW,) * time.size)
+    force = BETWEEN.force(depth, velocity)
+    return Press(name, time, depth, velocity, force, force, (BETWEEN,) * time.size)
 
 
 def taps() -> Press:

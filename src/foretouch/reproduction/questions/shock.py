@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.models import ContinuousSwitching, MemorylessLaw
+from foretouch.quantities import Array
 from foretouch.report import COLOURS, finished, legend, new_figure
 from foretouch.reproduction.presses import STEP_LAWS
 from foretouch.reproduction.section import Claim, Section, verdict_of
@@ -22,8 +22,6 @@ STIFFNESS_FORCE, AT_DEPTH, DAMPING_RATIO = 30.0, 0.010, 0.25
 RELEASE = 0.05  # speed at which a hand lets go [m/s]
 TICK = 1e-3  # one cycle of haptic rendering [s]; with it goes the depth after the first one, at the speed of touch
 TOUCH = 0.1  # speed of first touch [m/s]
-
-Array = NDArray[np.float64]
 
 
 def comparable_law(switching: float) -> ContinuousSwitching:

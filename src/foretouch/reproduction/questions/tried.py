@@ -11,21 +11,20 @@ from functools import lru_cache, partial
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from foretouch.comparison.cases import KELVIN_VOIGT
 from foretouch.identification import SwitchingOptions, ThresholdSwitching
 from foretouch.identification.linear.estimators import by_distance
 from foretouch.identification.linear.recursion import PerturbationForm, Recursion
 from foretouch.models import ContactModel, KelvinVoigt
-from foretouch.reproduction.presses import KELVIN_VOIGT, PERIOD, STEPS, Press, Trace, forces_of, true_parameters
-
-Array = NDArray[np.float64]
+from foretouch.quantities import Array, Flags
+from foretouch.reproduction.presses import PERIOD, STEPS, Press, Trace, forces_of, true_parameters
 
 THRESHOLD = 4000.0  # threshold of the paper [N/m]
 FEWEST = 20  # smallest number of samples with a law, as in the estimators
 
 
-def errors_of_threshold(pressed: Press, options: SwitchingOptions | None = None) -> tuple[Array, NDArray[np.bool_]]:
+def errors_of_threshold(pressed: Press, options: SwitchingOptions | None = None) -> tuple[Array, Flags]:
     """Threshold switching at each sample: error of the force [N], NaN before there is a law; whether Kelvin-Voigt.
 
     The law is the one learnt from that sample too.
@@ -39,9 +38,7 @@ def errors_of_threshold(pressed: Press, options: SwitchingOptions | None = None)
     return np.abs(force - pressed.true_force), np.array([isinstance(model, KelvinVoigt) for model in models])
 
 
-def errors_of_fprls_threshold(
-    pressed: Press, rate: float, form: PerturbationForm = "add"
-) -> tuple[Array, NDArray[np.bool_]]:
+def errors_of_fprls_threshold(pressed: Press, rate: float, form: PerturbationForm = "add") -> tuple[Array, Flags]:
     r"""The same where both laws are learnt by the paper's own recursion (20), each tested on its own error.
 
     .. math::
@@ -102,7 +99,7 @@ class Question(NamedTuple):
         return answer.value <= self.limit
 
 
-def settled_at(right: NDArray[np.bool_]) -> float:
+def settled_at(right: Flags) -> float:
     """Count of the first sample from which on all are right, from 1; inf where the last is wrong."""
     if not right[-1]:
         return float("inf")
@@ -110,7 +107,7 @@ def settled_at(right: NDArray[np.bool_]) -> float:
     return float(wrong[-1] + 2) if wrong.size else 1.0
 
 
-def _found(pressed: Press, trace: Trace) -> tuple[NDArray[np.bool_], Array, Array]:
+def _found(pressed: Press, trace: Trace) -> tuple[Flags, Array, Array]:
     """Where k and s are found; relative error of k; error of s."""
     k = np.array([law.general_form[0] for law in pressed.laws])
     s = np.array([sum(law.general_form[2:]) for law in pressed.laws])

@@ -30,20 +30,18 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from foretouch.errors import SettingError
 from foretouch.errors.checks import require
 from foretouch.models.memoryless_law import MemorylessLaw
-
-Array = NDArray[np.float64]
+from foretouch.quantities import Array
 
 
 def beta_of(exponent: ArrayLike, switching: ArrayLike) -> Array:
     r""":math:`\beta = \alpha / (n + \alpha + 1)` of (10) [-]: 0 for Hunt-Crossley, 0.5 for Kelvin-Voigt."""
     n, alpha = np.asarray(exponent, dtype=np.float64), np.asarray(switching, dtype=np.float64)
-    result: Array = alpha / (n + alpha + 1.0)
-    return result
+    return alpha / (n + alpha + 1.0)
 
 
 def loss_exponent(exponent: ArrayLike, switching: ArrayLike) -> Array:
@@ -51,8 +49,7 @@ def loss_exponent(exponent: ArrayLike, switching: ArrayLike) -> Array:
 
     3 for Hunt-Crossley, 2 for Kelvin-Voigt, between them in the whole range (5); n and alpha as in `beta_of`.
     """
-    result: Array = 3.0 - 2.0 * beta_of(exponent, switching)
-    return result
+    return 3.0 - 2.0 * beta_of(exponent, switching)
 
 
 def h_of(beta: ArrayLike) -> Array:
@@ -63,8 +60,7 @@ def h_of(beta: ArrayLike) -> Array:
     """
     from scipy.special import hyp2f1
 
-    result: Array = np.asarray(hyp2f1(np.asarray(beta, dtype=np.float64), 1.5, 2.5, 1.0), dtype=np.float64)[()]
-    return result
+    return np.asarray(hyp2f1(np.asarray(beta, dtype=np.float64), 1.5, 2.5, 1.0), dtype=np.float64)[()]
 
 
 def h_of_gamma_functions(beta: ArrayLike) -> Array:
@@ -75,8 +71,7 @@ def h_of_gamma_functions(beta: ArrayLike) -> Array:
     from scipy.special import gammaln
 
     b = np.asarray(beta, dtype=np.float64)
-    result: Array = np.exp(gammaln(2.5) + gammaln(1.0 - b) - gammaln(2.5 - b))
-    return result
+    return np.exp(gammaln(2.5) + gammaln(1.0 - b) - gammaln(2.5 - b))
 
 
 def maximum_depth(law: MemorylessLaw, mass: float, speed: ArrayLike) -> Array:
@@ -87,8 +82,7 @@ def maximum_depth(law: MemorylessLaw, mass: float, speed: ArrayLike) -> Array:
     k, _, n, alpha = law.general_form
     require("mass", mass, above=0.0)
     v = _speeds(speed)
-    result: Array = (mass * (n + alpha + 1.0) * v**2 / (2.0 * k)) ** (1.0 / (n + alpha + 1.0))
-    return result
+    return (mass * (n + alpha + 1.0) * v**2 / (2.0 * k)) ** (1.0 / (n + alpha + 1.0))
 
 
 def speed_at_depth(law: MemorylessLaw, mass: float, speed: float, depth: ArrayLike) -> Array:
@@ -97,15 +91,13 @@ def speed_at_depth(law: MemorylessLaw, mass: float, speed: float, depth: ArrayLi
     power = n + alpha + 1.0
     reached = np.asarray(depth, dtype=np.float64) / maximum_depth(law, mass, speed)
     left = 1.0 - np.where((reached >= 0.0) & (reached <= 1.0), reached, np.nan) ** power
-    result: Array = speed * np.sqrt(left)
-    return result
+    return speed * np.sqrt(left)
 
 
 def damping_ratio(law: MemorylessLaw, mass: float, speed: ArrayLike) -> Array:
     r"""Damper over spring :math:`\epsilon = \lambda v_i / (k x_M^\alpha)` [-]; equation (12) is its limit to zero."""
     k, damping, _, alpha = law.general_form
-    result: Array = damping * _speeds(speed) / (k * maximum_depth(law, mass, speed) ** alpha)
-    return result
+    return damping * _speeds(speed) / (k * maximum_depth(law, mass, speed) ** alpha)
 
 
 def loss_scale(law: MemorylessLaw, mass: float) -> float:
@@ -122,8 +114,7 @@ def loss_scale(law: MemorylessLaw, mass: float) -> float:
 def energy_loss(law: MemorylessLaw, mass: float, speed: ArrayLike) -> Array:
     """Energy that an impact costs [J] by (12) in the form (13), the limit of low damping."""
     _, _, n, alpha = law.general_form
-    result: Array = loss_scale(law, mass) * _speeds(speed) ** loss_exponent(n, alpha)
-    return result
+    return loss_scale(law, mass) * _speeds(speed) ** loss_exponent(n, alpha)
 
 
 def energy_loss_by_quadrature(law: MemorylessLaw, mass: float, speed: float) -> float:

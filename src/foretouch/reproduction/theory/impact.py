@@ -19,17 +19,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.errors import SettingError
 from foretouch.errors.checks import require
 from foretouch.models.classic import ContinuousSwitching
 from foretouch.models.contact_model import NO_STATE, ContactModel
 from foretouch.models.memoryless_law import MemorylessLaw
-from foretouch.quantities import Brief
+from foretouch.quantities import Array, Brief
 from foretouch.reproduction.theory.energy_loss import energy_loss
-
-Array = NDArray[np.float64]
 
 _LONGEST = 1e4
 """Time at which an impact that neither separates nor loses its energy is given up [scaled length over speed]."""
@@ -103,13 +100,8 @@ def integrate_impact(
     without gravity, until x comes back to 0, by SciPy's explicit Runge-Kutta method of order 8 (DOP853) in depths of
     the first guess of x_M and in speeds of v_i.
 
-    Args:
-        law: Any law without memory.
-        mass: m [kg], positive.
-        speed: v_i [m/s], positive.
-        allow_tension: True lets the law pull at release, as the equations are written. Needs a `MemorylessLaw`.
-        samples: Number of evenly spaced times returned, at least 2.
-        relative_tolerance: Relative tolerance of the solver.
+    The law has no memory; mass m [kg] and speed v_i [m/s] are positive. With tension the law, which must be a
+    `MemorylessLaw`, pulls at release, as the equations are written. At least two evenly spaced samples are returned.
 
     Raises:
         SettingError: A law with a memory or without tension, a number out of range, or an impact that the solver cannot
@@ -181,7 +173,6 @@ def integrate_impact(
 
 
 def _cannot(law: ContactModel, mass: float, speed: float) -> SettingError:
-    """The error for an impact that the solver cannot follow."""
     impact = f"an impact of {mass:g} kg at {speed:g} m/s cannot be integrated to its end"
     return SettingError("law", law, f"{impact}: take less damping, or a greater relative_tolerance")
 
@@ -278,7 +269,7 @@ def impact_of(law: MemorylessLaw, *, speed: float = SPEED, allow_tension: bool =
     return integrate_impact(law, MASS, speed, allow_tension=allow_tension, samples=2001)
 
 
-def impact_table(impact: Impact) -> dict[str, NDArray[np.float64]]:
+def impact_table(impact: Impact) -> dict[str, Array]:
     """What figures of an impact draw, by column."""
     return {
         "time_s": impact.time,

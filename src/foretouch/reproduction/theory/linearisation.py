@@ -23,14 +23,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from foretouch.errors import SettingError
 from foretouch.errors.checks import require
 from foretouch.models.memoryless_law import LinearisedContinuousSwitching, MemorylessLaw
-from foretouch.quantities import Brief
-
-Array = NDArray[np.float64]
+from foretouch.quantities import Array, Brief
 
 TABLE_1: dict[float, tuple[float, float]] = {0.3: (2.35, 0.016), 0.5: (3.44, 0.067)}
 """The paper's Table 1: alpha to (a1 [m^-alpha], a2 [m^(1 - alpha)]).
@@ -72,24 +70,21 @@ def log_force(law: MemorylessLaw, depth: ArrayLike, velocity: ArrayLike) -> Arra
     k, _, n, alpha = law.general_form
     x = _inside(depth)
     ratio = 1.0 + _psi(law, x, velocity)
-    result: Array = math.log(k) + (n + alpha) * np.log(x) + np.log(np.where(ratio > 0.0, ratio, np.nan))
-    return result
+    return math.log(k) + (n + alpha) * np.log(x) + np.log(np.where(ratio > 0.0, ratio, np.nan))
 
 
 def taylor_log_force(law: MemorylessLaw, depth: ArrayLike, velocity: ArrayLike) -> Array:
     """Logarithm of the force with the Taylor expansion (16) [ln N], as `log_force`; NaN outside."""
     k, _, n, alpha = law.general_form
     x = _inside(depth)
-    result: Array = math.log(k) + (n + alpha) * np.log(x) + _psi(law, x, velocity)
-    return result
+    return math.log(k) + (n + alpha) * np.log(x) + _psi(law, x, velocity)
 
 
 def linearised_log_force(law: MemorylessLaw, a1: float, a2: float, depth: ArrayLike, velocity: ArrayLike) -> Array:
     """Logarithm of the force by (18), as `log_force` [ln N]; unlike `LinearisedContinuousSwitching` without a guard."""
     model = linearise(law, a1, a2)
     x, v = _inside(depth), np.asarray(velocity, dtype=np.float64)
-    result: Array = model.ln_k + model.s * np.log(x) + model.b1 * v + model.b2 * v / x
-    return result
+    return model.ln_k + model.s * np.log(x) + model.b1 * v + model.b2 * v / x
 
 
 def fit_polynomial(switching: float, depth: ArrayLike, *, depth_power: float = 1.0) -> PolynomialFit:
@@ -173,5 +168,4 @@ def _inside(depth: ArrayLike) -> Array:
 def _psi(law: MemorylessLaw, depth: Array, velocity: ArrayLike) -> Array:
     """Damper over spring, psi = lambda v / (k x^alpha)."""
     k, damping, _, alpha = law.general_form
-    result: Array = damping * np.asarray(velocity, dtype=np.float64) / (k * depth**alpha)
-    return result
+    return damping * np.asarray(velocity, dtype=np.float64) / (k * depth**alpha)
