@@ -252,15 +252,11 @@ def _river(problem: Problem, forgetting_factor: float = FORGETTING_FACTOR) -> Pe
     return run
 
 
-def _river_without_forgetting(problem: Problem) -> Peer:
-    return _river(problem, 1.0)
-
-
 PEERS: dict[str, Callable[[Problem], Peer]] = {
     "padasip": _padasip,
     "filterpy": _filterpy,
     "river": _river,
-    RIVER_WITHOUT_FORGETTING: _river_without_forgetting,
+    RIVER_WITHOUT_FORGETTING: lambda problem: _river(problem, 1.0),
 }
 """The peers by name."""
 

@@ -152,7 +152,7 @@ def check_text() -> Finding:
 def check_disk(
     folders: Iterable[Path] | None = None, *, little: float = LITTLE, too_little: float = TOO_LITTLE
 ) -> Finding:
-    """Free space where recordings, temporary files and compiled code go, by default here, in a temporary folder, at home.
+    """Free space where recordings, temporary files and compiled code go: here, in the temporary folder and at home.
 
     Less than `little` [bytes] is worth a warning, less than `too_little` is bad.
     """

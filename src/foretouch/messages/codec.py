@@ -87,11 +87,7 @@ def encode(message: Message) -> bytes:
 
 
 def decode(data: bytes, kind: type[M]) -> M:
-    """Message of one kind from msgpack bytes; what is not printable in its texts is escaped.
-
-    Args:
-        data: The bytes that arrived.
-        kind: The message class that its channel carries.
+    """Message of the kind that a channel carries, from msgpack bytes; what is not printable in its texts is escaped.
 
     Raises:
         PeerVersionError: The bytes are a message of another schema version.
@@ -105,9 +101,9 @@ def decode(data: bytes, kind: type[M]) -> M:
     try:
         message: M = decoder.decode(data)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        theirs = _version_of(data)
-        if theirs is not None and theirs != VERSION:
-            raise PeerVersionError(theirs, VERSION) from None
+        fields = _fields_of(data)
+        if fields and type(fields[0]) is int and fields[0] != VERSION:  # any schema begins with its version
+            raise PeerVersionError(fields[0], VERSION) from None
         raise DecodeError(f"not a {kind.__name__}: {error}") from None
     if message.version != VERSION:
         raise PeerVersionError(message.version, VERSION)
@@ -142,20 +138,10 @@ def _holds_text(kind: msgspec.inspect.Type) -> bool:
 
 
 def foreign_speaker(data: bytes) -> str:
-    """The role of `SPEAKERS` that sent a hello in another version; "" where the bytes are no such hello.
-
-    Args:
-        data: Bytes that arrived where a `Hello` was to come, of another version.
-    """
+    """The role of `SPEAKERS` that sent a hello in another version; "" where the bytes are no such hello."""
     fields = _fields_of(data)
     role = fields[3] if len(fields) > 3 else ""
     return role if isinstance(role, str) and role in SPEAKERS else ""
-
-
-def _version_of(data: bytes) -> int | None:
-    """The version that a message of any schema begins with, or None where there is none to read."""
-    fields = _fields_of(data)
-    return fields[0] if fields and type(fields[0]) is int else None
 
 
 def _fields_of(data: bytes) -> list[Any]:

@@ -12,6 +12,7 @@ between machines does.
 from __future__ import annotations
 
 import base64
+import functools
 import json
 import subprocess
 import sys
@@ -137,7 +138,7 @@ def one_way_times(kinds: tuple[str, ...], segments: int) -> dict[str, Times]:
                     opened[kind] = ZenohLink(listen=[f"tcp/{endpoint}"], subscribe=["command"])
                 else:
                     opened[kind] = open_wire(kind, endpoint, folder, listen=True)
-                    opened[kind].declare_subscriber(KEY, _receiver(result[kind].append))
+                    opened[kind].declare_subscriber(KEY, functools.partial(_receive, result[kind]))
             wires = [f"{kind}={endpoint}" for kind, endpoint in ends.items()]
             command = [sys.executable, "-m", "foretouch.bench.benchmarks.link", str(folder), str(segments), *wires]
             with children() as started, steady():
@@ -151,12 +152,9 @@ def one_way_times(kinds: tuple[str, ...], segments: int) -> dict[str, Times]:
     return {kind: np.array(result[kind]) for kind in kinds}
 
 
-def _receiver(keep: Callable[[float], None]) -> Callable[[Any], None]:
-    def receive(sample: Any) -> None:
-        arrival = time.monotonic_ns()
-        keep((arrival - decode(sample.payload.to_bytes(), Command).time_ns) * 1e-6)
-
-    return receive
+def _receive(kept: list[float], sample: Any) -> None:
+    arrival = time.monotonic_ns()
+    kept.append((arrival - decode(sample.payload.to_bytes(), Command).time_ns) * 1e-6)
 
 
 def _wait(sender: subprocess.Popen[bytes], link: ZenohLink | None, keep: Callable[[float], None]) -> None:

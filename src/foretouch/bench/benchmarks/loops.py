@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import contextlib
 import gc
+import itertools
 import runpy
 import subprocess
 import sys
@@ -42,19 +43,13 @@ Integers = NDArray[np.int64]
 
 
 class Ticks(NamedTuple):
-    """Ticks of one loop, each array of shape (n,).
-
-    Attributes:
-        deadline_ns: When each was to begin [ns, monotonic clock]; of a tick that passed over deadlines, the first that
-            it missed.
-        late_ns: Time by which it began later [ns].
-        compute_ns: What the tick before it computed, by the wall clock: where the kernel took the core away meanwhile,
-            that is in it.
-    """
+    """Ticks of one loop, each array of shape (n,) [ns]."""
 
     deadline_ns: Integers
-    late_ns: Integers
+    """When each was to begin (monotonic clock); of a tick that passed over deadlines, the first that it missed."""
+    late_ns: Integers  # Time by which it began later
     compute_ns: Integers
+    """What the tick before it computed, by the wall clock: where the kernel took the core away, that is in it."""
 
 
 def ticks_of(rows: Rows) -> Ticks:
@@ -163,10 +158,7 @@ def bare_round(folder: Path, seconds: float) -> np.ndarray:
 
 
 def session_round(folder: Path, seconds: float) -> Round:
-    """What a session of a length [s] did, from its recording and the notes of its sides.
-
-    A ForetouchError names a process that ended otherwise than well.
-    """
+    """What a session [s] did, from its recording and its sides' notes; an error names a process that ended badly."""
     from foretouch.recordings import read_session
 
     recording = folder / "session.mcap"
@@ -246,15 +238,10 @@ def measure_loops(scope: Scope) -> list[Row]:
     ]
     rows += [Row.of(f"{what}: {side} late, 99 %", spread(late[side]), "ms") for side in SIDES]
     rows.append(Row.of("a bare loop late, 99 %", spread(bare), "ms"))
-    rows += [
-        Row.of(
-            f"{side}, of 1,000 ticks over {LATE_NS * 1e-6:g} ms late by: {cause}",
-            spread([why[cause] for why in reasons[side]]),
-            "ticks",
-        )
-        for side in SIDES
-        for cause in CAUSES
-    ]
+    late_by = f"of 1,000 ticks over {LATE_NS * 1e-6:g} ms late by"
+    for side, cause in itertools.product(SIDES, CAUSES):
+        counts = spread([why[cause] for why in reasons[side]])
+        rows.append(Row.of(f"{side}, {late_by}: {cause}", counts, "ticks"))
     return rows
 
 

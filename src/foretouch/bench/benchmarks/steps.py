@@ -24,11 +24,7 @@ REACHES = {("leader", 50): 15.0, ("follower", 50): 25.0, ("leader", 99): 100.0, 
 
 
 class RobotOnTape(Robot):
-    """Keeps what a robot shows, or without one shows it again, whatever is commanded.
-
-    Args:
-        robot: Whose samples are kept.
-    """
+    """Keeps what a robot shows, and when it is rewound shows it again, whatever is commanded."""
 
     def __init__(self, robot: Robot) -> None:
         self.specification = robot.specification
@@ -83,9 +79,8 @@ class TapedSession:
 
     def _operator(self) -> Device:
         material = self._material
-        return make_operator(
-            self._settings, surface=material.surface, press_depth=material.press_depth, say=lambda text: None
-        )
+        surface, depth = material.surface, material.press_depth
+        return make_operator(self._settings, surface=surface, press_depth=depth, say=lambda text: None)
 
 
 def step_times(session: TapedSession, rounds: int) -> dict[tuple[str, int], Spread]:

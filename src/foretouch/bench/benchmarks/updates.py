@@ -60,12 +60,10 @@ def measure_fprls(scope: Scope) -> list[Row]:
     pressed, small = press(FPRLS_SIZE), Problem.of(press(PEER_SIZE))
     problem = Problem.of(pressed)
     bounds: list[float] = []
-
-    def look_at_the_bound() -> None:
-        bounds.append(measure_latencies(1).fused_bound)
-
     contestants = {
-        "ours": Contestant(lambda: theta_of(pressed), FPRLS_SIZE, look_at_the_bound),
+        "ours": Contestant(
+            lambda: theta_of(pressed), FPRLS_SIZE, lambda: bounds.append(measure_latencies(1).fused_bound)
+        ),
         "bare": Contestant(lambda: recursion_over(problem), FPRLS_SIZE),
     }
     for name in PEERS:
@@ -189,14 +187,10 @@ def measure_map(scope: Scope) -> list[Row]:
     visited = {str(cells(deepest)): map_contestant(CELLS_SIZE, deepest) for deepest in DEEPEST}
     times |= interleave(visited, MAP_ROUNDS)
     few, *_, many = visited
+    what = "contact map over a recording of 10^5 samples, all in contact"
     return [
         Row.of(f"contact map, {many} cells over {few} cells", ratio(times, many, few), "x"),
-        Row.of(
-            "contact map over a recording of 10^5 samples, all in contact",
-            spread(times["recording"], 1e9),
-            "ns/sample",
-            MAP_REACH_NS,
-        ),
+        Row.of(what, spread(times["recording"], 1e9), "ns/sample", MAP_REACH_NS),
         *(
             Row.of(f"contact map over {CELLS_SIZE} samples in {name} cells", spread(times[name], 1e9), "ns/sample")
             for name in visited

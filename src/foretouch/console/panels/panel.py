@@ -132,17 +132,15 @@ class Panel:
         with self.tabs.add_tab("Recordings"):
             self.recordings = RecordingsPanel(self._gui, actions, live=live)
 
-    def explain_space_keys(self) -> None:
-        """Name the keys that a session in three dimensions has too."""
-        put(self._help, content=_help_html(HELP.replace("Keys: ", f"Keys: {SPACE_HELP}")))
-
     def instruct(self, instruction: str, note: str) -> None:
         """Show what to do, in one line, and which hand the force moves."""
         put(self._head, content=_head_html(instruction, note))
 
-    def offer_clutch(self, offered: bool) -> None:
-        """Show the clutch, or hide it where no leader uses it."""
-        put(self._clutch, visible=offered)
+    def offer(self, *, clutch: bool, in_space: bool) -> None:
+        """Show the clutch where a leader uses it, and name the keys that a session in three dimensions has too."""
+        put(self._clutch, visible=clutch)
+        if in_space:
+            put(self._help, content=_help_html(HELP.replace("Keys: ", f"Keys: {SPACE_HELP}")))
 
     def show_clutch(self, pressed: bool) -> None:
         """Show whether the clutch is pressed."""

@@ -159,13 +159,10 @@ def refined(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
 
 
 def thinned(vertices: Array, faces: Faces, most: int) -> tuple[Array, Faces]:
-    """Fewer triangles: vertices in one cube become one, in cubes as large as it takes.
+    """Fewer triangles: vertices in one cube become one, in cubes as large as it takes (vertex clustering).
 
-    A browser is sent what is drawn thirty times a second; what is felt is the whole mesh.
-
-    References:
-        Rossignac and Borrel (1993), Multi-resolution 3D approximations for rendering complex scenes, in Modeling in
-        Computer Graphics, Springer: vertex clustering.
+    Rossignac and Borrel (1993), Multi-resolution 3D approximations for rendering complex scenes, in Modeling in
+    Computer Graphics, Springer. A browser is sent what is drawn 30 times a second; what is felt is the whole mesh.
     """
     corners = vertices[faces]
     crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

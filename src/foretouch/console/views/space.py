@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from foretouch.console.history import Array
 from foretouch.console.panels.space import BOARD, MARKER, TIP_RADIUS, ImagePanel, SpacePanel, footprint
-from foretouch.console.panels.stop import add_space_keys
+from foretouch.console.panels.stop import SPACE_STROKES, add_keys
 from foretouch.console.plots import SECONDS, put
 from foretouch.console.space_state import fixture_of
 from foretouch.console.views import shapes
@@ -311,10 +312,10 @@ class SpaceView:
         self._scene.draw_handle(probe, offered=self._offered, useful=useful)
         return True
 
-    def draw_image(self, watched: Watched) -> None:
-        """Draw the camera's image."""
-        if watched.in_space:
-            self._image.draw(watched, BOARD_ALONE if self._surface is None else self._surface.outline()[0])
+    @property
+    def outline(self) -> Array:
+        """Vertices of what is touched in the fixture's frame [m], shape (n, 3)."""
+        return BOARD_ALONE if self._surface is None else self._surface.outline()[0]
 
     def write(self, watched: Watched, now: float, *, live: bool) -> None:
         """Numbers, labels, plots and legend."""
@@ -345,7 +346,9 @@ class SpaceView:
         if self._panel is None:
             with self._tabs.add_tab("Fixture"):
                 self._panel = SpacePanel(self._server.gui, self._slide)
-            add_space_keys(self._server.gui, self._key_stroke, self._image.toggle_overlay)
+            strokes = [(*key, partial(self._key_stroke, way)) for key, way in SPACE_STROKES.items()]
+            overlay = ("Probe over image", "O", lambda event: self._image.toggle_overlay())
+            add_keys(self._server.gui, *strokes, overlay)
 
     def _learnt(self, watched: Watched) -> MaterialField | None:
         """The field as the operator's side has it; each is read once, and one of another version is none."""
@@ -362,6 +365,6 @@ class SpaceView:
         way[axis] = value - self.hold.hand[axis]
         self.hold.stroke(way)
 
-    def _key_stroke(self, way: Vector) -> None:
+    def _key_stroke(self, way: Vector, event: Any = None) -> None:
         if self._offered:
             self.hold.stroke(way)
