@@ -47,14 +47,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import types
 from numba.extending import intrinsic, overload
-from numpy.typing import NDArray
 
+from foretouch.bench.timing import Array
 from foretouch.core.compiling import compiled
 from foretouch.errors import install_command
 from foretouch.identification import ContactSample, FPRLSOptions
 from foretouch.identification.linear.estimators import forgetting_by_distance
-
-Array = NDArray[np.float64]
 
 PERIOD, SPEED, SHALLOWEST, DEEPEST = 1e-3, 0.02, 2e-3, 10e-3
 """Time between samples [s], speed of the probe [m/s], and its depths [m]."""

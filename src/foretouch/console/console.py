@@ -13,11 +13,11 @@ from typing import Any
 from foretouch.console.gate import Entrance, make_gated_server
 from foretouch.console.gate.entrance import require_free_port
 from foretouch.console.panels.figures import describe, numbers_html
-from foretouch.console.panels.panel import CHOOSE_RECORDING, INSTRUCTION, WATCH_RECORDING, Panel, felt
+from foretouch.console.panels.panel import CHOOSE_RECORDING, INSTRUCTION, WATCH_RECORDING, Panel, banner_html, felt
 from foretouch.console.panels.session import CHOICES, SLIDERS, Actions, Publisher
 from foretouch.console.panels.stop import ASKING, LATCHED, READY, UNABLE, EmergencyCall
 from foretouch.console.playback import Library
-from foretouch.console.plots import SECONDS
+from foretouch.console.plots import SECONDS, put
 from foretouch.console.sentences import (
     ENDED_INSTRUCTION,
     ENDING_INSTRUCTION,
@@ -309,7 +309,7 @@ class Console:
         lines = () if shown.model is None else describe(shown.model)
         panel.models.draw(shown.model_trace(SECONDS), shown.model_depth, lines)
         panel.recordings.show(playback, self._library.note, self._library.busy)
-        panel.banner.show(playback, lateness(self._watched))
+        put(panel.banner, content=banner_html(playback, lateness(self._watched), live=self._live))
         self._show_session(now)
         self._show_alarm(now)
         self._line.write(shown)

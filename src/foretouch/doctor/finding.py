@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any
@@ -41,6 +42,11 @@ class Finding:
     def as_row(self) -> dict[str, Any]:
         """The finding as a row of JSON."""
         return asdict(self)
+
+
+def percentile(values: Sequence[float], fraction: float) -> float:
+    """The least of some values that this fraction of them does not exceed; NaN where there are none."""
+    return sorted(values)[math.ceil(fraction * (len(values) - 1))] if values else math.nan
 
 
 def worst(findings: Iterable[Finding]) -> Verdict:

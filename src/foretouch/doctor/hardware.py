@@ -5,6 +5,7 @@ An image is drawn without a display, in a process of its own, and looked at.
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import json
 import os
@@ -66,10 +67,8 @@ def check_governor(cpus: Path = CPUS) -> Finding:
     name = "CPU governor"
     governors: set[str] = set()
     for path in cpus.glob("cpu[0-9]*/cpufreq/scaling_governor"):
-        try:
+        with contextlib.suppress(OSError):
             governors.add(path.read_text().strip())
-        except OSError:
-            continue
     if not governors:
         why = "the kernel shows no governor here, as in most virtual machines and containers"
         return Finding(name, Verdict.UNKNOWN, why)

@@ -19,7 +19,7 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
-from foretouch.doctor.finding import Finding, Verdict
+from foretouch.doctor.finding import Finding, Verdict, percentile
 from foretouch.files.children import children, last_line
 
 GET_ATTRIBUTES = {"x86_64": 315, "aarch64": 275}
@@ -138,10 +138,8 @@ def main(kind: str, seconds: str) -> None:
 
 
 def _percentiles(name: str, values_ns: list[int]) -> dict[str, float]:
-    ordered = sorted(values_ns)
-    last = len(ordered) - 1
     positions = {"p50": 0.5, "p99": 0.99, "max": 1.0}
-    return {f"{name}_{which}_s": 1e-9 * ordered[math.ceil(fraction * last)] for which, fraction in positions.items()}
+    return {f"{name}_{which}_s": 1e-9 * percentile(values_ns, part) for which, part in positions.items()}
 
 
 def _press() -> Callable[[float], None]:

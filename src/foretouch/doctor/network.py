@@ -16,7 +16,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from foretouch.doctor.finding import Finding, Verdict
+from foretouch.doctor.finding import Finding, Verdict, percentile
 from foretouch.errors import ForetouchError, PeerVersionError, install_command
 from foretouch.link import Faults, FaultStage, ZenohLink
 from foretouch.messages import SIDES, Hello, Message, Telemetry
@@ -66,10 +66,7 @@ class RoundTrips:
 
     def percentile(self, fraction: float) -> float:
         """Round trip [s] that this fraction of the answered questions does not exceed; NaN where none was answered."""
-        if not self.times:
-            return math.nan
-        ordered = sorted(self.times)
-        return ordered[math.ceil(fraction * (len(ordered) - 1))]
+        return percentile(self.times, fraction)
 
 
 def connect_time(host: str, port: int, timeout: float) -> float:

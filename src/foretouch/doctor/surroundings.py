@@ -143,10 +143,10 @@ def check_text() -> Finding:
     }
     others = {what: name for what, name in shown.items() if name.lower().replace("-", "").replace("_", "") != "utf8"}
     figures = {**shown, "LANG": os.environ.get("LC_ALL") or os.environ.get("LANG", "")}
-    if others:
-        text = ", ".join(f"{what.replace('_', ' ')}: {name}" for what, name in others.items())
-        return Finding("text", Verdict.WARNING, f"not all is UTF-8 ({text})", "export PYTHONUTF8=1", figures)
-    return Finding("text", Verdict.GOOD, "UTF-8", figures=figures)
+    if not others:
+        return Finding("text", Verdict.GOOD, "UTF-8", figures=figures)
+    text = ", ".join(f"{what.replace('_', ' ')}: {name}" for what, name in others.items())
+    return Finding("text", Verdict.WARNING, f"not all is UTF-8 ({text})", "export PYTHONUTF8=1", figures)
 
 
 def check_disk(

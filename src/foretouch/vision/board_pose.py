@@ -10,10 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.errors import SettingError
-from foretouch.quantities.pose import Pose, cross_matrix
+from foretouch.quantities.pose import Array, Pose, cross_matrix
 from foretouch.vision.camera import Board, CameraModel, markers_of, opencv
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

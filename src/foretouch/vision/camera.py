@@ -16,8 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from foretouch.errors import InputError, MissingExtraError, SettingError, UnknownNameError
 from foretouch.files import read_toml
-
-Array = NDArray[np.float64]
+from foretouch.quantities.pose import Array
 
 DICTIONARIES = {"4x4": "DICT_4X4_50", "5x5": "DICT_5X5_50", "6x6": "DICT_6X6_50"}
 """Families of markers by their number of squares, with OpenCV's name for them."""

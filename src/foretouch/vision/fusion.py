@@ -8,13 +8,10 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.errors import SettingError
-from foretouch.quantities.pose import Pose
+from foretouch.quantities.pose import Array, Pose
 from foretouch.vision.seen import ContactSeen, ImageSeen, Seen, TouchedSurface, bend, height_derivative, is_finite
-
-Array = NDArray[np.float64]
 
 
 class Verdict(Enum):

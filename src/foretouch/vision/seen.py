@@ -7,12 +7,9 @@ from dataclasses import dataclass
 from typing import Protocol, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.errors import SettingError
-from foretouch.quantities.pose import Pose, cross_matrix
-
-Array: TypeAlias = NDArray[np.float64]
+from foretouch.quantities.pose import Array, Pose, cross_matrix
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,15 +20,12 @@ from operator import attrgetter
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from foretouch.bench.timing import Contestant, Row, Scope, interleave, ratio, spread
+from foretouch.bench.timing import Array, Contestant, Row, Scope, interleave, ratio, spread
 from foretouch.errors import MissingExtraError
 from foretouch.files.children import Ended, measure_process
 from foretouch.messages import VERSION, Hello, Telemetry
 from foretouch.recordings import SessionWriter, write_columns
-
-Array = NDArray[np.float64]
 
 RATE = 1000.0
 SURFACE, HIGHEST, DEEPEST, PRESSES = 0.010, 0.004, 0.006, 0.9

@@ -24,9 +24,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from foretouch.bench.timing import Row, Scope, spread
+from foretouch.bench.timing import Array, Row, Scope, spread
 from foretouch.errors import ForetouchError, MissingExtraError
 from foretouch.files.children import children
 from foretouch.link import Faults, FaultStage, KeyFolder, ZenohLink, free_endpoint, load_credentials
@@ -116,10 +115,8 @@ DELAY, SEGMENTS = 0.08, 4
 REACH_MS = 0.4
 POLL = 2e-5  # Period at which the stage is polled [s]; a follower polls once a tick
 
-Times = NDArray[np.float64]
 
-
-def one_way_times(kinds: tuple[str, ...], segments: int) -> dict[str, Times]:
+def one_way_times(kinds: tuple[str, ...], segments: int) -> dict[str, Array]:
     """Milliseconds one way of the messages that arrived, by kind, in the order in which they were sent.
 
     Of each of some `KINDS`, and of `DELAYED`, whose delay is taken off, `segments` seconds at 1 kHz by turns.
@@ -171,7 +168,7 @@ def _wait(sender: subprocess.Popen[bytes], link: ZenohLink | None, keep: Callabl
             time.sleep(POLL)
 
 
-def _rows(what: str, times: Times, reach: float | None) -> list[Row]:
+def _rows(what: str, times: Array, reach: float | None) -> list[Row]:
     """Median and 99 % of each segment."""
     parts = np.array_split(times, max(1, times.size // SEGMENT))
     return [
@@ -192,16 +189,13 @@ def measure_link(scope: Scope) -> list[Row]:
     for kind in KINDS:
         if kind not in medians:
             scope.say(f"nothing came over {kind}: its rows are left out")
-    rows += [
-        Row(f"one way over {kind.upper()} over that over TCP, 50 %", medians[kind] / medians["tcp"], "x")
-        for kind in KINDS[1:]
-        if kind in medians and "tcp" in medians
-    ]
+    came = [kind for kind in KINDS if kind in medians]
+    for kind in came[1:] if "tcp" in came else ():
+        rows.append(Row(f"one way over {kind.upper()} over that over TCP, 50 %", medians[kind] / medians["tcp"], "x"))
     if DELAYED in medians:
         rows += _rows(f"a command over a configured delay of {DELAY * 1e3:g} ms, beyond it", times[DELAYED], REACH_MS)
-    for kind in KINDS:
-        if kind in medians:
-            rows += _rows(f"one way over {kind.upper()}", times[kind], None)
+    for kind in came:
+        rows += _rows(f"one way over {kind.upper()}", times[kind], None)
     return rows
 
 

@@ -10,9 +10,8 @@ from __future__ import annotations
 import gc
 
 import numpy as np
-from numpy.typing import NDArray
 
-from foretouch.bench.timing import Row, Scope, Spread, one_core, spread
+from foretouch.bench.timing import Array, Row, Scope, Spread, one_core, spread
 from foretouch.devices import Device
 from foretouch.robot import Robot, RobotSample
 from foretouch.session import SessionSettings, SimulatedSession, make_operator, make_session_robot, simulate
@@ -61,7 +60,7 @@ class TapedSession:
         self._tape = RobotOnTape(arm)
         simulate(self._settings, duration=duration, operator=self._operator(), robot=self._tape)
 
-    def times(self) -> dict[str, NDArray[np.float64]]:
+    def times(self) -> dict[str, Array]:
         """Run it again: times of the steps [s] of leader and follower, shape (ticks,), and when the probe touched."""
         self._tape.rewind()
         operator = self._operator()

@@ -12,7 +12,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.bench.peers import (
     OPTIONS,
@@ -27,7 +26,7 @@ from foretouch.bench.peers import (
     recursion_over,
     samples,
 )
-from foretouch.bench.timing import Contestant, Row, Scope, interleave, ratio, resident_bytes, spread
+from foretouch.bench.timing import Array, Contestant, Row, Scope, interleave, ratio, resident_bytes, spread
 from foretouch.identification import (
     FPRLS,
     ContactMap,
@@ -48,7 +47,7 @@ REACHES = {"padasip": 200.0, "filterpy": 400.0, "river": 400.0, RIVER_WITHOUT_FO
 """Smallest speed over each peer's [-]."""
 
 
-def theta_of(pressed: Press) -> NDArray[np.float64]:
+def theta_of(pressed: Press) -> Array:
     """(ln k, s, b1, b2) after a recording, features included."""
     estimator = FPRLS(OPTIONS)
     estimator.run(ContactSamples(*pressed))
@@ -206,8 +205,6 @@ WIDTH, HEIGHT, DEPTH, SPEED, PERIOD = 0.1, 2e-3, 1e-3, 0.05, 1e-3
 
 TICKS, MESH_ROUNDS = 2_000, 11
 
-Array = NDArray[np.float64]
-
 
 def sheet(side: int) -> TriangleMesh:
     """A wavy sheet of `2 side^2` triangles."""
@@ -235,7 +232,7 @@ def mesh_contestant(side: int) -> Contestant:
     """Ticks on such a sheet."""
     surface, positions = sheet(side), slide()
 
-    def run() -> NDArray[Any]:
+    def run() -> Any:
         follow: Callable[..., object] = surface.follow
         memory = surface.initial_memory()
         for x, y, z in positions:

@@ -5,6 +5,7 @@ The scene's frame is the world's, `UNITS` to the metre.
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Sequence
 from functools import partial
@@ -75,7 +76,7 @@ class FixtureView:
         self._parts: list[tuple[Any, Faces]] = []
         self._field: MaterialField | None = None
         self.edges: Array = np.empty(0)
-        self._root = scene.add_frame("/space/fixture", show_axes=False)
+        self.root = scene.add_frame("/space/fixture", show_axes=False)
         self._believed = scene.add_frame("/space/believed", show_axes=False)
         nothing = (np.zeros((3, 3), np.float32), np.array([(0, 1, 2)], np.uint32))
         self._nodes = [
@@ -94,10 +95,6 @@ class FixtureView:
         self._halo = add_body(scene, "/space/believed/halo", _halo(self._rim, 0.0), VERMILLION, opacity=0.18)
         self._halo_size = 0.0
         self._paint()
-
-    def place(self, pose: Sequence[float]) -> None:
-        """Put the fixture where the leader renders it: a position [m] and a rotation vector [rad]."""
-        _place(self._root, pose)
 
     def believe(self, pose: Sequence[float] | None, deviation: float) -> None:
         """Draw the follower's estimate of its pose [m, rad], None where unknown, with the position's deviation [m]."""
@@ -214,7 +211,7 @@ class SpaceScene:
     def draw(self, watched: Watched, leader: LeaderSpace, field: MaterialField | None) -> None:
         """Draw the fixture, where both sides believe it, with what was learnt of it, and the probes."""
         space, fixture, pose = watched.space, self.fixture, fixture_of(leader)
-        fixture.place(pose)
+        _place(fixture.root, pose)
         fixture.learn(field)
         point = leader.point_x, leader.point_y, leader.point_z
         normal = leader.normal_x, leader.normal_y, leader.normal_z
@@ -354,10 +351,9 @@ class SpaceView:
         """The field as the operator's side has it; each is read once, and one of another version is none."""
         update = watched.space.field(watched.telemetry_sequence)
         if update is not self._field[0]:
-            try:
+            self._field = update, None
+            with contextlib.suppress(ForetouchError):
                 self._field = update, None if update is None else MaterialField.from_bytes(update.content)
-            except ForetouchError:
-                self._field = update, None
         return self._field[1]
 
     def _slide(self, axis: int, value: float) -> None:
