@@ -115,6 +115,7 @@ def samples(pressed: Press) -> list[ContactSample]:
     return [ContactSample(time, depth, speed, force, True) for time, depth, speed, force in zip(*columns, strict=True)]
 
 
+@compiled
 def _recursion(regressors: Array, targets: Array, forgetting_factor: float, initial_covariance: float) -> Array:
     """Equation (20) with a constant mu, loop by loop over whole matrices."""
     samples, size = regressors.shape
@@ -138,31 +139,24 @@ def _recursion(regressors: Array, targets: Array, forgetting_factor: float, init
     return theta
 
 
-_compiled = compiled(_recursion)
-
-
 def recursion_over(problem: Problem) -> Array:
     """Theta after a whole problem, shape (4,), from theta_0 = 0, with the constants of this module."""
-    return _compiled(problem.regressors, problem.targets, FORGETTING_FACTOR, INITIAL_COVARIANCE)
+    return _recursion(problem.regressors, problem.targets, FORGETTING_FACTOR, INITIAL_COVARIANCE)
 
 
-def _add(state: Array, one: float, other: float, third: float, fourth: float) -> int:
+@compiled
+def bare_call(state: Array, one: float, other: float, third: float, fourth: float) -> int:
+    """A compiled call with an array and four numbers that does next to nothing: what any call from Python costs."""
     state[0] += one * other + third * fourth
     return 1
 
 
-bare_call = compiled(_add)
-"""A compiled call with an array and four numbers that does next to nothing: what any call from Python costs."""
-
-
+@compiled
 def _enlarge(matrix: Array, vector: Array, rounds: int) -> None:
     for _ in range(rounds):
         for i in range(vector.size):
             for j in range(vector.size):
                 matrix[i, j] += vector[i] * vector[j]
-
-
-_compiled_enlarge = compiled(_enlarge)
 
 
 def rank_one_updates(rounds: int) -> Array:
@@ -172,7 +166,7 @@ def rank_one_updates(rounds: int) -> Array:
     becomes slower with them, where small loops do not: it is held against this.
     """
     matrix = np.zeros((256, 256))
-    _compiled_enlarge(matrix, np.linspace(0.0, 1.0, 256), rounds)
+    _enlarge(matrix, np.linspace(0.0, 1.0, 256), rounds)
     return matrix
 
 

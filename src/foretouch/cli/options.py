@@ -213,7 +213,6 @@ def changed_settings(panel: str, *names: str) -> Callable[..., dict[str, Any]]:
 
 
 def _option(name: str, panel: str, default: object) -> inspect.Parameter:
-    """A setting as an argument of a command."""
     kind = {"str": str, "int": int}.get(KINDS[name], float)
     return _parameter(name, default, kind, typer.Option(help=SETTINGS[name].sentence, rich_help_panel=panel))
 

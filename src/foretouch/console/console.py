@@ -284,7 +284,7 @@ class Console:
     def _draw_scene(self, shown: Watched, live: bool, *, useful: bool = True) -> None:
         live = live and self._live  # without a session there is no handle
         in_space = self._space.draw(shown, live=live, useful=useful)
-        self._line.show(not in_space)
+        put(self._line.root, visible=not in_space)
         if not in_space:
             self._line.draw(shown, live=live, useful=useful)
 

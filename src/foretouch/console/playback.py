@@ -7,7 +7,7 @@ import math
 import stat
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -61,7 +61,12 @@ class Playback(Watched):
         sequence = self.leader.telemetry_sequence
         telemetry = int(np.searchsorted(self._follower["sequence"], sequence, side="right")) - 1 if sequence else -1
         self.telemetry = Telemetry(VERSION, *self._follower[telemetry].tolist()) if telemetry >= 0 else None
-        self.settings = self._settings_at(row, telemetry)
+        self.settings = self._segment.settings
+        if self._segment.reports:  # a network can be changed while a session runs
+            leader, follower = self._leader[row], self._follower
+            felt_ns = int(follower["time_ns"][max(telemetry, 0)]) if follower.size else None
+            run, times = int(follower["run"][0]) if follower.size else 0, (int(leader["time_ns"]), felt_ns)
+            self.settings = settings_at(self._segment.reports, int(leader["epoch"]), run, *times)
         self.model = self._by_sequence.get(int(self._leader["model_sequence"][row]))
         self._recorded_space.go_to(self.leader.sequence, self.leader.telemetry_sequence)
         self._clock = math.nan
@@ -102,16 +107,6 @@ class Playback(Watched):
         """Nothing: a recording has its losses in all, and not over time."""
         none = np.empty(0)
         return LossTrace(none, none, none)
-
-    def _settings_at(self, row: int, telemetry: int) -> Mapping[str, str]:
-        """Settings of the moment: a network can be changed while a session runs."""
-        segment = self._segment
-        if not segment.reports:
-            return segment.settings
-        leader = self._leader[row]
-        felt_ns = int(self._follower["time_ns"][max(telemetry, 0)]) if self._follower.size else None
-        run = int(self._follower["run"][0]) if self._follower.size else 0
-        return settings_at(segment.reports, int(leader["epoch"]), run, int(leader["time_ns"]), felt_ns)
 
 
 PATTERN = "*.mcap"

@@ -73,7 +73,6 @@ def run_loops(seconds: float) -> dict[str, LoopReport]:
 
 
 def _line(kind: str, child: subprocess.Popen[Any], patience: float) -> str:
-    """The next line that a process says."""
     assert child.stdout is not None
     assert child.stderr is not None
     if not select.select([child.stdout], [], [], patience)[0]:

@@ -118,7 +118,6 @@ def _version(name: str) -> str | None:
 
 
 def _problems(needed: Mapping[str, str]) -> dict[str, str]:
-    """Problems of packages by name."""
     problems = {}
     for name, rule in needed.items():
         version = _version(name)

@@ -169,7 +169,6 @@ def _wait(sender: subprocess.Popen[bytes], link: ZenohLink | None, keep: Callabl
 
 
 def _rows(what: str, times: Array, reach: float | None) -> list[Row]:
-    """Median and 99 % of each segment."""
     parts = np.array_split(times, max(1, times.size // SEGMENT))
     return [
         Row.of(f"{what}, 50 %", spread([np.percentile(part, 50) for part in parts]), "ms", reach),

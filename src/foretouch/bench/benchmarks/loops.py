@@ -103,7 +103,6 @@ def read_notes(path: Path) -> Notes:
 
 @contextmanager
 def _noting(path: Path) -> Iterator[Notes]:
-    """Note every run of the collector until the end."""
     notes, begun = Notes(), [0]
 
     def note(phase: str, info: dict[str, int]) -> None:
@@ -169,7 +168,7 @@ def session_round(folder: Path, seconds: float) -> Round:
         except subprocess.TimeoutExpired as error:
             raise ForetouchError(f"a process of the session did not end: {error}") from None
     failed = [
-        f"{name} ended with exit code {code}: {last_line(_said(folder, name).read_text(errors='replace'))}"
+        f"{name} ended with exit code {code}: {last_line((folder / f'{name}.txt').read_text(errors='replace'))}"
         for name, code in zip(NAMES, codes, strict=True)
         if code
     ]
@@ -208,15 +207,10 @@ def _processes(
     running = {}
     with children() as started:
         for name, command in commands.items():
-            with _said(folder, name).open("wb") as text:
+            with (folder / f"{name}.txt").open("wb") as text:
                 full = [sys.executable, *command]
                 running[name] = started.start(full, cwd=folder, stdout=subprocess.DEVNULL, stderr=text)
         yield [running[name] for name in NAMES]
-
-
-def _said(folder: Path, name: str) -> Path:
-    """What a process of a session says to people."""
-    return folder / f"{name}-output.txt"
 
 
 def measure_loops(scope: Scope) -> list[Row]:

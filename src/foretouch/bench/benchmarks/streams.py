@@ -132,7 +132,6 @@ def slope(streams: list[Streamed]) -> float:
 
 
 def _stream(size: int) -> Streamed:
-    """Learn from `size` samples, a block at a time."""
     estimator, block = FPRLS(OPTIONS), ContactSamples(*press(BLOCK))
     gc.collect()
     gc.disable()

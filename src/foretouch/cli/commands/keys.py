@@ -97,8 +97,8 @@ def show_keys(folder: KeysFolder = None) -> Answer:
 
     opened, now = _opened(folder)
     authority, here, allowed = opened.read()
-    shown = {opened.path / f"{name}.pem": identity for name, identity in here.items()}
-    shown = {opened.path / "authority.crt": authority, **shown}
+    of_processes = {opened.path / f"{name}.pem": identity for name, identity in here.items()}
+    shown = {opened.path / "authority.crt": authority, **of_processes}
     for path, identity in shown.items():
         if not identity.issued_by(authority):
             say(f"{path} is from another authority: it is let in nowhere")
@@ -114,7 +114,6 @@ def show_keys(folder: KeysFolder = None) -> Answer:
 
 
 def _opened(folder: Path | None) -> tuple[KeyFolder, datetime]:
-    """The folder of keys, and the time at which they are looked at."""
     from foretouch.link import KeyFolder
     from foretouch.link.certificates import utc_now
 
@@ -194,7 +193,6 @@ def _waits(sentence: str) -> bool:
 
 
 def _the_one(process: int | None) -> tuple[int, str]:
-    """The number of the process that is meant, and what it says."""
     from foretouch.link import followers
 
     end = time.monotonic() + SAID

@@ -181,7 +181,6 @@ def _way(endpoints: Endpoints, endpoint: str) -> tuple[str, str, int, Callable[[
 
 
 def _answer(endpoints: Endpoints, duration: float | None) -> Answer:
-    """Answer the questions of other doctors."""
     from foretouch.doctor.network import DOCTOR_CHANNELS, Answerer
 
     end = None if duration is None else time.monotonic() + duration

@@ -172,7 +172,7 @@ def inspect(
 
     Example: foretouch recordings inspect press.csv --save map.toml
     """
-    from foretouch.recordings import inspect_recording
+    from foretouch.recordings import atomic_path, inspect_recording
 
     if save is not None:
         _require_elsewhere("save", save, path)
@@ -182,7 +182,12 @@ def inspect(
     if save is not None:
         if result.guess is None:
             raise SettingError("save", str(save), f"{path} is {result.stated}")
-        _save_map(save, result.guess.text(), overwrite)
+        text = result.guess.text()
+        if save.is_file() and not overwrite and save.read_text(encoding="utf-8", errors="replace") != text:
+            completed = "says something else already: name another file, or give --overwrite"  # perhaps by hand
+            raise SettingError("save", str(save), completed)
+        with atomic_path(save) as part:
+            part.write_text(text, encoding="utf-8")
         say(f"map: {save}")
     return Answer(result.as_json(), _lines(result, topic, show_all))
 
@@ -213,16 +218,6 @@ def convert(
     return Answer(content, f"{output}: {plural(len(recording), 'sample')} in {seconds:.3f} s")
 
 
-def _save_map(path: Path, text: str, overwrite: bool) -> None:
-    """Write a map; one that says something else may have been completed by hand, and is replaced only if asked for."""
-    from foretouch.recordings import atomic_path
-
-    if path.is_file() and not overwrite and path.read_text(encoding="utf-8", errors="replace") != text:
-        raise SettingError("save", str(path), "says something else already: name another file, or give --overwrite")
-    with atomic_path(path) as part:
-        part.write_text(text, encoding="utf-8")
-
-
 def _require_elsewhere(name: str, output: Path, path: Path) -> None:
     """Refuse an output that is the recording, or stands in its folder where that is a bag."""
     written, read = output.resolve(), path.resolve()
@@ -231,7 +226,6 @@ def _require_elsewhere(name: str, output: Path, path: Path) -> None:
 
 
 def _lines(result: Contents, topic: str | None, show_all: bool) -> Iterator[str]:
-    """What a recording holds, as aligned lines."""
     span = "" if result.duration_s is None else f", {result.duration_s:.3f} s"
     rate = "" if result.rate is None else f", {result.rate:.5g} samples a second"
     begin = "" if not result.begin_ns else f", from {_date(result.begin_ns)}"

@@ -68,24 +68,20 @@ class LineView:
         scene.world_axes.visible = False
         server.initial_camera.fov = FIELD_OF_VIEW
         look(server, CAMERA)
-        self._root = scene.add_frame("/line", show_axes=False)
+        self.root = scene.add_frame("/line", show_axes=False)
         self._material = Material(scene)
         _add_ruler(scene)
         self._probes = Probes(scene, "/line", (92, 106, 120), MEASURES)
-        self._hand = add_body(scene, "/line/hand", shapes.ring(), BLUE, opacity=0.6)
+        self._hand = add_body(scene, "/line/hand", shapes.RING, BLUE, opacity=0.6)
         self._hand.visible = False
         self._handle = add_body(scene, "/line/handle", shapes.handle(), BLUE)
-        self._hint = add_body(scene, "/line/hint", shapes.hint(), GREY)  # blue arrows are forces
+        self._hint = add_body(scene, "/line/hint", shapes.DOWNWARDS, GREY)  # blue arrows are forces
         self._rail = add_body(scene, "/line/rail", shapes.rail(0.0, 1.0), BLUE, opacity=0.1)
         # A handle that moves is hard to catch; its rail does not move.
         for node in (self._handle, self._rail, self._probes.probe):
             node.on_drag("left")(self._dragged)
         label = "/line/labels/handle"
         self._handle_label = scene.add_label(label, DRAG, anchor="bottom-center", font_screen_scale=1.4)
-
-    def show(self, shown: bool) -> None:
-        """Show it all, or hide it: a session in three dimensions has a separate picture."""
-        put(self._root, visible=shown)
 
     def draw(self, shown: Watched, *, live: bool, useful: bool) -> None:
         """Draw a session or recording; whether a person can move its hand, and the robot goes along then."""

@@ -192,7 +192,7 @@ class SpaceScene:
     def __init__(self, server: Any, surface: Surface, hold: SpaceHold) -> None:
         self._hold = hold
         scene = server.scene
-        self._root = scene.add_frame("/space", show_axes=False)
+        self.root = scene.add_frame("/space", show_axes=False)
         self.fixture = FixtureView(scene, surface)
         self.probes = Probes(scene, "/space", GREY, MEASURES)
         self._normal = add_body(scene, "/space/normal", shapes.arrow(NORMAL_LENGTH), GREEN)
@@ -203,10 +203,6 @@ class SpaceScene:
         )
         self._handle.on_update(self._dragged)
         self._hint = scene.add_label("/space/labels/handle", HINT, anchor="bottom-center", font_screen_scale=1.3)
-
-    def show(self, shown: bool) -> None:
-        """Show it all, or hide it."""
-        put(self._root, visible=shown)
 
     def draw(self, watched: Watched, leader: LeaderSpace, field: MaterialField | None) -> None:
         """Draw the fixture, where both sides believe it, with what was learnt of it, and the probes."""
@@ -294,16 +290,14 @@ class SpaceView:
         if watched.in_space != self._looked_at:  # sessions along a line and in space take turns
             self._looked_at = watched.in_space
             look(self._server, SPACE_CAMERA if watched.in_space else CAMERA)
-        if leader is None:
-            if self._scene is not None:
-                self._scene.show(False)
-        else:
+        if leader is not None:
             self._find_scene(watched)
             self.hold.follow()
+        if self._scene is not None:
+            put(self._scene.root, visible=leader is not None)
         if leader is None or self._scene is None:
             put(self._legend, content="")
             return leader is not None
-        self._scene.show(True)
         self._scene.draw(watched, leader, self._learnt(watched))
         probe = leader.place_x, leader.place_y, leader.place_z
         self._scene.draw_handle(probe, offered=self._offered, useful=useful)
