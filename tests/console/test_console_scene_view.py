@@ -77,7 +77,7 @@ def test_a_shape_that_is_not_here_is_said_and_no_other_is_drawn(console: Console
     assert console._space._scene is None
     text = shown(console)
     assert "The scene cannot be drawn here: only-there.stl: no such file" in text
-    assert not console._line._root.visible  # nor that of a session along a line
+    assert not console._line.root.visible  # nor that of a session along a line
     say(console, "plane")
     draw(console)
     assert console._space._scene is not None

@@ -22,7 +22,7 @@ SCENE = SimpleNamespace(add_mesh_simple=lambda name, *mesh, **looks: SimpleNames
         shapes.probe(),
         shapes.probe(0.1),
         shapes.handle(),
-        shapes.hint(),
+        shapes.DOWNWARDS,
         shapes.uncertainty(0.5, 0.7),
         shapes.uncertainty(0.0, 0.0),
         shapes.arrow(2.0),

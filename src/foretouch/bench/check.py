@@ -93,7 +93,6 @@ def measure_ratios(*, short: bool) -> Measured:
 
 
 def _ratios(least: Mapping[str, float]) -> Measured:
-    """What is named by a bare loop is held against it."""
     return {name: seconds / least[BARE[name]] for name, seconds in least.items() if name in BARE}
 
 
@@ -137,14 +136,9 @@ def compare(measured: Mapping[str, float], baseline: Mapping[str, float], band: 
 def check(baseline: Path | None = None, *, short: bool = False) -> list[Checked]:
     """Measure all ratios and hold them against a baseline.
 
-    Where one is beyond its band, further rounds are added, twice: what really is slower stays slower.
-
-    Args:
-        baseline: A file; the committed one where none is given.
-        short: A few seconds and a wider band; else a minute.
-
-    Raises:
-        RecordingError: The baseline cannot be read.
+    Where one is beyond its band, further rounds are added, twice: what really is slower stays slower. The baseline is
+    a file, by default the committed one; the short form takes a few seconds and has a wider band. A RecordingError
+    says that the baseline cannot be read.
     """
     kept = read_baseline(baseline)
     least: dict[str, float] = {}

@@ -47,14 +47,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import types
 from numba.extending import intrinsic, overload
-from numpy.typing import NDArray
 
+from foretouch.bench.timing import Array
 from foretouch.core.compiling import compiled
 from foretouch.errors import install_command
 from foretouch.identification import ContactSample, FPRLSOptions
 from foretouch.identification.linear.estimators import forgetting_by_distance
-
-Array = NDArray[np.float64]
 
 PERIOD, SPEED, SHALLOWEST, DEEPEST = 1e-3, 0.02, 2e-3, 10e-3
 """Time between samples [s], speed of the probe [m/s], and its depths [m]."""
@@ -117,6 +115,7 @@ def samples(pressed: Press) -> list[ContactSample]:
     return [ContactSample(time, depth, speed, force, True) for time, depth, speed, force in zip(*columns, strict=True)]
 
 
+@compiled
 def _recursion(regressors: Array, targets: Array, forgetting_factor: float, initial_covariance: float) -> Array:
     """Equation (20) with a constant mu, loop by loop over whole matrices."""
     samples, size = regressors.shape
@@ -140,31 +139,24 @@ def _recursion(regressors: Array, targets: Array, forgetting_factor: float, init
     return theta
 
 
-_compiled = compiled(_recursion)
-
-
 def recursion_over(problem: Problem) -> Array:
     """Theta after a whole problem, shape (4,), from theta_0 = 0, with the constants of this module."""
-    return _compiled(problem.regressors, problem.targets, FORGETTING_FACTOR, INITIAL_COVARIANCE)
+    return _recursion(problem.regressors, problem.targets, FORGETTING_FACTOR, INITIAL_COVARIANCE)
 
 
-def _add(state: Array, one: float, other: float, third: float, fourth: float) -> int:
+@compiled
+def bare_call(state: Array, one: float, other: float, third: float, fourth: float) -> int:
+    """A compiled call with an array and four numbers that does next to nothing: what any call from Python costs."""
     state[0] += one * other + third * fourth
     return 1
 
 
-bare_call = compiled(_add)
-"""A compiled call with an array and four numbers that does next to nothing: what any call from Python costs."""
-
-
+@compiled
 def _enlarge(matrix: Array, vector: Array, rounds: int) -> None:
     for _ in range(rounds):
         for i in range(vector.size):
             for j in range(vector.size):
                 matrix[i, j] += vector[i] * vector[j]
-
-
-_compiled_enlarge = compiled(_enlarge)
 
 
 def rank_one_updates(rounds: int) -> Array:
@@ -174,7 +166,7 @@ def rank_one_updates(rounds: int) -> Array:
     becomes slower with them, where small loops do not: it is held against this.
     """
     matrix = np.zeros((256, 256))
-    _compiled_enlarge(matrix, np.linspace(0.0, 1.0, 256), rounds)
+    _enlarge(matrix, np.linspace(0.0, 1.0, 256), rounds)
     return matrix
 
 
@@ -252,15 +244,11 @@ def _river(problem: Problem, forgetting_factor: float = FORGETTING_FACTOR) -> Pe
     return run
 
 
-def _river_without_forgetting(problem: Problem) -> Peer:
-    return _river(problem, 1.0)
-
-
 PEERS: dict[str, Callable[[Problem], Peer]] = {
     "padasip": _padasip,
     "filterpy": _filterpy,
     "river": _river,
-    RIVER_WITHOUT_FORGETTING: _river_without_forgetting,
+    RIVER_WITHOUT_FORGETTING: lambda problem: _river(problem, 1.0),
 }
 """The peers by name."""
 

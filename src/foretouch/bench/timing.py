@@ -156,13 +156,7 @@ class Row:
 
     def as_row(self) -> dict[str, Any]:
         """What, figure, unit, reach and reached, for JSON."""
-        return {
-            "what": self.what,
-            "figure": self.figure,
-            "unit": self.unit,
-            "reach": self.reach,
-            "reached": self.reached,
-        }
+        return {name: getattr(self, name) for name in ("what", "figure", "unit", "reach", "reached")}
 
 
 @dataclass(frozen=True, slots=True)

@@ -110,10 +110,7 @@ def make_folder(path: Path | None) -> None:
     """Make a folder for results where one is asked for, before anything is computed that would be lost.
 
     Below the working directory its parents are made with it; elsewhere the parent must exist, so that a slip in a path
-    makes no folder that goes unnoticed.
-
-    Raises:
-        SettingError: It cannot be made or written to.
+    makes no folder that goes unnoticed. A SettingError says that it cannot be made or written to.
     """
     if path is None:
         return
@@ -166,11 +163,7 @@ def require_duration(duration: float | None) -> None:
 
 
 def require_recording(path: Path | None) -> None:
-    """Refuse a recording that could not be written, if any, before anything starts; no folder is made for it.
-
-    Raises:
-        SettingError: No MCAP file, or none that can be written there.
-    """
+    """Refuse a recording that could not be written, if any, before anything starts; no folder is made for it."""
     if path is None:
         return
     if path.suffix.lower() != ".mcap":
@@ -220,14 +213,11 @@ def changed_settings(panel: str, *names: str) -> Callable[..., dict[str, Any]]:
 
 
 def _option(name: str, panel: str, default: object) -> inspect.Parameter:
-    """A setting as an argument of a command."""
     kind = {"str": str, "int": int}.get(KINDS[name], float)
     return _parameter(name, default, kind, typer.Option(help=SETTINGS[name].sentence, rich_help_panel=panel))
 
 
 ENDED = "the session was ended"  # Why a process that only listens has ended without being asked to
-
-ANY_USER = "every user of this machine may command there"
 
 
 @dataclass(frozen=True)
@@ -257,16 +247,12 @@ class Endpoints:
 
 
 def open_link(
-    process: str,
-    endpoints: Endpoints,
-    channels: Sequence[str],
-    watch: Callable[[Message], None] | None = None,
+    process: str, endpoints: Endpoints, channels: Sequence[str], watch: Callable[[Message], None] | None = None
 ) -> ZenohLink:
     """The link of one process, with its keys where an endpoint asks for them; prints its warnings.
 
-    Raises:
-        LinkError: No endpoint, or one that cannot be used.
-        SettingError: Keys that are not there or not good.
+    A LinkError says that there is no endpoint, or one that cannot be used; a SettingError that keys are not there or
+    not good.
     """
     from foretouch.link import ROLES, ZenohLink, is_encrypted, load_credentials
 
@@ -294,7 +280,8 @@ def unchecked(endpoints: Endpoints) -> str:
     from foretouch.link import is_encrypted, is_exposed
 
     here = [endpoint for endpoint in endpoints.all if not is_encrypted(endpoint) and not is_exposed(endpoint)]
-    return f"no certificate is asked for on {', '.join(here)}: {ANY_USER}" if here else ""
+    asked_of = f"no certificate is asked for on {', '.join(here)}"
+    return f"{asked_of}: every user of this machine may command there" if here else ""
 
 
 def insecurity(link: ZenohLink) -> dict[str, str]:

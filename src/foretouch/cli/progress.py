@@ -18,15 +18,9 @@ SHOWN_AFTER = 1.0  # What takes less than this [s] shows no bar
 
 
 class Bar:
-    """A bar on the error stream, or nothing where that is no terminal: the output stays clean in either case.
+    """A bar on the error stream, or nothing where that is no terminal (`shown`): the output stays clean either way.
 
-    Args:
-        title: What is being done.
-        refreshing: Whether a thread keeps it moving; without one, it is drawn when it is updated, and disturbs
-            no measurement meanwhile.
-
-    Attributes:
-        shown: Whether there is a terminal to show it on.
+    A thread keeps it moving; one that is not `refreshing` is drawn when it is updated, and disturbs no measurement.
     """
 
     def __init__(self, title: str, *, refreshing: bool = True) -> None:
@@ -86,23 +80,18 @@ class Bar:
                 self._drawn = None
 
     def _draw(self) -> None:
+        from rich.console import Console
+        from rich.progress import Progress, TimeElapsedColumn
+
         with self._drawing:
             if self.shown and self._drawn is None:
-                self._drawn = self._made()
-
-    def _made(self) -> Any:
-        """The bar itself, which is being shown from now on."""
-        from rich.console import Console
-        from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
-        from rich.progress import TimeRemainingColumn as Left
-
-        columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn(), Left())
-        drawn = Progress(
-            *columns, console=Console(stderr=True), transient=True, auto_refresh=self._refreshing, redirect_stdout=False
-        )
-        self._task = drawn.add_task(**self._state)
-        drawn.start()
-        return drawn
+                text, bar, percent, left = Progress.get_default_columns()
+                columns = (text, bar, percent, TimeElapsedColumn(), left)
+                console, moving = Console(stderr=True), self._refreshing
+                drawn = Progress(*columns, console=console, transient=True, auto_refresh=moving, redirect_stdout=False)
+                self._task = drawn.add_task(**self._state)
+                drawn.start()
+                self._drawn = drawn
 
 
 @contextmanager
@@ -123,11 +112,7 @@ def pulsing(title: str, work: Callable[Given, Made], *given: Given.args, **named
 
 
 def compile_first() -> bool:
-    """Compile everything on the first use, with a line on it, then a bar on a terminal and some lines elsewhere.
-
-    Returns:
-        Whether everything has been compiled now.
-    """
+    """Compile everything on the first use, and say so, by a bar on a terminal; whether everything is compiled now."""
     from foretouch.session.runners.warm_up import compile_all, is_compiled
 
     if is_compiled():

@@ -63,12 +63,7 @@ class Source:
         return self.dataset or str(self.recording)
 
     def path(self) -> Path:
-        """The file.
-
-        Raises:
-            SettingError: None is given, or two are.
-            UnknownNameError: No measured recording has that name.
-        """
+        """The file; a SettingError says that none is given, or two are, an UnknownNameError that none has the name."""
         from foretouch.recordings import excerpt
 
         if self.dataset is None:

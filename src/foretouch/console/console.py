@@ -13,11 +13,11 @@ from typing import Any
 from foretouch.console.gate import Entrance, make_gated_server
 from foretouch.console.gate.entrance import require_free_port
 from foretouch.console.panels.figures import describe, numbers_html
-from foretouch.console.panels.panel import CHOOSE_RECORDING, INSTRUCTION, WATCH_RECORDING, Panel, felt
-from foretouch.console.panels.session import CHOICES, Actions, NetworkFaults, Publisher
+from foretouch.console.panels.panel import CHOOSE_RECORDING, INSTRUCTION, WATCH_RECORDING, Panel, banner_html, felt
+from foretouch.console.panels.session import CHOICES, SLIDERS, Actions, Publisher
 from foretouch.console.panels.stop import ASKING, LATCHED, READY, UNABLE, EmergencyCall
 from foretouch.console.playback import Library
-from foretouch.console.plots import SECONDS
+from foretouch.console.plots import SECONDS, put
 from foretouch.console.sentences import (
     ENDED_INSTRUCTION,
     ENDING_INSTRUCTION,
@@ -108,7 +108,9 @@ class Console:
         self._library = Library([Path(folder) for folder in folders])
         self._introduced: dict[str, str] = {}  # what the panel was introduced with
         self._press = 0  # the number of the press that is asked for
-        self._emergency = EmergencyCall(self._ask_to_stop)
+        self._emergency = EmergencyCall(
+            lambda: self._publisher.send(EmergencyStop, reason="pressed in the console", press=self._press)
+        )
         self._line = LineView(self._server, self._watched, Hold(self._watched, self._publisher))
         self._panel = Panel(self._server, self._actions(), live=live)
         space_hold = SpaceHold(self._watched, self._publisher)
@@ -128,11 +130,7 @@ class Console:
             self._emergency.answered()
 
     def run(self, should_stop: Callable[[], bool]) -> None:
-        """Draw until stopped.
-
-        Args:
-            should_stop: Called 30 times a second.
-        """
+        """Draw until `should_stop`, which is called 30 times a second."""
         next_round, drawn = time.monotonic(), -math.inf
         while not should_stop():
             now = time.monotonic()
@@ -195,11 +193,7 @@ class Console:
                 self._write(shown, now)
 
     def close(self, *, ended: bool = False) -> None:
-        """End the server.
-
-        Args:
-            ended: Whether the session has ended, which the pages then show; else that they do not reach the console.
-        """
+        """End the server; the pages then show that the session has `ended`, or that they do not reach the console."""
         self._emergency.close()
         if ended:
             self._ending = ENDED_INSTRUCTION
@@ -214,7 +208,7 @@ class Console:
 
     def _actions(self) -> Actions:
         return Actions(
-            faults=lambda faults: self._publisher.send(Settings, **faults._asdict()),
+            faults=lambda faults: self._publisher.send(Settings, **faults),
             clutch=self._toggle_clutch,
             end=self._stop,
             emergency=self._press_emergency,
@@ -270,9 +264,6 @@ class Console:
         self._emergency.press()
         self._show_alarm(time.monotonic())
 
-    def _ask_to_stop(self) -> None:
-        self._publisher.send(EmergencyStop, reason="pressed in the console", press=self._press)
-
     # Display of the session, or of a recording.
 
     @property
@@ -293,7 +284,7 @@ class Console:
     def _draw_scene(self, shown: Watched, live: bool, *, useful: bool = True) -> None:
         live = live and self._live  # without a session there is no handle
         in_space = self._space.draw(shown, live=live, useful=useful)
-        self._line.show(not in_space)
+        put(self._line.root, visible=not in_space)
         if not in_space:
             self._line.draw(shown, live=live, useful=useful)
 
@@ -301,7 +292,8 @@ class Console:
         playback = self._library.playback
         other = None if playback is None or playback.other is None else playback.other.window(SECONDS)
         self._panel.forces.plot(shown.window(SECONDS), other)
-        self._space.draw_image(shown)
+        if shown.in_space:
+            self._panel.image.draw(shown, self._space.outline)
 
     def _write(self, shown: Watched, now: float) -> None:
         """Numbers, labels, the other plots, and where the sliders begin."""
@@ -317,7 +309,7 @@ class Console:
         lines = () if shown.model is None else describe(shown.model)
         panel.models.draw(shown.model_trace(SECONDS), shown.model_depth, lines)
         panel.recordings.show(playback, self._library.note, self._library.busy)
-        panel.banner.show(playback, lateness(self._watched))
+        put(panel.banner, content=banner_html(playback, lateness(self._watched), live=self._live))
         self._show_session(now)
         self._show_alarm(now)
         self._line.write(shown)
@@ -338,7 +330,7 @@ class Console:
         self._panel.network.offer(live)
         self._instruct(live, now)
         if settings.keys() >= INTRODUCTION:
-            texts = {name: settings.get(name, "") for name in NetworkFaults._fields}
+            texts = {name: settings.get(name, "") for name in SLIDERS}
             new = dict(texts.items() - self._introduced.items())
             self._introduced = texts
             self._panel.network.put({name: watched.setting(name, 0.0) for name in new})
@@ -347,10 +339,8 @@ class Console:
         """Show what there is to do, and which hand the force moves."""
         watched = self._shown
         by_mouse = self._live and watched.operator == "browser"
-        self._panel.offer_clutch(self._by_mouse and live)
+        self._panel.offer(clutch=self._by_mouse and live, in_space=watched.in_space)
         by_hand = SPACE_INSTRUCTION if watched.in_space else INSTRUCTION
-        if watched.in_space:
-            self._panel.explain_space_keys()
         possible = by_hand if by_mouse else f"Watch the {watched.operator} operator press."
         instruction = self._hindrance(now) or possible
         self._panel.instruct(instruction if live else WATCH_RECORDING, felt(watched.grip, by_mouse))

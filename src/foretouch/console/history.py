@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from foretouch.messages import (
     CHANNELS,
-    COUNT_PREFIX,
     FOLLOWER_DTYPE,
     LEADER_DTYPE,
     WITH_THE_COMMANDS,
     LeaderState,
     Telemetry,
+    split_texts,
 )
 from foretouch.quantities import Rows
 
@@ -146,10 +146,7 @@ class LossTrace(NamedTuple):
 
 
 class Losses:
-    """Counters of both sides as they come, and the fractions computed from them.
-
-    One thread stores, another reads.
-    """
+    """Counters of both sides as they come, and the fractions computed from them; one thread stores, another reads."""
 
     def __init__(self) -> None:
         self._counts: dict[str, deque[tuple[float, int]]] = {role: deque(maxlen=MOST) for role in COUNTERS}
@@ -161,10 +158,9 @@ class Losses:
         if role not in COUNTERS:
             return
         name, rate = COUNTERS[role]
-        text = texts.get(COUNT_PREFIX + name, "")
-        if not (text.isascii() and text.isdigit() and len(text) < 20):
+        counts, count = self._counts[role], split_texts(texts)[1].get(name)
+        if count is None:
             return
-        counts, count = self._counts[role], int(text)
         if counts and count < counts[-1][1]:  # a process that began anew
             counts.clear()
         counts.append((now, count))
@@ -279,12 +275,9 @@ def columns_of(leader: Rows, follower: Rows, force: str) -> Array:
     """Figures of a window for each tick of one leader's process, shape (n, 11).
 
     Leader time [s], predicted, delayed force, deviation, rendered force [N], energy, its bound, late energy [J], round
-    trip [s], true force [N] and whether the robot was away then (1 or 0).
-
-    Args:
-        leader: Rows of `SessionLog.leader`, by sequence.
-        follower: Rows of `SessionLog.follower`, by process and sequence; of several for one command the first counts.
-        force: Column of the follower that is the true force.
+    trip [s], true force [N], a column of the follower, and whether the robot was away then (1 or 0). Rows are those of
+    a `SessionLog`, the leader's by sequence, the follower's by process and sequence; of several for one command the
+    first counts.
     """
     seconds = leader["time_ns"] * 1e-9
     predicted = np.where(np.isfinite(leader["position"]), leader["predicted_force"], NAN)  # of no motion there is none

@@ -19,14 +19,9 @@ MOST, SPACING = 512, 0.1
 
 
 class ModelFigures(NamedTuple):
-    """A model in numbers that can be drawn over time.
+    """The law's parameters with their standard errors, NaN where not known, and the local stiffness at rest [N/m].
 
-    Attributes:
-        names: Names of the law's parameters.
-        parameters: Their values.
-        errors: Standard error of each, NaN where it is not known.
-        stiffness: Local stiffness dF/dx at the depth asked for, at rest [N/m].
-        deviation: Its standard deviation [N/m]; NaN where the model carries no uncertainty.
+    Its standard deviation [N/m] is NaN where the model carries no uncertainty.
     """
 
     names: tuple[str, ...]
@@ -63,36 +58,25 @@ def figures_of(update: ModelUpdate, depth: float) -> ModelFigures | None:
     .. math:: K = \frac{F(x + h) - F(x - h)}{2 h}, \quad \sigma_K = |K| \frac{\sigma_F(x)}{F(x)}
 
     with the probe at rest, h a tenth of x. The model's uncertainty is that of the force; that of the stiffness
-    is taken in the same proportion, as if all forces were too large or too small by one factor.
-
-    Args:
-        update: Update as received.
-        depth: x, below the model's surface [m].
+    is taken in the same proportion, as if all forces were too large or too small by one factor. The depth x is below
+    the model's surface [m].
     """
     model = model_of(update)
     if model is None:
         return None
-    stiffness, deviation = _stiffness(model, depth)
-    parameters, errors = model.parameters, update.standard_errors
-    known = errors if len(errors) == len(parameters) else (NAN,) * len(parameters)
-    return ModelFigures(model.parameter_names, parameters, known, stiffness, deviation)
-
-
-def _stiffness(model: ContactModel, depth: float) -> tuple[float, float]:
     step = STEP * depth
     (_, force, uncertainty), (_, more, _), (_, less, _) = (
         advance(model, model.initial_state(), x, 0.0, PERIOD) for x in (depth, depth + step, depth - step)
     )
     stiffness = (more - less) / (2.0 * step)
-    return stiffness, abs(stiffness) * uncertainty / force if force > 0.0 else NAN
+    deviation = abs(stiffness) * uncertainty / force if force > 0.0 else NAN
+    parameters, errors = model.parameters, update.standard_errors
+    known = errors if len(errors) == len(parameters) else (NAN,) * len(parameters)
+    return ModelFigures(model.parameter_names, parameters, known, stiffness, deviation)
 
 
 class ModelsSeen:
-    """The models of a session: stored in a step, read as a trace. One thread stores, another reads.
-
-    Args:
-        most: Largest number of models that are remembered, the newest; None for no bound.
-    """
+    """The models of a session, the newest `most` of them: stored in a step, read as a trace, by another thread."""
 
     def __init__(self, most: int | None = MOST) -> None:
         self._most = most

@@ -7,7 +7,7 @@ import math
 import stat
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -25,14 +25,9 @@ TOLERANCE = 1e-6  # A tick counts as being at a moment that is at most this much
 class Playback(Watched):
     """State of a recorded session as received at `now`, which goes on while it is played; see `Watched`.
 
-    For a session in which a side began again, the longest segment.
-
-    Attributes:
-        duration: From the leader's first tick to its last [s].
-        other: A second run of it, which is shown beside it at the same moment.
-
-    Raises:
-        RecordingError: Nothing was recorded of the leader.
+    For a session in which a side began again, the longest segment: `duration` is from the leader's first tick to its
+    last [s]. `other` is a second run of it, which is shown beside it at the same moment. A RecordingError says that
+    nothing was recorded of the leader.
     """
 
     def __init__(self, log: SessionLog, other: SessionLog | None = None, *, name: str = "") -> None:
@@ -66,7 +61,12 @@ class Playback(Watched):
         sequence = self.leader.telemetry_sequence
         telemetry = int(np.searchsorted(self._follower["sequence"], sequence, side="right")) - 1 if sequence else -1
         self.telemetry = Telemetry(VERSION, *self._follower[telemetry].tolist()) if telemetry >= 0 else None
-        self.settings = self._settings_at(row, telemetry)
+        self.settings = self._segment.settings
+        if self._segment.reports:  # a network can be changed while a session runs
+            leader, follower = self._leader[row], self._follower
+            felt_ns = int(follower["time_ns"][max(telemetry, 0)]) if follower.size else None
+            run, times = int(follower["run"][0]) if follower.size else 0, (int(leader["time_ns"]), felt_ns)
+            self.settings = settings_at(self._segment.reports, int(leader["epoch"]), run, *times)
         self.model = self._by_sequence.get(int(self._leader["model_sequence"][row]))
         self._recorded_space.go_to(self.leader.sequence, self.leader.telemetry_sequence)
         self._clock = math.nan
@@ -108,16 +108,6 @@ class Playback(Watched):
         none = np.empty(0)
         return LossTrace(none, none, none)
 
-    def _settings_at(self, row: int, telemetry: int) -> Mapping[str, str]:
-        """Settings of the moment: a network can be changed while a session runs."""
-        segment = self._segment
-        if not segment.reports:
-            return segment.settings
-        leader = self._leader[row]
-        felt_ns = int(self._follower["time_ns"][max(telemetry, 0)]) if self._follower.size else None
-        run = int(self._follower["run"][0]) if self._follower.size else 0
-        return settings_at(segment.reports, int(leader["epoch"]), run, int(leader["time_ns"]), felt_ns)
-
 
 PATTERN = "*.mcap"
 MOST = 50  # Largest number of recordings that are listed, the newest first
@@ -126,13 +116,10 @@ NOT_YET = "It is being recorded just now: it shows what there was when it was ch
 
 
 class Library:
-    """The recordings that can be looked at, and the one that is.
+    """The recordings of some folders that can be looked at, and the one that is; a folder named twice counts once.
 
     A recording is read on a separate thread; meanwhile and afterwards `note` gives its progress and result in one
     line. An unreadable one gives a line, no error.
-
-    Args:
-        folders: Folders of the recordings; one that is named twice counts once.
     """
 
     def __init__(self, folders: Sequence[Path]) -> None:
@@ -198,7 +185,11 @@ class Library:
             growing = bool(self.being_written) and path.resolve() == Path(self.being_written).resolve()
             return NOT_YET if growing else "It ends before its session did."
 
-        self._start(read, f"Reading {name}{self._size(name)} …", "This recording cannot be looked at")
+        size = ""
+        with contextlib.suppress(OSError):  # it was removed meanwhile
+            if (path := self._listed().get(name)) is not None:
+                size = f" ({path.stat().st_size / 1e6:.0f} MB)"
+        self._start(read, f"Reading {name}{size} …", "This recording cannot be looked at")
 
     def run_again(self, position_delay: float, force_delay: float, *, closed_loop: bool) -> None:
         """Run the recorded session again under other one-way delays [s], there and back, beside what was recorded."""
@@ -225,13 +216,6 @@ class Library:
             return f"Run again under {position_delay:g} s there and {force_delay:g} s back; {loop}."
 
         self._start(run, "Running it again …", "It cannot be run again")
-
-    def _size(self, name: str) -> str:
-        try:
-            path = self._listed().get(name)
-            return "" if path is None else f" ({path.stat().st_size / 1e6:.0f} MB)"
-        except OSError:  # it was removed meanwhile
-            return ""
 
     def close(self) -> None:
         """Look at none: back to the session that runs."""

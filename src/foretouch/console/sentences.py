@@ -81,15 +81,12 @@ def session_status(watched: Watched, now: float, *, held: bool, clutched: bool) 
     force = ""
     if model is None or not model.valid:
         force = f"No force yet: {model.reason if model and model.reason else 'no model has arrived.'}"
-    return " ".join(filter(None, (_withheld(watched), hand, *doing(watched), force)))
-
-
-def _withheld(watched: Watched) -> str:
-    if not watched.withheld:
-        return ""
-    less = round(10.0 * (1.0 - watched.given)) * 10
-    how = "withheld" if watched.given < LEAST_SHARE else f"reduced by about {less} %"
-    return f"The force is {how}: {watched.withheld}; leave the surface and press again."
+    withheld = ""
+    if watched.withheld:
+        less = round(10.0 * (1.0 - watched.given)) * 10
+        how = "withheld" if watched.given < LEAST_SHARE else f"reduced by about {less} %"
+        withheld = f"The force is {how}: {watched.withheld}; leave the surface and press again."
+    return " ".join(filter(None, (withheld, hand, *doing(watched), force)))
 
 
 def lateness(watched: Watched) -> str:
@@ -116,18 +113,14 @@ def robot_alerts(watched: Watched, now: float) -> tuple[str, ...]:
 
 def warnings(watched: Watched, now: float) -> tuple[str, ...]:
     """Text above the numbers: that nothing is secure, that the recording is incomplete."""
-    return tuple(filter(None, (INSECURE if watched.insecure else "", _recording(watched, now))))
-
-
-def _recording(watched: Watched, now: float) -> str:
-    problem, silence = watched.reported("recorder", "recorder_failed"), watched.recorder_silence(now)
-    if problem:
-        return f"The recording is not all there: {problem}"
-    if watched.supervised(now) and not watched.reported("supervisor", "recording"):
-        return ""  # no recorder was started
-    if silence > RECORDER_SILENT and watched.leader_silence(now) < SILENT:
-        return f"The recorder has been silent for {silence:.0f} s: whether anything is recorded is not known here."
-    return ""
+    insecure, silence = INSECURE if watched.insecure else "", watched.recorder_silence(now)
+    recording = ""
+    started = watched.reported("supervisor", "recording") or not watched.supervised(now)
+    if problem := watched.reported("recorder", "recorder_failed"):
+        recording = f"The recording is not all there: {problem}"
+    elif started and silence > RECORDER_SILENT and watched.leader_silence(now) < SILENT:
+        recording = f"The recorder has been silent for {silence:.0f} s: whether anything is recorded is not known here."
+    return tuple(filter(None, (insecure, recording)))
 
 
 def _silence(watched: Watched, now: float) -> str:

@@ -31,13 +31,9 @@ TRACE_PERIOD_NS, TRACE_STRIDE, TRACE_LENGTH = 50_000_000, 50, 400
 
 
 class PoseTrace(NamedTuple):
-    """Uncertainty of the fixture's pose over time; all arrays have one length.
+    """Standard deviation of the fixture's position [m] and rotation [rad] over time, and since an image showed it [s].
 
-    Attributes:
-        time: Seconds before the newest, not positive, increasing.
-        deviation: Standard deviation of its position [m].
-        turn: Standard deviation of its rotation [rad].
-        age: Time since an image showed it [s].
+    All arrays have one length; the times are seconds before the newest, not positive, increasing.
     """
 
     time: Array

@@ -75,7 +75,11 @@ class Watched:
             case LeaderState():
                 self._take_leader(message, now)
             case Telemetry():
-                self._take_telemetry(message, now)
+                if self.status not in (None, message.status):
+                    self.trouble = ""
+                self.history.add_telemetry(message)
+                self.lateness.take("follower", message.period_ns)
+                self.telemetry, self._telemetry_received = message, now
             case ModelUpdate():
                 self.model = message
                 self._models.add(message)
@@ -254,13 +258,6 @@ class Watched:
             self.given = max(state.rendered_force, 0.0) / due
         withheld = self._withheld.update(due, state.rendered_force, state.energy, state.time_ns)
         return (OWED if self._withheld.owed else UNPAID) if withheld else ""
-
-    def _take_telemetry(self, telemetry: Telemetry, now: float) -> None:
-        if self.status not in (None, telemetry.status):
-            self.trouble = ""
-        self.history.add_telemetry(telemetry)
-        self.lateness.take("follower", telemetry.period_ns)
-        self.telemetry, self._telemetry_received = telemetry, now
 
     def _take_hello(self, hello: Hello, now: float) -> None:
         """Keep the texts of each; the newest counts, but of several leaders the one in control."""

@@ -42,11 +42,8 @@ def examine(
 ) -> Iterator[Finding]:
     """Make every check, those first that disturb the others least, and give each finding as soon as it is there.
 
-    Args:
-        seconds: Time that the loops run, and that each peer is asked [s], above 0.
-        keys: Folder of keys; the usual one where none is given.
-        ways: Ways to the peers that are to be asked.
-        say: Called with what is examined next, where it takes long.
+    The loops run, and each peer of the `ways` is asked, for `seconds` [s], above 0; `keys` is a folder, else the usual
+    one. `say` is called with what is examined next, where it takes long.
     """
     yield from (check_python(), check_packages(), check_extras(), check_cores(), check_governor())
     yield from (check_text(), check_disk(), check_compiled())

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
@@ -40,20 +41,18 @@ class Finding:
 
     def as_row(self) -> dict[str, Any]:
         """The finding as a row of JSON."""
-        return {
-            "name": self.name,
-            "verdict": self.verdict.value,
-            "summary": self.summary,
-            "mend": self.mend,
-            "figures": dict(self.figures),
-        }
+        return asdict(self)
+
+
+def percentile(values: Sequence[float], fraction: float) -> float:
+    """The least of some values that this fraction of them does not exceed; NaN where there are none."""
+    return sorted(values)[math.ceil(fraction * (len(values) - 1))] if values else math.nan
 
 
 def worst(findings: Iterable[Finding]) -> Verdict:
     """The worst verdict of all; good where there is none, and what could not be checked counts as good."""
-    order = list(Verdict)
-    result = max((order.index(finding.verdict) for finding in findings), default=0)
-    return Verdict.GOOD if order[result] is Verdict.UNKNOWN else order[result]
+    found = max((finding.verdict for finding in findings), key=list(Verdict).index, default=Verdict.GOOD)
+    return Verdict.GOOD if found is Verdict.UNKNOWN else found
 
 
 STYLES = {

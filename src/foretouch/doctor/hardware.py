@@ -5,6 +5,7 @@ An image is drawn without a display, in a process of its own, and looked at.
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import json
 import os
@@ -29,12 +30,10 @@ PRIORITY = "echo '* - rtprio 20' | sudo tee /etc/security/limits.d/foretouch.con
 
 
 def check_cores(load: float | None = None, cores: int | None = None, group: Path = CGROUP) -> Finding:
-    """Cores that this process may use, and how much is waiting for them.
+    """Cores that this process may use, and how much is waiting for them; the system's answers where none are given.
 
-    Args:
-        load: Mean number of processes that want to run, of the last minute; the system's where none is given.
-        cores: Number of cores that this process may use; the system's answer where none is given.
-        group: Folder of the control group, whose ``cpu.max`` bounds a container.
+    The load is the mean number of processes that want to run, of the last minute; ``cpu.max`` in the folder of the
+    control group bounds a container.
     """
     if cores is None:
         cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
@@ -68,10 +67,8 @@ def check_governor(cpus: Path = CPUS) -> Finding:
     name = "CPU governor"
     governors: set[str] = set()
     for path in cpus.glob("cpu[0-9]*/cpufreq/scaling_governor"):
-        try:
+        with contextlib.suppress(OSError):
             governors.add(path.read_text().strip())
-        except OSError:
-            continue
     if not governors:
         why = "the kernel shows no governor here, as in most virtual machines and containers"
         return Finding(name, Verdict.UNKNOWN, why)
@@ -79,22 +76,15 @@ def check_governor(cpus: Path = CPUS) -> Finding:
     text = ", ".join(sorted(governors))
     if governors == {"performance"}:
         return Finding(name, Verdict.GOOD, text, figures=figures)
-    return Finding(
-        name,
-        Verdict.WARNING,
-        f"{text}: a loop that mostly sleeps is run at low speed, and woken late",
-        GOVERN,
-        figures,
-    )
+    text += ": a loop that mostly sleeps is run at low speed, and woken late"
+    return Finding(name, Verdict.WARNING, text, GOVERN, figures)
 
 
 def check_real_time(slice_s: float | None, limits: Iterable[int] | None = None) -> Finding:
     """Whether a loop that asks for short slices is run at once, and what this user may ask for beyond that.
 
-    Args:
-        slice_s: Slice that the kernel gave to a loop that asked for 0.1 ms [s]; 0 where it does not say, as before
-            Linux 6.12; None where no loop was run.
-        limits: RLIMIT_RTPRIO and RLIMIT_NICE; this process's where none are given.
+    The slice is what the kernel gave to a loop that asked for 0.1 ms [s]: 0 where it does not say, as before Linux
+    6.12; None where no loop was run. The limits are RLIMIT_RTPRIO and RLIMIT_NICE, by default this process's.
     """
     name = "real time"
     if limits is None:
@@ -111,9 +101,8 @@ def check_real_time(slice_s: float | None, limits: Iterable[int] | None = None) 
         text = f"the kernel grants short slices ({1e3 * slice_s:g} ms); allowed: {allowed}, neither is needed"
         return Finding(name, Verdict.GOOD, text, figures=figures)
     text = f"the kernel ({os.uname().release}) knows no short slices, which Linux has since 6.12; allowed: {allowed}"
-    if priority != 0:
-        return Finding(name, Verdict.WARNING, text, "chrt --fifo 10 foretouch teleop", figures)
-    return Finding(name, Verdict.WARNING, text, PRIORITY, figures)
+    mend = PRIORITY if priority == 0 else "chrt --fifo 10 foretouch teleop"
+    return Finding(name, Verdict.WARNING, text, mend, figures)
 
 
 WIDTH, HEIGHT = 320, 240
@@ -125,10 +114,9 @@ LEAST_CONTRAST = 30.0  # Standard deviation of a drawn image over its pixels, of
 def check_graphics() -> Finding:
     """Draw an image as a session's camera does. A driver may end its process, so the process is another one."""
     name = "graphics"
+    command = [sys.executable, "-m", "foretouch.doctor.hardware"]
     try:
-        child = subprocess.run(
-            [sys.executable, "-m", "foretouch.doctor.hardware"], capture_output=True, text=True, timeout=PATIENCE
-        )
+        child = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE)
     except subprocess.TimeoutExpired:
         text = f"nothing was drawn within {PATIENCE:g} s"
         return Finding(name, Verdict.WARNING, text, "foretouch simulate --scene plane --fusion contact --duration 2")

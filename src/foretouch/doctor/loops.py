@@ -19,7 +19,7 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
-from foretouch.doctor.finding import Finding, Verdict
+from foretouch.doctor.finding import Finding, Verdict, percentile
 from foretouch.files.children import children, last_line
 
 GET_ATTRIBUTES = {"x86_64": 315, "aarch64": 275}
@@ -73,7 +73,6 @@ def run_loops(seconds: float) -> dict[str, LoopReport]:
 
 
 def _line(kind: str, child: subprocess.Popen[Any], patience: float) -> str:
-    """The next line that a process says."""
     assert child.stdout is not None
     assert child.stderr is not None
     if not select.select([child.stdout], [], [], patience)[0]:
@@ -90,16 +89,17 @@ def check_loops(reports: dict[str, LoopReport] | str) -> Finding:
     delay d of the condition b > K (T / 2 + d), and the device's own input and output come on top.
 
     Good is a 99th percentile below 0.5 ms, half a period. Bad is one above 5 ms, or a single tick that came 50 ms late:
-    a follower then holds.
-
-    Args:
-        reports: Reports of both loops by name, or why there are none.
+    a follower then holds. The reports are those of both loops by name, or why there are none.
     """
     name = "loop at 1 kHz"
     if isinstance(reports, str):
         return Finding(name, Verdict.UNKNOWN, reports)
     session, bare = (reports[kind] for kind in KINDS)
-    text = "woken late by " + "; ".join(f"{kind}: {_in_ms(reports[kind])}" for kind in KINDS)
+    shown = []
+    for kind in KINDS:
+        p50, p99, largest = (1e3 * reports[kind][f"late_{which}_s"] for which in ("p50", "p99", "max"))
+        shown.append(f"{kind}: p50 {p50:.3f}, p99 {p99:.3f}, most {largest:.2f} ms")
+    text = f"woken late by {'; '.join(shown)}"
     late = session["late_p99_s"] + session["compute_p99_s"]
     text += f"; a tick computes {1e6 * session['compute_p50_s']:.0f} us"
     text += f"; of a device's delay {1e3 * late:.2f} ms are this machine's (p99): give --device-delay no less"
@@ -112,11 +112,6 @@ def check_loops(reports: dict[str, LoopReport] | str) -> Finding:
     text += "; the machine is punctual, what is computed is too slow" if ours else "; the machine itself is late"
     mend = "foretouch bench --only loops" if ours else "ps -eo pid,pcpu,args --sort=-pcpu | head"
     return Finding(name, verdict, text, mend, figures)
-
-
-def _in_ms(report: LoopReport) -> str:
-    p50, p99, largest = (1e3 * report[f"late_{which}_s"] for which in ("p50", "p99", "max"))
-    return f"p50 {p50:.3f}, p99 {p99:.3f}, most {largest:.2f} ms"
 
 
 def main(kind: str, seconds: str) -> None:
@@ -142,10 +137,8 @@ def main(kind: str, seconds: str) -> None:
 
 
 def _percentiles(name: str, values_ns: list[int]) -> dict[str, float]:
-    ordered = sorted(values_ns)
-    last = len(ordered) - 1
     positions = {"p50": 0.5, "p99": 0.99, "max": 1.0}
-    return {f"{name}_{which}_s": 1e-9 * ordered[math.ceil(fraction * last)] for which, fraction in positions.items()}
+    return {f"{name}_{which}_s": 1e-9 * percentile(values_ns, part) for which, part in positions.items()}
 
 
 def _press() -> Callable[[float], None]:

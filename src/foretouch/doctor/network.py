@@ -16,7 +16,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from foretouch.doctor.finding import Finding, Verdict
+from foretouch.doctor.finding import Finding, Verdict, percentile
 from foretouch.errors import ForetouchError, PeerVersionError, install_command
 from foretouch.link import Faults, FaultStage, ZenohLink
 from foretouch.messages import SIDES, Hello, Message, Telemetry
@@ -66,10 +66,7 @@ class RoundTrips:
 
     def percentile(self, fraction: float) -> float:
         """Round trip [s] that this fraction of the answered questions does not exceed; NaN where none was answered."""
-        if not self.times:
-            return math.nan
-        ordered = sorted(self.times)
-        return ordered[math.ceil(fraction * (len(ordered) - 1))]
+        return percentile(self.times, fraction)
 
 
 def connect_time(host: str, port: int, timeout: float) -> float:
@@ -160,15 +157,10 @@ class _Received:
 def ask(
     open_link: Callable[[Callable[[Message], None]], ZenohLink], seconds: float, *, patience: float = 3.0
 ) -> RoundTrips:
-    """Ask a doctor's peer for a time, or listen where a session runs.
+    """Ask a doctor's peer for a time [s], or listen where a session runs, after at most `patience` [s] for a hello.
 
-    Args:
-        open_link: Opens the link, given what is to be called with each message that arrives.
-        seconds: Time to ask, or to listen [s].
-        patience: Longest wait for a first hello [s].
-
-    Raises:
-        PeerVersionError: The peer speaks another version.
+    `open_link` opens the link, given what is to be called with each message. A PeerVersionError says that the peer
+    speaks another version.
     """
     received = _Received()
     with open_link(received.take) as link:
@@ -180,22 +172,16 @@ def ask(
         _wait(lambda: False, SETTLING)
         if not received.present or received.roles - {ROLE}:
             return listen_in(received.telemetry, frozenset(received.roles), seconds)
-        sent = _question(link, received, seconds)
+        sent: dict[str, int] = {}  # when each question was sent [ns], by its number
+        begun = time.monotonic()
+        for number in range(1, max(1, round(seconds * RATE)) + 1):
+            time.sleep(max(0.0, begun + number / RATE - time.monotonic()))
+            sent[str(number)] = now = time.monotonic_ns()
+            link.publish(Hello.of(ROLE, number, now, {ASKS: f"{received.own}/{number}"}))
         _wait(lambda: len(received.answers) >= len(sent), LAST_PATIENCE)
     answers = dict(received.answers)
-    times = tuple(1e-9 * (answers[number] - begun) for number, begun in sent.items() if number in answers)
+    times = tuple(1e-9 * (answers[name] - asked) for name, asked in sent.items() if name in answers)
     return RoundTrips(frozenset(received.roles), len(sent), times)
-
-
-def _question(link: ZenohLink, received: _Received, seconds: float) -> dict[str, int]:
-    """Send questions, evenly; when each was sent [ns] by its number."""
-    sent: dict[str, int] = {}
-    begun = time.monotonic()
-    for number in range(1, max(1, round(seconds * RATE)) + 1):
-        time.sleep(max(0.0, begun + number / RATE - time.monotonic()))
-        sent[str(number)] = now = time.monotonic_ns()
-        link.publish(Hello.of(ROLE, number, now, {ASKS: f"{received.own}/{number}"}))
-    return sent
 
 
 def listen_in(telemetry: deque[tuple[int, int, int]], roles: frozenset[str], seconds: float) -> RoundTrips:
@@ -267,16 +253,13 @@ def check_peer(
         return [Finding(name, Verdict.BAD, text, f"on the other machine: sudo ufw allow {port}/tcp")]
     except OSError as error:
         return [Finding(name, Verdict.BAD, f"no connection: {error.strerror or error}", f"ip route get {host}")]
-    reached = Finding(
-        name, Verdict.GOOD, f"a program listens; TCP connects in {_ms(taken)}", figures={"connect_s": taken}
-    )
+    text, name_of_link = f"a program listens; TCP connects in {_ms(taken)}", f"link {endpoint}"
+    reached = Finding(name, Verdict.GOOD, text, figures={"connect_s": taken})
     try:
-        received = ask(open_link, seconds)
-    except PeerVersionError as error:
-        return [reached, Finding(f"link {endpoint}", Verdict.BAD, str(error), install_command(again=True))]
+        return [reached, judge_round_trips(name_of_link, ask(open_link, seconds), there)]
     except ForetouchError as error:
-        return [reached, Finding(f"link {endpoint}", Verdict.BAD, str(error), "foretouch keys show")]
-    return [reached, judge_round_trips(f"link {endpoint}", received, there)]
+        mend = install_command(again=True) if isinstance(error, PeerVersionError) else "foretouch keys show"
+        return [reached, Finding(name_of_link, Verdict.BAD, str(error), mend)]
 
 
 def judge_round_trips(name: str, trips: RoundTrips, there: str) -> Finding:
@@ -296,17 +279,10 @@ def judge_round_trips(name: str, trips: RoundTrips, there: str) -> Finding:
 def _judge_asked(name: str, trips: RoundTrips) -> Finding:
     p50, p99, most, least = (trips.percentile(fraction) for fraction in (0.5, 0.99, 1.0, 0.0))
     unsteady = most - least
-    text = (
-        f"round trip p50 {_ms(p50)}, p99 {_ms(p99)}, most {_ms(most)}; {100 * trips.loss:.1f} % lost of {trips.asked}"
-    )
-    figures = {
-        "asked": trips.asked,
-        "answered": len(trips.times),
-        "loss": trips.loss,
-        "round_trip_p50_s": p50,
-        "round_trip_p99_s": p99,
-        "round_trip_max_s": most,
-    }
+    lost = f"{100 * trips.loss:.1f} % lost of {trips.asked}"
+    text = f"round trip p50 {_ms(p50)}, p99 {_ms(p99)}, most {_ms(most)}; {lost}"
+    figures = {"asked": trips.asked, "answered": len(trips.times), "loss": trips.loss}
+    figures |= {"round_trip_p50_s": p50, "round_trip_p99_s": p99, "round_trip_max_s": most}
     if trips.loss < LOSING and unsteady < UNSTEADY and p50 < FAR:
         return Finding(name, Verdict.GOOD, text, figures=figures)
     # Such a network cannot be mended from here; what a session makes of it can be tried.

@@ -55,10 +55,7 @@ def check_packages(requirements: Iterable[str] | None = None) -> Finding:
 
 
 def check_extras(requirements: Iterable[str] | None = None) -> Finding:
-    """Complete and incomplete extras of requirements as `check_packages` takes them.
-
-    Those without which no session runs are worth a warning.
-    """
+    """Complete and incomplete extras of such requirements; those without which no session runs are worth a warning."""
     extras = {name: part for name, part in parts_of(_own(requirements)).items() if name not in ("", *FOR_DEVELOPERS)}
     problems = {name: list(wrong.values()) for name, part in extras.items() if (wrong := _problems(part))}
     complete = [name for name in extras if name not in problems]
@@ -121,14 +118,12 @@ def _version(name: str) -> str | None:
 
 
 def _problems(needed: Mapping[str, str]) -> dict[str, str]:
-    """Problems of packages by name."""
     problems = {}
     for name, rule in needed.items():
         version = _version(name)
-        if version is None:
-            problems[name] = f"{name} is not installed"
-        elif not satisfies(version, rule):
-            problems[name] = f"{name} {version} is installed, needed is {rule}"
+        if version is None or not satisfies(version, rule):
+            what = "is not installed" if version is None else f"{version} is installed, needed is {rule}"
+            problems[name] = f"{name} {what}"
     return problems
 
 
@@ -147,19 +142,18 @@ def check_text() -> Finding:
     }
     others = {what: name for what, name in shown.items() if name.lower().replace("-", "").replace("_", "") != "utf8"}
     figures = {**shown, "LANG": os.environ.get("LC_ALL") or os.environ.get("LANG", "")}
-    if others:
-        text = ", ".join(f"{what.replace('_', ' ')}: {name}" for what, name in others.items())
-        return Finding("text", Verdict.WARNING, f"not all is UTF-8 ({text})", "export PYTHONUTF8=1", figures)
-    return Finding("text", Verdict.GOOD, "UTF-8", figures=figures)
+    if not others:
+        return Finding("text", Verdict.GOOD, "UTF-8", figures=figures)
+    text = ", ".join(f"{what.replace('_', ' ')}: {name}" for what, name in others.items())
+    return Finding("text", Verdict.WARNING, f"not all is UTF-8 ({text})", "export PYTHONUTF8=1", figures)
 
 
 def check_disk(
     folders: Iterable[Path] | None = None, *, little: float = LITTLE, too_little: float = TOO_LITTLE
 ) -> Finding:
-    """Free space where recordings, temporary files and compiled code go.
+    """Free space where recordings, temporary files and compiled code go: here, in the temporary folder and at home.
 
-    By default that is here, in the temporary folder and at home. Less than `little` [bytes] is worth a warning, less
-    than `too_little` is bad.
+    Less than `little` [bytes] is worth a warning, less than `too_little` is bad.
     """
     looked = [Path.cwd(), Path(tempfile.gettempdir()), Path.home()] if folders is None else list(folders)
     free: dict[str, int] = {}
@@ -226,11 +220,6 @@ def check_keys(folder: Path | None = None, *, now: datetime | None = None) -> Fi
         return Finding("keys", Verdict.BAD, str(error), command, {"folder": str(keys.path)})
     left = {name: identity.days_left(now) for name, identity in {"authority": authority, **here}.items()}
     figures: dict[str, object] = {"folder": str(keys.path), "days_left": left, "of_another_authority": stranger}
-    return _judge_keys(left, stranger, figures, WARNING_DAYS)
-
-
-def _judge_keys(left: dict[str, float], stranger: list[str], figures: dict[str, object], warning: float) -> Finding:
-    """The worst of what was found of the certificates."""
     first = min(left, key=left.__getitem__)
     mend = "foretouch keys rotate --authority" if first == "authority" else f"foretouch keys rotate {first}"
     ends = f"{', '.join(left)}; the first to end is {first}, in {left[first]:.1f} days"
@@ -239,6 +228,6 @@ def _judge_keys(left: dict[str, float], stranger: list[str], figures: dict[str, 
     if stranger:
         text = f"{', '.join(stranger)}: from another authority than authority.crt, let in nowhere"
         return Finding("keys", Verdict.BAD, text, f"foretouch keys rotate {stranger[0]}", figures)
-    if left[first] <= warning:
+    if left[first] <= WARNING_DAYS:
         return Finding("keys", Verdict.WARNING, ends, mend, figures)
     return Finding("keys", Verdict.GOOD, ends, figures=figures)

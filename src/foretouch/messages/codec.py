@@ -2,28 +2,15 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import msgspec
 
 from foretouch.errors import DecodeError, PeerVersionError, printable
-from foretouch.messages.schema import (
-    SPEAKERS,
-    VERSION,
-    Choice,
-    Command,
-    EmergencyStop,
-    Handle,
-    Hello,
-    LeaderState,
-    Message,
-    ModelUpdate,
-    Settings,
-    Stop,
-    Telemetry,
-)
-from foretouch.messages.spatial import CameraImage, FieldUpdate, FixtureBelief, FollowerSpace, LeaderSpace
+from foretouch.messages import schema, spatial
+from foretouch.messages.schema import SPEAKERS, VERSION, Message
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,21 +33,21 @@ class Channel:
 CHANNELS: dict[str, Channel] = {
     channel.name: channel
     for channel in (
-        Channel("command", Command, "leader", 1000.0),
-        Channel("model", ModelUpdate, "follower", 50.0),
-        Channel("telemetry", Telemetry, "follower", 1000.0),
-        Channel("leader", LeaderState, "leader", 1000.0),
-        Channel("follower-space", FollowerSpace, "follower", 1000.0),
-        Channel("leader-space", LeaderSpace, "leader", 1000.0),
-        Channel("field", FieldUpdate, "follower", 5.0),
-        Channel("fixture", FixtureBelief, "camera", 30.0),
-        Channel("image", CameraImage, "camera", 30.0),
-        Channel("handle", Handle, "console", 0.0),
-        Channel("settings", Settings, "console", 0.0),
-        Channel("choice", Choice, "console", 0.0),
-        Channel("stop", Stop, "any", 0.0),
-        Channel("emergency", EmergencyStop, "any", 0.0),
-        Channel("hello", Hello, "any", 2.0),
+        Channel("command", schema.Command, "leader", 1000.0),
+        Channel("model", schema.ModelUpdate, "follower", 50.0),
+        Channel("telemetry", schema.Telemetry, "follower", 1000.0),
+        Channel("leader", schema.LeaderState, "leader", 1000.0),
+        Channel("follower-space", spatial.FollowerSpace, "follower", 1000.0),
+        Channel("leader-space", spatial.LeaderSpace, "leader", 1000.0),
+        Channel("field", spatial.FieldUpdate, "follower", 5.0),
+        Channel("fixture", spatial.FixtureBelief, "camera", 30.0),
+        Channel("image", spatial.CameraImage, "camera", 30.0),
+        Channel("handle", schema.Handle, "console", 0.0),
+        Channel("settings", schema.Settings, "console", 0.0),
+        Channel("choice", schema.Choice, "console", 0.0),
+        Channel("stop", schema.Stop, "any", 0.0),
+        Channel("emergency", schema.EmergencyStop, "any", 0.0),
+        Channel("hello", schema.Hello, "any", 2.0),
     )
 }
 """Every channel of a session by name."""
@@ -69,8 +56,7 @@ CHANNELS: dict[str, Channel] = {
 M = TypeVar("M", bound=Message)
 
 _encoder = msgspec.msgpack.Encoder()
-_decoders: dict[type[Message], msgspec.msgpack.Decoder[Any]] = {}
-_text_fields: dict[type[Message], tuple[str, ...]] = {}
+_decoder = functools.cache(msgspec.msgpack.Decoder)
 
 LARGEST_MESSAGE = 48_000
 """Largest message [bytes]: longer ones are neither sent nor read.
@@ -87,11 +73,7 @@ def encode(message: Message) -> bytes:
 
 
 def decode(data: bytes, kind: type[M]) -> M:
-    """Message of one kind from msgpack bytes; what is not printable in its texts is escaped.
-
-    Args:
-        data: The bytes that arrived.
-        kind: The message class that its channel carries.
+    """Message of the kind that a channel carries, from msgpack bytes; what is not printable in its texts is escaped.
 
     Raises:
         PeerVersionError: The bytes are a message of another schema version.
@@ -99,15 +81,12 @@ def decode(data: bytes, kind: type[M]) -> M:
     """
     if len(data) > LARGEST_MESSAGE:
         raise DecodeError(f"{len(data)} bytes, at most {LARGEST_MESSAGE} are read")
-    decoder = _decoders.get(kind)
-    if decoder is None:
-        decoder = _decoders[kind] = msgspec.msgpack.Decoder(kind)
     try:
-        message: M = decoder.decode(data)
+        message: M = _decoder(kind).decode(data)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        theirs = _version_of(data)
-        if theirs is not None and theirs != VERSION:
-            raise PeerVersionError(theirs, VERSION) from None
+        fields = _fields_of(data)
+        if fields and type(fields[0]) is int and fields[0] != VERSION:  # any schema begins with its version
+            raise PeerVersionError(fields[0], VERSION) from None
         raise DecodeError(f"not a {kind.__name__}: {error}") from None
     if message.version != VERSION:
         raise PeerVersionError(message.version, VERSION)
@@ -119,14 +98,8 @@ def as_printed(message: M) -> M:
 
     Texts are for people, who see them in terminals, consoles and reports; a peer or a file could do more than be read.
     """
-    kind = type(message)
-    names = _text_fields.get(kind)
-    if names is None:
-        names = _text_fields[kind] = tuple(
-            field.name for field in msgspec.structs.fields(kind) if _holds_text(msgspec.inspect.type_info(field.type))
-        )
     changed: dict[str, Any] = {}
-    for name in names:
+    for name in _text_fields(type(message)):
         value = getattr(message, name)
         if isinstance(value, str):
             if not value.isprintable():
@@ -136,26 +109,18 @@ def as_printed(message: M) -> M:
     return msgspec.structs.replace(message, **changed) if changed else message
 
 
-def _holds_text(kind: msgspec.inspect.Type) -> bool:
-    element = kind.item_type if isinstance(kind, msgspec.inspect.VarTupleType) else kind
-    return isinstance(element, msgspec.inspect.StrType)
+@functools.cache
+def _text_fields(kind: type[Message]) -> tuple[str, ...]:
+    types = {field.name: msgspec.inspect.type_info(field.type) for field in msgspec.structs.fields(kind)}
+    elements = {name: getattr(found, "item_type", found) for name, found in types.items()}
+    return tuple(name for name, found in elements.items() if isinstance(found, msgspec.inspect.StrType))
 
 
 def foreign_speaker(data: bytes) -> str:
-    """The role of `SPEAKERS` that sent a hello in another version; "" where the bytes are no such hello.
-
-    Args:
-        data: Bytes that arrived where a `Hello` was to come, of another version.
-    """
+    """The role of `SPEAKERS` that sent a hello in another version; "" where the bytes are no such hello."""
     fields = _fields_of(data)
     role = fields[3] if len(fields) > 3 else ""
     return role if isinstance(role, str) and role in SPEAKERS else ""
-
-
-def _version_of(data: bytes) -> int | None:
-    """The version that a message of any schema begins with, or None where there is none to read."""
-    fields = _fields_of(data)
-    return fields[0] if fields and type(fields[0]) is int else None
 
 
 def _fields_of(data: bytes) -> list[Any]:

@@ -33,14 +33,9 @@ def settings_at(
 ) -> dict[str, str]:
     """The settings with which one process of the leader and one of the follower worked at a moment.
 
-    Each side is believed for itself, and the leader where both report a setting, as of the hand.
-
-    Args:
-        reports: Reports in the order of arrival.
-        epoch: Epoch of the leader's process.
-        run: Epoch of the follower's process.
-        leader_ns: The moment by the leader's clock [ns]; None for the last report.
-        follower_ns: The moment by the follower's clock [ns].
+    Each side is believed for itself, and the leader where both report a setting, as of the hand. The reports are in
+    the order of arrival; epoch and run are those of the leader's and of the follower's process; the moment is by the
+    clock of each [ns], None for the last report.
     """
     processes = {"leader": (epoch, leader_ns), "follower": (run, follower_ns)}
     others = [role for role in dict.fromkeys(one.role for one in reports) if role not in SIDES]
@@ -88,15 +83,13 @@ total, twice what that takes."""
 
 def split_texts(texts: Mapping[str, str]) -> tuple[dict[str, str], dict[str, int]]:
     """The settings and the counters among the texts of a `Hello`."""
-    counts = {
-        name.removeprefix(COUNT_PREFIX): int(value)
-        for name, value in texts.items()
-        if name.startswith(COUNT_PREFIX) and value.isascii() and value.isdigit() and len(value) < 20
-    }
-    others = (PROCESS, SINCE, LEAVES, *NEWS)
-    return {
-        name: value for name, value in texts.items() if not name.startswith(COUNT_PREFIX) and name not in others
-    }, counts
+    settings, counts = {}, {}
+    for name, value in texts.items():
+        if not name.startswith(COUNT_PREFIX):
+            settings[name] = value
+        elif _is_count(value):
+            counts[name.removeprefix(COUNT_PREFIX)] = int(value)
+    return {name: value for name, value in settings.items() if name not in (PROCESS, SINCE, LEAVES, *NEWS)}, counts
 
 
 class Hellos:
@@ -134,16 +127,16 @@ class Hellos:
 
     def _remember(self, hello: Hello, settings: dict[str, str]) -> None:
         """Remember from when on a side's process has its settings, and of any other role its last settings."""
-        reports, process = self._reports[hello.role], _number(hello.texts.get(PROCESS, ""))
+        process, since = (int(text) if _is_count(text := hello.texts.get(name, "")) else 0 for name in (PROCESS, SINCE))
+        reports = self._reports[hello.role]
         if hello.role not in SIDES:
             reports[:] = [SettingsReport(hello.role, process, 0, settings)]
             return
         before = next((one for one in reversed(reports) if one.process == process), None)
         if before is not None and before.settings == settings:
             return
-        since = 0 if before is None else _number(hello.texts.get(SINCE, "")) or hello.time_ns
-        new = SettingsReport(hello.role, process, since, settings)
-        while reports and (len(reports) >= MOST_CHANGES or sum(map(_length, (*reports, new))) > MOST_TEXT):
+        new = SettingsReport(hello.role, process, 0 if before is None else since or hello.time_ns, settings)
+        while reports and (len(reports) >= MOST_CHANGES or _length((*reports, new)) > MOST_TEXT):
             reports.pop()
         reports.append(new)
 
@@ -167,10 +160,10 @@ class Hellos:
         return total
 
 
-def _length(report: SettingsReport) -> int:
-    return sum(len(name) + len(value) for name, value in report.settings.items())
+def _length(reports: Sequence[SettingsReport]) -> int:
+    return sum(len(name) + len(value) for report in reports for name, value in report.settings.items())
 
 
-def _number(text: str) -> int:
-    """A whole number that fits a message; 0 for any other text."""
-    return int(text) if text.isascii() and text.isdigit() and len(text) < 20 else 0
+def _is_count(text: str) -> bool:
+    """Whether it is a whole number that fits a message."""
+    return text.isascii() and text.isdigit() and len(text) < 20

@@ -44,10 +44,8 @@ def split_session(log: SessionLog) -> tuple[SessionLog, ...]:
     of_model = [(model.epoch or first.get(model.run, 0), model.run) for model in log.models]
     parts = []
     for epoch, run in keys:
-        leader, follower = (
-            log.leader[(leads == epoch) & (seen == run)],
-            log.follower[(obeyed == epoch) & (runs == run)],
-        )
+        leader = log.leader[(leads == epoch) & (seen == run)]
+        follower = log.follower[(obeyed == epoch) & (runs == run)]
         models = tuple(model for model, key in zip(log.models, of_model, strict=True) if key == (epoch, run))
         parts.append(_with_own_settings(replace(log, leader=leader, follower=follower, models=models), epoch, run))
     return tuple(parts)
@@ -283,7 +281,7 @@ class SessionLog(Columns):
 
     def longest(self) -> SessionLog:
         """The segment in which both sides were present longest."""
-        return max(self.segments(), key=_seconds_together)
+        return _longest(self.segments())
 
     def phases(self) -> tuple[SessionLog, ...]:
         """The parts of all segments in which no setting changed: a network can change while the same processes go on.
@@ -298,7 +296,7 @@ class SessionLog(Columns):
 
     def longest_phase(self) -> SessionLog:
         """The part without a change of any setting in which both sides were present longest."""
-        return max(self.phases(), key=_seconds_together)
+        return _longest(self.phases())
 
     def columns(self) -> dict[str, NDArray[Any]]:
         """Forces and positions at equal command: what the leader did in a tick, and what the robot then felt of it.
@@ -330,10 +328,9 @@ def believable(follower: Rows) -> NDArray[np.bool_]:
     return np.asarray((follower["validity"] == 0) & finite)
 
 
-def _seconds_together(log: SessionLog) -> tuple[float, float]:
-    """Time in which both sides were present, and time in which one was [s]."""
-    sides = side_seconds(log.leader), side_seconds(log.follower)
-    return min(sides), max(sides)
+def _longest(logs: Iterable[SessionLog]) -> SessionLog:
+    """That in which both sides were present longest, and of equal ones either."""
+    return max(logs, key=lambda log: sorted((side_seconds(log.leader), side_seconds(log.follower))))
 
 
 def in_order(models: list[ModelUpdate]) -> tuple[ModelUpdate, ...]:

@@ -10,10 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.errors import SettingError
-from foretouch.quantities.pose import Pose, cross_matrix
-from foretouch.vision.camera import DICTIONARIES, Board, CameraModel, opencv
-
-Array = NDArray[np.float64]
+from foretouch.quantities.pose import Array, Pose, cross_matrix
+from foretouch.vision.camera import Board, CameraModel, markers_of, opencv
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,14 +99,10 @@ class BoardDetector:
         cv2 = opencv()
         parameters = cv2.aruco.DetectorParameters()
         parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
-        dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, DICTIONARIES[self.board.dictionary]))
-        self._detector = cv2.aruco.ArucoDetector(dictionary, parameters)
+        self._detector = cv2.aruco.ArucoDetector(markers_of(self.board), parameters)
 
     def find(self, image: NDArray[np.uint8]) -> tuple[Array, Array]:
-        """Marker numbers (m,) and their corners (m, 4, 2) [pixel], markers of the board alone.
-
-        Args:
-            image: (height, width) grey or (height, width, 3) RGB.
+        """Marker numbers (m,) and their corners (m, 4, 2) [pixel] in (h, w) grey or (h, w, 3) RGB, the board's alone.
 
         Raises:
             SettingError: Another size than the camera's, or no bytes.
@@ -126,10 +120,7 @@ class BoardDetector:
         return numbers[once], np.array([corners[i].reshape(4, 2) for i in once], float).reshape(-1, 4, 2)
 
     def locate(self, image: NDArray[np.uint8]) -> BoardPose:
-        """The board's pose in an image, or a sentence why there is none.
-
-        Args:
-            image: (height, width) grey or (height, width, 3) RGB.
+        """The board's pose in an image, (h, w) grey or (h, w, 3) RGB, or a sentence why there is none.
 
         Raises:
             SettingError: Another size than the camera's, or no bytes.
@@ -140,15 +131,13 @@ class BoardDetector:
         return self.fit(numbers, corners)
 
     def fit(self, numbers: Array, corners: Array) -> BoardPose:
-        """The pose that fits corners that were found.
-
-        Args:
-            numbers: Numbers of the markers, (m,).
-            corners: Corners of the markers [pixel], (m, 4, 2).
-        """
+        """The pose that fits the markers of these numbers, (m,), and corners [pixel], (m, 4, 2)."""
         points = self.board.corners()[np.asarray(numbers, int)].reshape(-1, 3)
         ideal = self.camera.ideal
-        pixels = ideal.project(self.camera.unproject(self._outwards(corners)))
+        away = corners - corners.mean(axis=1, keepdims=True)  # from the middle of their marker
+        length = np.linalg.norm(away, axis=2, keepdims=True)
+        moved = corners + self.corner_shift * away / np.maximum(length, 1e-9)
+        pixels = ideal.project(self.camera.unproject(moved.reshape(-1, 2)))
         if not np.isfinite(pixels).all():
             return _refused(len(numbers), "corners lie where the lens cannot be undone")
         cv2 = opencv()
@@ -158,13 +147,6 @@ class BoardDetector:
         turn, shift = cv2.solvePnPRefineLM(points, pixels, ideal.matrix, None, turn, shift)
         pose = Pose.from_rotation_vector(turn.ravel(), shift.ravel())
         return self._judge(pose, points, pixels, len(numbers))
-
-    def _outwards(self, corners: Array) -> Array:
-        """The corners moved away from the middle of their marker by the known shift."""
-        away = corners - corners.mean(axis=1, keepdims=True)
-        length = np.linalg.norm(away, axis=2, keepdims=True)
-        moved: Array = corners + self.corner_shift * away / np.maximum(length, 1e-9)
-        return moved.reshape(-1, 2)
 
     def _residual(self, pose: Pose, points: Array, pixels: Array) -> float:
         missed = self.camera.ideal.project(pose.apply(points)) - pixels
@@ -192,9 +174,8 @@ class BoardDetector:
         _, turns, shifts, _ = cv2.solvePnPGeneric(
             points, pixels, self.camera.ideal.matrix, None, flags=cv2.SOLVEPNP_IPPE
         )
-        poses = [
-            Pose.from_rotation_vector(turn.ravel(), shift.ravel()) for turn, shift in zip(turns, shifts, strict=True)
-        ]
+        flat = ((turn.ravel(), shift.ravel()) for turn, shift in zip(turns, shifts, strict=True))
+        poses = (Pose.from_rotation_vector(*each) for each in flat)
         others = [other for other in poses if pose.distance(other)[1] > np.radians(3.0)]
         return min(filter(np.isfinite, (self._residual(other, points, pixels) for other in others)), default=math.inf)
 

@@ -16,8 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from foretouch.errors import InputError, MissingExtraError, SettingError, UnknownNameError
 from foretouch.files import read_toml
-
-Array = NDArray[np.float64]
+from foretouch.quantities.pose import Array
 
 DICTIONARIES = {"4x4": "DICT_4X4_50", "5x5": "DICT_5X5_50", "6x6": "DICT_6X6_50"}
 """Families of markers by their number of squares, with OpenCV's name for them."""
@@ -84,6 +83,12 @@ class Board:
         return corners
 
 
+def markers_of(board: Board) -> Any:
+    """OpenCV's dictionary of a board's markers."""
+    aruco = opencv().aruco
+    return aruco.getPredefinedDictionary(getattr(aruco, DICTIONARIES[board.dictionary]))
+
+
 def make_board_image(board: Board, pixels: int = 840) -> NDArray[np.uint8]:
     """The board as it is printed, (n, n) grey, black 0 and white 255; n is near ``pixels``.
 
@@ -100,16 +105,13 @@ def make_board_image(board: Board, pixels: int = 840) -> NDArray[np.uint8]:
     """
     if not 128 <= pixels <= 8192:
         raise SettingError("pixels", pixels, "must be 128 to 8192")
-    cv2 = opencv()
-    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, DICTIONARIES[board.dictionary]))
     scale = pixels / board.size
     length = round(board.marker_length * scale)
     image = np.full((pixels, pixels), 255, np.uint8)
     for number, corners in enumerate(board.corners()):
         left, top = corners[0, 0], corners[0, 1]
         column, row = round((left + 0.5 * board.size) * scale), round((0.5 * board.size - top) * scale)
-        marker = cv2.aruco.generateImageMarker(dictionary, number, length)
-        image[row : row + length, column : column + length] = marker
+        image[row : row + length, column : column + length] = markers_of(board).generateImageMarker(number, length)
     return image
 
 
@@ -180,12 +182,7 @@ class CameraModel:
 
     @classmethod
     def from_field_of_view(cls, width: int, height: int, vertical: float) -> CameraModel:
-        """An ideal camera with square pixels: f = height / (2 tan(vertical / 2)).
-
-        Args:
-            width: [pixel].
-            height: [pixel].
-            vertical: Field of view from the upper to the lower edge [rad].
+        """An ideal camera with square pixels: f = height / (2 tan(vertical / 2)); sizes in pixel, the angle in rad.
 
         Raises:
             SettingError: A number out of its range.
@@ -198,8 +195,7 @@ class CameraModel:
     @property
     def matrix(self) -> Array:
         """K, (3, 3) [pixel]."""
-        (x, y), (u, v) = self._focal, self._centre
-        return np.array([[x, 0.0, u], [0.0, y, v], [0.0, 0.0, 1.0]])
+        return np.array([[self.focal_x, 0.0, self.centre_x], [0.0, self.focal_y, self.centre_y], [0.0, 0.0, 1.0]])
 
     @property
     def distortion(self) -> Array:
@@ -315,15 +311,11 @@ class Lens:
         self._columns, self._rows = np.ascontiguousarray(positions[..., 0]), np.ascontiguousarray(positions[..., 1])
 
     def distort(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """The true camera's image, (height, width) or (height, width, 3).
-
-        Args:
-            image: Image of an ideal camera of the same size with `field_of_view` from edge to edge [rad].
+        """The true camera's image, (h, w) or (h, w, 3), of an ideal camera's of the same size with `field_of_view`.
 
         Raises:
             SettingError: Another size than the camera's.
         """
         if image.shape[:2] != self._rows.shape:
             raise SettingError("image", image.shape, f"must be {self._rows.shape} pixels as the camera's")
-        drawn = self._cv2.remap(image, self._columns, self._rows, self._cv2.INTER_LINEAR)
-        return np.asarray(drawn, np.uint8)
+        return np.asarray(self._cv2.remap(image, self._columns, self._rows, self._cv2.INTER_LINEAR), np.uint8)

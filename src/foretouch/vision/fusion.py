@@ -8,13 +8,10 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.errors import SettingError
-from foretouch.quantities.pose import Pose
+from foretouch.quantities.pose import Array, Pose
 from foretouch.vision.seen import ContactSeen, ImageSeen, Seen, TouchedSurface, bend, height_derivative, is_finite
-
-Array = NDArray[np.float64]
 
 
 class Verdict(Enum):
@@ -104,11 +101,7 @@ class FixtureState:
         return self.covariance[:6, :6]
 
     def sentence(self, now: float) -> str:
-        """What is known, for the operator.
-
-        Args:
-            now: [s].
-        """
+        """What is known at a time [s], for the operator."""
         deviation = np.sqrt(np.diag(self.pose_covariance))
         position = 1e3 * float(np.linalg.norm(deviation[:3]))
         angle = math.degrees(float(np.linalg.norm(deviation[3:])))
@@ -172,29 +165,16 @@ class FixtureFilter:
         self._gates = float(chi2.ppf(s.gate, 1)), float(chi2.ppf(s.gate, 6))
         covariance = np.zeros((12, 12))
         covariance[:6, :6] = np.diag(_variances(s.start_position, s.start_angle))
-        self._bias = covariance[6:, 6:] = self._bias_covariance()
-        self._start = FixtureState(self.time, self.pose, np.zeros(6), covariance)
-
-    def _bias_covariance(self) -> Array:
-        """Covariance of the error common to all images, (6, 6), with the view of the fixture as first believed."""
-        s = self.settings
-        covariance = np.diag(_variances(s.bias_position, s.bias_angle))
-        length = float(np.linalg.norm(s.view))
-        if length > 0.0:
+        self._bias = np.diag(_variances(s.bias_position, s.bias_angle))
+        if (length := float(np.linalg.norm(s.view))) > 0.0:  # the view of the fixture is that as first believed
             view = self.pose.rotation.T @ (np.asarray(s.view) / length)
             across = s.bias_across**2
-            covariance[:3, :3] = across * np.eye(3) + (s.bias_position**2 - across) * np.outer(view, view)
-        return covariance
+            self._bias[:3, :3] = across * np.eye(3) + (s.bias_position**2 - across) * np.outer(view, view)
+        covariance[6:, 6:] = self._bias
+        self._start = FixtureState(self.time, self.pose, np.zeros(6), covariance)
 
     def update(self, seen: Seen) -> Verdict:
-        """Take an image or a contact in, late or not; never raises for what it holds.
-
-        Args:
-            seen: The image or contact.
-
-        Returns:
-            What became of it; `state` has what is known now.
-        """
+        """Take an image or a contact in, late or not; what became of it. It never raises for what it holds."""
         if not is_finite(seen):
             return Verdict.NOT_FINITE
         newest = self._times[-1] if self._times else self._start.time
@@ -210,22 +190,14 @@ class FixtureFilter:
             self._states.append(state)
             self._verdicts.append(verdict)
         verdict = self._verdicts[index]
-        self._forget()
+        if old := bisect.bisect_left(self._times, self._times[-1] - self.settings.history):
+            self._start = self._states[old - 1]
+            del self._times[:old], self._seen[:old], self._states[:old], self._verdicts[:old]
         return verdict
 
     def state(self, now: float) -> FixtureState:
-        """What is known at a time after the last measurement: the same pose, and more uncertainty.
-
-        Args:
-            now: [s].
-        """
+        """What is known at a time [s] after the last measurement: the same pose, and more uncertainty."""
         return self._predict(self._states[-1] if self._states else self._start, now)
-
-    def _forget(self) -> None:
-        old = bisect.bisect_left(self._times, self._times[-1] - self.settings.history)
-        if old:
-            self._start = self._states[old - 1]
-            del self._times[:old], self._seen[:old], self._states[:old], self._verdicts[:old]
 
     def _predict(self, state: FixtureState, time: float) -> FixtureState:
         s, elapsed = self.settings, max(0.0, time - state.time)

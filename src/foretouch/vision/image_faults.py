@@ -101,12 +101,7 @@ class FaultyCamera:
         self._random = np.random.default_rng(self.seed)
 
     def take(self, image: Image, time: float) -> Image | None:
-        """The image that comes out at a time, or None where none does.
-
-        Args:
-            image: What the lens shows, (height, width, 3) RGB.
-            time: [s].
-        """
+        """The image that comes out at a time [s] of what the lens shows, (h, w, 3) RGB; None where none does."""
         now = {fault.kind: fault for fault in self.faults if fault.begin <= time < fault.end}
         if "dropped" in now:
             return None

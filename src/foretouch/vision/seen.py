@@ -7,12 +7,9 @@ from dataclasses import dataclass
 from typing import Protocol, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.errors import SettingError
-from foretouch.quantities.pose import Pose, cross_matrix
-
-Array: TypeAlias = NDArray[np.float64]
+from foretouch.quantities.pose import Array, Pose, cross_matrix
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,12 +108,7 @@ class Fixture:
 
 
 def height_derivative(normal: Array, point: Array) -> Array:
-    """Derivative of a point's height by the pose's error on the right, (-n, n x q), (6,).
-
-    Args:
-        normal: n, outward, in the fixture's frame.
-        point: q, in the same [m].
-    """
+    """Derivative of the height of a point q [m] by the pose's error on the right, (-n, n x q), (6,); n is outward."""
     return np.concatenate([-normal, cross_matrix(normal) @ point])
 
 
@@ -127,12 +119,7 @@ def bend(surface: TouchedSurface, point: Array, covariance: Array) -> float:
 
     over the principal axes s_i of where q is in the fixture's frame, from the pose's covariance; each bracket is no
     more than the surface's relief. Without it touches of a curved surface whose place along itself is not known would
-    seem to tell that place, and be believed.
-
-    Args:
-        surface: Surface that is touched.
-        point: q [m].
-        covariance: Covariance of the pose's error on the right, (6, 6).
+    seem to tell that place, and be believed. The point q is in m, the covariance of the error on the right (6, 6).
 
     References:
         Norgaard, Poulsen and Ravn (2000), New developments in state estimation for nonlinear systems, Automatica 36.

@@ -55,16 +55,13 @@ def run_benchmarks(
     say: Callable[[str], None] = lambda text: None,
     progress: Callable[[str, list[Row]], None] = lambda name, rows: None,
 ) -> dict[str, list[Row]]:
-    """Run benchmarks one after another.
+    """Run benchmarks of `BENCHMARKS` one after another, or all: the rows of each, those that failed left out.
 
     Args:
-        names: Names of `BENCHMARKS`; all where none is given.
+        names: Names of benchmarks; all where none is given.
         full: All that is asked for, however long it takes; else a short form that says so.
         say: Called with a line for each part left out and each benchmark that failed.
         progress: Called with the name and the rows of each that has ended.
-
-    Returns:
-        The rows of each, those that failed left out.
 
     Raises:
         UnknownNameError: There is no benchmark of a name.

@@ -15,18 +15,17 @@ from __future__ import annotations
 import itertools
 import shutil
 import tempfile
+from functools import partial
+from operator import attrgetter
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from foretouch.bench.timing import Contestant, Row, Scope, interleave, ratio, spread
+from foretouch.bench.timing import Array, Contestant, Row, Scope, interleave, ratio, spread
 from foretouch.errors import MissingExtraError
 from foretouch.files.children import Ended, measure_process
 from foretouch.messages import VERSION, Hello, Telemetry
 from foretouch.recordings import SessionWriter, write_columns
-
-Array = NDArray[np.float64]
 
 RATE = 1000.0
 SURFACE, HIGHEST, DEEPEST, PRESSES = 0.010, 0.004, 0.006, 0.9
@@ -52,15 +51,10 @@ def recorded_press(seconds: float) -> dict[str, Array]:
 def write_recording(path: Path, seconds: float) -> None:
     """Write a recording of a length [s] as CSV, Parquet or MCAP, whichever the name ends with."""
     columns = recorded_press(seconds)
-    if path.suffix == ".mcap":
-        _write_session(path, columns)
-    else:
+    if path.suffix != ".mcap":
         write_columns(path, columns)
-
-
-def _write_session(path: Path, columns: dict[str, Array]) -> None:
-    """The recording as a follower would have written it."""
-    with SessionWriter(path) as writer:
+        return
+    with SessionWriter(path) as writer:  # as a follower would have written it
         writer.write(Hello(VERSION, 1, 0, "follower", (), ()), 0)
         rows = zip(*(column.tolist() for column in columns.values()), strict=True)
         for sequence, (time, position, force) in zip(itertools.count(1), rows):
@@ -84,12 +78,9 @@ def measure_compare(scope: Scope) -> list[Row]:
     count = FULL_RECORDINGS if scope.full else RECORDINGS
     with tempfile.TemporaryDirectory() as folder:
         paths = write_recordings(Path(folder), count, SECONDS)
-
-        def jobs(number: int) -> Contestant:
-            command = ["-m", "foretouch", "compare", *map(str, paths), *CHOSEN, "--jobs", str(number), "--json"]
-            return Contestant(lambda: measure_process(command))
-
-        times = interleave({"1": jobs(1), "2": jobs(2)}, COMPARE_ROUNDS, warm=False)
+        command = ["-m", "foretouch", "compare", *map(str, paths), *CHOSEN, "--json", "--jobs"]
+        jobs = {number: Contestant(partial(measure_process, [*command, number])) for number in ("1", "2")}
+        times = interleave(jobs, COMPARE_ROUNDS, warm=False)
     scaled = "" if scope.full else f" (asked: {FULL_RECORDINGS})"
     what = f"compare, {count} recordings of {SECONDS:g} s{scaled}"
     return [
@@ -181,12 +172,9 @@ def _identify(
             again.append(measure_process(command))
         for beside in set(folder.iterdir()) - set(paths.values()):  # so that the next run reads the recording
             beside.unlink()
-    quickest = {seconds: min(ended, key=_seconds) for seconds, ended in first.items()}
-    return quickest, min(again, key=_seconds, default=quickest[lengths[-1]])
-
-
-def _seconds(ended: Ended) -> float:
-    return ended.seconds
+    seconds_of = attrgetter("seconds")
+    quickest = {seconds: min(ended, key=seconds_of) for seconds, ended in first.items()}
+    return quickest, min(again, key=seconds_of, default=quickest[lengths[-1]])
 
 
 STARTUP_ROUNDS = 7
@@ -207,11 +195,8 @@ PROCESSES: dict[str, tuple[list[str], float | None]] = {
 
 def measure_startup(scope: Scope) -> list[Row]:
     """Seconds from a process's start to its end."""
-
-    def start(arguments: list[str]) -> Contestant:
-        return Contestant(lambda: measure_process(arguments))
-
-    times = interleave({what: start(arguments) for what, (arguments, _) in PROCESSES.items()}, STARTUP_ROUNDS)
+    started = {what: Contestant(partial(measure_process, arguments)) for what, (arguments, _) in PROCESSES.items()}
+    times = interleave(started, STARTUP_ROUNDS)
     return [
         Row.of(f"{what}, a fresh process", spread(times[what]), "s", reach) for what, (_, reach) in PROCESSES.items()
     ]

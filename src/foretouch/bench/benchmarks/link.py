@@ -12,6 +12,7 @@ between machines does.
 from __future__ import annotations
 
 import base64
+import functools
 import json
 import subprocess
 import sys
@@ -23,9 +24,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from foretouch.bench.timing import Row, Scope, spread
+from foretouch.bench.timing import Array, Row, Scope, spread
 from foretouch.errors import ForetouchError, MissingExtraError
 from foretouch.files.children import children
 from foretouch.link import Faults, FaultStage, KeyFolder, ZenohLink, free_endpoint, load_credentials
@@ -115,10 +115,8 @@ DELAY, SEGMENTS = 0.08, 4
 REACH_MS = 0.4
 POLL = 2e-5  # Period at which the stage is polled [s]; a follower polls once a tick
 
-Times = NDArray[np.float64]
 
-
-def one_way_times(kinds: tuple[str, ...], segments: int) -> dict[str, Times]:
+def one_way_times(kinds: tuple[str, ...], segments: int) -> dict[str, Array]:
     """Milliseconds one way of the messages that arrived, by kind, in the order in which they were sent.
 
     Of each of some `KINDS`, and of `DELAYED`, whose delay is taken off, `segments` seconds at 1 kHz by turns.
@@ -137,7 +135,7 @@ def one_way_times(kinds: tuple[str, ...], segments: int) -> dict[str, Times]:
                     opened[kind] = ZenohLink(listen=[f"tcp/{endpoint}"], subscribe=["command"])
                 else:
                     opened[kind] = open_wire(kind, endpoint, folder, listen=True)
-                    opened[kind].declare_subscriber(KEY, _receiver(result[kind].append))
+                    opened[kind].declare_subscriber(KEY, functools.partial(_receive, result[kind]))
             wires = [f"{kind}={endpoint}" for kind, endpoint in ends.items()]
             command = [sys.executable, "-m", "foretouch.bench.benchmarks.link", str(folder), str(segments), *wires]
             with children() as started, steady():
@@ -151,12 +149,9 @@ def one_way_times(kinds: tuple[str, ...], segments: int) -> dict[str, Times]:
     return {kind: np.array(result[kind]) for kind in kinds}
 
 
-def _receiver(keep: Callable[[float], None]) -> Callable[[Any], None]:
-    def receive(sample: Any) -> None:
-        arrival = time.monotonic_ns()
-        keep((arrival - decode(sample.payload.to_bytes(), Command).time_ns) * 1e-6)
-
-    return receive
+def _receive(kept: list[float], sample: Any) -> None:
+    arrival = time.monotonic_ns()
+    kept.append((arrival - decode(sample.payload.to_bytes(), Command).time_ns) * 1e-6)
 
 
 def _wait(sender: subprocess.Popen[bytes], link: ZenohLink | None, keep: Callable[[float], None]) -> None:
@@ -173,8 +168,7 @@ def _wait(sender: subprocess.Popen[bytes], link: ZenohLink | None, keep: Callabl
             time.sleep(POLL)
 
 
-def _rows(what: str, times: Times, reach: float | None) -> list[Row]:
-    """Median and 99 % of each segment."""
+def _rows(what: str, times: Array, reach: float | None) -> list[Row]:
     parts = np.array_split(times, max(1, times.size // SEGMENT))
     return [
         Row.of(f"{what}, 50 %", spread([np.percentile(part, 50) for part in parts]), "ms", reach),
@@ -194,16 +188,13 @@ def measure_link(scope: Scope) -> list[Row]:
     for kind in KINDS:
         if kind not in medians:
             scope.say(f"nothing came over {kind}: its rows are left out")
-    rows += [
-        Row(f"one way over {kind.upper()} over that over TCP, 50 %", medians[kind] / medians["tcp"], "x")
-        for kind in KINDS[1:]
-        if kind in medians and "tcp" in medians
-    ]
+    came = [kind for kind in KINDS if kind in medians]
+    for kind in came[1:] if "tcp" in came else ():
+        rows.append(Row(f"one way over {kind.upper()} over that over TCP, 50 %", medians[kind] / medians["tcp"], "x"))
     if DELAYED in medians:
         rows += _rows(f"a command over a configured delay of {DELAY * 1e3:g} ms, beyond it", times[DELAYED], REACH_MS)
-    for kind in KINDS:
-        if kind in medians:
-            rows += _rows(f"one way over {kind.upper()}", times[kind], None)
+    for kind in came:
+        rows += _rows(f"one way over {kind.upper()}", times[kind], None)
     return rows
 
 

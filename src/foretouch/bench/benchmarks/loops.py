@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import contextlib
 import gc
+import itertools
 import runpy
 import subprocess
 import sys
@@ -42,19 +43,13 @@ Integers = NDArray[np.int64]
 
 
 class Ticks(NamedTuple):
-    """Ticks of one loop, each array of shape (n,).
-
-    Attributes:
-        deadline_ns: When each was to begin [ns, monotonic clock]; of a tick that passed over deadlines, the first that
-            it missed.
-        late_ns: Time by which it began later [ns].
-        compute_ns: What the tick before it computed, by the wall clock: where the kernel took the core away meanwhile,
-            that is in it.
-    """
+    """Ticks of one loop, each array of shape (n,) [ns]."""
 
     deadline_ns: Integers
-    late_ns: Integers
+    """When each was to begin (monotonic clock); of a tick that passed over deadlines, the first that it missed."""
+    late_ns: Integers  # Time by which it began later
     compute_ns: Integers
+    """What the tick before it computed, by the wall clock: where the kernel took the core away, that is in it."""
 
 
 def ticks_of(rows: Rows) -> Ticks:
@@ -108,7 +103,6 @@ def read_notes(path: Path) -> Notes:
 
 @contextmanager
 def _noting(path: Path) -> Iterator[Notes]:
-    """Note every run of the collector until the end."""
     notes, begun = Notes(), [0]
 
     def note(phase: str, info: dict[str, int]) -> None:
@@ -163,10 +157,7 @@ def bare_round(folder: Path, seconds: float) -> np.ndarray:
 
 
 def session_round(folder: Path, seconds: float) -> Round:
-    """What a session of a length [s] did, from its recording and the notes of its sides.
-
-    A ForetouchError names a process that ended otherwise than well.
-    """
+    """What a session [s] did, from its recording and its sides' notes; an error names a process that ended badly."""
     from foretouch.recordings import read_session
 
     recording = folder / "session.mcap"
@@ -177,7 +168,7 @@ def session_round(folder: Path, seconds: float) -> Round:
         except subprocess.TimeoutExpired as error:
             raise ForetouchError(f"a process of the session did not end: {error}") from None
     failed = [
-        f"{name} ended with exit code {code}: {last_line(_said(folder, name).read_text(errors='replace'))}"
+        f"{name} ended with exit code {code}: {last_line((folder / f'{name}.txt').read_text(errors='replace'))}"
         for name, code in zip(NAMES, codes, strict=True)
         if code
     ]
@@ -216,15 +207,10 @@ def _processes(
     running = {}
     with children() as started:
         for name, command in commands.items():
-            with _said(folder, name).open("wb") as text:
+            with (folder / f"{name}.txt").open("wb") as text:
                 full = [sys.executable, *command]
                 running[name] = started.start(full, cwd=folder, stdout=subprocess.DEVNULL, stderr=text)
         yield [running[name] for name in NAMES]
-
-
-def _said(folder: Path, name: str) -> Path:
-    """What a process of a session says to people."""
-    return folder / f"{name}-output.txt"
 
 
 def measure_loops(scope: Scope) -> list[Row]:
@@ -246,15 +232,10 @@ def measure_loops(scope: Scope) -> list[Row]:
     ]
     rows += [Row.of(f"{what}: {side} late, 99 %", spread(late[side]), "ms") for side in SIDES]
     rows.append(Row.of("a bare loop late, 99 %", spread(bare), "ms"))
-    rows += [
-        Row.of(
-            f"{side}, of 1,000 ticks over {LATE_NS * 1e-6:g} ms late by: {cause}",
-            spread([why[cause] for why in reasons[side]]),
-            "ticks",
-        )
-        for side in SIDES
-        for cause in CAUSES
-    ]
+    late_by = f"of 1,000 ticks over {LATE_NS * 1e-6:g} ms late by"
+    for side, cause in itertools.product(SIDES, CAUSES):
+        counts = spread([why[cause] for why in reasons[side]])
+        rows.append(Row.of(f"{side}, {late_by}: {cause}", counts, "ticks"))
     return rows
 
 

@@ -15,10 +15,9 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.bench.benchmarks.updates import growth
-from foretouch.bench.timing import Row, Scope, Spread, one_core, resident_bytes, spread
+from foretouch.bench.timing import Array, Row, Scope, Spread, one_core, resident_bytes, spread
 from foretouch.models import make_model
 from foretouch.rendering import Renderer
 from foretouch.robot import AnyRobot, SpatialRobot, WrappedRobot, WrappedSpatialRobot
@@ -96,7 +95,7 @@ class TapedSession:
             self._tape = RobotOnTape(arm)
         simulate(self._settings, duration=duration, operator=self._operator(), robot=self._tape)
 
-    def times(self) -> dict[str, NDArray[np.float64]]:
+    def times(self) -> dict[str, Array]:
         """Run it again: times of the steps [s] of leader and follower, shape (ticks,), and when the probe touched."""
         self._tape.rewind()
         operator = self._operator()

@@ -11,16 +11,13 @@ import time
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.bench.peers import FORGETTING_FACTOR, OPTIONS, Press, Problem, press, recursion_over_many
-from foretouch.bench.timing import Contestant, Row, Scope, interleave, ratio, resident_bytes, spread
+from foretouch.bench.timing import Array, Contestant, Row, Scope, interleave, ratio, resident_bytes, spread
 from foretouch.identification import FPRLS, ContactSamples
 
 STREAMS, SAMPLES, ROUNDS = 4096, 250, 11
 """Recordings, and samples of each."""
-
-Array = NDArray[np.float64]
 
 
 class Streams(NamedTuple):
@@ -135,7 +132,6 @@ def slope(streams: list[Streamed]) -> float:
 
 
 def _stream(size: int) -> Streamed:
-    """Learn from `size` samples, a block at a time."""
     estimator, block = FPRLS(OPTIONS), ContactSamples(*press(BLOCK))
     gc.collect()
     gc.disable()

@@ -12,7 +12,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.bench.peers import (
     OPTIONS,
@@ -27,7 +26,7 @@ from foretouch.bench.peers import (
     recursion_over,
     samples,
 )
-from foretouch.bench.timing import Contestant, Row, Scope, interleave, ratio, resident_bytes, spread
+from foretouch.bench.timing import Array, Contestant, Row, Scope, interleave, ratio, resident_bytes, spread
 from foretouch.identification import (
     FPRLS,
     ContactMap,
@@ -48,7 +47,7 @@ REACHES = {"padasip": 200.0, "filterpy": 400.0, "river": 400.0, RIVER_WITHOUT_FO
 """Smallest speed over each peer's [-]."""
 
 
-def theta_of(pressed: Press) -> NDArray[np.float64]:
+def theta_of(pressed: Press) -> Array:
     """(ln k, s, b1, b2) after a recording, features included."""
     estimator = FPRLS(OPTIONS)
     estimator.run(ContactSamples(*pressed))
@@ -60,12 +59,10 @@ def measure_fprls(scope: Scope) -> list[Row]:
     pressed, small = press(FPRLS_SIZE), Problem.of(press(PEER_SIZE))
     problem = Problem.of(pressed)
     bounds: list[float] = []
-
-    def look_at_the_bound() -> None:
-        bounds.append(measure_latencies(1).fused_bound)
-
     contestants = {
-        "ours": Contestant(lambda: theta_of(pressed), FPRLS_SIZE, look_at_the_bound),
+        "ours": Contestant(
+            lambda: theta_of(pressed), FPRLS_SIZE, lambda: bounds.append(measure_latencies(1).fused_bound)
+        ),
         "bare": Contestant(lambda: recursion_over(problem), FPRLS_SIZE),
     }
     for name in PEERS:
@@ -192,14 +189,10 @@ def measure_map(scope: Scope) -> list[Row]:
     visited = {str(cells(deepest)): map_contestant(CELLS_SIZE, deepest) for deepest in DEEPEST}
     times |= interleave(visited, MAP_ROUNDS)
     few, *_, many = visited
+    what = "contact map over a recording of 10^5 samples, all in contact"
     return [
         Row.of(f"contact map, {many} cells over {few} cells", ratio(times, many, few), "x"),
-        Row.of(
-            "contact map over a recording of 10^5 samples, all in contact",
-            spread(times["recording"], 1e9),
-            "ns/sample",
-            MAP_REACH_NS,
-        ),
+        Row.of(what, spread(times["recording"], 1e9), "ns/sample", MAP_REACH_NS),
         *(
             Row.of(f"contact map over {CELLS_SIZE} samples in {name} cells", spread(times[name], 1e9), "ns/sample")
             for name in visited
@@ -214,8 +207,6 @@ WIDTH, HEIGHT, DEPTH, SPEED, PERIOD = 0.1, 2e-3, 1e-3, 0.05, 1e-3
 """Width of the sheet and height of its waves [m], depth [m] and speed [m/s] of the probe, time of a tick [s]."""
 
 TICKS, MESH_ROUNDS = 2_000, 11
-
-Array = NDArray[np.float64]
 
 
 def sheet(side: int) -> TriangleMesh:
@@ -244,7 +235,7 @@ def mesh_contestant(side: int) -> Contestant:
     """Ticks on such a sheet."""
     surface, positions = sheet(side), slide()
 
-    def run() -> NDArray[Any]:
+    def run() -> Any:
         follow: Callable[..., object] = surface.follow
         memory = surface.initial_memory()
         for x, y, z in positions:

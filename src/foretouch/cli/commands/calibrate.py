@@ -14,7 +14,6 @@ from foretouch.cli.reading import read_and_say, recording_options
 from foretouch.errors import SettingError, plural
 
 if TYPE_CHECKING:
-    from foretouch.identification import ToolWeight
     from foretouch.quantities import SensorCalibration
     from foretouch.recordings import RecordingOptions
 
@@ -59,16 +58,12 @@ def sensor(
     make_folder(report_directory)
     measured = read_poses(poses)
     weight = fit_tool_weight(measured.gravity, measured.force, measured.torque)
+    kinds = ("force_bias", "torque_bias", "centre_of_mass")
     values: dict[str, Any] = {
-        "force_bias": _triple(weight.force_bias),
-        "force_bias_error": _triple(weight.force_bias_error),
-        "torque_bias": _triple(weight.torque_bias),
-        "torque_bias_error": _triple(weight.torque_bias_error),
+        **{name: _triple(getattr(weight, name)) for kind in kinds for name in (kind, f"{kind}_error")},
         "force_noise": measured.force_noise,
         "tool_mass": weight.mass,
         "tool_mass_error": weight.mass_error,
-        "centre_of_mass": _triple(weight.centre_of_mass),
-        "centre_of_mass_error": _triple(weight.centre_of_mass_error),
         "approach_axis": direction,
         "approach_gravity": approach_gravity,
     }
@@ -76,13 +71,19 @@ def sensor(
         recording = read_and_say(motion, options)
         values["sensor_lag"], values["sensor_lag_error"] = find_sensor_lag(recording)
     calibration = msgspec.structs.replace(before, **values)
-    content = _weight_figures(weight, calibration)
-    _write(output, calibration)
-    if report_directory is not None:
-        from foretouch.report import write_calibration_page
-
-        made = made_by([poses] if motion is None else [poses, motion], axis=axis)
-        say(f"report: {write_calibration_page(report_directory, poses.name, weight, content, made)}")
+    content = {
+        **{f"{name}_{unit}": getattr(calibration, name) for name, unit in WEIGHT_UNITS.items()},
+        "free_air_force_N": calibration.force_offset,
+        "sensor_lag_s": calibration.sensor_lag,
+        "sensor_lag_error_s": calibration.sensor_lag_error,
+        "poses": weight.poses,
+        "gravity_spread": _triple(weight.spread),
+        "force_residual_rms_N": _rms(weight.force_residual),
+        "force_residual_largest_N": float(abs(weight.force_residual).max()),
+        "torque_residual_rms_Nm": None if weight.torque_residual is None else _rms(weight.torque_residual),
+    }
+    made = made_by([poses] if motion is None else [poses, motion], axis=axis)
+    _write(output, calibration, report_directory, poses.name, weight, content, made)
     return Answer(content, _lines(f"{poses}: {plural(weight.poses, 'pose')}", content))
 
 
@@ -125,12 +126,8 @@ def compliance(
         "to_force_N": float(result.force.max()),
         "residual_rms_m": _rms(result.residual),
     }
-    _write(output, calibration)
-    if report_directory is not None:
-        from foretouch.report import write_calibration_page
-
-        made = made_by([recording], sensor_lag=f"{before.sensor_lag or 0.0:g} s")
-        say(f"report: {write_calibration_page(report_directory, recording.name, result, content, made)}")
+    made = made_by([recording], sensor_lag=f"{before.sensor_lag or 0.0:g} s")
+    _write(output, calibration, report_directory, recording.name, result, content, made)
     return Answer(content, _lines(f"{recording}: {plural(result.force.size, 'sample')}", content))
 
 
@@ -171,31 +168,20 @@ WEIGHT_UNITS = {
 """Units of what is printed of a calibration, by field of `SensorCalibration`."""
 
 
-def _weight_figures(weight: ToolWeight, calibration: SensorCalibration) -> dict[str, Any]:
-    """The calibration's numbers under names with units, and the residuals."""
-    return {
-        **{f"{name}_{unit}": getattr(calibration, name) for name, unit in WEIGHT_UNITS.items()},
-        "free_air_force_N": calibration.force_offset,
-        "sensor_lag_s": calibration.sensor_lag,
-        "sensor_lag_error_s": calibration.sensor_lag_error,
-        "poses": weight.poses,
-        "gravity_spread": _triple(weight.spread),
-        "force_residual_rms_N": _rms(weight.force_residual),
-        "force_residual_largest_N": float(abs(weight.force_residual).max()),
-        "torque_residual_rms_Nm": None if weight.torque_residual is None else _rms(weight.torque_residual),
-    }
-
-
 def _rms(residual: Any) -> float:
     return math.sqrt((residual**2).mean())
 
 
-def _write(output: Path | None, calibration: SensorCalibration) -> None:
+def _write(output: Path | None, calibration: SensorCalibration, directory: Path | None, *page: Any) -> None:
     from foretouch.recordings import write_calibration
 
     if output is not None:
         write_calibration(output, calibration)
         say(f"calibration: {output}")
+    if directory is not None:
+        from foretouch.report import write_calibration_page
+
+        say(f"report: {write_calibration_page(directory, *page)}")
 
 
 def _lines(title: str, content: dict[str, Any]) -> Iterator[str]:

@@ -19,7 +19,9 @@ from foretouch.cli.options import Answer, KeysFolder, command, say
 from foretouch.errors import InputError, one_line
 
 if TYPE_CHECKING:
-    from foretouch.link import Identity
+    from datetime import datetime
+
+    from foretouch.link import Identity, KeyFolder
 
 
 keys = typer.Typer(help="Keys for sessions between machines: a private authority.", no_args_is_help=True)
@@ -34,11 +36,8 @@ def init_keys(folder: KeysFolder = None) -> Answer:
 
     Example: foretouch keys init
     """
-    from foretouch.link import KeyFolder
-    from foretouch.link.certificates import utc_now
-
-    opened = KeyFolder(folder)
-    authority = opened.init(utc_now())
+    opened, now = _opened(folder)
+    authority = opened.init(now)
     if opened.tightened:
         say(f"{opened.path}: others could look into it; it has mode 700 now")
     say("Next: foretouch keys issue leader, foretouch keys issue follower. authority.key stays on this machine.")
@@ -57,11 +56,8 @@ def issue_keys(
 
     Example: foretouch keys issue follower
     """
-    from foretouch.link import KeyFolder
-    from foretouch.link.certificates import utc_now
-
-    opened = KeyFolder(folder)
-    identity = opened.issue(role, name, utc_now(), days)
+    opened, now = _opened(folder)
+    identity = opened.issue(role, name, now, days)
     path = opened.path / f"{identity.common_name}.pem"
     say(f"Copy to the machine of the {role}: authority.crt, allowed.txt, {path.name}")
     return _made({path: identity})
@@ -81,11 +77,8 @@ def rotate_keys(
 
     Example: foretouch keys rotate
     """
-    from foretouch.link import KeyFolder
-    from foretouch.link.certificates import utc_now
-
-    opened = KeyFolder(folder)
-    made = opened.rotate(common_name, utc_now(), days, authority=authority)
+    opened, now = _opened(folder)
+    made = opened.rotate(common_name, now, days, authority=authority)
     if authority:
         say("Copy authority.crt and the new keys to every machine: the old ones are let in nowhere that has it.")
     elif not made:
@@ -100,13 +93,12 @@ def show_keys(folder: KeysFolder = None) -> Answer:
 
     Example: foretouch keys show
     """
-    from foretouch.link import WARNING_DAYS, KeyFolder
-    from foretouch.link.certificates import utc_now
+    from foretouch.link import WARNING_DAYS
 
-    opened, now = KeyFolder(folder), utc_now()
+    opened, now = _opened(folder)
     authority, here, allowed = opened.read()
-    shown = {opened.path / f"{name}.pem": identity for name, identity in here.items()}
-    shown = {opened.path / "authority.crt": authority, **shown}
+    of_processes = {opened.path / f"{name}.pem": identity for name, identity in here.items()}
+    shown = {opened.path / "authority.crt": authority, **of_processes}
     for path, identity in shown.items():
         if not identity.issued_by(authority):
             say(f"{path} is from another authority: it is let in nowhere")
@@ -121,8 +113,14 @@ def show_keys(folder: KeysFolder = None) -> Answer:
     return Answer(content, [*itertools.starmap(_line, shown.items()), f"let in: {', '.join(allowed)}"])
 
 
+def _opened(folder: Path | None) -> tuple[KeyFolder, datetime]:
+    from foretouch.link import KeyFolder
+    from foretouch.link.certificates import utc_now
+
+    return KeyFolder(folder), utc_now()
+
+
 def _made(made: dict[Path, Identity]) -> Answer:
-    """The certificates that were made."""
     certificates = {path.name: _row(identity) | {"path": str(path)} for path, identity in made.items()}
     return Answer({"certificates": certificates}, itertools.starmap(_line, made.items()))
 
@@ -180,11 +178,7 @@ def release(
 
 
 def _ask(question: str, *wanted: str) -> None:
-    """Ask, and end the command where the answer is none of those that are wanted.
-
-    Raises:
-        EOFError: Nothing more is typed, or an empty line.
-    """
+    """Ask, and end the command where the answer is not wanted; an EOFError says that nothing is typed."""
     typer.echo(f"{question} ", nl=False, err=True)
     answer = sys.stdin.readline().strip()
     if not answer:
@@ -195,12 +189,10 @@ def _ask(question: str, *wanted: str) -> None:
 
 
 def _waits(sentence: str) -> bool:
-    """Whether a follower that says this waits to be released."""
     return "foretouch release" in sentence
 
 
 def _the_one(process: int | None) -> tuple[int, str]:
-    """The number of the process that is meant, and what it says."""
     from foretouch.link import followers
 
     end = time.monotonic() + SAID

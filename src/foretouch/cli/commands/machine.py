@@ -10,15 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foretouch.cli.options import (
-    Answer,
-    Duration,
-    Endpoints,
-    command,
-    open_link,
-    require_duration,
-    say,
-)
+from foretouch.cli.options import Answer, Duration, Endpoints, command, open_link, require_duration, say
 from foretouch.cli.progress import compile_first, progress_bar
 from foretouch.errors import ForetouchError, LinkError, SettingError
 
@@ -54,12 +46,21 @@ def bench(
     """
     given = {"--only": bool(only), "--full": full, "--check": check, "--json": json_output}
     if write_baseline is not None:
+        from foretouch.bench.check import measure_ratios, try_to_write
+        from foretouch.bench.check import write_baseline as write
+
         _refuse("--write-baseline", given)
-        _keep_ratios(write_baseline)
+        try_to_write(write_baseline)
+        write(write_baseline, measure_ratios(short=False))
+        say(f"baseline: {write_baseline}")
         return None
     if check:
+        from foretouch.bench.check import check as check_ratios
+
         _refuse("--check", {name: given[name] for name in ("--only", "--full")})
-        return _judge_ratios()
+        checked = check_ratios()
+        rows = [{"what": c.name, "figure": c.ratio, "baseline": c.baseline, "passed": c.passed} for c in checked]
+        return Answer(rows, (one.sentence for one in checked), code=int(not all(one.passed for one in checked)))
     return _measure(only or [], full, json_output)
 
 
@@ -109,22 +110,6 @@ def _console() -> Console:
     if not console.is_terminal:
         console.width = max(console.width, WIDTH)
     return console
-
-
-def _keep_ratios(path: Path) -> None:
-    from foretouch.bench.check import measure_ratios, try_to_write, write_baseline
-
-    try_to_write(path)
-    write_baseline(path, measure_ratios(short=False))
-    say(f"baseline: {path}")
-
-
-def _judge_ratios() -> Answer:
-    from foretouch.bench.check import check
-
-    checked = check()
-    rows = [{"what": c.name, "figure": c.ratio, "baseline": c.baseline, "passed": c.passed} for c in checked]
-    return Answer(rows, (one.sentence for one in checked), code=int(not all(one.passed for one in checked)))
 
 
 LONGEST = 600.0  # The longest examination of loops and peers [s]
@@ -196,7 +181,6 @@ def _way(endpoints: Endpoints, endpoint: str) -> tuple[str, str, int, Callable[[
 
 
 def _answer(endpoints: Endpoints, duration: float | None) -> Answer:
-    """Answer the questions of other doctors."""
     from foretouch.doctor.network import DOCTOR_CHANNELS, Answerer
 
     end = None if duration is None else time.monotonic() + duration

@@ -46,11 +46,7 @@ class Learning:
         return f"{self.model} by {self.estimator}"
 
     def with_estimator(self) -> Learning:
-        """The same with the law's own estimator where none is named.
-
-        Raises:
-            UnknownNameError: No law has that name.
-        """
+        """The same with the law's own estimator where none is named; an UnknownNameError says that it is no law."""
         from foretouch.identification import default_estimator
 
         return self if self.estimator is not None else replace(self, estimator=default_estimator(self.model))
@@ -74,8 +70,7 @@ class Learning:
     def at_the_contact(self, data: Recording, path: Path) -> tuple[Recording, Learning]:
         """The recording as its sensor's calibration corrects it, and the same with what that knows of the sensor.
 
-        Raises:
-            SettingError: The calibration has what is given here too.
+        A SettingError says that the calibration has what is given here too.
         """
         from foretouch.identification import correct_recording
         from foretouch.recordings import read_calibration
@@ -279,10 +274,7 @@ def report(
 
 
 def _verdict(data: Recording, residual_percent: float | None) -> tuple[str, str | None]:
-    """Status of an identification that has a residual, and what to try; None where there is nothing to mend.
-
-    The recording's signs may be wrong, its force may have no zero that can be known, or the law describes it badly.
-    """
+    """Status of an identification that has a residual, and what to try; None where there is nothing to mend."""
     from foretouch.identification.force_calibration import is_zero_unobservable
     from foretouch.recordings import falls_with_depth
 

@@ -145,12 +145,11 @@ def repair(
 
     require_recording(output)
     result = repair_session(path, output)
-    first = "is whole"
-    if not result.was_whole:
-        left_out = (
-            f"{result.damaged_blocks} damaged blocks left out" if result.damaged_blocks else "no block was damaged"
-        )
-        first = f"{result.bytes_cut} bytes cut behind the last whole block; {left_out}"
+    damaged = result.damaged_blocks
+    left_out = f"{damaged} damaged blocks left out" if damaged else "no block was damaged"
+    first = f"{result.bytes_cut} bytes cut behind the last whole block; {left_out}"
+    if result.was_whole:
+        first = "is whole"
     held = ", ".join(f"{count} {topic}" for topic, count in result.messages.items())
     second = f"{result.path}: holds {result.duration:.3f} s in {result.bytes_kept} bytes: {held}"
     return Answer(asdict(result) | {"path": str(result.path)}, [f"{path}: {first}", second])
@@ -173,7 +172,7 @@ def inspect(
 
     Example: foretouch recordings inspect press.csv --save map.toml
     """
-    from foretouch.recordings import inspect_recording
+    from foretouch.recordings import atomic_path, inspect_recording
 
     if save is not None:
         _require_elsewhere("save", save, path)
@@ -183,7 +182,12 @@ def inspect(
     if save is not None:
         if result.guess is None:
             raise SettingError("save", str(save), f"{path} is {result.stated}")
-        _save_map(save, result.guess.text(), overwrite)
+        text = result.guess.text()
+        if save.is_file() and not overwrite and save.read_text(encoding="utf-8", errors="replace") != text:
+            completed = "says something else already: name another file, or give --overwrite"  # perhaps by hand
+            raise SettingError("save", str(save), completed)
+        with atomic_path(save) as part:
+            part.write_text(text, encoding="utf-8")
         say(f"map: {save}")
     return Answer(result.as_json(), _lines(result, topic, show_all))
 
@@ -214,16 +218,6 @@ def convert(
     return Answer(content, f"{output}: {plural(len(recording), 'sample')} in {seconds:.3f} s")
 
 
-def _save_map(path: Path, text: str, overwrite: bool) -> None:
-    """Write a map; one that says something else may have been completed by hand, and is replaced only if asked for."""
-    from foretouch.recordings import atomic_path
-
-    if path.is_file() and not overwrite and path.read_text(encoding="utf-8", errors="replace") != text:
-        raise SettingError("save", str(path), "says something else already: name another file, or give --overwrite")
-    with atomic_path(path) as part:
-        part.write_text(text, encoding="utf-8")
-
-
 def _require_elsewhere(name: str, output: Path, path: Path) -> None:
     """Refuse an output that is the recording, or stands in its folder where that is a bag."""
     written, read = output.resolve(), path.resolve()
@@ -232,7 +226,6 @@ def _require_elsewhere(name: str, output: Path, path: Path) -> None:
 
 
 def _lines(result: Contents, topic: str | None, show_all: bool) -> Iterator[str]:
-    """What a recording holds, as aligned lines."""
     span = "" if result.duration_s is None else f", {result.duration_s:.3f} s"
     rate = "" if result.rate is None else f", {result.rate:.5g} samples a second"
     begin = "" if not result.begin_ns else f", from {_date(result.begin_ns)}"
@@ -243,21 +236,19 @@ def _lines(result: Contents, topic: str | None, show_all: bool) -> Iterator[str]
     most = None if show_all else MOST_SHOWN
     topics, columns = result.topics[:most], result.columns[:most]
     if topics:
-        rates = ["" if (hz := result.rate_of(one)) is None else f"{hz:.5g} /s" for one in topics]
-        rows = [(one.name, one.type_name, str(one.count), hz) for one, hz in zip(topics, rates, strict=True)]
+        rows = [(one.name, one.type_name, str(one.count), _cell(result.rate_of(one), ".5g", " /s")) for one in topics]
         yield from _table(("topic", "type", "messages", "rate"), rows)
     if left := len(result.topics) - len(topics):
         yield f"  ... and {plural(left, 'topic')} more: --all shows them, --topic NAME its fields"
     if columns:
-        counts = ["" if one.count is None else str(one.count) for one in columns]
-        cells = [(one.name, one.kind, count) for one, count in zip(columns, counts, strict=True)]
-        if topic is None:
-            rows_of = [(*cell, one.unit) for one, cell in zip(columns, cells, strict=True)]
-            yield from _table(("column", "type", "values", "unit"), rows_of)
-        else:
-            ranges = [map(_number, (one.example, one.smallest, one.largest)) for one in columns]
+        cells = [(one.name, one.kind, _cell(one.count, "d")) for one in columns]
+        title: tuple[str, ...] = ("column", "type", "values", "unit")
+        more: list[tuple[str, ...]] = [(one.unit,) for one in columns]
+        if topic is not None:
             title = ("field", "type", "messages", "first", "smallest", "largest")
-            yield from _table(title, [(*cell, *three) for cell, three in zip(cells, ranges, strict=True)])
+            ranges = ((one.example, one.smallest, one.largest) for one in columns)
+            more = [tuple(_cell(value, ".6g") for value in three) for three in ranges]
+        yield from _table(title, [(*cell, *others) for cell, others in zip(cells, more, strict=True)])
     if left := len(result.columns) - len(columns):
         yield f"  ... and {left} more: --all shows them"
     if result.stated:
@@ -276,8 +267,8 @@ def _table(title: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> Iterator[
         yield "  " + "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip()
 
 
-def _number(value: float | None) -> str:
-    return "" if value is None else f"{value:.6g}"
+def _cell(value: float | None, form: str, unit: str = "") -> str:
+    return "" if value is None else f"{value:{form}}{unit}"
 
 
 def _date(time_ns: int) -> str:

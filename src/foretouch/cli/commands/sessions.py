@@ -192,6 +192,7 @@ def replay(
 
     Example: foretouch replay session.mcap --force-delay 0.6
     """
+    from foretouch.recordings import read_session
     from foretouch.report import compare_replay, render_replay, write_replay_page
     from foretouch.session import recorded_settings, replay_notes, replay_under
 
@@ -200,7 +201,11 @@ def replay(
     require_recording(output)
     require_elsewhere(output, recording, name="recording")
     make_folder(report)
-    log = _session(recording)
+    if recording.suffix.lower() != ".mcap" and recording.is_file():  # it can be predicted
+        alone = f"`foretouch predict {recording} --delay S` takes a press alone"
+        raise RecordingError(recording, f"is no session's MCAP; {alone}")
+    log = read_session(recording)
+    say_if_cut(recording, log)
     settings, reported = recorded_settings(log.longest().settings, changes)
     compile_first()
     again = pulsing("running the session again", replay_under, log, settings, closed_loop)
@@ -212,17 +217,6 @@ def replay(
         page = write_replay_page(report, recording.name, log, again, content, made_by([recording]))
         say(f"report: {page}")
     return Answer(content, f"{recording}\n{render_replay(content)}")
-
-
-def _session(path: Path) -> SessionLog:
-    """A recorded session; other recordings are sent where they can be predicted."""
-    from foretouch.recordings import read_session
-
-    if path.suffix.lower() != ".mcap" and path.is_file():
-        raise RecordingError(path, f"is no session's MCAP; `foretouch predict {path} --delay S` takes a press alone")
-    log = read_session(path)
-    say_if_cut(path, log)
-    return log
 
 
 def _write(path: Path, log: SessionLog) -> None:

@@ -183,7 +183,11 @@ def sweep(
     Example: foretouch sweep --out sweep --sessions 100 --baselines 20
     """
     if replay is not None:
-        return _replay(out, replay, baseline)
+        from foretouch.sweep import replay_session
+
+        replayed = replay_session(out, replay, baseline=baseline)
+        again = {"number": replay, "baseline": baseline, **replayed.as_row()}
+        return Answer(again, [replayed.sentence, replayed.stored.command], code=int(not replayed.identical))
     if baseline != "none":
         raise SettingError("baseline", baseline, "is of the session to replay: give its number by --replay")
     from foretouch.sweep import render_table, run_sweep, summary, write_sweep_page
@@ -206,14 +210,6 @@ def sweep(
     content = summary(rows)
     say(f"page: {page}")
     return Answer(content | {"page": str(page)}, render_table(content), code=int(bool(content["objections"])))
-
-
-def _replay(folder: Path, number: int, baseline: str) -> Answer:
-    from foretouch.sweep import replay_session
-
-    replayed = replay_session(folder, number, baseline=baseline)
-    content = {"number": number, "baseline": baseline, **replayed.as_row()}
-    return Answer(content, [replayed.sentence, replayed.stored.command], code=int(not replayed.identical))
 
 
 @command(json_help="Print the claims as a JSON array.")
@@ -268,9 +264,8 @@ def _section_lines(section: Section, all_of_it: bool) -> Iterator[str]:
     yield f"\n{section.title}"
     for claim in section.claims:
         yield _wrapped(WORDS[claim.verdict], claim.claim)
-        if all_of_it:
-            for name, made in (("paper", claim.paper), ("measured", claim.measured), ("setting", claim.setting)):
-                yield _wrapped("", f"{name}: {made}")
+        for name in ("paper", "measured", "setting") if all_of_it else ():
+            yield _wrapped("", f"{name}: {getattr(claim, name)}")
 
 
 WORDS = {"holds": "holds", "holds under stated choice": "by choice", "does not hold": "does not"}

@@ -92,7 +92,8 @@ class Entrance:
         path, _, query = target.partition("?")
         if path.rstrip("/") != self.path and not path.startswith(f"{self.path}/"):
             return Answer(403, REFUSED)
-        known = self._has_cookie(headers)
+        pairs = (pair.strip().partition("=") for line in headers.get_all("Cookie") for pair in line.split(";"))
+        known = any(name == COOKIE and _same(value, self._cookie) for name, _, value in pairs)
         if socket:
             return Answer(200) if known else Answer(403, REFUSED)
         if not known and not self._spend(query):
@@ -101,10 +102,6 @@ class Entrance:
             return Answer(200)
         cookie = f"{COOKIE}={self._cookie}; Path={self.path}; HttpOnly; SameSite=Strict"
         return Answer(303, headers=(("Location", f"{self.path}/"), ("Set-Cookie", cookie)))
-
-    def _has_cookie(self, headers: Any) -> bool:
-        pairs = (pair.strip().partition("=") for line in headers.get_all("Cookie") for pair in line.split(";"))
-        return any(name == COOKIE and _same(value, self._cookie) for name, _, value in pairs)
 
     def _spend(self, query: str) -> bool:
         """Whether the token is there and was not used; it is used now, and the next one is printed."""

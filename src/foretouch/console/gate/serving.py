@@ -80,6 +80,9 @@ NOT_ALLOWED = b"HTTP/1.1 405 Method Not Allowed\r\nAllow: GET\r\nContent-Length:
 """The answer to any request but GET, which is all that the server behind knows."""
 
 _STARTING = threading.Lock()
+_OF_STRANGERS = ("opening handshake failed", "connection rejected")  # Errors inside are still logged
+_LOGGER = logging.getLogger("foretouch.console.gate")
+_LOGGER.addFilter(lambda record: not record.getMessage().startswith(_OF_STRANGERS))
 
 
 def make_gated_server(host: str, port: int, entrance: Entrance) -> Any:
@@ -180,7 +183,7 @@ def _serving_through(gate: _Gate) -> Iterator[None]:
             "create_connection": _connection_type(gate),
             "max_size": LARGEST_MESSAGE,
             "open_timeout": OPEN_TIMEOUT,
-            "logger": _quiet_logger(),
+            "logger": _LOGGER,
         }
         return original(handler, host, port, **options)
 
@@ -246,14 +249,3 @@ def _connection_type(gate: _Gate) -> type[ServerConnection]:
             raise NotImplementedError("the gate hears whole messages alone")
 
     return GatedConnection
-
-
-def _quiet_logger() -> logging.Logger:
-    """Keep malformed requests of strangers out of the terminal; errors inside are still logged."""
-    logger = logging.getLogger("foretouch.console.gate")
-    logger.addFilter(_of_ours)
-    return logger
-
-
-def _of_ours(record: logging.LogRecord) -> bool:
-    return not record.getMessage().startswith(("opening handshake failed", "connection rejected"))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import html
 import math
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -122,6 +121,10 @@ def numbers_html(
     followed = away < 0.05  # 0.0 s as written
     first = Row("", "") if followed else Row(f"{AWAY.name}: {number(away, 's', 1)}", "", AWAY)
     heads = (first, "value", f"error, last {SECONDS:.0f} s")
+    settings, robot = shown.settings, shown.settings.get("robot", SIMULATED)
+    names = [settings[name] for name in NAMES if name in settings]
+    if robot != SIMULATED:  # one of another package has its own material
+        names = [f"robot {robot}", *(settings[name] for name in NAMES[1:] if name in settings)]
     urgent = "".join(
         f'<div style="color:{css(VERMILLION)};overflow-wrap:anywhere;padding-bottom:4px">'
         f"<b>{html.escape(warning)}</b></div>"
@@ -131,15 +134,8 @@ def numbers_html(
         f"{urgent}{table(rows, heads)}"
         '<div style="color:#555;padding-top:2px;line-height:1.3;font-size:0.93em;overflow-wrap:anywhere">'
         f'<div style="min-height:3.9em">{html.escape(status)}</div>'
-        f'<span style="font-size:0.9em">{html.escape(" · ".join(_names(shown.settings)))}</span></div>'
+        f'<span style="font-size:0.9em">{html.escape(" · ".join(names))}</span></div>'
     )
-
-
-def _names(settings: Mapping[str, str]) -> list[str]:
-    """The material, and the estimator that learns it; a robot of another package has its own material."""
-    robot = settings.get("robot", SIMULATED)
-    own = [] if robot == SIMULATED else [f"robot {robot}"]
-    return own + [settings[name] for name in NAMES if name in settings and not (own and name == "material")]
 
 
 SYMBOLS = {"stiffness": "k", "damping": "λ", "exponent": "n", "switching": "α"}

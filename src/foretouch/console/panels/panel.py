@@ -25,31 +25,23 @@ _TOP = (
 """Over the top of the picture, no wider than it is beside the panel."""
 
 
-class Banner:
-    """Banner over the top of the picture, where it moves nothing aside."""
-
-    def __init__(self, gui: Any, meanwhile: str) -> None:
-        self._meanwhile = meanwhile
-        self._box = gui.add_html("")
-
-    def show(self, playback: Playback | None, note: str = "") -> None:
-        """Show which recording is looked at, and which moment of it; without one, a note, if there is any."""
-        content = ""
-        if playback is not None:
-            moment = f"{playback.now:.1f} of {playback.duration:.1f} s"
-            content = (
-                f'<div role="status" style="{_TOP}background:{css(ORANGE)};color:{css(INK)};'
-                f'border:3px solid {css(INK)};border-radius:8px;padding:6px 12px;font-weight:700;font-size:17px">'
-                f"{NOT_LIVE}: {html.escape(playback.name)}, {moment}<br>"
-                f'<span style="font-weight:400;font-size:14px">{self._meanwhile}</span></div>'
-            )
-        elif note:  # a small box; on a phone, what is urgent takes its place
-            content = (
-                f'<div role="status" class="foretouch-note" style="{_TOP}background:#fff;color:{css(INK)};'
-                f"border:2px solid {css(ORANGE)};border-radius:6px;padding:4px 10px;font-size:13px;line-height:1.3"
-                f'">{html.escape(note)}</div>'
-            )
-        put(self._box, content=content)
+def banner_html(playback: Playback | None, note: str, *, live: bool) -> str:
+    """Which recording is looked at, and which moment of it; without one, a note, if there is any."""
+    if playback is not None:
+        moment = f"{playback.now:.1f} of {playback.duration:.1f} s"
+        return (
+            f'<div role="status" style="{_TOP}background:{css(ORANGE)};color:{css(INK)};'
+            f'border:3px solid {css(INK)};border-radius:8px;padding:6px 12px;font-weight:700;font-size:17px">'
+            f"{NOT_LIVE}: {html.escape(playback.name)}, {moment}<br>"
+            f'<span style="font-weight:400;font-size:14px">{LIVE_MEANWHILE if live else ""}</span></div>'
+        )
+    if not note:
+        return ""
+    return (  # a small box; on a phone, what is urgent takes its place
+        f'<div role="status" class="foretouch-note" style="{_TOP}background:#fff;color:{css(INK)};'
+        f"border:2px solid {css(ORANGE)};border-radius:6px;padding:4px 10px;font-size:13px;line-height:1.3"
+        f'">{html.escape(note)}</div>'
+    )
 
 
 INSTRUCTION = "Drag the blue handle down to press."
@@ -92,32 +84,33 @@ class Panel:
     """
 
     def __init__(self, server: Any, actions: Actions, *, live: bool) -> None:
-        gui = self._gui = server.gui
+        gui = server.gui
         gui.set_panel_label("foretouch")
         gui.configure_theme(control_width="large", show_logo=False, show_share_button=False, brand_color=BLUE)
         gui.main_panel.dock_right()
         gui.main_panel.set_width(WIDTH)
         gui.add_html(_LAYOUT)
         self.alarm = Alarm(gui, actions.emergency, offered=live)  # the first that the keyboard reaches
-        self.banner = Banner(gui, LIVE_MEANWHILE if live else "")
+        self.banner = gui.add_html("")
         self._head = gui.add_html(_head_html(WAITING_INSTRUCTION, felt("", True)))
         self.forces = ForcePanel(gui)
         self.image = ImagePanel(gui)
         self._clutch = gui.add_button(PRESS_CLUTCH, color=GREY, hint=CLUTCH)
         self._clutch.on_click(handler(lambda event: actions.clutch(event.client_id)))
         self.tabs = tabs = gui.add_tab_group()
-        if not live:
-            self._add_recordings(actions, live)
-        with tabs.add_tab("Network"):
+        titles = ["Network", "Model", "Energy", "Session"]
+        titles.insert(len(titles) if live else 0, "Recordings")
+        tab = {title: tabs.add_tab(title) for title in titles}
+        with tab["Network"]:
             self.network = NetworkPanel(gui, actions.faults)
-        with tabs.add_tab("Model"):
+        with tab["Model"]:
             self.models = ModelPanel(gui)
-        with tabs.add_tab("Energy"):
+        with tab["Energy"]:
             self.energy = EnergyPanel(gui)
-        with tabs.add_tab("Session"):
+        with tab["Session"]:
             self.session = SessionPanel(gui, actions, live=live)
-        if live:
-            self._add_recordings(actions, live)
+        with tab["Recordings"]:
+            self.recordings = RecordingsPanel(gui, actions, live=live)
         self._help = gui.add_html(_help_html(HELP), visible=live)
         add_keys(
             gui,
@@ -128,21 +121,15 @@ class Panel:
             ("Play or pause the recording", "P", lambda event: actions.play()),
         )
 
-    def _add_recordings(self, actions: Actions, live: bool) -> None:
-        with self.tabs.add_tab("Recordings"):
-            self.recordings = RecordingsPanel(self._gui, actions, live=live)
-
-    def explain_space_keys(self) -> None:
-        """Name the keys that a session in three dimensions has too."""
-        put(self._help, content=_help_html(HELP.replace("Keys: ", f"Keys: {SPACE_HELP}")))
-
     def instruct(self, instruction: str, note: str) -> None:
         """Show what to do, in one line, and which hand the force moves."""
         put(self._head, content=_head_html(instruction, note))
 
-    def offer_clutch(self, offered: bool) -> None:
-        """Show the clutch, or hide it where no leader uses it."""
-        put(self._clutch, visible=offered)
+    def offer(self, *, clutch: bool, in_space: bool) -> None:
+        """Show the clutch where a leader uses it, and name the keys that a session in three dimensions has too."""
+        put(self._clutch, visible=clutch)
+        if in_space:
+            put(self._help, content=_help_html(HELP.replace("Keys: ", f"Keys: {SPACE_HELP}")))
 
     def show_clutch(self, pressed: bool) -> None:
         """Show whether the clutch is pressed."""

@@ -10,7 +10,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -30,16 +30,6 @@ THERE = Curve("Lost on the way there", BLUE, 2.0)
 BACK = Curve("Lost on the way back", VERMILLION, 2.0, "dashed")
 
 
-class NetworkFaults(NamedTuple):
-    """Values of the sliders: one-way delays, jitter and outages [s], and the fraction of messages lost."""
-
-    position_delay: float = 0.0
-    force_delay: float = 0.0
-    jitter: float = 0.0
-    loss: float = 0.0
-    outage: float = 0.0
-
-
 SLIDERS = {
     "position_delay": ("Delay there [s]", LONGEST_DELAY, 0.01, "One-way delay of your positions to the robot"),
     "force_delay": ("Delay back [s]", LONGEST_DELAY, 0.01, "One-way delay of models and measured forces"),
@@ -53,7 +43,7 @@ SLIDERS = {
 class NetworkPanel:
     """Sliders, and below them delay and loss as measured; `on_faults` gets all of them when a person moves one."""
 
-    def __init__(self, gui: Any, on_faults: Callable[[NetworkFaults], None]) -> None:
+    def __init__(self, gui: Any, on_faults: Callable[[Mapping[str, float]], None]) -> None:
         self._on_faults = on_faults
         self._moved = -math.inf
         self._sliders = {
@@ -90,7 +80,7 @@ class NetworkPanel:
 
     def _slid(self, event: Any) -> None:
         self._moved = time.monotonic()
-        self._on_faults(NetworkFaults(**{name: float(slider.value) for name, slider in self._sliders.items()}))
+        self._on_faults({name: float(slider.value) for name, slider in self._sliders.items()})
 
 
 def _last(values: np.ndarray) -> float:
@@ -133,7 +123,7 @@ closed, the browser would hear of neither, and the focus would stay in it, where
 class Actions:
     """Functions called for actions of a person, from the viewer's thread; moments and delays are in s, steps in m."""
 
-    faults: Callable[[NetworkFaults], None]
+    faults: Callable[[Mapping[str, float]], None]
     clutch: Callable[[int | None], None]
     end: Callable[[], None]
     emergency: Callable[[], None]
@@ -179,13 +169,6 @@ class SessionPanel:
             put(dropdown, value=value or dropdown.value, disabled=not offered or bool(self._waiting))
         label, colour = (STOP_RECORDING, BLUE) if recording else (START_RECORDING, GREY)
         put(self._record, label=label, color=colour, disabled=not offered)
-        self._write(offered, recording, refused)
-
-    def ending(self) -> None:
-        """Show that the session ends."""
-        put(self._end, label="The session ends", disabled=True)
-
-    def _write(self, offered: bool, recording: str, refused: str) -> None:
         what = f"Recording: {html.escape(recording)}" if recording else "Nothing is recorded."
         lines = [f'<span style="color:#555">{what if offered else self._unsupervised}</span>']
         if offered:
@@ -193,6 +176,10 @@ class SessionPanel:
         if refused:
             lines.append(f'<b style="color:{css(VERMILLION)}">Not chosen: {html.escape(refused)}</b>')
         put(self._note, content=f'<div style="padding:2px 12px;overflow-wrap:anywhere">{"<br>".join(lines)}</div>')
+
+    def ending(self) -> None:
+        """Show that the session ends."""
+        put(self._end, label="The session ends", disabled=True)
 
     def _choose(self, name: str, event: Any) -> None:
         value = str(event.target.value)

@@ -49,31 +49,30 @@ def draw_over(
     The camera is that of `foretouch.messages.CameraImage`; the pose is the rendered one, a position [m] and a rotation
     vector [rad], and the corners of the outline are in the fixture's frame [m], shape (n, 3).
     """
+    from foretouch.session.spatial.camera import pixels
+
     cv2 = opencv()
     image = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
     if image is None or len(camera) != 15:
         return None
-    outline = Pose.from_rotation_vector(pose[3:], pose[:3]).apply(_divided(corners))
+    part = np.arange(PARTS)[:, None] / PARTS
+    sides = [a + part * (b - a) for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)]
+    outline = Pose.from_rotation_vector(pose[3:], pose[:3]).apply(np.concatenate(sides))
     try:
-        seen = _pixels(camera, outline)
+        seen = pixels(camera, outline)
     except SettingError:  # no such lens
         return None
     _draw_line(image, np.vstack([seen, seen[:1]]), GREEN, 2)
     if all(map(math.isfinite, probe)):
         rod = np.asarray(probe) + np.outer(np.linspace(0.0, ROD, PARTS), (0.0, 0.0, 1.0))
-        _draw_line(image, _pixels(camera, rod), BLUE, 6)
-        _draw_tip(image, camera, probe)
+        _draw_line(image, pixels(camera, rod), BLUE, 6)
+        middle, right = tip = pixels(camera, np.array(probe) + np.outer((0.0, TIP_RADIUS), (1.0, 0.0, 0.0)))
+        if np.isfinite(tip).all():
+            at, radius = np.rint(middle).astype(int).tolist(), max(round(math.dist(middle, right)), 5)
+            cv2.circle(image, at, radius + 2, (255, 255, 255), -1, cv2.LINE_AA)
+            cv2.circle(image, at, radius, BLUE[::-1], -1, cv2.LINE_AA)
     written, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
     return bytes(data) if written else None
-
-
-def _draw_tip(image: np.ndarray, camera: Sequence[float], probe: Vector) -> None:
-    middle, right = _pixels(camera, np.array(probe) + np.outer((0.0, TIP_RADIUS), (1.0, 0.0, 0.0)))
-    if np.isfinite(middle).all() and np.isfinite(right).all():
-        cv2, at = opencv(), np.rint(middle).astype(int).tolist()
-        radius = max(round(math.dist(middle, right)), 5)
-        cv2.circle(image, at, radius + 2, (255, 255, 255), -1, cv2.LINE_AA)
-        cv2.circle(image, at, radius, BLUE[::-1], -1, cv2.LINE_AA)
 
 
 def _draw_line(image: np.ndarray, points: Array, colour: Colour, width: int) -> None:
@@ -84,18 +83,6 @@ def _draw_line(image: np.ndarray, points: Array, colour: Colour, width: int) -> 
         for begin in np.flatnonzero(near[:-1] & near[1:]):
             ends = np.rint(points[begin : begin + 2]).astype(int).tolist()
             cv2.line(image, *ends, painted, wider, cv2.LINE_AA)
-
-
-def _divided(corners: Array) -> Array:
-    part = np.arange(PARTS)[:, None] / PARTS
-    sides = [a + part * (b - a) for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)]
-    return np.concatenate(sides)
-
-
-def _pixels(camera: Sequence[float], points: Array) -> Array:
-    from foretouch.session.spatial.camera import pixels
-
-    return pixels(camera, points)
 
 
 DRAW_PROBE = "Probe over image"
@@ -170,15 +157,14 @@ class ImagePanel:
             self._image._data = jpeg  # as it came: the viewer would read and write it once more
 
     def _write(self, watched: Watched, image: CameraImage | None) -> None:
-        lines = []
-        if image is None:
-            lines.append(missing_image(watched.settings))
-        else:
-            lines.append(f"{_age(watched, image)}; {image.markers} of {MARKERS} markers found.")
+        lines = [missing_image(watched.settings)]
+        if image is not None:  # as old as the ticks of the robot since then, and the network's delay
+            age = (watched.telemetry_sequence - image.tick) * 1e-3 + watched.setting("force_delay", 0.0)
+            lines = [f"Shows the robot of {age:.1f} s ago; {image.markers} of {MARKERS} markers found."]
             if image.reason:
                 lines.append(f"No pose from it: {image.reason}.")
-        if image is not None and not self._can_draw:
-            lines.append(NO_OPENCV + install_command("vision"))
+            if not self._can_draw:
+                lines.append(NO_OPENCV + install_command("vision"))
         colour = css(VERMILLION) if image is None or image.reason else "#555"
         put(self._text, content=inset("<br>".join(map(html.escape, lines)), f";color:{colour};line-height:1.35"))
 
@@ -191,14 +177,6 @@ def missing_image(settings: Mapping[str, str]) -> str:
     if settings.get("camera") == "there is none" or fusion in NOT_USED:
         return f"{NO_CAMERA} Images are not used (--fusion {fusion})." if fusion in NOT_USED else NO_CAMERA
     return NO_IMAGE
-
-
-def _age(watched: Watched, image: CameraImage) -> str:
-    """Age of the image, in words: the ticks of the robot since then, and the network's delay."""
-    there = (watched.telemetry_sequence - image.tick) * 1e-3
-    back = watched.setting("force_delay", math.nan)
-    age = there + (back if math.isfinite(back) else 0.0)
-    return f"Shows the robot of {age:.1f} s ago"
 
 
 BOARD, MARKER = 0.060, 0.024

@@ -90,17 +90,14 @@ def _box_html(alerts: tuple[str, ...]) -> str:
     """A box that the mouse goes through, but for a command, which a click selects; as wide as fits beside the panel."""
     if not alerts:
         return ""
-    lines = "".join(f'<div style="padding:2px 0">&#9888; {_with_command(alert)}</div>' for alert in alerts)
+    command = '<code style="pointer-events:auto;user-select:all;cursor:copy" title="Click, then copy">\\g<0></code>'
+    texts = (re.sub(r"foretouch release \d+", command, html.escape(alert)) for alert in alerts)
+    lines = "".join(f'<div style="padding:2px 0">&#9888; {text}</div>' for text in texts)
     return (
         f'<div role="alert" class="{ALERTS[1:]}" style="'
         f"box-sizing:border-box;pointer-events:none;overflow-wrap:anywhere;background:#fff;color:{css(INK)};"
         f'border:3px solid {css(VERMILLION)};border-radius:8px;padding:6px 10px;font-weight:600">{lines}</div>'
     )
-
-
-def _with_command(alert: str) -> str:
-    command = '<code style="pointer-events:auto;user-select:all;cursor:copy" title="Click, then copy">\\g<0></code>'
-    return re.sub(r"foretouch release \d+", command, html.escape(alert))
 
 
 ASKING_PERIOD = 0.05  # Between two askings [s]
@@ -164,13 +161,10 @@ def add_keys(gui: Any, *keys: tuple[str, str, Callable[[Any], None]]) -> None:
         gui.add_command(label, hotkey=key).on_trigger(handler(action))
 
 
-def add_space_keys(gui: Any, on_stroke: Callable[[Vector], None], on_overlay: Callable[[], None]) -> None:
-    """Register the keys that a session in three dimensions has beside the others; a stroke is a way [m]."""
-    add_keys(
-        gui,
-        ("Hand to the left", "J", lambda event: on_stroke((-STEP, 0.0, 0.0))),
-        ("Hand to the right", "L", lambda event: on_stroke((STEP, 0.0, 0.0))),
-        ("Hand away", "I", lambda event: on_stroke((0.0, STEP, 0.0))),
-        ("Hand nearer", "K", lambda event: on_stroke((0.0, -STEP, 0.0))),
-        ("Probe over image", "O", lambda event: on_overlay()),
-    )
+SPACE_STROKES: dict[tuple[str, str], Vector] = {
+    ("Hand to the left", "J"): (-STEP, 0.0, 0.0),
+    ("Hand to the right", "L"): (STEP, 0.0, 0.0),
+    ("Hand away", "I"): (0.0, STEP, 0.0),
+    ("Hand nearer", "K"): (0.0, -STEP, 0.0),
+}
+"""Keys that move the hand in a session in three dimensions, and their ways [m]."""

@@ -68,24 +68,20 @@ class LineView:
         scene.world_axes.visible = False
         server.initial_camera.fov = FIELD_OF_VIEW
         look(server, CAMERA)
-        self._root = scene.add_frame("/line", show_axes=False)
+        self.root = scene.add_frame("/line", show_axes=False)
         self._material = Material(scene)
         _add_ruler(scene)
         self._probes = Probes(scene, "/line", (92, 106, 120), MEASURES)
-        self._hand = add_body(scene, "/line/hand", shapes.ring(), BLUE, opacity=0.6)
+        self._hand = add_body(scene, "/line/hand", shapes.RING, BLUE, opacity=0.6)
         self._hand.visible = False
         self._handle = add_body(scene, "/line/handle", shapes.handle(), BLUE)
-        self._hint = add_body(scene, "/line/hint", shapes.hint(), GREY)  # blue arrows are forces
+        self._hint = add_body(scene, "/line/hint", shapes.DOWNWARDS, GREY)  # blue arrows are forces
         self._rail = add_body(scene, "/line/rail", shapes.rail(0.0, 1.0), BLUE, opacity=0.1)
         # A handle that moves is hard to catch; its rail does not move.
         for node in (self._handle, self._rail, self._probes.probe):
             node.on_drag("left")(self._dragged)
         label = "/line/labels/handle"
         self._handle_label = scene.add_label(label, DRAG, anchor="bottom-center", font_screen_scale=1.4)
-
-    def show(self, shown: bool) -> None:
-        """Show it all, or hide it: a session in three dimensions has a separate picture."""
-        put(self._root, visible=shown)
 
     def draw(self, shown: Watched, *, live: bool, useful: bool) -> None:
         """Draw a session or recording; whether a person can move its hand, and the robot goes along then."""
@@ -98,7 +94,10 @@ class LineView:
         self._material.draw(-z)
         self._probes.draw_probe((0.0, 0.0, z), _upwards(rendered), deviation)
         self._probes.draw_robot((0.0, 0.0, robot_z) if math.isfinite(robot_z) else None, _upwards(delayed))
-        self._set_travel(round((surface - shown.deepest) * UNITS, 1), round(surface * UNITS, 1))
+        bottom, top = travel = round((surface - shown.deepest) * UNITS, 1), round(surface * UNITS, 1)
+        if self._travel != travel:  # between which heights of the operator's tip the handle can be dragged
+            self._travel = travel
+            self._rail.vertices = shapes.rail(max(bottom + HANDLE_HEIGHT, LOWEST_RAIL), top + HANDLE_HEIGHT)[0]
         self._draw_handle(live and self._watched.operator == "browser", useful)
         ahead = shown.hand_ahead * UNITS
         self._hand.visible = SMALLEST_APART < abs(ahead) < LARGEST_APART
@@ -110,13 +109,10 @@ class LineView:
 
         The size of a force is in the panel alone: the viewer draws labels some pictures later than numbers.
         """
-        handle = force = robot = ""
-        if shown.leader is not None:
-            handle, force = LET_GO if self.hold.held else "", "rendered force"
-            held_back = shown.telemetry is not None and shown.telemetry.guarded
-            robot = "delayed robot, holds back" if held_back else "delayed robot"
-        put(self._handle_label, text=handle or DRAG)
-        self._probes.write(force, robot)
+        heard, held_back = shown.leader is not None, shown.telemetry is not None and shown.telemetry.guarded
+        put(self._handle_label, text=LET_GO if heard and self.hold.held else DRAG)
+        robot = "delayed robot, holds back" if held_back else "delayed robot"
+        self._probes.write("rendered force" if heard else "", robot if heard else "")
 
     def drag_to(self, z: float, held: bool) -> None:
         """The handle was moved to a height [scene units], and is still held or let go there."""
@@ -135,12 +131,6 @@ class LineView:
         if self._hint.visible:
             bob = BOB * math.sin(2.0 * math.pi * time.monotonic())
             self._hint.position = (1.75, -0.3, self._handle_z - 1.6 + bob)
-
-    def _set_travel(self, bottom: float, top: float) -> None:
-        """Between which heights of the operator's tip [scene units] the handle can be dragged."""
-        if self._travel != (bottom, top):
-            self._travel = (bottom, top)
-            self._rail.vertices = shapes.rail(max(bottom + HANDLE_HEIGHT, LOWEST_RAIL), top + HANDLE_HEIGHT)[0]
 
     def _handle_height(self) -> float:
         return (self._watched.surface - self.hold.position) * UNITS + HANDLE_HEIGHT

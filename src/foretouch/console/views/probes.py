@@ -16,21 +16,13 @@ ANCHORS = ("center-right", "center-left")  # Anchors of the left and of the righ
 
 
 class Measures(NamedTuple):
-    """Style of the forces in a picture.
+    """Style of the forces in a picture."""
 
-    Attributes:
-        per_newton: Length of an arrow [scene units per newton].
-        longest: Of all arrows [scene units].
-        least: Smaller forces have no arrow [N].
-        beside: Begin of an arrow, to the side of the probe and in depth [scene units].
-        label: Position of a label, to the side and above [scene units].
-    """
-
-    per_newton: float
-    longest: float
-    least: float
-    beside: tuple[float, float]
-    label: tuple[float, float]
+    per_newton: float  # Length of an arrow [scene units per newton]
+    longest: float  # Of all arrows [scene units]
+    least: float  # Smaller forces have no arrow [N]
+    beside: tuple[float, float]  # Begin of an arrow, to the side of the probe and in depth [scene units]
+    label: tuple[float, float]  # Position of a label, to the side and above [scene units]
 
 
 class Probes:

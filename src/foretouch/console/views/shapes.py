@@ -71,12 +71,6 @@ def handle() -> Mesh:
     return lathe([(r, -z) for r, z in reversed(half[1:])] + half, segments=32)
 
 
-def ring() -> Mesh:
-    """A thin collar around the rod, its lower rim at the origin: where the hand is."""
-    inner, outer, height = 0.75, 0.9, 0.12
-    return lathe([(inner, 0.0), (outer, 0.0), (outer, height), (inner, height), (inner, 0.0)], 32)
-
-
 def arrow(length: float) -> Mesh:
     """Arrow from the origin upwards, `length` [scene units] long; a short one is small all over."""
     length = max(length, 1e-3)
@@ -92,10 +86,10 @@ def uncertainty(low: float, high: float) -> Mesh:
     return lathe([(0.0, low), (radius, low), (radius, high), (0.0, high)], 20)
 
 
-def hint() -> Mesh:
-    """An arrow downwards, its end at the origin: which way to pull."""
-    neck, width, cone, length = 0.2, 0.5, 0.7, 1.9
-    return lathe([(0.0, 0.0), (width, cone), (neck, cone), (neck, length), (0.0, length)], 20)
+RING = lathe([(0.75, 0.0), (0.9, 0.0), (0.9, 0.12), (0.75, 0.12), (0.75, 0.0)], 32)
+"""A thin collar around the rod, its lower rim at the origin: where the hand is."""
+DOWNWARDS = lathe([(0.0, 0.0), (0.5, 0.7), (0.2, 0.7), (0.2, 1.9), (0.0, 1.9)], 20)
+"""An arrow, its end at the origin: which way to pull."""
 
 
 def rail(bottom: float, top: float) -> Mesh:
@@ -159,13 +153,10 @@ def refined(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
 
 
 def thinned(vertices: Array, faces: Faces, most: int) -> tuple[Array, Faces]:
-    """Fewer triangles: vertices in one cube become one, in cubes as large as it takes.
+    """Fewer triangles: vertices in one cube become one, in cubes as large as it takes (vertex clustering).
 
-    A browser is sent what is drawn thirty times a second; what is felt is the whole mesh.
-
-    References:
-        Rossignac and Borrel (1993), Multi-resolution 3D approximations for rendering complex scenes, in Modeling in
-        Computer Graphics, Springer: vertex clustering.
+    Rossignac and Borrel (1993), Multi-resolution 3D approximations for rendering complex scenes, in Modeling in
+    Computer Graphics, Springer. A browser is sent what is drawn 30 times a second; what is felt is the whole mesh.
     """
     corners = vertices[faces]
     crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

@@ -5,15 +5,17 @@ The scene's frame is the world's, `UNITS` to the metre.
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from foretouch.console.history import Array
 from foretouch.console.panels.space import BOARD, MARKER, TIP_RADIUS, ImagePanel, SpacePanel, footprint
-from foretouch.console.panels.stop import add_space_keys
+from foretouch.console.panels.stop import SPACE_STROKES, add_keys
 from foretouch.console.plots import SECONDS, put
 from foretouch.console.space_state import fixture_of
 from foretouch.console.views import shapes
@@ -74,7 +76,7 @@ class FixtureView:
         self._parts: list[tuple[Any, Faces]] = []
         self._field: MaterialField | None = None
         self.edges: Array = np.empty(0)
-        self._root = scene.add_frame("/space/fixture", show_axes=False)
+        self.root = scene.add_frame("/space/fixture", show_axes=False)
         self._believed = scene.add_frame("/space/believed", show_axes=False)
         nothing = (np.zeros((3, 3), np.float32), np.array([(0, 1, 2)], np.uint32))
         self._nodes = [
@@ -93,10 +95,6 @@ class FixtureView:
         self._halo = add_body(scene, "/space/believed/halo", _halo(self._rim, 0.0), VERMILLION, opacity=0.18)
         self._halo_size = 0.0
         self._paint()
-
-    def place(self, pose: Sequence[float]) -> None:
-        """Put the fixture where the leader renders it: a position [m] and a rotation vector [rad]."""
-        _place(self._root, pose)
 
     def believe(self, pose: Sequence[float] | None, deviation: float) -> None:
         """Draw the follower's estimate of its pose [m, rad], None where unknown, with the position's deviation [m]."""
@@ -194,7 +192,7 @@ class SpaceScene:
     def __init__(self, server: Any, surface: Surface, hold: SpaceHold) -> None:
         self._hold = hold
         scene = server.scene
-        self._root = scene.add_frame("/space", show_axes=False)
+        self.root = scene.add_frame("/space", show_axes=False)
         self.fixture = FixtureView(scene, surface)
         self.probes = Probes(scene, "/space", GREY, MEASURES)
         self._normal = add_body(scene, "/space/normal", shapes.arrow(NORMAL_LENGTH), GREEN)
@@ -206,14 +204,10 @@ class SpaceScene:
         self._handle.on_update(self._dragged)
         self._hint = scene.add_label("/space/labels/handle", HINT, anchor="bottom-center", font_screen_scale=1.3)
 
-    def show(self, shown: bool) -> None:
-        """Show it all, or hide it."""
-        put(self._root, visible=shown)
-
     def draw(self, watched: Watched, leader: LeaderSpace, field: MaterialField | None) -> None:
         """Draw the fixture, where both sides believe it, with what was learnt of it, and the probes."""
         space, fixture, pose = watched.space, self.fixture, fixture_of(leader)
-        fixture.place(pose)
+        _place(fixture.root, pose)
         fixture.learn(field)
         point = leader.point_x, leader.point_y, leader.point_z
         normal = leader.normal_x, leader.normal_y, leader.normal_z
@@ -296,25 +290,23 @@ class SpaceView:
         if watched.in_space != self._looked_at:  # sessions along a line and in space take turns
             self._looked_at = watched.in_space
             look(self._server, SPACE_CAMERA if watched.in_space else CAMERA)
-        if leader is None:
-            if self._scene is not None:
-                self._scene.show(False)
-        else:
+        if leader is not None:
             self._find_scene(watched)
             self.hold.follow()
+        if self._scene is not None:
+            put(self._scene.root, visible=leader is not None)
         if leader is None or self._scene is None:
             put(self._legend, content="")
             return leader is not None
-        self._scene.show(True)
         self._scene.draw(watched, leader, self._learnt(watched))
         probe = leader.place_x, leader.place_y, leader.place_z
         self._scene.draw_handle(probe, offered=self._offered, useful=useful)
         return True
 
-    def draw_image(self, watched: Watched) -> None:
-        """Draw the camera's image."""
-        if watched.in_space:
-            self._image.draw(watched, BOARD_ALONE if self._surface is None else self._surface.outline()[0])
+    @property
+    def outline(self) -> Array:
+        """Vertices of what is touched in the fixture's frame [m], shape (n, 3)."""
+        return BOARD_ALONE if self._surface is None else self._surface.outline()[0]
 
     def write(self, watched: Watched, now: float, *, live: bool) -> None:
         """Numbers, labels, plots and legend."""
@@ -345,16 +337,17 @@ class SpaceView:
         if self._panel is None:
             with self._tabs.add_tab("Fixture"):
                 self._panel = SpacePanel(self._server.gui, self._slide)
-            add_space_keys(self._server.gui, self._key_stroke, self._image.toggle_overlay)
+            strokes = [(*key, partial(self._key_stroke, way)) for key, way in SPACE_STROKES.items()]
+            overlay = ("Probe over image", "O", lambda event: self._image.toggle_overlay())
+            add_keys(self._server.gui, *strokes, overlay)
 
     def _learnt(self, watched: Watched) -> MaterialField | None:
         """The field as the operator's side has it; each is read once, and one of another version is none."""
         update = watched.space.field(watched.telemetry_sequence)
         if update is not self._field[0]:
-            try:
+            self._field = update, None
+            with contextlib.suppress(ForetouchError):
                 self._field = update, None if update is None else MaterialField.from_bytes(update.content)
-            except ForetouchError:
-                self._field = update, None
         return self._field[1]
 
     def _slide(self, axis: int, value: float) -> None:
@@ -362,6 +355,6 @@ class SpaceView:
         way[axis] = value - self.hold.hand[axis]
         self.hold.stroke(way)
 
-    def _key_stroke(self, way: Vector) -> None:
+    def _key_stroke(self, way: Vector, event: Any = None) -> None:
         if self._offered:
             self.hold.stroke(way)
