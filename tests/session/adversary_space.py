@@ -52,7 +52,7 @@ class SpaceAttack(CommandedInSpace):
         robot = make_spatial_robot(settings, made, force_limit=pick(drive, (CEILING, 1000.0)))
         super().__init__(robot, settings, made.surface, made.nominal)
         self.camera = str(pick(camera, CAMERAS))
-        self.longest_touch = round(TOUCH_WAY / self.state.inner.safety.blind_speed * 1000)
+        self.longest_touch = round(TOUCH_WAY / self.state.safety.blind_speed * 1000)
         self.tracking = tracker.start(KnownSurface(made.surface), made.nominal, "contact")
         self.spaces: list[FollowerSpace] = []
         self.place: Place = self.sample.place

@@ -10,7 +10,7 @@ from foretouch.link import Faults, FaultStage
 from foretouch.messages import VERSION, Command, FixtureBelief, Status
 from foretouch.robot import RobotSample, SpatialSample, make_robot
 from foretouch.session import SessionSettings
-from foretouch.session.spatial import follower as space_follower
+from foretouch.session.spatial.probe import ProbeInSpace
 from foretouch.session.steps import follower
 
 MS = 1_000_000
@@ -103,23 +103,23 @@ class CommandedInSpace:
 
     def begin(self) -> None:
         """A follower that is started, perhaps again: the path begins where the robot is then."""
-        self.state = space_follower.start(self.robot.specification, self.settings, self.surface, self.nominal)
+        self.state = follower.start(
+            self.robot.specification, self.settings, probe=ProbeInSpace(self.surface, self.nominal)
+        )
         self.path = [self.sample.place]
 
-    def tick(
-        self, place: Place | None, *, beliefs: Iterable[FixtureBelief] = (), **asked: Any
-    ) -> space_follower.Outputs:
+    def tick(self, place: Place | None, *, beliefs: Iterable[FixtureBelief] = (), **asked: Any) -> follower.Outputs:
         self.ticks += 1
         self.sequence += place is not None or self.numbers_silence
         now = self.ticks * MS
         commands = []
         if place is not None:
             output = (self.sequence, now, 0.0, 0, False, "test", 1)
-            commands = [Command(VERSION, *output, place=place, telemetry_sequence=self.state.inner.tick, run=1)]
+            commands = [Command(VERSION, *output, place=place, telemetry_sequence=self.state.tick, run=1)]
         inputs = follower.Inputs(commands, self.seen(self.sample), MS, 0, beliefs=list(beliefs), **asked)
-        self.state, acted = space_follower.step(self.state, inputs, now)
-        self.path.append(acted.desired)
-        self.sample = self.robot.exchange(acted.desired)
+        self.state, acted = follower.step(self.state, inputs, now)
+        self.path.append(acted.desired_position)
+        self.sample = self.robot.exchange(acted.desired_position)
         self.forces.append(math.hypot(*self.sample.exact_force))
         return acted
 

@@ -21,8 +21,9 @@ from foretouch.session import SessionSettings, make_operator, simulate
 from foretouch.session.runners.driven import Tick
 from foretouch.session.runners.shadow import Shadow
 from foretouch.session.settings import shadow_settings
-from foretouch.session.spatial import follower as space
 from foretouch.session.spatial import make_scene, make_spatial_robot
+from foretouch.session.spatial.probe import ProbeInSpace
+from foretouch.session.steps import follower
 from foretouch.session.steps.sensing import calibrated
 
 SIMPLE = {"material": "hunt-crossley", "model": "kelvin-voigt", "position_delay": 0.02, "force_delay": 0.02}
@@ -260,8 +261,9 @@ def test_in_space_lag_and_compliance_are_used_along_the_normal(tmp_path: Path) -
     path = calibration(tmp_path, sensor_lag=0.004, series_stiffness=10_000.0)
     settings = SessionSettings(scene="plane", calibration=path)
     scene = make_scene("plane")
-    state = space.start(make_spatial_robot(settings, scene).specification, settings, scene.surface, scene.nominal)
-    assert state.inner.compliance == pytest.approx(1e-4)
-    assert state.inner.felt_commands.maxlen == 5
-    assert state.inner.zero == 0.0
+    probe = ProbeInSpace(scene.surface, scene.nominal)
+    state = follower.start(make_spatial_robot(settings, scene).specification, settings, probe=probe)
+    assert state.compliance == pytest.approx(1e-4)
+    assert state.felt_commands.maxlen == 5
+    assert state.zero == 0.0
     assert in_space(path, (0.0, 0.0, 0.0))[-1][0].status == Status.FOLLOWING

@@ -23,8 +23,8 @@ from foretouch.session.network.model_sender import FieldSender, ModelSender
 from foretouch.session.network.playout import Freshness, Playout
 from foretouch.session.runners import live
 from foretouch.session.safety.kernel import REST_FORCE
-from foretouch.session.spatial import follower as space
 from foretouch.session.spatial import make_scene, make_spatial_robot
+from foretouch.session.spatial.probe import ProbeInSpace
 from foretouch.session.spatial.safety import SpatialSafety
 from foretouch.session.steps import tick as stages
 from foretouch.session.steps.sensing import Failures
@@ -122,8 +122,8 @@ PLUG_IN = dataclasses.replace(LINE, model="kelvin-voigt", estimator="rls")
 """An estimator of Python, with the compiled stages around it."""
 
 ON_A_LINE: list[tuple[Any, str]] = [(Freshness, "judge"), (Playout, "advance"), (stages.sense_alone, ""), *LEARNING]
-IN_SPACE = [(MaterialFieldLearner, "update"), (space, "_with_position"), (SpatialSafety, "go"), (FieldSender, "due")]
-RARELY_IN_SPACE = [(MaterialFieldLearner, "touch_at"), (space, "_learn_beside_the_law"), (space, "_with_fixture")]
+IN_SPACE = [(MaterialFieldLearner, "update"), (ProbeInSpace, "wanted"), (SpatialSafety, "go"), (FieldSender, "due")]
+RARELY_IN_SPACE = [(MaterialFieldLearner, "touch_at"), (ProbeInSpace, "learn"), (ProbeInSpace, "_with_fixture")]
 
 
 @pytest.mark.parametrize(
@@ -256,7 +256,7 @@ FOR_EVER = float("inf")
         (SCENE, stages.allow_alone, "", FOR_EVER),
         pytest.param(SCENE, SpatialSafety, "arrive", FOR_EVER, marks=pytest.mark.long),
         (SCENE, SpatialSafety, "limit", FOR_EVER),
-        pytest.param(SCENE, space, "_space", FOR_EVER, marks=pytest.mark.long),
+        pytest.param(SCENE, ProbeInSpace, "report", FOR_EVER, marks=pytest.mark.long),
         (LINE, Spoken, "publish", 1),
         (LINE, Spoken, "publish", FOR_EVER),
     ],

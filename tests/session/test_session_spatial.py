@@ -40,10 +40,10 @@ from foretouch.session.spatial import (
     tracker,
 )
 from foretouch.session.spatial.course import SurfaceLine
+from foretouch.session.spatial.hand import HandInSpace
 from foretouch.session.spatial.making import SpatialWorld
 from foretouch.session.spatial.scenes import NOMINAL, KnownSurface
 from foretouch.session.steps import leader
-from foretouch.session.steps.hand import HandInSpace
 
 BUMP = 11.5
 UNKNOWN = (math.nan,) * 3
@@ -400,7 +400,7 @@ def test_beliefs_that_are_late_or_of_another_process_are_left_out() -> None:
     def believe(sequence: int, z: float, run: int = 1, epoch: int = 1) -> float:
         belief = FixtureBelief(VERSION, sequence, 0, (0.0, 0.0, z, 0.0, 0.0, 0.0), SPREAD, 0.1, 1, 0, 0, "", run, epoch)
         bench.tick(None, beliefs=[belief])
-        return bench.state.line.pose[2]
+        return bench.state.probe.line.pose[2]
 
     assert believe(500, 0.001) == 0.001
     assert believe(499, 0.002) == 0.001

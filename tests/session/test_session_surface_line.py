@@ -16,10 +16,11 @@ from foretouch.rendering.surfaces import HeightField, Plane, Surface, SurfaceCon
 from foretouch.robot import SpatialSample
 from foretouch.session import SessionSettings
 from foretouch.session.runners.warm_up import SPECIFICATION
-from foretouch.session.spatial import follower, make_scene
+from foretouch.session.spatial import make_scene
 from foretouch.session.spatial.course import ClosestPoint, SurfaceLine
+from foretouch.session.spatial.probe import ProbeInSpace
 from foretouch.session.spatial.scenes import MIDDLE, NOMINAL
-from foretouch.session.steps import follower as line_follower
+from foretouch.session.steps import follower
 
 TETRAHEDRON = TriangleMesh(
     0.03 * np.array([(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)]), [(0, 1, 2), (0, 3, 1), (0, 2, 3), (1, 3, 2)]
@@ -140,7 +141,7 @@ def test_a_follower_on_a_surface_of_python_is_the_compiled_one(own: Plane | Heig
     else:
         same = HeightField(0.01 * np.eye(5), 0.02, (0.035, -0.04))
     settings = SessionSettings(scene="plane", material="hunt-crossley")
-    states = [follower.start(SPECIFICATION, settings, surface, NOMINAL) for surface in (own, same)]
+    states = [follower.start(SPECIFICATION, settings, probe=ProbeInSpace(surface, NOMINAL)) for surface in (own, same)]
     random, here, far, told = np.random.default_rng(4), np.array((0.0, 0.0, 0.02)), np.zeros(3), []
     for tick in range(1, 1500):
         if tick % 100 == 0:
@@ -154,11 +155,11 @@ def test_a_follower_on_a_surface_of_python_is_the_compiled_one(own: Plane | Heig
             VERSION, tick, 0, pose, tuple(1e-8 * np.eye(6).ravel()), 0.0, tick, tick // 500, 0, "", 1
         )
         sample = SpatialSample(place, force, force, place, (), False)
-        inputs = line_follower.Inputs([command], sample, MS, 0, beliefs=[belief] if tick % 50 == 0 else [])
+        inputs = follower.Inputs([command], sample, MS, 0, beliefs=[belief] if tick % 50 == 0 else [])
         first, second = (follower.step(state, inputs, tick * MS)[1] for state in states)
         np.testing.assert_equal(first.space, second.space)
         np.testing.assert_equal(first.telemetry, second.telemetry)
-        told.append(first.desired)
+        told.append(first.desired_position)
     assert np.ptp(told, axis=0).min() > 0.002
-    assert states[0].friction.updates == states[1].friction.updates > 0
+    assert states[0].probe.friction.updates == states[1].probe.friction.updates > 0
     assert states[0].touch_tick == states[1].touch_tick > 0

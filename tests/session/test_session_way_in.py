@@ -14,7 +14,8 @@ from foretouch.rendering.surfaces import Plane, Surface
 from foretouch.robot import SpatialSample
 from foretouch.session import SessionSettings
 from foretouch.session.runners.warm_up import SPECIFICATION
-from foretouch.session.spatial import follower, make_scene, tracker
+from foretouch.session.spatial import make_scene, tracker
+from foretouch.session.spatial.probe import ProbeInSpace
 from foretouch.session.spatial.scenes import NOMINAL, KnownSurface
 from foretouch.session.spatial.way_in import (
     LARGEST_TURN,
@@ -24,7 +25,7 @@ from foretouch.session.spatial.way_in import (
     uncertainty_at,
     uncertainty_of,
 )
-from foretouch.session.steps import follower as line_follower
+from foretouch.session.steps import follower
 
 MS = 1_000_000
 UP = (0.0, 0.0, 1.0)
@@ -36,7 +37,7 @@ class Feeler:
 
     def __init__(self, scene: str = "plane") -> None:
         surface = make_scene(scene).surface
-        self.state = follower.start(SPECIFICATION, SessionSettings(scene=scene), surface, NOMINAL)
+        self.state = follower.start(SPECIFICATION, SessionSettings(scene=scene), probe=ProbeInSpace(surface, NOMINAL))
         self.tracking = tracker.start(KnownSurface(surface), NOMINAL, "contact")
         self.spaces: list[FollowerSpace] = []
         self.beliefs: list[FixtureBelief] = []
@@ -56,7 +57,7 @@ class Feeler:
             force = (self.noise(), self.noise(), self.noise() + pressed)
             command = Command(VERSION, self.tick, self.tick * MS, 0.0, 0, holder="test", epoch=1, place=place)
             sample = SpatialSample(place, force, force, place, (), False)
-            inputs = line_follower.Inputs([command], sample, MS, 0, beliefs=self.beliefs)
+            inputs = follower.Inputs([command], sample, MS, 0, beliefs=self.beliefs)
             _, acted = follower.step(self.state, inputs, self.tick * MS)
             self.spaces.append(acted.space)
             self.beliefs = []
@@ -79,7 +80,7 @@ class Feeler:
     def over(self, x: float, y: float) -> float:
         """How much of the air over a place does not count as free [m]."""
         self.glide(x, y, 0.02)
-        return self.state.line.offset - self.state.inner.free
+        return self.state.probe.line.offset - self.state.probe.free
 
 
 def test_three_touches_free_the_air_over_a_plane_and_one_near_it_until_a_surface_is_missed_and_felt_again() -> None:
@@ -92,7 +93,7 @@ def test_three_touches_free_the_air_over_a_plane_and_one_near_it_until_a_surface
             assert feeler.over(x + 0.001, y) < 2e-3
             assert feeler.over(0.02, 0.02) > 0.02
     assert feeler.over(0.005, -0.005) < 1.5e-3
-    assert feeler.state.safety.spaces[0].way_in.turn == LEAST_TURN
+    assert feeler.state.probe.safety.spaces[0].way_in.turn == LEAST_TURN
     # It is missed: nothing is free until it is felt again, and then what is near to that is.
     feeler.glide(0.005, 0.0, 0.01)
     for height in np.linspace(0.01, -0.005, 100).tolist():

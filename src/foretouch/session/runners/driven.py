@@ -16,17 +16,17 @@ from typing import Any, NamedTuple
 from foretouch.devices import Device, SpatialDevice
 from foretouch.link import Faults, FaultStage
 from foretouch.messages import FixtureBelief, Handle, Message
-from foretouch.quantities.pose import Vector, add, norm, scaled, subtract
+from foretouch.quantities.pose import Vector, add, scaled
 from foretouch.robot import Robot, SpatialRobot
 from foretouch.session.frames import browser_operator, framed_device, framed_robot
 from foretouch.session.network.playout import Arrival
 from foretouch.session.operators import felt_device
 from foretouch.session.runners.loop_timer import let_pass
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
-from foretouch.session.spatial import follower as spatial_follower
+from foretouch.session.spatial.hand import HandInSpace
+from foretouch.session.spatial.probe import ProbeInSpace
 from foretouch.session.spatial.scenes import make_scene
 from foretouch.session.steps import follower, leader
-from foretouch.session.steps.hand import HandInSpace
 
 
 class Tick(NamedTuple):
@@ -145,15 +145,12 @@ class DrivenFollower(Driven):
         if beliefs:
             self.beliefs = []
         inputs = follower.Inputs(due, self.sample, period_ns, compute_ns, stop, release, ended, beliefs)
-        return self._step(inputs, now_ns)
+        _, (self.desired, *messages) = follower.step(self.state, inputs, now_ns)
+        return [message for message in messages if message is not None]
 
-    @abstractmethod
-    def _step(self, inputs: follower.Inputs[Any], now_ns: int) -> list[Message]:
-        """Run the step and keep the desired position."""
-
-    @abstractmethod
     def back_off(self) -> None:
         """Where a tick raises: retreat according to the force in the newest sample, and nothing else."""
+        self.desired = self.state.probe.back_off(self.state, self.sample, self.desired, self._back)
 
 
 class LineFollower(DrivenFollower):
@@ -165,18 +162,6 @@ class LineFollower(DrivenFollower):
         super().__init__(framed, settings)
         self.desired = self.sample.commanded_position
 
-    def _step(self, inputs: follower.Inputs[Any], now_ns: int) -> list[Message]:
-        _, (self.desired, telemetry, model) = follower.step(self.state, inputs, now_ns)
-        return [telemetry] if model is None else [telemetry, model]
-
-    def back_off(self) -> None:
-        """See `DrivenFollower.back_off`."""
-        force = follower.sensor_force(self.state, self.sample)
-        if math.isfinite(force):
-            follower.feel_plainly(self.state, force)
-        self.desired -= self._back
-        self.state.safety.go_on_from(self.desired)
-
 
 class SpaceFollower(DrivenFollower):
     """A follower in three dimensions, in process `run`."""
@@ -184,27 +169,11 @@ class SpaceFollower(DrivenFollower):
     channels = ("fixture",)
 
     def __init__(self, robot: SpatialRobot, settings: SessionSettings, run: int) -> None:
-        scene = make_scene(settings.scene)
-        framed = framed_robot(robot, settings.follower_frame)
-        self._whole = spatial_follower.start(framed.specification, settings, scene.surface, scene.nominal, run=run)
-        self.state = self._whole.inner
+        scene, framed = make_scene(settings.scene), framed_robot(robot, settings.follower_frame)
+        probe = ProbeInSpace(scene.surface, scene.nominal)
+        self.state = follower.start(framed.specification, settings, run=run, probe=probe)
         super().__init__(framed, settings)
         self.desired = self.sample.place
-
-    def _step(self, inputs: follower.Inputs[Any], now_ns: int) -> list[Message]:
-        _, acted = spatial_follower.step(self._whole, inputs, now_ns)
-        self.desired = acted.desired
-        messages: list[Message] = [acted.telemetry, acted.space]
-        return messages + [message for message in (acted.model, acted.field) if message is not None]
-
-    def back_off(self) -> None:
-        """See `DrivenFollower.back_off`; whatever is believed of the fixture."""
-        force = subtract(self.sample.force, self._whole.bias)
-        size = norm(force)
-        if 0.0 < size < math.inf:
-            follower.feel_plainly(self.state, size)
-            self.desired = add(self.desired, scaled(force, self._back / size))
-            self._whole.safety.begin(self.desired)
 
 
 class OperatorClock:

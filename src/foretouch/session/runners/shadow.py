@@ -15,7 +15,6 @@ import msgspec
 from foretouch.devices import Device, SpatialDevice
 from foretouch.identification.conditioning.kernel import CONTACT_FLOOR
 from foretouch.messages import PROCESS, LeaderState, Message, Status, Telemetry
-from foretouch.quantities.pose import Vector
 from foretouch.robot import Robot, SpatialRobot
 from foretouch.session.network.lease import own_epoch
 from foretouch.session.runners.driven import Driven, DrivenFollower, SpaceFollower, Tick, drive_follower, drive_leader
@@ -24,7 +23,6 @@ from foretouch.session.runners.live import Loop
 from foretouch.session.runners.news import shadow_news
 from foretouch.session.runners.warm_up import prepare
 from foretouch.session.settings import SessionSettings, shadow_settings
-from foretouch.session.steps import follower
 
 SCORED_AFTER = 1.5  # Time after the first tick at which scoring begins [s], as in a session's report
 LONGEST_TICK = 0.1  # Longest time since the previous tick that a tick counts for [s]: beyond it, nothing was observed
@@ -106,6 +104,11 @@ class _ShadowHand:
     def __init__(self, follows: DrivenFollower) -> None:
         self._follows = follows
 
+    def read(self, now_ns: int) -> Any:
+        """Position of the tip [m]."""
+        follows = self._follows
+        return follows.state.probe.tip(follows.state, follows.sample)
+
     def render(self, force: Any) -> Any:
         """Nobody feels it."""
         return force
@@ -114,18 +117,9 @@ class _ShadowHand:
 class ShadowHand(_ShadowHand, Device):
     """The measured position of the robot's tip as that of the leader's hand, which feels nothing."""
 
-    def read(self, now_ns: int) -> float:
-        """Position of the tip [m]."""
-        return follower.tip(self._follows.state, self._follows.sample)
-
 
 class SpatialShadowHand(_ShadowHand, SpatialDevice):
     """The same in three dimensions."""
-
-    def read(self, now_ns: int) -> Vector:
-        """Place of the tip [m]."""
-        place: Vector = self._follows.sample.place
-        return place
 
 
 class Shadow(Driven):

@@ -39,8 +39,8 @@ from foretouch.rendering.passivity_control import PassivityController
 from foretouch.rendering.renderer import ContactFrame, frame_of
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.steps import leader
+from foretouch.session.steps.axis import HandOnAxis
 from foretouch.session.steps.follower_view import FollowerView
-from foretouch.session.steps.hand import HandOnAxis
 from foretouch.settings import NO_GRIP
 
 LOCAL_DAMPING = 5.0  # Damping of the local damper that is added to a delayed force, at the hand [N s/m]

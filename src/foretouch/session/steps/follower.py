@@ -11,7 +11,7 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Generic, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +19,17 @@ from numpy.typing import NDArray
 from foretouch.identification import ContactMap, ContactSample, Estimator, Learner, SensorState, SensorWatch
 from foretouch.identification.conditioning.kernel import CONTACT_FLOOR
 from foretouch.link import SequenceCounter
-from foretouch.messages import VERSION, Command, FixtureBelief, ModelUpdate, Status, Telemetry
-from foretouch.robot import RobotSample, RobotSpecification, SpatialSample
+from foretouch.messages import (
+    VERSION,
+    Command,
+    FieldUpdate,
+    FixtureBelief,
+    FollowerSpace,
+    ModelUpdate,
+    Status,
+    Telemetry,
+)
+from foretouch.robot import RobotSample, RobotSpecification
 from foretouch.session.network.lease import ControlLease
 from foretouch.session.network.model_sender import ModelSender
 from foretouch.session.network.playout import Arrival, Freshness, Playout
@@ -28,6 +37,7 @@ from foretouch.session.safety.force_guard import FirstTouch
 from foretouch.session.safety.safety import STATES, Safety, SafetyLimits
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.steps import tick as stages
+from foretouch.session.steps.axis import ProbeOnAxis
 from foretouch.session.steps.sensing import Failures, calibrated
 from foretouch.settings import SAFETY_LIMITS
 
@@ -53,9 +63,7 @@ class State:
         held_ticks: Ticks in which the robot was held for want of a fresh command, since there was the first.
         guards: Whether this side's settings guard first touches.
         guarded: Whether they are guarded: by these, or because a command of this leader asks for it.
-        free: Position up to which the air is free, though the robot has not gone there itself [m]: in space, before the
-            surface; on a line that is never known.
-        slid: Motion of the probe across the surface since the last tick [m]; on a line 0.
+        probe: The robot's probe, on an axis or in space.
         felt_commands: Commands applied in the newest ticks that were learnt from, for the delay of the sensor.
         released_tick: Number of the first telemetry behind the newest release, 0 before the first release.
         before_release: Number of commands refused because their leader did not know of it.
@@ -84,22 +92,28 @@ class State:
     held_ticks: int = 0
     faulty_ticks: int = 0
     guarded: bool = False
-    free: float = -math.inf
-    slid: float = 0.0
+    probe: ProbeOnAxis = field(default_factory=ProbeOnAxis)
     failures: Failures = field(default_factory=Failures)
     released_tick: int = 0
     before_release: int = 0
 
+    def sensor_force(self, sample: RobotSample) -> float:
+        """Sensor force less weight and inertia of the tool, which are no contact, and its calibrated zero [N]."""
+        return sample.sensor_force - self.specification.tool_force(sample.acceleration) - self.zero
 
-Sample = TypeVar("Sample", RobotSample, SpatialSample)
+    def feel_plainly(self, force: float) -> None:
+        """Take a sensor force [N] as the contact force, less the offset as far as known, without conditioning."""
+        last, offset = self.learner.sample, self.learner.conditioner.force_offset
+        felt = force - offset if math.isfinite(offset) else force
+        self.learner.sample = ContactSample(last.time, last.depth, 0.0, felt, felt > CONTACT_FLOOR)
 
 
-class Inputs(NamedTuple, Generic[Sample]):
-    """Inputs of a tick, along a line or in space.
+class Inputs(NamedTuple):
+    """Inputs of a tick, on an axis or in space.
 
     Attributes:
         commands: Commands that have arrived since the last tick.
-        sample: Sample of the robot's sensors.
+        sample: Sample of the robot's sensors: a `RobotSample`, or a `SpatialSample`.
         period_ns: Time since the last tick began [ns].
         compute_ns: Computing time of the last tick [ns].
         stop: Why an emergency stop was requested; empty while none was.
@@ -109,7 +123,7 @@ class Inputs(NamedTuple, Generic[Sample]):
     """
 
     commands: list[Command]
-    sample: Sample
+    sample: Any
     period_ns: int
     compute_ns: int
     stop: str = ""
@@ -119,19 +133,29 @@ class Inputs(NamedTuple, Generic[Sample]):
 
 
 class Outputs(NamedTuple):
-    """Position for the robot [m], telemetry for all subscribers, and the model for the leader when one is due."""
+    """Position for the robot [m], telemetry for all subscribers, and what is for the leader when it is due.
 
-    desired_position: float
+    In space there is more: a record beside the telemetry, and a field of materials.
+    """
+
+    desired_position: Any
     telemetry: Telemetry
+    space: FollowerSpace | None
     model: ModelUpdate | None
+    field: FieldUpdate | None
 
 
 def start(
-    specification: RobotSpecification, settings: SessionSettings, estimator: Estimator | None = None, *, run: int = 1
+    specification: RobotSpecification,
+    settings: SessionSettings,
+    estimator: Estimator | None = None,
+    *,
+    run: int = 1,
+    probe: ProbeOnAxis | None = None,
 ) -> State:
     """State before the first tick, with the settings' estimator or another, as process `run` of this side.
 
-    Raises as `calibrated` does.
+    In space there is a `probe` of its own, and the robot weighs its tool out. Raises as `calibrated` does.
     """
     known = calibrated(specification, settings)
     specification, force = known.specification, specification.sensor_range
@@ -152,7 +176,7 @@ def start(
     )
     period = specification.sample_period
     stages.load(whole=type(learner.estimator) is ContactMap)
-    return State(
+    state = State(
         specification,
         learner,
         run,
@@ -166,16 +190,20 @@ def start(
         deque(maxlen=1 + round(known.sensor_lag / SAMPLE_PERIOD)),
         known.zero or 0.0,
         known.compliance,
+        probe=ProbeOnAxis() if probe is None else probe,
     )
+    state.probe.join(state, settings)
+    return state
 
 
-def step(state: State, inputs: Inputs[RobotSample], now_ns: int) -> tuple[State, Outputs]:
+def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     """One tick of the follower, at a time of its monotonic clock [ns]; the state is updated in place and returned.
 
     Learning begins with the first command: no operator is active before, and a recording from the first command on
     holds all that was learnt from.
     """
-    sample, safety, sender = inputs.sample, state.safety, state.sender
+    safety, sender, probe = state.safety, state.sender, state.probe
+    sample = probe.arrive(state, inputs, now_ns)
     desired = _commanded(state, inputs.commands, now_ns)
     applied = state.playout.applied
     learns = _learns(state, applied, now_ns)
@@ -183,11 +211,11 @@ def step(state: State, inputs: Inputs[RobotSample], now_ns: int) -> tuple[State,
     heard_ns = state.freshness.newest_ns
     heard = -1 if heard_ns is None or inputs.ended else heard_ns
     times_ns = now_ns, heard, inputs.period_ns, state.start_ns or 0
-    wanted, acted = (desired, known_surface, state.free, state.slid), None
+    wanted, acted = (desired, known_surface, probe.free, probe.slid), None
     if learns and not (inputs.stop or inputs.release or safety.stop_reason):
         acted = _at_once(state, sample, applied, times_ns, wanted)
     if acted is None:
-        acted = _one_by_one(state, inputs, times_ns, wanted)
+        acted = _one_by_one(state, inputs, sample, times_ns, wanted)
     (desired, status, safety.pressing), validity, (force, velocity, felt, in_contact) = acted
     safety.status = STATES[status]
     if validity:
@@ -197,6 +225,8 @@ def step(state: State, inputs: Inputs[RobotSample], now_ns: int) -> tuple[State,
     sensors = state.watch.state if validity == state.watch.state else SensorState(validity)
     model = _due(state, sensors, now_ns) if learns and state.failures.learns else None
     state.tick += 1
+    model, materials = _learn_beside(state, inputs, model, now_ns)
+    commanded, desired = probe.go_to(desired)
     telemetry = Telemetry(
         VERSION,
         state.tick,
@@ -219,29 +249,19 @@ def step(state: State, inputs: Inputs[RobotSample], now_ns: int) -> tuple[State,
         state.lease.epoch,
         state.run,
     )
-    return state, Outputs(desired, telemetry, model)
+    return state, Outputs(commanded, telemetry, probe.report(state, inputs, now_ns), model, materials)
 
 
-def tip(state: State, sample: RobotSample) -> float:
-    """Position of the tip [m]: p = x - F / k, with the encoders' x and the compliance 1 / k, if that is known."""
-    give = state.compliance * _less_offset(state, sensor_force(state, sample)) if state.compliance else 0.0
-    return sample.position - give if math.isfinite(give) else sample.position
-
-
-def sensor_force(state: State, sample: RobotSample) -> float:
-    """Sensor force less weight and inertia of the tool, which are no contact, and its calibrated zero [N]."""
-    return sample.sensor_force - state.specification.tool_force(sample.acceleration) - state.zero
-
-
-def feel_plainly(state: State, force: float) -> None:
-    """Take a sensor force [N] as the contact force, less the offset as far as it is known, without conditioning."""
-    last, felt = state.learner.sample, _less_offset(state, force)
-    state.learner.sample = ContactSample(last.time, last.depth, 0.0, felt, felt > CONTACT_FLOOR)
-
-
-def _less_offset(state: State, force: float) -> float:
-    offset = state.learner.conditioner.force_offset
-    return force - offset if math.isfinite(offset) else force
+def _learn_beside(
+    state: State, inputs: Inputs, model: ModelUpdate | None, now_ns: int
+) -> tuple[ModelUpdate | None, FieldUpdate | None]:
+    """What there is to learn beside the law; the model and the field that are due."""
+    if state.failures.learns:
+        try:
+            return state.probe.learn(state, inputs, model, now_ns)
+        except Exception as error:
+            state.failures.stop_learning("its learning beside the law", error)
+    return None, None
 
 
 def _commanded(state: State, commands: list[Command], now_ns: int) -> float:
@@ -293,11 +313,13 @@ def _at_once(
     return allowed, validity, shown
 
 
-def _one_by_one(state: State, inputs: Inputs[RobotSample], times_ns: stages.Times, wanted: stages.Wanted) -> Acted:
+def _one_by_one(
+    state: State, inputs: Inputs, sample: RobotSample, times_ns: stages.Times, wanted: stages.Wanted
+) -> Acted:
     """The same stage by stage: an exception in one of them is noted, and the last one runs all the same."""
-    sample, memory, learner, record = inputs.sample, state.memory, state.learner, state.memory[0]
+    memory, learner, record = state.memory, state.learner, state.memory[0]
     try:
-        validity = stages.sense_alone.entry(memory, learner.conditioner.memory, sample, times_ns[0], state.slid)
+        validity = stages.sense_alone.entry(memory, learner.conditioner.memory, sample, times_ns[0], state.probe.slid)
         state.watch.taken(validity)
     except Exception as error:
         state.failures.note("its sensors", error)
@@ -332,7 +354,7 @@ def _learn(state: State, time: float, position: float, force: float) -> None:
             learner.feel(time, position, force)
         except Exception as error:
             state.failures.note("its conditioning", error)
-            feel_plainly(state, force)
+            state.feel_plainly(force)
 
 
 def _due(state: State, sensors: SensorState, now_ns: int) -> ModelUpdate | None:
@@ -360,7 +382,7 @@ def _take(state: State, command: Command, now_ns: int) -> None:
         state.sender.round_trip.restart()
         state.felt_commands.clear()
         state.guarded = state.guards
-    sequence, position = command.sequence, command.position
+    sequence = command.sequence
     if state.released_tick and (command.run != state.run or command.telemetry_sequence < state.released_tick):
         state.before_release += 1  # its leader did not know yet of the release
         state.commands.is_newest(sequence)
@@ -370,6 +392,7 @@ def _take(state: State, command: Command, now_ns: int) -> None:
         state.commands.is_newest(sequence)
     if arrival is not FRESH:
         return
+    position = state.probe.wanted(command)
     if math.isfinite(position):  # a command without a position is never played
         state.playout.push(sequence, position, command.place)
         state.sender.round_trip.commanded(sequence, command.acknowledged_model)
@@ -377,7 +400,7 @@ def _take(state: State, command: Command, now_ns: int) -> None:
         state.guarded = True
 
 
-def _stop_or_release(state: State, inputs: Inputs[RobotSample], felt: float, faulty: bool) -> bool:
+def _stop_or_release(state: State, inputs: Inputs, felt: float, faulty: bool) -> bool:
     """Apply requests at the robot; return whether the commands hold."""
     safety, released = state.safety, False
     if inputs.stop:

@@ -19,8 +19,8 @@ from foretouch.quantities import LARGEST_POSITION
 from foretouch.quantities.pose import Vector
 from foretouch.rendering import FrictionRenderer, Proxy, Renderer, SpatialEnergyAccount
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
+from foretouch.session.steps.axis import HandOnAxis
 from foretouch.session.steps.follower_view import FollowerView
-from foretouch.session.steps.hand import HandOnAxis
 from foretouch.settings import NO_GRIP
 
 Position: TypeAlias = float | Vector

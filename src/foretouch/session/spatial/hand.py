@@ -1,15 +1,12 @@
-"""The operator's hand over the believed surface, with one degree of freedom or three.
+"""The operator's hand over a surface, with three degrees of freedom.
 
-Either kind gives a leader the coordinate of the hand along the outward normal, which grows into the material, and the
-frame in which its force acts. On an axis that is the device's own count; in space the hand is projected onto the normal
-of the surface, which moves with the fixture, and the law is that at the hand's place, from the newest field of
-materials.
+It is projected onto the normal of the believed surface, which moves with the fixture, and the law is that at the hand's
+place, from the newest field of materials.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from foretouch.errors import DecodeError, InputError
 from foretouch.messages import VERSION, FieldUpdate, FollowerSpace, LeaderSpace, Message, ModelUpdate
@@ -19,6 +16,7 @@ from foretouch.rendering import Renderer
 from foretouch.rendering.renderer import ContactFrame
 from foretouch.rendering.surfaces import Surface
 from foretouch.session.spatial.course import ClosestPoint, SurfaceLine
+from foretouch.session.steps.axis import HandOnAxis
 from foretouch.session.steps.follower_view import FollowerView
 
 FAR_FROM_LAW = 1e-3  # Displacement of the hand after which the material is looked up again [m]
@@ -34,52 +32,6 @@ REACH = 1e-4  # Interval over which the local stiffness is given [m]
 
 NOT_YET = ClosestPoint(-math.inf, -math.inf, (0.0, 0.0, 1.0), NOWHERE, NOWHERE)
 """Closest point before the first position."""
-
-
-class HandOnAxis:
-    """A hand with one degree of freedom: what it presses is a plane whose normal is the axis, wherever models say.
-
-    Attributes:
-        axes: Number of degrees of freedom.
-        offset: Coordinate of the believed surface, from which models count [m].
-    """
-
-    axes = 1
-    offset = 0.0
-
-    def take(self, message: Message, renderer: Renderer, view: FollowerView) -> None:
-        """Take a message of the follower about the surface, if it is the newest."""
-
-    def come_to(self, position: Any, renderer: Renderer, view: FollowerView) -> float:
-        """Take the position of the hand [m]; returns its coordinate [m], NaN where it is unknown."""
-        return position  # type: ignore[no-any-return]
-
-    def coordinate(self, position: Any) -> float:
-        """Coordinate of a recorded position [m]."""
-        return position  # type: ignore[no-any-return]
-
-    def law(self) -> ContactModel | None:
-        """The law where the hand is; None where the follower's model is all that is known."""
-        return None
-
-    def go_on(self, renderer: Renderer) -> None:
-        """Take the law where the hand is now, where no model came."""
-
-    def frame(self, position: Any) -> ContactFrame | None:
-        """Frame of the contact; None for that of a line."""
-        return None
-
-    def go_to(self, coordinate: float) -> tuple[float, ...]:
-        """The proxy's place in the world [m], which the follower is to go to; none on an axis, nor while unknown."""
-        return ()
-
-    def standard_deviation(self, force: float, known: float) -> float:
-        """Standard deviation of a predicted force [N], where the model's own is known."""
-        return known
-
-    def report(self, renderer: Renderer, sequence: int, now_ns: int, epoch: int) -> LeaderSpace | None:
-        """What there is to record in space in this tick."""
-        return None
 
 
 class TouchedMaterial:

@@ -1,0 +1,119 @@
+"""The operator's hand and the robot's probe on an axis; `foretouch.session.spatial` has those in space.
+
+They give the steps of leader and follower the coordinate along the outward normal of what is touched, which grows into
+the material. On an axis that is the machine's own count: what is pressed is a plane whose normal is the axis.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from foretouch.messages import Command, FieldUpdate, FollowerSpace, LeaderSpace, Message, ModelUpdate
+from foretouch.models import ContactModel
+from foretouch.rendering import Renderer
+from foretouch.rendering.renderer import ContactFrame
+from foretouch.robot import RobotSample
+from foretouch.session.steps.follower_view import FollowerView
+
+if TYPE_CHECKING:
+    from foretouch.session.settings import SessionSettings
+    from foretouch.session.steps.follower import Inputs, State
+
+
+class HandOnAxis:
+    """A hand with one degree of freedom: what it presses is a plane whose normal is the axis, wherever models say.
+
+    Attributes:
+        axes: Number of degrees of freedom.
+        offset: Coordinate of the believed surface, from which models count [m].
+    """
+
+    axes = 1
+    offset = 0.0
+
+    def take(self, message: Message, renderer: Renderer, view: FollowerView) -> None:
+        """Take a message of the follower about the surface, if it is the newest."""
+
+    def come_to(self, position: Any, renderer: Renderer, view: FollowerView) -> float:
+        """Take the position of the hand [m]; returns its coordinate [m], NaN where it is unknown."""
+        return position  # type: ignore[no-any-return]
+
+    def coordinate(self, position: Any) -> float:
+        """Coordinate of a recorded position [m]."""
+        return position  # type: ignore[no-any-return]
+
+    def law(self) -> ContactModel | None:
+        """The law where the hand is; None where the follower's model is all that is known."""
+        return None
+
+    def go_on(self, renderer: Renderer) -> None:
+        """Take the law where the hand is now, where no model came."""
+
+    def frame(self, position: Any) -> ContactFrame | None:
+        """Frame of the contact; None for that of a line."""
+        return None
+
+    def go_to(self, coordinate: float) -> tuple[float, ...]:
+        """The proxy's place in the world [m], which the follower is to go to; none on an axis, nor while unknown."""
+        return ()
+
+    def standard_deviation(self, force: float, known: float) -> float:
+        """Standard deviation of a predicted force [N], where the model's own is known."""
+        return known
+
+    def report(self, renderer: Renderer, sequence: int, now_ns: int, epoch: int) -> LeaderSpace | None:
+        """What there is to record in space in this tick."""
+        return None
+
+
+class ProbeOnAxis:
+    """A probe with one degree of freedom: what it presses is a plane whose normal is the axis, felt by touching.
+
+    Attributes:
+        free: Position up to which the air is free, though the robot has not gone there itself [m]; on an axis never
+            known.
+        slid: Motion of the probe across the surface since the last tick [m]; on an axis 0.
+    """
+
+    free = -math.inf
+    slid = 0.0
+
+    def join(self, state: State, settings: SessionSettings) -> None:
+        """Become the probe of a follower before its first tick."""
+
+    def arrive(self, state: State, inputs: Inputs, now_ns: int) -> RobotSample:
+        """Take what the robot shows, and what is believed of the surface; returns it along the normal."""
+        return inputs.sample  # type: ignore[no-any-return]
+
+    def wanted(self, command: Command) -> float:
+        """Position of a command [m]; NaN for none."""
+        return command.position
+
+    def learn(
+        self, state: State, inputs: Inputs, model: ModelUpdate | None, now_ns: int
+    ) -> tuple[ModelUpdate | None, FieldUpdate | None]:
+        """Learn what there is beside the law; the model that is due, and a field of materials."""
+        return model, None
+
+    def go_to(self, coordinate: float) -> tuple[Any, float]:
+        """Position for the robot for an allowed coordinate [m], and its own coordinate."""
+        return coordinate, coordinate
+
+    def report(self, state: State, inputs: Inputs, now_ns: int) -> FollowerSpace | None:
+        """What there is to tell in space in this tick."""
+        return None
+
+    def tip(self, state: State, sample: Any) -> Any:
+        """Measured position of the tip [m]: p = x - F / k, with the encoders' x and the compliance 1 / k."""
+        offset, force = state.learner.conditioner.force_offset, state.sensor_force(sample)
+        give = state.compliance * (force - offset if math.isfinite(offset) else force)
+        return sample.position - give if give != 0.0 and math.isfinite(give) else sample.position
+
+    def back_off(self, state: State, sample: Any, position: Any, way: float) -> Any:
+        """Retreat so far [m] from the robot's commanded position, according to the force in its sample alone."""
+        force = state.sensor_force(sample)
+        if math.isfinite(force):
+            state.feel_plainly(force)
+        state.safety.go_on_from(position - way)
+        return position - way
