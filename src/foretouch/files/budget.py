@@ -119,14 +119,9 @@ def budget_for(path: str | PathLike[str], factor: float | None = None) -> Budget
 
 
 def _size(path: Path) -> int:
+    """The size of a file, or of those in a folder, that counts [bytes]."""
     try:
-        if path.is_dir():
-            return sum(_held(file.stat()) for file in path.iterdir() if file.is_file())
-        return _held(path.stat())
+        states = [file.stat() for file in (filter(Path.is_file, path.iterdir()) if path.is_dir() else [path])]
     except (OSError, ValueError):
         return 0
-
-
-def _held(state: os.stat_result) -> int:
-    """The size of a file that counts [bytes]; its blocks are of 512 bytes, whatever the disk's are."""
-    return min(state.st_size, MOST_PACKED * 512 * state.st_blocks)
+    return sum(min(state.st_size, MOST_PACKED * 512 * state.st_blocks) for state in states)  # blocks are of 512 bytes

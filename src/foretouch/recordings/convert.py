@@ -68,7 +68,7 @@ def write_recording(path: str | PathLike[str], recording: Recording) -> list[str
 def _write_mcap(path: str | PathLike[str], recording: Recording) -> list[str]:
     writer = optional("mcap.writer")
     begin = min(float(recording.time[0]), 0.0)
-    stamps = np.rint((recording.time - begin) * 1e9 if begin else recording.time * 1e9).astype(np.int64)
+    stamps = np.rint((recording.time - begin) * 1e9).astype(np.int64)
     if (np.diff(stamps) <= 0).any():
         raise RecordingError(path, "cannot be written: the recording has samples less than a nanosecond apart")
     mapping = Mapping(

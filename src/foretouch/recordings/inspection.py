@@ -231,8 +231,11 @@ def _looked_through(bag: Bag, topic: str, columns: tuple[Column, ...]) -> tuple[
     except RecordingError:
         return columns, 0  # their reader reports why
     finite = {name: values[np.isfinite(values)] for name, values in series.values.items()}
-    ends = {name: [float(some.min()), float(some.max())] for name, some in finite.items() if some.size}
-    ranges = {name: {"smallest": low, "largest": high} for name, (low, high) in ends.items()}
+    ranges: dict[str, dict[str, Any]] = {
+        name: {"smallest": float(some.min()), "largest": float(some.max())}
+        for name, some in finite.items()
+        if some.size
+    }
     return tuple(replace(one, **ranges.get(one.name, {})) for one in columns), series.log_ns.size + series.left_out
 
 

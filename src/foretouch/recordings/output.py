@@ -44,11 +44,10 @@ def atomic_path(path: str | PathLike[str]) -> Iterator[Path]:
         raise RecordingError(path, "cannot be written: it is there and is no regular file")
     beside = target.with_name(f".{target.stem}.{os.getpid()}.part{target.suffix}")
     try:
-        try:
-            yield beside
-            beside.replace(target)
-        except OSError as error:
-            raise RecordingError(path, f"cannot be written: {error.strerror or error}") from None
+        yield beside
+        beside.replace(target)
+    except OSError as error:
+        raise RecordingError(path, f"cannot be written: {error.strerror or error}") from None
     finally:
         beside.unlink(missing_ok=True)
 

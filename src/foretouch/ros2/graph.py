@@ -23,7 +23,7 @@ from foretouch.link import check_endpoint, is_encrypted
 from foretouch.link.zenoh_link import zenoh_config, zenoh_module
 from foretouch.messages import Message, Telemetry
 from foretouch.recordings.formats.topics import BESIDE, FIXTURE, MODEL, NUMBERS, PROBE, StandardTopic, pose_on_a_line
-from foretouch.ros2.keys import DEFAULT, SENSOR_DATA, Node, Qos, TopicType, attachment, publisher_gid
+from foretouch.ros2.keys import DEFAULT, SENSOR_DATA, Node, TopicType, attachment, publisher_gid
 
 NESTED: Final = 1
 """Number of a field whose type is another message; see ``FieldType.msg`` of ``type_description_interfaces``."""
@@ -127,12 +127,7 @@ def _referenced(type_name: str, fields: dict[str, list[dict[str, Any]]]) -> set[
 
 
 KEPT: Final = (MODEL.name, NUMBERS.name, FIXTURE.name)
-"""Topics whose last message must not be missed: reliable. The others are streams of samples."""
-
-
-def qos_of(topic: StandardTopic) -> Qos:
-    """Quality of service of a topic: models and the fixture's pose reliable, samples as sensor data."""
-    return DEFAULT if topic.name in KEPT else SENSOR_DATA
+"""Topics whose last message must not be missed: reliable. The others are streams of samples, as sensor data."""
 
 
 @functools.cache
@@ -254,7 +249,7 @@ class Graph:
         return str(self._session.info.zid())
 
     def _offer(self, topic: StandardTopic) -> _Publisher:
-        kind, qos = type_of(topic), qos_of(topic)
+        kind, qos = type_of(topic), DEFAULT if topic.name in KEPT else SENSOR_DATA
         reliability = self._zenoh.Reliability.RELIABLE if qos.reliable else self._zenoh.Reliability.BEST_EFFORT
         numbers = NODE_NUMBER, NODE_NUMBER + 1 + len(self._publishers)
         token = self._node.publisher_token(self._id, numbers, topic.name, kind, qos)

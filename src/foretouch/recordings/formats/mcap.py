@@ -59,12 +59,11 @@ def records_read(read_at: Callable[[int, int], bytes], position: int, end: int) 
     return records(lambda at: RECORD.unpack(read_at(at, RECORD.size)), position, end, LONGEST_STRUCTURE)
 
 
-def footer_of(tail: bytes) -> tuple[int, int, int] | None:
+def footer_of(tail: bytes) -> tuple[Any, ...] | None:
     """`FOOTER_CONTENT` out of the last `TAIL` bytes of a file; None where its writer has not ended it."""
     if not (tail.startswith(RECORD.pack(FOOTER, FOOTER_CONTENT.size)) and tail.endswith(MAGIC) and len(tail) == TAIL):
         return None
-    start, groups, crc = FOOTER_CONTENT.unpack_from(tail, RECORD.size)
-    return start, groups, crc
+    return FOOTER_CONTENT.unpack_from(tail, RECORD.size)
 
 
 def parsed(code: int, content: bytes) -> Any:

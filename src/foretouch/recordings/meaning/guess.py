@@ -85,9 +85,7 @@ class Guess:
             return self.stated
         if self.open or self.position is None or self.force is None:
             raise RecordingError(self.path, self._what_to_do())
-        mapping = Mapping(self.position, self.force, self.time, self.velocity)
-        check_mapping(self.path, mapping)
-        return mapping
+        return check_mapping(self.path, Mapping(self.position, self.force, self.time, self.velocity))
 
     def _what_to_do(self) -> str:
         signals = {"position": self.position, "force": self.force}

@@ -126,20 +126,16 @@ def read_mapping(path: str | PathLike[str]) -> Mapping:
     Raises:
         RecordingError: The file cannot be read, is no such map, or a unit in it is not known or lacks its scale.
     """
-    mapping = read_toml(path, Mapping, "map", FORM)
-    check_mapping(path, mapping)
-    return mapping
+    return check_mapping(path, read_toml(path, Mapping, "map", FORM))
 
 
 def parse_mapping(source: object, text: bytes | str) -> Mapping:
     """A map from its text; errors name `source`."""
-    mapping = decode_toml(source, text, Mapping, "map", FORM)
-    check_mapping(source, mapping)
-    return mapping
+    return check_mapping(source, decode_toml(source, text, Mapping, "map", FORM))
 
 
-def check_mapping(source: object, mapping: Mapping) -> None:
-    """Refuse what the types of the fields cannot."""
+def check_mapping(source: object, mapping: Mapping) -> Mapping:
+    """The map, unless it has what the types of its fields cannot refuse."""
     _one_of(source, "time", mapping.time.unit, TIMES)
     for name, signal, units in (("position", mapping.position, LENGTHS), ("force", mapping.force, FORCES)):
         _one_of(source, name, signal.unit, units)
@@ -156,6 +152,7 @@ def check_mapping(source: object, mapping: Mapping) -> None:
         raise RecordingError(source, f"[time] rate = {mapping.time.rate:g}: must be finite and above 0")
     if not (np.isfinite(mapping.contact_floor) and mapping.contact_floor >= 0.0):
         raise RecordingError(source, f"contact_floor = {mapping.contact_floor:g}: must be finite and not below 0")
+    return mapping
 
 
 def _one_of(source: object, name: str, unit: str, units: dict[str, float]) -> None:

@@ -96,11 +96,7 @@ def read_session(path: str | PathLike[str], *, budget: float | None = None) -> S
         MissingExtraError: The package ``mcap`` is not installed.
     """
     require_path("path", path)
-    return within_budget(path, budget, _read_all, path)
-
-
-def _read_all(path: str | PathLike[str]) -> SessionLog:
-    return _read(path, _COLUMNS, (*_KEPT, Hello))
+    return within_budget(path, budget, _read, path, _COLUMNS, (*_KEPT, Hello))
 
 
 def read_samples(path: str | PathLike[str]) -> SessionLog:
