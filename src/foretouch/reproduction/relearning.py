@@ -40,14 +40,9 @@ RECOVERY_SPACING = 0.02
 
 
 class Watched(Estimator):
-    """Another estimator, given every so-many-th sample, with everything noted that it found.
+    """Another estimator, fresh, given every so-many-th sample, with everything noted that it found.
 
-    Args:
-        estimator: Fresh.
-        every: 1 for all samples.
-
-    Attributes:
-        rows: One for each sample that was learnt from once there was a model, columns as `FIELDS`.
+    There is a row for each sample that was learnt from once there was a model, with the columns of `FIELDS`.
     """
 
     name: ClassVar[str] = "watched"

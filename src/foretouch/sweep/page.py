@@ -193,7 +193,6 @@ def _histograms(
     kinds: list[str],
     title: str,
 ) -> tuple[Any, Any]:
-    """Distributions of the sessions of each kind, one over the other."""
     drawing = new_figure(3.4)
     axes = drawing.subplots()
     for kind in kinds:
