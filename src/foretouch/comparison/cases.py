@@ -30,15 +30,12 @@ from foretouch.recordings.meaning.names import ReadingKeywords
 from foretouch.recordings.reading import options_of
 from foretouch.robot import make_material
 
-SAMPLE_PERIOD: Final = 1e-3
-"""Time between two samples of a simulated recording [s]."""
+SAMPLE_PERIOD: Final = 1e-3  # Time between two samples of a simulated recording [s]
 FORCE_NOISE: Final = 0.02  # Standard deviation of the force sensor [N], white
 ENCODER_STEP: Final = 5e-6  # Resolution of the positions [m]
 FREE_AIR: Final = 1.0  # Time in free air before the first touch [s]
-GRADUAL_DURATION: Final = 25.0
-"""Length of the gradual change, as in Fig. 8 of the paper [s]."""
-CHANGES: Final = (7.0, 15.0)
-"""The sudden changes of Fig. 7c of the paper, counted from the end of the free air [s]."""
+GRADUAL_DURATION: Final = 25.0  # Length of the gradual change, as in Fig. 8 of the paper [s]
+CHANGES: Final = (7.0, 15.0)  # The sudden changes of Fig. 7c of the paper, counted from the end of the free air [s]
 
 KELVIN_VOIGT: Final = KelvinVoigt(6000.0, 500.0)
 HUNT_CROSSLEY: Final = HuntCrossley(3000.0, 1500.0, 1.4)

@@ -31,14 +31,8 @@ class OnceLearnt(Learner):
     """A learner that learns a recording once and, fed with the same recording again, says the same from memory.
 
     So the prediction can be made under many delays for one learning. An estimator that learns for a certain delay
-    (`Estimator.horizon`) learns anew for another one.
-
-    Args:
-        make: Makes a fresh estimator.
-        contact_floor: Contact floor of the recording [N], as in `Learner`.
-
-    Attributes:
-        memory: The models known after each sample of the recording up to now.
+    (`Estimator.horizon`) learns anew for another one, by a fresh one that `make` gives. The contact floor of the
+    recording [N] is as in `Learner`; the memory has the models known after each sample up to now.
     """
 
     def __init__(self, make: Callable[[], Estimator], *, contact_floor: float) -> None:

@@ -221,7 +221,7 @@ def _by(results: Sequence[Result], key_of: Callable[[Result], Key]) -> dict[Key,
 
 
 def _draw_panel(panel: Any, results: Sequence[Result], limits: tuple[float, float]) -> None:
-    panel.set_xscale("function", functions=(_root, _square))
+    panel.set_xscale("function", functions=(_root, lambda root: np.sign(root) * np.square(root)))
     panel.set_yscale("log")
     panel.axhspan(*JND, color=JND_COLOUR, linewidth=0.0, zorder=0)
     labels: list[tuple[float, str, str]] = []
@@ -260,12 +260,7 @@ def _root(delay: Array) -> Array:
     return np.sign(delay) * np.sqrt(np.abs(delay))
 
 
-def _square(root: Array) -> Array:
-    return np.sign(root) * np.square(root)
-
-
 def _lowest(curves: Mapping[Pair, Curve]) -> Curve | None:
-    """The lowest of several floors, in the median over the delays."""
     known = [curve for curve in curves.values() if np.isfinite(curve.error).any()]
     return min(known, key=lambda curve: float(np.nanmedian(curve.error)), default=None)
 

@@ -104,7 +104,6 @@ def _of(index: int, name: str) -> Any:
 
 
 def _slowest(result: Result) -> float | None:
-    """Infinite where one never converged."""
     times = [event.convergence_s for event in result.convergence]
     return max((math.inf if time is None else time for time in times), default=None)
 

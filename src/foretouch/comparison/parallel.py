@@ -97,7 +97,11 @@ class _Watch:
         if now < self._next:
             return ""
         self._next = now + NOTICE
-        if self._has_workers():
+        try:
+            workers = self._client.sync(self._client.scheduler.ncores, callback_timeout=PATIENCE)
+        except Exception:  # silence, or the end of the scheduler, which the client's status tells soon
+            workers = None
+        if workers:
             self._alone_since = None
             return ""
         if self._alone_since is None:
@@ -106,12 +110,6 @@ class _Watch:
         if now - self._alone_since < ABSENCE:
             return ""
         return f"the cluster showed no workers for {ABSENCE:g} s"
-
-    def _has_workers(self) -> bool:
-        try:
-            return bool(self._client.sync(self._client.scheduler.ncores, callback_timeout=PATIENCE))
-        except Exception:  # silence, or the end of the scheduler, which the client's status tells soon
-            return False
 
 
 def _check(address: str) -> None:

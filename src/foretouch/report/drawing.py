@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.quantities import Array, Flags, Rows, colours, columns
+from foretouch.quantities import Array, Flags, colours, columns
 from foretouch.report.numbers import largest
 from foretouch.report.rows import Segment
 
@@ -80,11 +80,6 @@ def finished(
 def peak(values: Array) -> float:
     """The largest finite value, 0 where there is none: to where axes reach."""
     return largest(values) or 0.0
-
-
-def since_first(leader: Rows) -> Array:
-    """Time of the leader's ticks since its first [s]."""
-    return np.asarray((leader["time_ns"] - leader["time_ns"][0]) * 1e-9)
 
 
 def last_contact(time: Array, force: Array, length: float) -> tuple[float, float]:

@@ -120,7 +120,6 @@ def energy_account(leader: Rows, device: BookedDevice | None = NO_DEVICE) -> Acc
 
 
 def _summed_again(leader: Rows, device: BookedDevice) -> tuple[Account, Array]:
-    """`recorded_account` along a line."""
     position, pressing = leader["hand_position"][:, None], leader["rendered_force"]
     position = np.where(np.abs(position) <= FARTHEST, position, np.nan)
     lost = lost_rows(leader, np.isfinite(position[:, 0]))
@@ -150,7 +149,6 @@ def recorded_account(leader: Rows, recorded: Rows, account: Callable[[Array], Ac
 
 
 def _agree(account: Account, recorded: Rows) -> bool:
-    """Whether the leader recorded the same in every tick."""
     pairs = zip(account, (recorded[name] for name in ("energy", "energy_bound", "late_energy")), strict=True)
     return all(bool((np.abs(one - other) <= ROUNDING).all()) for one, other in pairs)
 

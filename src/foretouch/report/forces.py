@@ -83,31 +83,15 @@ def forces_under_delay(source: Recording | SessionLog, learner: Learner, delay: 
         felt = source.force - lowest_mean(source.time, source.force)
         predicted = predict(source, learner, delay=delay)
         known = np.nan_to_num(delayed_force(source.time, felt, delay), nan=0.0)
-        return Forces(
-            source.time,
-            source.position,
-            source.force,
-            predicted.force,
-            known,
-            source.contact_floor,
-            predicted.standard_deviation,
-            predicted.jump,
-            np.diff(source.time, prepend=np.nan),
-        )
+        columns = source.time, source.position, source.force, predicted.force, known
+        models = predicted.standard_deviation, predicted.jump, np.diff(source.time, prepend=np.nan)
+        return Forces(*columns, source.contact_floor, *models)
     again, pairs, leader = replay(source, learner, delay=delay), pair(source), source.longest().leader
     ticks = np.searchsorted(leader["sequence"], pairs.leader["sequence"])
-    return Forces(
-        pairs.time,
-        pairs.follower["position"],
-        pairs.follower["sensor_force"],
-        again.predicted.force[ticks],
-        again.delayed[ticks],
-        CONTACT_FLOOR,
-        again.predicted.standard_deviation[ticks],
-        again.predicted.jump[ticks],
-        np.diff(leader["time_ns"] * 1e-9, prepend=np.nan)[ticks],
-        not_scored(pairs),
-    )
+    predicted, period = again.predicted, np.diff(leader["time_ns"] * 1e-9, prepend=np.nan)[ticks]
+    motion = pairs.time, pairs.follower["position"], pairs.follower["sensor_force"]
+    models = predicted.standard_deviation[ticks], predicted.jump[ticks], period
+    return Forces(*motion, predicted.force[ticks], again.delayed[ticks], CONTACT_FLOOR, *models, not_scored(pairs))
 
 
 APART = 0.1  # Touches that are nearer to each other than this [s] are one

@@ -197,8 +197,7 @@ something stiff rebounds once or twice, and longer the stiffer the material is."
 EXTRA, EXTRA_SHARE = 2, 0.1
 """Swings that a hand may make beside those that it makes without force, and as a fraction of those."""
 
-BURST, LARGEST_BURST = 2.0, 4
-"""In any time of this length [s] it may make this many more: it lags behind by one or two."""
+BURST, LARGEST_BURST = 2.0, 4  # In any time of this length [s] it may make this many more: it lags behind by one or two
 
 FIGURES = ("swings", "free_swings", "extra_swings", "largest_burst", "largest_burst_at_s", "oscillates")
 

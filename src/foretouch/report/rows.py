@@ -55,6 +55,11 @@ def usual_period(table: Rows) -> float:
     return float(np.median(np.diff(table["time_ns"]))) * 1e-9 if table.size > 1 else 0.0
 
 
+def since_first(leader: Rows) -> Array:
+    """Time of the leader's ticks since its first [s]."""
+    return np.asarray((leader["time_ns"] - leader["time_ns"][0]) * 1e-9)
+
+
 class Segment(NamedTuple):
     """A segment of time [s] in which the robot was not at its commanded position."""
 

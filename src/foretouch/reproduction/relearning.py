@@ -40,14 +40,9 @@ RECOVERY_SPACING = 0.02
 
 
 class Watched(Estimator):
-    """Another estimator, given every so-many-th sample, with everything noted that it found.
+    """Another estimator, fresh, given every so-many-th sample, with everything noted that it found.
 
-    Args:
-        estimator: Fresh.
-        every: 1 for all samples.
-
-    Attributes:
-        rows: One for each sample that was learnt from once there was a model, columns as `FIELDS`.
+    There is a row for each sample that was learnt from once there was a model, with the columns of `FIELDS`.
     """
 
     name: ClassVar[str] = "watched"
@@ -65,7 +60,7 @@ class Watched(Estimator):
         self._samples = 0
         self._status = Status.FREE_AIR
         self._model: ContactModel | None = None
-        self._recovered = (math.nan, math.nan, math.nan)
+        self._recovered: tuple[float, ...] = (math.nan,) * 3
         self._next_recovery = -math.inf
 
     def update(self, sample: ContactSample) -> Status:
@@ -87,9 +82,8 @@ class Watched(Estimator):
         if sample.time >= self._next_recovery:
             self._next_recovery = sample.time + RECOVERY_SPACING
             result = self.estimator.parameters
-            values = [result[name] for name in ("damping", "exponent", "switching")]
-            known = [math.nan if value is None else value for value in values]
-            self._recovered = (known[0], known[1], known[2])
+            values = (result[name] for name in ("damping", "exponent", "switching"))
+            self._recovered = tuple(math.nan if value is None else value for value in values)
         first, second, third, fourth = self._model.parameters
         if self._model.parameter_names[0] != "ln_k":  # law (4) itself: k, lambda, n, alpha
             first, second, third, fourth = math.log(max(first, 1e-300)), third + fourth, math.nan, math.nan

@@ -174,14 +174,16 @@ def _drawn(formula: str) -> str:
 
 
 def _part(section: Section) -> list[str]:
-    cards = [_card(section, claim, _links(section, claim)) for claim in section.claims]
-    figure = ""
+    cards, figure = "", ""
+    for claim in section.claims:
+        equations = (f' <a href="#equation-{number}">({number})</a>' for number in named_equations(section, claim))
+        cards += _card(section, claim, f'<a href="#{section.name}">{_short(section)}</a>{"".join(equations)}')
     if section.figure is not None:
         figure = f'<details class="figure"><summary>{embedded(section.figure, section.title)}</summary></details>'
     text = f"<summary>What was done and what is seen</summary><p>{escape(section.text)}</p>"
     return [
         f'<h2 id="{section.name}">{escape(section.title)}</h2>',
-        f'<div class="part">{figure}<div><details class="done">{text}</details>{"".join(cards)}</div></div>',
+        f'<div class="part">{figure}<div><details class="done">{text}</details>{cards}</div></div>',
     ]
 
 
@@ -193,11 +195,6 @@ def _card(section: Section, claim: Claim, links: str) -> str:
         f'<details class="claim {name}"><summary><b>{sign} {words}</b><span>{escape(claim.claim)}</span>'
         f"<small>{links}</small></summary><dl>{details}</dl></details>"
     )
-
-
-def _links(section: Section, claim: Claim) -> str:
-    equations = (f'<a href="#equation-{number}">({number})</a>' for number in named_equations(section, claim))
-    return " ".join((f'<a href="#{section.name}">{_short(section)}</a>', *equations))
 
 
 def _short(section: Section) -> str:

@@ -41,15 +41,8 @@ def error_figure(rows: Sequence[Outcome], axis: Axis) -> Any:
     """Error of the felt force against one axis."""
     drawing, axes = _dots_and_curves(rows, error_of, axis)
     axes.axhspan(*JND, color="0.88", linewidth=0.0, zorder=0)
-    axes.text(
-        0.99,
-        1.06 * JND[0],
-        "what a hand tells apart",
-        ha="right",
-        fontsize="x-small",
-        color="0.3",
-        transform=axes.get_yaxis_transform(),
-    )
+    style = {"ha": "right", "fontsize": "x-small", "color": "0.3", "transform": axes.get_yaxis_transform()}
+    axes.text(0.99, 1.06 * JND[0], "what a hand tells apart", **style)
     axes.set(yscale="log", ylim=(1.0, 300.0))
     marks = (1, 2, 5, 10, 20, 50, 100, 200)
     axes.set_yticks(marks, [f"{mark}" for mark in marks])
@@ -200,7 +193,6 @@ def _histograms(
     kinds: list[str],
     title: str,
 ) -> tuple[Any, Any]:
-    """Distributions of the sessions of each kind, one over the other."""
     drawing = new_figure(3.4)
     axes = drawing.subplots()
     for kind in kinds:

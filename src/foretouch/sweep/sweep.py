@@ -65,19 +65,12 @@ def code_digest() -> str:
 class Store:
     """The rows in a folder, which is made if it is not there, of a seed and a duration [s] of sessions without delay.
 
-    Attributes:
-        path: Path of the file.
-        header: Header that is, or will be, in its first line.
-        rows: Rows by number and baseline, as many as there are.
-
-    Raises:
-        InputError: The folder cannot be used, or holds the rows of another sweep.
+    An InputError says that the folder cannot be used, or holds the rows of another sweep.
     """
 
     def __init__(self, folder: str | Path, *, seed: int = 0, duration: float = 30.0) -> None:
         self.path = Path(folder) / FILE_NAME
-        self.header = Header(__version__, code_digest(), seed, duration)
-        self.rows: dict[tuple[int, str], Outcome] = {}
+        self.header = Header(__version__, code_digest(), seed, duration)  # it is, or will be, in the first line
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             if self.path.exists():
@@ -88,8 +81,11 @@ class Store:
             raise InputError(f"{self.path}: cannot be written: {error.strerror}") from None
         header, rows = read_store(self.path)
         if header != self.header:
-            raise InputError(f"{self.path}: {_difference(header, self.header)}; give another --out, or remove the file")
-        self.rows = rows
+            differs = f"was made with --seed {header.seed} --duration {header.duration_s:g}"
+            if (header.version, header.code) != (self.header.version, self.header.code):
+                differs = "was made by other code, whose sessions are not comparable"
+            raise InputError(f"{self.path}: {differs}; give another --out, or remove the file")
+        self.rows = rows  # by number and baseline, as many as there are
 
     def add(self, row: Outcome) -> None:
         """Append one row."""
@@ -126,13 +122,6 @@ def read_store(path: Path) -> tuple[Header, dict[tuple[int, str], Outcome]]:
         where = f"line {len(rows) + 2}" if rows else "at its beginning"
         raise InputError(f"{path}, {where}: is no line of a sweep ({error}); give another --out") from None
     return header, rows
-
-
-def _difference(theirs: Header, ours: Header) -> str:
-    """Settings that were different when the rows were made."""
-    if theirs.version != ours.version or theirs.code != ours.code:
-        return "was made by other code, whose sessions are not comparable"
-    return f"was made with --seed {theirs.seed} --duration {theirs.duration_s:g}"
 
 
 Progress = Callable[[int, int, Outcome], None]

@@ -159,7 +159,8 @@ def look_at_scene(log: SessionLog, pairs: Pairs) -> SceneFindings:
     stiffness = None
     if scene is not None and field is not None:
         felt = next((model.surface for model in reversed(log.models) if model.valid), 0.0)
-        material = _material(log.settings) if _is_simulated(rows) else None
+        name = setting(log.settings, "material", "")
+        material = name if name in MATERIALS and _is_simulated(rows) else None
         stiffness = stiffness_map(rows, field, scene, material, felt if math.isfinite(felt) else 0.0)
     return SceneFindings(rows, pose_error(rows), wrong_contacts(log, pairs), account, scene, field, stiffness)
 
@@ -215,7 +216,6 @@ def in_scene(report: dict[str, Any], scene: Mapping[str, Any], findings: SceneFi
 
 
 def _tracking(rows: SceneRows, score_from: float) -> dict[str, float | None]:
-    """Distance of the probe from the position that it was commanded to, in space."""
     applied, at = np.unique(rows.follower["command_sequence"], return_index=True)
     _, commanded, did = np.intersect1d(rows.hand["sequence"], applied, return_indices=True)
     apart = vectors(rows.hand[commanded], "place") - vectors(rows.probe[at[did]], "place")
@@ -240,7 +240,3 @@ def _scene(settings: Mapping[str, str]) -> Scene | None:
         return make_scene(setting(settings, "scene", ""))
     except ForetouchError:
         return None
-
-
-def _material(settings: Mapping[str, str]) -> str | None:
-    return name if (name := setting(settings, "material", "")) in MATERIALS else None

@@ -21,8 +21,7 @@ CELL = 1e-3  # Side of a cell of the map [m]
 NEAR = 3e-3  # Largest distance of the probe from a point that counts as touched [m], half the distance of two nodes
 PRESSED = 0.05  # Force of a touch [N]
 
-MIDDLE, REACH = (0.075, 0.0), 0.03
-"""Middle of the map in the fixture's frame, and half its side [m]."""
+MIDDLE, REACH = (0.075, 0.0), 0.03  # Middle of the map in the fixture's frame, and half its side [m]
 
 HIGH, CLOSE, STEPS = 0.2, 1e-6, 30
 """Height above the surface at which rays begin, distance at which they end [m], and their largest number of steps."""

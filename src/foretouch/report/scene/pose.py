@@ -158,7 +158,6 @@ def _bumps(rows: SceneRows) -> tuple[tuple[float, float], ...]:
 
 
 def _recovered(error: PoseError, begin: float, end: float) -> float | None:
-    """Time from the beginning of a bump until the error is and stays small [s]."""
     near = (error.distance < NEAR_MM) & (error.turn < NEAR_DEGREES)
     after = error.time >= end
     starts = np.unique([end, *error.time[after & ~near]])  # right behind some tick that was far off

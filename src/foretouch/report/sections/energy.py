@@ -9,21 +9,10 @@ import numpy as np
 
 from foretouch.errors import plural
 from foretouch.quantities import Rows, new_figure
-from foretouch.report.drawing import (
-    ERROR,
-    NARROW,
-    PREDICTED,
-    TRUE,
-    curve,
-    extremes,
-    finished,
-    legend,
-    peak,
-    shade,
-    since_first,
-)
+from foretouch.report.drawing import ERROR, NARROW, PREDICTED, TRUE, curve, extremes, finished, legend, peak, shade
 from foretouch.report.energy import ROUNDING, Account, booked_device, energy_account
 from foretouch.report.numbers import Finding, number
+from foretouch.report.rows import since_first
 from foretouch.report.sections import Drawing, Section, View
 from foretouch.settings import NO_GRIP
 
@@ -31,7 +20,6 @@ FELT = 0.05  # Rendered force from which on a tick counts as contact at the hand
 
 
 def _instability(report: Mapping[str, Any]) -> str:
-    """Why a session was not stable, in a sentence."""
     hand, margin = report["hand"], report["energy_margin_J"]
     swings, reasons = hand["oscillation"], []
     if not hand["certificate_holds"] and (hand["energy_agrees"] or margin is None or margin < 0.0):
@@ -49,7 +37,6 @@ def _instability(report: Mapping[str, Any]) -> str:
 
 
 def _stability(report: Mapping[str, Any]) -> str:
-    """That a session with a hand was stable, in a sentence."""
     if report["hand"]["guarded_contact_percent"] is None:
         coupled = "" if report["engaged_percent"] else "hand and robot were never coupled, and "
         return f"Stable, but {coupled}nothing was touched."

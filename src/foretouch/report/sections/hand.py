@@ -11,23 +11,11 @@ from foretouch.messages import SessionLog
 from foretouch.quantities import Array, Flags, Rows, new_figure
 from foretouch.rendering.limits import LARGEST_FORCE
 from foretouch.rendering.withheld import LEAST_FORCE, LEAST_SHARE, LEAST_TICKS, OWED, UNPAID
-from foretouch.report.drawing import (
-    DELAYED,
-    ERROR,
-    PREDICTED,
-    RENDERED,
-    TRUE,
-    curve,
-    finished,
-    legend,
-    peak,
-    shade,
-    since_first,
-)
+from foretouch.report.drawing import DELAYED, ERROR, PREDICTED, RENDERED, TRUE, curve, finished, legend, peak, shade
 from foretouch.report.energy import booked_device, energy_figures
 from foretouch.report.numbers import Finding, figure, filled, largest, number_of, renders_models, runs, setting
 from foretouch.report.perception import free_hand, oscillation
-from foretouch.report.rows import Pairs, away, not_scored, pair
+from foretouch.report.rows import Pairs, away, not_scored, pair, since_first
 from foretouch.report.sections import Drawing, Section, View
 from foretouch.report.sections.energy import FELT
 from foretouch.report.sections.safety import contact_force, guarded_figures

@@ -35,7 +35,6 @@ def _cut(report: Mapping[str, Any]) -> Iterator[Finding]:
 
 
 def _tracking(view: View) -> Iterator[Drawing]:
-    """Of a session along a line in which a command was applied."""
     if view.scene is None and view.pairs.time.size:
         yield Drawing(tracking_figure(view.pairs, view.away), "Position of the robot, and its tracking error")
 

@@ -30,8 +30,7 @@ from foretouch.report.scene.pose import NEAR_DEGREES, NEAR_MM, PoseError
 from foretouch.report.sections import Drawing, Section, View
 from foretouch.session.spatial import Inclusion
 
-LEAST_MM, LEAST_DEGREES = 0.01, 0.01
-"""Begin of the axes of errors: no camera knows less."""
+LEAST_MM, LEAST_DEGREES = 0.01, 0.01  # Begin of the axes of errors: no camera knows less
 
 
 def pose_figure(error: PoseError) -> Any:
