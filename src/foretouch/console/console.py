@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from foretouch.console import sentences
 from foretouch.console.gate import Entrance, make_gated_server
 from foretouch.console.gate.entrance import require_free_port
 from foretouch.console.panels.figures import describe, numbers_html
@@ -18,17 +19,6 @@ from foretouch.console.panels.session import CHOICES, SLIDERS, Actions, Publishe
 from foretouch.console.panels.stop import ASKING, LATCHED, READY, UNABLE, EmergencyCall
 from foretouch.console.playback import Library
 from foretouch.console.plots import SECONDS, put
-from foretouch.console.sentences import (
-    ENDED_INSTRUCTION,
-    ENDING_INSTRUCTION,
-    HAS_ENDED,
-    NOTHING_LIVE,
-    hindrance,
-    lateness,
-    robot_alerts,
-    session_status,
-    warnings,
-)
 from foretouch.console.views.hold import Hold, SpaceHold
 from foretouch.console.views.line import LineView
 from foretouch.console.views.space import SPACE_INSTRUCTION, SpaceView
@@ -196,10 +186,10 @@ class Console:
         """End the server; the pages then show that the session has `ended`, or that they do not reach the console."""
         self._emergency.close()
         if ended:
-            self._ending = ENDED_INSTRUCTION
-            self._panel.instruct(ENDED_INSTRUCTION, "")
+            self._ending = sentences.ENDED_INSTRUCTION
+            self._panel.instruct(sentences.ENDED_INSTRUCTION, "")
             self._draw_scene(self._shown.at_once(), self._library.playback is None, useful=False)
-            self._panel.alarm.end(HAS_ENDED)
+            self._panel.alarm.end(sentences.HAS_ENDED)
             time.sleep(LAST_WORD)
         with contextlib.redirect_stdout(io.StringIO()):
             self._server.stop()
@@ -252,7 +242,7 @@ class Console:
             playback.go_to(now)
 
     def _stop(self) -> None:
-        self._ending = ENDING_INSTRUCTION
+        self._ending = sentences.ENDING_INSTRUCTION
         self._publisher.send(Stop, reason="ended in the console")
         self._panel.session.ending()
 
@@ -279,7 +269,7 @@ class Console:
         return self._live and self._watched.operator == "browser"
 
     def _hindrance(self, now: float) -> str:
-        return self._ending or (hindrance(self._watched, now) if self._live else CHOOSE_RECORDING)
+        return self._ending or (sentences.hindrance(self._watched, now) if self._live else CHOOSE_RECORDING)
 
     def _draw_scene(self, shown: Watched, live: bool, *, useful: bool = True) -> None:
         live = live and self._live  # without a session there is no handle
@@ -302,21 +292,21 @@ class Console:
         window = shown.window(SECONDS)
         status = self._status(now) if playback is None else "A recording is shown; see the tab Recordings."
         unseen = (self._space.problem,) if shown.in_space and self._space.problem else ()
-        notes = (*unseen, *warnings(self._watched, now))
+        notes = (*unseen, *sentences.warnings(self._watched, now))
         panel.forces.write(numbers_html(shown, window, other, status=status, warnings=notes))
         panel.network.draw(window, shown.loss_trace(SECONDS, now))
         panel.energy.draw(window)
         lines = () if shown.model is None else describe(shown.model)
         panel.models.draw(shown.model_trace(SECONDS), shown.model_depth, lines)
         panel.recordings.show(playback, self._library.note, self._library.busy)
-        put(panel.banner, content=banner_html(playback, lateness(self._watched), live=self._live))
+        put(panel.banner, content=banner_html(playback, sentences.lateness(self._watched), live=self._live))
         self._show_session(now)
         self._show_alarm(now)
         self._line.write(shown)
         self._space.write(shown, now, live=playback is None)
 
     def _show_session(self, now: float) -> None:
-        """Show the running session, and set the sliders when both sides have sent new values."""
+        """Show the running session and what there is to do; set the sliders when both sides have sent new values."""
         watched, settings = self._watched, self._watched.settings
         live = self._library.playback is None
         supervised = watched.supervised(now)
@@ -328,30 +318,26 @@ class Console:
             refused=watched.reported("supervisor", "refused"),
         )
         self._panel.network.offer(live)
-        self._instruct(live, now)
+        shown = self._shown
+        by_mouse = self._live and shown.operator == "browser"  # which hand the force moves
+        self._panel.offer(clutch=self._by_mouse and live, in_space=shown.in_space)
+        by_hand = SPACE_INSTRUCTION if shown.in_space else INSTRUCTION
+        possible = by_hand if by_mouse else f"Watch the {shown.operator} operator press."
+        instruction = (self._hindrance(now) or possible) if live else WATCH_RECORDING
+        self._panel.instruct(instruction, felt(shown.grip, by_mouse))
         if settings.keys() >= INTRODUCTION:
             texts = {name: settings.get(name, "") for name in SLIDERS}
             new = dict(texts.items() - self._introduced.items())
             self._introduced = texts
             self._panel.network.put({name: watched.setting(name, 0.0) for name in new})
 
-    def _instruct(self, live: bool, now: float) -> None:
-        """Show what there is to do, and which hand the force moves."""
-        watched = self._shown
-        by_mouse = self._live and watched.operator == "browser"
-        self._panel.offer(clutch=self._by_mouse and live, in_space=watched.in_space)
-        by_hand = SPACE_INSTRUCTION if watched.in_space else INSTRUCTION
-        possible = by_hand if by_mouse else f"Watch the {watched.operator} operator press."
-        instruction = self._hindrance(now) or possible
-        self._panel.instruct(instruction if live else WATCH_RECORDING, felt(watched.grip, by_mouse))
-
     def _show_alarm(self, now: float) -> None:
         status = self._watched.status
         label = LATCHED if status == Status.STOPPED else UNABLE if status == Status.SHADOW else READY
-        alerts = (*(robot_alerts(self._watched, now) if self._live else ()), self._standing)
+        alerts = (*(sentences.robot_alerts(self._watched, now) if self._live else ()), self._standing)
         self._panel.alarm.show(ASKING if self._emergency.asking else label, tuple(filter(None, alerts)))
 
     def _status(self, now: float) -> str:
         if self._ending or not self._live:
-            return self._ending or NOTHING_LIVE
-        return session_status(self._watched, now, held=self._holding.held, clutched=self._holding.clutched)
+            return self._ending or sentences.NOTHING_LIVE
+        return sentences.session_status(self._watched, now, held=self._holding.held, clutched=self._holding.clutched)

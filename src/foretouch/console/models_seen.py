@@ -107,7 +107,12 @@ class ModelsSeen:
         for time, sequence in tuple(self._adopted):
             if not now - seconds <= time <= now or (times and time - times[-1] < SPACING):
                 continue
-            if (one := self._figures_at(sequence, depth)) is not None:
+            key, update = (sequence, depth), self._updates.get(sequence)
+            if key not in self._figures and update is not None:
+                if len(self._figures) > MOST:
+                    self._figures.clear()
+                self._figures[key] = figures_of(update, depth)
+            if (one := self._figures.get(key)) is not None:
                 times.append(time)
                 shown.append(one)
         names = shown[-1].names if shown else ()
@@ -116,14 +121,3 @@ class ModelsSeen:
         parameters, errors = np.array(laws).reshape(len(shown), 2, len(names)).transpose(1, 0, 2)
         stiffness, deviation = np.array([(one.stiffness, one.deviation) for one in shown]).reshape(-1, 2).T
         return ModelTrace(np.array(times) - now, stiffness, deviation, names, parameters, errors)
-
-    def _figures_at(self, sequence: int, depth: float) -> ModelFigures | None:
-        key = (sequence, depth)
-        if key not in self._figures:
-            update = self._updates.get(sequence)
-            if update is None:
-                return None
-            if len(self._figures) > MOST:
-                self._figures.clear()
-            self._figures[key] = figures_of(update, depth)
-        return self._figures[key]

@@ -245,19 +245,16 @@ class Watched:
         self.lateness.take("leader", state.period_ns)
         self._models.adopt(state.time_ns * 1e-9, state.model_sequence)
         self.leader, self._leader_received = state, now
-        self.withheld = self._why_withheld(state)
-
-    def _why_withheld(self, state: LeaderState) -> str:
         felt = self.grip or self.settings.get("felt") == "yes"
         baseline = self.settings.get("baseline", NO_BASELINE) != NO_BASELINE
         if baseline or not (felt and state.engaged and math.isfinite(state.hand_position)):
-            self._withheld = Withheld(REDUCED_BELOW)
-            return ""
+            self.withheld, self._withheld = "", Withheld(REDUCED_BELOW)
+            return
         due = due_force(state.predicted_force, max(self.setting("force_scale", 1.0), 0.0))
         if due >= LEAST_FORCE:
             self.given = max(state.rendered_force, 0.0) / due
         withheld = self._withheld.update(due, state.rendered_force, state.energy, state.time_ns)
-        return (OWED if self._withheld.owed else UNPAID) if withheld else ""
+        self.withheld = (OWED if self._withheld.owed else UNPAID) if withheld else ""
 
     def _take_hello(self, hello: Hello, now: float) -> None:
         """Keep the texts of each; the newest counts, but of several leaders the one in control."""

@@ -11,20 +11,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from foretouch.doctor import surroundings
 from foretouch.doctor.finding import Finding, Verdict, render_findings, worst
 from foretouch.doctor.hardware import check_cores, check_governor, check_graphics, check_real_time
 from foretouch.doctor.loops import LoopReport, check_loops, run_loops
-from foretouch.doctor.surroundings import (
-    PORTS,
-    check_compiled,
-    check_disk,
-    check_extras,
-    check_keys,
-    check_packages,
-    check_port,
-    check_python,
-    check_text,
-)
 from foretouch.errors import install_command
 
 if TYPE_CHECKING:
@@ -45,11 +35,12 @@ def examine(
     The loops run, and each peer of the `ways` is asked, for `seconds` [s], above 0; `keys` is a folder, else the usual
     one. `say` is called with what is examined next, where it takes long.
     """
-    yield from (check_python(), check_packages(), check_extras(), check_cores(), check_governor())
-    yield from (check_text(), check_disk(), check_compiled())
-    for port in PORTS:
-        yield _made(f"port {port}", functools.partial(check_port, port))
-    yield _made("keys", lambda: check_keys(keys))
+    yield from (surroundings.check_python(), surroundings.check_packages(), surroundings.check_extras())
+    yield from (check_cores(), check_governor())
+    yield from (surroundings.check_text(), surroundings.check_disk(), surroundings.check_compiled())
+    for port in surroundings.PORTS:
+        yield _made(f"port {port}", functools.partial(surroundings.check_port, port))
+    yield _made("keys", lambda: surroundings.check_keys(keys))
     say("drawing an image")
     yield check_graphics()
     say(f"running two loops for {seconds:g} s")

@@ -38,7 +38,10 @@ def check_cores(load: float | None = None, cores: int | None = None, group: Path
     if cores is None:
         cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     load = os.getloadavg()[0] if load is None else load
-    quota = _quota(group)
+    quota = None  # processors that the control group allows at most
+    with contextlib.suppress(OSError, ValueError):  # no such file; or "max", which is no bound
+        fraction, period = (group / "cpu.max").read_text().split()
+        quota = int(fraction) / int(period)
     usable = min(float(cores), quota or float(cores))
     bounded = "" if quota is None else f", of which the container may use {quota:g}"
     text = f"{cores} cores{bounded}; load {load:.1f} in the last minute"
@@ -51,15 +54,6 @@ def check_cores(load: float | None = None, cores: int | None = None, group: Path
     if load > BUSIEST * usable:
         return Finding("cores", Verdict.WARNING, f"{text}: others want them too", busiest, figures)
     return Finding("cores", Verdict.GOOD, text, figures=figures)
-
-
-def _quota(group: Path) -> float | None:
-    """Processors that the control group allows at most, None for no bound."""
-    try:
-        fraction, period = (group / "cpu.max").read_text().split()
-        return int(fraction) / int(period)
-    except (OSError, ValueError):  # no such file; or "max", which is no bound
-        return None
 
 
 def check_governor(cpus: Path = CPUS) -> Finding:

@@ -317,7 +317,13 @@ class SessionLog(Columns):
 
     def rows(self) -> SessionRows:
         """Pair each applied command with the first follower tick that applied it, within each segment."""
-        parts = [_paired(segment) for segment in self.segments()]
+        parts = []
+        for segment in self.segments():
+            applied = segment.follower[segment.follower["command_sequence"] > 0]
+            sequences, first = np.unique(applied["command_sequence"], return_index=True)
+            sent = segment.leader["sequence"]
+            _, of_leader, of_applied = np.intersect1d(sent, sequences, assume_unique=True, return_indices=True)
+            parts.append((segment.leader[of_leader], applied[first[of_applied]]))
         leader, follower = (np.concatenate([part[side] for part in parts]) for side in (0, 1))
         return SessionRows(leader, follower, int(self.leader.size - leader.size))
 
@@ -336,12 +342,3 @@ def _longest(logs: Iterable[SessionLog]) -> SessionLog:
 def in_order(models: list[ModelUpdate]) -> tuple[ModelUpdate, ...]:
     """Models by the process that sent them, and then by sequence."""
     return tuple(sorted(models, key=lambda model: (model.run, model.sequence)))
-
-
-def _paired(segment: SessionLog) -> tuple[Rows, Rows]:
-    applied = segment.follower[segment.follower["command_sequence"] > 0]
-    sequences, first = np.unique(applied["command_sequence"], return_index=True)
-    _, in_leader, in_follower = np.intersect1d(
-        segment.leader["sequence"], sequences, assume_unique=True, return_indices=True
-    )
-    return segment.leader[in_leader], applied[first[in_follower]]

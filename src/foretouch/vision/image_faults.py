@@ -113,21 +113,18 @@ class FaultyCamera:
                 cover = _spot(image.shape, now[kind], soft=0.02 if kind == "hand" else 0.5)
                 pixels += cover[:, :, None] * (np.asarray(colour, np.float32) - pixels)
         pixels += self.noise * self._random.standard_normal(image.shape, np.float32)
-        self._last = self._compressed(np.clip(np.rint(pixels), 0, 255).astype(np.uint8))
+        self._last = np.clip(np.rint(pixels), 0, 255).astype(np.uint8)
+        if self.quality is not None:
+            cv2 = opencv()
+            _, data = cv2.imencode(".jpg", self._last[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, self.quality])
+            self._jpeg = data.tobytes()
+            self._last = np.ascontiguousarray(cv2.imdecode(data, cv2.IMREAD_COLOR)[:, :, ::-1])
         return self._last.copy()
 
     @property
     def jpeg(self) -> bytes:
         """The newest image that came out, compressed; empty before the first, or without compression."""
         return self._jpeg
-
-    def _compressed(self, image: Image) -> Image:
-        if self.quality is None:
-            return image
-        cv2 = opencv()
-        _, data = cv2.imencode(".jpg", image[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, self.quality])
-        self._jpeg = data.tobytes()
-        return np.ascontiguousarray(cv2.imdecode(data, cv2.IMREAD_COLOR)[:, :, ::-1])
 
 
 def _spot(shape: tuple[int, ...], fault: ImageFault, soft: float) -> NDArray[np.float32]:

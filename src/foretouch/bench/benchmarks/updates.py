@@ -13,19 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from foretouch.bench.peers import (
-    OPTIONS,
-    PEERS,
-    RIVER_WITHOUT_FORGETTING,
-    Press,
-    Problem,
-    bare_call,
-    measure_latencies,
-    peer,
-    press,
-    recursion_over,
-    samples,
-)
+from foretouch.bench import peers
 from foretouch.bench.timing import Array, Contestant, Row, Scope, interleave, ratio, resident_bytes, spread
 from foretouch.identification import (
     FPRLS,
@@ -43,34 +31,34 @@ FPRLS_SIZE, PEER_SIZE, FPRLS_ROUNDS = 1_000_000, 3_000, 15
 
 FPRLS_REACH_NS = 40.0
 
-REACHES = {"padasip": 200.0, "filterpy": 400.0, "river": 400.0, RIVER_WITHOUT_FORGETTING: None}
+REACHES = {"padasip": 200.0, "filterpy": 400.0, "river": 400.0, peers.RIVER_WITHOUT_FORGETTING: None}
 """Smallest speed over each peer's [-]."""
 
 
-def theta_of(pressed: Press) -> Array:
+def theta_of(pressed: peers.Press) -> Array:
     """(ln k, s, b1, b2) after a recording, features included."""
-    estimator = FPRLS(OPTIONS)
+    estimator = FPRLS(peers.OPTIONS)
     estimator.run(ContactSamples(*pressed))
     return np.array(estimator.linear_parameters)
 
 
 def measure_fprls(scope: Scope) -> list[Row]:
     """Nanoseconds a sample, and how many times as fast as each peer and as a bare compiled loop."""
-    pressed, small = press(FPRLS_SIZE), Problem.of(press(PEER_SIZE))
-    problem = Problem.of(pressed)
+    pressed, small = peers.press(FPRLS_SIZE), peers.Problem.of(peers.press(PEER_SIZE))
+    problem = peers.Problem.of(pressed)
     bounds: list[float] = []
     contestants = {
         "ours": Contestant(
-            lambda: theta_of(pressed), FPRLS_SIZE, lambda: bounds.append(measure_latencies(1).fused_bound)
+            lambda: theta_of(pressed), FPRLS_SIZE, lambda: bounds.append(peers.measure_latencies(1).fused_bound)
         ),
-        "bare": Contestant(lambda: recursion_over(problem), FPRLS_SIZE),
+        "bare": Contestant(lambda: peers.recursion_over(problem), FPRLS_SIZE),
     }
-    for name in PEERS:
-        run = peer(name, small, scope.say)
+    for name in peers.PEERS:
+        run = peers.peer(name, small, scope.say)
         if run is not None:
             contestants[name] = Contestant(run, PEER_SIZE)
     times = interleave(contestants, FPRLS_ROUNDS)
-    there = [name for name in PEERS if name in times]
+    there = [name for name in peers.PEERS if name in times]
     what = "FPRLS over 10^6 samples"
     rows = [
         Row.of(f"{what}, times as fast as {name}", ratio(times, name, "ours"), "x", REACHES[name], at_least=True)
@@ -90,7 +78,7 @@ CALLS = 100_000  # Number of calls after which nothing may have grown
 TURNS = 3  # Repetitions of these calls; a leak shows in each of them, other growth of the process only in some
 
 CALLED: dict[str, tuple[Callable[[], Estimator], float]] = {
-    "FPRLS": (lambda: FPRLS(OPTIONS), 1.0),
+    "FPRLS": (lambda: FPRLS(peers.OPTIONS), 1.0),
     "exact": (ExactContinuousSwitching, 3.0),
     "contact map": (ContactMap, 5.0),
 }
@@ -114,7 +102,7 @@ def bare(pressed: list[ContactSample]) -> Callable[[], None]:
 
     def run() -> None:
         for time, depth, velocity, force, _ in pressed:
-            bare_call(state, time, depth, velocity, force)
+            peers.bare_call(state, time, depth, velocity, force)
 
     return run
 
@@ -142,7 +130,7 @@ def growth(run: Callable[[], None]) -> int:
 
 def measure_call(scope: Scope) -> list[Row]:
     """Microseconds a call, times a bare compiled call, and bytes that are left."""
-    pressed = samples(press(CALL_SIZE))
+    pressed = peers.samples(peers.press(CALL_SIZE))
     contestants = {"bare": Contestant(bare(pressed), CALL_SIZE)}
     for name, (make, _) in CALLED.items():
         estimator = make()
@@ -155,7 +143,7 @@ def measure_call(scope: Scope) -> list[Row]:
     if not resident_bytes():
         scope.say("this system does not say how much memory a process holds: those rows are left out")
         return rows
-    many = samples(press(2 * CALLS))
+    many = peers.samples(peers.press(2 * CALLS))
     rows += [
         Row(f"{name} update, memory that 10^5 calls leave", float(memory_growth(make(), many)), "B", 1024.0)
         for name, (make, _) in CALLED.items()
@@ -173,13 +161,13 @@ MAP_REACH_NS = 500.0
 
 def cells(deepest: float) -> int:
     """Cells of the coarse map, 1 mm each, between the shallowest and the deepest place [m] of a press."""
-    depth = press(CELLS_SIZE, deepest).depth
+    depth = peers.press(CELLS_SIZE, deepest).depth
     return int(np.ptp(np.floor(depth / COARSE.spacing))) + 1
 
 
 def map_contestant(size: int, deepest: float) -> Contestant:
     """The map over a press, from nothing."""
-    estimator, samples = ContactMap(), ContactSamples(*press(size, deepest))
+    estimator, samples = ContactMap(), ContactSamples(*peers.press(size, deepest))
     return Contestant(lambda: estimator.run(samples), size, estimator.reset)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 import textwrap
-from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -19,7 +18,6 @@ from foretouch.errors import SettingError, plural
 if TYPE_CHECKING:
     from foretouch.comparison import Case
     from foretouch.recordings import RecordingOptions
-    from foretouch.reproduction import Section
     from foretouch.sweep import Outcome, Plan
 
 
@@ -257,17 +255,16 @@ def reproduce(
         f"\nOf {plural(len(claims), 'claim')}: {counts['holds']} hold as printed, "
         f"{counts['holds under stated choice']} under a stated choice, {counts['does not hold']} not."
     )
-    return Answer(rows, [*(line for section in sections for line in _section_lines(section, bool(only))), end])
+    lines = []
+    for section in sections:
+        lines.append(f"\n{section.title}")
+        for claim in section.claims:
+            lines.append(_wrapped(WORDS[claim.verdict], claim.claim))
+            lines += [_wrapped("", f"{name}: {getattr(claim, name)}") for name in FULL] if only else []
+    return Answer(rows, [*lines, end])
 
 
-def _section_lines(section: Section, all_of_it: bool) -> Iterator[str]:
-    yield f"\n{section.title}"
-    for claim in section.claims:
-        yield _wrapped(WORDS[claim.verdict], claim.claim)
-        for name in ("paper", "measured", "setting") if all_of_it else ():
-            yield _wrapped("", f"{name}: {getattr(claim, name)}")
-
-
+FULL = ("paper", "measured", "setting")  # What is printed of a claim too, where its section is named
 WORDS = {"holds": "holds", "holds under stated choice": "by choice", "does not hold": "does not"}
 """Verdicts in a narrow column."""
 

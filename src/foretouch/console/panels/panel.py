@@ -210,28 +210,22 @@ class RecordingsPanel:
             if playback is None:
                 self._list.value, self._bar.value, self._play.label = CHOOSE, 0.0, PLAY
             elif self._shown is None or playback.log is not self._shown.log:
-                self._put(playback)
+                self._bar.max = max(round(playback.duration, 2), 0.01)
+                for name, slider in self._delays.items():
+                    slider.value = min(max(playback.setting(name, 0.0), 0.0), LONGEST_DELAY)
             self._shown = playback
         for control in (self._bar, self._play, self._live, *self._delays.values(), self._closed):
             put(control, disabled=playback is None)
         put(self._again, disabled=playback is None or busy)
         put(self._list, disabled=busy)
         if playback is not None:
-            self._place_bar(playback.now)
+            if time.monotonic() - self._moved > SETTLED:
+                self._moved = math.nan
+                self._bar.value = round(playback.now, 2) + SLIGHTLY
+            if abs(self._bar.value - playback.now) > 0.005:
+                self._bar.value = round(playback.now, 2)
             put(self._play, label=PAUSE if playback.playing else PLAY)
         put(self._note, content=_quiet(note))
-
-    def _place_bar(self, now: float) -> None:
-        if time.monotonic() - self._moved > SETTLED:
-            self._moved = math.nan
-            self._bar.value = round(now, 2) + SLIGHTLY
-        if abs(self._bar.value - now) > 0.005:
-            self._bar.value = round(now, 2)
-
-    def _put(self, playback: Playback) -> None:
-        self._bar.max = max(round(playback.duration, 2), 0.01)
-        for name, slider in self._delays.items():
-            slider.value = min(max(playback.setting(name, 0.0), 0.0), LONGEST_DELAY)
 
     def _chosen(self, event: Any) -> None:
         if self._list.value != CHOOSE:

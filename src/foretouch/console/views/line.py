@@ -189,7 +189,12 @@ class Material:
         radii = WIDTH * np.sinh(np.linspace(0.0, 2.2, 25)) / math.sinh(2.2)
         angles = np.linspace(0.0, math.pi, 33)
         self._x = np.concatenate([-radii[:0:-1], radii])
-        self._top = _half_rings(radii, angles)
+        # Points of a half ring about the axis sink alike; the outermost is the edge.
+        x, y = radii[:, None] * np.cos(angles), radii[:, None] * np.sin(angles)
+        along, across = np.maximum(np.abs(np.cos(angles)), 1e-9), np.maximum(np.sin(angles), 1e-9)
+        reach = np.minimum(WIDTH / along, BEHIND / across)
+        x[-1], y[-1] = reach * np.cos(angles), reach * np.sin(angles)
+        self._top = np.stack([x.ravel(), y.ravel()], axis=1)  # shape (radii * angles, 2)
         self._levels = np.linspace(0.0, -HEIGHT, LAYERS + 1)
         self.top_faces = grid(len(radii), len(angles))
         self._drawn_depth = 0.0
@@ -243,11 +248,3 @@ class Material:
 
 def _sunk(radius: Array, depth: float) -> Array:
     return sinking(radius**2, max(depth, 0.0), SHALLOW, EDGE, TIP_RADIUS)
-
-
-def _half_rings(radii: Array, angles: Array) -> Array:
-    """About the axis, shape (radii * angles, 2): points that sink alike are on one; the outermost is the edge."""
-    x, y = radii[:, None] * np.cos(angles), radii[:, None] * np.sin(angles)
-    reach = np.minimum(WIDTH / np.maximum(np.abs(np.cos(angles)), 1e-9), BEHIND / np.maximum(np.sin(angles), 1e-9))
-    x[-1], y[-1] = reach * np.cos(angles), reach * np.sin(angles)
-    return np.stack([x.ravel(), y.ravel()], axis=1)
