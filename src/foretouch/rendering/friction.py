@@ -28,6 +28,8 @@ class Friction(Record):
     stiffness: float  # K [N/m]
     damping: float  # b [N s/m]
     delay: float  # d [s]
+    coefficient: float  # mu [-]
+    viscous: float  # c [N s/m]
     touching: bool  # whether the touched point is known
     point: Numbers3  # p [m]
     velocity: Numbers3  # v [m/s]
@@ -52,10 +54,9 @@ def let_go(friction: Friction) -> None:
 
 
 @compiled(error_model="numpy")
-def rub(
-    friction: Friction, point: Vector, normal: Vector, pressed: float, mu: float, viscous: float, period: float
-) -> Vector:
+def rub(friction: Friction, point: Vector, normal: Vector, pressed: float, period: float) -> Vector:
     """See `FrictionRenderer.update`."""
+    mu, viscous = friction.coefficient, friction.viscous
     finite = math.isfinite(sum(point) + sum(normal) + mu + viscous) and pressed < math.inf
     if not (pressed > 0.0 and finite and period > 0.0):
         let_go(friction)
@@ -82,7 +83,7 @@ def rub(
     return subtract(scaled(bend, -k), scaled(velocity, c))
 
 
-_rub = Kernel(rub, "(Friction, UniTuple(f8, 3), UniTuple(f8, 3), f8, f8, f8, f8)")
+_rub = Kernel(rub, "(Friction, UniTuple(f8, 3), UniTuple(f8, 3), f8, f8)")
 
 
 class FrictionRenderer(Held):
@@ -171,4 +172,5 @@ class FrictionRenderer(Held):
         """
         x, y, z = point
         nx, ny, nz = normal
-        return _rub.entry(self.records[0], (x, y, z), (nx, ny, nz), normal_force, mu, viscous, period)
+        self.records["coefficient"], self.records["viscous"] = mu, viscous
+        return _rub.entry(self.records[0], (x, y, z), (nx, ny, nz), normal_force, period)

@@ -143,7 +143,7 @@ class Renderer:
     @property
     def coefficient(self) -> float:
         """Coefficient of Coulomb friction along the surface [-]."""
-        return self._rendering["coefficient"].item()  # type: ignore[no-any-return]
+        return self._rendering["friction"]["coefficient"].item()  # type: ignore[no-any-return]
 
     @property
     def energy(self) -> float:
@@ -162,7 +162,8 @@ class Renderer:
 
     def rub(self, coefficient: float, viscous: float) -> None:
         """Friction along the surface from now on: coefficient of Coulomb friction [-] and viscous friction [N s/m]."""
-        self._rendering["coefficient"], self._rendering["viscous"] = coefficient, viscous
+        friction = self._rendering["friction"]
+        friction["coefficient"], friction["viscous"] = coefficient, viscous
 
     def update(
         self, time: float, hand: float, period: float, *, free: bool = False, frame: ContactFrame | None = None

@@ -74,8 +74,6 @@ class Rendering(Record):
 
     setup: Setup
     friction: Friction
-    coefficient: float  # mu along the surface
-    viscous: float  # c along it [N s/m]
     surface: float = math.nan  # of the newest model [m]
     hand: float = math.nan  # newest valid position of the hand [m]
     there: bool  # whether there is one in this tick
@@ -310,7 +308,7 @@ def give(r: Rendering, account: Account, rendered: float, normal: Vector, point:
         period: Time since the previous tick [s].
     """
     scale, held = r.setup.force_scale, min(period, r.setup.period)
-    beside = scaled(rub(r.friction, point, normal, rendered / scale, r.coefficient, r.viscous, held), scale)
+    beside = scaled(rub(r.friction, point, normal, rendered / scale, held), scale)
     left = math.sqrt(max(r.limiter.largest_force**2 - rendered**2, 0.0))
     size = norm(beside)
     if size > left:

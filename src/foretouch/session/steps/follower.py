@@ -38,8 +38,7 @@ from foretouch.session.safety.safety import STATES, Safety, SafetyLimits
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.steps import tick as stages
 from foretouch.session.steps.axis import ProbeOnAxis
-from foretouch.session.steps.sensing import Failures, calibrated
-from foretouch.settings import SAFETY_LIMITS
+from foretouch.session.steps.sensing import Failures, calibrated, safety_limits
 
 # Constants used in every tick: a member of an enumeration costs more to look up than to compare.
 GOOD, NOT_FINITE = SensorState.GOOD, SensorState.NOT_FINITE
@@ -165,12 +164,7 @@ def start(
         contact_floor=known.contact_floor,
         sensor_lag=known.sensor_lag,
     )
-    limits = SafetyLimits(
-        **{name: getattr(settings, setting) for name, setting in SAFETY_LIMITS.items()},
-        workspace=specification.workspace,
-        mass=specification.moved_mass,
-        retreats=settings.on_silence == "retreat",
-    )
+    limits = safety_limits(settings, specification)
     memory = stages.Follower.new(
         zero=known.zero or 0.0, compliance=known.compliance, **{name: getattr(specification, name) for name in OF_ROBOT}
     )
@@ -223,9 +217,8 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     if heard_ns is not None and (HOLDING <= status <= RETREATING or status == TOO_SLOW):
         state.held_ticks += 1
     sensors = state.watch.state if validity == state.watch.state else SensorState(validity)
-    model = _due(state, sensors, now_ns) if learns and state.failures.learns else None
     state.tick += 1
-    model, materials = _learn_beside(state, inputs, model, now_ns)
+    model, materials = _due(state, inputs, sensors if learns else None, now_ns)
     commanded, desired = probe.go_to(desired)
     telemetry = Telemetry(
         VERSION,
@@ -250,18 +243,6 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         state.run,
     )
     return state, Outputs(commanded, telemetry, probe.report(state, inputs, now_ns), model, materials)
-
-
-def _learn_beside(
-    state: State, inputs: Inputs, model: ModelUpdate | None, now_ns: int
-) -> tuple[ModelUpdate | None, FieldUpdate | None]:
-    """What there is to learn beside the law; the model and the field that are due."""
-    if state.failures.learns:
-        try:
-            return state.probe.learn(state, inputs, model, now_ns)
-        except Exception as error:
-            state.failures.stop_learning("its learning beside the law", error)
-    return None, None
 
 
 def _commanded(state: State, commands: list[Command], now_ns: int) -> float:
@@ -357,16 +338,21 @@ def _learn(state: State, time: float, position: float, force: float) -> None:
             state.feel_plainly(force)
 
 
-def _due(state: State, sensors: SensorState, now_ns: int) -> ModelUpdate | None:
-    """The model that is due."""
+def _due(
+    state: State, inputs: Inputs, sensors: SensorState | None, now_ns: int
+) -> tuple[ModelUpdate | None, FieldUpdate | None]:
+    """The model and the field that are due, by the sensors' validity; no model where that is None."""
+    model, sender = None, state.sender
     try:
-        # The state of the material is that of the newest sample that was learnt from, whatever is commanded since.
-        felt = state.felt_commands[0] if state.felt_commands else 0
-        state.sender.remembers = state.guarded
-        return state.sender.due(state.learner, sensors, felt, state.lease.epoch, now_ns)
+        if sensors is not None and state.failures.learns:
+            # The state of the material is that of the newest sample that was learnt from, whatever is commanded since.
+            felt = state.felt_commands[0] if state.felt_commands else 0
+            sender.remembers = state.guarded
+            model = sender.due(state.learner, sensors, felt, state.lease.epoch, now_ns)
+        return state.probe.learn(state, inputs, model, now_ns) if state.failures.learns else (None, None)
     except Exception as error:
         state.failures.stop_learning("its learning", error)
-        return None
+        return None, None
 
 
 def _take(state: State, command: Command, now_ns: int) -> None:

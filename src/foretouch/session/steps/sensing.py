@@ -12,7 +12,9 @@ from foretouch.identification.conditioning.kernel import CONTACT_FLOOR
 from foretouch.quantities import SensorCalibration
 from foretouch.recordings import read_calibration
 from foretouch.robot import RobotSpecification
+from foretouch.session.safety.safety import SafetyLimits
 from foretouch.session.settings import SessionSettings
+from foretouch.settings import SAFETY_LIMITS
 
 LARGEST_GIVE = 5e-3
 """Largest deflection of an arm under the force ceiling [m]; more means a stiffness measured on something soft, which
@@ -110,6 +112,16 @@ def calibrated(specification: RobotSpecification, settings: SessionSettings) -> 
 
 def _refuse(settings: SessionSettings, rule: str) -> None:
     raise SettingError("calibration", settings.calibration, rule)
+
+
+def safety_limits(settings: SessionSettings, specification: RobotSpecification) -> SafetyLimits:
+    """The limits that the settings set, within those of this robot."""
+    return SafetyLimits(
+        **{name: getattr(settings, setting) for name, setting in SAFETY_LIMITS.items()},
+        workspace=specification.workspace,
+        mass=specification.moved_mass,
+        retreats=settings.on_silence == "retreat",
+    )
 
 
 LONGEST_TEXT = 200  # Largest number of characters kept of an exception's text
