@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
+import os
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 
@@ -10,8 +14,15 @@ import numpy as np
 import pytest
 
 from foretouch.identification import ContactSample, MaterialFieldLearner, Status
-from foretouch.identification.material_field import FEWEST_UPDATES, FORCE_NOISE, SHARE_NOISE
-from foretouch.identification.material_field_kernel import UNKNOWNS, Node, carry_over, learn
+from foretouch.identification.material_field_kernel import (
+    FEWEST_UPDATES,
+    FORCE_NOISE,
+    SHARE_NOISE,
+    UNKNOWNS,
+    Node,
+    carry_over,
+    learn,
+)
 from foretouch.models import MOST_NODES, MaterialField
 
 Law = Callable[[float, float], tuple[float, float, float]]
@@ -220,3 +231,44 @@ def test_an_update_costs_the_same_however_large_the_field_is() -> None:
         learner.update(sample)
         costs.append(time.perf_counter_ns() - start)
     assert np.median(costs[-1000:]) < 3.0 * np.median(costs[:1000])
+
+
+def raster(samples: int = 700) -> tuple[MaterialFieldLearner, list[str]]:
+    """Random samples along a raster over a material that changes half way; what was answered, and the learner."""
+    learner, random, answers = MaterialFieldLearner(), np.random.default_rng(3), []
+    for index in range(samples):
+        learner.touch_at((2e-4 * (index % 100), 3e-3 * (index // 100), random.normal(0.0, 1e-4)))
+        depth, velocity = abs(random.normal(0.0, 2e-3)), random.normal(0.0, 0.05)
+        force = (1.0 if index < samples // 2 else 9.0) * depth * (300.0 + 4e4 * depth + 200.0 * velocity)
+        sample = ContactSample(0.0, depth, velocity, force + random.normal(0.0, 0.02), index % 50 > 0)
+        answers.append(learner.update(sample).name)
+        assert learner.has_model == (learner.model is not None)
+    return learner, answers
+
+
+def digest(learner: MaterialFieldLearner, answers: list[str]) -> str:
+    seen = learner.states.tobytes(), learner.field.to_bytes(), repr((learner.model, learner.standard_errors, answers))
+    return hashlib.sha256(seen[0] + seen[1] + seen[2].encode()).hexdigest()
+
+
+def test_compiled_and_interpreted_learn_the_same_bits() -> None:
+    learner, answers = raster()
+    assert {"FREE_AIR", "LEARNT", "CHANGED"} <= set(answers)
+    assert len(learner.field) > 20
+    assert learner.has_model
+    code = "import test_identification_material_field as test; print(test.digest(*test.raster()))"
+    paths = os.pathsep.join([os.path.dirname(__file__), *sys.path])
+    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": paths}
+    answer = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    assert answer.stdout.strip() == digest(learner, answers)
+
+
+def test_of_the_nodes_about_the_probe_none_makes_room() -> None:
+    """It comes back to where four of the nodes made room, and the other four are next."""
+    learner = MaterialFieldLearner()
+    press(learner, (300.0, 4e4, 200.0), 1)
+    for index in [*range(MOST_NODES // 4), 0]:
+        learner.touch_at((0.003 - 0.006 * index, 0.003, 0.003))
+        learner.update(ContactSample(0.0, 1e-3 + 1e-4 * (index % 2), 0.0, 0.34, True))
+        assert len(set(learner.states[0].at.tolist())) == 8
+    assert len(learner.field) == MOST_NODES

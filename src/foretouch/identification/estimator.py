@@ -113,6 +113,11 @@ class Estimator(ABC):
         """The law as learnt so far, None while there is no usable one."""
 
     @property
+    def has_model(self) -> bool:
+        """Whether `model` is not None: asked in every tick, so cheaper where that makes an object each time."""
+        return self.model is not None
+
+    @property
     def parameters(self) -> dict[str, float | None]:
         """The law's numbers by name, and quantities derived from them; empty while there are none.
 

@@ -212,7 +212,7 @@ class ModelSender:
         if math.isnan(surface) or sent.model is None:
             return learner.learnt().model is not sent.model
         # A map stays valid until its estimator begins anew.
-        valid = estimator.updates > 0 if isinstance(sent.model, ContactMapModel) else estimator.model is not None
+        valid = estimator.updates > 0 if isinstance(sent.model, ContactMapModel) else estimator.has_model
         return not valid or abs(surface - sent.surface) > SURFACE_CHANGE
 
     def _reason(self, learnt: LearntModel, sensors: SensorState, now_ns: int) -> str:
