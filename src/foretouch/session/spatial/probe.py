@@ -15,7 +15,6 @@ from foretouch.identification.friction import Friction, learn_friction
 from foretouch.messages import (
     VERSION,
     Command,
-    FieldUpdate,
     FixtureBelief,
     FollowerSpace,
     ModelUpdate,
@@ -33,7 +32,7 @@ from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.spatial.course import SurfaceLine
 from foretouch.session.spatial.safety import Space, SpatialSafety
 from foretouch.session.spatial.way_in import MISSED, MISSED_TICKS, Known
-from foretouch.session.steps.axis import ProbeOnAxis
+from foretouch.session.steps.axis import Due, ProbeOnAxis
 
 if TYPE_CHECKING:
     from foretouch.session.steps.follower import Inputs, State
@@ -279,9 +278,7 @@ class ProbeInSpace(ProbeOnAxis):
         known = len(position) == 3 and all(map(math.isfinite, position))
         return max(map(abs, position)) if known else math.nan
 
-    def learn(
-        self, state: State, inputs: Inputs, model: ModelUpdate | None, now_ns: int
-    ) -> tuple[ModelUpdate | None, FieldUpdate | None]:
+    def learn(self, state: State, inputs: Inputs, model: ModelUpdate | None, now_ns: int) -> Due:
         """See `ProbeOnAxis.learn`: the sensor's offset, friction, the onset of a contact, and a missed surface."""
         besides, learnt, tick = self.besides, state.learner.sample, state.tick
         (x, y, z), good = inputs.sample.force, state.watch.state is SensorState.GOOD

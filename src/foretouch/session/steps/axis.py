@@ -7,7 +7,7 @@ the material. On an axis that is the machine's own count: what is pressed is a p
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from foretouch.messages import Command, FieldUpdate, FollowerSpace, LeaderSpace, Message, ModelUpdate
 from foretouch.models import ContactModel
@@ -67,6 +67,10 @@ class HandOnAxis:
         return None
 
 
+Due: TypeAlias = tuple[ModelUpdate | None, FieldUpdate | None]
+"""A model and a field of materials for the leader, where they are due."""
+
+
 class ProbeOnAxis:
     """A probe with one degree of freedom: what it presses is a plane whose normal is the axis, felt by touching.
 
@@ -90,9 +94,7 @@ class ProbeOnAxis:
         """Position of a command [m]; NaN for none."""
         return command.position
 
-    def learn(
-        self, state: State, inputs: Inputs, model: ModelUpdate | None, now_ns: int
-    ) -> tuple[ModelUpdate | None, FieldUpdate | None]:
+    def learn(self, state: State, inputs: Inputs, model: ModelUpdate | None, now_ns: int) -> Due:
         """Learn what there is beside the law; the model that is due, and a field of materials."""
         return model, None
 

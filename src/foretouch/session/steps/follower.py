@@ -34,10 +34,10 @@ from foretouch.session.network.lease import ControlLease
 from foretouch.session.network.model_sender import ModelSender
 from foretouch.session.network.playout import Arrival, Freshness, Playout
 from foretouch.session.safety.force_guard import FirstTouch
-from foretouch.session.safety.safety import STATES, Safety, SafetyLimits
+from foretouch.session.safety.safety import STATES, Safety
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.steps import tick as stages
-from foretouch.session.steps.axis import ProbeOnAxis
+from foretouch.session.steps.axis import Due, ProbeOnAxis
 from foretouch.session.steps.sensing import Failures, calibrated, safety_limits
 
 # Constants used in every tick: a member of an enumeration costs more to look up than to compare.
@@ -312,10 +312,8 @@ def _one_by_one(
     felt, _ = stages.feel_alone.entry(memory, learner.learning)
     if not _stop_or_release(state, inputs, felt, validity != GOOD):
         wanted = math.nan, *wanted[1:]
-    conditions, conditioner = (state.guarded, state.safety.stop_reason != ""), learner.conditioner.memory
-    allowed = stages.allow_alone.entry(
-        memory, conditioner, learner.learning, sample.position, times_ns, wanted, conditions
-    )
+    conditions, learnt = (state.guarded, state.safety.stop_reason != ""), (learner.conditioner.memory, learner.learning)
+    allowed = stages.allow_alone.entry(memory, *learnt, sample.position, times_ns, wanted, conditions)
     _, _, velocity, felt, in_contact = learner.sample
     return allowed, validity, (force, velocity, felt, in_contact)
 
@@ -338,9 +336,7 @@ def _learn(state: State, time: float, position: float, force: float) -> None:
             state.feel_plainly(force)
 
 
-def _due(
-    state: State, inputs: Inputs, sensors: SensorState | None, now_ns: int
-) -> tuple[ModelUpdate | None, FieldUpdate | None]:
+def _due(state: State, inputs: Inputs, sensors: SensorState | None, now_ns: int) -> Due:
     """The model and the field that are due, by the sensors' validity; no model where that is None."""
     model, sender = None, state.sender
     try:
