@@ -23,6 +23,7 @@ import runpy
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
+from typing import get_origin
 
 from docutils import nodes
 from sphinx.application import Sphinx
@@ -63,7 +64,9 @@ class Room(Generated):
         yield from (*_imports(room.removeprefix("foretouch.")), "", *_folders(room), "", f".. py:module:: {room}", "")
         for name in sorted(module.__all__, key=lambda name: (_kind(getattr(module, name)), name.lower())):
             value = getattr(module, name)
-            if inspect.isclass(value):
+            if get_origin(value) is not None:  # the name of a type of arrays
+                yield from _data(name, value, homes[name])
+            elif inspect.isclass(value):
                 ours = any(base.__module__.startswith("foretouch.") for base in value.__bases__)
                 yield from (
                     f".. autoclass:: {room}.{name}",
