@@ -123,7 +123,7 @@ PLUG_IN = dataclasses.replace(LINE, model="kelvin-voigt", estimator="rls")
 
 ON_A_LINE: list[tuple[Any, str]] = [(Freshness, "judge"), (Playout, "advance"), (stages.sense_alone, ""), *LEARNING]
 IN_SPACE = [(MaterialFieldLearner, "update"), (ProbeInSpace, "wanted"), (SpatialSafety, "go"), (FieldSender, "due")]
-RARELY_IN_SPACE = [(MaterialFieldLearner, "touch_at"), (ProbeInSpace, "learn"), (ProbeInSpace, "_with_fixture")]
+RARELY_IN_SPACE = [(MaterialFieldLearner, "touch_at"), (ProbeInSpace, "_learn"), (ProbeInSpace, "_with_fixture")]
 
 
 @pytest.mark.parametrize(
@@ -256,7 +256,7 @@ FOR_EVER = float("inf")
         (SCENE, stages.allow_alone, "", FOR_EVER),
         pytest.param(SCENE, SpatialSafety, "arrive", FOR_EVER, marks=pytest.mark.long),
         (SCENE, SpatialSafety, "limit", FOR_EVER),
-        pytest.param(SCENE, ProbeInSpace, "report", FOR_EVER, marks=pytest.mark.long),
+        pytest.param(SCENE, ProbeInSpace, "_report", FOR_EVER, marks=pytest.mark.long),
         (LINE, Spoken, "publish", 1),
         (LINE, Spoken, "publish", FOR_EVER),
     ],

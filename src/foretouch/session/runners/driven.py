@@ -145,8 +145,10 @@ class DrivenFollower(Driven):
         if beliefs:
             self.beliefs = []
         inputs = follower.Inputs(due, self.sample, period_ns, compute_ns, stop, release, ended, beliefs)
-        _, (self.desired, *messages) = follower.step(self.state, inputs, now_ns)
-        return [message for message in messages if message is not None]
+        _, (self.desired, telemetry, space, model, field) = follower.step(self.state, inputs, now_ns)
+        messages: list[Message] = [telemetry]
+        messages += [message for message in (space, model, field) if message is not None]
+        return messages
 
     def back_off(self) -> None:
         """Where a tick raises: retreat according to the force in the newest sample, and nothing else."""

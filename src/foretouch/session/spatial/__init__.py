@@ -1,4 +1,4 @@
-"""Sessions in three dimensions: the steps along a line, with geometry about them, a tracker and a camera."""
+"""What a session in three dimensions has of its own: hand and probe in space, scenes, tracker and camera."""
 
 from foretouch.session.spatial.camera import SimulatedCamera
 from foretouch.session.spatial.making import (

@@ -7,17 +7,20 @@ place, from the newest field of materials.
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING, Any
 
 from foretouch.errors import DecodeError, InputError
 from foretouch.messages import VERSION, FieldUpdate, FollowerSpace, LeaderSpace, Message, ModelUpdate
 from foretouch.models import FIELD_DEPTH, NO_STATE, ContactModel, MaterialField
 from foretouch.quantities.pose import Vector, dot, norm, scaled, subtract
 from foretouch.rendering import Renderer
-from foretouch.rendering.renderer import ContactFrame
 from foretouch.rendering.surfaces import Surface
 from foretouch.session.spatial.course import ClosestPoint, SurfaceLine
-from foretouch.session.steps.axis import HandOnAxis
+from foretouch.session.steps.axis import Arrived, HandOnAxis, Told
 from foretouch.session.steps.follower_view import FollowerView
+
+if TYPE_CHECKING:
+    from foretouch.session.steps.leader import Inputs
 
 FAR_FROM_LAW = 1e-3  # Displacement of the hand after which the material is looked up again [m]
 NEAR = 5e-3  # Distance from the surface within which materials are taken from the field [m]
@@ -142,8 +145,12 @@ class HandInSpace(HandOnAxis):
         if model.valid and math.isfinite(model.surface):
             self.felt_deeper = model.surface
 
-    def come_to(self, position: Vector, renderer: Renderer, view: FollowerView) -> float:
-        """See `HandOnAxis.come_to`; the follower's position for `view` is that on the normal of the meeting place."""
+    def come_to(self, inputs: Inputs, renderer: Renderer, view: FollowerView) -> Arrived:
+        """See `HandOnAxis.come_to`; the follower's position for `view` is that on the normal of the meeting place.
+
+        The device's own position counts in the frame, whatever it is coupled with.
+        """
+        position: Any = inputs.position
         here, proxy, place = scaled(position, self.scale), renderer.proxy, self.place
         self._seen = all(map(math.isfinite, position))
         if self._seen and not renderer.closed_loop:
@@ -160,11 +167,13 @@ class HandInSpace(HandOnAxis):
                 view.position = self.line.follow(meet).along
             else:
                 place = NOWHERE
-        self.closest = self.line.follow(place)
-        return self.closest.along / self.scale if self._seen and math.isfinite(place[0]) else math.nan
+        closest = self.closest = self.line.follow(place)
+        along = closest.along / self.scale if self._seen and math.isfinite(place[0]) else math.nan
+        recorded = self._coordinate(inputs.exact_position), self._coordinate(inputs.intended_position)
+        return along, *recorded, (position, closest.normal, closest.point)
 
-    def coordinate(self, position: Vector) -> float:
-        """See `HandOnAxis.coordinate`; along the normal of the hand's closest point."""
+    def _coordinate(self, position: Any) -> float:
+        """Coordinate of a recorded position along the normal of the hand's closest point [m]."""
         if not math.isfinite(position[0]):
             return math.nan
         here = subtract(scaled(position, self.scale), self.apart)
@@ -186,24 +195,17 @@ class HandInSpace(HandOnAxis):
             memory = predictor.state if law is predictor.model else NO_STATE
             renderer.adopt(law, self.line.offset + self.felt_deeper, memory, message=predictor.message)
 
-    def frame(self, position: Vector) -> ContactFrame:
-        """See `HandOnAxis.frame`; the device's own position counts, whatever it is coupled with."""
-        return position, self.closest.normal, self.closest.point
-
-    def go_to(self, coordinate: float) -> tuple[float, ...]:
-        """See `HandOnAxis.go_to`."""
-        if not math.isfinite(coordinate):
-            return ()
-        self.left = self.closest.place_at(coordinate)
-        return self.left
-
-    def standard_deviation(self, force: float, known: float) -> float:
-        """See `HandOnAxis.standard_deviation`; the field's, where there is one."""
+    def finish(self, renderer: Renderer, sequence: int, now_ns: int, epoch: int) -> Told:
+        """See `HandOnAxis.finish`; the deviation is the field's, where there is one."""
+        (position, *_), (_, force, _, deviation) = renderer.shown, renderer.predicted
+        known = math.isfinite(position)
+        if known:
+            self.left = self.closest.place_at(position)
         uncertainty = self.material.uncertainty
-        return known if math.isnan(uncertainty) else uncertainty * force
+        deviation = deviation if math.isnan(uncertainty) else uncertainty * force
+        return self.left if known else (), deviation, self._report(renderer, sequence, now_ns, epoch)
 
-    def report(self, renderer: Renderer, sequence: int, now_ns: int, epoch: int) -> LeaderSpace:
-        """See `HandOnAxis.report`."""
+    def _report(self, renderer: Renderer, sequence: int, now_ns: int, epoch: int) -> LeaderSpace:
         model, predictor = self._model, renderer.predictor
         deviation = (
             model.fixture_deviation if model is not None and len(model.fixture_deviation) == 6 else (math.nan,) * 6

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -32,10 +32,8 @@ from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.spatial.course import SurfaceLine
 from foretouch.session.spatial.safety import Space, SpatialSafety
 from foretouch.session.spatial.way_in import MISSED, MISSED_TICKS, Known
-from foretouch.session.steps.axis import Due, ProbeOnAxis
-
-if TYPE_CHECKING:
-    from foretouch.session.steps.follower import Inputs, State
+from foretouch.session.steps.axis import Finished, ProbeOnAxis
+from foretouch.session.steps.follower import Inputs, State
 
 BIAS_RATE = 2e-4  # Weight per tick of the measured force in the sensor's offset in free air, once it is known from 5 s
 
@@ -198,7 +196,7 @@ class ProbeInSpace(ProbeOnAxis):
 
     def __init__(self, surface: Surface, pose: tuple[float, ...]) -> None:
         self._surface, self._pose = surface, pose
-        self.besides, self._learn = Beside.new(), learn_beside.entry
+        self.besides, self._beside = Beside.new(), learn_beside.entry
         self.friction = FrictionEstimator(self.besides["friction"])
         self.bias: Vector = (0.0, 0.0, 0.0)
         self.touch: Vector = (math.nan, math.nan, math.nan)
@@ -278,12 +276,27 @@ class ProbeInSpace(ProbeOnAxis):
         known = len(position) == 3 and all(map(math.isfinite, position))
         return max(map(abs, position)) if known else math.nan
 
-    def learn(self, state: State, inputs: Inputs, model: ModelUpdate | None, now_ns: int) -> Due:
-        """See `ProbeOnAxis.learn`: the sensor's offset, friction, the onset of a contact, and a missed surface."""
+    def finish(
+        self, state: State, inputs: Inputs, coordinate: float, model: ModelUpdate | None, now_ns: int
+    ) -> Finished:
+        """See `ProbeOnAxis.finish`; along the normal and in all directions within the limits."""
+        field = None
+        if state.failures.learns:
+            try:
+                model = self._learn(state, inputs.sample.force, model, now_ns)
+                field = self.fields.due(state.learner.estimator, now_ns)
+            except Exception as error:
+                state.failures.stop_learning("its learning in space", error)
+                model = None
+        self._desired, along = self.safety.limit(coordinate)
+        return self._desired, along, self._report(state, inputs.sample, now_ns), model, field
+
+    def _learn(self, state: State, force: Vector, model: ModelUpdate | None, now_ns: int) -> ModelUpdate | None:
+        """Offset of the sensor, friction, onset of a contact, a missed surface; returns the model with its fixture."""
         besides, learnt, tick = self.besides, state.learner.sample, state.tick
-        (x, y, z), good = inputs.sample.force, state.watch.state is SensorState.GOOD
+        (x, y, z), good = force, state.watch.state is SensorState.GOOD
         spaces, conditioner = self.safety.spaces, state.learner.conditioner
-        news = self._learn(besides, spaces, (x, y, z), learnt.force, learnt.depth, learnt.in_contact, good, tick)
+        news = self._beside(besides, spaces, (x, y, z), learnt.force, learnt.depth, learnt.in_contact, good, tick)
         if not learnt.in_contact:
             x, y, z = besides["bias"][0].tolist()
             self.bias = x, y, z
@@ -294,9 +307,7 @@ class ProbeInSpace(ProbeOnAxis):
         if news & TOLD:
             x, y, z = besides["touch"]["place"][0].tolist()
             self.touch, self.touch_tick = (x, y, z), tick
-        if model is not None:
-            model = self._with_fixture(model, now_ns)
-        return model, self.fields.due(state.learner.estimator, now_ns)
+        return None if model is None else self._with_fixture(model, now_ns)
 
     def _with_fixture(self, model: ModelUpdate, now_ns: int) -> ModelUpdate:
         """A model with the fixture that it belongs to: its surface is how much deeper than believed it was felt."""
@@ -310,14 +321,8 @@ class ProbeInSpace(ProbeOnAxis):
             friction=(friction.coefficient, friction.viscous, *friction.deviations) if friction.known else (),
         )
 
-    def go_to(self, coordinate: float) -> tuple[Vector, float]:
-        """See `ProbeOnAxis.go_to`; along the normal and in all directions within the limits."""
-        self._desired, along = self.safety.limit(coordinate)
-        return self._desired, along
-
-    def report(self, state: State, inputs: Inputs, now_ns: int) -> FollowerSpace:
-        """See `ProbeOnAxis.report`."""
-        sample: SpatialSample = inputs.sample
+    def _report(self, state: State, sample: SpatialSample, now_ns: int) -> FollowerSpace:
+        """What there is to tell in space in this tick."""
         closest = self.line.newest
         x, y, z, rx, ry, rz = sample.fixture if len(sample.fixture) == POSE_NUMBERS else (math.nan,) * POSE_NUMBERS
         return FollowerSpace(

@@ -19,6 +19,16 @@ from foretouch.session.steps.follower_view import FollowerView
 if TYPE_CHECKING:
     from foretouch.session.settings import SessionSettings
     from foretouch.session.steps.follower import Inputs, State
+    from foretouch.session.steps.leader import Inputs as LeaderInputs
+
+
+Arrived: TypeAlias = tuple[float, float, float, ContactFrame | None]
+"""Coordinates [m] of the hand, NaN where it is unknown, of its exact position and of its intended one; and the frame of
+the contact, None for that of a line."""
+
+Told: TypeAlias = tuple[tuple[float, ...], float, LeaderSpace | None]
+"""The proxy's place in the world [m], which the follower is to go to, none on an axis, nor while unknown; standard
+deviation of the predicted force [N]; and what there is to record in space."""
 
 
 class HandOnAxis:
@@ -35,13 +45,9 @@ class HandOnAxis:
     def take(self, message: Message, renderer: Renderer, view: FollowerView) -> None:
         """Take a message of the follower about the surface, if it is the newest."""
 
-    def come_to(self, position: Any, renderer: Renderer, view: FollowerView) -> float:
-        """Take the position of the hand [m]; returns its coordinate [m], NaN where it is unknown."""
-        return position  # type: ignore[no-any-return]
-
-    def coordinate(self, position: Any) -> float:
-        """Coordinate of a recorded position [m]."""
-        return position  # type: ignore[no-any-return]
+    def come_to(self, inputs: LeaderInputs, renderer: Renderer, view: FollowerView) -> Arrived:
+        """Take the position of the hand, and what is recorded of it."""
+        return inputs.position, inputs.exact_position, inputs.intended_position, None  # type: ignore[return-value]
 
     def law(self) -> ContactModel | None:
         """The law where the hand is; None where the follower's model is all that is known."""
@@ -50,25 +56,14 @@ class HandOnAxis:
     def go_on(self, renderer: Renderer) -> None:
         """Take the law where the hand is now, where no model came."""
 
-    def frame(self, position: Any) -> ContactFrame | None:
-        """Frame of the contact; None for that of a line."""
-        return None
-
-    def go_to(self, coordinate: float) -> tuple[float, ...]:
-        """The proxy's place in the world [m], which the follower is to go to; none on an axis, nor while unknown."""
-        return ()
-
-    def standard_deviation(self, force: float, known: float) -> float:
-        """Standard deviation of a predicted force [N], where the model's own is known."""
-        return known
-
-    def report(self, renderer: Renderer, sequence: int, now_ns: int, epoch: int) -> LeaderSpace | None:
-        """What there is to record in space in this tick."""
-        return None
+    def finish(self, renderer: Renderer, sequence: int, now_ns: int, epoch: int) -> Told:
+        """What there is to tell of a rendered tick."""
+        return (), renderer.predicted[3], None
 
 
-Due: TypeAlias = tuple[ModelUpdate | None, FieldUpdate | None]
-"""A model and a field of materials for the leader, where they are due."""
+Finished: TypeAlias = tuple[Any, float, FollowerSpace | None, ModelUpdate | None, FieldUpdate | None]
+"""Position for the robot, its own coordinate [m], what there is to tell in space, and the model and the field that are
+due."""
 
 
 class ProbeOnAxis:
@@ -94,17 +89,11 @@ class ProbeOnAxis:
         """Position of a command [m]; NaN for none."""
         return command.position
 
-    def learn(self, state: State, inputs: Inputs, model: ModelUpdate | None, now_ns: int) -> Due:
-        """Learn what there is beside the law; the model that is due, and a field of materials."""
-        return model, None
-
-    def go_to(self, coordinate: float) -> tuple[Any, float]:
-        """Position for the robot for an allowed coordinate [m], and its own coordinate."""
-        return coordinate, coordinate
-
-    def report(self, state: State, inputs: Inputs, now_ns: int) -> FollowerSpace | None:
-        """What there is to tell in space in this tick."""
-        return None
+    def finish(
+        self, state: State, inputs: Inputs, coordinate: float, model: ModelUpdate | None, now_ns: int
+    ) -> Finished:
+        """Learn what there is beside the law, and give the robot the allowed coordinate [m]."""
+        return coordinate, coordinate, None, model, None
 
     def tip(self, state: State, sample: Any) -> Any:
         """Measured position of the tip [m]: p = x - F / k, with the encoders' x and the compliance 1 / k."""

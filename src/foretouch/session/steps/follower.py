@@ -37,7 +37,7 @@ from foretouch.session.safety.force_guard import FirstTouch
 from foretouch.session.safety.safety import STATES, Safety
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.steps import tick as stages
-from foretouch.session.steps.axis import Due, ProbeOnAxis
+from foretouch.session.steps.axis import ProbeOnAxis
 from foretouch.session.steps.sensing import Failures, calibrated, safety_limits
 
 # Constants used in every tick: a member of an enumeration costs more to look up than to compare.
@@ -217,9 +217,9 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     if heard_ns is not None and (HOLDING <= status <= RETREATING or status == TOO_SLOW):
         state.held_ticks += 1
     sensors = state.watch.state if validity == state.watch.state else SensorState(validity)
+    model = _due(state, sensors, now_ns) if learns and state.failures.learns else None
     state.tick += 1
-    model, materials = _due(state, inputs, sensors if learns else None, now_ns)
-    commanded, desired = probe.go_to(desired)
+    commanded, desired, space, model, materials = probe.finish(state, inputs, desired, model, now_ns)
     telemetry = Telemetry(
         VERSION,
         state.tick,
@@ -242,7 +242,7 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         state.lease.epoch,
         state.run,
     )
-    return state, Outputs(commanded, telemetry, probe.report(state, inputs, now_ns), model, materials)
+    return state, Outputs(commanded, telemetry, space, model, materials)
 
 
 def _commanded(state: State, commands: list[Command], now_ns: int) -> float:
@@ -336,19 +336,16 @@ def _learn(state: State, time: float, position: float, force: float) -> None:
             state.feel_plainly(force)
 
 
-def _due(state: State, inputs: Inputs, sensors: SensorState | None, now_ns: int) -> Due:
-    """The model and the field that are due, by the sensors' validity; no model where that is None."""
-    model, sender = None, state.sender
+def _due(state: State, sensors: SensorState, now_ns: int) -> ModelUpdate | None:
+    """The model that is due."""
     try:
-        if sensors is not None and state.failures.learns:
-            # The state of the material is that of the newest sample that was learnt from, whatever is commanded since.
-            felt = state.felt_commands[0] if state.felt_commands else 0
-            sender.remembers = state.guarded
-            model = sender.due(state.learner, sensors, felt, state.lease.epoch, now_ns)
-        return state.probe.learn(state, inputs, model, now_ns) if state.failures.learns else (None, None)
+        # The state of the material is that of the newest sample that was learnt from, whatever is commanded since.
+        felt = state.felt_commands[0] if state.felt_commands else 0
+        state.sender.remembers = state.guarded
+        return state.sender.due(state.learner, sensors, felt, state.lease.epoch, now_ns)
     except Exception as error:
         state.failures.stop_learning("its learning", error)
-        return None, None
+        return None
 
 
 def _take(state: State, command: Command, now_ns: int) -> None:

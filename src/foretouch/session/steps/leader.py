@@ -179,7 +179,7 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     renewed = view.take_renewed()
     if renewed:
         _renew(state)
-    at = hand.come_to(inputs.position, renderer, view)
+    at, exact, intended, frame = hand.come_to(inputs, renderer, view)
     for model in ours:
         _adopt(state, model)
     if not came:
@@ -187,15 +187,15 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     free = inputs.stopping or view.stopped or not view.in_control
     if renderer.closed_loop and not free and not renewed:  # let go for a tick, so that the force leaves as models do
         _couple(state, at, clutched=inputs.clutched)
-    exact = hand.coordinate(inputs.exact_position)
     period = moving_time(inputs.period_ns, exact, now_ns, state.newest_ns)
     state.newest_ns = now_ns
     time = (now_ns - state.start_ns) * 1e-9
-    rendered = renderer.update(time, at, period, free=free, frame=hand.frame(inputs.position))
+    rendered = renderer.update(time, at, period, free=free, frame=frame)
     position, engaged, clipped, mediated, step_by_models, share = renderer.shown
     energy, energy_bound, late_energy = renderer.booked
-    velocity, predicted, jump, deviation = renderer.predicted
+    velocity, predicted, jump, _ = renderer.predicted
     state.sequence += 1
+    place, deviation, space = hand.finish(renderer, state.sequence, now_ns, state.epoch)
     command = Command(
         VERSION,
         state.sequence,
@@ -205,7 +205,7 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         state.guarded,
         state.holder,
         state.epoch,
-        hand.go_to(position),
+        place,
         view.telemetry.newest,
         view.run,
     )
@@ -224,10 +224,10 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         clipped,
         inputs.period_ns,
         inputs.compute_ns,
-        hand.standard_deviation(predicted, deviation),
+        deviation,
         at,
         exact,
-        hand.coordinate(inputs.intended_position),
+        intended,
         mediated,
         step_by_models,
         energy,
@@ -238,7 +238,7 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         view.run,
         late_energy,
     )
-    return state, Outputs(command, record, hand.report(renderer, state.sequence, now_ns, state.epoch))
+    return state, Outputs(command, record, space)
 
 
 def _take(state: State, arrived: Sequence[Message]) -> tuple[list[ModelUpdate], bool]:
