@@ -132,14 +132,31 @@ FOUND = {
         (0.9533, 0.016, 0.3516, 0.8924, 0.7657),
         (0.8527, 0.248, 0.025, 0.7625, 0.503),
     ),
+    "round the hill where four touches say that there is air, which it meets with 33 N": (
+        "hill",
+        (0.27592, 0.5321, 0.56602, 0.06583, 0.25563),
+        (0.87636, 0.01219, 0.23715, 0.27487, 0.67481),
+        (0.89363, 0.32537, 0.13256, 0.07193, 0.76734),
+        (0.94889, 0.29482, 0.76607, 0.93253, 0.4908),
+        (0.31437, 0.61667, 0.10908, 0.58579, 0.00151),
+    ),
+    "out of a first touch sideways, where the force passes the ceiling by 0.2 N": (
+        "hill",
+        (0.62009, 0.15696, 0.47179, 0.64621, 0.17653),
+        (0.96414, 0.84895, 0.60549, 0.39883, 0.29856),
+    ),
 }
 """Ways that a search has found: a scene, the first numbers of a programme, and its parts."""
+
+OPEN = {name: (pytest.mark.long, pytest.mark.xfail(strict=True, reason="not mended yet")) for name in list(FOUND)[-2:]}
 
 
 @pytest.mark.parametrize(
     ("scene", "header", "parts"),
     [
-        pytest.param(scene, header, parts, id=way, marks=[] if "beside the believed" in way else pytest.mark.long)
+        pytest.param(
+            scene, header, parts, id=way, marks=OPEN.get(way, [] if "beside the believed" in way else pytest.mark.long)
+        )
         for way, (scene, header, *parts) in FOUND.items()
     ],
 )
