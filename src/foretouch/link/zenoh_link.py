@@ -213,7 +213,7 @@ def zenoh_module() -> Any:
 
 
 def zenoh_config(settings: dict[str, object]) -> zenoh.Config:
-    """Zenoh's settings: those given, and nobody is looked for or shares memory."""
+    """Zenoh's settings: those given, without scouting and without shared memory."""
     config: zenoh.Config = zenoh_module().Config()
     never = ("scouting/multicast/enabled", "scouting/gossip/enabled", "transport/shared_memory/enabled")
     for key, value in (dict.fromkeys(never, False) | settings).items():

@@ -90,7 +90,7 @@ def contact_figure(log: SessionLog, pairs: Pairs, wrong: Wrong, true_friction: f
 def map_figure(stiffness: StiffnessMap, inclusion: Inclusion | None = None, *, centre: Sequence[float] = ()) -> Any:
     """The map of local stiffness as it was learnt, its standard deviation, and the truth where it is known.
 
-    What was not touched is left grey. The inclusion is the true one, the centre [mm] is that which was found.
+    What was not touched is grey. The circle is the true inclusion; the cross is the centre that was found [mm].
     """
     panels = [("learnt", stiffness.learnt, "stiffness"), ("standard deviation", stiffness.uncertainty, "uncertainty")]
     if stiffness.true is not None:

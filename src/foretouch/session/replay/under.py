@@ -27,7 +27,7 @@ from foretouch.session.runners.simulated import simulate
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.settings import NO_GRIP, SIMULATED
 
-_REAL = "is of a robot in three dimensions that is not the simulated one: nobody can simulate it again"
+_REAL = "is of a robot in three dimensions other than the simulated one, and cannot be simulated again"
 _HELD = "is of a hand in three dimensions, which is run again with --closed-loop alone"
 _UNKNOWN = "does not say what its hand meant in three dimensions: --closed-loop takes scripted and recorded"
 _STILL = "holds no place of the operator's hand: there is no motion to run again"

@@ -123,7 +123,7 @@ class SpatialShadowHand(_ShadowHand, SpatialDevice):
 
 
 class Shadow(Driven):
-    """A leader and a follower of a robot that somebody else moves; the leader's hand is the robot's measured position.
+    """A leader and a follower on a robot that is moved from elsewhere: its measured position is the leader's hand.
 
     Both are at the same position, so that only the forces are compared, and a predicted force is as old as its model:
     the messages that arrive are the follower's own. The leader's commands reach the follower at once, and the robot
