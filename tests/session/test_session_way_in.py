@@ -92,7 +92,7 @@ def test_three_touches_free_the_air_over_a_plane_and_one_near_it_until_a_surface
         if number == 1:
             assert feeler.over(x + 0.001, y) < 2e-3
             assert feeler.over(0.02, 0.02) > 0.02
-    assert feeler.over(0.005, -0.005) < 1.5e-3
+    assert feeler.over(0.005, -0.005) < 4e-3, "a tenth of the way from the newest, and a millimetre"
     assert feeler.state.probe.safety.spaces[0].way_in.turn == LEAST_TURN
     # It is missed: nothing is free until it is felt again, and then what is near to that is.
     feeler.glide(0.005, 0.0, 0.01)
@@ -112,7 +112,7 @@ def test_a_touch_in_free_air_speaks_against_all_that_was_felt() -> None:
     feeler.go(0.0, 0.0, 0.02, ticks=300)
     for x, y in CORNERS:
         feeler.press(x, y, 0.0)
-    assert feeler.over(0.005, 0.0) < 1.5e-3
+    assert feeler.over(0.005, 0.0) < 4e-3
     feeler.glide(0.005, 0.0, 0.016)
     for height in np.linspace(0.01, -0.0005, 100).tolist():
         feeler.go(0.005, 0.0, 0.006 + height, 500.0 * max(-height, 0.0))

@@ -252,6 +252,7 @@ class ForceCap(Record):
     sliding: float = 1.0  # fraction of the speed at which the probe may slide
     slide: float  # speed at which it may [m/s]
     known: bool  # whether the force is
+    explained: bool  # whether friction explains its direction
     limits: bool  # whether there is an allowed position
 
 
@@ -265,18 +266,18 @@ def observe_force(cap: ForceCap, here: Vector, force: Vector, normal: Vector) ->
     if not (size < math.inf and math.isfinite(here[0]) and math.isfinite(here[1]) and math.isfinite(here[2])):
         observe(cap.guard, math.nan, math.nan, False)
         cap.fastest = allowed_speed(cap.guard, 0.0, 0.0)
-        cap.known, cap.sliding = False, 0.0
+        cap.known, cap.explained, cap.sliding = False, False, 0.0
         return
     felt = size > FELT
-    unexplained = felt and dot(force, normal) <= CONE * size
-    outwards = scaled(force, 1.0 / size) if unexplained else normal
+    cap.explained = not felt or dot(force, normal) > CONE * size
+    outwards = normal if cap.explained else scaled(force, 1.0 / size)
     if felt and not math.isnan(cap.here[0]):
         cap.way -= dot(subtract(here, vector(cap.here)), outwards)
     cap.known = True
     write(cap.outwards, outwards)
     write(cap.here, here)
     observe(cap.guard, cap.way, size, felt)
-    deeper = allowed_speed(cap.guard, AIMED * cap.ceiling, cap.most_damped if unexplained else 0.0)
+    deeper = allowed_speed(cap.guard, AIMED * cap.ceiling, 0.0 if cap.explained else cap.most_damped)
     cap.fastest = deeper if felt else math.inf
     cap.rate += RATE_WEIGHT * ((size - cap.force) / cap.period - cap.rate)
     cap.force = size
@@ -299,12 +300,13 @@ def slide(cap: ForceCap, fastest: float) -> float:
 
 
 @compiled
-def limit_force(cap: ForceCap, wanted: Vector, commanded: Vector) -> tuple[Vector, Vector]:
+def limit_force(cap: ForceCap, wanted: Vector, moved: Vector, commanded: Vector) -> tuple[Vector, Vector]:
     """Allowed position, and its displacement by a limit, which is no motion of the position [m].
 
     Args:
         cap: Written.
         wanted: Wanted position [m].
+        moved: Displacement of it by another limit, which is no motion either [m].
         commanded: Position commanded to the robot in the tick before [m].
     """
     before, shifted = vector(cap.place), (0.0, 0.0, 0.0)
@@ -316,7 +318,8 @@ def limit_force(cap: ForceCap, wanted: Vector, commanded: Vector) -> tuple[Vecto
         return before, shifted
     outwards, deeper = vector(cap.outwards), max(cap.fastest, 0.0)
     # Never beyond the next position on the path, for the probe would slide and press on by itself.
-    shifted = subtract(add(commanded, _shortened(cap, subtract(before, commanded), cap.slide * PATIENCE)), before)
+    ahead = _shortened(cap, subtract(add(before, moved), commanded), cap.slide * PATIENCE)
+    shifted = subtract(add(commanded, ahead), before)
     before = add(before, shifted)
     place = add(before, _shortened(cap, subtract(wanted, before), cap.slide * cap.period))
     if cap.force > FELT:

@@ -67,6 +67,8 @@ class Memory(Record):
     faulty_for: float  # [s]
     nearest: float = -math.inf  # in space, its commanded point against the surface [m]: on a curved one not the aim
     nearing: float  # speed, in space, at which motion along the surface may bring the robot nearer to it [m/s]
+    holds: bool = True  # whether what was proven of the way holds here, in space
+    higher: float  # in space, how much nearer the surface may be than where that was proven [m]
     fastest: float  # speed at which it may go deeper now, negative where it has to retreat [m/s]
     shifted: float  # displacement of the aim by a limit in the newest tick [m]
     guard: ForceGuard
@@ -109,7 +111,7 @@ def _fastest(memory: Memory, status: int, position: float, surface: float, free:
     aimed = AIMED * limits.force
     if status < HOLDING:
         ahead = _ahead(memory)
-        untouched = not ahead < free and proven_speed(memory.way, ahead, aimed) == 0.0
+        untouched = not ahead < free and _proven(memory, ahead, aimed) == 0.0
         inwards = max(allowed_speed(guard, aimed, limits.most_damped if untouched else 0.0), -limits.speed)
         inwards = min(inwards, _approach(memory, free))
         return float(min(inwards, limits.return_speed) if memory.returning else inwards)
@@ -129,6 +131,12 @@ def _is_inside(memory: Memory) -> bool:
 
 
 @compiled
+def _proven(memory: Memory, position: float, allowed: float) -> float:
+    """Speed at which a position may be crossed, by what the robot's motion has proven [m/s]."""
+    return proven_speed(memory.way, position + memory.higher, allowed) if memory.holds else 0.0
+
+
+@compiled
 def _approach(memory: Memory, free: float) -> float:
     """Largest speed of approach to a possible obstacle [m/s], through air known to be free up to a position [m]."""
     way, limits, felt, aim = memory.way, memory.limits, memory.guard.force, _ahead(memory)
@@ -142,10 +150,11 @@ def _approach(memory: Memory, free: float) -> float:
         if math.sqrt(late * late + limits.acceleration * away) - late >= fastest:
             break
         middle = (cell + 0.5) * CELL
+        pressed = middle + memory.higher
         # A robot that has left a material does not feel how hard it presses at that depth.
-        hidden = max(felt, proven_force(way, middle - CELL), proven_force(way, middle))
+        hidden = max(felt, proven_force(way, pressed - CELL), proven_force(way, pressed))
         unproven = max(max(AIMED * limits.force - hidden, 0.0) / memory.impedance - memory.nearing, 0.0)
-        allowed = max(proven_speed(way, middle, PROVEN_FRACTION * limits.force), unproven) + late
+        allowed = max(_proven(memory, middle, PROVEN_FRACTION * limits.force), unproven) + late
         fastest = min(fastest, math.sqrt(allowed * allowed + limits.acceleration * away) - late)
     return float(fastest)
 

@@ -59,10 +59,11 @@ def _along_speed(space: Space, memory: Memory, known: Known) -> float:
         inwards = -dot(velocity, normal)
         along = norm(add(velocity, scaled(normal, inwards)))
     memory.nearing = way.turn * along
-    if known.in_contact or space.probe.closest.along < way.free:
+    if not known.in_contact and space.probe.closest.along < way.free:
         return known.fastest
     blind = space.blind_speed
-    return float(min(known.fastest, max(blind - max(inwards, 0.0), SIDEWAYS_SHARE * blind) / way.turn))
+    left = blind - max(inwards, 0.0) - space.cap.force / memory.impedance
+    return float(min(known.fastest, max(left, SIDEWAYS_SHARE * blind) / way.turn))
 
 
 @compiled
@@ -94,7 +95,6 @@ def arrive(
         space.told.offset = line.offset
         if math.isfinite(jump):
             known = Known(known.surface + jump, *known[1:])
-    slid = come_to(space.way_in, line, memory, known)
     # A pulling force is no contact of this surface: learnt as the sensor's offset, it would hide one.
     normal = vector(line.closest.normal)
     felt = dot(force, normal)
@@ -104,6 +104,7 @@ def arrive(
         begin_course(course, mesh, place)
         _begin(space, mesh, place)
     observe_force(space.cap, place, force, normal)
+    slid = come_to(space.way_in, line, memory, known, space.cap.explained)
     write(course.here, place)
     write(course.resistance, subtract(force, scaled(normal, felt)))
     course.open, course.pressed = known.follows, known.force
@@ -141,7 +142,7 @@ def limit(
     if not (course.begun and is_known(line) and math.isfinite(aim)):
         return before, aim
     allowed, gone = held_at(course, aim), vector(course.normal)
-    wanted, moved = limit_force(cap, allowed, before)
+    wanted, moved = limit_force(cap, allowed, scaled(gone, -shifted), before)
     deeper, outwards = max(fastest, 0.0), vector(line.closest.normal)
     facing = rotate(line, vector(space.way_in.pose.facing)) if line.closest.depth < 0.0 else NO_VECTOR
     # Beside an edge the approach was proven towards the edge, and not down to where the surface may go on.
@@ -151,7 +152,7 @@ def limit(
         _against(outwards, deeper),
         _against(vector(cap.outwards), max(min(cap.fastest, deeper), 0.0)),
     )
-    go_on(path, wanted, add(moved, scaled(gone, -shifted)), bounds)
+    go_on(path, wanted, moved, bounds)
     commanded = vector(path.position)
     position = aim + dot(subtract(allowed, commanded), gone)
     memory.motion.position[0] = position
@@ -213,12 +214,14 @@ class SpatialSafety:
 
     def believe(self, belief: FixtureBelief) -> bool:
         """Take a belief of the fixture's pose; whether it stands elsewhere."""
+        way, before = self.spaces[0].way_in, self.line.offset
         elsewhere = self.line.believe(belief.pose)
         if elsewhere:
             self._gone.believe(belief.pose)
             self._told.offset = self.line.offset
             self._told.believe(belief.pose)
-        way = self.spaces[0].way_in
+        if belief.images != way.images:
+            way.images, way.before = belief.images, before
         believe_covariance(self.spaces["way_in"]["pose"], belief.covariance)
         way.believed = belief.contacts + belief.images
         way.contradicted = way.contradicted and not way.believed > way.then

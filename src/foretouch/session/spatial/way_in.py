@@ -144,10 +144,17 @@ MISSED, MISSED_TICKS = 1e-3, 50
 class WayIn(Record):
     """Informs the follower along the normal, which cannot know it, that the probe has come to another point.
 
-    What the robot has proven of its approach holds at its present point. Elsewhere the air counts as free up to the
-    believed surface, less its uncertainty at this point (`PoseUncertainty`), once the surface was felt or seen; beyond
-    that, and before, nothing is known. There motion along the surface counts as coming nearer, by the uncertainty of
-    the inclination; its speed is limited to what the motion inwards leaves, and to no less than a third.
+    What the robot has proven of its approach holds about its present point once the surface was felt there, against its
+    normal: air that was crossed beside an edge says nothing of what is beside it. It holds nearer to the surface by the
+    uncertainty of the inclination, for every millimetre aside.
+
+    Elsewhere the air counts as free up to the believed surface, less its uncertainty at this point (`PoseUncertainty`),
+    once the surface was felt or seen; beyond that, and before, nothing is known. Where it was only felt, that grows by
+    the uncertainty of the inclination with the distance from where it was felt last, for the fixture's pose fits touches
+    that err. A surface that an image shows further away counts from the next image on, for one in a thousand errs by
+    more than three standard deviations. In air that is not free, and in contact, motion along the surface counts as
+    coming nearer, by the uncertainty of the inclination; its speed is limited to what the motion inwards and the force
+    leave, and to no less than a third.
 
     A contact in air that counts as free, and a surface that is missed below where it may be, contradict the belief:
     then none of it counts until it includes a newer touch or image.
@@ -158,12 +165,17 @@ class WayIn(Record):
     free: float = -math.inf  # position along the normal up to which the air counts as free [m]
     pose: PoseUncertainty
     believed: int  # number of touches and images in the belief
+    images: int  # number of images
+    before: float  # offset of the line before the newest image [m]
     then: int  # that number when something contradicted the belief
     contradicted: bool
     felt: bool  # whether there was contact in the tick before
     missed: int  # ticks without a force below the surface
     anchor: Numbers3 = math.nan  # type: ignore[assignment]  # point about which the proven approach holds [m]
     anchored: float  # offset of the line then [m]
+    widest: float  # largest distance from it since [m]
+    touched: bool  # whether the surface was felt since
+    felt_at: Numbers3 = math.nan  # type: ignore[assignment]  # where it was felt last [m]
     point: Numbers3 = math.nan  # type: ignore[assignment]  # the newest [m]
 
 
@@ -192,17 +204,22 @@ def _compare(way: WayIn, known: Known, depth: float) -> None:
 
 
 @compiled
-def come_to(way: WayIn, line: Line, memory: Memory, known: Known) -> float:
-    """Take a new point of the surface; the motion of the probe across it since the last one [m]."""
+def come_to(way: WayIn, line: Line, memory: Memory, known: Known, explained: bool) -> float:
+    """Take a new point of the surface, and whether its normal explains the force; the motion across it [m]."""
     closest, offset = line.closest, line.offset
     point = vector(closest.inner_point)
     way.uncertainty, way.turn = uncertainty_at(way.pose, point, rotate_back(line, vector(closest.normal)))
     _compare(way, known, closest.depth)
     if way.contradicted:
         way.uncertainty, way.turn = LARGEST_UNCERTAINTY, LARGEST_TURN
+    if known.in_contact and explained:
+        write(way.felt_at, point)
+    if not known.seen:
+        way.uncertainty += way.turn * norm(subtract(point, vector(way.felt_at)))
     # After it leaves a soft material, the probe meets it deeper again, though the surface is where it was believed.
     felt = math.isfinite(known.surface)
-    nearest = min(known.surface, offset) if felt else offset
+    nearest = min(offset, way.before) if known.seen else offset
+    nearest = min(known.surface, nearest) if felt else nearest
     way.free = nearest - way.uncertainty if known.seen or felt else -math.inf
     slid = max(norm(subtract(point, vector(way.point))) - SLID, 0.0)  # NaN in the first tick
     write(way.point, point)
@@ -211,4 +228,8 @@ def come_to(way: WayIn, line: Line, memory: Memory, known: Known) -> float:
         way.anchored = offset
         write(way.anchor, point)
         forget_way(memory.way)
+        aside, way.widest, way.touched = 0.0, 0.0, False
+    way.widest = max(way.widest, aside)
+    way.touched = way.touched or (known.in_contact and explained)
+    memory.holds, memory.higher = way.touched, way.turn * (way.widest + aside)
     return float(slid)
