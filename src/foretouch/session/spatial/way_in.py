@@ -150,7 +150,7 @@ class WayIn(Record):
 
     Elsewhere the air counts as free up to the believed surface, less its uncertainty at this point (`PoseUncertainty`),
     once the surface was felt or seen; beyond that, and before, nothing is known. Where it was only felt, that grows by
-    the uncertainty of the inclination with the distance from where it was felt last, for the fixture's pose fits touches
+    the uncertainty of the inclination with the distance from where it was felt last, for the pose fits touches
     that err. A surface that an image shows further away counts from the next image on, for one in a thousand errs by
     more than three standard deviations. In air that is not free, and in contact, motion along the surface counts as
     coming nearer, by the uncertainty of the inclination; its speed is limited to what the motion inwards and the force
