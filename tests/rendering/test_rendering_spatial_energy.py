@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from renderer_runs import Books
 
+from foretouch.devices import DeviceSpecification
 from foretouch.devices.hand import HeldForce
 from foretouch.rendering import EnergyAccount, SpatialEnergyAccount
 from foretouch.report.energy import BookedDevice, book
@@ -65,7 +67,7 @@ def test_what_is_booked_is_what_the_device_did_where_positions_are_missing(
     assert booked.work.sum() == pytest.approx(account.energy, abs=1e-9)
 
 
-NOMINAL, FASTEST_HAND, COUNT = 1e-3, 2.0, 1e-5
+NOMINAL, COUNT = 1e-3, 1e-5
 LAWS = ("fixed", "with", "against", "latch")
 
 
@@ -80,64 +82,26 @@ def asked(law: str, step: np.ndarray, size: float) -> np.ndarray:
 
 
 class Session:
-    """A hand with an account, and beside it the work of the device's force over the whole session, never begun anew.
-
-    Attributes:
-        whole: W, that work [J].
-        late: Of it what late ticks and missing positions gave out [J].
-        largest_debt: Of the account, as a share of its bound.
-    """
+    """A hand with an account, and its books beside it; `largest_debt` is a fraction of the bound."""
 
     def __init__(self, delay: float, watchdog: float) -> None:
         self.account = SpatialEnergyAccount(COUNT, delay=delay, watchdog=watchdog)
-        self.device, self.share = HeldForce(np.zeros(3), delay, watchdog), delay / NOMINAL
-        self.way, self.first, self.impulse = (np.zeros(3) for _ in range(3))
-        self.place, self.now, self.elapsed = np.zeros(3), 0, 0.0
-        self.whole = self.late = self.largest_force = self.largest_debt = 0.0
-        self.largest_step = self.count = math.sqrt(3.0) * COUNT
+        self.books = Books(DeviceSpecification(damping=2.0, resolution=COUNT, delay=delay, watchdog=watchdog), 3)
+        self.place, self.largest_debt = np.zeros(3), 0.0
         self.account.observe((0.0, 0.0, 0.0))
-
-    def acted(self, begin: float, end: float) -> np.ndarray:
-        """The force's integral from and to so long after this tick began [N s]."""
-        pieces = self.device.over(self.now + round(begin * 1e9), self.now + round(end * 1e9))
-        return sum((lasted * force for lasted, force in pieces), np.zeros(3))
+        self.books.position = (0.0, 0.0, 0.0)
 
     def tick(self, step: tuple, wanted: np.ndarray, period: float, *, missing: bool, closes: bool) -> None:
-        force = np.array(self.account.hold(tuple(wanted.tolist())))
-        self.largest_force = max(self.largest_force, float(np.linalg.norm(force)))
-        self.device.render(force, self.now)
-        if self.elapsed == 0.0:
-            self.first = self.acted(0.0, NOMINAL)
-            self.impulse = self.first + self.acted(NOMINAL, period)
-        else:
-            self.impulse = self.impulse + self.acted(0.0, period)
-        self.now, self.elapsed = self.now + round(period * 1e9), self.elapsed + period
-        self.place, self.way = self.place + step, self.way + step
-        self.account.observe((math.nan,) * 3 if missing else tuple(self.place.tolist()), period)
-        if not missing:
-            self.arrive()
+        self.books.hold(self.account.hold(tuple(wanted.tolist())))
+        self.place = self.place + step
+        seen = (math.nan,) * 3 if missing else tuple(self.place.tolist())
+        self.books.move(seen, period)
+        self.account.observe(seen, period)
         if closes:
             self.account.close()
-        self.check()
-
-    def arrive(self) -> None:
-        distance = float(np.linalg.norm(self.way))
-        nominal = min(distance / self.elapsed, FASTEST_HAND) * NOMINAL
-        work = -float(self.first @ self.way) / NOMINAL * nominal / max(distance, 1e-300)
-        whole = -float(self.impulse @ self.way) / self.elapsed
-        self.whole, self.late = self.whole + whole, min(self.late + whole - work, 0.0)
-        if self.first.any():
-            self.largest_step = max(self.largest_step, nominal + self.count)
-        self.way, self.elapsed = np.zeros(3), 0.0
-
-    def check(self) -> None:
-        account, bound = self.account, (1.0 + 2.0 * self.share) * self.largest_force * self.largest_step
-        assert self.whole >= self.late - bound - 1e-9
-        assert account.bound == pytest.approx(bound, abs=1e-12)
-        assert account.late_energy == pytest.approx(self.late, abs=1e-9)
-        assert -bound - 1e-12 <= account.energy <= self.whole - self.late + 1e-9
-        if bound > 0.0:
-            self.largest_debt = max(self.largest_debt, -account.energy / bound)
+        account, bound = self.account, self.account.bound
+        self.books.check(account.energy, bound, account.late_energy)
+        self.largest_debt = max(self.largest_debt, -account.energy / bound if bound > 0.0 else 0.0)
 
 
 ticks = st.tuples(
