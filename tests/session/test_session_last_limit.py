@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from commanded import MS, CommandedInSpace
+from commanded import MS, SCENES, CommandedInSpace, parts_with
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from motion_limits import UNBOUNDED, MotionLimits
@@ -15,11 +15,9 @@ from motion_limits import UNBOUNDED, MotionLimits
 from foretouch.messages import VERSION, Command, FixtureBelief
 from foretouch.quantities import Pose
 from foretouch.quantities.pose import Vector
-from foretouch.rendering.surfaces import TriangleMesh
 from foretouch.robot import GantryArm, RobotSample, RobotSpecification, SpatialSample, make_material
 from foretouch.session import SessionSettings
 from foretouch.session.safety.motion import EMERGENCY
-from foretouch.session.spatial import make_scene
 from foretouch.session.spatial.making import SpatialWorld
 from foretouch.session.spatial.scenes import MIDDLE, Scene
 from foretouch.session.steps import follower as line_follower
@@ -178,31 +176,6 @@ def test_what_would_go_deeper_than_told_brakes_five_times_as_hard_and_what_goes_
 # --- the follower -----------------------------------------------------------------------------------------------------
 
 
-def mesh(corners: list[Vector], faces: list[tuple[int, int, int]]) -> TriangleMesh:
-    return TriangleMesh([(X + x, Y + y, Z + z) for x, y, z in corners], faces)
-
-
-def block(x: float, y: float, z: float) -> TriangleMesh:
-    corners = [(a, b, c) for a in (-x, x) for b in (-y, y) for c in (-z, 0.0)]
-    sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    return mesh(corners, [half for a, b, c, d in sides for half in ((a, b, c), (a, c, d))])
-
-
-def groove() -> TriangleMesh:
-    corners = [(x, y, -0.02 if x == 0.0 else 0.0) for x in (-0.03, 0.0, 0.03) for y in (-0.03, 0.03)]
-    return mesh(corners, [(0, 2, 1), (1, 2, 3), (2, 4, 3), (3, 4, 5)])
-
-
-SCENES = {name: make_scene(name) for name in ("plane", "hill", "phantom")} | {
-    name: Scene(name, surface)
-    for name, surface in (
-        ("cube", block(0.02, 0.02, 0.04)),
-        ("thin plate", block(0.02, 0.02, 0.002)),
-        ("groove", groove()),
-    )
-}
-
-
 def test_the_meshes_are_sharp_and_wound_outwards() -> None:
     assert SCENES["cube"].surface.contact((X, Y, Z + 0.01)).depth == pytest.approx(-0.01)
     assert SCENES["cube"].surface.contact((X, Y, Z - 0.01)).depth == pytest.approx(0.01)
@@ -261,11 +234,6 @@ class Driven(CommandedInSpace):
 
 
 TROUBLES = ("", "", "", "silence", "stop", "release", "force", "place", "belief", "belief", "restart", "dither")
-part = st.tuples(
-    st.tuples(st.floats(-0.05, 0.05), st.floats(-0.03, 0.03), st.sampled_from((-0.05, -0.01, -0.003, 0.004, 0.02))),
-    st.sampled_from((1, 40, 120)),
-    st.sampled_from(TROUBLES),
-)
 
 
 def moved(name: str, parts: Any, seed: int, inside: float | None, first_touch: str) -> int:
@@ -307,9 +275,7 @@ def test_where_the_robot_is_told_to_go_it_goes_and_touches() -> None:
 
 
 begins = st.sampled_from((2e-3, None))
-many = given(
-    st.lists(part, min_size=1, max_size=5), st.integers(0, 100), begins, st.sampled_from(("follow", "guarded"))
-)
+many = given(parts_with(TROUBLES), st.integers(0, 100), begins, st.sampled_from(("follow", "guarded")))
 
 
 def tried(name: str, examples: int) -> float:
