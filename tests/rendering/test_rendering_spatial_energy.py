@@ -12,27 +12,11 @@ from renderer_runs import Books
 
 from foretouch.devices import DeviceSpecification
 from foretouch.devices.hand import HeldForce
-from foretouch.rendering import EnergyAccount, SpatialEnergyAccount
+from foretouch.rendering import SpatialEnergyAccount
 from foretouch.report.energy import BookedDevice, book
 
 small = st.floats(-1e-3, 1e-3)
 force = st.floats(-10.0, 10.0, allow_subnormal=False)  # so small a force times a tick would be no impulse
-tick = st.tuples(st.tuples(small, small, small), st.tuples(force, force, force))
-
-
-@given(st.lists(tick, min_size=1, max_size=60))
-def test_whatever_is_asked_for_no_more_comes_out_than_the_bound(ticks: list) -> None:
-    account = SpatialEnergyAccount(1e-5)
-    place, given_out, held = np.zeros(3), 0.0, np.zeros(3)
-    for step, wanted in ticks:
-        place = place + step
-        given_out += float(held @ np.array(step)) if account.force != (0.0, 0.0, 0.0) else 0.0
-        account.observe(tuple(place))
-        assert account.energy == pytest.approx(-given_out, abs=1e-12)  # the work itself
-        assert account.energy >= -account.bound - 1e-12
-        held = np.array(account.hold(wanted))
-
-
 lost = st.tuples(st.tuples(small, small, small), force, st.sampled_from((1e-3, 0.05)), st.booleans())
 
 
@@ -148,18 +132,6 @@ def test_a_material_that_gives_out_comes_near_to_the_bound_and_one_that_takes_do
         step = 5e-4 * np.array((0.1, 0.1, math.cos(0.2 * number))) + 1e-5 * random.normal(size=3)
         session.tick(step, asked(law, step, 5.0), NOMINAL, missing=False, closes=number % 50 == 0)
     assert session.largest_debt > 0.6 if law != "against" else session.largest_debt < 0.5
-
-
-def test_on_a_straight_line_it_is_the_account_along_it() -> None:
-    whole, line = SpatialEnergyAccount(0.0), EnergyAccount(0.0)
-    depth = 3e-3 * np.sin(np.linspace(0.0, 3.0, 200))
-    for x in depth:
-        whole.observe((0.0, 0.0, -x))
-        line.observe(x)
-        assert whole.energy == pytest.approx(line.energy, abs=1e-15)
-        pressed = 500.0 * max(x, 0.0)
-        whole.hold((0.0, 0.0, pressed))
-        line.hold(pressed)
 
 
 def test_a_force_that_turns_late_in_a_hollow_is_cut() -> None:
