@@ -286,8 +286,8 @@ def test_where_the_robot_is_told_to_go_it_goes_and_touches() -> None:
 )
 def test_no_told_place_is_beyond_the_limits(name: str, examples: int) -> None:
     @settings(max_examples=examples, suppress_health_check=[HealthCheck.too_slow])
-    @given(parts_with(TROUBLES), st.integers(0, 100), st.sampled_from((2e-3, None)), FIRST)
-    @example([((0.0, 0.0, -0.01), 40, "")], 0, 2e-3, "follow")
+    @given(parts_with(TROUBLES), st.integers(0, 100), st.sampled_from((1e-3, None)), FIRST)
+    @example([((0.0, 0.0, -0.01), 40, "")], 0, 1e-3, "follow")
     def motions(parts: Any, seed: int, inside: float | None, first_touch: str) -> None:
         moved(name, parts, seed, inside, first_touch)
 
