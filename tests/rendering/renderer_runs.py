@@ -22,6 +22,7 @@ from foretouch.models import (
     LinearisedContinuousSwitching,
     ThresholdSwitching,
 )
+from foretouch.quantities.pose import Vector, add, dot, scaled, subtract
 from foretouch.rendering import Renderer
 
 sys.path.append(str(Path(__file__).parents[1] / "models"))
@@ -32,6 +33,7 @@ FARTHEST = 10.0
 NO_DEVICE_LIMIT = 10.0
 SMALLEST_COUNT = 1e-6
 ROUNDING = 1e-12
+NOTHING, NOWHERE = (0.0, 0.0, 0.0), (math.nan, math.nan, math.nan)
 
 MAPS = [example_map(), example_map((0.0, 0.0, 1.0)), *(model_of(random_numbers(seed)) for seed in range(8))]
 
@@ -170,57 +172,67 @@ FADING = 5  # ... in so many ticks
 
 
 class Books:
-    """The energy of the hand as it is defined: force times motion, summed up over the whole session.
+    """The energy of the hand as it is defined: force times motion in space, summed up over the whole session.
 
-    A force acts from a delay after its tick began until the next one does, and no longer than the watchdog lets it;
-    between two positions that are read the hand moves evenly. Nothing is ever begun anew.
+    A force, as it pushes the hand, acts from a delay after its tick began until the next one does, and no longer than
+    the watchdog lets it; between two positions that are read the hand moves evenly. Nothing is ever begun anew.
     """
 
-    def __init__(self, device: DeviceSpecification | None) -> None:
-        self.count = max(0.0 if device is None else device.resolution, SMALLEST_COUNT)
+    def __init__(self, device: DeviceSpecification | None, axes: int = 1) -> None:
+        self.count = math.sqrt(axes) * max(0.0 if device is None else device.resolution, SMALLEST_COUNT)
         self.delay = 0.0 if device is None else device.delay
         self.watchdog = math.inf if device is None or not device.watchdog else device.watchdog
-        self.whole = self.late = 0.0
+        self.whole = self.late = self.work = 0.0
         self.largest_force, self.largest_step = 0.0, self.count
-        self.position = math.nan
-        self.before = self.force = self.first = self.impulse = self.elapsed = 0.0
-        self.before_ends = self.delay
+        self.position = NOWHERE
+        self.before = self.force = self.first = self.impulse = NOTHING
+        self.elapsed, self.before_ends = 0.0, self.delay
 
-    def acted(self, begin: float, end: float) -> float:
+    def acted(self, begin: float, end: float) -> Vector:
         """The force's integral between two times of this tick [N s]."""
-        pieces = ((self.before, 0.0, self.before_ends), (self.force, self.delay, self.delay + self.watchdog))
-        return sum(force * max(min(end, ends) - max(begin, begins), 0.0) for force, begins, ends in pieces)
+        former = max(min(end, self.before_ends) - max(begin, 0.0), 0.0)
+        newest = max(min(end, self.delay + self.watchdog) - max(begin, self.delay), 0.0)
+        return add(scaled(self.before, former), scaled(self.force, newest))
 
-    def move(self, position: float, period: float) -> None:
+    def move(self, position: Vector, period: float) -> None:
         if self.elapsed == 0.0:
             self.first = self.acted(0.0, TICK)
-            self.impulse = self.first + self.acted(TICK, period)
+            self.impulse = add(self.first, self.acted(TICK, period))
         else:
-            self.impulse += self.acted(0.0, period)
+            self.impulse = add(self.impulse, self.acted(0.0, period))
         self.before, self.before_ends = self.force, min(self.delay, self.delay + self.watchdog - period)
         self.elapsed += period
-        if not abs(position) <= FARTHEST:
+        self.work = 0.0
+        if not all(map(math.isfinite, position)):
             return
-        way, time = position - self.position, max(self.elapsed, TICK)
+        way, time = subtract(position, self.position), max(self.elapsed, TICK)
         self.position, self.elapsed = position, 0.0
-        if math.isnan(way):
+        distance = math.hypot(*way)
+        if math.isnan(distance):
             return
-        velocity = way / time
-        nominal = min(abs(velocity), FASTEST_HAND) * TICK
-        work = math.copysign(nominal, way) * self.first / TICK
-        whole = velocity * self.impulse if time > TICK else way * self.first / TICK
+        nominal = min(distance / time, FASTEST_HAND) * TICK
+        self.work = -dot(self.first, way) / TICK * nominal / distance if distance > 0.0 else 0.0
+        whole = -dot(self.impulse, way) / time if time > TICK else -dot(self.first, way) / TICK
         self.whole += whole
-        self.late = min(self.late + whole - work, 0.0)
-        if self.first > 0.0:
+        self.late = min(self.late + whole - self.work, 0.0)
+        if self.first != NOTHING:
             self.largest_step = max(self.largest_step, nominal + self.count)
 
-    def hold(self, force: float) -> None:
+    def hold(self, force: Vector) -> None:
         self.force = force
-        self.largest_force = max(self.largest_force, force)
+        self.largest_force = max(self.largest_force, math.hypot(*force))
 
     @property
     def bound(self) -> float:
         return (1.0 + 2.0 * self.delay / TICK) * self.largest_force * self.largest_step
+
+    def check(self, energy: float, bound: float, late: float) -> None:
+        """Over the whole session the hand was given no more than one bound, and what late ticks gave is told [J]."""
+        rounding = 1e-12 * max(1.0, abs(self.whole), self.largest_force)
+        assert self.whole >= self.late - self.bound - rounding
+        assert math.isclose(bound, self.bound, rel_tol=1e-9, abs_tol=1e-12)
+        assert math.isclose(late, self.late, rel_tol=1e-9, abs_tol=rounding)
+        assert -bound - rounding <= energy <= self.whole - self.late + rounding
 
 
 def hold(held: Held, records: np.ndarray) -> Held:
@@ -334,22 +346,17 @@ class Run:
         """Without a position no force rises, and from the third on it fades to nothing in five ticks."""
         self.missing = 0 if abs(hand) <= FARTHEST else self.missing + 1
         if self.missing:
-            assert force <= self.books.force
+            assert force <= -self.books.force[0]
         if self.missing >= LONGEST_GAP + FADING - 1:
             assert force == 0.0
 
     def _check_energy(self, hand: float, force: float, period: float) -> None:
-        """Over the whole session the hand is given no more than one bound, and what late ticks gave is told."""
         renderer, books = self.renderer, self.books
-        books.move(hand, period)
-        rounding = 1e-12 * max(1.0, abs(books.whole), self.limit)
-        assert books.whole >= books.late - books.bound - rounding
-        assert math.isclose(renderer.energy_bound, books.bound, rel_tol=1e-9, abs_tol=1e-12)
-        assert math.isclose(renderer.late_energy, books.late, rel_tol=1e-9, abs_tol=rounding)
-        assert -renderer.energy_bound - rounding <= renderer.energy <= books.whole - books.late + rounding
+        books.move((hand if abs(hand) <= FARTHEST else math.nan, 0.0, 0.0), period)
+        books.check(*renderer.booked)
         if books.bound > 0.0:
             self.largest_debt = max(self.largest_debt, -renderer.energy / books.bound)
-        books.hold(force)
+        books.hold((-force, 0.0, 0.0))
         assert 0.0 <= renderer.share <= 1.0
         self.lowest_share = min(self.lowest_share, renderer.share)
 

@@ -8,29 +8,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from renderer_runs import Books
 
+from foretouch.devices import DeviceSpecification
 from foretouch.devices.hand import HeldForce
-from foretouch.rendering import EnergyAccount, SpatialEnergyAccount
+from foretouch.rendering import SpatialEnergyAccount
 from foretouch.report.energy import BookedDevice, book
 
 small = st.floats(-1e-3, 1e-3)
 force = st.floats(-10.0, 10.0, allow_subnormal=False)  # so small a force times a tick would be no impulse
-tick = st.tuples(st.tuples(small, small, small), st.tuples(force, force, force))
-
-
-@given(st.lists(tick, min_size=1, max_size=60))
-def test_whatever_is_asked_for_no_more_comes_out_than_the_bound(ticks: list) -> None:
-    account = SpatialEnergyAccount(1e-5)
-    place, given_out, held = np.zeros(3), 0.0, np.zeros(3)
-    for step, wanted in ticks:
-        place = place + step
-        given_out += float(held @ np.array(step)) if account.force != (0.0, 0.0, 0.0) else 0.0
-        account.observe(tuple(place))
-        assert account.energy == pytest.approx(-given_out, abs=1e-12)  # the work itself
-        assert account.energy >= -account.bound - 1e-12
-        held = np.array(account.hold(wanted))
-
-
 lost = st.tuples(st.tuples(small, small, small), force, st.sampled_from((1e-3, 0.05)), st.booleans())
 
 
@@ -65,7 +51,7 @@ def test_what_is_booked_is_what_the_device_did_where_positions_are_missing(
     assert booked.work.sum() == pytest.approx(account.energy, abs=1e-9)
 
 
-NOMINAL, FASTEST_HAND, COUNT = 1e-3, 2.0, 1e-5
+NOMINAL, COUNT = 1e-3, 1e-5
 LAWS = ("fixed", "with", "against", "latch")
 
 
@@ -80,64 +66,26 @@ def asked(law: str, step: np.ndarray, size: float) -> np.ndarray:
 
 
 class Session:
-    """A hand with an account, and beside it the work of the device's force over the whole session, never begun anew.
-
-    Attributes:
-        whole: W, that work [J].
-        late: Of it what late ticks and missing positions gave out [J].
-        largest_debt: Of the account, as a share of its bound.
-    """
+    """A hand with an account, and its books beside it; `largest_debt` is a fraction of the bound."""
 
     def __init__(self, delay: float, watchdog: float) -> None:
         self.account = SpatialEnergyAccount(COUNT, delay=delay, watchdog=watchdog)
-        self.device, self.share = HeldForce(np.zeros(3), delay, watchdog), delay / NOMINAL
-        self.way, self.first, self.impulse = (np.zeros(3) for _ in range(3))
-        self.place, self.now, self.elapsed = np.zeros(3), 0, 0.0
-        self.whole = self.late = self.largest_force = self.largest_debt = 0.0
-        self.largest_step = self.count = math.sqrt(3.0) * COUNT
+        self.books = Books(DeviceSpecification(damping=2.0, resolution=COUNT, delay=delay, watchdog=watchdog), 3)
+        self.place, self.largest_debt = np.zeros(3), 0.0
         self.account.observe((0.0, 0.0, 0.0))
-
-    def acted(self, begin: float, end: float) -> np.ndarray:
-        """The force's integral from and to so long after this tick began [N s]."""
-        pieces = self.device.over(self.now + round(begin * 1e9), self.now + round(end * 1e9))
-        return sum((lasted * force for lasted, force in pieces), np.zeros(3))
+        self.books.position = (0.0, 0.0, 0.0)
 
     def tick(self, step: tuple, wanted: np.ndarray, period: float, *, missing: bool, closes: bool) -> None:
-        force = np.array(self.account.hold(tuple(wanted.tolist())))
-        self.largest_force = max(self.largest_force, float(np.linalg.norm(force)))
-        self.device.render(force, self.now)
-        if self.elapsed == 0.0:
-            self.first = self.acted(0.0, NOMINAL)
-            self.impulse = self.first + self.acted(NOMINAL, period)
-        else:
-            self.impulse = self.impulse + self.acted(0.0, period)
-        self.now, self.elapsed = self.now + round(period * 1e9), self.elapsed + period
-        self.place, self.way = self.place + step, self.way + step
-        self.account.observe((math.nan,) * 3 if missing else tuple(self.place.tolist()), period)
-        if not missing:
-            self.arrive()
+        self.books.hold(self.account.hold(tuple(wanted.tolist())))
+        self.place = self.place + step
+        seen = (math.nan,) * 3 if missing else tuple(self.place.tolist())
+        self.books.move(seen, period)
+        self.account.observe(seen, period)
         if closes:
             self.account.close()
-        self.check()
-
-    def arrive(self) -> None:
-        distance = float(np.linalg.norm(self.way))
-        nominal = min(distance / self.elapsed, FASTEST_HAND) * NOMINAL
-        work = -float(self.first @ self.way) / NOMINAL * nominal / max(distance, 1e-300)
-        whole = -float(self.impulse @ self.way) / self.elapsed
-        self.whole, self.late = self.whole + whole, min(self.late + whole - work, 0.0)
-        if self.first.any():
-            self.largest_step = max(self.largest_step, nominal + self.count)
-        self.way, self.elapsed = np.zeros(3), 0.0
-
-    def check(self) -> None:
-        account, bound = self.account, (1.0 + 2.0 * self.share) * self.largest_force * self.largest_step
-        assert self.whole >= self.late - bound - 1e-9
-        assert account.bound == pytest.approx(bound, abs=1e-12)
-        assert account.late_energy == pytest.approx(self.late, abs=1e-9)
-        assert -bound - 1e-12 <= account.energy <= self.whole - self.late + 1e-9
-        if bound > 0.0:
-            self.largest_debt = max(self.largest_debt, -account.energy / bound)
+        account, bound = self.account, self.account.bound
+        self.books.check(account.energy, bound, account.late_energy)
+        self.largest_debt = max(self.largest_debt, -account.energy / bound if bound > 0.0 else 0.0)
 
 
 ticks = st.tuples(
@@ -184,18 +132,6 @@ def test_a_material_that_gives_out_comes_near_to_the_bound_and_one_that_takes_do
         step = 5e-4 * np.array((0.1, 0.1, math.cos(0.2 * number))) + 1e-5 * random.normal(size=3)
         session.tick(step, asked(law, step, 5.0), NOMINAL, missing=False, closes=number % 50 == 0)
     assert session.largest_debt > 0.6 if law != "against" else session.largest_debt < 0.5
-
-
-def test_on_a_straight_line_it_is_the_account_along_it() -> None:
-    whole, line = SpatialEnergyAccount(0.0), EnergyAccount(0.0)
-    depth = 3e-3 * np.sin(np.linspace(0.0, 3.0, 200))
-    for x in depth:
-        whole.observe((0.0, 0.0, -x))
-        line.observe(x)
-        assert whole.energy == pytest.approx(line.energy, abs=1e-15)
-        pressed = 500.0 * max(x, 0.0)
-        whole.hold((0.0, 0.0, pressed))
-        line.hold(pressed)
 
 
 def test_a_force_that_turns_late_in_a_hollow_is_cut() -> None:

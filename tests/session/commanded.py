@@ -1,4 +1,4 @@
-"""A follower and its simulated arm, commanded tick by tick: along a line over a network, and in space."""
+"""A follower and its simulated arm, commanded tick by tick, along a line over a network and in space; and scenes."""
 
 from __future__ import annotations
 
@@ -6,11 +6,17 @@ import math
 from collections.abc import Iterable
 from typing import Any
 
+from hypothesis import strategies as st
+
 from foretouch.link import Faults, FaultStage
 from foretouch.messages import VERSION, Command, FixtureBelief, Status
+from foretouch.quantities.pose import Vector
+from foretouch.rendering.surfaces import TriangleMesh
 from foretouch.robot import RobotSample, SpatialSample, make_robot
 from foretouch.session import SessionSettings
+from foretouch.session.spatial import make_scene
 from foretouch.session.spatial.probe import ProbeInSpace
+from foretouch.session.spatial.scenes import MIDDLE, Scene
 from foretouch.session.steps import follower
 
 MS = 1_000_000
@@ -19,6 +25,40 @@ NO_LIMIT = 1000.0
 """Of the drive [N]: none that counts."""
 
 Place = tuple[float, ...]
+X, Y, Z = MIDDLE
+
+
+def mesh(corners: list[Vector], faces: list[tuple[int, int, int]]) -> TriangleMesh:
+    return TriangleMesh([(X + x, Y + y, Z + z) for x, y, z in corners], faces)
+
+
+def block(x: float, y: float, z: float) -> TriangleMesh:
+    corners = [(a, b, c) for a in (-x, x) for b in (-y, y) for c in (-z, 0.0)]
+    sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    return mesh(corners, [half for a, b, c, d in sides for half in ((a, b, c), (a, c, d))])
+
+
+def groove() -> TriangleMesh:
+    corners = [(x, y, -0.02 if x == 0.0 else 0.0) for x in (-0.03, 0.0, 0.03) for y in (-0.03, 0.03)]
+    return mesh(corners, [(0, 2, 1), (1, 2, 3), (2, 4, 3), (3, 4, 5)])
+
+
+SCENES = {name: make_scene(name) for name in ("plane", "hill", "phantom")} | {
+    name: Scene(name, surface)
+    for name, surface in (
+        ("cube", block(0.02, 0.02, 0.04)),
+        ("thin plate", block(0.02, 0.02, 0.002)),
+        ("groove", groove()),
+    )
+}
+
+
+def parts_with(troubles: tuple[str, ...]) -> st.SearchStrategy[list[tuple[Vector, int, str]]]:
+    """Where something goes to in space [m], in how many ticks, and what happens meanwhile."""
+    heights = st.sampled_from((-0.05, -0.01, -0.003, 0.004, 0.02))
+    places = st.tuples(st.floats(-0.05, 0.05), st.floats(-0.03, 0.03), heights)
+    part = st.tuples(places, st.sampled_from((1, 40, 120)), st.sampled_from(troubles))
+    return st.lists(part, min_size=1, max_size=5)
 
 
 class Commanded:

@@ -3,19 +3,30 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Sequence
+from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
-from hypothesis import given
+from commanded import SCENES, parts_with
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from foretouch.messages import VERSION, LeaderState, ModelUpdate, SessionLog, Telemetry
+from foretouch.devices import DeviceSpecification
+from foretouch.messages import VERSION, FollowerSpace, LeaderState, ModelUpdate, SessionLog, Status, Telemetry
 from foretouch.models import HuntCrossley
+from foretouch.quantities.pose import Vector
 from foretouch.report import energy_figures
 from foretouch.report.energy import BookedDevice
 from foretouch.session import SessionSettings
+from foretouch.session.spatial.hand import HandInSpace
+from foretouch.session.spatial.scenes import Scene
 from foretouch.session.steps import leader
+
+sys.path.append(str(Path(__file__).parents[1] / "rendering"))
+from renderer_runs import Books
 
 MS = 1_000_000
 
@@ -172,3 +183,152 @@ def test_the_report_books_a_late_tick_as_the_leader_did(simulated: bool) -> None
     figures = energy_figures(log.leader, BookedDevice(device.resolution, device.delay, device.watchdog))
     assert figures["energy_agrees"] is True
     assert figures["certificate_holds"] is True
+
+
+# --- a hand in space: whatever arrives, and however it moves ----------------------------------------------------------
+
+NOWHERE, MOST, RISE, PHANTOM, FADED = (math.nan,) * 3, 10.0, 0.2, 0.05, 7
+"""Largest force [N], its rise in a tick, what counts as none, and missing positions after which there is none."""
+
+
+class Led:
+    """A leader whose device a hand holds, over a follower that goes where it is told; every tick is judged.
+
+    `felt` counts ticks under a force, `rubbed` those of them in which it pushed along the surface.
+    """
+
+    def __init__(self, scene: Scene, device: DeviceSpecification, start: Vector, **changes: float) -> None:
+        chosen = SessionSettings(scene="plane", **changes)
+        self.state = leader.start(chosen, device=device, hand=HandInSpace(scene.surface, scene.nominal, 1.0))
+        self.device, self.books, self.at, self.run, self.now = device, Books(device, 3), start, 1, 0
+        self.sequence = self.model_sequence = self.missing = self.felt = self.rubbed = 0
+        self.nominal, self.energy, self.pushed, self.coefficient, self.viscous = scene.nominal, 0.0, 0.0, 0.0, 0.0
+
+    def follower_says(self, *, status: Status = Status.FOLLOWING, epoch: int = 1) -> list[FollowerSpace | Telemetry]:
+        self.sequence += 1
+        numbers = dict.fromkeys(FollowerSpace.__struct_fields__[3:-2], 0.0)
+        numbers |= dict(zip(("desired_x", "desired_y", "desired_z"), self.at, strict=True))
+        place = FollowerSpace(VERSION, self.sequence, self.now, **numbers, touch_tick=0, run=self.run)
+        told = msgspec.structs.replace(SEEN, sequence=self.sequence, status=int(status), epoch=epoch, run=self.run)
+        return [place, told]
+
+    def model(self, random: np.random.Generator, trouble: str) -> ModelUpdate:
+        self.model_sequence += 1
+        size, fixture = 10.0 ** random.uniform(2.0, 5.0), self.nominal
+        law = random.choice(("quadratic", "hunt-crossley", "jelly") if trouble == "invalid" else ("quadratic",) * 2)
+        surface = float(random.uniform(-4e-3, 4e-3)) if trouble == "jump" else 0.0
+        if trouble == "belief":
+            wrong = (*random.uniform(-0.02, 0.02, 3), *random.uniform(-0.3, 0.3, 3))
+            fixture = tuple(np.add(self.nominal, wrong).tolist())
+        self.coefficient, self.viscous = random.uniform(0.0, 1.5), float(random.choice((0.0, 0.0, 5.0)))
+        valid = trouble != "invalid" or random.random() < 0.5
+        numbers = (size, 0.0, 1.4) if law == "hunt-crossley" else (size, 0.0, 0.0)
+        made = model(self.model_sequence, valid=valid, law=str(law), parameters=numbers, surface=surface)
+        friction = (self.coefficient, self.viscous, 0.0, 0.0)
+        return msgspec.structs.replace(made, fixture=fixture, friction=friction, run=self.run)
+
+    def tick(
+        self, place: Vector, arrived: Sequence, *, period: int = 1, clutched: bool = False, stopping: bool = False
+    ) -> None:
+        self.now += period * MS
+        count = self.device.resolution
+        seen = tuple(count * math.floor(one / count + 0.5) for one in place) if math.isfinite(place[0]) else place
+        inputs = leader.Inputs(seen, arrived, period * MS, 0, clutched, NOWHERE, NOWHERE, stopping)
+        outputs = leader.step(self.state, inputs, self.now)[1]
+        self.missing = 0 if math.isfinite(place[0]) else self.missing + 1
+        self.books.move(seen, period * 1e-3)
+        self.judge(outputs)
+        self.at = outputs.command.place or self.at
+
+    def judge(self, outputs: leader.Outputs) -> None:
+        record, space, books = outputs.record, outputs.space, self.books
+        force = np.array((space.force_x, space.force_y, space.force_z))
+        normal = np.array((space.normal_x, space.normal_y, space.normal_z))
+        size, pressed, before = float(np.linalg.norm(force)), float(force @ normal), math.hypot(*books.force)
+        # The account: every tick of it is the work that was done, and only a lost contact forgives a surplus.
+        books.check(record.energy, record.energy_bound, record.late_energy)
+        kept = (self.energy, min(self.energy, 0.0) if self.pushed <= PHANTOM else self.energy)
+        assert min(abs(record.energy - one - books.work) for one in kept) < 1e-9
+        assert (record.energy, record.late_energy) == (space.energy, space.late_energy)
+        # The force: finite, outwards, within the device and within the cone of friction.
+        assert np.isfinite([*force, *normal, *outputs.command.place]).all()
+        assert size <= min(MOST, self.device.force_limit) + 1e-9
+        assert pressed == pytest.approx(record.rendered_force, abs=1e-9), "what is told is what is given"
+        aside = float(np.linalg.norm(force - pressed * normal))
+        if self.viscous == 0.0:
+            assert aside <= self.coefficient * pressed + 1e-9
+        # No jump: a force rises by so much, not at all while the hand is lost, and models change it by less.
+        assert pressed - self.pushed <= RISE + 1e-9
+        assert abs(record.update_step) <= 0.1
+        if self.missing:
+            assert size <= before + 1e-9
+        if self.missing >= FADED:
+            assert size == 0.0
+        books.hold(tuple(force.tolist()))
+        self.energy, self.pushed = record.energy, pressed
+        self.felt, self.rubbed = self.felt + (size > 0.5), self.rubbed + (aside > 0.1)
+
+
+LEADER_TROUBLES = (
+    "", "", "models", "models", "jump", "belief", "belief", "invalid", "late", "lost", "clutch", "stop", "stopping",
+    "other", "restart", "dither",
+)  # fmt: skip
+devices = st.builds(
+    DeviceSpecification,
+    damping=st.sampled_from((0.1, 2.0, 5.0)),
+    force_limit=st.sampled_from((2.0, 10.0, 1000.0)),
+    resolution=st.sampled_from((1e-6, 1e-4)),
+    delay=st.sampled_from((0.0, 5e-4, 1e-3)),
+    watchdog=st.sampled_from((0.0, 0.02)),
+)
+
+
+def lead(name: str, parts: list, seed: int, device: DeviceSpecification, scale: float) -> Led:
+    random, before = np.random.default_rng(seed), np.array((0.0, 0.0, 0.01))
+    led = Led(SCENES[name], device, tuple(before.tolist()), force_scale=scale)
+    for target, ticks, trouble in parts:
+        if trouble == "restart":
+            led.run += 1
+        for tick in range(ticks + 60):
+            place = before + (np.array(target) - before) * min((tick + 1) / ticks, 1.0)
+            if trouble == "dither":
+                place = place + random.normal(0.0, 3e-4, 3)
+            short = 5 < tick < 30
+            said = {"stop": {"status": Status.STOPPED}, "other": {"epoch": 2}}.get(trouble, {}) if short else {}
+            arrived = led.follower_says(**said)
+            if tick % {"models": 3, "jump": 10, "belief": 25, "invalid": 10}.get(trouble, 60) == 1:
+                arrived.append(led.model(random, trouble))
+            led.tick(
+                NOWHERE if trouble == "lost" and tick % 40 > 20 + seed % 20 else tuple(place.tolist()),
+                arrived,
+                period=int(random.choice((1, 3, 120))) if trouble == "late" and tick % 10 == 5 else 1,
+                clutched=trouble == "clutch" and short,
+                stopping=trouble == "stopping" and short,
+            )
+        before = np.array(target)
+    return led
+
+
+PRESS = [((0.01, 0.005, -0.03), 120, "models"), ((-0.012, -0.01, -0.03), 120, "")]
+"""Into each scene, and along its surface: some force and some friction is judged whatever else is drawn."""
+HELD = DeviceSpecification(damping=5.0, delay=5e-4, watchdog=0.02)
+
+
+@pytest.mark.parametrize(
+    ("name", "examples"),
+    [*((name, 8) for name in SCENES), *(pytest.param(name, 150, marks=pytest.mark.long) for name in SCENES)],
+)
+def test_no_hand_in_space_is_given_more_energy_or_force_than_promised(name: str, examples: int) -> None:
+    felt = rubbed = 0
+
+    @settings(max_examples=examples, suppress_health_check=[HealthCheck.too_slow])
+    @given(parts_with(LEADER_TROUBLES), st.integers(0, 100), devices, st.sampled_from((1.0, 0.3)))
+    @example(PRESS, 1, HELD, 1.0)
+    def motions(parts: list, seed: int, device: DeviceSpecification, scale: float) -> None:
+        nonlocal felt, rubbed
+        led = lead(name, parts, seed, device, scale)
+        felt, rubbed = felt + led.felt, rubbed + led.rubbed
+
+    motions()
+    assert felt > 100
+    assert rubbed > 50

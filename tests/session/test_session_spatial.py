@@ -133,16 +133,6 @@ def within_its_bound(log: SessionLog) -> bool:
     return bool((log.leader_space["energy"] >= -log.leader_space["energy_bound"] - 1e-12).all())
 
 
-@pytest.mark.long
-def test_no_more_energy_comes_out_than_the_bound_and_no_update_jerks() -> None:
-    held = run(12.0, grip="normal", camera=False, displacement=0.004, turn=0.03, scene="phantom")
-    assert within_its_bound(held)
-    assert np.abs(held.leader["update_step"]).max() < 0.1
-    assert held.leader["rendered_force"].max() > 0.5
-    force = np.stack([held.leader_space[f"force_{axis}"] for axis in "xyz"])
-    assert np.linalg.norm(force, axis=0).max() < 10.0
-
-
 @sees
 @pytest.mark.long
 def test_a_hidden_board_ages_and_nothing_jumps() -> None:
@@ -592,26 +582,6 @@ def test_a_fixture_that_turns_up_nearer_does_not_jerk_the_hand_that_is_in_it() -
     assert forces[2400] > 0.3
     assert np.abs(np.diff(forces[2400:])).max() < 0.1
     assert leading.renderer.account.energy >= -leading.renderer.account.bound
-
-
-def test_a_device_that_gives_no_place_is_given_no_force() -> None:
-    """The hand rubs over a floor with friction; then its device is silent, and is found again somewhere else."""
-    leading = fresh_leader(grip="normal", force_delay=0.0)
-    forces, whole, before, acted = [], 0.0, None, np.zeros(3)
-    for tick in range(1, 1600):
-        there = (2e-6 * tick, 0.0, 2e-3 - 3e-6 * min(tick, 1400))
-        silent = 1500 <= tick < 1520
-        model = said(0, tick, HERE, friction=(0.4, 0.0, 0.0, 0.0))
-        outputs = met(leading, tick, (math.nan,) * 3 if silent else there, model)
-        if before is not None:
-            whole -= float(acted @ (np.array(there) - before))
-        before, acted = np.array(there), np.array(force_of(outputs))
-        forces.append(np.linalg.norm(acted))
-    assert forces[1497] > 0.5
-    assert forces[1499] == pytest.approx(forces[1498], rel=0.05)
-    assert forces[1505:1519] == [0.0] * 14
-    assert np.diff(forces[1518:]).max() < 0.1
-    assert whole >= leading.renderer.account.late_energy - leading.renderer.account.bound
 
 
 @pytest.mark.long

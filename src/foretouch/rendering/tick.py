@@ -309,7 +309,8 @@ def give(r: Rendering, account: Account, rendered: float, normal: Vector, point:
     """
     scale, held = r.setup.force_scale, min(period, r.setup.period)
     beside = scaled(rub(r.friction, point, normal, rendered / scale, held), scale)
-    left = math.sqrt(max(r.limiter.largest_force**2 - rendered**2, 0.0))
+    # Friction takes what the normal force leaves: cut together, the latter would come back faster than its rate allows.
+    left = math.sqrt(max(min(r.limiter.largest_force, energy.ceiling_of(account)) ** 2 - rendered**2, 0.0))
     size = norm(beside)
     if size > left:
         beside = scaled(beside, left / size)
