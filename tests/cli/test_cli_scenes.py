@@ -9,7 +9,7 @@ import pytest
 from typed_commands import run
 
 from foretouch.errors import InputError, install_command
-from foretouch.messages import VERSION, Hello, LeaderSpace, LeaderState, Telemetry
+from foretouch.messages import VERSION, Hello
 from foretouch.recordings import SessionWriter, read_session
 
 TOUCHES = ("--fusion", "contact", "--displacement", 0.003, "--turn", 0.02)
@@ -129,11 +129,8 @@ def test_what_cannot_be_run_again_is_one_line(recorded: Path) -> None:
     with SessionWriter(path) as writer:
         texts = log.settings
         writer.write(Hello(VERSION, 1, 0, "leader", tuple(texts), tuple(texts.values())), 0)
-        for row in log.leader.tolist():
-            writer.write(LeaderState(VERSION, *row), row[1])
-        for row in log.follower.tolist():
-            writer.write(Telemetry(VERSION, *row), row[1])
-        for row in log.leader_space.tolist():
-            writer.write(LeaderSpace(VERSION, *row), row[1])
+        log.follower_space["exact_x"] = float("nan")
+        for message in log.messages():
+            writer.write(message, message.time_ns)
     with pytest.raises(InputError, match="a real robot in three dimensions"):
         raise run("replay", path).exception or AssertionError

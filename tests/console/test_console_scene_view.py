@@ -23,7 +23,7 @@ from foretouch.console.views import shapes as shape
 from foretouch.console.views.probes import ANCHORS
 from foretouch.console.views.shapes import scale_edges
 from foretouch.errors import install_command
-from foretouch.messages import VERSION, CameraImage, FollowerSpace, Hello, LeaderSpace, LeaderState
+from foretouch.messages import VERSION, CameraImage, FollowerSpace, Hello, LeaderSpace, LeaderState, Telemetry
 from foretouch.session.spatial import make_scene
 
 pytest.importorskip("viser")
@@ -36,18 +36,12 @@ def console(tmp_path: Path) -> Iterator[Console]:
     made.close()
 
 
-def leader_space(**changes: float) -> LeaderSpace:
-    names = [field for field in LeaderSpace.__struct_fields__ if field not in ("version", "sequence", "time_ns")]
-    numbers = dict.fromkeys(names, 0.0) | {"epoch": 0, "fixture_epoch": 0} | changes
-    return LeaderSpace(VERSION, 1, 1_000_000, **{name: value for name, value in numbers.items() if name in names})
-
-
 def say(console: Console, scene: str, **settings: str) -> None:
     """A leader in a scene, at the origin."""
     texts = {"operator": "browser", "scene": scene, **settings}
     console.watch(Hello(VERSION, 1, 1, "leader", tuple(texts), tuple(texts.values())))
-    console.watch(LeaderState(VERSION, 1, 1_000_000, 0.0, 0.0, 0.0, 0.0, 0.0, 1, 0, math.nan, False, 1, 1))
-    console.watch(leader_space())
+    line = (VERSION, 1, 1_000_000, 0.0, 0.0, 0.0, 0.0, 0.0, 1, 0, math.nan, False, 1, 1)
+    console.watch(LeaderState(*line, space=LeaderSpace(*(0.0,) * 27)))
 
 
 def draw(console: Console, pictures: int = 4) -> None:
@@ -102,10 +96,8 @@ def test_a_broken_opencv_ends_nothing(console: Console, monkeypatch: pytest.Monk
     monkeypatch.setitem(sys.modules, "cv2", None)  # as where it is installed without a library that it needs
     assert not can_draw()
     say(console, "plane")
-    numbers = {"epoch": 0, "run": 0}
-    names = [name for name in FollowerSpace.__struct_fields__ if name not in ("version", "sequence", "time_ns")]
-    values: dict[str, Any] = {name: numbers.get(name, 0.0) for name in names}
-    console.watch(FollowerSpace(VERSION, 1000, 1_000_000, **values))
+    line = (VERSION, 1000, 1_000_000, 0, *(0.0,) * 6, False, False, 0, 1, 1)
+    console.watch(Telemetry(*line, space=FollowerSpace(*(0.0,) * 19)))
     console.watch(CameraImage(VERSION, 1, 1, 0, b"no image", (), (), 0, "", (0.0,) * 15))
     console.watch(msgspec.structs.replace(state(console), telemetry_sequence=1000))
     draw(console)

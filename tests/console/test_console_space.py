@@ -35,7 +35,6 @@ from foretouch.messages import (
     Handle,
     LeaderSpace,
     LeaderState,
-    Message,
     SessionLog,
     Telemetry,
 )
@@ -64,30 +63,17 @@ def recorded(seconds: float) -> SessionLog:
     return run_session(settings, operator, robot, camera, duration=seconds).log
 
 
-def messages_of(log: SessionLog) -> list[Any]:
-    """All that was said, in order."""
-    kinds: tuple[tuple[type[Message], np.ndarray], ...] = (
-        (Telemetry, log.follower),
-        (FollowerSpace, log.follower_space),
-        (LeaderState, log.leader),
-        (LeaderSpace, log.leader_space),
-    )
-    messages: list[Any] = [kind(VERSION, *row.tolist()) for kind, rows in kinds for row in rows]
-    messages += [*log.models, *log.fields, *log.images, *log.beliefs]
-    return sorted(messages, key=lambda message: message.time_ns)
-
-
 def heard_until(log: SessionLog, second: float) -> Watched:
     """What a console would have heard of it live."""
     watched = Watched()
-    for message in messages_of(log):
+    for message in log.messages():
         if message.time_ns <= second * 1e9:
             watched.take(message, message.time_ns * 1e-9)
     watched.settings = log.settings
     return watched
 
 
-def assert_same(one: Message | None, other: Message | None) -> None:
+def assert_same(one: LeaderSpace | FollowerSpace | None, other: LeaderSpace | FollowerSpace | None) -> None:
     """The same message; of numbers that are not known neither is."""
     assert one is not None
     assert other is not None
@@ -101,7 +87,7 @@ def test_a_session_along_a_line_has_nothing_in_space() -> None:
     watched = Watched()
     watched.take(LeaderState(VERSION, 1, 1, 0.0, 0.0, 0.0, 0.0, 0.0, 0, 0, 0.0, False, 1, 1), 0.0)
     assert not watched.in_space
-    assert watched.space.follower is None
+    assert watched.space.follower_at(1) is None
 
 
 @pytest.mark.long
@@ -111,17 +97,19 @@ def test_a_recording_shows_the_places_of_its_moment(moment: float) -> None:
     shown = Playback(log)
     shown.go_to(moment)
     row = log.leader_space[round(moment * 1000)]
-    leader = shown.space.leader
+    leader = shown.leader_space
     assert leader is not None
-    assert leader.sequence == row["sequence"]
+    assert shown.leader.sequence == row["sequence"]
     assert (leader.place_x, leader.point_z, leader.fixture_ry) == (row["place_x"], row["point_z"], row["fixture_ry"])
     assert shown.depth == row["depth"]
-    robot = shown.space.follower_at(shown.telemetry_sequence)
+    telemetry = shown.telemetry
+    assert telemetry is not None
+    robot = telemetry.space
     assert robot is not None
     known = log.follower_space[log.follower_space["sequence"] == shown.telemetry_sequence][0]
     assert (robot.place_x, robot.force_z) == (known["place_x"], known["force_z"])
     # what is shown of the robot is as old as the network
-    assert moment - robot.time_ns * 1e-9 == pytest.approx(FORCE_DELAY, abs=2e-3)
+    assert moment - telemetry.time_ns * 1e-9 == pytest.approx(FORCE_DELAY, abs=2e-3)
     trace = shown.space.pose_trace(2.0)
     assert trace.time[-1] == pytest.approx(0.0, abs=0.05)
     assert len(trace.time) == pytest.approx(min(moment, 2.0) / 0.05, abs=2)
@@ -134,7 +122,7 @@ def test_a_recording_shows_what_the_live_console_showed() -> None:
     shown.go_to(moment)
     assert live.in_space
     assert live.telemetry_sequence == shown.telemetry_sequence
-    assert_same(live.space.leader, shown.space.leader)
+    assert_same(live.leader_space, shown.leader_space)
     sequence = live.telemetry_sequence
     assert_same(live.space.follower_at(sequence), shown.space.follower_at(sequence))
     field = live.space.field(sequence)
@@ -161,12 +149,16 @@ def test_an_image_is_shown_late_and_the_one_of_another_process_never() -> None:
 
 def test_a_robot_that_begins_anew_is_not_mixed_with_the_one_before() -> None:
     space = SpaceState()
-    numbers = (0.0,) * 19
+
+    def ticked(sequence: int, run: int) -> Telemetry:
+        numbers, robot = (0.0,) * 6, FollowerSpace(*(0.0,) * 19)
+        return Telemetry(VERSION, sequence, sequence, 0, *numbers, False, False, 0, 1, 1, run=run, space=robot)
+
     for sequence in (5, 6):
-        space.take(FollowerSpace(VERSION, sequence, sequence, *numbers, run=1), 0.0, 0)
-    space.take(FieldUpdate(VERSION, 1, 5, b"first", run=1), 0.0, 0)
+        space.take(ticked(sequence, 1), 0.0)
+    space.take(FieldUpdate(VERSION, 1, 5, b"first", run=1), 0.0)
     assert space.field(6) is not None
-    space.take(FollowerSpace(VERSION, 1, 1, *numbers, run=2), 1.0, 0)
+    space.take(ticked(1, 2), 1.0)
     assert space.follower_at(6) is None
     assert space.follower_at(1) is not None
     assert space.field(1) is None
@@ -176,7 +168,7 @@ def test_a_robot_that_begins_anew_is_not_mixed_with_the_one_before() -> None:
 def test_what_ages_the_pose_is_said() -> None:
     log = recorded(LONG)
     watched = heard_until(log, 5.0)
-    belief, leader = watched.space.belief, watched.space.leader
+    belief, leader = watched.space.belief, watched.leader_space
     assert belief is not None
     assert leader is not None
     received = watched.space._belief_received
@@ -303,8 +295,8 @@ def test_the_virtual_probe_is_drawn_where_the_camera_sees_the_real_one() -> None
 def held() -> tuple[SpaceHold, list[Handle], LeaderSpace]:
     watched = heard_until(recorded(SHORT), 1.0)
     messages: list[Any] = []
-    assert watched.space.leader is not None
-    return SpaceHold(watched, Publisher(messages.append)), messages, watched.space.leader
+    assert watched.leader_space is not None
+    return SpaceHold(watched, Publisher(messages.append)), messages, watched.leader_space
 
 
 def test_a_drag_moves_the_hand_by_as_much_from_where_it_was() -> None:
@@ -349,7 +341,7 @@ def test_beliefs_are_told_by_the_clock_of_the_robot() -> None:
     log = recorded(SHORT)
     shown = Playback(log)
     shown.go_to(1.0)
-    belief, robot = shown.space.belief, shown.space.follower
+    belief, robot = shown.space.belief, shown.telemetry
     assert isinstance(belief, FixtureBelief)
     assert robot is not None
     assert 0 <= robot.time_ns - belief.time_ns < 100_000_000
@@ -360,11 +352,11 @@ def test_recordings_on_disk_hold_it_all(tmp_path: Path) -> None:
     field = FieldUpdate(VERSION, 1, 1_000_000, b"learnt", run=int(log.follower_space["run"][0]))
     log = dataclasses.replace(log, fields=(field,))
     with SessionWriter(path) as writer:
-        for message in messages_of(log):
+        for message in log.messages():
             writer.write(message, message.time_ns)
         writer.close(log.counts)
     ours, theirs = Playback(read_session(path)), Playback(log)
     for one in (ours, theirs):
         one.go_to(1.0)
-    assert_same(ours.space.leader, theirs.space.leader)
+    assert_same(ours.leader_space, theirs.leader_space)
     assert ours.space.field(ours.telemetry_sequence) == theirs.space.field(theirs.telemetry_sequence) == field

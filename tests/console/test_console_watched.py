@@ -308,11 +308,11 @@ def test_loops_that_are_not_heard_are_not_late() -> None:
 def test_a_moment_stays_while_more_is_heard() -> None:
     seen = watched(state(), telemetry())
     moment = seen.at_once()
-    before = moment.window(6.0), moment.leader, moment.telemetry, moment.space.leader
+    before = moment.window(6.0), moment.leader, moment.telemetry, moment.leader_space
     for sequence in range(2, 200):
         seen.take(state(sequence), NOW)
         seen.take(telemetry(sequence=sequence, command_sequence=sequence, force=5.0), NOW)
-    after = moment.window(6.0), moment.leader, moment.telemetry, moment.space.leader
+    after = moment.window(6.0), moment.leader, moment.telemetry, moment.leader_space
     assert len(after[0].time) == len(before[0].time)
     assert after[1:] == before[1:]
     assert seen.leader is not None

@@ -73,7 +73,7 @@ def sample(name: str) -> Message:
     }
     info = msgspec.inspect.type_info(kind)
     assert isinstance(info, msgspec.inspect.StructType)
-    fields = {field.name: defaults[type(field.type)] for field in info.fields if field.name != "record"}
+    fields = {field.name: defaults[type(field.type)] for field in info.fields if field.name not in ("record", "space")}
     content = fields | {"version": VERSION, "sequence": MARK}
     return kind(**content | ({"role": "recorder"} if name == "hello" else {}))  # type: ignore[arg-type]
 

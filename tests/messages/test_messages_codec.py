@@ -15,11 +15,7 @@ from foretouch.errors import DecodeError, PeerVersionError
 from foretouch.messages import (
     CHANNELS,
     COUNT_PREFIX,
-    FOLLOWER_DTYPE,
-    FOLLOWER_SPACE_DTYPE,
     LARGEST_MESSAGE,
-    LEADER_DTYPE,
-    LEADER_SPACE_DTYPE,
     NEWS,
     PROCESS,
     SPEAKERS,
@@ -28,10 +24,8 @@ from foretouch.messages import (
     Command,
     EmergencyStop,
     FixtureBelief,
-    FollowerSpace,
     Hello,
     Hellos,
-    LeaderSpace,
     LeaderState,
     Message,
     ModelUpdate,
@@ -39,14 +33,15 @@ from foretouch.messages import (
     Stop,
     Telemetry,
     as_printed,
-    as_row,
     decode,
     encode,
+    fixture_of,
     foreign_speaker,
+    in_space,
     split_texts,
 )
 from foretouch.messages.schema import MOST_TEXTS
-from foretouch.messages.spatial import LARGEST_JPEG
+from foretouch.messages.states import LARGEST_JPEG
 
 KINDS = [channel.kind for channel in CHANNELS.values()]
 numbers = st.integers(0, 2**63 - 1)
@@ -68,6 +63,9 @@ def field_strategy(field: msgspec.inspect.Field) -> st.SearchStrategy[Any]:
         return st.text(max_size=20)
     if isinstance(kind, msgspec.inspect.BytesType):
         return st.binary(max_size=20)
+    if isinstance(kind, msgspec.inspect.UnionType):
+        (record,) = (one for one in kind.types if isinstance(one, msgspec.inspect.StructType))
+        return st.none() | st.builds(record.cls, **{one.name: field_strategy(one) for one in record.fields})
     assert isinstance(kind, msgspec.inspect.VarTupleType)
     inner = st.floats(allow_nan=False) if isinstance(kind.item_type, msgspec.inspect.FloatType) else st.text(max_size=5)
     return st.lists(inner, max_size=min(kind.max_length or 5, 5)).map(tuple)
@@ -164,14 +162,17 @@ def test_another_version_another_channel_and_too_long_a_message_are_told_apart_f
         decode(bytes(100_000), Stop)
 
 
-def test_tables_and_rows_hold_the_fields_of_their_messages() -> None:
-    line, space = {LeaderState: LEADER_DTYPE, Telemetry: FOLLOWER_DTYPE}, {LeaderSpace: LEADER_SPACE_DTYPE}
-    for kind, dtype in (line | space | {FollowerSpace: FOLLOWER_SPACE_DTYPE}).items():
-        assert dtype.names == kind.__struct_fields__[1:]
-    model = ModelUpdate(VERSION, 3, 4, 5, "law", (1.0,), (), 0.0, True, "", "fprls", b"map", 6, 7)
-    along_a_line = ((), (), math.inf, ())  # no fixture, no friction
-    untold = ((),)  # standard errors
-    assert as_row(model) == (3, 4, 5, "law", (1.0,), (), 0.0, True, "", "fprls", b"map", 6, 7, *along_a_line, *untold)
+@given(messages(Telemetry), messages(LeaderState))
+def test_what_is_said_in_space_stands_in_a_table_of_its_own(telemetry: Telemetry, state: LeaderState) -> None:
+    log = SessionLog.from_messages([state, telemetry])
+    for message, rows, space in ((telemetry, log.follower, log.follower_space), (state, log.leader, log.leader_space)):
+        names, told = message.__struct_fields__, [msgspec.structs.astuple(one)[1:] for one in in_space(message)]
+        assert (rows.dtype.names, rows.tolist()) == (names[1:-1], [msgspec.structs.astuple(message)[1:-1]])
+        assert (space.tolist(), len(told)) == (told, message.space is not None)  # type: ignore[attr-defined]
+        for name in space.dtype.names if told else ():
+            assert space[name][0] == getattr(message if name in names else message.space, name)  # type: ignore[attr-defined]
+    assert log.messages() == sorted((telemetry, state), key=lambda message: message.time_ns)
+    assert telemetry.space is None or fixture_of(telemetry.space) == log.follower_space[0].tolist()[15:21]
 
 
 def telemetry(tick: int, command: int) -> Telemetry:

@@ -105,6 +105,9 @@ class Fuzz:
             return draw.choice(TEXTS)
         if isinstance(kind, msgspec.inspect.BytesType):
             return self.content()
+        if isinstance(kind, msgspec.inspect.UnionType):  # what there is in space
+            (record,) = (one for one in kind.types if isinstance(one, msgspec.inspect.StructType))
+            return [self.value(one) for one in record.fields][: draw.choice((99, 99, 99, 19, 3))]
         assert isinstance(kind, msgspec.inspect.VarTupleType)
         if isinstance(kind.item_type, msgspec.inspect.FloatType):
             return self.numbers()

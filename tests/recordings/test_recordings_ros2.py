@@ -24,6 +24,8 @@ MODEL = ModelUpdate(
 )  # fmt: skip
 UNKNOWN = msgspec.structs.replace(MODEL, sequence=8, law="law", valid=False, standard_errors=())
 JPEG = bytes(range(256)) + b"\xff"
+PLACES = FollowerSpace(0.1, -0.2, 1 / 3, *(0.0,) * 16)
+PROBE = Telemetry(VERSION, 1, 5 * 10**9 + 6, 0, *(0.0,) * 6, False, False, 0, 0, 0, space=PLACES)
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +36,7 @@ def session(tmp_path_factory):
             writer.write(message, log_time_ns)
         writer.write(MODEL, 10**9)
         writer.write(UNKNOWN, 10**9 + 1)
-        writer.write(filled(FollowerSpace, place_x=0.1, place_y=-0.2, place_z=1 / 3), 10**9 + 2)
+        writer.write(PROBE, 10**9 + 2)
         writer.write(filled(FixtureBelief, pose=(1.0, 2.0, 3.0, 0.0, 0.0, math.pi / 2)), 10**9 + 3)
         writer.write(filled(CameraImage, jpeg=JPEG), 10**9 + 4)
     return path
@@ -96,7 +98,7 @@ def test_the_numbers_stand_in_an_array_of_a_standard_type(session, read):
 @READERS
 def test_standard_types_carry_the_numbers_of_the_messages(session, read):
     result = read(session)
-    told = [message for message, _ in made.session(30) if type(message) is Telemetry]
+    told = [*(message for message, _ in made.session(30) if type(message) is Telemetry), PROBE]
     for joints, force, message in zip(result["/follower/joint_states"], result["/follower/wrench"], told, strict=True):
         assert bits([*joints.position, *joints.velocity, *joints.effort]) == bits(
             [message.position, message.velocity, message.force]

@@ -14,22 +14,23 @@ from scipy.spatial.transform import Rotation
 from session_messages import bits
 
 from foretouch.messages import (
-    FOLLOWER_SPACE_DTYPE,
-    LEADER_SPACE_DTYPE,
     VERSION,
     CameraImage,
     FieldUpdate,
     FixtureBelief,
+    FollowerRow,
     FollowerSpace,
+    LeaderRow,
     LeaderSpace,
-    as_row,
+    SessionLog,
+    in_space,
 )
 from foretouch.models import MaterialField
 from foretouch.recordings import SessionWriter, read_session, repair_session
 from foretouch.recordings.formats.topics import TOPICS, quaternion
 
 TICKS = 300
-KINDS = (FollowerSpace, LeaderSpace, FieldUpdate, FixtureBelief, CameraImage)
+KINDS = (FollowerRow, LeaderRow, FieldUpdate, FixtureBelief, CameraImage)
 
 
 def odd(tick, count):
@@ -51,10 +52,10 @@ def session():
     )
     for tick in range(1, TICKS + 1):
         now = tick * 1_000_000
-        yield made.leader_state(tick), now
-        yield made.telemetry(tick), now
-        yield FollowerSpace(VERSION, tick, now, *odd(tick, 28), tick // 7, 2**62 + 1), now
-        yield LeaderSpace(VERSION, tick, now + 7, *odd(tick, 29), 2**53 + 1), now
+        state, hand = made.leader_state(tick), LeaderSpace(*odd(tick, 27))
+        yield msgspec.structs.replace(state, energy=made.ODD[tick % 8], epoch=2**53 + 1, space=hand), now
+        probe = FollowerSpace(*odd(tick, 28), tick // 7)
+        yield msgspec.structs.replace(made.telemetry(tick), run=2**62 + 1, space=probe), now
         if tick % 30 == 0:
             pose = (0.1 * np.sin(tick), -0.02, 0.3, 0.002 * tick, -1.1, 0.0)
             result = pose if tick % 60 else ()
@@ -81,24 +82,20 @@ def path(tmp_path):
 
 
 def of(kind):
-    return [message for message, _ in session() if type(message) is kind]
+    return [one for message, _ in session() for one in (message, *in_space(message)) if type(one) is kind]
 
 
 def whole(messages):
     return [bits(msgspec.structs.astuple(message)) for message in messages]
 
 
-def table(kind, dtype):
-    return np.array([as_row(message) for message in of(kind)], dtype)
-
-
 def test_a_scene_reads_back_bit_by_bit(path):
-    log = read_session(path)
-    assert log.follower_space.tobytes() == table(FollowerSpace, FOLLOWER_SPACE_DTYPE).tobytes()
-    assert log.leader_space.tobytes() == table(LeaderSpace, LEADER_SPACE_DTYPE).tobytes()
+    log, sent = read_session(path), SessionLog.from_messages(message for message, _ in session())
+    for table in ("leader", "follower", "leader_space", "follower_space"):
+        assert getattr(log, table).tobytes() == getattr(sent, table).tobytes()
     for kept, kind in ((log.fields, FieldUpdate), (log.images, CameraImage), (log.beliefs, FixtureBelief)):
         assert whole(kept) == whole(of(kind))
-    assert (log.follower.size, log.leader.size) == (TICKS, TICKS)
+    assert log.follower.size == log.leader.size == log.follower_space.size == log.leader_space.size == TICKS
 
 
 def test_a_file_that_was_cut_holds_what_was_flushed_and_is_mended(path):
@@ -126,7 +123,7 @@ def test_another_reader_gets_every_value_and_the_standard_types_say_the_same(pat
         names = kind.__struct_fields__
         got = [bits([getattr(one, name) for name in names]) for one in read[TOPICS[kind].name]]
         assert [tuple(values) for values in got] == whole(of(kind))
-    for got, sent in zip(read["/follower/probe"], of(FollowerSpace), strict=True):
+    for got, sent in zip(read["/follower/probe"], of(FollowerRow), strict=True):
         place = got.pose.position
         assert bits([place.x, place.y, place.z]) == bits([sent.place_x, sent.place_y, sent.place_z])
         assert got.header.stamp.sec * 10**9 + got.header.stamp.nanosec == sent.time_ns

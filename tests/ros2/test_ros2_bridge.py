@@ -23,7 +23,6 @@ from foretouch.messages import (
     CameraImage,
     FixtureBelief,
     FollowerSpace,
-    Hello,
     LeaderState,
     Message,
     ModelUpdate,
@@ -35,12 +34,10 @@ from foretouch.session import SessionSettings, make_operator, make_session_robot
 
 pytestmark = pytest.mark.network
 
-CHANNEL = {Telemetry: "telemetry", LeaderState: "leader", ModelUpdate: "model", FollowerSpace: "follower-space"} | {
+CHANNEL = {Telemetry: "telemetry", LeaderState: "leader", ModelUpdate: "model"} | {
     FixtureBelief: "fixture",
     CameraImage: "image",
-    Hello: "hello",
 }
-LINE = Hello(VERSION, 1, 1, "follower", ("material", "scene"), ("foam", ""))
 NODE = Node(3, "/robot1")
 AT_ONCE = 25  # messages between two checks that what was sent has come
 HERE = Path(__file__).parent
@@ -117,7 +114,7 @@ def test_every_number_of_a_session_is_read_by_another_implementation(
 ) -> None:
     made = bridge(graph)
     begin = time.monotonic_ns()
-    pass_on(made, [LINE, *log], begin, all_received(graph, there))
+    pass_on(made, log, begin, all_received(graph, there))
     ticks = [message for message in log if isinstance(message, Telemetry)]
     leaders = [message for message in log if isinstance(message, LeaderState)]
     models = [message for message in log if isinstance(message, ModelUpdate)]
@@ -158,7 +155,7 @@ def test_every_number_of_a_session_is_read_by_another_implementation(
 
 def test_every_message_says_its_number_its_time_and_by_whom(log: list[Message], there: Router, graph: Graph) -> None:
     before = time.time_ns()
-    pass_on(bridge(graph), [LINE, *log[:3000]], received=all_received(graph, there))
+    pass_on(bridge(graph), log[:3000], received=all_received(graph, there))
     wait_until(all_received(graph, there))
     wait_until(lambda: len(there.tokens) == 1 + len(graph.sent))
     tokens = {token.split("/")[9].replace("%", "/"): token for token in there.tokens if "/MP/" in token}
@@ -174,7 +171,7 @@ def test_every_message_says_its_number_its_time_and_by_whom(log: list[Message], 
 
 
 def test_tokens_and_keys_name_the_same_types(log: list[Message], there: Router, graph: Graph) -> None:
-    pass_on(bridge(graph), [LINE, *log[:3000]], received=all_received(graph, there))
+    pass_on(bridge(graph), log[:3000], received=all_received(graph, there))
     wait_until(lambda: len(there.tokens) == 7)
     node = next(token for token in there.tokens if "/NN/" in token)
     assert node.startswith("@ros2_lv/3/")
@@ -200,7 +197,7 @@ def test_tokens_and_keys_name_the_same_types(log: list[Message], there: Router, 
 @pytest.mark.long  # another implementation reads every number below
 def test_another_implementation_lists_the_topics(log: list[Message], there: Router, graph: Graph) -> None:
     pytest.importorskip("zenoh_ros2_sdk")
-    pass_on(bridge(graph), [LINE, *log[:3000]], received=all_received(graph, there))
+    pass_on(bridge(graph), log[:3000], received=all_received(graph, there))
     wait_until(lambda: len(there.tokens) == 7)
     command = [sys.executable, HERE / "topic_list.py", there.endpoint.rpartition(":")[2], "3"]
     listed = json.loads(subprocess.run(command, capture_output=True, text=True, check=True, timeout=60).stdout)
@@ -214,7 +211,7 @@ def test_another_implementation_lists_the_topics(log: list[Message], there: Rout
 
 
 def test_at_most_the_rate_goes_out_evenly(log: list[Message], there: Router, graph: Graph) -> None:
-    pass_on(bridge(graph, 50.0), [LINE, *log], received=all_received(graph, there))
+    pass_on(bridge(graph, 50.0), log, received=all_received(graph, there))
     assert 98 <= graph.sent["/robot1/follower/wrench"] <= 102
     assert 98 <= graph.sent["/robot1/leader/joint_states"] <= 102
     wait_until(all_received(graph, there))
@@ -240,7 +237,7 @@ def test_of_several_leaders_that_one_goes_on_which_is_obeyed(there: Router, grap
 
 
 def test_samples_of_sensors_that_are_not_to_be_trusted_stay_here(there: Router, graph: Graph) -> None:
-    pass_on(bridge(graph), [LINE, *(at(TICK, tick, validity=tick % 2) for tick in range(1, 21))])
+    pass_on(bridge(graph), [at(TICK, tick, validity=tick % 2) for tick in range(1, 21)])
     assert graph.sent == dict.fromkeys(
         ("/robot1/follower/wrench", "/robot1/follower/joint_states", "/robot1/follower/probe"), 10
     )
@@ -256,10 +253,9 @@ def test_a_clock_that_is_far_ahead_and_comes_back_ends_nothing(there: Router, gr
 
 
 def test_in_a_scene_the_probe_is_where_the_follower_says(there: Router, graph: Graph) -> None:
-    scene = Hello(VERSION, 1, 1, "follower", ("scene",), ("hill",))
-    space = FollowerSpace(VERSION, 1, 1, 0.1, -0.2, 0.3, *(0.0,) * 16)
+    space = FollowerSpace(0.1, -0.2, 0.3, *(0.0,) * 16)
     belief = FixtureBelief(VERSION, 1, 1, *_fields_of(FixtureBelief))
-    pass_on(bridge(graph), [scene, at(TICK, 1), at(space, 1), belief])
+    pass_on(bridge(graph), [at(TICK, 1, space=space), belief])
     wait_until(lambda: sum(graph.sent.values()) == len(there.samples) == 4)
     read = reader().deserialize_cdr
     position = read(there.of("/robot1/follower/probe")[0][0], "geometry_msgs/msg/PoseStamped").pose.position
@@ -296,7 +292,7 @@ def test_where_no_router_is_it_says_so_once_and_goes_on() -> None:
     assert graph.unsent == 1
     with router(endpoint) as there:
         wait_until(lambda: made.look() or len(lines) == 2)
-        pass_on(made, [LINE, at(TICK, 2)])
+        pass_on(made, [at(TICK, 2)])
         wait_until(lambda: len(there.samples) == 3)
     wait_until(lambda: made.look() or len(lines) == 3)
     with router(endpoint) as there:  # it comes back: everything is offered again

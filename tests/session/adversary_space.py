@@ -9,7 +9,7 @@ import numpy as np
 from adversary import CEILING, GENES, HEADER, Programme, pick
 from commanded import MS, CommandedInSpace
 
-from foretouch.messages import VERSION, FixtureBelief, FollowerSpace
+from foretouch.messages import VERSION, FixtureBelief, Telemetry
 from foretouch.session import SessionSettings
 from foretouch.session.spatial import make_scene, make_spatial_robot, tracker
 from foretouch.session.spatial.scenes import KnownSurface
@@ -54,7 +54,7 @@ class SpaceAttack(CommandedInSpace):
         self.camera = str(pick(camera, CAMERAS))
         self.longest_touch = round(TOUCH_WAY / self.state.safety.blind_speed * 1000)
         self.tracking = tracker.start(KnownSurface(made.surface), made.nominal, "contact")
-        self.spaces: list[FollowerSpace] = []
+        self.said: list[Telemetry] = []
         self.place: Place = self.sample.place
         self.felt_at: Place = (0.0, 0.0, 0.0)
         self.beliefs = self.touches = 0
@@ -68,7 +68,7 @@ class SpaceAttack(CommandedInSpace):
             self.touches += 1
             self.felt_at = here.place
         self.was_touching = touches
-        self.spaces.append(said_back.space)
+        self.said.append(said_back.telemetry)
 
     def believed(self) -> list[FixtureBelief]:
         """What a tracker says now: of touches, or from images the fixture's true pose, and its error."""
@@ -98,8 +98,8 @@ class SpaceAttack(CommandedInSpace):
         """What the tracker has made of the follower's ticks, every 5 of them."""
         if (self.ticks + 1) % TRACKER_TICKS:
             return []
-        belief = tracker.step(self.tracking, self.spaces, [], self.ticks * MS)
-        self.spaces = []
+        belief = tracker.step(self.tracking, self.said, [], self.ticks * MS)
+        self.said = []
         return [] if belief is None else [belief]
 
     def act(self, genes: Programme) -> None:

@@ -238,7 +238,7 @@ def in_space(path: str, offset: tuple[float, float, float], ticks: int = 4500) -
     for tick in range(ticks):
         exact = driven.sample.exact_force
         outputs = driven.tick((x, y, z if tick < 1000 else max(z - 3e-5 * (tick - 1000), -0.004)))
-        output.append((outputs.telemetry, outputs.space, exact))
+        output.append((outputs.telemetry, outputs.telemetry.space, exact))
     return output
 
 

@@ -313,7 +313,8 @@ def test_a_scene_is_pressed_seen_and_recorded(tmp_path: Path) -> None:
     assert "scene" in json.loads(out)
     log = read_session(path)
     assert log.settings["scene"] == "hill"
-    assert log.leader_space.size > 0.7 * log.leader.size
+    assert log.leader_space.size == log.leader.size
+    assert log.follower_space["sequence"].tolist() == log.follower["sequence"].tolist()
     assert log.follower["exact_force"].max() > 0.3
     assert any(model.valid for model in log.models)
     assert log.fields

@@ -173,8 +173,8 @@ class Bench(CommandedInSpace):
         """Follow commands, one a tick; rows of NaN are ticks without one."""
         for place in path.tolist():
             acted = self.tick(place if np.isfinite(place).all() else None, **asked)
-            self.felt.append((acted.space.force_x, acted.space.force_y, acted.space.force_z))
-            self.status = acted.telemetry.status
+            space, self.status = acted.telemetry.space, acted.telemetry.status
+            self.felt.append((space.force_x, space.force_y, space.force_z))
 
 
 def line(start: tuple, end: tuple, ticks: int) -> np.ndarray:
@@ -322,9 +322,9 @@ def test_a_belief_that_is_none_is_left_out(wrong: tuple) -> None:
     assert along.believe((0.0, 0.0, 1e-3, 0.0, 0.0, 0.0))
 
 
-def space(tick: int, run: int = 1, **changes: float) -> FollowerSpace:
-    made = FollowerSpace(VERSION, tick, tick * MS, *(0.0,) * 19, run=run)
-    return FollowerSpace(**({name: getattr(made, name) for name in made.__struct_fields__} | changes))
+def ticked(tick: int, run: int = 1, **changes: float) -> Telemetry:
+    space = msgspec.structs.replace(FollowerSpace(*(0.0,) * 19), **changes)
+    return Telemetry(VERSION, tick, tick * MS, 0, *(0.0,) * 6, False, False, 0, 1, 1, run=run, space=space)
 
 
 def image(tick: int, place: tuple, run: int = 1) -> CameraImage:
@@ -340,8 +340,8 @@ def test_the_tracker_uses_what_it_is_told_to(fusion: str, images: int, contacts:
     there = (-0.073, 0.001, 0.0)
     for tick in range(1, 10):
         seen = (there[0] + 1e-7 * tick, *there[1:])  # no two images are alike
-        tracker.step(state, [space(tick)], [image(tick, seen)], tick * MS)
-    belief = tracker.step(state, [space(10, touch_x=0.0, touch_y=0.0, touch_z=0.0, touch_tick=5)], [], 60 * MS)
+        tracker.step(state, [ticked(tick)], [image(tick, seen)], tick * MS)
+    belief = tracker.step(state, [ticked(10, touch_x=0.0, touch_y=0.0, touch_z=0.0, touch_tick=5)], [], 60 * MS)
     assert belief is not None
     assert (belief.images, belief.contacts) == (images, contacts)
     np.testing.assert_allclose(belief.pose[:2], there[:2] if images else NOMINAL[:2], atol=2e-3)
@@ -351,9 +351,9 @@ def test_the_tracker_uses_what_it_is_told_to(fusion: str, images: int, contacts:
 def test_a_touch_elsewhere_while_nothing_is_seen_means_that_the_fixture_was_moved() -> None:
     state = tracker.start(KnownSurface(make_scene("plane").surface), NOMINAL)
     for tick in range(1, 20):
-        tracker.step(state, [space(tick)], [image(tick, (-0.075, 0.0, 1e-6 * tick))], tick * MS)
-    before = tracker.step(state, [space(60)], [], 60 * MS)
-    late = space(3000, touch_x=0.0, touch_y=0.0, touch_z=-0.006, touch_tick=3000)
+        tracker.step(state, [ticked(tick)], [image(tick, (-0.075, 0.0, 1e-6 * tick))], tick * MS)
+    before = tracker.step(state, [ticked(60)], [], 60 * MS)
+    late = ticked(3000, touch_x=0.0, touch_y=0.0, touch_z=-0.006, touch_tick=3000)
     after = tracker.step(state, [late], [], 3000 * MS)
     assert before is not None
     assert after is not None
@@ -365,21 +365,21 @@ def test_an_image_of_no_known_tick_is_left_out_and_the_same_pose_to_the_last_bit
     None
 ):
     state = tracker.start(KnownSurface(make_scene("plane").surface), NOMINAL)
-    tracker.step(state, [space(1)], [image(77, (0.0, 0.0, 0.0))], MS)
+    tracker.step(state, [ticked(1)], [image(77, (0.0, 0.0, 0.0))], MS)
     assert state.images == state.refused == 0
     for tick in range(2, 11):
-        tracker.step(state, [space(tick)], [image(tick, (-0.073, 0.0, 0.0))], tick * MS)
+        tracker.step(state, [ticked(tick)], [image(tick, (-0.073, 0.0, 0.0))], tick * MS)
     assert (state.images, state.refused) == (1, 8)
 
 
 def test_a_tracker_that_begins_late_takes_no_touch_of_before() -> None:
     state = tracker.start(KnownSurface(make_scene("plane").surface), NOMINAL, "contact")
-    tracker.step(state, [space(5000, touch_x=0.0, touch_y=0.0, touch_z=0.01, touch_tick=1000)], [], 5000 * MS)
+    tracker.step(state, [ticked(5000, touch_x=0.0, touch_y=0.0, touch_z=0.01, touch_tick=1000)], [], 5000 * MS)
     assert state.contacts == 0
-    tracker.step(state, [space(5001, touch_x=0.0, touch_y=0.0, touch_z=0.001, touch_tick=5001)], [], 5001 * MS)
+    tracker.step(state, [ticked(5001, touch_x=0.0, touch_y=0.0, touch_z=0.001, touch_tick=5001)], [], 5001 * MS)
     assert state.contacts == 1
-    tracker.step(state, [space(1, run=2)], [], 5002 * MS)
-    tracker.step(state, [space(5003, touch_x=0.0, touch_y=0.0, touch_z=0.01, touch_tick=5003)], [], 5003 * MS)  # late
+    tracker.step(state, [ticked(1, run=2)], [], 5002 * MS)
+    tracker.step(state, [ticked(5003, touch_x=0.0, touch_y=0.0, touch_z=0.01, touch_tick=5003)], [], 5003 * MS)  # late
     assert state.contacts == 1
     assert state.run == 2
 
@@ -521,7 +521,8 @@ def inputs_of(place: tuple, *arrived: Any) -> leader.Inputs:
 
 
 def force_of(outputs: leader.Outputs) -> tuple[float, float, float]:
-    return outputs.space.force_x, outputs.space.force_y, outputs.space.force_z
+    space = outputs.record.space
+    return space.force_x, space.force_y, space.force_z
 
 
 def told(leading: leader.State, tick: int, *models: ModelUpdate, telemetry: tuple = ()) -> leader.Outputs:
@@ -539,8 +540,7 @@ def fresh_leader(**changes: Any) -> leader.State:
 
 def met(leading: leader.State, tick: int, place: tuple, model: ModelUpdate) -> leader.Outputs:
     """A tick of a leader that is told at first where the follower is, and meets it 2 mm over the surface."""
-    at = [Telemetry(VERSION, tick, 0, 0, *(0.0,) * 6, False, False, 0, 1, 1)] if tick < 3 else []
-    inputs = inputs_of(place, space(tick, run=0, desired_z=2e-3), *(at or [model]))
+    inputs = inputs_of(place, ticked(tick, run=0, desired_z=2e-3), *([] if tick < 3 else [model]))
     return leader.step(leading, inputs, tick * MS)[1]
 
 
@@ -578,7 +578,7 @@ def test_a_fixture_that_turns_up_nearer_does_not_jerk_the_hand_that_is_in_it() -
     forces = []
     for tick in range(1, 3000):
         model = said(0, tick, THERE if tick > 2500 else HERE)
-        forces.append(met(leading, tick, (0.0, 0.0, 2e-3 - 2e-6 * min(tick, 2000)), model).space.force_z)
+        forces.append(met(leading, tick, (0.0, 0.0, 2e-3 - 2e-6 * min(tick, 2000)), model).record.space.force_z)
     assert forces[2400] > 0.3
     assert np.abs(np.diff(forces[2400:])).max() < 0.1
     assert leading.renderer.account.energy >= -leading.renderer.account.bound

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from foretouch.messages import VERSION, Command, FixtureBelief, FollowerSpace
+from foretouch.messages import VERSION, Command, FixtureBelief, Telemetry
 from foretouch.rendering.surfaces import Plane, Surface
 from foretouch.robot import SpatialSample
 from foretouch.session import SessionSettings
@@ -39,7 +39,7 @@ class Feeler:
         surface = make_scene(scene).surface
         self.state = follower.start(SPECIFICATION, SessionSettings(scene=scene), probe=ProbeInSpace(surface, NOMINAL))
         self.tracking = tracker.start(KnownSurface(surface), NOMINAL, "contact")
-        self.spaces: list[FollowerSpace] = []
+        self.said: list[Telemetry] = []
         self.beliefs: list[FixtureBelief] = []
         self.tick = 0
         self.place = (0.0, 0.0, 0.02)
@@ -59,11 +59,11 @@ class Feeler:
             sample = SpatialSample(place, force, force, place, (), False)
             inputs = follower.Inputs([command], sample, MS, 0, beliefs=self.beliefs)
             _, acted = follower.step(self.state, inputs, self.tick * MS)
-            self.spaces.append(acted.space)
+            self.said.append(acted.telemetry)
             self.beliefs = []
             if self.tick % 5 == 0:
-                belief = tracker.step(self.tracking, self.spaces, [], self.tick * MS)
-                self.spaces, self.beliefs = [], [] if belief is None else [belief]
+                belief = tracker.step(self.tracking, self.said, [], self.tick * MS)
+                self.said, self.beliefs = [], [] if belief is None else [belief]
 
     def glide(self, x: float, y: float, z: float) -> None:
         for place in np.linspace(self.place, (x, y, z), 200).tolist():

@@ -17,7 +17,7 @@ from foretouch.console.models_seen import ModelsSeen
 from foretouch.console.space_state import RecordedSpace
 from foretouch.console.watched import Watched
 from foretouch.errors import ForetouchError, RecordingError, one_line
-from foretouch.messages import VERSION, LeaderState, SessionLog, Telemetry, settings_at
+from foretouch.messages import SessionLog, settings_at
 
 TOLERANCE = 1e-6  # A tick counts as being at a moment that is at most this much before it [s]
 
@@ -57,18 +57,14 @@ class Playback(Watched):
         """Show another moment since the leader's first tick [s], held within the recording."""
         self.now = min(max(now, 0.0), self.duration) if math.isfinite(now) else 0.0
         row = int(np.searchsorted(self._seconds, self.now + TOLERANCE, side="right")) - 1
-        self.leader = LeaderState(VERSION, *self._leader[row].tolist())
-        sequence = self.leader.telemetry_sequence
-        telemetry = int(np.searchsorted(self._follower["sequence"], sequence, side="right")) - 1 if sequence else -1
-        self.telemetry = Telemetry(VERSION, *self._follower[telemetry].tolist()) if telemetry >= 0 else None
+        self.leader, self.telemetry = self._recorded_space.go_to(row)
         self.settings = self._segment.settings
         if self._segment.reports:  # a network can be changed while a session runs
-            leader, follower = self._leader[row], self._follower
-            felt_ns = int(follower["time_ns"][max(telemetry, 0)]) if follower.size else None
-            run, times = int(follower["run"][0]) if follower.size else 0, (int(leader["time_ns"]), felt_ns)
-            self.settings = settings_at(self._segment.reports, int(leader["epoch"]), run, *times)
+            begun, felt = self._follower[:1], self.telemetry
+            felt_ns = felt.time_ns if felt is not None else int(begun["time_ns"][0]) if begun.size else None
+            run, times = int(begun["run"][0]) if begun.size else 0, (self.leader.time_ns, felt_ns)
+            self.settings = settings_at(self._segment.reports, self.leader.epoch, run, *times)
         self.model = self._by_sequence.get(int(self._leader["model_sequence"][row]))
-        self._recorded_space.go_to(self.leader.sequence, self.leader.telemetry_sequence)
         self._clock = math.nan
         if self.other is not None:
             self.other.go_to(now)

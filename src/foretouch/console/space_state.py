@@ -6,21 +6,24 @@ import bisect
 import math
 from collections import deque
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from foretouch.console.history import Array
 from foretouch.messages import (
-    VERSION,
     CameraImage,
     FieldUpdate,
     FixtureBelief,
     FollowerSpace,
     LeaderSpace,
+    LeaderState,
     Message,
     SessionLog,
+    Telemetry,
 )
+from foretouch.quantities import Rows
 
 TICKS_PER_SECOND = 1000
 LENGTH = 16_384  # Ticks of the follower that are kept: as long as a delay may be
@@ -59,23 +62,22 @@ class SpaceState:
     """
 
     def __init__(self) -> None:
-        self.leader: LeaderSpace | None = None
-        self.follower: FollowerSpace | None = None
         self.belief: FixtureBelief | None = None
         self._belief_received = -math.inf
-        self._ticks: list[FollowerSpace | None] = [None] * LENGTH
+        self._run = 0  # of the follower's process that is there
+        self._ticks: list[Telemetry | None] = [None] * LENGTH
         self._images: deque[CameraImage] = deque(maxlen=MOST_IMAGES)
         self._fields: deque[FieldUpdate] = deque(maxlen=MOST_FIELDS)
         self._trace: deque[tuple[float, ...]] = deque(maxlen=TRACE_LENGTH)
-        self._traced_ns = 0
+        self._traced: LeaderState | None = None
 
-    def take(self, message: Message, now: float, epoch: int) -> None:
-        """Take note of a message received at a time [s], of the leader of this epoch (0 for any); none along a line."""
+    def take(self, message: Message, now: float) -> None:
+        """Take note of a message received at a time [s], of a leader that of the one that is shown."""
         match message:
-            case LeaderSpace() if epoch in (0, message.epoch):
-                self._take_leader(message)
-            case FollowerSpace():
-                self.follower = message
+            case LeaderState(space=LeaderSpace() as space):
+                self._take_leader(message, space)
+            case Telemetry(space=FollowerSpace()):
+                self._run = message.run
                 self._ticks[message.sequence % LENGTH] = message
             case CameraImage():
                 self._images.append(message)
@@ -84,20 +86,23 @@ class SpaceState:
             case FixtureBelief():
                 self.belief, self._belief_received = message, now
 
+    def tick(self, sequence: int) -> Telemetry | None:
+        """The newest telemetry in space that the leader had, by its number."""
+        tick = self._ticks[sequence % LENGTH]
+        return tick if tick is not None and (tick.sequence, tick.run) == (sequence, self._run) else None
+
     def follower_at(self, sequence: int) -> FollowerSpace | None:
         """State of the robot in the newest telemetry that the leader had."""
-        tick, newest = self._ticks[sequence % LENGTH], self.follower
-        known = tick is not None and newest is not None and tick.sequence == sequence and tick.run == newest.run
-        return tick if known else None
+        tick = self.tick(sequence)
+        return None if tick is None else tick.space
 
     def image(self, sequence: int, camera_delay: float) -> CameraImage | None:
         """The image that had come by that telemetry, a camera's delay [s] after its exposure; else None."""
-        run = 0 if self.follower is None else self.follower.run
-        return newest_image(tuple(self._images), sequence, camera_delay, run)
+        return newest_image(tuple(self._images), sequence, camera_delay, self._run)
 
     def field(self, sequence: int) -> FieldUpdate | None:
         """The materials that had come by that telemetry; None before the first."""
-        tick = self.follower_at(sequence)
+        tick = self.tick(sequence)
         for field in reversed(() if tick is None else tuple(self._fields)):
             if tick is not None and field.time_ns <= tick.time_ns and field.run == tick.run:
                 return field
@@ -112,14 +117,14 @@ class SpaceState:
         rows = tuple(self._trace)
         return PoseTrace.of(rows, rows[-1][0] if rows else 0.0, seconds)
 
-    def _take_leader(self, space: LeaderSpace) -> None:
-        if self.leader is not None and space.epoch != self.leader.epoch:
+    def _take_leader(self, state: LeaderState, space: LeaderSpace) -> None:
+        before = self._traced
+        if before is not None and state.epoch != before.epoch:
             self._trace.clear()  # another clock
-            self._traced_ns = 0
-        self.leader = space
-        if space.time_ns - self._traced_ns >= TRACE_PERIOD_NS:
-            self._traced_ns = space.time_ns
-            self._trace.append((space.time_ns * 1e-9, space.fixture_deviation, space.fixture_turn, space.fixture_age))
+        elif before is not None and state.time_ns - before.time_ns < TRACE_PERIOD_NS:
+            return
+        self._traced = state
+        self._trace.append((state.time_ns * 1e-9, space.fixture_deviation, space.fixture_turn, space.fixture_age))
 
 
 def newest_image(images: Sequence[CameraImage], sequence: int, camera_delay: float, run: int = 0) -> CameraImage | None:
@@ -131,13 +136,6 @@ def newest_image(images: Sequence[CameraImage], sequence: int, camera_delay: flo
     return None
 
 
-def fixture_of(space: LeaderSpace | FollowerSpace) -> tuple[float, ...]:
-    """Pose of the fixture at one side: a position [m] and a rotation vector [rad]."""
-    return (
-        space.fixture_x, space.fixture_y, space.fixture_z, space.fixture_rx, space.fixture_ry, space.fixture_rz
-    )  # fmt: skip
-
-
 class RecordedSpace(SpaceState):
     """Messages received in space at a moment; see `SpaceState`.
 
@@ -146,29 +144,31 @@ class RecordedSpace(SpaceState):
 
     def __init__(self, segment: SessionLog) -> None:
         super().__init__()
-        self._leads, self._follows = segment.leader_space, segment.follower_space
+        leads, follows = segment.leader_space, segment.follower_space
         if segment.leader.size:  # a side that began again counts from 1 again
-            self._leads = self._leads[self._leads["epoch"] == segment.leader["epoch"][-1]]
+            leads = leads[leads["epoch"] == segment.leader["epoch"][-1]]
         if segment.follower.size:
-            self._follows = self._follows[self._follows["run"] == segment.follower["run"][-1]]
-        run = int(self._follows["run"][-1]) if self._follows.size else 0
+            follows = follows[follows["run"] == segment.follower["run"][-1]]
+        self._segment, self._now = replace(segment, leader_space=leads, follower_space=follows), (0, 0)
+        self._run = run = int(follows["run"][-1]) if follows.size else 0
         self._images = deque(image for image in segment.images if image.run == run or 0 in (run, image.run))
         self._fields = deque(segment.fields)
         self._beliefs = sorted(segment.beliefs, key=lambda belief: belief.time_ns)
 
-    def go_to(self, leader: int, telemetry: int) -> None:
-        """Show the leader's tick of a sequence, and the newest telemetry that it had received."""
-        row = int(np.searchsorted(self._leads["sequence"], leader, side="right")) - 1
-        self.leader = LeaderSpace(VERSION, *self._leads[row].tolist()) if row >= 0 else None
-        self.follower = self.follower_at(telemetry)
-        time_ns = -1 if self.follower is None else self.follower.time_ns
+    def go_to(self, row: int) -> tuple[LeaderState, Telemetry | None]:
+        """Show a tick of the leader, a row of its table; returns it, and the newest telemetry that it had received."""
+        leader = self._segment.leader_state(row)
+        telemetry = self.tick(leader.telemetry_sequence)
+        time_ns = -1 if telemetry is None or telemetry.space is None else telemetry.time_ns
         last = bisect.bisect_right(self._beliefs, time_ns, key=lambda belief: belief.time_ns) - 1
         self.belief = self._beliefs[last] if last >= 0 else None
+        self._now = leader.sequence, leader.time_ns
+        return leader, telemetry
 
-    def follower_at(self, sequence: int) -> FollowerSpace | None:
-        """State of the robot that the operator's side received last."""
-        row = int(np.searchsorted(self._follows["sequence"], sequence, side="right")) - 1
-        return FollowerSpace(VERSION, *self._follows[row].tolist()) if row >= 0 and sequence > 0 else None
+    def tick(self, sequence: int) -> Telemetry | None:
+        """Telemetry that the operator's side received last, on a line too."""
+        row = _newest(self._segment.follower, sequence)
+        return self._segment.telemetry(row) if row >= 0 and sequence > 0 else None
 
     def camera_silence(self, now: float) -> float:
         """Not known for a recording: no tracker is reported as missing."""
@@ -176,12 +176,14 @@ class RecordedSpace(SpaceState):
 
     def pose_trace(self, seconds: float) -> PoseTrace:
         """Estimates of the fixture's pose in the seconds before the moment."""
-        if self.leader is None:
-            return PoseTrace.of((), 0.0, seconds)
-        last = int(np.searchsorted(self._leads["sequence"], self.leader.sequence, side="right"))
-        now = self.leader.time_ns * 1e-9
-        first = int(np.searchsorted(self._leads["time_ns"][:last], (now - seconds) * 1e9))
-        part = self._leads[first:last]
+        leads, (sequence, now_ns) = self._segment.leader_space, self._now
+        last, now = _newest(leads, sequence) + 1, now_ns * 1e-9
+        part = leads[int(np.searchsorted(leads["time_ns"][:last], (now - seconds) * 1e9)) : last]
         part = part[part["sequence"] % TRACE_STRIDE == 0]
         columns = (part["time_ns"] * 1e-9, part["fixture_deviation"], part["fixture_turn"], part["fixture_age"])
         return PoseTrace.of(np.column_stack(columns).tolist(), now, seconds)
+
+
+def _newest(rows: Rows, sequence: int) -> int:
+    """The last row up to a number; -1 before the first."""
+    return int(np.searchsorted(rows["sequence"], sequence, side="right")) - 1

@@ -11,7 +11,7 @@ from foretouch.console.history import History, Lateness, Losses, LossTrace, Wind
 from foretouch.console.models_seen import ModelsSeen, ModelTrace
 from foretouch.console.space_state import SpaceState
 from foretouch.devices import GRIPS, INTENDED_FORCE
-from foretouch.messages import Hello, LeaderState, Message, ModelUpdate, Telemetry
+from foretouch.messages import Hello, LeaderSpace, LeaderState, Message, ModelUpdate, Telemetry
 from foretouch.rendering.withheld import LEAST_FORCE, OWED, REDUCED_BELOW, UNPAID, Withheld, due_force
 from foretouch.settings import NO_BASELINE, NO_GRIP
 
@@ -80,13 +80,14 @@ class Watched:
                 self.history.add_telemetry(message)
                 self.lateness.take("follower", message.period_ns)
                 self.telemetry, self._telemetry_received = message, now
+                self.space.take(message, now)
             case ModelUpdate():
                 self.model = message
                 self._models.add(message)
             case Hello():
                 self._take_hello(message, now)
             case _:
-                self.space.take(message, now, 0 if self.leader is None else self.leader.epoch)
+                self.space.take(message, now)
 
     def at_once(self) -> Watched:
         """Copy of the state received until now, which does not change later: one picture shows one moment."""
@@ -178,13 +179,18 @@ class Watched:
     @property
     def in_space(self) -> bool:
         """Whether the session is one in three dimensions."""
-        return self.space.leader is not None
+        return self.leader_space is not None
+
+    @property
+    def leader_space(self) -> LeaderSpace | None:
+        """What the leader that is shown says in space; None along a line."""
+        return None if self.leader is None else self.leader.space
 
     @property
     def depth(self) -> float:
         """Depth of the operator's probe in the surface [m], negative outside."""
-        if self.space.leader is not None:
-            return self.space.leader.depth
+        if (space := self.leader_space) is not None:
+            return space.depth
         return 0.0 if self.leader is None else self.leader.position - self.surface
 
     @property
@@ -245,6 +251,7 @@ class Watched:
         self.lateness.take("leader", state.period_ns)
         self._models.adopt(state.time_ns * 1e-9, state.model_sequence)
         self.leader, self._leader_received = state, now
+        self.space.take(state, now)
         felt = self.grip or self.settings.get("felt") == "yes"
         baseline = self.settings.get("baseline", NO_BASELINE) != NO_BASELINE
         if baseline or not (felt and state.engaged and math.isfinite(state.hand_position)):

@@ -27,13 +27,11 @@ from foretouch.messages.schema import (
     EmergencyStop,
     Handle,
     Hello,
-    LeaderState,
     Message,
     ModelUpdate,
     Settings,
     Status,
     Stop,
-    Telemetry,
 )
 from foretouch.messages.session_log import (
     FOLLOWER_DTYPE,
@@ -42,9 +40,20 @@ from foretouch.messages.session_log import (
     LEADER_SPACE_DTYPE,
     SessionLog,
     SessionRows,
-    as_row,
 )
-from foretouch.messages.spatial import CameraImage, FieldUpdate, FixtureBelief, FollowerSpace, LeaderSpace
+from foretouch.messages.states import (
+    CameraImage,
+    FieldUpdate,
+    FixtureBelief,
+    FollowerRow,
+    FollowerSpace,
+    LeaderRow,
+    LeaderSpace,
+    LeaderState,
+    Telemetry,
+    fixture_of,
+    in_space,
+)
 
 __all__ = [
     "CHANNELS",
@@ -70,10 +79,12 @@ __all__ = [
     "EmergencyStop",
     "FieldUpdate",
     "FixtureBelief",
+    "FollowerRow",
     "FollowerSpace",
     "Handle",
     "Hello",
     "Hellos",
+    "LeaderRow",
     "LeaderSpace",
     "LeaderState",
     "Message",
@@ -86,10 +97,11 @@ __all__ = [
     "Stop",
     "Telemetry",
     "as_printed",
-    "as_row",
     "decode",
     "encode",
+    "fixture_of",
     "foreign_speaker",
+    "in_space",
     "settings_at",
     "split_texts",
 ]

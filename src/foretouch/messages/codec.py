@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import msgspec
 
 from foretouch.errors import DecodeError, PeerVersionError, printable
-from foretouch.messages import schema, spatial
+from foretouch.messages import schema, states
 from foretouch.messages.schema import SPEAKERS, VERSION, Message
 
 
@@ -35,13 +35,11 @@ CHANNELS: dict[str, Channel] = {
     for channel in (
         Channel("command", schema.Command, "leader", 1000.0),
         Channel("model", schema.ModelUpdate, "follower", 50.0),
-        Channel("telemetry", schema.Telemetry, "follower", 1000.0),
-        Channel("leader", schema.LeaderState, "leader", 1000.0),
-        Channel("follower-space", spatial.FollowerSpace, "follower", 1000.0),
-        Channel("leader-space", spatial.LeaderSpace, "leader", 1000.0),
-        Channel("field", spatial.FieldUpdate, "follower", 5.0),
-        Channel("fixture", spatial.FixtureBelief, "camera", 30.0),
-        Channel("image", spatial.CameraImage, "camera", 30.0),
+        Channel("telemetry", states.Telemetry, "follower", 1000.0),
+        Channel("leader", states.LeaderState, "leader", 1000.0),
+        Channel("field", states.FieldUpdate, "follower", 5.0),
+        Channel("fixture", states.FixtureBelief, "camera", 30.0),
+        Channel("image", states.CameraImage, "camera", 30.0),
         Channel("handle", schema.Handle, "console", 0.0),
         Channel("settings", schema.Settings, "console", 0.0),
         Channel("choice", schema.Choice, "console", 0.0),

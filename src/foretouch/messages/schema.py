@@ -15,7 +15,7 @@ import msgspec
 
 from foretouch.quantities import brief_text
 
-VERSION = 7
+VERSION = 8
 """Version of the schema. It changes with every change of a field or a key; peers must agree."""
 
 Count = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
@@ -155,114 +155,6 @@ class ModelUpdate(Message, frozen=True, array_like=True, gc=False):
     fixture_age: float = math.inf
     friction: Annotated[tuple[float, ...], msgspec.Meta(max_length=4)] = ()
     standard_errors: Numbers = ()
-
-
-class Telemetry(Message, frozen=True, array_like=True, gc=False):
-    """Follower to all that watch, every follower tick. No renderer reads it.
-
-    `sequence` counts follower ticks.
-
-    Attributes:
-        command_sequence: The command applied in this tick, 0 before the first.
-        desired_position: Commanded position of the robot [m].
-        position: Probe position from the encoders, at the tip where it is calibrated what gives way before it [m].
-        velocity: Estimated from the positions, causally [m/s].
-        sensor_force: Sensor force less weight and inertia of the tool, offset still in it unless it is calibrated [N].
-        force: The same less the offset that the follower found in free air [N].
-        exact_force: The simulator's own contact force [N]; NaN on a robot, where it is unknown.
-        in_contact: The follower's own judgement.
-        clipped: Whether the robot's force limit cut this tick's command.
-        model_sequence: Newest model sent, 0 before the first.
-        period_ns: Time since the last tick began [ns].
-        compute_ns: Time that this tick's computing took [ns].
-        guarded: Whether the first touch was guarded: the robot held back from its command or from its speed.
-        status: State of the follower: a `Status`.
-        validity: Validity of this tick's sensors: 0 if they can be believed, else a
-            `foretouch.identification.SensorState`. What is not valid is not learnt from, and `velocity`, `force` and
-            `in_contact` are those of the last sample that was.
-        epoch: Epoch of the leader that is obeyed, 0 before the first.
-        run: Epoch of the follower's own process: `sequence` counts from 1 in each.
-    """
-
-    command_sequence: Count
-    desired_position: float
-    position: float
-    velocity: float
-    sensor_force: float
-    force: float
-    exact_force: float
-    in_contact: bool
-    clipped: bool
-    model_sequence: Count
-    period_ns: Count
-    compute_ns: Count
-    guarded: bool = False
-    status: Count = 0
-    validity: Count = 0
-    epoch: Count = 0
-    run: Count = 0
-
-
-class LeaderState(Message, frozen=True, array_like=True, gc=False):
-    """Leader to all that watch, every leader tick; `sequence` is that of the tick's command.
-
-    Two positions and two scales of force: the proxy is the commanded position and that at which the model is evaluated,
-    in the follower's lengths and forces; the hand is where the operator is, in the device's.
-
-    Attributes:
-        position: Position of the proxy, as the command says [m].
-        velocity: Velocity of the proxy, estimated causally [m/s].
-        predicted_force: The newest model at the proxy's motion, before mediation, scale and clamps [N].
-        rendered_force: Force that the hand is given, after everything [N].
-        delayed_force: The newest telemetry's force that had arrived; recorded, never rendered [N].
-        telemetry_sequence: That telemetry's sequence, 0 before the first.
-        model_sequence: The newest model that had arrived, 0 before the first.
-        model_jump: Predicted force less that of the model before, had it been kept, in the tick that adopted a model
-            [N]; 0 in all other ticks.
-        clipped: Whether a force or force-rate limit cut the rendered force.
-        period_ns: Time since the last tick began [ns].
-        compute_ns: Time that this tick's computing took [ns].
-        standard_deviation: Standard deviation of the predicted force [N], NaN where the model carries no uncertainty.
-        hand_position: Position of the operator's hand, as the device's encoder shows it [m].
-        exact_hand_position: The same from the simulated hand, without the encoder's steps [m]; NaN on a device.
-        intended_position: Position that the hand intends [m]; NaN where unknown.
-        mediated_force: Force for the hand after mediation and scale, before the limits [N].
-        update_step: Part of this tick's change of `mediated_force` that models made, and not motion [N].
-        energy: Energy from the hand into the rendered force, up to this tick [J]: debts of the session are kept,
-            surplus is forgiven at the loss of each contact.
-        energy_bound: Most energy that it may have given out: see `foretouch.rendering.EnergyAccount` [J].
-        rendered_share: Fraction of the hand's motion that the proxy follows: 1 where the device can carry the model,
-            NaN where no model is rendered.
-        engaged: Whether hand and proxy are coupled: no clutch is pressed, and the follower obeys this leader.
-        epoch: Epoch of this leader's process, as in its commands.
-        run: Epoch of the follower whose messages arrive, 0 before the first.
-        late_energy: Energy that late ticks and missing positions have taken and not given back, never positive [J].
-    """
-
-    position: float
-    velocity: float
-    predicted_force: float
-    rendered_force: float
-    delayed_force: float
-    telemetry_sequence: Count
-    model_sequence: Count
-    model_jump: float
-    clipped: bool
-    period_ns: Count
-    compute_ns: Count
-    standard_deviation: float = math.nan
-    hand_position: float = math.nan
-    exact_hand_position: float = math.nan
-    intended_position: float = math.nan
-    mediated_force: float = 0.0
-    update_step: float = 0.0
-    energy: float = 0.0
-    energy_bound: float = 0.0
-    rendered_share: float = 1.0
-    engaged: bool = True
-    epoch: Count = 0
-    run: Count = 0
-    late_energy: float = 0.0
 
 
 class Handle(Message, frozen=True, array_like=True, gc=False):

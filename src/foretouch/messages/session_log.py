@@ -7,17 +7,28 @@ Numbers are comparable only within one.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.messages.hellos import SettingsReport, settings_at
-from foretouch.messages.schema import EmergencyStop, LeaderState, Message, ModelUpdate, Telemetry
-from foretouch.messages.spatial import CameraImage, FieldUpdate, FixtureBelief, FollowerSpace, LeaderSpace
+from foretouch.messages.schema import VERSION, EmergencyStop, Message, ModelUpdate
+from foretouch.messages.states import (
+    CameraImage,
+    FieldUpdate,
+    FixtureBelief,
+    FollowerRow,
+    FollowerSpace,
+    LeaderRow,
+    LeaderSpace,
+    LeaderState,
+    Telemetry,
+    in_space,
+)
 from foretouch.quantities import ByValue, Columns, Rows
 
 ONE_CHANGE_NS = 1_000_000_000
@@ -142,9 +153,9 @@ _CODES = {float: "f8", bool: "?"}
 
 
 def _dtype(kind: type[Message]) -> np.dtype[np.void]:
-    """Structured dtype with the fields of a message class, its version left out; counts are whole numbers."""
-    fields = msgspec.structs.fields(kind)
-    return np.dtype([(field.name, _CODES.get(field.type, "i8")) for field in fields if field.name != "version"])
+    """Structured dtype with the fields of a message class, without version and space; counts are whole numbers."""
+    fields = [field for field in msgspec.structs.fields(kind) if field.name not in ("version", "space")]
+    return np.dtype([(field.name, _CODES.get(field.type, "i8")) for field in fields])
 
 
 _SHOWN = {
@@ -164,20 +175,25 @@ LEADER_DTYPE = _dtype(LeaderState)
 FOLLOWER_DTYPE = _dtype(Telemetry)
 """Columns of `SessionLog.follower`: the fields of `Telemetry`."""
 
-LEADER_SPACE_DTYPE = _dtype(LeaderSpace)
-"""Columns of `SessionLog.leader_space`: the fields of `LeaderSpace`."""
+LEADER_SPACE_DTYPE = _dtype(LeaderRow)
+"""Columns of `SessionLog.leader_space`: the fields of `LeaderRow`."""
 
-FOLLOWER_SPACE_DTYPE = _dtype(FollowerSpace)
-"""Columns of `SessionLog.follower_space`: the fields of `FollowerSpace`."""
+FOLLOWER_SPACE_DTYPE = _dtype(FollowerRow)
+"""Columns of `SessionLog.follower_space`: the fields of `FollowerRow`."""
 
 
 _TIMING = frozenset({"compute_ns"})
 """Columns that say how long the computer took."""
 
 
-def as_row(message: Message) -> tuple[object, ...]:
-    """The fields of a message as a row of its table."""
-    return msgspec.structs.astuple(message)[1:]
+S = TypeVar("S", Telemetry, LeaderState)
+
+
+def _state(kind: Callable[..., S], record: type[msgspec.Struct], rows: Rows, space: Rows, row: int) -> S:
+    """A row as its message, with what the newest row in space up to its number says."""
+    last = int(np.searchsorted(space["sequence"], rows["sequence"][row], side="right")) - 1
+    known = space[last].tolist()[2 : 2 + len(record.__struct_fields__)] if last >= 0 else None
+    return kind(VERSION, *rows[row].tolist(), None if known is None else record(*known))
 
 
 @dataclass(frozen=True)
@@ -215,8 +231,8 @@ class SessionLog(Columns):
         counts: Counters of both sides at the end, for example ``"undecodable"``, summed over the processes of each.
         emergencies: Every `EmergencyStop`.
         news: News of the sides while it lasted, by name of `foretouch.messages.NEWS`: each text once.
-        leader_space: In three dimensions, one row per `LeaderSpace`; else empty.
-        follower_space: One row per `FollowerSpace`; else empty.
+        leader_space: In three dimensions, one row per `LeaderState`: what it says in space; else empty.
+        follower_space: The same, per `Telemetry`.
         fields: Every `FieldUpdate`.
         images: Every `CameraImage`.
         beliefs: Every `FixtureBelief`.
@@ -248,10 +264,12 @@ class SessionLog(Columns):
         """Log from the messages themselves, those of each kind in their order; what a log does not hold is left out."""
         kinds: dict[type, list[Any]] = defaultdict(list)
         for message in messages:
-            kinds[type(message)].append(message)
+            for one in (message, *in_space(message)):
+                kinds[type(one)].append(one)
 
         def rows(kind: type, dtype: np.dtype[np.void]) -> Rows:
-            return np.array([as_row(message) for message in kinds[kind]], dtype=dtype)
+            columns = slice(1, 1 + len(dtype.fields or ()))  # without the version, and what a state says in space
+            return np.array([msgspec.structs.astuple(message)[columns] for message in kinds[kind]], dtype=dtype)
 
         return cls(
             rows(LeaderState, LEADER_DTYPE),
@@ -259,12 +277,29 @@ class SessionLog(Columns):
             in_order(kinds[ModelUpdate]),
             settings or {},
             counts or {},
-            leader_space=rows(LeaderSpace, LEADER_SPACE_DTYPE),
-            follower_space=rows(FollowerSpace, FOLLOWER_SPACE_DTYPE),
+            leader_space=rows(LeaderRow, LEADER_SPACE_DTYPE),
+            follower_space=rows(FollowerRow, FOLLOWER_SPACE_DTYPE),
             fields=tuple(kinds[FieldUpdate]),
             images=tuple(kinds[CameraImage]),
             beliefs=tuple(kinds[FixtureBelief]),
         )
+
+    def telemetry(self, row: int) -> Telemetry:
+        """The message of a row of `follower`, of a log of one process of either side."""
+        return _state(Telemetry, FollowerSpace, self.follower, self.follower_space, row)
+
+    def leader_state(self, row: int) -> LeaderState:
+        """The same, of a row of `leader`."""
+        return _state(LeaderState, LeaderSpace, self.leader, self.leader_space, row)
+
+    def messages(self) -> list[Message]:
+        """What both sides and the camera said, in time; of what was said in one tick, the follower's first."""
+        follower, leader = (
+            map(self.telemetry, range(self.follower.size)),
+            map(self.leader_state, range(self.leader.size)),
+        )
+        messages = [*follower, *self.models, *self.fields, *self.images, *self.beliefs, *leader]
+        return sorted(messages, key=lambda message: message.time_ns)
 
     def segments(self) -> tuple[SessionLog, ...]:
         """The parts in which one process of the leader and one of the follower had to do with each other.

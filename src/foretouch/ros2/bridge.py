@@ -13,7 +13,7 @@ from typing import Final
 
 from foretouch.errors import SettingError
 from foretouch.link import ZenohLink
-from foretouch.messages import Hello, LeaderState, Message, Telemetry
+from foretouch.messages import LeaderState, Message, Telemetry
 from foretouch.ros2.graph import Graph, as_ros
 
 BLOCK_NS = 30_000_000_000
@@ -106,13 +106,12 @@ SENDERS: Final = {
     "telemetry": "follower",
     "leader": "leader",
     "model": "follower",
-    "follower-space": "follower",
     "fixture": "camera",
     "image": "camera",
 }
 """Channels whose messages are published, and whose clock is in them."""
 
-BRIDGE_CHANNELS: Final = (*SENDERS, "hello", "stop")
+BRIDGE_CHANNELS: Final = (*SENDERS, "stop")
 """Channels that the bridge's link receives."""
 
 POLL_PERIOD = 0.002  # Time between two polls of the link [s]
@@ -138,7 +137,6 @@ class Bridge:
         self._graph, self._router, self._say = graph, router, say
         self._clock = SessionClock()
         self._paces = {name: Pace(rate) for name in SENDERS}
-        self._on_a_line: bool | None = None  # None until the follower has reported it
         self._obeyed = 0
         self._offset_ns = 0
         self._there: bool | None = None
@@ -187,8 +185,6 @@ class Bridge:
             self._obeyed = message.epoch
         if channel == "stop":
             self._ended = True
-        elif isinstance(message, Hello) and message.role == "follower":
-            self._on_a_line = not message.texts.get("scene")
         if channel not in SENDERS:
             return
         if not self._there or (isinstance(message, LeaderState) and self._obeyed not in (0, message.epoch)):
@@ -198,5 +194,5 @@ class Bridge:
         if not self._paces[channel].is_due(local_ns):
             return
         stamp_ns = local_ns + self._offset_ns
-        for topic, data in as_ros(message, stamp_ns, on_a_line=bool(self._on_a_line)):
+        for topic, data in as_ros(message, stamp_ns):
             self._graph.publish(topic, data)

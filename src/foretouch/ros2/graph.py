@@ -22,7 +22,7 @@ from foretouch.errors import LinkError
 from foretouch.link import check_endpoint, is_encrypted
 from foretouch.link.zenoh_link import zenoh_config, zenoh_module
 from foretouch.messages import Message, Telemetry
-from foretouch.recordings.formats.topics import BESIDE, FIXTURE, MODEL, NUMBERS, PROBE, StandardTopic, pose_on_a_line
+from foretouch.recordings.formats.topics import BESIDE, FIXTURE, MODEL, NUMBERS, PROBE, StandardTopic, probe
 from foretouch.ros2.keys import DEFAULT, SENSOR_DATA, Node, TopicType, attachment, publisher_gid
 
 NESTED: Final = 1
@@ -136,15 +136,14 @@ def type_of(topic: StandardTopic) -> TopicType:
     return TopicType(topic.type_name, type_hash(topic.type_name, topic.schema))
 
 
-def as_ros(message: Message, stamp_ns: int, *, on_a_line: bool) -> tuple[tuple[StandardTopic, bytes], ...]:
+def as_ros(message: Message, stamp_ns: int) -> tuple[tuple[StandardTopic, bytes], ...]:
     """The topics that say what a message says; none where it has no counterpart, or its sensors are not trusted."""
     make = BESIDE.get(type(message))
     if make is None or (isinstance(message, Telemetry) and message.validity):
         return ()
-    topics: tuple[tuple[StandardTopic, bytes], ...] = make(msgspec.structs.replace(message, time_ns=stamp_ns))
-    if on_a_line and isinstance(message, Telemetry):
-        topics += ((PROBE, pose_on_a_line(stamp_ns, message.position)),)
-    return topics
+    stamped = msgspec.structs.replace(message, time_ns=stamp_ns)
+    topics: tuple[tuple[StandardTopic, bytes], ...] = make(stamped)
+    return (*topics, (PROBE, probe(stamped))) if isinstance(stamped, Telemetry) else topics
 
 
 SETTINGS: Final = {

@@ -221,17 +221,11 @@ def replay(
 
 def _write(path: Path, log: SessionLog) -> None:
     """The replay as a recording of its own, message by message as in simulated time."""
-    from foretouch.messages import VERSION, FollowerSpace, Hello, LeaderSpace, LeaderState, Message, Telemetry
+    from foretouch.messages import Hello
     from foretouch.recordings import SessionWriter
 
-    messages: list[Message] = [Telemetry(VERSION, *row) for row in log.follower.tolist()]
-    messages += [FollowerSpace(VERSION, *row) for row in log.follower_space.tolist()]
-    messages += [*log.models, *log.fields, *log.images, *log.beliefs]
-    messages += [LeaderState(VERSION, *row) for row in log.leader.tolist()]
-    messages += [LeaderSpace(VERSION, *row) for row in log.leader_space.tolist()]
-    messages.sort(key=lambda message: message.time_ns)  # of those of one tick, the follower's first
     with SessionWriter(path) as writer:
         writer.write(Hello.of("simulation", 1, 0, log.settings), 0)
-        for message in messages:
+        for message in log.messages():
             writer.write(message, message.time_ns)
         writer.close(log.counts)

@@ -74,7 +74,7 @@ def ros2(
 
 
 WATCHED_CHANNELS = (
-    "telemetry", "leader", "model", "hello", "stop", "follower-space", "leader-space", "field", "fixture", "image"
+    "telemetry", "leader", "model", "hello", "stop", "field", "fixture", "image"
 )  # fmt: skip
 """What the console's link receives."""
 

@@ -17,10 +17,9 @@ import numpy as np
 
 from foretouch.console.history import Array
 from foretouch.console.plots import Curve, Row, TimePlot, by_person, inset, number, put, table
-from foretouch.console.space_state import fixture_of
 from foretouch.console.watched import Watched
 from foretouch.errors import MissingExtraError, SettingError, install_command
-from foretouch.messages import CameraImage, FixtureBelief, LeaderSpace
+from foretouch.messages import CameraImage, FixtureBelief, LeaderSpace, fixture_of
 from foretouch.quantities import Pose
 from foretouch.quantities.colours import BLUE, GREEN, INK, VERMILLION, Colour, css
 from foretouch.quantities.pose import Vector
@@ -141,7 +140,7 @@ class ImagePanel:
     def draw(self, watched: Watched, vertices: Array) -> None:
         """Draw the newest image; vertices of what is touched are in the fixture's frame [m], shape (n, 3)."""
         image = watched.space.image(watched.telemetry_sequence, watched.setting("camera_delay", CAMERA_DELAY))
-        leader = watched.space.leader
+        leader = watched.leader_space
         self._write(watched, image)
         put(self._image, visible=image is not None)
         if image is None or leader is None or not image.jpeg:
@@ -225,7 +224,7 @@ class SpacePanel:
         age = np.where(np.isfinite(trace.age), trace.age, math.nan)  # never seen is no age
         self._age.draw(trace.time, (age,), most=MOST_AGE)
         self._follow(hand)
-        leader = watched.space.leader
+        leader = watched.leader_space
         if leader is None:
             return
         colour = css(VERMILLION) if leader.fixture_age > AGED else "#555"
@@ -249,7 +248,7 @@ class SpacePanel:
 
 def pose_sentence(watched: Watched, now: float) -> str:
     """Uncertainty of the fixture's pose, in a sentence."""
-    leader, belief = watched.space.leader, watched.space.belief
+    leader, belief = watched.leader_space, watched.space.belief
     silence = watched.space.camera_silence(now)
     if leader is None:
         return ""

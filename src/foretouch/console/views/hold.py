@@ -151,7 +151,7 @@ class SpaceHold(Hold):
                 return
             if now - self._released > RESTS:
                 self.handle = HOME
-            space, leader = self._watched.space.leader, self._watched.leader
+            space, leader = self._watched.leader_space, self._watched.leader
             if space is None or not math.isfinite(space.hand_x):
                 return
             self.hand = space.hand_x, space.hand_y, space.hand_z
@@ -163,7 +163,7 @@ class SpaceHold(Hold):
     def _move(self, way: Any) -> None:
         self.handle = add(self.handle, way)
         # Below what it touches the hand goes no further than along a line.
-        space, watched = self._watched.space.leader, self._watched
+        space, watched = self._watched.leader_space, self._watched
         touched = 0.0 if space is None or not math.isfinite(space.point_z) else space.point_z
         lowest = (-REACH, -REACH, max(touched - (watched.deepest - watched.surface), -REACH))
         x, y, z = (min(max(value, least), REACH) for value, least in zip(add(self.hand, way), lowest, strict=True))

@@ -17,7 +17,6 @@ from foretouch.console.history import Array
 from foretouch.console.panels.space import BOARD, MARKER, TIP_RADIUS, ImagePanel, SpacePanel, footprint
 from foretouch.console.panels.stop import SPACE_STROKES, add_keys
 from foretouch.console.plots import SECONDS, put
-from foretouch.console.space_state import fixture_of
 from foretouch.console.views import shapes
 from foretouch.console.views.hold import SpaceHold
 from foretouch.console.views.line import CAMERA, look
@@ -25,7 +24,7 @@ from foretouch.console.views.probes import UNITS, Measures, Probes
 from foretouch.console.views.shapes import COLOURS, UNKNOWN, Faces, Mesh, add_body, along, triangles_of
 from foretouch.console.watched import Watched
 from foretouch.errors import ForetouchError
-from foretouch.messages import FieldUpdate, FollowerSpace, LeaderSpace
+from foretouch.messages import FieldUpdate, FollowerSpace, LeaderSpace, fixture_of
 from foretouch.models import MaterialField
 from foretouch.quantities.colours import BLUE, CUT, GREEN, GREY, INK, VERMILLION
 from foretouch.quantities.pose import RigidMotion, Vector
@@ -213,7 +212,8 @@ class SpaceScene:
         normal = leader.normal_x, leader.normal_y, leader.normal_z
         fixture.sink(pose, point, normal, leader.depth)
         deviation = math.nan if space.belief is None else math.hypot(*space.belief.deviation[:3])
-        fixture.believe(None if space.follower is None else fixture_of(space.follower), deviation)
+        believed = None if watched.telemetry is None else watched.telemetry.space
+        fixture.believe(None if believed is None else fixture_of(believed), deviation)
         here = _scene(point)
         self._normal.visible = leader.depth > -NEAR and here is not None
         if self._normal.visible and here is not None:
@@ -284,7 +284,7 @@ class SpaceView:
 
     def draw(self, watched: Watched, *, live: bool, useful: bool) -> bool:
         """Draw the scene; False, and nothing is shown, where the session is one along a line."""
-        leader = watched.space.leader
+        leader = watched.leader_space
         self._offered = leader is not None and live and watched.operator == "browser"
         self._image.show(leader is not None)
         if watched.in_space != self._looked_at:  # sessions along a line and in space take turns

@@ -16,6 +16,7 @@ from __future__ import annotations
 import re
 import struct
 from collections.abc import Iterator, Mapping, Sequence
+from operator import attrgetter
 from typing import Any, Final
 
 import msgspec
@@ -43,6 +44,7 @@ _SCALARS: dict[type[msgspec.inspect.Type], str] = {
 class Layout:
     """How one class of messages looks as a ROS 2 message; a TypeError for a field of a type without a counterpart.
 
+    What a message says in space is one of its own: `foretouch.messages.in_space`.
     ``missing`` has the values of those of its fields that are not in the bytes. Where all messages of the class have
     one size, ``dtype`` is the structured dtype of their bytes, header included, else None.
     """
@@ -51,6 +53,7 @@ class Layout:
         self.kind, self.missing = kind, dict[str, Any]()
         self._types = {field.name: _ros_type(kind, field) for field in _fields(kind)} if types is None else types
         self.schema = "".join(f"{ros_type} {name}\n" for name, ros_type in self._types.items())
+        self._values = attrgetter(*self._types)
         self.dtype: np.dtype[np.void] | None = None
         if all(ros_type in _NUMBERS for ros_type in self._types.values()):
             self.dtype, self._struct = _fixed(self._types)
@@ -58,8 +61,8 @@ class Layout:
     def pack(self, message: Message) -> bytes:
         """CDR bytes of a message of this class."""
         if self.dtype is not None:
-            return self._struct.pack(HEADER, *msgspec.structs.astuple(message))
-        return pack_fields(self._types, msgspec.structs.astuple(message))
+            return self._struct.pack(HEADER, *self._values(message))
+        return pack_fields(self._types, self._values(message))
 
     def of_schema(self, schema: str) -> Layout | None:
         """Layout of messages of this class in a file with its own schema, or None where that is another class.
@@ -90,7 +93,7 @@ class Layout:
 def _fields(kind: type[Message]) -> tuple[msgspec.inspect.Field, ...]:
     described = msgspec.inspect.type_info(kind)
     assert isinstance(described, msgspec.inspect.StructType)
-    return described.fields
+    return tuple(field for field in described.fields if field.name != "space")
 
 
 def _parsed(schema: str) -> dict[str, str]:

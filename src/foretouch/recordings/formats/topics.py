@@ -22,10 +22,10 @@ from foretouch.messages import (
     EmergencyStop,
     FieldUpdate,
     FixtureBelief,
-    FollowerSpace,
+    FollowerRow,
     Handle,
     Hello,
-    LeaderSpace,
+    LeaderRow,
     LeaderState,
     Message,
     ModelUpdate,
@@ -68,8 +68,8 @@ TOPICS: Final[dict[type[Message], Topic]] = {
         (EmergencyStop, "/session/emergency", "EmergencyStop"),
         (Handle, "/console/handle", "Handle"),
         (Command, "/leader/command", "Command"),
-        (FollowerSpace, "/follower/space", "FollowerSpace"),
-        (LeaderSpace, "/leader/space", "LeaderSpace"),
+        (FollowerRow, "/follower/space", "FollowerSpace"),
+        (LeaderRow, "/leader/space", "LeaderSpace"),
         (FieldUpdate, "/follower/field", "MaterialField"),
         (FixtureBelief, "/camera/fixture", "FixtureBelief"),
         (CameraImage, "/camera/image", "CameraImage"),
@@ -232,12 +232,11 @@ def pose(time_ns: int, place: Sequence[float], turn: Sequence[float] = (0.0, 0.0
     return _pose.pack(HEADER, *_stamp(time_ns), _WORLD, *place, *quaternion(turn))
 
 
-def pose_on_a_line(time_ns: int, position: float) -> bytes:
-    """CDR bytes of the probe's pose in a session along a line, at a position [m].
-
-    z of the world points out of the surface, as the force does: deeper is down.
-    """
-    return pose(time_ns, (0.0, 0.0, -position))
+def probe(message: Telemetry) -> bytes:
+    """CDR bytes of the probe's pose; along a line z of the world points out of the surface, as the force does."""
+    space = message.space
+    place = (0.0, 0.0, -message.position) if space is None else (space.place_x, space.place_y, space.place_z)
+    return pose(message.time_ns, place)
 
 
 def quaternion(turn: Sequence[float]) -> tuple[float, float, float, float]:
@@ -268,9 +267,6 @@ BESIDE: Final[dict[type[Message], Callable[[Any], Packed]]] = {
     ModelUpdate: lambda message: (
         (MODEL, contact_model(message, _stamp(message.time_ns), "probe")),
         (NUMBERS, number_array(message)),
-    ),
-    FollowerSpace: lambda message: (
-        (PROBE, pose(message.time_ns, (message.place_x, message.place_y, message.place_z))),
     ),
     FixtureBelief: lambda message: (
         ((FIXTURE, pose(message.time_ns, message.pose[:3], message.pose[3:])),) if len(message.pose) == 6 else ()

@@ -29,10 +29,10 @@ from foretouch.messages import (
     EmergencyStop,
     FieldUpdate,
     FixtureBelief,
-    FollowerSpace,
+    FollowerRow,
     Hello,
     Hellos,
-    LeaderSpace,
+    LeaderRow,
     LeaderState,
     Message,
     ModelUpdate,
@@ -57,8 +57,8 @@ Wanted: TypeAlias = dict[type[Message], np.dtype[np.void]]  # columns by kind of
 _COLUMNS: Final[Wanted] = {
     LeaderState: LEADER_DTYPE,
     Telemetry: FOLLOWER_DTYPE,
-    LeaderSpace: LEADER_SPACE_DTYPE,
-    FollowerSpace: FOLLOWER_SPACE_DTYPE,
+    LeaderRow: LEADER_SPACE_DTYPE,
+    FollowerRow: FOLLOWER_SPACE_DTYPE,
 }
 _KEPT: Final[tuple[type[Message], ...]] = (ModelUpdate, EmergencyStop, FieldUpdate, FixtureBelief, CameraImage)
 
@@ -156,8 +156,8 @@ class _Scan:
             self._hellos.counts | self.counts,
             tuple(self._kept[EmergencyStop]),
             self._hellos.news,
-            leader_space=columns[LeaderSpace],
-            follower_space=columns[FollowerSpace],
+            leader_space=columns[LeaderRow],
+            follower_space=columns[FollowerRow],
             fields=tuple(self._kept[FieldUpdate]),
             images=tuple(self._kept[CameraImage]),
             beliefs=tuple(self._kept[FixtureBelief]),

@@ -9,9 +9,9 @@ from types import TracebackType
 from typing import Any
 
 from foretouch.errors import RecordingError
-from foretouch.messages import FollowerSpace, Message, Telemetry
+from foretouch.messages import Message, Telemetry, in_space
 from foretouch.recordings.formats.mcap_index import BlockFile, append_index, counts_record
-from foretouch.recordings.formats.topics import BESIDE, PROBE, STANDARD, TOPICS, TRUNCATED, pose_on_a_line
+from foretouch.recordings.formats.topics import BESIDE, PROBE, STANDARD, TOPICS, TRUNCATED, probe
 from foretouch.recordings.output import optional
 
 LONGEST_BLOCK = 2000  # number of messages that make a block even without a flush
@@ -48,7 +48,6 @@ class SessionWriter:
         self._failed = False
         self._schemas, self._channels = _declarations(records)
         self._numbers: dict[str, int] = {channel.topic: channel.id for channel in self._channels}
-        self._in_space = False
         try:
             self._file = BlockFile(path)
         except OSError as error:
@@ -77,13 +76,12 @@ class SessionWriter:
             RecordingError: The file cannot be written any more, for example because the disk is full. It stays as it
                 was at the last flush; `close` ends it there.
         """
-        own, beside, sequence = TOPICS[type(message)], BESIDE.get(type(message)), message.sequence & 0xFFFF_FFFF
-        packed = [(own.name, own.layout.pack(message))]
+        beside, sequence = BESIDE.get(type(message)), message.sequence & 0xFFFF_FFFF
+        own = ((TOPICS[type(one)], one) for one in (message, *in_space(message)))
+        packed = [(topic.name, topic.layout.pack(one)) for topic, one in own]
         packed += [(topic.name, data) for topic, data in (beside(message) if beside else ())]
-        if isinstance(message, FollowerSpace):
-            self._in_space = True  # and its messages give the probe's position
-        elif isinstance(message, Telemetry) and not self._in_space and sequence % POSE_EVERY == 0:
-            packed.append((PROBE.name, pose_on_a_line(message.time_ns, message.position)))
+        if isinstance(message, Telemetry) and (message.space is not None or sequence % POSE_EVERY == 0):
+            packed.append((PROBE.name, probe(message)))
         for name, data in packed:
             self._block.add_message(self._numbers[name], log_time_ns, data, message.time_ns, sequence)
         self._first = log_time_ns if self._first is None else self._first

@@ -12,10 +12,8 @@ from foretouch.link import SequenceCounter, ZenohLink
 from foretouch.messages import (
     COUNT_PREFIX,
     FieldUpdate,
-    FollowerSpace,
     Hello,
     Hellos,
-    LeaderSpace,
     LeaderState,
     Message,
     ModelUpdate,
@@ -33,8 +31,6 @@ RECORDER_CHANNELS = (
     "settings",
     "stop",
     "emergency",
-    "follower-space",
-    "leader-space",
     "field",
     "fixture",
     "image",
@@ -79,9 +75,9 @@ class Recorder:
     def take(self, name: str, arrivals: list[tuple[int, Message]]) -> None:
         """Record the messages of one channel with the times [ns] at which they arrived."""
         for arrival, message in arrivals:
-            if isinstance(message, Telemetry | ModelUpdate | FollowerSpace | FieldUpdate):
+            if isinstance(message, Telemetry | ModelUpdate | FieldUpdate):
                 self._count(name, message.run, message.sequence)
-            elif isinstance(message, LeaderState | LeaderSpace):
+            elif isinstance(message, LeaderState):
                 self._count(name, message.epoch, message.sequence)
             elif isinstance(message, Hello):
                 self.roles.add(message.role)

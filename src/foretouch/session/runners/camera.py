@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 
 from foretouch.link import ZenohLink
-from foretouch.messages import CameraImage, FollowerSpace
+from foretouch.messages import CameraImage, Telemetry, fixture_of
 from foretouch.session.network.lease import own_epoch
 from foretouch.session.runners.housekeeping import ORPHANED, Greeter, StopFlag, orphaned
 from foretouch.session.settings import SessionSettings
@@ -15,7 +15,7 @@ from foretouch.session.spatial import tracker
 from foretouch.session.spatial.camera import IMAGE_PERIOD, VIEW, SimulatedCamera
 from foretouch.session.spatial.scenes import KnownSurface, Scene
 
-CAMERA_CHANNELS = ("follower-space", "stop")
+CAMERA_CHANNELS = ("telemetry", "stop")
 """Channels that the camera's link receives: a simulated camera sees the world of the follower's simulation."""
 
 POLL_PERIOD = 0.005
@@ -49,18 +49,18 @@ def run_camera(
     state: tracker.State | None = None
     epoch = own_epoch()
     images: deque[tuple[float, CameraImage]] = deque()
-    newest: FollowerSpace | None = None
+    newest: Telemetry | None = None
     begun = exposed = time.monotonic()
     end, greeter = float("inf"), Greeter(link, "camera")
     while not stop.reason and (now := time.monotonic()) <= end:
-        spaces = [space for _, space in link.take("follower-space")]
-        if spaces:
-            if newest is None or spaces[-1].run > newest.run:  # another process, and a world that begins anew
+        ticks = [telemetry for _, telemetry in link.take("telemetry") if telemetry.space is not None]
+        if ticks:
+            if newest is None or ticks[-1].run > newest.run:  # another process, and a world that begins anew
                 epoch += 1
-                state = _begin(scene, settings, spaces[-1], epoch)
+                state = _begin(scene, settings, ticks[-1], epoch)
                 images.clear()
                 begun = now
-            newest = spaces[-1]
+            newest = ticks[-1]
         if camera is not None and newest is not None and now - exposed >= IMAGE_PERIOD:
             exposed = max(exposed + IMAGE_PERIOD, now - IMAGE_PERIOD)
             images.append((now + settings.camera_delay, _take(camera, newest, now - begun)))
@@ -69,7 +69,7 @@ def run_camera(
             due.append(images.popleft()[1])
             link.publish(due[-1])
         if newest is not None and state is not None:
-            belief = tracker.step(state, spaces, due, newest.time_ns)
+            belief = tracker.step(state, ticks, due, newest.time_ns)
             if belief is not None:
                 link.publish(belief)
         if link.take("stop"):
@@ -83,22 +83,17 @@ def run_camera(
     return {"ended": stop.reason or "the session was ended"} | used
 
 
-def _begin(scene: Scene, settings: SessionSettings, space: FollowerSpace, epoch: int) -> tracker.State:
+def _begin(scene: Scene, settings: SessionSettings, tick: Telemetry, epoch: int) -> tracker.State:
     """A tracker from where the follower believes the fixture, at its clock."""
-    believed = (
-        space.fixture_x,
-        space.fixture_y,
-        space.fixture_z,
-        space.fixture_rx,
-        space.fixture_ry,
-        space.fixture_rz,
-    )
-    known, time_ns = KnownSurface(scene.surface), space.time_ns
-    return tracker.start(known, believed, settings.fusion, view=VIEW, time=time_ns * 1e-9, epoch=epoch)
+    assert tick.space is not None
+    known, believed, time = KnownSurface(scene.surface), fixture_of(tick.space), tick.time_ns * 1e-9
+    return tracker.start(known, believed, settings.fusion, view=VIEW, time=time, epoch=epoch)
 
 
-def _take(camera: SimulatedCamera, space: FollowerSpace, seconds: float) -> CameraImage:
+def _take(camera: SimulatedCamera, tick: Telemetry, seconds: float) -> CameraImage:
     """An image of the follower's newest tick."""
+    space = tick.space
+    assert space is not None
     fixture = (space.exact_x, space.exact_y, space.exact_z, space.exact_rx, space.exact_ry, space.exact_rz)
     probe = (space.place_x, space.place_y, space.place_z)
-    return camera.take(fixture, probe, space.sequence, seconds, time.monotonic_ns(), space.run)
+    return camera.take(fixture, probe, tick.sequence, seconds, time.monotonic_ns(), tick.run)

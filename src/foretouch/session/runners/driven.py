@@ -145,10 +145,8 @@ class DrivenFollower(Driven):
         if beliefs:
             self.beliefs = []
         inputs = follower.Inputs(due, self.sample, period_ns, compute_ns, stop, release, ended, beliefs)
-        _, (self.desired, telemetry, space, model, field) = follower.step(self.state, inputs, now_ns)
-        messages: list[Message] = [telemetry]
-        messages += [message for message in (space, model, field) if message is not None]
-        return messages
+        _, (self.desired, *said) = follower.step(self.state, inputs, now_ns)
+        return [message for message in said if message is not None]
 
     def back_off(self) -> None:
         """Where a tick raises: retreat according to the force in the newest sample, and nothing else."""
@@ -257,7 +255,7 @@ class DrivenLeader(Driven):
         )
         _, led = leader.step(self.state, inputs, tick.now_ns)
         self._give(led)
-        return [message for message in led if message is not None]
+        return list(led)
 
     @abstractmethod
     def _give(self, led: leader.Outputs) -> None:
@@ -291,7 +289,7 @@ class LineLeader(DrivenLeader):
 class SpaceLeader(DrivenLeader):
     """A leader in three dimensions, named `holder` and of this epoch."""
 
-    channels = ("follower-space", "field")
+    channels = ("field",)
 
     def __init__(self, operator: SpatialDevice, settings: SessionSettings, holder: str, epoch: int) -> None:
         super().__init__(framed_device(operator, settings.leader_frame), settings)

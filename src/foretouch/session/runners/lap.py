@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.messages import CameraImage, FollowerSpace, Hello, Message, SessionLog
+from foretouch.messages import CameraImage, Hello, Message, SessionLog, Telemetry
 from foretouch.quantities import Columns
 from foretouch.session.runners.driven import SpaceFollower, Tick, drive_follower, drive_leader
 from foretouch.session.runners.warm_up import warm_up_once
@@ -65,17 +65,18 @@ class CameraAndTracker:
         self._image_period_ns = round(IMAGE_PERIOD / SAMPLE_PERIOD) * _PERIOD_NS
         self._delay_ns = round(settings.camera_delay * 1e9)
         self._coming: deque[tuple[int, CameraImage]] = deque()  # time of reading, and the image
-        self._spaces: list[FollowerSpace] = []
+        self._ticks: list[Telemetry] = []
 
     def look(self, messages: list[Message], now_ns: int) -> list[Message]:
         """One tick, after the robot has moved: from the follower's messages to the further ones to record."""
         seen: list[Message] = []
-        (space,) = (message for message in messages if type(message) is FollowerSpace)
-        self._spaces.append(space)
+        telemetry = messages[0]
+        assert isinstance(telemetry, Telemetry)
+        self._ticks.append(telemetry)
         if self._camera is not None and now_ns % self._image_period_ns == 0:
             sample = self._follows.sample
             image = self._camera.take(
-                sample.fixture, sample.exact_place, space.sequence, now_ns * 1e-9, now_ns, space.run
+                sample.fixture, sample.exact_place, telemetry.sequence, now_ns * 1e-9, now_ns, telemetry.run
             )
             self._coming.append((now_ns + self._delay_ns, image))
             seen.append(image)
@@ -83,8 +84,8 @@ class CameraAndTracker:
             due = []
             while self._coming and self._coming[0][0] <= now_ns:
                 due.append(self._coming.popleft()[1])
-            belief = tracker.step(self._state, self._spaces, due, now_ns)
-            self._spaces = []
+            belief = tracker.step(self._state, self._ticks, due, now_ns)
+            self._ticks = []
             if belief is not None:
                 self._follows.beliefs = [belief]
                 seen.append(belief)

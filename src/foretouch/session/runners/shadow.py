@@ -160,7 +160,7 @@ class Shadow(Driven):
     def act(self, due: list[Any], tick: Tick) -> list[Message]:
         """See `Driven.act`; the messages of both sides but the command, the leader's record and telemetry first."""
         follows = self.follows
-        command, record, *space = self.leads.act(due, tick)
+        command, record = self.leads.act(due, tick)
         acted, *models = follows.act([command], tick)
         follows.state.released_tick = 0  # no command is obeyed here, so a repair of the sensors need not be announced
         assert isinstance(record, LeaderState)
@@ -172,7 +172,7 @@ class Shadow(Driven):
         if not telemetry.validity:
             predicted, delayed = record.predicted_force, record.delayed_force
             self.score.add(tick.now_ns, telemetry.force, predicted, delayed, telemetry.in_contact)
-        return [record, telemetry, *models, *space]
+        return [record, telemetry, *models]
 
 
 def run_shadow(

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from foretouch.messages import VERSION, CameraImage
-from foretouch.messages.spatial import LARGEST_JPEG
+from foretouch.messages.states import LARGEST_JPEG
 from foretouch.quantities import Pose
 from foretouch.quantities.pose import Vector
 from foretouch.robot import CameraScene

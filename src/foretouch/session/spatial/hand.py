@@ -10,7 +10,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from foretouch.errors import DecodeError, InputError
-from foretouch.messages import VERSION, FieldUpdate, FollowerSpace, LeaderSpace, Message, ModelUpdate
+from foretouch.messages import FieldUpdate, LeaderSpace, Message, ModelUpdate, Telemetry
 from foretouch.models import FIELD_DEPTH, NO_STATE, ContactModel, MaterialField
 from foretouch.quantities.pose import Vector, dot, norm, scaled, subtract
 from foretouch.rendering import Renderer
@@ -125,8 +125,9 @@ class HandInSpace(HandOnAxis):
 
     def take(self, message: Message, renderer: Renderer, view: FollowerView) -> None:
         """See `HandOnAxis.take`."""
-        if type(message) is FollowerSpace:
-            self._follower = (message.desired_x, message.desired_y, message.desired_z), message.run
+        if type(message) is Telemetry:
+            if (space := message.space) is not None:
+                self._follower = (space.desired_x, space.desired_y, space.desired_z), message.run
         elif type(message) is FieldUpdate and view.run in (0, message.run):
             self.material.take(message)
         elif type(message) is ModelUpdate and view.run in (0, message.run):
@@ -195,7 +196,7 @@ class HandInSpace(HandOnAxis):
             memory = predictor.state if law is predictor.model else NO_STATE
             renderer.adopt(law, self.line.offset + self.felt_deeper, memory, message=predictor.message)
 
-    def finish(self, renderer: Renderer, sequence: int, now_ns: int, epoch: int) -> Told:
+    def finish(self, renderer: Renderer) -> Told:
         """See `HandOnAxis.finish`; the deviation is the field's, where there is one."""
         (position, *_), (_, force, _, deviation) = renderer.shown, renderer.predicted
         known = math.isfinite(position)
@@ -203,17 +204,14 @@ class HandInSpace(HandOnAxis):
             self.left = self.closest.place_at(position)
         uncertainty = self.material.uncertainty
         deviation = deviation if math.isnan(uncertainty) else uncertainty * force
-        return self.left if known else (), deviation, self._report(renderer, sequence, now_ns, epoch)
+        return self.left if known else (), deviation, self._report(renderer)
 
-    def _report(self, renderer: Renderer, sequence: int, now_ns: int, epoch: int) -> LeaderSpace:
+    def _report(self, renderer: Renderer) -> LeaderSpace:
         model, predictor = self._model, renderer.predictor
         deviation = (
             model.fixture_deviation if model is not None and len(model.fixture_deviation) == 6 else (math.nan,) * 6
         )
         return LeaderSpace(
-            VERSION,
-            sequence,
-            now_ns,
             *self.place,
             *self.left,
             *self.closest.point,
@@ -226,7 +224,4 @@ class HandInSpace(HandOnAxis):
             norm((deviation[3], deviation[4], deviation[5])),
             math.inf if model is None else model.fixture_age,
             renderer.coefficient,
-            *renderer.booked[:2],
-            epoch,
-            renderer.late_energy,
         )

@@ -289,7 +289,7 @@ class ProbeInSpace(ProbeOnAxis):
                 state.failures.stop_learning("its learning in space", error)
                 model = None
         self._desired, along = self.safety.limit(coordinate)
-        return self._desired, along, self._report(state, inputs.sample, now_ns), model, field
+        return self._desired, along, self._report(inputs.sample), model, field
 
     def _learn(self, state: State, force: Vector, model: ModelUpdate | None, now_ns: int) -> ModelUpdate | None:
         """Offset of the sensor, friction, onset of a contact, a missed surface; returns the model with its fixture."""
@@ -321,14 +321,11 @@ class ProbeInSpace(ProbeOnAxis):
             friction=(friction.coefficient, friction.viscous, *friction.deviations) if friction.known else (),
         )
 
-    def _report(self, state: State, sample: SpatialSample, now_ns: int) -> FollowerSpace:
+    def _report(self, sample: SpatialSample) -> FollowerSpace:
         """What there is to tell in space in this tick."""
         closest = self.line.newest
         x, y, z, rx, ry, rz = sample.fixture if len(sample.fixture) == POSE_NUMBERS else (math.nan,) * POSE_NUMBERS
         return FollowerSpace(
-            VERSION,
-            state.tick,
-            now_ns,
             *sample.place,
             *self._desired,
             *self._force,
@@ -338,7 +335,6 @@ class ProbeInSpace(ProbeOnAxis):
             *(x, y, z, rx, ry, rz),
             *self.touch,
             self.touch_tick,
-            state.run,
         )
 
     def tip(self, state: State, sample: SpatialSample) -> Vector:

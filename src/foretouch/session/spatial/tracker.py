@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from foretouch.messages import VERSION, CameraImage, FixtureBelief, FollowerSpace
+from foretouch.messages import VERSION, CameraImage, FixtureBelief, Telemetry
 from foretouch.quantities import Pose
 from foretouch.vision import ContactSeen, FixtureFilter, FusionSettings, ImageSeen, TouchedSurface, Verdict
 
@@ -83,13 +83,11 @@ def start(
     return State(known, fusion in ("full", "image"), fusion in ("full", "contact"), epoch=epoch)
 
 
-def step(
-    state: State, spaces: Sequence[FollowerSpace], images: Sequence[CameraImage], now_ns: int
-) -> FixtureBelief | None:
+def step(state: State, ticks: Sequence[Telemetry], images: Sequence[CameraImage], now_ns: int) -> FixtureBelief | None:
     """Take ticks and images since the last call, at the follower's newest time [ns]; a belief, where one is due."""
     news = False
-    for space in spaces:
-        news = _take_tick(state, space) or news
+    for tick in ticks:
+        news = _take_tick(state, tick) or news
     for image in images:
         news = _take_image(state, image) or news
     now = now_ns * SECOND
@@ -114,15 +112,16 @@ def step(
     )
 
 
-def _take_tick(state: State, space: FollowerSpace) -> bool:
+def _take_tick(state: State, tick: Telemetry) -> bool:
     """Remember when a tick was; take the touch that it tells of, if that is new."""
-    if space.run in state.gone:
+    space = tick.space
+    if space is None or tick.run in state.gone:
         return False
-    if space.run != state.run:  # what was felt before this tracker began, or before another process did, is no news
+    if tick.run != state.run:  # what was felt before this tracker began, or before another process did, is no news
         state.gone.add(state.run)
-        state.run, state.touch_tick = space.run, space.touch_tick if state.times or space.sequence > FIRST_TICKS else 0
+        state.run, state.touch_tick = tick.run, space.touch_tick if state.times or tick.sequence > FIRST_TICKS else 0
         state.times.clear()
-    state.times[space.sequence] = space.time_ns
+    state.times[tick.sequence] = tick.time_ns
     while len(state.times) > REMEMBERED:
         state.times.popitem(last=False)
     if space.touch_tick <= state.touch_tick:
@@ -131,7 +130,7 @@ def _take_tick(state: State, space: FollowerSpace) -> bool:
     if not state.uses_touches:
         return False
     seen = ContactSeen(
-        state.times.get(space.touch_tick, space.time_ns) * SECOND,
+        state.times.get(space.touch_tick, tick.time_ns) * SECOND,
         (space.touch_x, space.touch_y, space.touch_z),
         TOUCH_DEVIATION,
     )

@@ -56,7 +56,7 @@ class HandOnAxis:
     def go_on(self, renderer: Renderer) -> None:
         """Take the law where the hand is now, where no model came."""
 
-    def finish(self, renderer: Renderer, sequence: int, now_ns: int, epoch: int) -> Told:
+    def finish(self, renderer: Renderer) -> Told:
         """What there is to tell of a rendered tick."""
         return (), renderer.predicted[3], None
 

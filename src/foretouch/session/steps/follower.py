@@ -24,7 +24,6 @@ from foretouch.messages import (
     Command,
     FieldUpdate,
     FixtureBelief,
-    FollowerSpace,
     ModelUpdate,
     Status,
     Telemetry,
@@ -132,14 +131,10 @@ class Inputs(NamedTuple):
 
 
 class Outputs(NamedTuple):
-    """Position for the robot [m], telemetry for all subscribers, and what is for the leader when it is due.
-
-    In space there is more: a record beside the telemetry, and a field of materials.
-    """
+    """Position for the robot [m], telemetry for all subscribers, and what is for the leader when it is due."""
 
     desired_position: Any
     telemetry: Telemetry
-    space: FollowerSpace | None
     model: ModelUpdate | None
     field: FieldUpdate | None
 
@@ -241,8 +236,9 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         sensors,
         state.lease.epoch,
         state.run,
+        space,
     )
-    return state, Outputs(commanded, telemetry, space, model, materials)
+    return state, Outputs(commanded, telemetry, model, materials)
 
 
 def _commanded(state: State, commands: list[Command], now_ns: int) -> float:

@@ -13,7 +13,7 @@ from typing import NamedTuple, TypeAlias
 
 from foretouch.devices import DeviceSpecification
 from foretouch.errors import InputError
-from foretouch.messages import VERSION, Command, LeaderSpace, LeaderState, Message, ModelUpdate, Telemetry
+from foretouch.messages import VERSION, Command, LeaderState, Message, ModelUpdate, Telemetry
 from foretouch.models import NO_STATE, make_model
 from foretouch.quantities import LARGEST_POSITION
 from foretouch.quantities.pose import Vector
@@ -106,14 +106,13 @@ class Inputs(NamedTuple):
 
 
 class Outputs(NamedTuple):
-    """Outputs of a tick: a command for the follower, its own record, and in space one beside it.
+    """Outputs of a tick: a command for the follower, and its own record.
 
-    The force for the hand is `rendered_force` of the record, and in space `force_x`, `force_y` and `force_z`.
+    The force for the hand is `rendered_force` of the record, and in space `force_x`, `force_y` and `force_z` there.
     """
 
     command: Command
     record: LeaderState
-    space: LeaderSpace | None
 
 
 def start(
@@ -195,7 +194,7 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     energy, energy_bound, late_energy = renderer.booked
     velocity, predicted, jump, _ = renderer.predicted
     state.sequence += 1
-    place, deviation, space = hand.finish(renderer, state.sequence, now_ns, state.epoch)
+    place, deviation, space = hand.finish(renderer)
     command = Command(
         VERSION,
         state.sequence,
@@ -237,8 +236,9 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         state.epoch,
         view.run,
         late_energy,
+        space,
     )
-    return state, Outputs(command, record, space)
+    return state, Outputs(command, record)
 
 
 def _take(state: State, arrived: Sequence[Message]) -> tuple[list[ModelUpdate], bool]:
@@ -248,7 +248,6 @@ def _take(state: State, arrived: Sequence[Message]) -> tuple[list[ModelUpdate], 
         kind = type(message)
         if kind is Telemetry:
             view.take_telemetry(message)  # type: ignore[arg-type]
-            continue
         state.hand.take(message, state.renderer, view)
         if kind is ModelUpdate:
             came = True
