@@ -3,7 +3,6 @@
 This is the only room with time, threads, processes and policy.
 """
 
-from foretouch.session.frames import FramedDevice, FramedRobot, framed_device, framed_robot, inverse
 from foretouch.session.mediated import MediatedForce, mediate
 from foretouch.session.operators import (
     close_operator,
@@ -33,6 +32,7 @@ from foretouch.session.runners.simulated import prepare_simulation, simulate
 from foretouch.session.runners.warm_up import prepare, warm_up
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.steps.sensing import session_calibration
+from foretouch.session.workspace import FramedDevice, FramedRobot, framed_device, framed_robot, inverse
 
 __all__ = [
     "CLOSED_LOOP",

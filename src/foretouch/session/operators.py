@@ -16,13 +16,11 @@ from foretouch.devices import (
     BrowserOperator,
     Device,
     DeviceSpecification,
-    Hand,
     Reach,
     RecordedOperator,
     RestingOperator,
     ScriptedOperator,
     SpatialDevice,
-    SpatialHand,
 )
 from foretouch.errors import SettingError, UnknownNameError, printable
 from foretouch.errors.checks import NUMBER, require_type
@@ -34,13 +32,12 @@ from foretouch.robot import (
     Material,
     RcmArm,
     Robot,
-    SpatialRobot,
     WrappedRobot,
     WrappedSpatialRobot,
     make_material,
 )
-from foretouch.session.frames import FramedRobot, device_inside, framed_device, inverse
-from foretouch.session.settings import ONE_AXIS, SAMPLE_PERIOD, THREE_AXES, SessionSettings
+from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
+from foretouch.session.workspace import FramedRobot, device_inside, framed_device, inverse
 from foretouch.settings import NO_GRIP, SIMULATED
 
 RECORDED_MOTION = "tue/b-foam"  # Dataset whose leader lever moves the ``recorded`` operator
@@ -112,8 +109,7 @@ def make_operator(
 def mounted_operator(settings: SessionSettings, intention: Any) -> Any:
     """An operator of the package in the settings' leader frame; with a grip, a hand that intends what it does."""
     if settings.grip != NO_GRIP:
-        hand = SpatialHand if settings.scene else Hand
-        intention = hand(intention, GRIPS[settings.grip], settings.device, settings.clutch)
+        intention = settings.workspace.hand(intention, GRIPS[settings.grip], settings.device, settings.clutch)
     return framed_device(intention, inverse(settings.leader_frame))
 
 
@@ -215,12 +211,12 @@ def require_axes(what: str, machine: Any, name: str, settings: SessionSettings) 
     Raises:
         SettingError: It is of the other kind.
     """
-    if isinstance(machine, SpatialDevice | SpatialRobot) == bool(settings.scene):
+    ours = settings.workspace
+    if isinstance(machine, ours.device | ours.robot):
         return
     machine.close()
-    kind = "Device" if what == "operator" else "Robot"
-    rule = ONE_AXIS.format(settings.scene, f"Spatial{kind}") if settings.scene else THREE_AXES.format(kind)
-    raise SettingError(what, name, rule)
+    kind = {"operator": ours.device, "robot": ours.robot}[what].__name__
+    raise SettingError(what, name, ours.other_machine.format(scene=settings.scene, kind=kind))
 
 
 def require_simulated_operator(settings: SessionSettings) -> None:

@@ -9,19 +9,10 @@ from typing import Any, cast
 from foretouch.devices import Reach
 from foretouch.errors import SettingError, UnknownNameError
 from foretouch.plugins import make_plugin
-from foretouch.robot import (
-    FaultySensor,
-    FaultySpatialSensor,
-    Material,
-    MovedRobot,
-    MovedSpatialRobot,
-    Robot,
-    SpatialRobot,
-    make_robot,
-)
-from foretouch.session.frames import framed_device, framed_robot, inverse
+from foretouch.robot import Material, Robot, SpatialRobot, make_robot
 from foretouch.session.operators import make_operator, reach_of, require_axes
 from foretouch.session.settings import ROBOTS, SAMPLE_PERIOD, SessionSettings, shadow_settings
+from foretouch.session.workspace import framed_device, framed_robot, inverse
 from foretouch.settings import SIMULATED
 
 
@@ -49,8 +40,7 @@ def make_session_robot(settings: SessionSettings) -> tuple[Robot, Material | Rea
 def mounted_robot(settings: SessionSettings, arm: Any) -> Any:
     """A simulated arm with the settings' sensor fault, in their follower frame."""
     if settings.sensor_fault:
-        faulty = FaultySpatialSensor if settings.scene else FaultySensor
-        arm = faulty(arm, settings.sensor_fault, seed=settings.seed)
+        arm = settings.workspace.faulty(arm, settings.sensor_fault, seed=settings.seed)
     return framed_robot(arm, inverse(settings.follower_frame))
 
 
@@ -74,11 +64,10 @@ def moved_by(operator: Any, robot: Any, settings: SessionSettings) -> Any:
     mover = framed_device(operator, inverse(settings.follower_frame))
 
     def position_at(time: float) -> Any:
-        if settings.scene:
-            mover.see(robot.read().fixture)
+        settings.workspace.show(robot, mover)
         return mover.read(round(time * 1e9))
 
-    return (MovedSpatialRobot if settings.scene else MovedRobot)(robot, position_at)
+    return settings.workspace.moved(robot, position_at)
 
 
 def reach_texts(reach: Material | Reach) -> dict[str, str]:

@@ -19,12 +19,12 @@ from foretouch.messages import SessionLog, Status
 from foretouch.quantities import Rows
 from foretouch.quantities.pose import Vector
 from foretouch.robot import MATERIALS, Robot, material_names
-from foretouch.session.frames import framed_device, inverse
 from foretouch.session.network.playout import Playout
 from foretouch.session.replay.machines import PlayedOperator, PlayedRobot
 from foretouch.session.robots import make_session_robot
 from foretouch.session.runners.simulated import simulate
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
+from foretouch.session.workspace import framed_device, inverse
 from foretouch.settings import NO_GRIP, SIMULATED
 
 _REAL = "is of a robot in three dimensions other than the simulated one, and cannot be simulated again"

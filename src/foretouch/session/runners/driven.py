@@ -18,7 +18,6 @@ from foretouch.link import Faults, FaultStage
 from foretouch.messages import FixtureBelief, Handle, Message
 from foretouch.quantities.pose import Vector, add, scaled
 from foretouch.robot import Robot, SpatialRobot
-from foretouch.session.frames import browser_operator, framed_device, framed_robot
 from foretouch.session.network.playout import Arrival
 from foretouch.session.operators import felt_device
 from foretouch.session.runners.loop_timer import let_pass
@@ -27,6 +26,7 @@ from foretouch.session.spatial.hand import HandInSpace
 from foretouch.session.spatial.probe import ProbeInSpace
 from foretouch.session.spatial.scenes import make_scene
 from foretouch.session.steps import follower, leader
+from foretouch.session.workspace import browser_operator, framed_device, framed_robot
 
 
 class Tick(NamedTuple):

@@ -1,15 +1,20 @@
-"""Machines that count positions otherwise than the session does, translated at the edge, along a line and in space."""
+"""What a session is made of, along a line and in space; and machines that count positions otherwise than it does.
+
+Those are translated at the edge. Nothing else asks whether a session has a scene: it asks `Line` or `Space`.
+"""
 
 from __future__ import annotations
 
 import functools
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
 
 from foretouch.devices import (
+    HARDWARE_OPERATORS,
     AnyDevice,
     BrowserOperator,
     Device,
@@ -19,10 +24,26 @@ from foretouch.devices import (
     SpatialDevice,
     SpatialHand,
 )
+from foretouch.errors import SettingError, UnknownNameError
 from foretouch.quantities import Frame, SpatialFrame
 from foretouch.quantities.pose import Vector
-from foretouch.robot import Robot, RobotSample, SpatialRobot, SpatialSample, WrappedRobot, WrappedSpatialRobot
+from foretouch.robot import (
+    FaultySensor,
+    FaultySpatialSensor,
+    MovedRobot,
+    MovedSpatialRobot,
+    Robot,
+    RobotSample,
+    SpatialRobot,
+    SpatialSample,
+    WrappedRobot,
+    WrappedSpatialRobot,
+)
 from foretouch.robot.robot import Wrapped
+from foretouch.settings import MESH_ENDINGS, SCENES
+
+if TYPE_CHECKING:
+    from foretouch.session.settings import SessionSettings
 
 POSE_NUMBERS = 6  # A place and a rotation vector
 
@@ -182,3 +203,78 @@ def _posed(frame: SpatialFrame, pose: tuple[float, ...]) -> tuple[float, ...]:
     """The pose in the world of one in the machine's frame, computed where it has moved; none stays none."""
     known = len(pose) == POSE_NUMBERS and all(map(math.isfinite, pose))
     return frame.pose_inside(pose) if known else pose
+
+
+class Line:
+    """What a session along a line is made of, and what is said of it.
+
+    Attributes:
+        unchosen: Material and model where none is chosen.
+        frame, commas: Kind of frame; more commas in a text than these make it one in space, which has six numbers.
+        device, hand: Kind of operator, and of the simulated hand about one.
+        robot, moved, faulty: Kind of robot, of one that is moved from elsewhere, and of one whose sensors fail.
+        unknown: An unknown position [m].
+        lengths: What a follower says of its material, for an operator to reach it.
+        beside: Processes beside those of the sides.
+        again: What is simulated again beside a robot and its material.
+        other_frame, other_machine, other_side: What is wrong with a frame, a machine or a follower of the other kind.
+    """
+
+    unchosen: Mapping[str, str] = MappingProxyType({"material": "foam-measured", "model": "contact-map"})
+    frame: type[Any] = Frame
+    commas = 4
+    device: type[Any] = Device
+    hand: type[Any] = Hand
+    robot: type[Any] = Robot
+    moved: type[Any] = MovedRobot
+    faulty: type[Any] = FaultySensor
+    unknown: Any = math.nan
+    lengths: tuple[str, ...] = ("surface", "press_depth")
+    beside: tuple[str, ...] = ()
+    again = ""
+    other_frame = "is of a scene; along a line give two numbers, ORIGIN,DIRECTION: for example 0.02,-1"
+    other_machine = (
+        "moves in three dimensions, and this session is along a line: give a scene, or take one that is a {kind}"
+    )
+    other_side = "the follower is in a scene: give this side --scene {theirs} too"
+
+    def check(self, settings: SessionSettings) -> None:
+        """Refuse a scene that does not exist, and a device that cannot move in it."""
+
+    def show(self, robot: Any, operator: Any) -> None:
+        """Show the operator where the robot has the fixture."""
+
+
+class Space(Line):
+    """The same of a session in a scene, in three dimensions."""
+
+    unchosen = MappingProxyType({"material": "hunt-crossley", "model": "quadratic"})
+    frame, commas = SpatialFrame, 1
+    device, hand = SpatialDevice, SpatialHand
+    robot, moved, faulty = SpatialRobot, MovedSpatialRobot, FaultySpatialSensor
+    unknown = (math.nan, math.nan, math.nan)
+    lengths = ()
+    beside = ("camera",)
+    again = ", its fixture, camera and tracker"
+    other_frame = "is of a line; with a scene give six numbers, X,Y,Z,RX,RY,RZ: the base in the world [m, rad]"
+    other_machine = (
+        "moves along one axis, and the scene {scene} is touched in three dimensions: take one that is a {kind}"
+    )
+    other_side = "the follower has {theirs} and not scene = {ours!r}: give both sides the same"
+
+    def check(self, settings: SessionSettings) -> None:
+        """See `Line.check`."""
+        scene, operator = settings.scene, settings.operator
+        if scene not in SCENES and not scene.lower().endswith(MESH_ENDINGS):
+            raise UnknownNameError("scene", scene, (*SCENES, *(f"FILE{ending}" for ending in MESH_ENDINGS)))
+        if operator in HARDWARE_OPERATORS:
+            rule = self.other_machine.format(scene=scene, kind=self.device.__name__)
+            raise SettingError("operator", operator, rule)
+
+    def show(self, robot: Any, operator: Any) -> None:
+        """See `Line.show`."""
+        operator.see(robot.read().fixture)
+
+
+LINE, SPACE = WORKSPACES = Line(), Space()
+"""Without a scene and with one: the one place where that is asked is `foretouch.session.SessionSettings.workspace`."""
