@@ -3,7 +3,6 @@
 This is the only room with time, threads, processes and policy.
 """
 
-from foretouch.session.mediated import MediatedForce, mediate
 from foretouch.session.operators import (
     close_operator,
     felt_texts,
@@ -14,7 +13,7 @@ from foretouch.session.operators import (
 from foretouch.session.processes.processes import run_processes
 from foretouch.session.processes.recorder import RECORDER_CHANNELS, RECORDING_INCOMPLETE, Recorder, run_recorder
 from foretouch.session.replay.machines import recorded_settings
-from foretouch.session.replay.replay import Replay, replay
+from foretouch.session.replay.replay import MediatedForce, Replay, mediate, replay
 from foretouch.session.replay.under import CLOSED_LOOP, FIXED_MOTION, material_answers, replay_notes, replay_under
 from foretouch.session.robots import make_moved_robot, make_session_robot, reach_texts, require_simulated_robot
 from foretouch.session.runners.housekeeping import Housekeeper, Process, StopFlag, orphaned
@@ -31,6 +30,7 @@ from foretouch.session.runners.shadow import SHADOW_CHANNELS, run_shadow
 from foretouch.session.runners.simulated import prepare_simulation, simulate
 from foretouch.session.runners.warm_up import prepare, warm_up
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
+from foretouch.session.setup import setup_of
 from foretouch.session.steps.sensing import session_calibration
 from foretouch.session.workspace import FramedDevice, FramedRobot, framed_device, framed_robot, inverse
 
@@ -82,6 +82,7 @@ __all__ = [
     "run_recorder",
     "run_shadow",
     "session_calibration",
+    "setup_of",
     "simulate",
     "wait_for_hello",
     "warm_up",

@@ -22,8 +22,8 @@ from foretouch.models import make_model
 from foretouch.rendering import Renderer
 from foretouch.robot import AnyRobot, SpatialRobot, WrappedRobot, WrappedSpatialRobot
 from foretouch.robot.robot import Wrapped
-from foretouch.session import SessionSettings, SimulatedSession, make_operator, make_session_robot, simulate
-from foretouch.session.spatial import make_scene, make_spatial_operator, make_spatial_robot
+from foretouch.session import SessionSettings, SimulatedSession, setup_of, simulate
+from foretouch.session.workspace import LINE, SPACE
 
 DURATION, ROUNDS = 10.0, 5
 
@@ -81,18 +81,18 @@ class SpatialRobotOnTape(_OnTape, WrappedSpatialRobot):
         self.reach = robot.reach
 
 
+TAPES: dict[Any, Any] = {LINE: RobotOnTape, SPACE: SpatialRobotOnTape}
+
+
 class TapedSession:
     """A session of a simulated duration [s], with default settings or others, whose robot's samples are on tape."""
 
     def __init__(self, duration: float, settings: SessionSettings | None = None) -> None:
         self._settings = SessionSettings() if settings is None else settings
         self._duration = duration
-        self._tape: RobotOnTape | SpatialRobotOnTape
-        if self._settings.scene:
-            self._tape = SpatialRobotOnTape(make_spatial_robot(self._settings, make_scene(self._settings.scene)))
-        else:
-            arm, self._material = make_session_robot(self._settings)
-            self._tape = RobotOnTape(arm)
+        self._setup = setup_of(self._settings)
+        arm, self._reach = self._setup.robot()
+        self._tape: Any = TAPES[self._settings.workspace](arm)
         simulate(self._settings, duration=duration, operator=self._operator(), robot=self._tape)
 
     def times(self) -> dict[str, Array]:
@@ -112,12 +112,7 @@ class TapedSession:
         }
 
     def _operator(self) -> Any:
-        settings = self._settings
-        if settings.scene:
-            scene = make_scene(settings.scene)
-            return make_spatial_operator(settings, scene, scene.nominal, say=_quiet)
-        material = self._material
-        return make_operator(settings, surface=material.surface, press_depth=material.press_depth, say=_quiet)
+        return self._setup.operator(self._reach, _quiet)
 
 
 def _quiet(text: str) -> None:

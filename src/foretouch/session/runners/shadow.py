@@ -23,6 +23,7 @@ from foretouch.session.runners.live import Loop
 from foretouch.session.runners.news import shadow_news
 from foretouch.session.runners.warm_up import prepare
 from foretouch.session.settings import SessionSettings, shadow_settings
+from foretouch.session.workspace import LINE, SPACE
 
 SCORED_AFTER = 1.5  # Time after the first tick at which scoring begins [s], as in a session's report
 LONGEST_TICK = 0.1  # Longest time since the previous tick that a tick counts for [s]: beyond it, nothing was observed
@@ -122,6 +123,9 @@ class SpatialShadowHand(_ShadowHand, SpatialDevice):
     """The same in three dimensions."""
 
 
+HANDS = {LINE: ShadowHand, SPACE: SpatialShadowHand}
+
+
 class Shadow(Driven):
     """A leader and a follower on a robot that is moved from elsewhere: its measured position is the leader's hand.
 
@@ -143,9 +147,9 @@ class Shadow(Driven):
     def __init__(self, robot: Robot | SpatialRobot, settings: SessionSettings, epoch: int) -> None:
         super().__init__(settings.return_faults)
         self.follows = drive_follower(robot, settings, epoch)
-        hand = SpatialShadowHand if settings.scene else ShadowHand
-        self.leads = drive_leader(hand(self.follows), settings, NAME, epoch)
-        self.channels = self.follows.channels
+        hand: Any = HANDS[settings.workspace](self.follows)
+        self.leads = drive_leader(hand, settings, NAME, epoch)
+        self.channels, self._nowhere = self.follows.channels, settings.workspace.unknown
         self.score = ShadowScore()
 
     def counts(self) -> dict[str, int]:
@@ -154,7 +158,7 @@ class Shadow(Driven):
 
     def pass_time(self, periods: int) -> None:
         """See `Driven.pass_time`; nothing is commanded."""
-        self.follows.desired = (math.nan,) * 3 if self.channels else math.nan
+        self.follows.desired = self._nowhere
         self.follows.pass_time(periods)
 
     def act(self, due: list[Any], tick: Tick) -> list[Message]:

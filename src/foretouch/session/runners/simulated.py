@@ -7,32 +7,23 @@ from contextlib import ExitStack
 from typing import Any
 
 from foretouch.devices import Device, SpatialDevice
-from foretouch.errors import InputError, SettingError
+from foretouch.errors import InputError
 from foretouch.errors.checks import require, require_type
-from foretouch.robot import Robot, SpatialRobot, material_names
+from foretouch.robot import Robot, SpatialRobot
 from foretouch.session.operators import (
     close_operator,
     felt_texts,
-    make_operator,
-    own_robot,
-    pressed_material,
     reach_of,
     require_axes,
     require_simulated_operator,
     require_simulated_time,
     say_on_stderr,
 )
-from foretouch.session.robots import make_session_robot, reach_texts, require_simulated_robot
+from foretouch.session.robots import require_simulated_robot
 from foretouch.session.runners.lap import Progress, Record, SimulatedSession, run_session
 from foretouch.session.settings import SessionSettings
-from foretouch.session.spatial import (
-    SimulatedCamera,
-    make_camera,
-    make_scene,
-    make_spatial_operator,
-    make_spatial_robot,
-)
-from foretouch.settings import SIMULATED
+from foretouch.session.setup import setup_of
+from foretouch.session.spatial import SimulatedCamera
 
 
 def simulate(
@@ -135,44 +126,20 @@ Machines = tuple[Device | SpatialDevice, Robot | SpatialRobot, SimulatedCamera |
 def _machines(
     made: ExitStack, settings: SessionSettings, operator: Any, robot: Any, say: Callable[[str], None]
 ) -> Machines:
-    """Make the robot and operator that were not passed, and in a scene the camera."""
-    scene = make_scene(settings.scene) if settings.scene else None
-    reach: Any = None
+    """Make the robot and operator that were not passed, and the camera where there is one."""
+    setup = setup_of(settings)
     if robot is not None:
         reach = reach_of(robot, settings)
     else:
-        robot, reach = make_session_robot(settings) if scene is None else (make_spatial_robot(settings, scene), None)
+        robot, reach = setup.robot()
         made.callback(robot.close)
         require_simulated_robot(robot, settings)
-    texts = own_robot(robot) if scene is not None else _own_material(robot, settings) | reach_texts(reach)
+    texts = setup.texts(robot, reach)
     if operator is None:
-        if scene is not None:
-            operator = make_spatial_operator(settings, scene, scene.nominal, say)
-        else:
-            operator = make_operator(settings, surface=reach.surface, press_depth=reach.press_depth, say=say)
+        operator = setup.operator(reach, say)
         made.callback(close_operator, operator)
         require_simulated_time(operator)
-    camera = None
-    if scene is not None and settings.fusion in ("full", "image"):
-        if robot.read().fixture:
-            camera = make_camera(settings, scene, say=say)
-        else:
-            say("camera: the robot does not say where its fixture is; the session goes on without it")
+    camera = setup.camera(robot, say)
     if camera is not None:
         made.callback(camera.close)
     return operator, robot, camera, felt_texts(operator, settings) | texts
-
-
-def _own_material(robot: Robot, settings: SessionSettings) -> dict[str, str]:
-    """Texts of the log on the material, where the robot presses one of its own, which no setting can name.
-
-    Raises:
-        SettingError: It presses another material than the settings name.
-    """
-    material = pressed_material(robot)
-    if settings.robot != SIMULATED or material is None or material.name == settings.material:
-        return {}
-    if material.name in material_names():
-        rule = f"the robot presses {material.name}; make it with make_robot(settings.material), or leave it out"
-        raise SettingError("material", settings.material, rule)
-    return {"material": material.name}
