@@ -1,18 +1,17 @@
-"""The robot of a session: a simulated arm, or another package's; also one that is moved from elsewhere."""
+"""The robot of a session: a simulated arm, or another package's."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any, cast
+from typing import Any
 
 from foretouch.devices import Reach
 from foretouch.errors import SettingError, UnknownNameError
 from foretouch.plugins import make_plugin
 from foretouch.robot import Material, Robot, SpatialRobot, make_robot
-from foretouch.session.operators import make_operator, reach_of, require_axes
-from foretouch.session.settings import ROBOTS, SAMPLE_PERIOD, SessionSettings, shadow_settings
-from foretouch.session.workspace import framed_device, framed_robot, inverse
+from foretouch.session.operators import reach_of, require_axes
+from foretouch.session.settings import ROBOTS, SAMPLE_PERIOD, SessionSettings
+from foretouch.session.workspace import framed_robot, inverse
 from foretouch.settings import SIMULATED
 
 
@@ -42,32 +41,6 @@ def mounted_robot(settings: SessionSettings, arm: Any) -> Any:
     if settings.sensor_fault:
         arm = settings.workspace.faulty(arm, settings.sensor_fault, seed=settings.seed)
     return framed_robot(arm, inverse(settings.follower_frame))
-
-
-def make_moved_robot(settings: SessionSettings, *, say: Callable[[str], None]) -> tuple[Robot, Material | Reach]:
-    """The same, moved by the settings' operator as by somebody with a pendant; a real one is moved by somebody else.
-
-    Args:
-        settings: Of the session.
-        say: Told in one line when the measured motion is not to be had and the script is used instead.
-    """
-    settings = shadow_settings(settings)
-    robot, reach = make_session_robot(settings)
-    if not robot.specification.simulated:
-        return robot, reach
-    operator = make_operator(settings, surface=reach.surface, press_depth=reach.press_depth, say=say)
-    return cast("Robot", moved_by(operator, robot, settings)), reach
-
-
-def moved_by(operator: Any, robot: Any, settings: SessionSettings) -> Any:
-    """A simulated robot moved by an operator, who sees the fixture where it is."""
-    mover = framed_device(operator, inverse(settings.follower_frame))
-
-    def position_at(time: float) -> Any:
-        settings.workspace.show(robot, mover)
-        return mover.read(round(time * 1e9))
-
-    return settings.workspace.moved(robot, position_at)
 
 
 def reach_texts(reach: Material | Reach) -> dict[str, str]:

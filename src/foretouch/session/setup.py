@@ -9,31 +9,24 @@ from foretouch.devices import UNKNOWN_REACH
 from foretouch.errors import SettingError
 from foretouch.robot import material_names
 from foretouch.session.operators import make_operator, own_robot, pressed_material
-from foretouch.session.robots import make_moved_robot, make_session_robot, reach_texts
-from foretouch.session.settings import SessionSettings
+from foretouch.session.robots import make_session_robot, reach_texts
+from foretouch.session.settings import SessionSettings, shadow_settings
 from foretouch.session.spatial import (
     Scene,
     SimulatedCamera,
     make_camera,
-    make_moved_spatial_robot,
     make_scene,
     make_spatial_operator,
     make_spatial_robot,
 )
-from foretouch.session.workspace import LINE, SPACE
+from foretouch.session.workspace import LINE, SPACE, framed_device, inverse
 from foretouch.settings import SIMULATED
 
 Say = Callable[[str], None]
 
 
 class LineSetup:
-    """The machines along a line. What is raised is raised by what makes them.
-
-    Attributes:
-        where: Where the material is, to be said after its name.
-    """
-
-    where = ""
+    """The machines along a line. What is raised is raised by what makes them."""
 
     def __init__(self, settings: SessionSettings) -> None:
         self._settings = settings
@@ -41,10 +34,6 @@ class LineSetup:
     def robot(self) -> Any:
         """A robot and the reach of what it presses, as `make_session_robot`."""
         return make_session_robot(self._settings)
-
-    def moved_robot(self, say: Say) -> Any:
-        """The same of a robot that is moved from elsewhere, as `make_moved_robot`."""
-        return make_moved_robot(self._settings, say=say)
 
     def operator(self, reach: Any, say: Say) -> Any:
         """Who moves the leader over what is so far away, as `make_operator`."""
@@ -78,15 +67,11 @@ class SpaceSetup(LineSetup):
 
     def __init__(self, settings: SessionSettings) -> None:
         super().__init__(settings)
-        self._scene, self.where = make_scene(settings.scene), f" on the scene {settings.scene}"
+        self._scene = make_scene(settings.scene)
 
     def robot(self) -> Any:
         """See `make_spatial_robot`; how far the material is, the scene says."""
         return make_spatial_robot(self._settings, self._scene), UNKNOWN_REACH
-
-    def moved_robot(self, say: Say) -> Any:
-        """See `make_moved_spatial_robot`."""
-        return make_moved_spatial_robot(self._settings, self._scene, say=say), UNKNOWN_REACH
 
     def operator(self, reach: Any, say: Say) -> Any:
         """See `make_spatial_operator`."""
@@ -116,3 +101,26 @@ SETUPS = {LINE: LineSetup, SPACE: SpaceSetup}
 def setup_of(settings: SessionSettings) -> LineSetup:
     """What makes the machines of these settings; a scene that cannot be made is refused."""
     return SETUPS[settings.workspace](settings)
+
+
+def make_moved_robot(settings: SessionSettings, *, say: Say) -> Any:
+    """A robot and its reach, moved by the settings' operator, who sees the fixture where it is, as with a pendant.
+
+    A real one is moved by somebody else.
+
+    Args:
+        settings: Of the session.
+        say: Told in one line when the measured motion is not to be had and the script is used instead.
+    """
+    settings = shadow_settings(settings)
+    setup = setup_of(settings)
+    robot, reach = setup.robot()
+    if not robot.specification.simulated:
+        return robot, reach
+    mover = framed_device(setup.operator(reach, say), inverse(settings.follower_frame))
+
+    def position_at(time: float) -> Any:
+        settings.workspace.show(robot, mover)
+        return mover.read(round(time * 1e9))
+
+    return settings.workspace.moved(robot, position_at), reach

@@ -216,6 +216,7 @@ class Line:
         unknown: An unknown position [m].
         lengths: What a follower says of its material, for an operator to reach it.
         beside: Processes beside those of the sides.
+        where: Where the material is, to be said after its name.
         again: What is simulated again beside a robot and its material.
         other_frame, other_machine, other_side: What is wrong with a frame, a machine or a follower of the other kind.
     """
@@ -231,7 +232,7 @@ class Line:
     unknown: Any = math.nan
     lengths: tuple[str, ...] = ("surface", "press_depth")
     beside: tuple[str, ...] = ()
-    again = ""
+    where = again = ""
     other_frame = "is of a scene; along a line give two numbers, ORIGIN,DIRECTION: for example 0.02,-1"
     other_machine = (
         "moves in three dimensions, and this session is along a line: give a scene, or take one that is a {kind}"
@@ -255,6 +256,7 @@ class Space(Line):
     unknown = (math.nan, math.nan, math.nan)
     lengths = ()
     beside = ("camera",)
+    where = " on the scene {}"
     again = ", its fixture, camera and tracker"
     other_frame = "is of a line; with a scene give six numbers, X,Y,Z,RX,RY,RZ: the base in the world [m, rad]"
     other_machine = (

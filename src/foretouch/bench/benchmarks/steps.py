@@ -93,12 +93,14 @@ class TapedSession:
         self._setup = setup_of(self._settings)
         arm, self._reach = self._setup.robot()
         self._tape: Any = TAPES[self._settings.workspace](arm)
-        simulate(self._settings, duration=duration, operator=self._operator(), robot=self._tape)
+        simulate(
+            self._settings, duration=duration, operator=self._setup.operator(self._reach, _quiet), robot=self._tape
+        )
 
     def times(self) -> dict[str, Array]:
         """Run it again: times of the steps [s] of leader and follower, shape (ticks,), and when the probe touched."""
         self._tape.rewind()
-        operator = self._operator()
+        operator = self._setup.operator(self._reach, _quiet)
         gc.collect()
         gc.disable()
         try:
@@ -110,9 +112,6 @@ class TapedSession:
             "follower": 1e-9 * log.follower["compute_ns"],
             "contact": log.follower["in_contact"].astype(np.float64),
         }
-
-    def _operator(self) -> Any:
-        return self._setup.operator(self._reach, _quiet)
 
 
 def _quiet(text: str) -> None:

@@ -200,6 +200,7 @@ def _follow(
         FOLLOWER_CHANNELS,
         SHADOW_CHANNELS,
         Process,
+        make_moved_robot,
         reach_texts,
         run_follower,
         run_shadow,
@@ -211,8 +212,8 @@ def _follow(
     channels: tuple[str, ...] = FOLLOWER_CHANNELS
     waits = WAITS
     pressed = f"pressing {settings.material}" if settings.robot == "simulated" else f"robot {settings.robot}"
-    setup = setup_of(settings)
-    robot, reach = setup.moved_robot(say) if shadow else setup.robot()
+    pressed += settings.workspace.where.format(settings.scene)
+    robot, reach = make_moved_robot(settings, say=say) if shadow else setup_of(settings).robot()
     if shadow:
         run, channels, texts = run_shadow, SHADOW_CHANNELS, {}  # it reports its settings by itself
         simulated = robot.specification.simulated
@@ -223,7 +224,7 @@ def _follow(
         open_link("follower", endpoints, channels) as link,
     ):
         if parent is None:
-            say(f"follower: {pressed}{setup.where}, {waits}")
+            say(f"follower: {pressed}, {waits}")
             if not shadow and (warning := unchecked(endpoints)):
                 say(f"follower: {warning}")
         description = texts | reach_texts(reach) | insecurity(link)
