@@ -25,8 +25,7 @@ from foretouch.recordings import write_calibration
 from foretouch.report import session_report
 from foretouch.robot import SENSOR_FAULTS, GantryArm, MovedRobot, MovedSpatialRobot, make_material, make_robot
 from foretouch.session import SessionSettings, make_operator, replay_under, simulate
-from foretouch.session.operators import mounted_operator
-from foretouch.session.robots import mounted_robot
+from foretouch.session.operators import mounted_operator, mounted_robot
 from foretouch.session.runners import lap
 from foretouch.session.runners.driven import Tick
 from foretouch.session.runners.shadow import Shadow

@@ -14,9 +14,8 @@ from foretouch.models import ContactMapModel, summarise_map
 from foretouch.quantities import Array, Flags, Rows
 from foretouch.report.numbers import largest, renders_models, setting
 from foretouch.report.perception import time_to_accuracy, update_jumps
-from foretouch.report.rows import Pairs, away, force_at_follower, joining, model_of, not_scored, nowhere, pair
-from foretouch.report.scene import in_scene, look_at_scene, scene_figures, tracking_error
-from foretouch.report.scene.pose import has_scene
+from foretouch.report.rows import Pairs, away, force_at_follower, joining, model_of, not_scored, pair
+from foretouch.report.scene import look, tracking_error
 from foretouch.report.scores import Scores
 from foretouch.report.sections.hand import hand_figures
 from foretouch.report.sections.safety import contact_force, safety_figures, segment_figures
@@ -103,7 +102,7 @@ def session_figures(
     )
     whole, log = log, log.longest_phase()
     pairs = pair(log)
-    leader, follower = pairs.leader, pairs.follower
+    leader, follower, found = pairs.leader, pairs.follower, look(log, pairs)
     skipped = not_scored(pairs)
     limits: dict[str, Any] = {"contact_floor": CONTACT_FLOOR, "score_from": score_from, "score_to": score_to}
     predicted = leader["predicted_force"]
@@ -125,8 +124,7 @@ def session_figures(
         "guarded_samples": int(follower["guarded"].sum()),
         "away_samples": int((away(follower) & ~joining(follower)).sum()),
         "faulty_samples": int((log.follower["validity"] > 0).sum()),
-        # In three dimensions a hand has no position on the normal before it is coupled.
-        "nowhere_samples": 0 if has_scene(log) else int(nowhere(log.leader).sum()),
+        "nowhere_samples": found.nowhere(),
         "score_from_s": score_from,
         "score_to_s": score_to,
         "contact_force_rms_N": main.contact_force_rms_N,
@@ -174,10 +172,7 @@ def session_figures(
         "baseline": setting(log.settings, "baseline", NO_BASELINE),
         "settings": dict(log.settings),
     }
-    if not has_scene(log):
-        return report
-    findings = look_at_scene(log, pairs)
-    return in_scene(report, scene_figures(log, pairs, findings), findings)
+    return found.complete(report)
 
 
 def _errors(scores: Scores | None) -> dict[str, float | None]:

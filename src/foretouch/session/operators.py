@@ -1,4 +1,4 @@
-"""Operators by name: those of this package, hardware devices, and those of other packages."""
+"""Operators by name: those of this package, hardware devices, and those of other packages; and their robots."""
 
 from __future__ import annotations
 
@@ -32,12 +32,13 @@ from foretouch.robot import (
     Material,
     RcmArm,
     Robot,
+    SpatialRobot,
     WrappedRobot,
     WrappedSpatialRobot,
     make_material,
 )
-from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
-from foretouch.session.workspace import FramedRobot, device_inside, framed_device, inverse
+from foretouch.session.settings import ROBOTS, SAMPLE_PERIOD, SessionSettings
+from foretouch.session.workspace import FramedRobot, device_inside, framed_device, framed_robot, inverse
 from foretouch.settings import NO_GRIP, SIMULATED
 
 RECORDED_MOTION = "tue/b-foam"  # Dataset whose leader lever moves the ``recorded`` operator
@@ -322,3 +323,26 @@ def recorded_operator(surface: float, press_depth: float) -> RecordedOperator:
     """The measured motion of a leader's lever, into a surface there and as deep [m]."""
     time, position = read_leader_motion(excerpt(RECORDED_MOTION))
     return RecordedOperator(time, position, surface, press_depth)
+
+
+def mounted_robot(settings: SessionSettings, arm: Any) -> Any:
+    """A simulated arm with the settings' sensor fault, in their follower frame."""
+    if settings.sensor_fault:
+        arm = settings.workspace.faulty(arm, settings.sensor_fault, seed=settings.seed)
+    return framed_robot(arm, inverse(settings.follower_frame))
+
+
+def foreign_robot(settings: SessionSettings) -> Any:
+    """Another package's robot; see `foretouch.session.make_session_robot`."""
+    kinds: Any = (Robot, SpatialRobot)
+    robot = make_plugin("robot", settings.robot, kinds, settings, built_in=ROBOTS)
+    if robot is None:
+        raise UnknownNameError("robot", settings.robot, settings.robots())
+    require_axes("robot", robot, settings.robot, settings)
+    period = getattr(getattr(robot, "specification", None), "sample_period", None)
+    if period != SAMPLE_PERIOD:
+        robot.close()
+        raise SettingError(
+            "robot", settings.robot, f"has a sample period of {period} s: a session exchanges every {SAMPLE_PERIOD:g} s"
+        )
+    return robot

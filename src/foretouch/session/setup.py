@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
-from foretouch.devices import UNKNOWN_REACH
+from foretouch.devices import UNKNOWN_REACH, Reach
 from foretouch.errors import SettingError
-from foretouch.robot import material_names
-from foretouch.session.operators import make_operator, own_robot, pressed_material
-from foretouch.session.robots import make_session_robot, reach_texts
+from foretouch.robot import Material, Robot, SpatialRobot, make_robot, material_names
+from foretouch.session.operators import (
+    foreign_robot,
+    make_operator,
+    mounted_robot,
+    own_robot,
+    pressed_material,
+    reach_of,
+)
 from foretouch.session.settings import SessionSettings, shadow_settings
 from foretouch.session.spatial import (
     Scene,
@@ -32,8 +39,13 @@ class LineSetup:
         self._settings = settings
 
     def robot(self) -> Any:
-        """A robot and the reach of what it presses, as `make_session_robot`."""
-        return make_session_robot(self._settings)
+        """See `make_session_robot`."""
+        settings = self._settings
+        if settings.robot != SIMULATED:
+            robot = foreign_robot(settings)
+            return robot, reach_of(robot, settings)
+        arm = make_robot(settings.material, seed=settings.seed)
+        return mounted_robot(settings, arm), arm.material
 
     def operator(self, reach: Any, say: Say) -> Any:
         """Who moves the leader over what is so far away, as `make_operator`."""
@@ -103,6 +115,23 @@ def setup_of(settings: SessionSettings) -> LineSetup:
     return SETUPS[settings.workspace](settings)
 
 
+def make_session_robot(settings: SessionSettings) -> Any:
+    """The robot of the settings, and how far what it presses is, as far as anybody knows; in a scene that says it.
+
+    The simulated arm counts as the settings' follower frame says because it is built to, so that its own line of
+    positions, in which the material is given, is the session's. Another package's counts as it does by itself, and the
+    session translates it; its specification rules. Where it has an attribute ``material`` that is a
+    `foretouch.robot.Material`, the operators know where to press; else they do not, and the surface is found by
+    touching.
+
+    Raises:
+        UnknownNameError: No such robot or material.
+        PluginError: Another package's robot, which cannot be made.
+        SettingError: One that does not exchange once in a sample period of the session.
+    """
+    return setup_of(settings).robot()
+
+
 def make_moved_robot(settings: SessionSettings, *, say: Say) -> Any:
     """A robot and its reach, moved by the settings' operator, who sees the fixture where it is, as with a pendant.
 
@@ -124,3 +153,23 @@ def make_moved_robot(settings: SessionSettings, *, say: Say) -> Any:
         return mover.read(round(time * 1e9))
 
     return settings.workspace.moved(robot, position_at), reach
+
+
+def reach_texts(reach: Material | Reach) -> dict[str, str]:
+    """Where a material is in the session's frame and how deep it is pressed, for an operator to reach it.
+
+    Nothing where nobody knows.
+    """
+    lengths = {"surface": reach.surface, "press_depth": reach.press_depth}
+    return {name: str(length) for name, length in lengths.items() if math.isfinite(length)}
+
+
+def require_simulated_robot(robot: Robot | SpatialRobot, settings: SessionSettings) -> None:
+    """Refuse a robot that does not live in simulated time.
+
+    Raises:
+        SettingError: It is a real one.
+    """
+    if not robot.specification.simulated:
+        robot.close()
+        raise SettingError("robot", settings.robot, "is a real one and needs real time: foretouch teleop")

@@ -201,10 +201,10 @@ def _follow(
         SHADOW_CHANNELS,
         Process,
         make_moved_robot,
+        make_session_robot,
         reach_texts,
         run_follower,
         run_shadow,
-        setup_of,
     )
 
     texts = {name: text for name, text in settings.as_text().items() if name not in LEADER_SETTINGS}
@@ -213,7 +213,7 @@ def _follow(
     waits = WAITS
     pressed = f"pressing {settings.material}" if settings.robot == "simulated" else f"robot {settings.robot}"
     pressed += settings.workspace.where.format(settings.scene)
-    robot, reach = make_moved_robot(settings, say=say) if shadow else setup_of(settings).robot()
+    robot, reach = make_moved_robot(settings, say=say) if shadow else make_session_robot(settings)
     if shadow:
         run, channels, texts = run_shadow, SHADOW_CHANNELS, {}  # it reports its settings by itself
         simulated = robot.specification.simulated

@@ -12,19 +12,20 @@ import numpy as np
 from foretouch.errors import ForetouchError
 from foretouch.messages import SessionLog
 from foretouch.models import MaterialField
-from foretouch.quantities import Array, Flags
+from foretouch.quantities import Array, Flags, Rows
 from foretouch.report.energy import (
     Account,
     BookedDevice,
     account_figures,
     book,
     booked_device,
+    energy_account,
     lost_rows,
     recorded_account,
     summed_account,
 )
 from foretouch.report.numbers import largest, number_of, runs, setting
-from foretouch.report.rows import Pairs, not_scored
+from foretouch.report.rows import Pairs, not_scored, nowhere
 from foretouch.report.scene.map import StiffnessMap, learnt_field, map_figures, stiffness_map
 from foretouch.report.scene.pose import PoseError, SceneRows, pose_error, pose_figures, scene_rows, vectors
 from foretouch.robot import MATERIALS
@@ -128,8 +129,33 @@ NOT_ALONG_A_LINE = ("contact_force_rms_N", "prediction_rmse_N", "prediction_erro
 
 
 @dataclass(frozen=True, eq=False)
-class SceneFindings:
-    """Data behind the figures and drawings of one segment.
+class LineFindings:
+    """What the figures and drawings of one segment along a line are made of.
+
+    Attributes:
+        log: The segment.
+        pairs: Its rows at equal command.
+    """
+
+    log: SessionLog
+    pairs: Pairs
+
+    def booked(self) -> tuple[Rows, Account]:
+        """The leader's rows, and their energy account."""
+        return self.log.leader, energy_account(self.log.leader, booked_device(self.log.settings))
+
+    def nowhere(self) -> int:
+        """Number of ticks in which the device gave no position."""
+        return int(nowhere(self.log.leader).sum())
+
+    def complete(self, report: dict[str, Any]) -> dict[str, Any]:
+        """The report with all that is found here alone."""
+        return report
+
+
+@dataclass(frozen=True, eq=False)
+class SceneFindings(LineFindings):
+    """The same of a segment with messages in space.
 
     Attributes:
         rows: Rows of the session.
@@ -149,6 +175,24 @@ class SceneFindings:
     field: MaterialField | None
     map: StiffnessMap | None
 
+    def booked(self) -> tuple[Rows, Account]:
+        """See `LineFindings.booked`; the account is that in all directions."""
+        return self.rows.leader, self.account
+
+    def nowhere(self) -> int:
+        """0: in three dimensions a hand has no position on the normal before it is coupled."""
+        return 0
+
+    def complete(self, report: dict[str, Any]) -> dict[str, Any]:
+        """See `in_scene`."""
+        return in_scene(report, scene_figures(self.log, self.pairs, self), self)
+
+
+def look(log: SessionLog, pairs: Pairs) -> LineFindings:
+    """What is found in a segment along a line, or in three dimensions where it has messages in space."""
+    in_space = bool(setting(log.settings, "scene", "")) and bool(log.leader_space.size and log.follower_space.size)
+    return (LineFindings, look_at_scene)[in_space](log, pairs)
+
 
 def look_at_scene(log: SessionLog, pairs: Pairs) -> SceneFindings:
     """What figures and drawings of a segment with messages in space are made of; its rows at equal command with it."""
@@ -162,7 +206,8 @@ def look_at_scene(log: SessionLog, pairs: Pairs) -> SceneFindings:
         name = setting(log.settings, "material", "")
         material = name if name in MATERIALS and _is_simulated(rows) else None
         stiffness = stiffness_map(rows, field, scene, material, felt if math.isfinite(felt) else 0.0)
-    return SceneFindings(rows, pose_error(rows), wrong_contacts(log, pairs), account, scene, field, stiffness)
+    wrong = wrong_contacts(log, pairs)
+    return SceneFindings(log, pairs, rows, pose_error(rows), wrong, account, scene, field, stiffness)
 
 
 def scene_figures(log: SessionLog, pairs: Pairs, findings: SceneFindings) -> dict[str, Any]:

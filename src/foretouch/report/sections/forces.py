@@ -31,6 +31,7 @@ from foretouch.report.rows import Pairs, Segment, not_scored
 from foretouch.report.scores import JND_FORCE, JND_SHARE, STATUSES
 from foretouch.report.sections import Drawing, Section, View
 from foretouch.session.operators import STAYS_IN_THE_AIR
+from foretouch.session.workspace import LINE
 from foretouch.settings import NO_BASELINE, SIMULATED
 
 ZOOM = 4.0  # Length of the close-up [s], and of shorter recordings half of them
@@ -254,9 +255,15 @@ def _lines(report: Mapping[str, Any]) -> Iterator[str]:
     yield _row(report, "rendered (after limits)", "rendered", "rendered_within_jnd", "rendered_phantom")
     yield _row(report, wanted, "prediction", "within_jnd", "phantom")
     yield _row(report, late, "delayed_force")
-    if "scene" not in report:  # what is compared at one position is of a line
-        yield _row(report["equal_position"], "predicted at follower's position", "prediction", "within_jnd")
+
+
+def _line_at_one_position(report: Mapping[str, Any]) -> Iterator[str]:
+    yield _row(report["equal_position"], "predicted at follower's position", "prediction", "within_jnd")
+
+
+def _more_lines(report: Mapping[str, Any]) -> Iterator[str]:
     if report["exact_force"]["contact_force_rms_N"] is not None:
+        wanted, _ = _NAMES.get(report["baseline"], _CONTROLLED)
         against = f"{wanted.partition(' (')[0]}, against exact force"
         yield _row(report["exact_force"], against, "prediction", "within_jnd")
     soon = "{time_to_ten_percent_s:s} after the first contact that is scored"
@@ -280,20 +287,34 @@ def _row(figures: Mapping[str, Any], name: str, of: str, within: str = "", phant
 
 
 def _drawings(view: View) -> Iterator[Drawing]:
-    """Forces over time and, along a line and where something was touched, over the depth."""
+    """Forces over time."""
     pairs, report = view.pairs, view.report
     if not pairs.time.size:
         return
-    true_force = pairs.follower["sensor_force"] - lowest_mean(pairs.time, pairs.follower["sensor_force"])
     end = pairs.time[-1] if report["score_to_s"] is None else min(report["score_to_s"], pairs.time[-1])
     scored = (pairs.time >= report["score_from_s"]) & (pairs.time <= end) & ~not_scored(pairs)
     columns = (pairs.leader[f"{kind}_force"] for kind in ("predicted", "delayed", "rendered"))
-    forces = force_figure(pairs.time, true_force, *columns, scored=scored, wanted=view.wanted, segments=view.away)
+    shown = {"scored": scored, "wanted": view.wanted, "segments": view.away}
+    forces = force_figure(pairs.time, _true_force(pairs), *columns, **shown)
     yield Drawing(forces, "True, predicted, delayed and rendered force over time, and the errors")
-    if view.scene is None and pairs.follower["in_contact"].any():
+
+
+def _true_force(pairs: Pairs) -> Array:
+    force: Array = pairs.follower["sensor_force"]
+    return force - lowest_mean(pairs.time, force)
+
+
+def _loop(view: View) -> Iterator[Drawing]:
+    """Forces over the depth, where something was touched."""
+    pairs = view.pairs
+    if pairs.follower["in_contact"].any():
         surfaces = [model.surface for model in view.log.models if model.valid and np.isfinite(model.surface)]
-        loop = loop_figure(pairs, true_force, surfaces[-1] if surfaces else None, view.wanted)
+        loop = loop_figure(pairs, _true_force(pairs), surfaces[-1] if surfaces else None, view.wanted)
         yield Drawing(loop, "Force against depth, true and predicted")
 
 
-FORCES = Section("forces", _findings, _lines, _drawings)
+FORCES = (
+    Section("forces", _findings, _lines, _drawings),
+    Section("at one position", lines=_line_at_one_position, drawings=_loop, of=(LINE,)),
+    Section("against the truth", lines=_more_lines),
+)

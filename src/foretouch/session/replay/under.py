@@ -21,9 +21,9 @@ from foretouch.quantities.pose import Vector
 from foretouch.robot import MATERIALS, Robot, material_names
 from foretouch.session.network.playout import Playout
 from foretouch.session.replay.machines import PlayedOperator, PlayedRobot
-from foretouch.session.robots import make_session_robot
 from foretouch.session.runners.simulated import simulate
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
+from foretouch.session.setup import make_session_robot
 from foretouch.session.workspace import LINE, SPACE, framed_device, inverse
 from foretouch.settings import NO_GRIP, SIMULATED
 

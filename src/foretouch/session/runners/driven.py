@@ -26,7 +26,7 @@ from foretouch.session.spatial.hand import HandInSpace
 from foretouch.session.spatial.probe import ProbeInSpace
 from foretouch.session.spatial.scenes import make_scene
 from foretouch.session.steps import follower, leader
-from foretouch.session.workspace import browser_operator, framed_device, framed_robot
+from foretouch.session.workspace import LINE, SPACE, browser_operator, framed_device, framed_robot
 
 
 class Tick(NamedTuple):
@@ -323,12 +323,14 @@ class SpaceLeader(DrivenLeader):
         self._operator.render(self.state.renderer.force)
 
 
+SIDES: dict[Any, Any] = {LINE: (LineFollower, LineLeader), SPACE: (SpaceFollower, SpaceLeader)}
+
+
 def drive_follower(robot: Robot | SpatialRobot, settings: SessionSettings, run: int) -> DrivenFollower:
     """The follower for this robot."""
-    return (LineFollower if isinstance(robot, Robot) else SpaceFollower)(robot, settings, run)  # type: ignore[arg-type]
+    return SIDES[settings.workspace][0](robot, settings, run)  # type: ignore[no-any-return]
 
 
 def drive_leader(operator: Device | SpatialDevice, settings: SessionSettings, holder: str, epoch: int) -> DrivenLeader:
     """The leader for this operator."""
-    make = LineLeader if isinstance(operator, Device) else SpaceLeader
-    return make(operator, settings, holder, epoch)  # type: ignore[arg-type]
+    return SIDES[settings.workspace][1](operator, settings, holder, epoch)  # type: ignore[no-any-return]

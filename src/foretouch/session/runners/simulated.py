@@ -19,10 +19,9 @@ from foretouch.session.operators import (
     require_simulated_time,
     say_on_stderr,
 )
-from foretouch.session.robots import require_simulated_robot
 from foretouch.session.runners.lap import Progress, Record, SimulatedSession, run_session
 from foretouch.session.settings import SessionSettings
-from foretouch.session.setup import setup_of
+from foretouch.session.setup import require_simulated_robot, setup_of
 from foretouch.session.spatial import SimulatedCamera
 
 

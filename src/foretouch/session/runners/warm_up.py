@@ -33,7 +33,7 @@ from foretouch.identification import ESTIMATORS, ContactSample, Learner, identif
 from foretouch.models import ContactMapModel, Predictor, make_model
 from foretouch.quantities import Recording
 from foretouch.robot import RobotSample, RobotSpecification, SpatialSample
-from foretouch.session.runners.driven import LineFollower, LineLeader, SpaceFollower, SpaceLeader, Tick
+from foretouch.session.runners.driven import Tick, drive_follower, drive_leader
 from foretouch.session.runners.housekeeping import COMPILING, HELLO_PERIOD, ORPHANED, StopFlag, orphaned
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.setup import setup_of
@@ -161,18 +161,13 @@ class _Slide(_Press):
         return SpatialSample(position, force, force, position, (), False)
 
 
-MOTIONS: dict[Any, tuple[Any, Any, type[_Press]]] = {
-    LINE: (LineFollower, LineLeader, _Press),
-    SPACE: (SpaceFollower, SpaceLeader, _Slide),
-}
-"""Follower, leader, and what both of them do."""
+MOTIONS: dict[Any, Any] = {LINE: _Press, SPACE: _Slide}
 
 
 def _press_in_a_session(settings: SessionSettings) -> None:
     """Run both sides of a session: the same press by both, with no network between."""
-    follower, leader, motion = MOTIONS[settings.workspace]
-    press = motion()
-    follows, leads = follower(press, settings, 1), leader(press, settings, "warm-up", 1)
+    press = MOTIONS[settings.workspace]()
+    follows, leads = drive_follower(press, settings, 1), drive_leader(press, settings, "warm-up", 1)
     commands: list[Any] = []
     for number in range(TICKS):
         tick = Tick(number * 1_000_000, 1_000_000)
@@ -185,7 +180,7 @@ def _move_the_simulated(settings: SessionSettings) -> None:
     with suppress(ForetouchError):  # MuJoCo is not installed: then no session uses it
         if settings.robot != SIMULATED:
             return
-        setup, motion = setup_of(settings), MOTIONS[settings.workspace][-1]()
+        setup, motion = setup_of(settings), MOTIONS[settings.workspace]()
         robot, reach = setup.robot()
         hand = setup.operator(reach, lambda _: None)
         for tick in range(TICKS):

@@ -27,8 +27,14 @@ from foretouch.rendering.surfaces import SurfaceProxy
 from foretouch.robot import GantryArm, Material, SpatialRobot, make_material
 from foretouch.robot.engine import MOVED_MASS
 from foretouch.robot.gantry_arm import LEAST_STEPS
-from foretouch.session.operators import foreign_operator, mounted_operator, recorded_operator, say_on_stderr
-from foretouch.session.robots import foreign_robot, mounted_robot
+from foretouch.session.operators import (
+    foreign_operator,
+    foreign_robot,
+    mounted_operator,
+    mounted_robot,
+    recorded_operator,
+    say_on_stderr,
+)
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.spatial.camera import SimulatedCamera
 from foretouch.session.spatial.scenes import HOVER, Scene, palpation, recorded_palpation
