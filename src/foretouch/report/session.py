@@ -14,8 +14,8 @@ from foretouch.models import ContactMapModel, summarise_map
 from foretouch.quantities import Array, Flags, Rows
 from foretouch.report.numbers import largest, renders_models, setting
 from foretouch.report.perception import time_to_accuracy, update_jumps
-from foretouch.report.rows import Pairs, away, force_at_follower, joining, model_of, not_scored, pair
-from foretouch.report.scene import look, tracking_error
+from foretouch.report.rows import Pairs, away, force_at_follower, joining, model_of, not_scored, nowhere, pair
+from foretouch.report.scene import AT_ONE_POSITION, look, tracking_error
 from foretouch.report.scores import Scores
 from foretouch.report.sections.hand import hand_figures
 from foretouch.report.sections.safety import contact_force, safety_figures, segment_figures
@@ -102,7 +102,7 @@ def session_figures(
     )
     whole, log = log, log.longest_phase()
     pairs = pair(log)
-    leader, follower, found = pairs.leader, pairs.follower, look(log, pairs)
+    leader, follower = pairs.leader, pairs.follower
     skipped = not_scored(pairs)
     limits: dict[str, Any] = {"contact_floor": CONTACT_FLOOR, "score_from": score_from, "score_to": score_to}
     predicted = leader["predicted_force"]
@@ -124,7 +124,7 @@ def session_figures(
         "guarded_samples": int(follower["guarded"].sum()),
         "away_samples": int((away(follower) & ~joining(follower)).sum()),
         "faulty_samples": int((log.follower["validity"] > 0).sum()),
-        "nowhere_samples": found.nowhere(),
+        "nowhere_samples": int(nowhere(log.leader).sum()),
         "score_from_s": score_from,
         "score_to_s": score_to,
         "contact_force_rms_N": main.contact_force_rms_N,
@@ -172,12 +172,11 @@ def session_figures(
         "baseline": setting(log.settings, "baseline", NO_BASELINE),
         "settings": dict(log.settings),
     }
-    return found.complete(report)
+    return look(log, pairs).complete(report)
 
 
 def _errors(scores: Scores | None) -> dict[str, float | None]:
-    names = ("contact_force_rms_N", "prediction_rmse_N", "prediction_error_percent", "within_jnd_percent")
-    return {name: getattr(scores, name, None) for name in names}
+    return {name: getattr(scores, name, None) for name in AT_ONE_POSITION}
 
 
 def _learnt(log: SessionLog, pairs: Pairs) -> dict[str, Any]:

@@ -28,7 +28,6 @@ from foretouch.plugins import make_plugin
 from foretouch.quantities import Frame
 from foretouch.recordings import excerpt, read_leader_motion
 from foretouch.robot import (
-    GantryArm,
     Material,
     RcmArm,
     Robot,
@@ -114,7 +113,7 @@ def mounted_operator(settings: SessionSettings, intention: Any) -> Any:
     return framed_device(intention, inverse(settings.leader_frame))
 
 
-def reach_of(robot: Robot | None, settings: SessionSettings) -> Material | Reach:
+def reach_of(robot: Robot | SpatialRobot | None, settings: SessionSettings) -> Material | Reach:
     """Position of the surface in the session and depth of the presses, as far as the robot provides them.
 
     Args:
@@ -126,7 +125,7 @@ def reach_of(robot: Robot | None, settings: SessionSettings) -> Material | Reach
     material = pressed_material(robot)
     if material is None:
         return UNKNOWN_REACH
-    inner, frames = _robot_inside(robot)
+    inner, frames = robot_inside(robot)
     if not isinstance(inner, RcmArm):
         return material
     surface = inner.surface
@@ -136,19 +135,13 @@ def reach_of(robot: Robot | None, settings: SessionSettings) -> Material | Reach
     return Reach(surface, material.press_depth)
 
 
-def own_robot(robot: Any) -> dict[str, str]:
-    """Texts of the log on a robot in space that is not the simulated one."""
-    inner, _ = _robot_inside(robot)
-    return {} if isinstance(inner, GantryArm) else {"robot": type(inner).__name__}
-
-
-def pressed_material(robot: Robot) -> Material | None:
+def pressed_material(robot: Any) -> Material | None:
     """Material that a robot presses, where it is simulated and provides it."""
-    material = getattr(_robot_inside(robot)[0], "material", None)
+    material = getattr(robot_inside(robot)[0], "material", None)
     return material if isinstance(material, Material) else None
 
 
-def _robot_inside(robot: Any) -> tuple[Any, list[Frame]]:
+def robot_inside(robot: Any) -> tuple[Any, list[Frame]]:
     """A robot without the frames around it, and those frames, the outermost first."""
     frames = []
     while isinstance(robot, WrappedRobot | WrappedSpatialRobot):
@@ -217,7 +210,7 @@ def require_axes(what: str, machine: Any, name: str, settings: SessionSettings) 
         return
     machine.close()
     kind = {"operator": ours.device, "robot": ours.robot}[what].__name__
-    raise SettingError(what, name, ours.other_machine.format(scene=settings.scene, kind=kind))
+    raise SettingError(what, name, ours.machines.format(scene=settings.scene, kind=kind))
 
 
 def require_simulated_operator(settings: SessionSettings) -> None:

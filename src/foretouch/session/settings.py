@@ -83,7 +83,7 @@ class SessionSettings(Declared, Brief):
     def __post_init__(self) -> None:
         self._read_texts()
         self._check_types()
-        for name, default in self.workspace.unchosen.items():
+        for name, default in self.workspace.unchosen:
             if not getattr(self, name):
                 object.__setattr__(self, name, default)
         for name, declared in SETTINGS.items():
@@ -94,7 +94,7 @@ class SessionSettings(Declared, Brief):
         for name in ("leader_frame", "follower_frame"):
             frame = getattr(self, name)
             if frame != NO_FRAME and not isinstance(frame, self.workspace.frame):
-                raise SettingError(name, str(frame), self.workspace.other_frame)
+                raise SettingError(name, str(frame), self.workspace.frames)
         self.workspace.check(self)
         if not self.estimator:
             object.__setattr__(self, "estimator", DEFAULT_ESTIMATORS.get(self.model, ""))

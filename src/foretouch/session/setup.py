@@ -8,14 +8,14 @@ from typing import Any
 
 from foretouch.devices import UNKNOWN_REACH, Reach
 from foretouch.errors import SettingError
-from foretouch.robot import Material, Robot, SpatialRobot, make_robot, material_names
+from foretouch.robot import GantryArm, Material, make_robot, material_names
 from foretouch.session.operators import (
     foreign_robot,
     make_operator,
     mounted_robot,
-    own_robot,
     pressed_material,
     reach_of,
+    robot_inside,
 )
 from foretouch.session.settings import SessionSettings, shadow_settings
 from foretouch.session.spatial import (
@@ -91,7 +91,8 @@ class SpaceSetup(LineSetup):
 
     def texts(self, robot: Any, reach: Any) -> dict[str, str]:
         """Texts of the log on a robot that is not the simulated one."""
-        return own_robot(robot)
+        inner, _ = robot_inside(robot)
+        return {} if isinstance(inner, GantryArm) else {"robot": type(inner).__name__}
 
     def camera(self, robot: Any, say: Say) -> SimulatedCamera | None:
         """See `make_camera`; it needs a robot that says where its fixture is."""
@@ -133,9 +134,7 @@ def make_session_robot(settings: SessionSettings) -> Any:
 
 
 def make_moved_robot(settings: SessionSettings, *, say: Say) -> Any:
-    """A robot and its reach, moved by the settings' operator, who sees the fixture where it is, as with a pendant.
-
-    A real one is moved by somebody else.
+    """The same, moved by the settings' operator as by somebody with a pendant; a real one is moved by somebody else.
 
     Args:
         settings: Of the session.
@@ -156,20 +155,6 @@ def make_moved_robot(settings: SessionSettings, *, say: Say) -> Any:
 
 
 def reach_texts(reach: Material | Reach) -> dict[str, str]:
-    """Where a material is in the session's frame and how deep it is pressed, for an operator to reach it.
-
-    Nothing where nobody knows.
-    """
+    """Where a material is in the session's frame and how deep it is pressed, as far as anybody knows."""
     lengths = {"surface": reach.surface, "press_depth": reach.press_depth}
     return {name: str(length) for name, length in lengths.items() if math.isfinite(length)}
-
-
-def require_simulated_robot(robot: Robot | SpatialRobot, settings: SessionSettings) -> None:
-    """Refuse a robot that does not live in simulated time.
-
-    Raises:
-        SettingError: It is a real one.
-    """
-    if not robot.specification.simulated:
-        robot.close()
-        raise SettingError("robot", settings.robot, "is a real one and needs real time: foretouch teleop")

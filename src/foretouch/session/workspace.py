@@ -8,10 +8,9 @@ from __future__ import annotations
 import functools
 import itertools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from foretouch.devices import (
     HARDWARE_OPERATORS,
@@ -42,9 +41,6 @@ from foretouch.robot import (
 from foretouch.robot.robot import Wrapped
 from foretouch.settings import MESH_ENDINGS, SCENES
 
-if TYPE_CHECKING:
-    from foretouch.session.settings import SessionSettings
-
 POSE_NUMBERS = 6  # A place and a rotation vector
 
 
@@ -55,16 +51,14 @@ def inverse(frame: Frame | SpatialFrame) -> Any:
 
 def framed_device(device: Any, frame: Frame | SpatialFrame) -> Any:
     """The device as the session sees it; itself where both count alike."""
-    if frame == Frame():
-        return device
-    return (FramedDevice if isinstance(frame, Frame) else FramedSpatialDevice)(device, frame)
+    kind: Any = FramedDevice if isinstance(frame, Frame) else FramedSpatialDevice
+    return device if frame == Frame() else kind(device, frame)
 
 
 def framed_robot(robot: Any, frame: Frame | SpatialFrame) -> Any:
     """The robot as the session sees it; itself where both count alike."""
-    if frame == Frame():
-        return robot
-    return (FramedRobot if isinstance(frame, Frame) else FramedSpatialRobot)(robot, frame)  # type: ignore[arg-type]
+    kind: Any = FramedRobot if isinstance(frame, Frame) else FramedSpatialRobot
+    return robot if frame == Frame() else kind(robot, frame)
 
 
 def browser_operator(device: AnyDevice) -> Any:
@@ -206,40 +200,26 @@ def _posed(frame: SpatialFrame, pose: tuple[float, ...]) -> tuple[float, ...]:
 
 
 class Line:
-    """What a session along a line is made of, and what is said of it.
+    """What a session along a line is made of, and what is said of it."""
 
-    Attributes:
-        unchosen: Material and model where none is chosen.
-        frame, commas: Kind of frame; more commas in a text than these make it one in space, which has six numbers.
-        device, hand: Kind of operator, and of the simulated hand about one.
-        robot, moved, faulty: Kind of robot, of one that is moved from elsewhere, and of one whose sensors fail.
-        unknown: An unknown position [m].
-        lengths: What a follower says of its material, for an operator to reach it.
-        beside: Processes beside those of the sides.
-        where: Where the material is, to be said after its name.
-        again: What is simulated again beside a robot and its material.
-        other_frame, other_machine, other_side: What is wrong with a frame, a machine or a follower of the other kind.
-    """
-
-    unchosen: Mapping[str, str] = MappingProxyType({"material": "foam-measured", "model": "contact-map"})
+    unchosen = (("material", "foam-measured"), ("model", "contact-map"))  # what is taken where nothing is chosen
     frame: type[Any] = Frame
-    commas = 4
+    commas = 4  # more in a text make a frame in space, which has six numbers
     device: type[Any] = Device
-    hand: type[Any] = Hand
+    hand: type[Any] = Hand  # a simulated one, about the device that moves it
     robot: type[Any] = Robot
-    moved: type[Any] = MovedRobot
+    moved: type[Any] = MovedRobot  # from elsewhere
     faulty: type[Any] = FaultySensor
-    unknown: Any = math.nan
-    lengths: tuple[str, ...] = ("surface", "press_depth")
-    beside: tuple[str, ...] = ()
-    where = again = ""
-    other_frame = "is of a scene; along a line give two numbers, ORIGIN,DIRECTION: for example 0.02,-1"
-    other_machine = (
-        "moves in three dimensions, and this session is along a line: give a scene, or take one that is a {kind}"
-    )
-    other_side = "the follower is in a scene: give this side --scene {theirs} too"
+    unknown: Any = math.nan  # position [m]
+    lengths: tuple[str, ...] = ("surface", "press_depth")  # what a follower says, for an operator to reach it
+    beside: tuple[str, ...] = ()  # processes beside those of both sides
+    where = again = ""  # where the material is, and what is simulated again with it
+    # What is wrong with frames, machines and sides of the other kind.
+    frames = "is of a scene; along a line give two numbers, ORIGIN,DIRECTION: for example 0.02,-1"
+    machines = "moves in three dimensions, and this session is along a line: give a scene, or take one that is a {kind}"
+    sides = "the follower is in a scene: give this side --scene {theirs} too"
 
-    def check(self, settings: SessionSettings) -> None:
+    def check(self, settings: Any) -> None:
         """Refuse a scene that does not exist, and a device that cannot move in it."""
 
     def show(self, robot: Any, operator: Any) -> None:
@@ -249,29 +229,24 @@ class Line:
 class Space(Line):
     """The same of a session in a scene, in three dimensions."""
 
-    unchosen = MappingProxyType({"material": "hunt-crossley", "model": "quadratic"})
+    unchosen = (("material", "hunt-crossley"), ("model", "quadratic"))
     frame, commas = SpatialFrame, 1
     device, hand = SpatialDevice, SpatialHand
     robot, moved, faulty = SpatialRobot, MovedSpatialRobot, FaultySpatialSensor
     unknown = (math.nan, math.nan, math.nan)
-    lengths = ()
-    beside = ("camera",)
-    where = " on the scene {}"
-    again = ", its fixture, camera and tracker"
-    other_frame = "is of a line; with a scene give six numbers, X,Y,Z,RX,RY,RZ: the base in the world [m, rad]"
-    other_machine = (
-        "moves along one axis, and the scene {scene} is touched in three dimensions: take one that is a {kind}"
-    )
-    other_side = "the follower has {theirs} and not scene = {ours!r}: give both sides the same"
+    lengths, beside = (), ("camera",)
+    where, again = " on the scene {}", ", its fixture, camera and tracker"
+    frames = "is of a line; with a scene give six numbers, X,Y,Z,RX,RY,RZ: the base in the world [m, rad]"
+    machines = "moves along one axis, and the scene {scene} is touched in three dimensions: take one that is a {kind}"
+    sides = "the follower has {theirs} and not scene = {ours!r}: give both sides the same"
 
-    def check(self, settings: SessionSettings) -> None:
+    def check(self, settings: Any) -> None:
         """See `Line.check`."""
         scene, operator = settings.scene, settings.operator
         if scene not in SCENES and not scene.lower().endswith(MESH_ENDINGS):
             raise UnknownNameError("scene", scene, (*SCENES, *(f"FILE{ending}" for ending in MESH_ENDINGS)))
         if operator in HARDWARE_OPERATORS:
-            rule = self.other_machine.format(scene=scene, kind=self.device.__name__)
-            raise SettingError("operator", operator, rule)
+            raise SettingError("operator", operator, self.machines.format(scene=scene, kind=self.device.__name__))
 
     def show(self, robot: Any, operator: Any) -> None:
         """See `Line.show`."""

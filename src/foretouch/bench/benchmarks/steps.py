@@ -20,7 +20,7 @@ from foretouch.bench.benchmarks.updates import growth
 from foretouch.bench.timing import Array, Row, Scope, Spread, one_core, resident_bytes, spread
 from foretouch.models import make_model
 from foretouch.rendering import Renderer
-from foretouch.robot import AnyRobot, SpatialRobot, WrappedRobot, WrappedSpatialRobot
+from foretouch.robot import AnyRobot, WrappedRobot, WrappedSpatialRobot
 from foretouch.robot.robot import Wrapped
 from foretouch.session import SessionSettings, SimulatedSession, setup_of, simulate
 from foretouch.session.workspace import LINE, SPACE
@@ -75,10 +75,6 @@ class RobotOnTape(_OnTape, WrappedRobot):
 
 class SpatialRobotOnTape(_OnTape, WrappedSpatialRobot):
     """The same in three dimensions."""
-
-    def __init__(self, robot: SpatialRobot) -> None:
-        _OnTape.__init__(self, robot)
-        self.reach = robot.reach
 
 
 TAPES: dict[Any, Any] = {LINE: RobotOnTape, SPACE: SpatialRobotOnTape}

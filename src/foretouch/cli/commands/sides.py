@@ -238,7 +238,7 @@ def _operator(settings: SessionSettings, hello: dict[str, str]) -> Device | Spat
 
     ours, theirs = settings.scene, hello.get("scene", "")
     if ours != theirs:
-        raise LinkError(settings.workspace.other_side.format(ours=ours, theirs=theirs or "a session along a line"))
+        raise LinkError(settings.workspace.sides.format(ours=ours, theirs=theirs or "a session along a line"))
     told = {name: _reach(hello, name) for name in settings.workspace.lengths}
     return setup_of(settings).operator(UNKNOWN_REACH._replace(**told), say)  # type: ignore[no-any-return]
 
@@ -263,12 +263,10 @@ def _leader_name(name: str | None, certified: str) -> str:
 
 def _reach(hello: dict[str, str], name: str) -> float:
     """A length that the follower reported, by which the operator reaches the material; NaN where it reported none."""
-    if name not in hello:
-        return math.nan
     try:
-        value = float(hello[name])
-    except (KeyError, ValueError):
+        value = float(hello.get(name, "nan"))
+    except ValueError:
         value = math.nan
-    if not 0.0 < value <= LONGEST_REACH:
+    if name in hello and not 0.0 < value <= LONGEST_REACH:
         raise LinkError(f"the follower says {name} = {hello.get(name)!r}: it must be at most {LONGEST_REACH:g} m")
     return value

@@ -25,7 +25,7 @@ from foretouch.report.energy import (
     summed_account,
 )
 from foretouch.report.numbers import largest, number_of, runs, setting
-from foretouch.report.rows import Pairs, not_scored, nowhere
+from foretouch.report.rows import Pairs, not_scored
 from foretouch.report.scene.map import StiffnessMap, learnt_field, map_figures, stiffness_map
 from foretouch.report.scene.pose import PoseError, SceneRows, pose_error, pose_figures, scene_rows, vectors
 from foretouch.robot import MATERIALS
@@ -125,28 +125,19 @@ def spatial_account(rows: SceneRows, *, position_scale: float, device: BookedDev
     return recorded_account(rows.leader, hand, account)[0]
 
 
-NOT_ALONG_A_LINE = ("contact_force_rms_N", "prediction_rmse_N", "prediction_error_percent", "within_jnd_percent")
+AT_ONE_POSITION = ("contact_force_rms_N", "prediction_rmse_N", "prediction_error_percent", "within_jnd_percent")
 
 
 @dataclass(frozen=True, eq=False)
 class LineFindings:
-    """What the figures and drawings of one segment along a line are made of.
-
-    Attributes:
-        log: The segment.
-        pairs: Its rows at equal command.
-    """
+    """What the figures and drawings of one segment along a line are made of."""
 
     log: SessionLog
-    pairs: Pairs
+    pairs: Pairs  # its rows at equal command
 
     def booked(self) -> tuple[Rows, Account]:
         """The leader's rows, and their energy account."""
         return self.log.leader, energy_account(self.log.leader, booked_device(self.log.settings))
-
-    def nowhere(self) -> int:
-        """Number of ticks in which the device gave no position."""
-        return int(nowhere(self.log.leader).sum())
 
     def complete(self, report: dict[str, Any]) -> dict[str, Any]:
         """The report with all that is found here alone."""
@@ -155,37 +146,43 @@ class LineFindings:
 
 @dataclass(frozen=True, eq=False)
 class SceneFindings(LineFindings):
-    """The same of a segment with messages in space.
-
-    Attributes:
-        rows: Rows of the session.
-        pose: Error of the fixture's pose.
-        wrong: Contacts at equal command; None where the true force is unknown.
-        account: Energy account in all directions.
-        scene: The scene; None where it is no longer available, as the file of a mesh.
-        field: The newest materials over the surface; None where there were none.
-        map: Map of local stiffness; None without a scene or a field.
-    """
+    """The same of a segment with messages in space."""
 
     rows: SceneRows
-    pose: PoseError
-    wrong: Wrong | None
-    account: Account
-    scene: Scene | None
-    field: MaterialField | None
-    map: StiffnessMap | None
+    pose: PoseError  # of the fixture
+    wrong: Wrong | None  # contacts at equal command; None where the true force is unknown
+    account: Account  # of energy, in all directions
+    scene: Scene | None  # None where it is no longer available, as the file of a mesh
+    field: MaterialField | None  # the newest materials over the surface; None where there were none
+    map: StiffnessMap | None  # of local stiffness; None without a scene or a field
 
     def booked(self) -> tuple[Rows, Account]:
         """See `LineFindings.booked`; the account is that in all directions."""
         return self.rows.leader, self.account
 
-    def nowhere(self) -> int:
-        """0: in three dimensions a hand has no position on the normal before it is coupled."""
-        return 0
-
     def complete(self, report: dict[str, Any]) -> dict[str, Any]:
-        """See `in_scene`."""
-        return in_scene(report, scene_figures(self.log, self.pairs, self), self)
+        """The report with its scene, without the figures that hold along a line only.
+
+        The account of energy is that in all directions, and so is the distance between robot and command. Figures that
+        compare positions along one line, or the whole contact force with the model's part along the normal, are None.
+        """
+        scene, nothing = scene_figures(self.log, self.pairs, self), dict.fromkeys(AT_ONE_POSITION)
+        energy, hand = scene["energy"], report["hand"]
+        holds = energy["certificate_holds"]
+        hand = {**hand, "certificate_holds": holds, "energy_agrees": energy["energy_agrees"]}
+        return {
+            **report,
+            "nowhere_samples": 0,  # a hand has no position on the normal before it is coupled
+            "stable": bool(holds and hand["forces_finite"] and not hand["oscillation"]["oscillates"]),
+            **{name: energy[name] for name in ("net_energy_J", "energy_bound_J", "energy_margin_J", "late_energy_J")},
+            "energy_used_percent": None,
+            "net_energy_exact_J": None,
+            "hand": hand,
+            "equal_position": dict(nothing),
+            "exact_force": dict(nothing),
+            "tracking_error": _tracking(self.rows, report["score_from_s"]),
+            "scene": scene,
+        }
 
 
 def look(log: SessionLog, pairs: Pairs) -> LineFindings:
@@ -232,31 +229,6 @@ def scene_figures(log: SessionLog, pairs: Pairs, findings: SceneFindings) -> dic
         "forces": force_figures(findings.rows),
         "energy": account_figures(findings.account, findings.rows.hand),
         "map": stiffness,
-    }
-
-
-def in_scene(report: dict[str, Any], scene: Mapping[str, Any], findings: SceneFindings) -> dict[str, Any]:
-    """A report with its scene, without the figures that hold along a line only.
-
-    The account of energy is that in all directions, and so is the distance between robot and command. Figures that
-    compare positions along one line, or the whole contact force with the model's part along the normal, are None.
-    """
-    energy, hand = scene["energy"], report["hand"]
-    holds = energy["certificate_holds"]
-    hand = {**hand, "certificate_holds": holds, "energy_agrees": energy["energy_agrees"]}
-    stable = bool(holds and hand["forces_finite"] and not hand["oscillation"]["oscillates"])
-    nothing = dict.fromkeys(NOT_ALONG_A_LINE)
-    return {
-        **report,
-        "stable": stable,
-        **{name: energy[name] for name in ("net_energy_J", "energy_bound_J", "energy_margin_J", "late_energy_J")},
-        "energy_used_percent": None,
-        "net_energy_exact_J": None,
-        "hand": hand,
-        "equal_position": dict(nothing),
-        "exact_force": dict(nothing),
-        "tracking_error": _tracking(findings.rows, report["score_from_s"]),
-        "scene": dict(scene),
     }
 
 

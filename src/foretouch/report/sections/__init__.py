@@ -58,7 +58,11 @@ class Section(NamedTuple):
     of: tuple[Line, ...] = (LINE, SPACE)
 
 
+def workspace_of(report: Mapping[str, Any]) -> Line:
+    """What the session of a report was in."""
+    return WORKSPACES["scene" in report]
+
+
 def sections_of(report: Mapping[str, Any], order: Sequence[Section]) -> list[Section]:
     """Those of a report along a line or in a scene."""
-    workspace = WORKSPACES["scene" in report]
-    return [section for section in order if workspace in section.of]
+    return [section for section in order if workspace_of(report) in section.of]

@@ -11,7 +11,7 @@ from foretouch.quantities import brief_text
 from foretouch.report.numbers import Finding
 from foretouch.report.sections import sections_of
 from foretouch.report.sections.energy import ENERGY
-from foretouch.report.sections.forces import FORCES
+from foretouch.report.sections.forces import FORCES, LOOP
 from foretouch.report.sections.hand import HAND
 from foretouch.report.sections.model import MODEL
 from foretouch.report.sections.robot import LOOPS, ROBOT, TRACKING
@@ -20,10 +20,10 @@ from foretouch.report.sections.scene import SCENE
 from foretouch.report.sections.session import SESSION, heading
 from foretouch.report.session import session_figures
 
-SECTIONS = (SESSION, *FORCES, ENERGY, HAND, SCENE, SAFETY, MODEL, ROBOT, TRACKING, LOOPS)
+SECTIONS = (SESSION, FORCES, LOOP, ENERGY, HAND, SCENE, SAFETY, MODEL, ROBOT, TRACKING, LOOPS)
 """In the order in which they are written and drawn."""
 
-URGENT_FIRST = (SESSION, SAFETY, LOOPS, ENERGY, HAND, SCENE, *FORCES, ROBOT, MODEL)
+URGENT_FIRST = (SESSION, SAFETY, LOOPS, ENERGY, HAND, SCENE, FORCES, ROBOT, MODEL)
 """In the order of what they have to tell: what is worst comes first."""
 
 

@@ -161,9 +161,8 @@ def _replay_line(
     log: SessionLog, settings: SessionSettings, closed_loop: bool, progress: Callable[[float], None] | None
 ) -> SessionLog:
     """Run one segment of a session along a line again; see `replay_under`."""
-    leader = log.leader
-    operator = _operator(log, leader, settings, closed_loop)
-    ticks = round(int(leader["time_ns"][-1] - leader["time_ns"][0]) / _PERIOD_NS) + 1
+    operator = _operator(log, log.leader, settings, closed_loop)
+    ticks = round(int(np.ptp(log.leader["time_ns"])) / _PERIOD_NS) + 1
     if material_answers(log):
         robot, _ = make_session_robot(settings)
         return _run(log, settings, closed_loop, operator, robot, ticks, progress)

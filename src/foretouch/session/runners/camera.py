@@ -85,14 +85,7 @@ def run_camera(
 
 def _begin(scene: Scene, settings: SessionSettings, space: FollowerSpace, epoch: int) -> tracker.State:
     """A tracker from where the follower believes the fixture, at its clock."""
-    believed = (
-        space.fixture_x,
-        space.fixture_y,
-        space.fixture_z,
-        space.fixture_rx,
-        space.fixture_ry,
-        space.fixture_rz,
-    )
+    believed = tuple(getattr(space, f"fixture_{axis}") for axis in ("x", "y", "z", "rx", "ry", "rz"))
     known, time_ns = KnownSurface(scene.surface), space.time_ns
     return tracker.start(known, believed, settings.fusion, view=VIEW, time=time_ns * 1e-9, epoch=epoch)
 

@@ -12,7 +12,6 @@ from typing import Any
 
 import msgspec
 
-from foretouch.devices import Device, SpatialDevice
 from foretouch.identification.conditioning.kernel import CONTACT_FLOOR
 from foretouch.messages import PROCESS, LeaderState, Message, Status, Telemetry
 from foretouch.robot import Robot, SpatialRobot
@@ -23,7 +22,6 @@ from foretouch.session.runners.live import Loop
 from foretouch.session.runners.news import shadow_news
 from foretouch.session.runners.warm_up import prepare
 from foretouch.session.settings import SessionSettings, shadow_settings
-from foretouch.session.workspace import LINE, SPACE
 
 SCORED_AFTER = 1.5  # Time after the first tick at which scoring begins [s], as in a session's report
 LONGEST_TICK = 0.1  # Longest time since the previous tick that a tick counts for [s]: beyond it, nothing was observed
@@ -98,7 +96,9 @@ SHADOW_CHANNELS = ("settings", "stop", "emergency", "hello", *SpaceFollower.chan
 NAME = "shadow"  # Name of the leader inside, and of the session's operator in the recording
 
 
-class _ShadowHand:
+class ShadowHand:
+    """The measured position of the robot's tip as that of the leader's hand, which feels nothing."""
+
     name = NAME
     closed_loop = False
 
@@ -113,17 +113,6 @@ class _ShadowHand:
     def render(self, force: Any) -> Any:
         """Nobody feels it."""
         return force
-
-
-class ShadowHand(_ShadowHand, Device):
-    """The measured position of the robot's tip as that of the leader's hand, which feels nothing."""
-
-
-class SpatialShadowHand(_ShadowHand, SpatialDevice):
-    """The same in three dimensions."""
-
-
-HANDS = {LINE: ShadowHand, SPACE: SpatialShadowHand}
 
 
 class Shadow(Driven):
@@ -147,8 +136,8 @@ class Shadow(Driven):
     def __init__(self, robot: Robot | SpatialRobot, settings: SessionSettings, epoch: int) -> None:
         super().__init__(settings.return_faults)
         self.follows = drive_follower(robot, settings, epoch)
-        hand: Any = HANDS[settings.workspace](self.follows)
-        self.leads = drive_leader(hand, settings, NAME, epoch)
+        hand: Any = type(NAME, (ShadowHand, settings.workspace.device), {})  # as the session's devices are
+        self.leads = drive_leader(hand(self.follows), settings, NAME, epoch)
         self.channels, self._nowhere = self.follows.channels, settings.workspace.unknown
         self.score = ShadowScore()
 

@@ -24,7 +24,6 @@ from foretouch.session.steps.follower_view import FollowerView
 from foretouch.settings import NO_GRIP
 
 ACCOUNTS: dict[int, type[Any]] = {account.axes: account for account in (EnergyAccount, SpatialEnergyAccount)}
-"""Account of energy of a hand of so many axes."""
 
 Position: TypeAlias = float | Vector
 

@@ -98,8 +98,7 @@ def calibrated(specification: RobotSpecification, settings: SessionSettings) -> 
     return Calibrated(own, zero, 0.0 if stiffness is None else 1.0 / stiffness, lag, floor)
 
 
-Own: TypeAlias = tuple[RobotSpecification, float | None]
-"""Specification of the robot with what is known of tool and sensor, and the sensor's zero beside the tool [N]."""
+Own: TypeAlias = tuple[RobotSpecification, float | None]  # with tool and sensor, and the sensor's zero [N]
 
 
 def _along_a_line(result: SensorCalibration, own: RobotSpecification, settings: SessionSettings) -> Own:
@@ -108,9 +107,8 @@ def _along_a_line(result: SensorCalibration, own: RobotSpecification, settings: 
     if own.tool_mass > 0.0 and abs(result.approach_gravity - own.gravity) > SAME_GRAVITY:
         what = f"has {result.approach_gravity:.4g} m/s^2 of gravity along the approach"
         _refuse(settings, f"{what}, and the robot {own.gravity:.4g}: give --approach-gravity to calibrate")
-    offset, weight = result.force_offset, result.tool_mass * result.approach_gravity
-    own = replace(own, tool_mass=result.tool_mass, gravity=result.approach_gravity)
-    return own, None if offset is None else offset + weight
+    offset, mass, gravity = result.force_offset, result.tool_mass, result.approach_gravity
+    return replace(own, tool_mass=mass, gravity=gravity), None if offset is None else offset + mass * gravity
 
 
 def _in_space(result: SensorCalibration, own: RobotSpecification, settings: SessionSettings) -> Own:
