@@ -3,6 +3,7 @@
 This is the only room with time, threads, processes and policy.
 """
 
+from foretouch.session.mediated import MediatedForce, mediate
 from foretouch.session.operators import (
     close_operator,
     felt_texts,
@@ -13,16 +14,10 @@ from foretouch.session.operators import (
 from foretouch.session.processes.processes import run_processes
 from foretouch.session.processes.recorder import RECORDER_CHANNELS, RECORDING_INCOMPLETE, Recorder, run_recorder
 from foretouch.session.replay.machines import recorded_settings
-from foretouch.session.replay.replay import MediatedForce, Replay, mediate, replay
+from foretouch.session.replay.replay import Replay, replay
 from foretouch.session.replay.under import CLOSED_LOOP, FIXED_MOTION, material_answers, replay_notes, replay_under
 from foretouch.session.runners.housekeeping import Housekeeper, Process, StopFlag, orphaned
-from foretouch.session.runners.live import (
-    FOLLOWER_CHANNELS,
-    LEADER_CHANNELS,
-    run_follower,
-    run_leader,
-    wait_for_hello,
-)
+from foretouch.session.runners.live import FOLLOWER_CHANNELS, LEADER_CHANNELS, run_follower, run_leader, wait_for_hello
 from foretouch.session.runners.loop_timer import be_prompt, give_way
 from foretouch.session.runners.shadow import SHADOW_CHANNELS, run_shadow
 from foretouch.session.runners.simulated import SimulatedSession, simulate

@@ -27,15 +27,7 @@ from foretouch.errors.checks import NUMBER, require_type
 from foretouch.plugins import make_plugin
 from foretouch.quantities import Frame
 from foretouch.recordings import excerpt, read_leader_motion
-from foretouch.robot import (
-    Material,
-    RcmArm,
-    Robot,
-    SpatialRobot,
-    WrappedRobot,
-    WrappedSpatialRobot,
-    make_material,
-)
+from foretouch.robot import Material, RcmArm, Robot, SpatialRobot, WrappedRobot, WrappedSpatialRobot, make_material
 from foretouch.session.settings import ROBOTS, SAMPLE_PERIOD, SessionSettings
 from foretouch.session.workspace import FramedRobot, device_inside, framed_device, framed_robot, inverse
 from foretouch.settings import NO_GRIP, SIMULATED
@@ -194,16 +186,10 @@ def close_operator(operator: AnyDevice) -> None:
 
 
 def require_axes(what: str, machine: Any, name: str, settings: SessionSettings) -> None:
-    """Refuse a machine of one axis in a scene, and one of three dimensions along a line; it is closed.
-
-    Args:
-        what: ``operator`` or ``robot``.
-        machine: The operator or robot.
-        name: Its name, for people.
-        settings: Session settings.
+    """Refuse an ``operator`` or ``robot`` of one axis in a scene, and one of three dimensions along a line.
 
     Raises:
-        SettingError: It is of the other kind.
+        SettingError: It is of the other kind, and closed.
     """
     ours = settings.workspace
     if isinstance(machine, ours.device | ours.robot):

@@ -20,16 +20,7 @@ from foretouch.plugins import load_plugin, plugin_names
 from foretouch.quantities import Brief, Frame, SpatialFrame, shortest
 from foretouch.robot import MATERIALS, SensorFault, make_material, material_names
 from foretouch.session.workspace import WORKSPACES, Line
-from foretouch.settings import (
-    DEFAULTS,
-    FAULTS,
-    KINDS,
-    NO_GRIP,
-    SETTINGS,
-    SIMULATED,
-    Declared,
-    documented,
-)
+from foretouch.settings import DEFAULTS, FAULTS, KINDS, NO_GRIP, SETTINGS, SIMULATED, Declared, documented
 from foretouch.vision import ImageFault
 
 SAMPLE_PERIOD = 1e-3

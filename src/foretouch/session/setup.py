@@ -9,6 +9,7 @@ from typing import Any
 from foretouch.devices import UNKNOWN_REACH, Reach
 from foretouch.errors import SettingError
 from foretouch.robot import GantryArm, Material, make_robot, material_names
+from foretouch.session import spatial
 from foretouch.session.operators import (
     foreign_robot,
     make_operator,
@@ -18,14 +19,6 @@ from foretouch.session.operators import (
     robot_inside,
 )
 from foretouch.session.settings import SessionSettings, shadow_settings
-from foretouch.session.spatial import (
-    Scene,
-    SimulatedCamera,
-    make_camera,
-    make_scene,
-    make_spatial_operator,
-    make_spatial_robot,
-)
 from foretouch.session.workspace import LINE, SPACE, framed_device, inverse
 from foretouch.settings import SIMULATED
 
@@ -65,11 +58,11 @@ class LineSetup:
             raise SettingError("material", settings.material, rule)
         return {"material": material.name} | reach_texts(reach)
 
-    def camera(self, robot: Any, say: Say) -> SimulatedCamera | None:
+    def camera(self, robot: Any, say: Say) -> spatial.SimulatedCamera | None:
         """The camera beside the robot of a simulated session; None for none."""
         return None
 
-    def seen(self) -> Scene:
+    def seen(self) -> spatial.Scene:
         """The scene that a camera sees; a SettingError along a line."""
         raise SettingError("scene", self._settings.scene, "is needed for a camera: plane, hill, phantom, or a mesh")
 
@@ -79,31 +72,31 @@ class SpaceSetup(LineSetup):
 
     def __init__(self, settings: SessionSettings) -> None:
         super().__init__(settings)
-        self._scene = make_scene(settings.scene)
+        self._scene = spatial.make_scene(settings.scene)
 
     def robot(self) -> Any:
         """See `make_spatial_robot`; how far the material is, the scene says."""
-        return make_spatial_robot(self._settings, self._scene), UNKNOWN_REACH
+        return spatial.make_spatial_robot(self._settings, self._scene), UNKNOWN_REACH
 
     def operator(self, reach: Any, say: Say) -> Any:
         """See `make_spatial_operator`."""
-        return make_spatial_operator(self._settings, self._scene, self._scene.nominal, say)
+        return spatial.make_spatial_operator(self._settings, self._scene, self._scene.nominal, say)
 
     def texts(self, robot: Any, reach: Any) -> dict[str, str]:
         """Texts of the log on a robot that is not the simulated one."""
         inner, _ = robot_inside(robot)
         return {} if isinstance(inner, GantryArm) else {"robot": type(inner).__name__}
 
-    def camera(self, robot: Any, say: Say) -> SimulatedCamera | None:
+    def camera(self, robot: Any, say: Say) -> spatial.SimulatedCamera | None:
         """See `make_camera`; it needs a robot that says where its fixture is."""
         if self._settings.fusion not in ("full", "image"):
             return None
         if robot.read().fixture:
-            return make_camera(self._settings, self._scene, say=say)
+            return spatial.make_camera(self._settings, self._scene, say=say)
         say("camera: the robot does not say where its fixture is; the session goes on without it")
         return None
 
-    def seen(self) -> Scene:
+    def seen(self) -> spatial.Scene:
         """See `LineSetup.seen`."""
         return self._scene
 

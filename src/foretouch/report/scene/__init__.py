@@ -146,15 +146,27 @@ class LineFindings:
 
 @dataclass(frozen=True, eq=False)
 class SceneFindings(LineFindings):
-    """The same of a segment with messages in space."""
+    """The same of a segment with messages in space.
+
+    Attributes:
+        log: The segment.
+        pairs: Its rows at equal command.
+        rows: Rows of the session.
+        pose: Error of the fixture's pose.
+        wrong: Contacts at equal command; None where the true force is unknown.
+        account: Energy account in all directions.
+        scene: The scene; None where it is no longer available, as the file of a mesh.
+        field: The newest materials over the surface; None where there were none.
+        map: Map of local stiffness; None without a scene or a field.
+    """
 
     rows: SceneRows
-    pose: PoseError  # of the fixture
-    wrong: Wrong | None  # contacts at equal command; None where the true force is unknown
-    account: Account  # of energy, in all directions
-    scene: Scene | None  # None where it is no longer available, as the file of a mesh
-    field: MaterialField | None  # the newest materials over the surface; None where there were none
-    map: StiffnessMap | None  # of local stiffness; None without a scene or a field
+    pose: PoseError
+    wrong: Wrong | None
+    account: Account
+    scene: Scene | None
+    field: MaterialField | None
+    map: StiffnessMap | None
 
     def booked(self) -> tuple[Rows, Account]:
         """See `LineFindings.booked`; the account is that in all directions."""
