@@ -119,9 +119,7 @@ def simulate(
     make_folder(report)
     compile_first()
     with progress_bar("simulating") as bar, contextlib.ExitStack() as files:
-        writer = functools.cache(
-            lambda: files.enter_context(SessionWriter(str(recording)))
-        )  # from the first message on
+        writer = functools.cache(lambda: files.enter_context(SessionWriter(str(recording))))  # by the first message
         record = None if recording is None else lambda message, now_ns: writer().write(message, now_ns)
         shown: dict[str, Any] = {"progress": lambda now: bar.update(now, duration), "say": say}
         session = run(settings, duration=duration, record=record, **shown)

@@ -209,8 +209,10 @@ def simulate(
     if operator is None:
         require_simulated_operator(settings)
     with ExitStack() as made:  # closed here is what is made here
-        setup, reach = setup_of(settings), reach_of(robot, settings)
-        if robot is None:
+        setup = setup_of(settings)
+        if robot is not None:
+            reach = reach_of(robot, settings)
+        else:
             robot, reach = setup.robot()
             made.callback(robot.close)
             if not robot.specification.simulated:
