@@ -20,7 +20,7 @@ from measured_blocks import chosen, fill
 from foretouch.messages import SessionLog
 from foretouch.report import look_at_scene, map_figure, pair, pose_figure, session_figures
 from foretouch.session import SessionSettings
-from foretouch.session.runners.lap import run_session
+from foretouch.session.runners.simulated import run_session
 from foretouch.session.spatial import make_camera, make_scene, make_spatial_operator, make_spatial_robot
 
 mpl.use("Agg")

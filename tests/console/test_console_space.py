@@ -41,7 +41,7 @@ from foretouch.messages import (
 from foretouch.models import MaterialField
 from foretouch.recordings import SessionWriter, read_session
 from foretouch.session import SessionSettings
-from foretouch.session.runners.lap import run_session
+from foretouch.session.runners.simulated import run_session
 from foretouch.session.spatial import make_camera, make_scene, make_spatial_operator, make_spatial_robot
 
 pytest.importorskip("mujoco")

@@ -26,7 +26,7 @@ from foretouch.report.scene import look_at_scene
 from foretouch.report.scene.map import StiffnessMap, map_figures
 from foretouch.report.scene.pose import NEAR_FOR, NEAR_MM, PoseError, pose_figures
 from foretouch.session import SessionSettings
-from foretouch.session.runners.lap import run_session
+from foretouch.session.runners.simulated import run_session
 from foretouch.session.spatial import make_scene, make_spatial_operator, make_spatial_robot
 
 SHIFT = Pose.from_rotation_vector((0.01, -0.02, 0.015), (0.001, 0.002, -0.0005))

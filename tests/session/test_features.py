@@ -25,9 +25,8 @@ from foretouch.recordings import write_calibration
 from foretouch.report import session_report
 from foretouch.robot import SENSOR_FAULTS, GantryArm, MovedRobot, MovedSpatialRobot, make_material, make_robot
 from foretouch.session import SessionSettings, make_operator, replay_under, simulate
-from foretouch.session.operators import mounted_operator
-from foretouch.session.robots import mounted_robot
-from foretouch.session.runners import lap
+from foretouch.session.operators import mounted_operator, mounted_robot
+from foretouch.session.runners import simulated
 from foretouch.session.runners.driven import Tick
 from foretouch.session.runners.shadow import Shadow
 from foretouch.session.settings import shadow_settings
@@ -355,7 +354,7 @@ def packages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 @pytest.fixture(autouse=True)
 def _compiled_on_the_way(monkeypatch: pytest.MonkeyPatch) -> None:
     """In simulated time nothing depends on whether code was compiled before."""
-    monkeypatch.setattr(lap, "warm_up_once", lambda settings: None)
+    monkeypatch.setattr(simulated, "warm_up_once", lambda settings: None)
 
 
 @pytest.mark.parametrize(("feature", "scene"), CELLS)

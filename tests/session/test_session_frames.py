@@ -14,9 +14,9 @@ from foretouch.errors import SettingError
 from foretouch.quantities import Frame, Pose, SpatialFrame
 from foretouch.robot import FaultySensor, RcmArm, Robot, RobotSample, SensorFault, make_robot
 from foretouch.session import SessionSettings, framed_device, framed_robot, inverse, make_operator, simulate
-from foretouch.session.frames import browser_operator
 from foretouch.session.operators import reach_of
 from foretouch.session.spatial import make_scene, make_spatial_robot
+from foretouch.session.workspace import browser_operator
 
 
 class MirroredArm(Robot):

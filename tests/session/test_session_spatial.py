@@ -31,7 +31,7 @@ from foretouch.rendering.surfaces import Plane, SurfaceProxy
 from foretouch.robot import GantryArm, MissingGraphicsError, graphics_library, make_material
 from foretouch.session import SessionSettings
 from foretouch.session.runners.driven import Tick, drive_leader
-from foretouch.session.runners.lap import run_session
+from foretouch.session.runners.simulated import run_session
 from foretouch.session.spatial import (
     make_camera,
     make_scene,

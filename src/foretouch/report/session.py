@@ -15,8 +15,7 @@ from foretouch.quantities import Array, Flags, Rows
 from foretouch.report.numbers import largest, renders_models, setting
 from foretouch.report.perception import time_to_accuracy, update_jumps
 from foretouch.report.rows import Pairs, away, force_at_follower, joining, model_of, not_scored, nowhere, pair
-from foretouch.report.scene import in_scene, look_at_scene, scene_figures, tracking_error
-from foretouch.report.scene.pose import has_scene
+from foretouch.report.scene import AT_ONE_POSITION, look, tracking_error
 from foretouch.report.scores import Scores
 from foretouch.report.sections.hand import hand_figures
 from foretouch.report.sections.safety import contact_force, safety_figures, segment_figures
@@ -125,8 +124,7 @@ def session_figures(
         "guarded_samples": int(follower["guarded"].sum()),
         "away_samples": int((away(follower) & ~joining(follower)).sum()),
         "faulty_samples": int((log.follower["validity"] > 0).sum()),
-        # In three dimensions a hand has no position on the normal before it is coupled.
-        "nowhere_samples": 0 if has_scene(log) else int(nowhere(log.leader).sum()),
+        "nowhere_samples": int(nowhere(log.leader).sum()),
         "score_from_s": score_from,
         "score_to_s": score_to,
         "contact_force_rms_N": main.contact_force_rms_N,
@@ -174,15 +172,11 @@ def session_figures(
         "baseline": setting(log.settings, "baseline", NO_BASELINE),
         "settings": dict(log.settings),
     }
-    if not has_scene(log):
-        return report
-    findings = look_at_scene(log, pairs)
-    return in_scene(report, scene_figures(log, pairs, findings), findings)
+    return look(log, pairs).complete(report)
 
 
 def _errors(scores: Scores | None) -> dict[str, float | None]:
-    names = ("contact_force_rms_N", "prediction_rmse_N", "prediction_error_percent", "within_jnd_percent")
-    return {name: getattr(scores, name, None) for name in names}
+    return {name: getattr(scores, name, None) for name in AT_ONE_POSITION}
 
 
 def _learnt(log: SessionLog, pairs: Pairs) -> dict[str, Any]:

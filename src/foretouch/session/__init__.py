@@ -3,7 +3,6 @@
 This is the only room with time, threads, processes and policy.
 """
 
-from foretouch.session.frames import FramedDevice, FramedRobot, framed_device, framed_robot, inverse
 from foretouch.session.mediated import MediatedForce, mediate
 from foretouch.session.operators import (
     close_operator,
@@ -17,22 +16,16 @@ from foretouch.session.processes.recorder import RECORDER_CHANNELS, RECORDING_IN
 from foretouch.session.replay.machines import recorded_settings
 from foretouch.session.replay.replay import Replay, replay
 from foretouch.session.replay.under import CLOSED_LOOP, FIXED_MOTION, material_answers, replay_notes, replay_under
-from foretouch.session.robots import make_moved_robot, make_session_robot, reach_texts, require_simulated_robot
 from foretouch.session.runners.housekeeping import Housekeeper, Process, StopFlag, orphaned
-from foretouch.session.runners.lap import SimulatedSession
-from foretouch.session.runners.live import (
-    FOLLOWER_CHANNELS,
-    LEADER_CHANNELS,
-    run_follower,
-    run_leader,
-    wait_for_hello,
-)
+from foretouch.session.runners.live import FOLLOWER_CHANNELS, LEADER_CHANNELS, run_follower, run_leader, wait_for_hello
 from foretouch.session.runners.loop_timer import be_prompt, give_way
 from foretouch.session.runners.shadow import SHADOW_CHANNELS, run_shadow
-from foretouch.session.runners.simulated import prepare_simulation, simulate
+from foretouch.session.runners.simulated import SimulatedSession, simulate
 from foretouch.session.runners.warm_up import prepare, warm_up
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
+from foretouch.session.setup import make_moved_robot, make_session_robot, reach_texts, setup_of
 from foretouch.session.steps.sensing import session_calibration
+from foretouch.session.workspace import FramedDevice, FramedRobot, framed_device, framed_robot, inverse
 
 __all__ = [
     "CLOSED_LOOP",
@@ -67,14 +60,12 @@ __all__ = [
     "mediate",
     "orphaned",
     "prepare",
-    "prepare_simulation",
     "reach_texts",
     "recorded_settings",
     "replay",
     "replay_notes",
     "replay_under",
     "require_simulated_operator",
-    "require_simulated_robot",
     "require_simulated_time",
     "run_follower",
     "run_leader",
@@ -82,6 +73,7 @@ __all__ = [
     "run_recorder",
     "run_shadow",
     "session_calibration",
+    "setup_of",
     "simulate",
     "wait_for_hello",
     "warm_up",

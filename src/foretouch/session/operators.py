@@ -1,4 +1,4 @@
-"""Operators by name: those of this package, hardware devices, and those of other packages."""
+"""Operators by name: those of this package, hardware devices, and those of other packages; and their robots."""
 
 from __future__ import annotations
 
@@ -16,31 +16,20 @@ from foretouch.devices import (
     BrowserOperator,
     Device,
     DeviceSpecification,
-    Hand,
     Reach,
     RecordedOperator,
     RestingOperator,
     ScriptedOperator,
     SpatialDevice,
-    SpatialHand,
 )
 from foretouch.errors import SettingError, UnknownNameError, printable
 from foretouch.errors.checks import NUMBER, require_type
 from foretouch.plugins import make_plugin
 from foretouch.quantities import Frame
 from foretouch.recordings import excerpt, read_leader_motion
-from foretouch.robot import (
-    GantryArm,
-    Material,
-    RcmArm,
-    Robot,
-    SpatialRobot,
-    WrappedRobot,
-    WrappedSpatialRobot,
-    make_material,
-)
-from foretouch.session.frames import FramedRobot, device_inside, framed_device, inverse
-from foretouch.session.settings import ONE_AXIS, SAMPLE_PERIOD, THREE_AXES, SessionSettings
+from foretouch.robot import Material, RcmArm, Robot, SpatialRobot, WrappedRobot, WrappedSpatialRobot, make_material
+from foretouch.session.settings import ROBOTS, SAMPLE_PERIOD, SessionSettings
+from foretouch.session.workspace import FramedRobot, device_inside, framed_device, framed_robot, inverse
 from foretouch.settings import NO_GRIP, SIMULATED
 
 RECORDED_MOTION = "tue/b-foam"  # Dataset whose leader lever moves the ``recorded`` operator
@@ -112,12 +101,11 @@ def make_operator(
 def mounted_operator(settings: SessionSettings, intention: Any) -> Any:
     """An operator of the package in the settings' leader frame; with a grip, a hand that intends what it does."""
     if settings.grip != NO_GRIP:
-        hand = SpatialHand if settings.scene else Hand
-        intention = hand(intention, GRIPS[settings.grip], settings.device, settings.clutch)
+        intention = settings.workspace.hand(intention, GRIPS[settings.grip], settings.device, settings.clutch)
     return framed_device(intention, inverse(settings.leader_frame))
 
 
-def reach_of(robot: Robot | None, settings: SessionSettings) -> Material | Reach:
+def reach_of(robot: Robot | SpatialRobot | None, settings: SessionSettings) -> Material | Reach:
     """Position of the surface in the session and depth of the presses, as far as the robot provides them.
 
     Args:
@@ -129,7 +117,7 @@ def reach_of(robot: Robot | None, settings: SessionSettings) -> Material | Reach
     material = pressed_material(robot)
     if material is None:
         return UNKNOWN_REACH
-    inner, frames = _robot_inside(robot)
+    inner, frames = robot_inside(robot)
     if not isinstance(inner, RcmArm):
         return material
     surface = inner.surface
@@ -139,19 +127,13 @@ def reach_of(robot: Robot | None, settings: SessionSettings) -> Material | Reach
     return Reach(surface, material.press_depth)
 
 
-def own_robot(robot: Any) -> dict[str, str]:
-    """Texts of the log on a robot in space that is not the simulated one."""
-    inner, _ = _robot_inside(robot)
-    return {} if isinstance(inner, GantryArm) else {"robot": type(inner).__name__}
-
-
-def pressed_material(robot: Robot) -> Material | None:
+def pressed_material(robot: Any) -> Material | None:
     """Material that a robot presses, where it is simulated and provides it."""
-    material = getattr(_robot_inside(robot)[0], "material", None)
+    material = getattr(robot_inside(robot)[0], "material", None)
     return material if isinstance(material, Material) else None
 
 
-def _robot_inside(robot: Any) -> tuple[Any, list[Frame]]:
+def robot_inside(robot: Any) -> tuple[Any, list[Frame]]:
     """A robot without the frames around it, and those frames, the outermost first."""
     frames = []
     while isinstance(robot, WrappedRobot | WrappedSpatialRobot):
@@ -204,23 +186,17 @@ def close_operator(operator: AnyDevice) -> None:
 
 
 def require_axes(what: str, machine: Any, name: str, settings: SessionSettings) -> None:
-    """Refuse a machine of one axis in a scene, and one of three dimensions along a line; it is closed.
-
-    Args:
-        what: ``operator`` or ``robot``.
-        machine: The operator or robot.
-        name: Its name, for people.
-        settings: Session settings.
+    """Refuse an ``operator`` or ``robot`` of one axis in a scene, and one of three dimensions along a line.
 
     Raises:
-        SettingError: It is of the other kind.
+        SettingError: It is of the other kind, and closed.
     """
-    if isinstance(machine, SpatialDevice | SpatialRobot) == bool(settings.scene):
+    ours = settings.workspace
+    if isinstance(machine, ours.device | ours.robot):
         return
     machine.close()
-    kind = "Device" if what == "operator" else "Robot"
-    rule = ONE_AXIS.format(settings.scene, f"Spatial{kind}") if settings.scene else THREE_AXES.format(kind)
-    raise SettingError(what, name, rule)
+    kind = {"operator": ours.device, "robot": ours.robot}[what].__name__
+    raise SettingError(what, name, ours.machines.format(scene=settings.scene, kind=kind))
 
 
 def require_simulated_operator(settings: SessionSettings) -> None:
@@ -326,3 +302,26 @@ def recorded_operator(surface: float, press_depth: float) -> RecordedOperator:
     """The measured motion of a leader's lever, into a surface there and as deep [m]."""
     time, position = read_leader_motion(excerpt(RECORDED_MOTION))
     return RecordedOperator(time, position, surface, press_depth)
+
+
+def mounted_robot(settings: SessionSettings, arm: Any) -> Any:
+    """A simulated arm with the settings' sensor fault, in their follower frame."""
+    if settings.sensor_fault:
+        arm = settings.workspace.faulty(arm, settings.sensor_fault, seed=settings.seed)
+    return framed_robot(arm, inverse(settings.follower_frame))
+
+
+def foreign_robot(settings: SessionSettings) -> Any:
+    """Another package's robot; see `foretouch.session.make_session_robot`."""
+    kinds: Any = (Robot, SpatialRobot)
+    robot = make_plugin("robot", settings.robot, kinds, settings, built_in=ROBOTS)
+    if robot is None:
+        raise UnknownNameError("robot", settings.robot, settings.robots())
+    require_axes("robot", robot, settings.robot, settings)
+    period = getattr(getattr(robot, "specification", None), "sample_period", None)
+    if period != SAMPLE_PERIOD:
+        robot.close()
+        raise SettingError(
+            "robot", settings.robot, f"has a sample period of {period} s: a session exchanges every {SAMPLE_PERIOD:g} s"
+        )
+    return robot

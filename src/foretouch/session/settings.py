@@ -19,18 +19,8 @@ from foretouch.messages import Choice, Settings
 from foretouch.plugins import load_plugin, plugin_names
 from foretouch.quantities import Brief, Frame, SpatialFrame, shortest
 from foretouch.robot import MATERIALS, SensorFault, make_material, material_names
-from foretouch.settings import (
-    DEFAULTS,
-    FAULTS,
-    KINDS,
-    MESH_ENDINGS,
-    NO_GRIP,
-    SCENES,
-    SETTINGS,
-    SIMULATED,
-    Declared,
-    documented,
-)
+from foretouch.session.workspace import WORKSPACES, Line
+from foretouch.settings import DEFAULTS, FAULTS, KINDS, NO_GRIP, SETTINGS, SIMULATED, Declared, documented
 from foretouch.vision import ImageFault
 
 SAMPLE_PERIOD = 1e-3
@@ -84,15 +74,19 @@ class SessionSettings(Declared, Brief):
     def __post_init__(self) -> None:
         self._read_texts()
         self._check_types()
-        for name, defaults in UNCHOSEN.items():
+        for name, default in self.workspace.unchosen:
             if not getattr(self, name):
-                object.__setattr__(self, name, defaults[bool(self.scene)])
+                object.__setattr__(self, name, default)
         for name, declared in SETTINGS.items():
             choices = (NO_GRIP, *GRIPS) if name == "grip" else declared.choices
             if choices and getattr(self, name) not in choices:
                 raise UnknownNameError(name.replace("_", " "), getattr(self, name), choices)
         self._check_machines()
-        self._check_scene()
+        for name in ("leader_frame", "follower_frame"):
+            frame = getattr(self, name)
+            if frame != NO_FRAME and not isinstance(frame, self.workspace.frame):
+                raise SettingError(name, str(frame), self.workspace.frames)
+        self.workspace.check(self)
         if not self.estimator:
             object.__setattr__(self, "estimator", DEFAULT_ESTIMATORS.get(self.model, ""))
         if self.estimator not in ESTIMATORS.get(self.model, ()):  # one of ours is not made here: that compiles
@@ -119,6 +113,11 @@ class SessionSettings(Declared, Brief):
         object.__setattr__(self, "command_faults", Faults(self.position_delay, **common, seed=2 * self.seed))
         object.__setattr__(self, "return_faults", Faults(self.force_delay, **common, seed=2 * self.seed + 1))
 
+    @property
+    def workspace(self) -> Line:
+        """What the session is made of, along a line or in a scene; everybody else asks this."""
+        return WORKSPACES[bool(self.scene)]
+
     def operators(self) -> tuple[str, ...]:
         """Names of all operators, those of other packages too."""
         return (*OPERATORS, *HARDWARE_OPERATORS, *plugin_names("device"))
@@ -135,8 +134,7 @@ class SessionSettings(Declared, Brief):
             if given is None or (given == "" and absent is None):
                 object.__setattr__(self, name, absent)
             elif isinstance(given, str):
-                in_space = given.count(",") > (1 if self.scene else 4)  # a frame in space has six numbers
-                kind = kinds[-1] if in_space else kinds[0]
+                kind = kinds[-1 if given.count(",") > self.workspace.commas else 0]
                 object.__setattr__(self, name, kind.from_text(name, given))
             elif not isinstance(given, kinds):
                 wanted = " or ".join(kind.__name__ for kind in kinds)
@@ -171,19 +169,6 @@ class SessionSettings(Declared, Brief):
         if self.sensor_fault:
             rule = f"is of the simulated robot, and robot = {self.robot!r} has sensors of its own: leave it empty"
             raise SettingError("sensor_fault", str(self.sensor_fault), rule)
-
-    def _check_scene(self) -> None:
-        """The scene exists, and what is chosen is of three dimensions or of a line as the session is."""
-        for name in ("leader_frame", "follower_frame"):
-            frame = getattr(self, name)
-            if frame != NO_FRAME and isinstance(frame, SpatialFrame) != bool(self.scene):
-                raise SettingError(name, str(frame), OTHER_FRAME[bool(self.scene)])
-        if not self.scene:
-            return
-        if self.scene not in SCENES and not self.scene.lower().endswith(MESH_ENDINGS):
-            raise UnknownNameError("scene", self.scene, (*SCENES, *(f"FILE{ending}" for ending in MESH_ENDINGS)))
-        if self.operator in HARDWARE_OPERATORS:
-            raise SettingError("operator", self.operator, ONE_AXIS.format(self.scene, "SpatialDevice"))
 
     def make_estimator(self) -> Estimator:
         """A fresh estimator."""
@@ -260,16 +245,6 @@ TYPES: dict[str, tuple[tuple[type, ...], str]] = {
 """What a setting that is annotated so may be, and how that is called."""
 
 ABSENT = ("", "none", 0.0)  # Defaults that stand for nothing, for which None may be given
-
-UNCHOSEN = {"material": ("foam-measured", "hunt-crossley"), "model": ("contact-map", "quadratic")}
-"""What is taken where nothing is chosen, along a line and with a scene."""
-
-OTHER_FRAME = (
-    "is of a scene; along a line give two numbers, ORIGIN,DIRECTION: for example 0.02,-1",
-    "is of a line; with a scene give six numbers, X,Y,Z,RX,RY,RZ: the base in the world [m, rad]",
-)
-ONE_AXIS = "moves along one axis, and the scene {} is touched in three dimensions: take one that is a {}"
-THREE_AXES = "moves in three dimensions, and this session is along a line: give a scene, or take one that is a {}"
 
 OBJECTS: dict[str, tuple[type[Frame | SpatialFrame | SensorFault | ImageFault], ...]] = {
     "leader_frame": (Frame, SpatialFrame),

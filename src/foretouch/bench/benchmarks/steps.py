@@ -20,10 +20,10 @@ from foretouch.bench.benchmarks.updates import growth
 from foretouch.bench.timing import Array, Row, Scope, Spread, one_core, resident_bytes, spread
 from foretouch.models import make_model
 from foretouch.rendering import Renderer
-from foretouch.robot import AnyRobot, SpatialRobot, WrappedRobot, WrappedSpatialRobot
+from foretouch.robot import AnyRobot, WrappedRobot, WrappedSpatialRobot
 from foretouch.robot.robot import Wrapped
-from foretouch.session import SessionSettings, SimulatedSession, make_operator, make_session_robot, simulate
-from foretouch.session.spatial import make_scene, make_spatial_operator, make_spatial_robot
+from foretouch.session import SessionSettings, SimulatedSession, setup_of, simulate
+from foretouch.session.workspace import LINE, SPACE
 
 DURATION, ROUNDS = 10.0, 5
 
@@ -76,9 +76,8 @@ class RobotOnTape(_OnTape, WrappedRobot):
 class SpatialRobotOnTape(_OnTape, WrappedSpatialRobot):
     """The same in three dimensions."""
 
-    def __init__(self, robot: SpatialRobot) -> None:
-        _OnTape.__init__(self, robot)
-        self.reach = robot.reach
+
+TAPES: dict[Any, Any] = {LINE: RobotOnTape, SPACE: SpatialRobotOnTape}
 
 
 class TapedSession:
@@ -87,18 +86,17 @@ class TapedSession:
     def __init__(self, duration: float, settings: SessionSettings | None = None) -> None:
         self._settings = SessionSettings() if settings is None else settings
         self._duration = duration
-        self._tape: RobotOnTape | SpatialRobotOnTape
-        if self._settings.scene:
-            self._tape = SpatialRobotOnTape(make_spatial_robot(self._settings, make_scene(self._settings.scene)))
-        else:
-            arm, self._material = make_session_robot(self._settings)
-            self._tape = RobotOnTape(arm)
-        simulate(self._settings, duration=duration, operator=self._operator(), robot=self._tape)
+        self._setup = setup_of(self._settings)
+        arm, self._reach = self._setup.robot()
+        self._tape: Any = TAPES[self._settings.workspace](arm)
+        simulate(
+            self._settings, duration=duration, operator=self._setup.operator(self._reach, _quiet), robot=self._tape
+        )
 
     def times(self) -> dict[str, Array]:
         """Run it again: times of the steps [s] of leader and follower, shape (ticks,), and when the probe touched."""
         self._tape.rewind()
-        operator = self._operator()
+        operator = self._setup.operator(self._reach, _quiet)
         gc.collect()
         gc.disable()
         try:
@@ -110,14 +108,6 @@ class TapedSession:
             "follower": 1e-9 * log.follower["compute_ns"],
             "contact": log.follower["in_contact"].astype(np.float64),
         }
-
-    def _operator(self) -> Any:
-        settings = self._settings
-        if settings.scene:
-            scene = make_scene(settings.scene)
-            return make_spatial_operator(settings, scene, scene.nominal, say=_quiet)
-        material = self._material
-        return make_operator(settings, surface=material.surface, press_depth=material.press_depth, say=_quiet)
 
 
 def _quiet(text: str) -> None:

@@ -5,6 +5,8 @@ A command checks that what it needs is installed before it starts processes that
 
 from __future__ import annotations
 
+import contextlib
+import functools
 import importlib.util
 import time
 from dataclasses import replace
@@ -108,21 +110,21 @@ def simulate(
     Example: foretouch simulate --duration 20 --material hunt-crossley --report out
     """
     from foretouch.recordings import SessionWriter
-    from foretouch.session import prepare_simulation, require_simulated_operator
+    from foretouch.session import require_simulated_operator
+    from foretouch.session import simulate as run
 
     require_duration(duration)
     require_simulated_operator(settings)
     require_recording(recording)
     make_folder(report)
     compile_first()
-    with progress_bar("simulating") as bar:
-        start = prepare_simulation(settings, duration=duration, progress=lambda now: bar.update(now, duration), say=say)
-        if recording is None:
-            session = start(None)
-        else:
-            with SessionWriter(recording) as writer:
-                session = start(writer.write)
-                writer.close(session.log.counts)
+    with progress_bar("simulating") as bar, contextlib.ExitStack() as files:
+        writer = functools.cache(lambda: files.enter_context(SessionWriter(str(recording))))  # by the first message
+        record = None if recording is None else lambda message, now_ns: writer().write(message, now_ns)
+        shown: dict[str, Any] = {"progress": lambda now: bar.update(now, duration), "say": say}
+        session = run(settings, duration=duration, record=record, **shown)
+        if recording is not None:
+            writer().close(session.log.counts)
     return report_of(session.log, recording, report, elapsed=session.elapsed)
 
 

@@ -212,17 +212,8 @@ def _follow(
     channels: tuple[str, ...] = FOLLOWER_CHANNELS
     waits = WAITS
     pressed = f"pressing {settings.material}" if settings.robot == "simulated" else f"robot {settings.robot}"
-    robot: Any
-    reach: dict[str, str] = {}
-    if settings.scene:
-        from foretouch.session.spatial import make_moved_spatial_robot, make_scene, make_spatial_robot
-
-        scene = make_scene(settings.scene)
-        robot = make_moved_spatial_robot(settings, scene, say=say) if shadow else make_spatial_robot(settings, scene)
-        pressed = f"{pressed} on the scene {settings.scene}"
-    else:
-        robot, known = make_moved_robot(settings, say=say) if shadow else make_session_robot(settings)
-        reach = reach_texts(known)
+    pressed += settings.workspace.where.format(settings.scene)
+    robot, reach = make_moved_robot(settings, say=say) if shadow else make_session_robot(settings)
     if shadow:
         run, channels, texts = run_shadow, SHADOW_CHANNELS, {}  # it reports its settings by itself
         simulated = robot.specification.simulated
@@ -236,24 +227,20 @@ def _follow(
             say(f"follower: {pressed}, {waits}")
             if not shadow and (warning := unchecked(endpoints)):
                 say(f"follower: {warning}")
-        description = texts | reach | insecurity(link)
+        description = texts | reach_texts(reach) | insecurity(link)
         return run(Process(link, stop, say, parent), robot, settings, description=description, duration=duration)
 
 
 def _operator(settings: SessionSettings, hello: dict[str, str]) -> Device | SpatialDevice:
     """Who moves the leader, over what the follower says that it reaches."""
-    from foretouch.session import make_operator
-    from foretouch.session.spatial import make_scene, make_spatial_operator
+    from foretouch.devices import UNKNOWN_REACH
+    from foretouch.session import setup_of
 
-    if settings.scene:
-        if hello.get("scene") != settings.scene:
-            theirs = hello.get("scene") or "a session along a line"
-            raise LinkError(f"the follower has {theirs} and not scene = {settings.scene!r}: give both sides the same")
-        scene = make_scene(settings.scene)
-        return make_spatial_operator(settings, scene, scene.nominal, say)
-    if hello.get("scene"):
-        raise LinkError(f"the follower is in a scene: give this side --scene {hello['scene']} too")
-    return make_operator(settings, surface=_reach(hello, "surface"), press_depth=_reach(hello, "press_depth"), say=say)
+    ours, theirs = settings.scene, hello.get("scene", "")
+    if ours != theirs:
+        raise LinkError(settings.workspace.sides.format(ours=ours, theirs=theirs or "a session along a line"))
+    told = {name: _reach(hello, name) for name in settings.workspace.lengths}
+    return setup_of(settings).operator(UNKNOWN_REACH._replace(**told), say)  # type: ignore[no-any-return]
 
 
 def _own_name() -> str:
@@ -276,12 +263,10 @@ def _leader_name(name: str | None, certified: str) -> str:
 
 def _reach(hello: dict[str, str], name: str) -> float:
     """A length that the follower reported, by which the operator reaches the material; NaN where it reported none."""
-    if name not in hello:
-        return math.nan
     try:
-        value = float(hello[name])
-    except (KeyError, ValueError):
+        value = float(hello.get(name, "nan"))
+    except ValueError:
         value = math.nan
-    if not 0.0 < value <= LONGEST_REACH:
+    if name in hello and not 0.0 < value <= LONGEST_REACH:
         raise LinkError(f"the follower says {name} = {hello.get(name)!r}: it must be at most {LONGEST_REACH:g} m")
     return value

@@ -20,7 +20,7 @@ from foretouch.cli.options import (
     say,
     session_settings,
 )
-from foretouch.errors import LinkError, SettingError, plural
+from foretouch.errors import LinkError, plural
 
 if TYPE_CHECKING:
     from foretouch.messages import Message
@@ -111,15 +111,13 @@ def camera(*, endpoints: Endpoints, parent: Parent = None, settings: SessionSett
 
     Example: foretouch camera --scene hill --listen tcp/127.0.0.1:7449 --connect tcp/127.0.0.1:7447
     """
-    from foretouch.session import StopFlag, give_way
+    from foretouch.session import StopFlag, give_way, setup_of
     from foretouch.session.network.lease import ContestPrinter
     from foretouch.session.runners.camera import CAMERA_CHANNELS, run_camera
-    from foretouch.session.spatial import make_camera, make_scene
+    from foretouch.session.spatial import make_camera
 
-    if not settings.scene:
-        raise SettingError("scene", settings.scene, "is needed for a camera: plane, hill, phantom, or a mesh")
+    scene = setup_of(settings).seen()
     give_way()
-    scene = make_scene(settings.scene)
     sees = settings.fusion in ("full", "image") or parent is not None
     missing: list[str] = []
     drawn = make_camera(settings, scene, say=missing.append) if sees else None

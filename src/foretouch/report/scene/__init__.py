@@ -12,13 +12,14 @@ import numpy as np
 from foretouch.errors import ForetouchError
 from foretouch.messages import SessionLog
 from foretouch.models import MaterialField
-from foretouch.quantities import Array, Flags
+from foretouch.quantities import Array, Flags, Rows
 from foretouch.report.energy import (
     Account,
     BookedDevice,
     account_figures,
     book,
     booked_device,
+    energy_account,
     lost_rows,
     recorded_account,
     summed_account,
@@ -124,14 +125,32 @@ def spatial_account(rows: SceneRows, *, position_scale: float, device: BookedDev
     return recorded_account(rows.leader, hand, account)[0]
 
 
-NOT_ALONG_A_LINE = ("contact_force_rms_N", "prediction_rmse_N", "prediction_error_percent", "within_jnd_percent")
+AT_ONE_POSITION = ("contact_force_rms_N", "prediction_rmse_N", "prediction_error_percent", "within_jnd_percent")
 
 
 @dataclass(frozen=True, eq=False)
-class SceneFindings:
-    """Data behind the figures and drawings of one segment.
+class LineFindings:
+    """What the figures and drawings of one segment along a line are made of."""
+
+    log: SessionLog
+    pairs: Pairs  # its rows at equal command
+
+    def booked(self) -> tuple[Rows, Account]:
+        """The leader's rows, and their energy account."""
+        return self.log.leader, energy_account(self.log.leader, booked_device(self.log.settings))
+
+    def complete(self, report: dict[str, Any]) -> dict[str, Any]:
+        """The report with all that is found here alone."""
+        return report
+
+
+@dataclass(frozen=True, eq=False)
+class SceneFindings(LineFindings):
+    """The same of a segment with messages in space.
 
     Attributes:
+        log: The segment.
+        pairs: Its rows at equal command.
         rows: Rows of the session.
         pose: Error of the fixture's pose.
         wrong: Contacts at equal command; None where the true force is unknown.
@@ -149,6 +168,40 @@ class SceneFindings:
     field: MaterialField | None
     map: StiffnessMap | None
 
+    def booked(self) -> tuple[Rows, Account]:
+        """See `LineFindings.booked`; the account is that in all directions."""
+        return self.rows.leader, self.account
+
+    def complete(self, report: dict[str, Any]) -> dict[str, Any]:
+        """The report with its scene, without the figures that hold along a line only.
+
+        The account of energy is that in all directions, and so is the distance between robot and command. Figures that
+        compare positions along one line, or the whole contact force with the model's part along the normal, are None.
+        """
+        scene, nothing = scene_figures(self.log, self.pairs, self), dict.fromkeys(AT_ONE_POSITION)
+        energy, hand = scene["energy"], report["hand"]
+        holds = energy["certificate_holds"]
+        hand = {**hand, "certificate_holds": holds, "energy_agrees": energy["energy_agrees"]}
+        return {
+            **report,
+            "nowhere_samples": 0,  # a hand has no position on the normal before it is coupled
+            "stable": bool(holds and hand["forces_finite"] and not hand["oscillation"]["oscillates"]),
+            **{name: energy[name] for name in ("net_energy_J", "energy_bound_J", "energy_margin_J", "late_energy_J")},
+            "energy_used_percent": None,
+            "net_energy_exact_J": None,
+            "hand": hand,
+            "equal_position": dict(nothing),
+            "exact_force": dict(nothing),
+            "tracking_error": _tracking(self.rows, report["score_from_s"]),
+            "scene": scene,
+        }
+
+
+def look(log: SessionLog, pairs: Pairs) -> LineFindings:
+    """What is found in a segment along a line, or in three dimensions where it has messages in space."""
+    in_space = bool(setting(log.settings, "scene", "")) and bool(log.leader_space.size and log.follower_space.size)
+    return (LineFindings, look_at_scene)[in_space](log, pairs)
+
 
 def look_at_scene(log: SessionLog, pairs: Pairs) -> SceneFindings:
     """What figures and drawings of a segment with messages in space are made of; its rows at equal command with it."""
@@ -162,7 +215,8 @@ def look_at_scene(log: SessionLog, pairs: Pairs) -> SceneFindings:
         name = setting(log.settings, "material", "")
         material = name if name in MATERIALS and _is_simulated(rows) else None
         stiffness = stiffness_map(rows, field, scene, material, felt if math.isfinite(felt) else 0.0)
-    return SceneFindings(rows, pose_error(rows), wrong_contacts(log, pairs), account, scene, field, stiffness)
+    wrong = wrong_contacts(log, pairs)
+    return SceneFindings(log, pairs, rows, pose_error(rows), wrong, account, scene, field, stiffness)
 
 
 def scene_figures(log: SessionLog, pairs: Pairs, findings: SceneFindings) -> dict[str, Any]:
@@ -187,31 +241,6 @@ def scene_figures(log: SessionLog, pairs: Pairs, findings: SceneFindings) -> dic
         "forces": force_figures(findings.rows),
         "energy": account_figures(findings.account, findings.rows.hand),
         "map": stiffness,
-    }
-
-
-def in_scene(report: dict[str, Any], scene: Mapping[str, Any], findings: SceneFindings) -> dict[str, Any]:
-    """A report with its scene, without the figures that hold along a line only.
-
-    The account of energy is that in all directions, and so is the distance between robot and command. Figures that
-    compare positions along one line, or the whole contact force with the model's part along the normal, are None.
-    """
-    energy, hand = scene["energy"], report["hand"]
-    holds = energy["certificate_holds"]
-    hand = {**hand, "certificate_holds": holds, "energy_agrees": energy["energy_agrees"]}
-    stable = bool(holds and hand["forces_finite"] and not hand["oscillation"]["oscillates"])
-    nothing = dict.fromkeys(NOT_ALONG_A_LINE)
-    return {
-        **report,
-        "stable": stable,
-        **{name: energy[name] for name in ("net_energy_J", "energy_bound_J", "energy_margin_J", "late_energy_J")},
-        "energy_used_percent": None,
-        "net_energy_exact_J": None,
-        "hand": hand,
-        "equal_position": dict(nothing),
-        "exact_force": dict(nothing),
-        "tracking_error": _tracking(findings.rows, report["score_from_s"]),
-        "scene": dict(scene),
     }
 
 

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from foretouch.messages import SessionLog
 from foretouch.quantities import Array, ByValue, Rows
-from foretouch.report.numbers import number_of, setting
+from foretouch.report.numbers import number_of
 from foretouch.report.rows import Pairs
 
 ONE_CLOCK_NS = 5_000_000
@@ -30,11 +30,6 @@ class SceneRows(ByValue):
     leader_time: Array  # of the leader's ticks, by the follower's clock, since its tick of `Pairs.time` zero [s]
     follower_time: Array  # of the follower's ticks, since the same [s]
     newest: NDArray[np.int64]  # for each tick of the leader, the follower's newest then; -1 where there was none yet
-
-
-def has_scene(log: SessionLog) -> bool:
-    """Whether a session is one in three dimensions and has messages in space."""
-    return bool(setting(log.settings, "scene", "")) and bool(log.leader_space.size and log.follower_space.size)
 
 
 def scene_rows(log: SessionLog, pairs: Pairs) -> SceneRows:

@@ -10,7 +10,7 @@ import numpy as np
 from foretouch.errors import plural
 from foretouch.quantities import Rows, new_figure
 from foretouch.report.drawing import ERROR, NARROW, PREDICTED, TRUE, curve, extremes, finished, legend, peak, shade
-from foretouch.report.energy import ROUNDING, Account, booked_device, energy_account
+from foretouch.report.energy import ROUNDING, Account
 from foretouch.report.numbers import Finding, number
 from foretouch.report.rows import since_first
 from foretouch.report.sections import Drawing, Section, View
@@ -102,11 +102,7 @@ def _findings(report: Mapping[str, Any]) -> Iterator[Finding]:
 
 def _drawings(view: View) -> Iterator[Drawing]:
     if (view.log.leader["energy_bound"] > 0.0).any():
-        if view.scene is None:
-            leader, account = view.log.leader, energy_account(view.log.leader, booked_device(view.log.settings))
-        else:
-            leader, account = view.scene.rows.leader, view.scene.account
-        yield Drawing(energy_figure(leader, account), "Energy account of the session, and its bound")
+        yield Drawing(energy_figure(*view.found.booked()), "Energy account of the session, and its bound")
 
 
 def energy_figure(leader: Rows, account: Account) -> Any:

@@ -29,8 +29,9 @@ from foretouch.report.drawing import (
 from foretouch.report.numbers import AS_IT_COMES, Finding, figure, filled, number
 from foretouch.report.rows import Pairs, Segment, not_scored
 from foretouch.report.scores import JND_FORCE, JND_SHARE, STATUSES
-from foretouch.report.sections import Drawing, Section, View
+from foretouch.report.sections import Drawing, Section, View, workspace_of
 from foretouch.session.operators import STAYS_IN_THE_AIR
+from foretouch.session.workspace import LINE, SPACE, Line
 from foretouch.settings import NO_BASELINE, SIMULATED
 
 ZOOM = 4.0  # Length of the close-up [s], and of shorter recordings half of them
@@ -243,6 +244,9 @@ _LEFT_OUT = {
 """Rows that are not scored, because the robot did not follow, its sensors failed, or the device did."""
 
 
+COMPARED: dict[Line, tuple[str, ...]] = {LINE: ("equal_position",), SPACE: ()}  # at one position
+
+
 def _lines(report: Mapping[str, Any]) -> Iterator[str]:
     wanted, late = _NAMES.get(report["baseline"], _CONTROLLED)
     guarded = filled(", {guarded_samples:,} guarded", report) if report["guarded_samples"] else ""
@@ -254,8 +258,8 @@ def _lines(report: Mapping[str, Any]) -> Iterator[str]:
     yield _row(report, "rendered (after limits)", "rendered", "rendered_within_jnd", "rendered_phantom")
     yield _row(report, wanted, "prediction", "within_jnd", "phantom")
     yield _row(report, late, "delayed_force")
-    if "scene" not in report:  # what is compared at one position is of a line
-        yield _row(report["equal_position"], "predicted at follower's position", "prediction", "within_jnd")
+    for name in COMPARED[workspace_of(report)]:
+        yield _row(report[name], "predicted at follower's position", "prediction", "within_jnd")
     if report["exact_force"]["contact_force_rms_N"] is not None:
         against = f"{wanted.partition(' (')[0]}, against exact force"
         yield _row(report["exact_force"], against, "prediction", "within_jnd")
@@ -280,20 +284,31 @@ def _row(figures: Mapping[str, Any], name: str, of: str, within: str = "", phant
 
 
 def _drawings(view: View) -> Iterator[Drawing]:
-    """Forces over time and, along a line and where something was touched, over the depth."""
+    """Forces over time."""
     pairs, report = view.pairs, view.report
     if not pairs.time.size:
         return
-    true_force = pairs.follower["sensor_force"] - lowest_mean(pairs.time, pairs.follower["sensor_force"])
     end = pairs.time[-1] if report["score_to_s"] is None else min(report["score_to_s"], pairs.time[-1])
     scored = (pairs.time >= report["score_from_s"]) & (pairs.time <= end) & ~not_scored(pairs)
     columns = (pairs.leader[f"{kind}_force"] for kind in ("predicted", "delayed", "rendered"))
-    forces = force_figure(pairs.time, true_force, *columns, scored=scored, wanted=view.wanted, segments=view.away)
+    shown = {"scored": scored, "wanted": view.wanted, "segments": view.away}
+    forces = force_figure(pairs.time, _true_force(pairs), *columns, **shown)
     yield Drawing(forces, "True, predicted, delayed and rendered force over time, and the errors")
-    if view.scene is None and pairs.follower["in_contact"].any():
+
+
+def _true_force(pairs: Pairs) -> Array:
+    force: Array = pairs.follower["sensor_force"]
+    return force - lowest_mean(pairs.time, force)
+
+
+def _loop(view: View) -> Iterator[Drawing]:
+    """Forces over the depth, where something was touched."""
+    pairs = view.pairs
+    if pairs.follower["in_contact"].any():
         surfaces = [model.surface for model in view.log.models if model.valid and np.isfinite(model.surface)]
-        loop = loop_figure(pairs, true_force, surfaces[-1] if surfaces else None, view.wanted)
+        loop = loop_figure(pairs, _true_force(pairs), surfaces[-1] if surfaces else None, view.wanted)
         yield Drawing(loop, "Force against depth, true and predicted")
 
 
 FORCES = Section("forces", _findings, _lines, _drawings)
+LOOP = Section("loop", drawings=_loop, of=(LINE,))

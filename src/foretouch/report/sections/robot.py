@@ -14,6 +14,7 @@ from foretouch.report.drawing import ERROR, PREDICTED, RENDERED, TRUE, curve, fi
 from foretouch.report.numbers import Finding, figure, filled, number
 from foretouch.report.rows import Pairs, Segment
 from foretouch.report.sections import Drawing, Section, View
+from foretouch.session.workspace import LINE
 
 OFTEN_LATE = 0.1  # A loop that is late in more than this fraction of its ticks does not keep its rate
 
@@ -35,7 +36,7 @@ def _cut(report: Mapping[str, Any]) -> Iterator[Finding]:
 
 
 def _tracking(view: View) -> Iterator[Drawing]:
-    if view.scene is None and view.pairs.time.size:
+    if view.pairs.time.size:
         yield Drawing(tracking_figure(view.pairs, view.away), "Position of the robot, and its tracking error")
 
 
@@ -55,7 +56,8 @@ def tracking_figure(pairs: Pairs, segments: Sequence[Segment] = ()) -> Any:
     return finished(figure, 2, gap=0.5)
 
 
-ROBOT = Section("robot", _cut, lambda report: [filled(line, report) for line in _MOTION], _tracking)
+ROBOT = Section("robot", _cut, lambda report: [filled(line, report) for line in _MOTION])
+TRACKING = Section("tracking", drawings=_tracking, of=(LINE,))
 
 
 def _late(report: Mapping[str, Any]) -> Iterator[Finding]:

@@ -24,11 +24,12 @@ from foretouch.report.drawing import (
 )
 from foretouch.report.numbers import Finding, figure, filled
 from foretouch.report.rows import Pairs
-from foretouch.report.scene import Wrong
+from foretouch.report.scene import SceneFindings, Wrong
 from foretouch.report.scene.map import StiffnessMap, map_figures
 from foretouch.report.scene.pose import NEAR_DEGREES, NEAR_MM, PoseError
 from foretouch.report.sections import Drawing, Section, View
 from foretouch.session.spatial import Inclusion
+from foretouch.session.workspace import SPACE
 
 LEAST_MM, LEAST_DEGREES = 0.01, 0.01  # Begin of the axes of errors: no camera knows less
 
@@ -153,8 +154,6 @@ def _scale(values: Array) -> tuple[float, float]:
 
 
 def _findings(report: Mapping[str, Any]) -> Iterator[Finding]:
-    if "scene" not in report:
-        return
     for bump in report["scene"]["pose"]["bumps"]:
         if bump["recovered_s"] is None:
             yield Finding(filled("After the bump at {at_s:.1f} s the fixture was never again where it is shown.", bump))
@@ -166,8 +165,6 @@ def _findings(report: Mapping[str, Any]) -> Iterator[Finding]:
 
 
 def _lines(report: Mapping[str, Any]) -> Iterator[str]:
-    if "scene" not in report:
-        return
     scene = report["scene"]
     yield f"Scene {scene['name']}, the fixture's pose from {_FUSIONS.get(scene['fusion'], scene['fusion'])}"
     yield from _pose(scene["pose"])
@@ -233,9 +230,7 @@ def _map(stiffness: Mapping[str, Any] | None) -> Iterator[str]:
 
 
 def _drawings(view: View) -> Iterator[Drawing]:
-    scene = view.scene
-    if scene is None:
-        return
+    scene: SceneFindings = view.found
     if np.isfinite(scene.pose.distance).any():
         yield Drawing(pose_figure(scene.pose), "Error of the fixture's pose as the leader shows it, position and turn")
     if scene.wrong is not None and view.pairs.time.size:
@@ -249,4 +244,4 @@ def _drawings(view: View) -> Iterator[Drawing]:
         yield Drawing(drawn, "Local stiffness over the surface: true, learnt, and its standard deviation")
 
 
-SCENE = Section("scene", _findings, _lines, _drawings)
+SCENE = Section("scene", _findings, _lines, _drawings, of=(SPACE,))

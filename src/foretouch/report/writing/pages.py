@@ -24,9 +24,8 @@ from foretouch.recordings import atomic_path
 from foretouch.report.drawing import COLOURS, finished, legend
 from foretouch.report.numbers import Finding, number
 from foretouch.report.rows import follower_away, pair
-from foretouch.report.scene import look_at_scene
-from foretouch.report.scene.pose import has_scene
-from foretouch.report.sections import View
+from foretouch.report.scene import look
+from foretouch.report.sections import View, sections_of
 from foretouch.report.sections.energy import stability_word
 from foretouch.report.sections.forces import prediction_figure, scoring_findings
 from foretouch.report.sections.session import baseline_sentence, lasted, pressed, segment_sentence
@@ -259,9 +258,8 @@ def _drawn(log: SessionLog, report: Mapping[str, Any]) -> Iterator[str]:
     log = log.longest_phase()
     pairs = pair(log)
     start = int(pairs.follower["time_ns"][0]) if pairs.time.size else log.models[0].time_ns if log.models else 0
-    scene = look_at_scene(log, pairs) if has_scene(log) else None
-    view = View(log, pairs, report, start, follower_away(log, start), scene)
-    for section in SECTIONS:
+    view = View(log, pairs, report, start, follower_away(log, start), look(log, pairs))
+    for section in sections_of(report, SECTIONS):
         for drawing in section.drawings(view):
             yield embedded(drawing.figure, drawing.caption)
 

@@ -9,17 +9,18 @@ from typing import Any, NoReturn
 from foretouch.messages import SessionLog
 from foretouch.quantities import brief_text
 from foretouch.report.numbers import Finding
+from foretouch.report.sections import sections_of
 from foretouch.report.sections.energy import ENERGY
-from foretouch.report.sections.forces import FORCES
+from foretouch.report.sections.forces import FORCES, LOOP
 from foretouch.report.sections.hand import HAND
 from foretouch.report.sections.model import MODEL
-from foretouch.report.sections.robot import LOOPS, ROBOT
+from foretouch.report.sections.robot import LOOPS, ROBOT, TRACKING
 from foretouch.report.sections.safety import SAFETY
 from foretouch.report.sections.scene import SCENE
 from foretouch.report.sections.session import SESSION, heading
 from foretouch.report.session import session_figures
 
-SECTIONS = (SESSION, FORCES, ENERGY, HAND, SCENE, SAFETY, MODEL, ROBOT, LOOPS)
+SECTIONS = (SESSION, FORCES, LOOP, ENERGY, HAND, SCENE, SAFETY, MODEL, ROBOT, TRACKING, LOOPS)
 """In the order in which they are written and drawn."""
 
 URGENT_FIRST = (SESSION, SAFETY, LOOPS, ENERGY, HAND, SCENE, FORCES, ROBOT, MODEL)
@@ -28,13 +29,13 @@ URGENT_FIRST = (SESSION, SAFETY, LOOPS, ENERGY, HAND, SCENE, FORCES, ROBOT, MODE
 
 def render_text(report: Mapping[str, Any]) -> str:
     """The report of `session_figures`: lines of at most about 100 characters, without a last line break."""
-    blocks = (line for section in SECTIONS for line in section.lines(report))
+    blocks = (line for section in sections_of(report, SECTIONS) for line in section.lines(report))
     return "\n".join([*heading(report), *(finding.text for finding in findings(report)), "", *blocks])
 
 
 def findings(report: Mapping[str, Any]) -> list[Finding]:
     """Findings of a session, one plain sentence each; the worst come first."""
-    return [finding for section in URGENT_FIRST for finding in section.findings(report)]
+    return [finding for section in sections_of(report, URGENT_FIRST) for finding in section.findings(report)]
 
 
 class Figures:

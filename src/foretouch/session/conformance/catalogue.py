@@ -26,9 +26,9 @@ from foretouch.session.conformance.finding import Finding
 from foretouch.session.conformance.material_checks import check_material
 from foretouch.session.conformance.robot_checks import check_robot
 from foretouch.session.operators import make_operator
-from foretouch.session.robots import make_session_robot
 from foretouch.session.runners.news import where
 from foretouch.session.settings import ROBOTS, SessionSettings
+from foretouch.session.setup import make_session_robot
 
 LONGEST_ANSWER = 5.0  # Time without return after which a call of a device or robot counts as hanging [s]
 LONGEST_MAKING = 30.0

@@ -97,9 +97,9 @@ class _Supervisor:
         self._common = ["--parent", str(os.getpid())]
         self._follower, self._leader, self._console = free_endpoint(), free_endpoint(), free_endpoint()
         self._watching = ["--connect", self._follower, "--connect", self._leader]
-        self._camera = free_endpoint() if settings.scene else ""
-        if self._camera:
-            self._watching += ["--connect", self._camera]
+        self._beside = {role: free_endpoint() for role in settings.workspace.beside}
+        for endpoint in self._beside.values():
+            self._watching += ["--connect", endpoint]
         self._begun: float | None = None
         self._awaited = False
         self._told = 0.0
@@ -122,9 +122,9 @@ class _Supervisor:
     def start(self, console_port: int | None) -> None:
         """Start everything, the leader last; its duration counts from then on."""
         self._start_follower()
-        if self._camera:
-            ends = ["--listen", self._camera, "--connect", self._follower]
-            self._children.append(start("camera", [*ends, *self._chosen(), *self._common]))
+        for role, endpoint in self._beside.items():
+            ends = ["--listen", endpoint, "--connect", self._follower]
+            self._children.append(start(role, [*ends, *self._chosen(), *self._common]))
         if console_port is not None:
             options = ["--port", str(console_port), "--listen", self._console]
             for folder in (self._recording.parent, Path()):  # this session's folder, and that of earlier ones

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,12 +19,12 @@ from foretouch.messages import SessionLog, Status
 from foretouch.quantities import Rows
 from foretouch.quantities.pose import Vector
 from foretouch.robot import MATERIALS, Robot, material_names
-from foretouch.session.frames import framed_device, inverse
 from foretouch.session.network.playout import Playout
 from foretouch.session.replay.machines import PlayedOperator, PlayedRobot
-from foretouch.session.robots import make_session_robot
 from foretouch.session.runners.simulated import simulate
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
+from foretouch.session.setup import make_session_robot
+from foretouch.session.workspace import LINE, SPACE, framed_device, inverse
 from foretouch.settings import NO_GRIP, SIMULATED
 
 _REAL = "is of a robot in three dimensions other than the simulated one, and cannot be simulated again"
@@ -64,17 +64,14 @@ class PlayedSpatialOperator(SpatialDevice):
 
 
 def _replay_scene(
-    log: SessionLog,
-    settings: SessionSettings,
-    closed_loop: bool,
-    description: Mapping[str, str],
-    progress: Callable[[float], None] | None = None,
+    log: SessionLog, settings: SessionSettings, closed_loop: bool, progress: Callable[[float], None] | None
 ) -> SessionLog:
     """Run one segment of a simulated session in three dimensions again; see `replay_under`.
 
     World, robot and camera are simulated again from the settings and their seed. In an open loop the hand follows its
     recorded path; in a closed loop the script is played again to a hand that the force moves.
     """
+    _require_grip(settings, closed_loop)
     robot_name = log.settings.get("robot", SIMULATED)
     if robot_name != SIMULATED or not np.isfinite(log.follower_space["exact_x"]).any():
         raise RecordingError("session", _REAL)
@@ -96,7 +93,7 @@ def _replay_scene(
         settings,
         duration=ticks * SAMPLE_PERIOD,
         operator=operator,
-        description=description,
+        description=_told(log, settings, closed_loop),
         progress=progress,
         say=_miss_camera,
     )
@@ -151,18 +148,21 @@ def replay_under(
         SettingError: A closed loop without a grip, or with a robot that does not react.
     """
     log = log.longest()
-    leader = log.leader
-    if not leader.size or not log.follower.size:
+    if not log.leader.size or not log.follower.size:
         raise RecordingError("session", "a side is missing: there is nothing to run again")
-    if settings.scene != log.settings.get("scene", ""):
-        there, here = (name or "a line" for name in (log.settings.get("scene", ""), settings.scene))
+    there, here = (name or "a line" for name in (log.settings.get("scene"), settings.scene))
+    if there != here:
         problem = f"is one in three dimensions or along a line, and its settings are not: {there}, and {here}"
         raise RecordingError("session", problem)
-    if settings.scene:
-        _require_grip(settings, closed_loop)
-        return _replay_scene(log, settings, closed_loop, _told(log, settings, closed_loop), progress)
-    operator = _operator(log, leader, settings, closed_loop)
-    ticks = round(int(leader["time_ns"][-1] - leader["time_ns"][0]) / _PERIOD_NS) + 1
+    return REPLAYS[settings.workspace](log, settings, closed_loop, progress)
+
+
+def _replay_line(
+    log: SessionLog, settings: SessionSettings, closed_loop: bool, progress: Callable[[float], None] | None
+) -> SessionLog:
+    """Run one segment of a session along a line again; see `replay_under`."""
+    operator = _operator(log, log.leader, settings, closed_loop)
+    ticks = round(int(np.ptp(log.leader["time_ns"])) / _PERIOD_NS) + 1
     if material_answers(log):
         robot, _ = make_session_robot(settings)
         return _run(log, settings, closed_loop, operator, robot, ticks, progress)
@@ -175,6 +175,9 @@ def replay_under(
         raise RecordingError("session", "the robot felt nothing while the operator moved")
     played = PlayedRobot(log.follower, felt, ticks)
     return _as_it_was(_run(log, settings, closed_loop, operator, played, ticks, progress), played.rows)
+
+
+REPLAYS = {LINE: _replay_line, SPACE: _replay_scene}
 
 
 def material_answers(log: SessionLog) -> bool:
@@ -207,7 +210,7 @@ def replay_notes(log: SessionLog, settings: SessionSettings, closed_loop: bool =
             notes.append(f"recorded in a closed loop, and the hand does not answer here{lets}")
         notes.append("the hand is where it was; how far the robot is from it comes of the replay's own models")
     if material_answers(log):
-        beside = ", its fixture, camera and tracker" if settings.scene else ""
+        beside = settings.workspace.again
         notes.append(f"the robot and its material ({settings.material}){beside} are simulated again")
     else:
         notes.append("the robot's motion is fixed too: its measured force comes as late as its commands do")

@@ -18,7 +18,6 @@ from foretouch.link import Faults, FaultStage
 from foretouch.messages import FixtureBelief, Handle, Message
 from foretouch.quantities.pose import Vector, add, scaled
 from foretouch.robot import Robot, SpatialRobot
-from foretouch.session.frames import browser_operator, framed_device, framed_robot
 from foretouch.session.network.playout import Arrival
 from foretouch.session.operators import felt_device
 from foretouch.session.runners.loop_timer import let_pass
@@ -27,6 +26,7 @@ from foretouch.session.spatial.hand import HandInSpace
 from foretouch.session.spatial.probe import ProbeInSpace
 from foretouch.session.spatial.scenes import make_scene
 from foretouch.session.steps import follower, leader
+from foretouch.session.workspace import LINE, SPACE, browser_operator, framed_device, framed_robot
 
 
 class Tick(NamedTuple):
@@ -92,6 +92,8 @@ class DrivenFollower(Driven):
     Args:
         robot: Robot to command; it counts as the settings' follower frame says.
         settings: Session settings.
+        run: Number of this process.
+        probe: The probe in three dimensions; None for one along a line.
 
     Attributes:
         state: State of the follower along the line or the normal.
@@ -101,14 +103,14 @@ class DrivenFollower(Driven):
     """
 
     delay = "position_delay"
-    state: follower.State
 
-    def __init__(self, robot: Any, settings: SessionSettings) -> None:
+    def __init__(self, robot: Any, settings: SessionSettings, run: int, probe: ProbeInSpace | None = None) -> None:
         super().__init__(settings.command_faults)
-        self._robot = robot
+        self._robot = framed_robot(robot, settings.follower_frame)
+        self.state = follower.start(self._robot.specification, settings, run=run, probe=probe)
         self._back = settings.return_speed * SAMPLE_PERIOD
         self.beliefs: list[FixtureBelief] = []
-        self.sample = robot.read()
+        self.sample = self._robot.read()
         self.desired: Any = None
 
     def counts(self) -> dict[str, int]:
@@ -157,9 +159,7 @@ class LineFollower(DrivenFollower):
     """A follower along a line, in process `run`."""
 
     def __init__(self, robot: Robot, settings: SessionSettings, run: int) -> None:
-        framed = framed_robot(robot, settings.follower_frame)
-        self.state = follower.start(framed.specification, settings, run=run)
-        super().__init__(framed, settings)
+        super().__init__(robot, settings, run)
         self.desired = self.sample.commanded_position
 
 
@@ -169,10 +169,8 @@ class SpaceFollower(DrivenFollower):
     channels = ("fixture",)
 
     def __init__(self, robot: SpatialRobot, settings: SessionSettings, run: int) -> None:
-        scene, framed = make_scene(settings.scene), framed_robot(robot, settings.follower_frame)
-        probe = ProbeInSpace(scene.surface, scene.nominal)
-        self.state = follower.start(framed.specification, settings, run=run, probe=probe)
-        super().__init__(framed, settings)
+        scene = make_scene(settings.scene)
+        super().__init__(robot, settings, run, ProbeInSpace(scene.surface, scene.nominal))
         self.desired = self.sample.place
 
 
@@ -202,18 +200,23 @@ class DrivenLeader(Driven):
     Args:
         operator: Moves the leader; it counts as the settings' leader frame says.
         settings: Session settings.
+        holder: Name of this leader.
+        epoch: Epoch of this process.
+        hand: The hand in three dimensions; None for one along a line.
 
     Attributes:
         state: State of the leader along the line or the normal.
         nowhere: Ticks in which the device gave no position: the hand then counts as not moved.
     """
 
-    state: leader.State
-
-    def __init__(self, operator: Any, settings: SessionSettings) -> None:
+    def __init__(
+        self, operator: Any, settings: SessionSettings, holder: str, epoch: int, hand: HandInSpace | None = None
+    ) -> None:
         super().__init__(settings.return_faults)
-        self._operator = operator
-        self._clock = OperatorClock(operator)
+        device = felt_device(operator, settings)
+        self.state = _start_of(settings)(settings, holder=holder, epoch=epoch, device=device, hand=hand)
+        self._operator = framed_device(operator, settings.leader_frame)
+        self._mouse, self._clock = browser_operator(self._operator), OperatorClock(self._operator)
         self.nowhere = 0
 
     def counts(self) -> dict[str, int]:
@@ -269,13 +272,7 @@ def _start_of(settings: SessionSettings) -> Callable[..., leader.State]:
 
 
 class LineLeader(DrivenLeader):
-    """A leader along a line, named `holder` and of this epoch."""
-
-    def __init__(self, operator: Device, settings: SessionSettings, holder: str, epoch: int) -> None:
-        device = felt_device(operator, settings)
-        self.state = _start_of(settings)(settings, holder=holder, epoch=epoch, device=device)
-        super().__init__(framed_device(operator, settings.leader_frame), settings)
-        self._mouse = browser_operator(self._operator)
+    """A leader along a line."""
 
     def take(self, handle: Handle, now_ns: int) -> None:
         """See `DrivenLeader.take`."""
@@ -287,16 +284,14 @@ class LineLeader(DrivenLeader):
 
 
 class SpaceLeader(DrivenLeader):
-    """A leader in three dimensions, named `holder` and of this epoch."""
+    """A leader in three dimensions."""
 
     channels = ("field",)
 
     def __init__(self, operator: SpatialDevice, settings: SessionSettings, holder: str, epoch: int) -> None:
-        super().__init__(framed_device(operator, settings.leader_frame), settings)
-        scene, device = make_scene(settings.scene), felt_device(operator, settings)
+        scene = make_scene(settings.scene)
         self._hand = HandInSpace(scene.surface, scene.nominal, settings.position_scale)
-        self.state = _start_of(settings)(settings, holder=holder, epoch=epoch, device=device, hand=self._hand)
-        self._mouse = browser_operator(self._operator)
+        super().__init__(operator, settings, holder, epoch, self._hand)
         self._apart: Vector = (0.0, 0.0, 0.0)  # of hand and world, when the handle was taken
 
     def take(self, handle: Handle, now_ns: int) -> None:
@@ -321,12 +316,14 @@ class SpaceLeader(DrivenLeader):
         self._operator.render(self.state.renderer.force)
 
 
-def drive_follower(robot: Robot | SpatialRobot, settings: SessionSettings, run: int) -> DrivenFollower:
+SIDES: dict[Any, Any] = {LINE: (LineFollower, LineLeader), SPACE: (SpaceFollower, SpaceLeader)}
+
+
+def drive_follower(robot: Any, settings: SessionSettings, run: int) -> DrivenFollower:
     """The follower for this robot."""
-    return (LineFollower if isinstance(robot, Robot) else SpaceFollower)(robot, settings, run)  # type: ignore[arg-type]
+    return SIDES[settings.workspace][0](robot, settings, run)  # type: ignore[no-any-return]
 
 
-def drive_leader(operator: Device | SpatialDevice, settings: SessionSettings, holder: str, epoch: int) -> DrivenLeader:
+def drive_leader(operator: Any, settings: SessionSettings, holder: str, epoch: int) -> DrivenLeader:
     """The leader for this operator."""
-    make = LineLeader if isinstance(operator, Device) else SpaceLeader
-    return make(operator, settings, holder, epoch)  # type: ignore[arg-type]
+    return SIDES[settings.workspace][1](operator, settings, holder, epoch)  # type: ignore[no-any-return]

@@ -12,7 +12,6 @@ from typing import Any
 
 import msgspec
 
-from foretouch.devices import Device, SpatialDevice
 from foretouch.identification.conditioning.kernel import CONTACT_FLOOR
 from foretouch.messages import PROCESS, LeaderState, Message, Status, Telemetry
 from foretouch.robot import Robot, SpatialRobot
@@ -97,7 +96,9 @@ SHADOW_CHANNELS = ("settings", "stop", "emergency", "hello", *SpaceFollower.chan
 NAME = "shadow"  # Name of the leader inside, and of the session's operator in the recording
 
 
-class _ShadowHand:
+class ShadowHand:
+    """The measured position of the robot's tip as that of the leader's hand, which feels nothing."""
+
     name = NAME
     closed_loop = False
 
@@ -112,14 +113,6 @@ class _ShadowHand:
     def render(self, force: Any) -> Any:
         """Nobody feels it."""
         return force
-
-
-class ShadowHand(_ShadowHand, Device):
-    """The measured position of the robot's tip as that of the leader's hand, which feels nothing."""
-
-
-class SpatialShadowHand(_ShadowHand, SpatialDevice):
-    """The same in three dimensions."""
 
 
 class Shadow(Driven):
@@ -143,9 +136,9 @@ class Shadow(Driven):
     def __init__(self, robot: Robot | SpatialRobot, settings: SessionSettings, epoch: int) -> None:
         super().__init__(settings.return_faults)
         self.follows = drive_follower(robot, settings, epoch)
-        hand = SpatialShadowHand if settings.scene else ShadowHand
+        hand: Any = type(NAME, (ShadowHand, settings.workspace.device), {})  # as the session's devices are
         self.leads = drive_leader(hand(self.follows), settings, NAME, epoch)
-        self.channels = self.follows.channels
+        self.channels, self._nowhere = self.follows.channels, settings.workspace.unknown
         self.score = ShadowScore()
 
     def counts(self) -> dict[str, int]:
@@ -154,7 +147,7 @@ class Shadow(Driven):
 
     def pass_time(self, periods: int) -> None:
         """See `Driven.pass_time`; nothing is commanded."""
-        self.follows.desired = (math.nan,) * 3 if self.channels else math.nan
+        self.follows.desired = self._nowhere
         self.follows.pass_time(periods)
 
     def act(self, due: list[Any], tick: Tick) -> list[Message]:

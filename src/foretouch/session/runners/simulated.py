@@ -2,37 +2,161 @@
 
 from __future__ import annotations
 
+import time
+from collections import deque
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
+from dataclasses import dataclass, field
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from foretouch.devices import Device, SpatialDevice
 from foretouch.errors import InputError, SettingError
 from foretouch.errors.checks import require, require_type
-from foretouch.robot import Robot, SpatialRobot, material_names
+from foretouch.messages import CameraImage, Hello, Message, SessionLog, Telemetry
+from foretouch.quantities import Columns
+from foretouch.robot import Robot, SpatialRobot
 from foretouch.session.operators import (
     close_operator,
     felt_texts,
-    make_operator,
-    own_robot,
-    pressed_material,
     reach_of,
     require_axes,
     require_simulated_operator,
     require_simulated_time,
     say_on_stderr,
 )
-from foretouch.session.robots import make_session_robot, reach_texts, require_simulated_robot
-from foretouch.session.runners.lap import Progress, Record, SimulatedSession, run_session
-from foretouch.session.settings import SessionSettings
-from foretouch.session.spatial import (
-    SimulatedCamera,
-    make_camera,
-    make_scene,
-    make_spatial_operator,
-    make_spatial_robot,
-)
-from foretouch.settings import SIMULATED
+from foretouch.session.runners.driven import SpaceFollower, Tick, drive_follower, drive_leader
+from foretouch.session.runners.warm_up import warm_up_once
+from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
+from foretouch.session.setup import setup_of
+from foretouch.session.spatial import SimulatedCamera, make_scene, tracker
+from foretouch.session.spatial.camera import IMAGE_PERIOD, VIEW
+from foretouch.session.spatial.scenes import KnownSurface
+
+_PERIOD_NS = round(SAMPLE_PERIOD * 1e9)
+PROGRESS_NS = 1_000_000_000
+
+Record = Callable[[Message, int], None]  # with each message to keep and its simulated time [ns]
+Progress = Callable[[float], None]  # with the simulated time [s]
+
+
+@dataclass(frozen=True)
+class SimulatedSession(Columns):
+    """A simulated session; its columns are those of its log.
+
+    The same settings give an equal one: ``==`` leaves out how long the computer took.
+
+    Attributes:
+        log: Messages of the session; its `compute_ns` columns hold the real computing times of the steps on this
+            machine, which are the only thing that differs on repeat.
+        duration: Simulated time [s].
+        elapsed: Real time [s].
+    """
+
+    log: SessionLog
+    duration: float
+    elapsed: float = field(compare=False)
+
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """See `SessionLog.columns`."""
+        return self.log.columns()
+
+
+TRACKER_PERIOD_NS = 5_000_000  # Time between two steps of the tracker, as in its process [ns]
+
+
+class CameraAndTracker:
+    """Camera, None for none, and tracker in three dimensions, whose belief of the fixture the follower receives."""
+
+    def __init__(self, settings: SessionSettings, camera: SimulatedCamera | None, follows: SpaceFollower) -> None:
+        scene = make_scene(settings.scene)
+        self._follows, self._camera = follows, camera
+        self._state = tracker.start(KnownSurface(scene.surface), scene.nominal, settings.fusion, view=VIEW)
+        self._image_period_ns = round(IMAGE_PERIOD / SAMPLE_PERIOD) * _PERIOD_NS
+        self._delay_ns = round(settings.camera_delay * 1e9)
+        self._coming: deque[tuple[int, CameraImage]] = deque()  # time of reading, and the image
+        self._ticks: list[Telemetry] = []
+
+    def look(self, messages: list[Message], now_ns: int) -> list[Message]:
+        """One tick, after the robot has moved: from the follower's messages to the further ones to record."""
+        seen: list[Message] = []
+        telemetry = messages[0]
+        assert isinstance(telemetry, Telemetry)
+        self._ticks.append(telemetry)
+        if self._camera is not None and now_ns % self._image_period_ns == 0:
+            sample = self._follows.sample
+            image = self._camera.take(
+                sample.fixture, sample.exact_place, telemetry.sequence, now_ns * 1e-9, now_ns, telemetry.run
+            )
+            self._coming.append((now_ns + self._delay_ns, image))
+            seen.append(image)
+        if now_ns % TRACKER_PERIOD_NS == 0:
+            due = []
+            while self._coming and self._coming[0][0] <= now_ns:
+                due.append(self._coming.popleft()[1])
+            belief = tracker.step(self._state, self._ticks, due, now_ns)
+            self._ticks = []
+            if belief is not None:
+                self._follows.beliefs = [belief]
+                seen.append(belief)
+        return seen
+
+    def counts(self) -> dict[str, int]:
+        """Counters, by name."""
+        return tracker.counts(self._state)
+
+
+def run_session(
+    settings: SessionSettings,
+    operator: Any,
+    robot: Any,
+    camera: SimulatedCamera | None = None,
+    *,
+    duration: float,
+    description: Mapping[str, str] | None = None,
+    record: Record | None = None,
+    progress: Progress | None = None,
+) -> SimulatedSession:
+    """Run a session with machines that are given, as `simulate` does: follower, network, leader, network, tick by tick.
+
+    In three dimensions there may be a camera beside the robot.
+    """
+    warm_up_once(settings)
+    follows, leads = drive_follower(robot, settings, 1), drive_leader(operator, settings, "leader", 1)
+    watcher = CameraAndTracker(settings, camera, follows) if isinstance(follows, SpaceFollower) else None
+    computed: tuple[list[int], list[int]] = [], []  # [ns]
+    texts = settings.as_text() | {"operator": operator.name} | dict(description or {})
+    kept: list[Message] = []
+    if record is not None:
+        record(Hello.of("simulation", 1, 0, texts), 0)
+    began = time.perf_counter()
+    for now_ns in range(0, round(duration / SAMPLE_PERIOD) * _PERIOD_NS, _PERIOD_NS):
+        tick = Tick(now_ns, _PERIOD_NS)
+        messages = follows.tick(tick)
+        for message in messages:
+            leads.arriving.push(now_ns, message)
+        follows.exchange()
+        if watcher is not None:
+            messages += watcher.look(messages, now_ns)
+        command, *records = leads.tick(tick)
+        follows.arriving.push(now_ns, command)
+        computed[0].append(leads.computed_ns)
+        computed[1].append(follows.computed_ns)
+        messages += records
+        kept += messages
+        if record is not None:
+            for message in messages:
+                record(message, now_ns)
+        if progress is not None and now_ns % PROGRESS_NS == 0:
+            progress(now_ns * 1e-9)
+    elapsed = time.perf_counter() - began
+    counts = leads.counts() | follows.counts()
+    counts |= {} if watcher is None else watcher.counts()
+    log = SessionLog.from_messages(kept, texts, counts)
+    log.leader["compute_ns"], log.follower["compute_ns"] = np.array(computed, dtype=np.int64)
+    return SimulatedSession(log, duration, elapsed)
 
 
 def simulate(
@@ -59,7 +183,7 @@ def simulate(
         robot: The follower's, which has not moved before and presses the settings' material, or one of your own; with a
             scene a `SpatialRobot`. It counts as the settings' follower frame says. None for the settings' own.
         description: Further settings for the log, as the sides say in their `Hello`.
-        record: Called with each message to keep and its simulated time [ns].
+        record: Called with each message to keep and its simulated time [ns]; bad input is refused before.
         progress: Called now and then with the simulated time [s].
         say: Told in one line what was assumed or left out where operator and robot are made.
 
@@ -70,34 +194,6 @@ def simulate(
         InputError: An operator or a robot that was used before, as far as it says (`Device.fresh`, `Robot.fresh`).
         ArgumentTypeError: Settings, operator, robot or description that are none.
         MissingExtraError: What the robot needs is not installed.
-    """
-    return prepare_simulation(
-        settings,
-        duration=duration,
-        operator=operator,
-        robot=robot,
-        description=description,
-        progress=progress,
-        say=say,
-    )(record)
-
-
-def prepare_simulation(
-    settings: SessionSettings,
-    *,
-    duration: float,
-    operator: Device | SpatialDevice | None = None,
-    robot: Robot | SpatialRobot | None = None,
-    description: Mapping[str, str] | None = None,
-    progress: Progress | None = None,
-    say: Callable[[str], None] = say_on_stderr,
-) -> Callable[[Record | None], SimulatedSession]:
-    """Make what a simulated session needs and was not given; bad input is refused here, before anything is written.
-
-    Args and Raises: As of `simulate`.
-
-    Returns:
-        What runs the session, once: it takes what records, or None.
     """
     require_type("settings", settings, SessionSettings, "SessionSettings: SessionSettings() are the defaults")
     kinds = {"operator": (Device, SpatialDevice), "robot": (Robot, SpatialRobot)}
@@ -114,65 +210,22 @@ def prepare_simulation(
     if operator is None:
         require_simulated_operator(settings)
     with ExitStack() as made:  # closed here is what is made here
-        machines = _machines(made, settings, operator, robot, say)
-        to_close = made.pop_all()
-    moved, driven, camera, texts = machines
-
-    def run_once(record: Record | None) -> SimulatedSession:
-        texts.update(description or {})
-        with to_close:
-            return run_session(
-                settings, moved, driven, camera, duration=duration, description=texts, record=record, progress=progress
-            )
-
-    return run_once
-
-
-Machines = tuple[Device | SpatialDevice, Robot | SpatialRobot, SimulatedCamera | None, dict[str, str]]
-"""Operator, robot, the camera beside it and texts of the log on them."""
-
-
-def _machines(
-    made: ExitStack, settings: SessionSettings, operator: Any, robot: Any, say: Callable[[str], None]
-) -> Machines:
-    """Make the robot and operator that were not passed, and in a scene the camera."""
-    scene = make_scene(settings.scene) if settings.scene else None
-    reach: Any = None
-    if robot is not None:
-        reach = reach_of(robot, settings)
-    else:
-        robot, reach = make_session_robot(settings) if scene is None else (make_spatial_robot(settings, scene), None)
-        made.callback(robot.close)
-        require_simulated_robot(robot, settings)
-    texts = own_robot(robot) if scene is not None else _own_material(robot, settings) | reach_texts(reach)
-    if operator is None:
-        if scene is not None:
-            operator = make_spatial_operator(settings, scene, scene.nominal, say)
+        setup = setup_of(settings)
+        if robot is not None:
+            reach = reach_of(robot, settings)
         else:
-            operator = make_operator(settings, surface=reach.surface, press_depth=reach.press_depth, say=say)
-        made.callback(close_operator, operator)
-        require_simulated_time(operator)
-    camera = None
-    if scene is not None and settings.fusion in ("full", "image"):
-        if robot.read().fixture:
-            camera = make_camera(settings, scene, say=say)
-        else:
-            say("camera: the robot does not say where its fixture is; the session goes on without it")
-    if camera is not None:
-        made.callback(camera.close)
-    return operator, robot, camera, felt_texts(operator, settings) | texts
-
-
-def _own_material(robot: Robot, settings: SessionSettings) -> dict[str, str]:
-    """Texts of the log on the material, where the robot presses one of its own, which no setting can name.
-
-    Raises:
-        SettingError: It presses another material than the settings name.
-    """
-    material = pressed_material(robot)
-    if settings.robot != SIMULATED or material is None or material.name == settings.material:
-        return {}
-    if material.name in material_names():
-        rule = f"the robot presses {material.name}; make it with make_robot(settings.material), or leave it out"
-        raise SettingError("material", settings.material, rule)
-    return {"material": material.name}
+            robot, reach = setup.robot()
+            made.callback(robot.close)
+            if not robot.specification.simulated:
+                raise SettingError("robot", settings.robot, "is a real one and needs real time: foretouch teleop")
+        texts = setup.texts(robot, reach)
+        if operator is None:
+            operator = setup.operator(reach, say)
+            made.callback(close_operator, operator)
+            require_simulated_time(operator)
+        camera = setup.camera(robot, say)
+        if camera is not None:
+            made.callback(camera.close)
+        texts = felt_texts(operator, settings) | texts | dict(description or {})
+        told: dict[str, Any] = {"description": texts, "record": record, "progress": progress}
+        return run_session(settings, operator, robot, camera, duration=duration, **told)

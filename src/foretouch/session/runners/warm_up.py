@@ -32,13 +32,13 @@ from foretouch.errors.checks import require_type
 from foretouch.identification import ESTIMATORS, ContactSample, Learner, identify, make_estimator, predict
 from foretouch.models import ContactMapModel, Predictor, make_model
 from foretouch.quantities import Recording
-from foretouch.robot import RobotSample, RobotSpecification, SpatialSample, make_robot
-from foretouch.session.operators import make_operator
-from foretouch.session.runners.driven import LineFollower, LineLeader, SpaceFollower, SpaceLeader, Tick
+from foretouch.robot import RobotSample, RobotSpecification, SpatialSample
+from foretouch.session.runners.driven import Tick, drive_follower, drive_leader
 from foretouch.session.runners.housekeeping import COMPILING, HELLO_PERIOD, ORPHANED, StopFlag, orphaned
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
-from foretouch.session.spatial import make_scene, make_spatial_operator, make_spatial_robot
+from foretouch.session.setup import setup_of
 from foretouch.session.steps import leader as line_leader
+from foretouch.session.workspace import LINE, SPACE
 from foretouch.settings import SIMULATED
 
 TICKS = 700
@@ -75,9 +75,8 @@ def warm_up(settings: SessionSettings | None = None) -> None:
         settings, calibration="", sensor_fault=None, operator="scripted", baseline="none", **counts_alike
     )
     _press_alone(own)
-    _press_in_a_session(dataclasses.replace(own, scene=""), LineFollower, LineLeader, _Press())
-    if settings.scene:
-        _press_in_a_session(own, SpaceFollower, SpaceLeader, _Slide())
+    for scene in dict.fromkeys(("", settings.scene)):  # what is of a line is of a scene too
+        _press_in_a_session(dataclasses.replace(own, scene=scene))
     _move_the_simulated(own)
 
 
@@ -107,9 +106,9 @@ def _press_alone(settings: SessionSettings) -> None:
 
 
 class _Press:
-    """Robot and operator of the press."""
+    """Robot and operator of the press; `pushed` is a force for a hand [N]."""
 
-    specification, name, closed_loop, clutched = SPECIFICATION, "press", False, False
+    specification, name, closed_loop, clutched, pushed = SPECIFICATION, "press", False, False, 1.0
 
     def __init__(self) -> None:
         self._tick = 0
@@ -138,9 +137,19 @@ class _Press:
     def see(self, pose: Any) -> None:
         """See nothing."""
 
+    def way(self, reach: Any, position: Any, tick: int) -> Any:
+        """Where a simulated robot goes while its operator is at a position [m]: into the material at once."""
+        return reach.surface + DEPTH * tick / TICKS
+
 
 class _Slide(_Press):
     """The same in space: down, then along."""
+
+    pushed: Any = (0.0, 0.0, 1.0)
+
+    def way(self, reach: Any, position: Any, tick: int) -> Any:
+        """See `_Press.way`; after the operator."""
+        return position
 
     def read(self, now_ns: int | None = None) -> Any:
         done = self._tick / (0.5 * TICKS)
@@ -152,9 +161,13 @@ class _Slide(_Press):
         return SpatialSample(position, force, force, position, (), False)
 
 
-def _press_in_a_session(settings: SessionSettings, follower: Any, leader: Any, press: _Press) -> None:
+MOTIONS: dict[Any, Any] = {LINE: _Press, SPACE: _Slide}
+
+
+def _press_in_a_session(settings: SessionSettings) -> None:
     """Run both sides of a session: the same press by both, with no network between."""
-    follows, leads = follower(press, settings, 1), leader(press, settings, "warm-up", 1)
+    press = MOTIONS[settings.workspace]()
+    follows, leads = drive_follower(press, settings, 1), drive_leader(press, settings, "warm-up", 1)
     commands: list[Any] = []
     for number in range(TICKS):
         tick = Tick(number * 1_000_000, 1_000_000)
@@ -165,21 +178,15 @@ def _press_in_a_session(settings: SessionSettings, follower: Any, leader: Any, p
 def _move_the_simulated(settings: SessionSettings) -> None:
     """Run a simulated robot and a simulated hand, as far as they can be simulated here."""
     with suppress(ForetouchError):  # MuJoCo is not installed: then no session uses it
-        robot: Any
-        hand: Any
         if settings.robot != SIMULATED:
             return
-        if settings.scene:
-            scene = make_scene(settings.scene)
-            robot, hand = make_spatial_robot(settings, scene), make_spatial_operator(settings, scene, scene.nominal)
-        else:
-            robot = make_robot(settings.material, seed=settings.seed)
-            depth = robot.material.press_depth
-            hand = make_operator(settings, surface=robot.surface, press_depth=depth, say=lambda _: None)
+        setup, motion = setup_of(settings), MOTIONS[settings.workspace]()
+        robot, reach = setup.robot()
+        hand = setup.operator(reach, lambda _: None)
         for tick in range(TICKS):
             position = hand.read(tick * 1_000_000)
-            hand.render((0.0, 0.0, 1.0) if settings.scene else 1.0)
-            robot.exchange(position if settings.scene else robot.surface + DEPTH * tick / TICKS)
+            hand.render(motion.pushed)
+            robot.exchange(motion.way(reach, position, tick))
 
 
 def _recording() -> Recording:

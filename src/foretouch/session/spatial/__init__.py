@@ -1,12 +1,7 @@
 """What a session in three dimensions has of its own: hand and probe in space, scenes, tracker and camera."""
 
 from foretouch.session.spatial.camera import SimulatedCamera
-from foretouch.session.spatial.making import (
-    make_camera,
-    make_moved_spatial_robot,
-    make_spatial_operator,
-    make_spatial_robot,
-)
+from foretouch.session.spatial.making import make_camera, make_spatial_operator, make_spatial_robot
 from foretouch.session.spatial.scenes import Inclusion, Scene, make_scene
 from foretouch.settings import SCENES
 
@@ -16,7 +11,6 @@ __all__ = [
     "Scene",
     "SimulatedCamera",
     "make_camera",
-    "make_moved_spatial_robot",
     "make_scene",
     "make_spatial_operator",
     "make_spatial_robot",

@@ -27,9 +27,15 @@ from foretouch.rendering.surfaces import SurfaceProxy
 from foretouch.robot import GantryArm, Material, SpatialRobot, make_material
 from foretouch.robot.engine import MOVED_MASS
 from foretouch.robot.gantry_arm import LEAST_STEPS
-from foretouch.session.operators import foreign_operator, mounted_operator, recorded_operator, say_on_stderr
-from foretouch.session.robots import foreign_robot, mounted_robot, moved_by
-from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings, shadow_settings
+from foretouch.session.operators import (
+    foreign_operator,
+    foreign_robot,
+    mounted_operator,
+    mounted_robot,
+    recorded_operator,
+    say_on_stderr,
+)
+from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.spatial.camera import SimulatedCamera
 from foretouch.session.spatial.scenes import HOVER, Scene, palpation, recorded_palpation
 from foretouch.settings import NO_GRIP, SIMULATED
@@ -159,16 +165,6 @@ def make_spatial_robot(settings: SessionSettings, scene: Scene, *, force_limit: 
     steps = max(LEAST_STEPS, math.ceil(damping * SAMPLE_PERIOD / (STOPPED_AT_MOST * MOVED_MASS)))
     arm = GantryArm(world.touch, world.fixture, seed=settings.seed, substeps=steps, force_limit=force_limit)
     return cast("SpatialRobot", mounted_robot(settings, arm))
-
-
-def make_moved_spatial_robot(settings: SessionSettings, scene: Scene, *, say: Callable[[str], None]) -> SpatialRobot:
-    """The same, moved as by `foretouch.session.make_moved_robot`."""
-    settings = shadow_settings(settings)
-    robot = make_spatial_robot(settings, scene)
-    if not robot.specification.simulated:
-        return robot
-    operator = make_spatial_operator(settings, scene, scene.nominal, say)
-    return cast("SpatialRobot", moved_by(operator, robot, settings))
 
 
 def _hardest(settings: SessionSettings, scene: Scene, material: Material) -> tuple[float, float]:

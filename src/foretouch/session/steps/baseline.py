@@ -34,7 +34,7 @@ from foretouch.devices import DeviceSpecification
 from foretouch.models import ContactModel, ContactState, MotionFilter
 from foretouch.models.contact_model import NO_STATE
 from foretouch.quantities.pose import scaled
-from foretouch.rendering import Renderer, SpatialEnergyAccount, tick
+from foretouch.rendering import Renderer, tick
 from foretouch.rendering.passivity_control import PassivityController
 from foretouch.rendering.renderer import ContactFrame, frame_of
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
@@ -63,7 +63,7 @@ class DelayedForce(Renderer):
             position_scale=settings.position_scale,
             force_scale=settings.force_scale,
             sample_period=SAMPLE_PERIOD,
-            account=SpatialEnergyAccount.of(felt, SAMPLE_PERIOD) if hand.axes > 1 else None,
+            account=leader.ACCOUNTS[hand.axes].of(felt, SAMPLE_PERIOD),
         )
         self._settings, self._follower_view = settings, follower_view
         # Passive rendering of a damper from samples requires b > |B|.

@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 from foretouch.devices import DeviceSpecification
 from foretouch.errors import InputError
@@ -17,11 +17,13 @@ from foretouch.messages import VERSION, Command, LeaderState, Message, ModelUpda
 from foretouch.models import NO_STATE, make_model
 from foretouch.quantities import LARGEST_POSITION
 from foretouch.quantities.pose import Vector
-from foretouch.rendering import FrictionRenderer, Proxy, Renderer, SpatialEnergyAccount
+from foretouch.rendering import EnergyAccount, FrictionRenderer, Proxy, Renderer, SpatialEnergyAccount
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.steps.axis import HandOnAxis
 from foretouch.session.steps.follower_view import FollowerView
 from foretouch.settings import NO_GRIP
+
+ACCOUNTS: dict[int, type[Any]] = {account.axes: account for account in (EnergyAccount, SpatialEnergyAccount)}
 
 Position: TypeAlias = float | Vector
 
@@ -144,7 +146,7 @@ def start(
         largest_stiffness=settings.largest_stiffness,
         guarded=guarded,
         sample_period=SAMPLE_PERIOD,
-        account=SpatialEnergyAccount.of(device, SAMPLE_PERIOD) if hand.axes > 1 else None,
+        account=ACCOUNTS[hand.axes].of(device, SAMPLE_PERIOD),
         friction=_friction(settings, device),
     )
     return State(renderer, guarded, holder, epoch, FollowerView(epoch), hand)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 from foretouch.errors import SettingError, one_line
 from foretouch.identification.conditioning.conditioner import LONGEST_LAG
@@ -14,6 +14,7 @@ from foretouch.recordings import read_calibration
 from foretouch.robot import RobotSpecification
 from foretouch.session.safety.safety import SafetyLimits
 from foretouch.session.settings import SessionSettings
+from foretouch.session.workspace import LINE, SPACE
 from foretouch.settings import SAFETY_LIMITS
 
 LARGEST_GIVE = 5e-3
@@ -89,25 +90,35 @@ def calibrated(specification: RobotSpecification, settings: SessionSettings) -> 
     if give > LARGEST_GIVE:
         what = f"gives way by {1e3 * give:.3g} mm under {settings.force_ceiling:g} N"
         _refuse(settings, f"{what}: at most {1e3 * LARGEST_GIVE:g} mm are an arm's; calibrate it on a rigid block")
-    own = specification
-    if (
-        settings.scene and result.force_bias is not None
-    ):  # the largest offset that the sensor can have, however it turns
-        largest = math.hypot(*result.force_bias) + SURE * math.hypot(*(result.force_bias_error or ()))
-        own = replace(own, largest_offset=max(largest, own.largest_offset))
-    elif not settings.scene and result.tool_mass is not None:
-        if own.tool_mass > 0.0 and abs(result.approach_gravity - own.gravity) > SAME_GRAVITY:
-            what = f"has {result.approach_gravity:.4g} m/s^2 of gravity along the approach"
-            _refuse(settings, f"{what}, and the robot {own.gravity:.4g}: give --approach-gravity to calibrate")
-        own = replace(own, tool_mass=result.tool_mass, gravity=result.approach_gravity)
+    own, zero = OWN[settings.workspace](result, specification, settings)
     if result.force_bias is not None and math.hypot(*result.force_bias) >= specification.sensor_range:
         shown = f"{math.hypot(*result.force_bias):.4g} N, and the robot's sensor shows at most"
         _refuse(settings, f"has a force bias of {shown} {specification.sensor_range:g} N: it is another sensor's")
-    zero = None
-    if result.force_offset is not None and result.tool_mass is not None and not settings.scene:
-        zero = result.force_offset + result.tool_mass * result.approach_gravity
     floor = max(CONTACT_FLOOR, NOISE_FACTOR * (result.force_noise or 0.0))
     return Calibrated(own, zero, 0.0 if stiffness is None else 1.0 / stiffness, lag, floor)
+
+
+Own: TypeAlias = tuple[RobotSpecification, float | None]  # with tool and sensor, and the sensor's zero [N]
+
+
+def _along_a_line(result: SensorCalibration, own: RobotSpecification, settings: SessionSettings) -> Own:
+    if result.tool_mass is None:
+        return own, None
+    if own.tool_mass > 0.0 and abs(result.approach_gravity - own.gravity) > SAME_GRAVITY:
+        what = f"has {result.approach_gravity:.4g} m/s^2 of gravity along the approach"
+        _refuse(settings, f"{what}, and the robot {own.gravity:.4g}: give --approach-gravity to calibrate")
+    offset, mass, gravity = result.force_offset, result.tool_mass, result.approach_gravity
+    return replace(own, tool_mass=mass, gravity=gravity), None if offset is None else offset + mass * gravity
+
+
+def _in_space(result: SensorCalibration, own: RobotSpecification, settings: SessionSettings) -> Own:
+    if result.force_bias is None:
+        return own, None
+    largest = math.hypot(*result.force_bias) + SURE * math.hypot(*(result.force_bias_error or ()))
+    return replace(own, largest_offset=max(largest, own.largest_offset)), None  # however the sensor turns
+
+
+OWN = {LINE: _along_a_line, SPACE: _in_space}
 
 
 def _refuse(settings: SessionSettings, rule: str) -> None:

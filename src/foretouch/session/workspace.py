@@ -1,4 +1,7 @@
-"""Machines that count positions otherwise than the session does, translated at the edge, along a line and in space."""
+"""What a session is made of, along a line and in space; and machines that count positions otherwise than it does.
+
+Those are translated at the edge. Nothing else asks whether a session has a scene: it asks `Line` or `Space`.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,7 @@ from dataclasses import replace
 from typing import Any
 
 from foretouch.devices import (
+    HARDWARE_OPERATORS,
     AnyDevice,
     BrowserOperator,
     Device,
@@ -19,10 +23,23 @@ from foretouch.devices import (
     SpatialDevice,
     SpatialHand,
 )
+from foretouch.errors import SettingError, UnknownNameError
 from foretouch.quantities import Frame, SpatialFrame
 from foretouch.quantities.pose import Vector
-from foretouch.robot import Robot, RobotSample, SpatialRobot, SpatialSample, WrappedRobot, WrappedSpatialRobot
+from foretouch.robot import (
+    FaultySensor,
+    FaultySpatialSensor,
+    MovedRobot,
+    MovedSpatialRobot,
+    Robot,
+    RobotSample,
+    SpatialRobot,
+    SpatialSample,
+    WrappedRobot,
+    WrappedSpatialRobot,
+)
 from foretouch.robot.robot import Wrapped
+from foretouch.settings import MESH_ENDINGS, SCENES
 
 POSE_NUMBERS = 6  # A place and a rotation vector
 
@@ -34,16 +51,14 @@ def inverse(frame: Frame | SpatialFrame) -> Any:
 
 def framed_device(device: Any, frame: Frame | SpatialFrame) -> Any:
     """The device as the session sees it; itself where both count alike."""
-    if frame == Frame():
-        return device
-    return (FramedDevice if isinstance(frame, Frame) else FramedSpatialDevice)(device, frame)
+    kind: Any = FramedDevice if isinstance(frame, Frame) else FramedSpatialDevice
+    return device if frame == Frame() else kind(device, frame)
 
 
 def framed_robot(robot: Any, frame: Frame | SpatialFrame) -> Any:
     """The robot as the session sees it; itself where both count alike."""
-    if frame == Frame():
-        return robot
-    return (FramedRobot if isinstance(frame, Frame) else FramedSpatialRobot)(robot, frame)  # type: ignore[arg-type]
+    kind: Any = FramedRobot if isinstance(frame, Frame) else FramedSpatialRobot
+    return robot if frame == Frame() else kind(robot, frame)
 
 
 def browser_operator(device: AnyDevice) -> Any:
@@ -182,3 +197,61 @@ def _posed(frame: SpatialFrame, pose: tuple[float, ...]) -> tuple[float, ...]:
     """The pose in the world of one in the machine's frame, computed where it has moved; none stays none."""
     known = len(pose) == POSE_NUMBERS and all(map(math.isfinite, pose))
     return frame.pose_inside(pose) if known else pose
+
+
+class Line:
+    """What a session along a line is made of, and what is said of it."""
+
+    unchosen = (("material", "foam-measured"), ("model", "contact-map"))  # what is taken where nothing is chosen
+    frame: type[Any] = Frame
+    commas = 4  # more in a text make a frame in space, which has six numbers
+    device: type[Any] = Device
+    hand: type[Any] = Hand  # a simulated one, about the device that moves it
+    robot: type[Any] = Robot
+    moved: type[Any] = MovedRobot  # from elsewhere
+    faulty: type[Any] = FaultySensor
+    unknown: Any = math.nan  # position [m]
+    lengths: tuple[str, ...] = ("surface", "press_depth")  # what a follower says, for an operator to reach it
+    beside: tuple[str, ...] = ()  # processes beside those of both sides
+    where = again = ""  # where the material is, and what is simulated again with it
+    # What is wrong with frames, machines and sides of the other kind.
+    frames = "is of a scene; along a line give two numbers, ORIGIN,DIRECTION: for example 0.02,-1"
+    machines = "moves in three dimensions, and this session is along a line: give a scene, or take one that is a {kind}"
+    sides = "the follower is in a scene: give this side --scene {theirs} too"
+
+    def check(self, settings: Any) -> None:
+        """Refuse a scene that does not exist, and a device that cannot move in it."""
+
+    def show(self, robot: Any, operator: Any) -> None:
+        """Show the operator where the robot has the fixture."""
+
+
+class Space(Line):
+    """The same of a session in a scene, in three dimensions."""
+
+    unchosen = (("material", "hunt-crossley"), ("model", "quadratic"))
+    frame, commas = SpatialFrame, 1
+    device, hand = SpatialDevice, SpatialHand
+    robot, moved, faulty = SpatialRobot, MovedSpatialRobot, FaultySpatialSensor
+    unknown = (math.nan, math.nan, math.nan)
+    lengths, beside = (), ("camera",)
+    where, again = " on the scene {}", ", its fixture, camera and tracker"
+    frames = "is of a line; with a scene give six numbers, X,Y,Z,RX,RY,RZ: the base in the world [m, rad]"
+    machines = "moves along one axis, and the scene {scene} is touched in three dimensions: take one that is a {kind}"
+    sides = "the follower has {theirs} and not scene = {ours!r}: give both sides the same"
+
+    def check(self, settings: Any) -> None:
+        """See `Line.check`."""
+        scene, operator = settings.scene, settings.operator
+        if scene not in SCENES and not scene.lower().endswith(MESH_ENDINGS):
+            raise UnknownNameError("scene", scene, (*SCENES, *(f"FILE{ending}" for ending in MESH_ENDINGS)))
+        if operator in HARDWARE_OPERATORS:
+            raise SettingError("operator", operator, self.machines.format(scene=scene, kind=self.device.__name__))
+
+    def show(self, robot: Any, operator: Any) -> None:
+        """See `Line.show`."""
+        operator.see(robot.read().fixture)
+
+
+LINE, SPACE = WORKSPACES = Line(), Space()
+"""Without a scene and with one: the one place where that is asked is `foretouch.session.SessionSettings.workspace`."""
