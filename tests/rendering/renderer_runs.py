@@ -355,7 +355,7 @@ class Run:
         books.move((hand if abs(hand) <= FARTHEST else math.nan, 0.0, 0.0), period)
         books.check(*renderer.booked)
         if books.bound > 0.0:
-            self.largest_debt = max(self.largest_debt, -renderer.energy / books.bound)
+            self.largest_debt = max(self.largest_debt, -renderer.booked[0] / books.bound)
         books.hold((-force, 0.0, 0.0))
         assert 0.0 <= renderer.share <= 1.0
         self.lowest_share = min(self.lowest_share, renderer.share)

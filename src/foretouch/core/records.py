@@ -93,9 +93,12 @@ class Held:
         object.__setattr__(self, "records", records)
 
     def __getattr__(self, name: str) -> Any:
-        if name.startswith("_") or name not in (self.records.dtype.names or ()):
-            raise AttributeError(f"{type(self).__name__!r} has no attribute {name!r}")
-        return self.records[name].item()
+        if not name.startswith("_"):
+            try:
+                return self.records[name].item()
+            except ValueError:  # no field of that name
+                pass
+        raise AttributeError(f"{type(self).__name__!r} has no attribute {name!r}")
 
     def __setattr__(self, name: str, value: Any) -> None:
         if name in (self.records.dtype.names or ()):

@@ -9,11 +9,13 @@ heavy damping; in steps that are short against every time constant a few of them
 from __future__ import annotations
 
 import math
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.core import Record, compiled, kernel
+from foretouch.quantities.pose import Vector, dot, rotation_of
 
 Array = NDArray[np.float64]
 
@@ -144,3 +146,29 @@ def move(hands: NDArray[np.void], aim: float, aim_speed: float, force: float, pe
     step = period / steps
     for n in range(steps):
         _short_step(held, aim + aim_speed * n * step, aim_speed, force, step)
+
+
+class Seeing(Record):
+    """Pose of a fixture, a place [m] and a rotation vector [rad], by which a hand goes that follows an eye."""
+
+    shown: Annotated[Array, float, 6]
+    aimed: Annotated[Array, float, 6]  # the newest that was seen
+
+
+_dot, _rotation_of = compiled(dot), compiled(error_model="numpy")(rotation_of)
+
+
+@kernel("UniTuple(f8, 3)(Seeing[::1], f8[:, ::1], f8, f8, f8)", error_model="numpy")
+def look(seeings: NDArray[np.void], path: Array, at: float, elapsed: float, scale: float) -> Vector:
+    """Place of a hand [m] on a fixture that it follows, at a row of a path in the fixture's frame [m], or between two.
+
+    The time elapsed since the last look is in time constants.
+    """
+    shown, aimed, fraction = seeings[0].shown, seeings[0].aimed, -math.expm1(-elapsed)
+    for i in range(6):
+        shown[i] += fraction * (aimed[i] - shown[i])
+    row = min(int(at), path.shape[0] - 2)
+    point = path[row] + (at - row) * (path[row + 1] - path[row])
+    first, second, third = _rotation_of(shown[3], shown[4], shown[5])
+    x, y, z = _dot(first, point) + shown[0], _dot(second, point) + shown[1], _dot(third, point) + shown[2]
+    return float(x / scale), float(y / scale), float(z / scale)

@@ -15,7 +15,7 @@ from foretouch.devices.device import AnyDevice, DeviceSpecification
 from foretouch.devices.hand import LONGEST_GAP, Grip, Held, HeldForce
 from foretouch.devices.scripted import RestingOperator
 from foretouch.errors import SettingError
-from foretouch.quantities.pose import RigidMotion, Vector
+from foretouch.quantities.pose import Vector
 
 Keyframe = tuple[float, Vector]
 """A time [s] and a place in the fixture's frame [m]."""
@@ -85,11 +85,14 @@ class PalpatingOperator(SpatialDevice):
             raise SettingError("keyframes", keyframes[-1], f"must end where the second is, at {keyframes[1][1]}")
         from scipy.interpolate import PchipInterpolator
 
+        from foretouch.devices.hand_kernel import Seeing, look
+
         self._first, self._last = times[1], times[-1]
         ticks = np.arange(0.0, times[-1] + TABLE_PERIOD, TABLE_PERIOD)
         path = PchipInterpolator(times, np.array([position for _, position in keyframes]))
-        self._table = path(np.minimum(ticks, times[-1])).tolist()
-        self._shown = self._aimed = tuple(pose)
+        self._table = np.ascontiguousarray(path(np.minimum(ticks, times[-1])))
+        self._aimed = tuple(pose)
+        self._seeings, self._look = Seeing.new(shown=self._aimed, aimed=self._aimed), look.entry
         self._start_ns: int | None = None
         self._now_ns = 0
         self._place: Vector = NOWHERE
@@ -101,8 +104,10 @@ class PalpatingOperator(SpatialDevice):
 
     def see(self, pose: Sequence[float]) -> None:
         """Aim at the fixture where it is shown; a pose that is not six finite numbers is left out."""
+        if pose is self._aimed:  # a tuple does not change
+            return
         if len(pose) == 6 and all(map(math.isfinite, pose)):
-            self._aimed = tuple(pose)
+            self._seeings["aimed"] = self._aimed = tuple(pose)
 
     def read(self, now_ns: int) -> Vector:
         """Place of the hand [m]."""
@@ -110,26 +115,16 @@ class PalpatingOperator(SpatialDevice):
             self._start_ns = self._now_ns = now_ns
         elapsed = max(now_ns - self._now_ns, 0) * 1e-9
         self._now_ns = max(now_ns, self._now_ns)
-        if self._shown != self._aimed:
-            fraction = -math.expm1(-elapsed / SEEING_TIME)
-            self._shown = tuple(a + fraction * (b - a) for a, b in zip(self._shown, self._aimed, strict=True))
-        position = self._on_path((self._now_ns - self._start_ns) * 1e-9)
-        x, y, z = RigidMotion.from_numbers(self._shown).apply(position)
-        self._place = (x / self._scale, y / self._scale, z / self._scale)
+        time = (self._now_ns - self._start_ns) * 1e-9
+        if time > self._last:
+            time = self._first + (time - self._first) % (self._last - self._first)
+        self._place = self._look(self._seeings, self._table, time / TABLE_PERIOD, elapsed / SEEING_TIME, self._scale)
         return self._place
 
     @property
     def intention(self) -> Vector:
         """Where the hand is: nothing else moves it."""
         return self._place
-
-    def _on_path(self, time: float) -> Vector:
-        if time > self._last:
-            time = self._first + (time - self._first) % (self._last - self._first)
-        tick = min(int(time / TABLE_PERIOD), len(self._table) - 2)
-        fraction = time / TABLE_PERIOD - tick
-        (a, b, c), (d, e, f) = self._table[tick], self._table[tick + 1]
-        return a + fraction * (d - a), b + fraction * (e - b), c + fraction * (f - c)
 
 
 class RecordedPalpatingOperator(PalpatingOperator):

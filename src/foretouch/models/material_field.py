@@ -30,6 +30,8 @@ LARGEST_LAW = (1e7, 1e10, 1e9)  # Laws with a larger a [N/m], b [N/m^2] or c [N 
 LARGEST_DEVIATION = 1e9  # Fields with a larger standard deviation of local stiffness [N/m] are refused
 SPACINGS = (5e-4, 0.1)  # Least and largest spacing of nodes [m]
 
+_LARGEST = np.array([*LARGEST_LAW, LARGEST_DEVIATION])
+_PLACES = np.array([1 << 32, 1 << 16, 1])  # of the numbers of a key in its code
 _MAGIC, _VERSION = b"MF", 1
 _HEADER = struct.Struct("<2sBxHxxf3ff")  # magic, version, count, spacing, mean law, uncertainty
 _NODE = np.dtype([("key", "<i2", 3), ("values", "<f4", 4)])
@@ -88,19 +90,23 @@ class MaterialField:
             numbers = np.array(values, dtype=np.float64).reshape(-1, kernel.NUMBERS)
         if len(wide) != len(numbers) or len(wide) > MOST_NODES:
             raise SettingError("keys", len(wide), f"must be as many as values ({len(numbers)}), {MOST_NODES} at most")
-        if len(wide) and (wide.min() < -kernel.HALF or wide.max() >= kernel.HALF):
+        above = wide + kernel.HALF
+        if (above >> 16).any():
             raise SettingError("keys", int(np.abs(wide).max()), "must fit 16 bits: the surface is too far away")
         unknown = np.array([*mean, uncertainty], dtype=np.float64)
         if len(unknown) != kernel.NUMBERS:
             raise SettingError("mean", tuple(mean), "takes a, b, c")
-        _check_numbers(np.vstack([unknown, numbers]))
-        codes = ((wide[:, 0] + kernel.HALF) << 32) | ((wide[:, 1] + kernel.HALF) << 16) | (wide[:, 2] + kernel.HALF)
-        order = np.argsort(codes, kind="stable")
-        self._codes = codes[order]
-        if (np.diff(self._codes) == 0).any():
-            raise SettingError("keys", len(wide), "must be different from one another")
-        self.keys: Keys = wide[order].astype(np.int16)
-        self.values: Array = _rounded(numbers[order])
+        _check_numbers(unknown[np.newaxis])
+        _check_numbers(numbers)
+        codes = above @ _PLACES
+        if not (codes[1:] > codes[:-1]).all():  # they mostly ascend
+            order = np.argsort(codes, kind="stable")
+            codes, wide, numbers = codes[order], wide[order], numbers[order]
+            if (np.diff(codes) == 0).any():
+                raise SettingError("keys", len(wide), "must be different from one another")
+        self._codes = codes
+        self.keys: Keys = wide.astype(np.int16)
+        self.values: Array = _rounded(numbers)
         self._unknown = _rounded(unknown)
         for array in (self.keys, self.values, self._codes, self._unknown):
             array.setflags(write=False)
@@ -190,19 +196,18 @@ class MaterialField:
             field = cls(rows["key"], rows["values"], mean=(a, b, c), uncertainty=uncertainty, spacing=spacing)
         except SettingError as error:
             _refuse(str(error))
-        if not np.array_equal(field.keys, rows["key"]):
+        if field.keys.tobytes() != rows["key"].tobytes():
             _refuse("the nodes are not in ascending order")
         return field
 
 
 def _check_numbers(numbers: Array) -> None:
     """Refuse laws and uncertainties out of range, in rows of (a, b, c, deviation)."""
-    largest = np.array([*LARGEST_LAW, LARGEST_DEVIATION])
-    bad = ~((numbers >= 0.0) & (numbers <= largest))
-    if bad.any():
-        row, column = np.argwhere(bad)[0]
+    good = (numbers >= 0.0) & (numbers <= _LARGEST)
+    if not good.all():
+        row, column = np.argwhere(~good)[0]
         name = ("a", "b", "c", "deviation")[column]
-        raise SettingError(name, float(numbers[row, column]), f"must be finite, 0 to {largest[column]:g}")
+        raise SettingError(name, float(numbers[row, column]), f"must be finite, 0 to {_LARGEST[column]:g}")
 
 
 def _rounded(numbers: Array) -> Array:

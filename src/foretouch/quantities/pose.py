@@ -43,6 +43,23 @@ def norm(a: Vector) -> float:
     return math.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])  # calls nothing of this module: kernels compile it
 
 
+def rotation_of(a: float, b: float, c: float) -> tuple[Vector, Vector, Vector]:
+    r"""Rows of the rotation matrix of a rotation vector [rad], by Rodrigues' formula.
+
+    .. math:: R = I + \frac{\sin\theta}{\theta} [\phi] + \frac{1 - \cos\theta}{\theta^2} [\phi]^2
+    """
+    square = a * a + b * b + c * c
+    angle = math.sqrt(square)
+    small = angle < 1e-4  # the next terms are below 1e-16 of these
+    s = 1.0 - square / 6.0 if small else math.sin(angle) / angle
+    k = 0.5 - square / 24.0 if small else (1.0 - math.cos(angle)) / square
+    return (
+        (1.0 - k * (b * b + c * c), k * a * b - s * c, k * a * c + s * b),
+        (k * a * b + s * c, 1.0 - k * (a * a + c * c), k * b * c - s * a),
+        (k * a * c - s * b, k * b * c + s * a, 1.0 - k * (a * a + b * b)),
+    )
+
+
 class RigidMotion(NamedTuple):
     r"""Points of a body's frame to those of the frame it is seen from, :math:`p = R q + t`."""
 
@@ -53,22 +70,9 @@ class RigidMotion(NamedTuple):
 
     @classmethod
     def from_numbers(cls, numbers: Sequence[float]) -> RigidMotion:
-        r"""The pose of a position [m] and a rotation vector [rad], six numbers below 1e100, by Rodrigues' formula.
-
-        .. math:: R = I + \frac{\sin\theta}{\theta} [\phi] + \frac{1 - \cos\theta}{\theta^2} [\phi]^2
-        """
-        x, y, z, a, b, c = (float(number) for number in numbers)
-        square = a * a + b * b + c * c
-        angle = math.sqrt(square)
-        small = angle < 1e-4  # the next terms are below 1e-16 of these
-        s = 1.0 - square / 6.0 if small else math.sin(angle) / angle
-        k = 0.5 - square / 24.0 if small else (1.0 - math.cos(angle)) / square
-        return cls(
-            (1.0 - k * (b * b + c * c), k * a * b - s * c, k * a * c + s * b),
-            (k * a * b + s * c, 1.0 - k * (a * a + c * c), k * b * c - s * a),
-            (k * a * c - s * b, k * b * c + s * a, 1.0 - k * (a * a + b * b)),
-            (x, y, z),
-        )
+        """The pose of a position [m] and a rotation vector [rad], six numbers below 1e100."""
+        x, y, z, a, b, c = map(float, numbers)
+        return cls(*rotation_of(a, b, c), (x, y, z))
 
     def rotate(self, v: Vector) -> Vector:
         """R v: a direction of the body, seen from outside."""

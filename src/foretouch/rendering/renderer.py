@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from typing import TypeAlias
 
+import numpy as np
+from numpy.typing import NDArray
+
 from foretouch.core import Held
 from foretouch.errors.checks import require, require_type
 from foretouch.models import NO_STATE, ContactModel, ContactState, Predictor
@@ -16,18 +19,19 @@ from foretouch.rendering.friction import FrictionRenderer
 from foretouch.rendering.limits import LARGEST_FORCE, ForceLimiter, low_pass
 from foretouch.rendering.mediation import Mediation
 from foretouch.rendering.proxy import Proxy
+from foretouch.rendering.surfaces.line import PLACE_AT, Line
 from foretouch.rendering.tick import FARTHEST, SHORTEST_REACH
 
-ContactFrame: TypeAlias = tuple[Vector, Vector, Vector]
-"""Place of the hand [m], outward normal, of length 1, and touched point of the surface [m]."""
+ContactFrame: TypeAlias = tuple[Vector, NDArray[np.void]]
+"""Place of the hand [m], and an array of one `Line` that has followed it over the surface."""
 
-OUTWARDS, NO_VECTOR = (-1.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-"""Normal and touched point on a line, whose positions grow into the material."""
+ON_AXIS = Line.new()
+ON_AXIS["closest"]["normal"] = -1.0, 0.0, 0.0  # positions along a line grow into the material
 
 
 def frame_of(hand: float) -> ContactFrame:
     """Frame of a hand [m] on a line; without a place where it is missing."""
-    return (hand if abs(hand) <= FARTHEST else math.nan, 0.0, 0.0), OUTWARDS, NO_VECTOR
+    return (hand if abs(hand) <= FARTHEST else math.nan, 0.0, 0.0), ON_AXIS
 
 
 class Renderer:
@@ -46,15 +50,15 @@ class Renderer:
         friction: Friction along the surface; None for that of a hand without a device.
 
     Attributes:
+        closed_loop: Whether the force is felt by an operator.
         predictor: Runs the newest model at the proxy.
         proxy: Position of the hand for the model and the follower.
         mediation: Lets new models in.
         limiter: Limits force and its rate.
         account: The energy account.
+        coefficient: Coefficient of Coulomb friction along the surface [-].
         share: rho, share of the hand's motion that the proxy takes part in until the next tick.
-        energy: Energy of the account at the newest tick [J], before its force acts.
-        energy_bound: Bound of the account then [J].
-        late_energy: Late energy of the account then [J].
+        booked: Of the account at the newest tick, before its force acts: energy, its bound, and late energy [J].
 
     Raises:
         SettingError: A scale or stiffness out of range.
@@ -78,13 +82,14 @@ class Renderer:
         require("force_scale", force_scale, above=0.0)
         require("largest_stiffness", largest_stiffness, at_least=0.0)
         require("sample_period", sample_period, above=0.0)
-        self._device, self._force_scale = device, force_scale
+        self.closed_loop, self._force_scale = device is not None, force_scale
         self._time, self._whole = -math.inf, tick.whole.entry
         self._rendering = tick.Rendering.new()
         proxies, mediations, limiters = (self._rendering[name] for name in ("proxy", "mediation", "limiter"))
         self._largest_force = largest = LARGEST_FORCE if device is None else min(LARGEST_FORCE, device.force_limit)
         self.predictor = Predictor()
         self._rendering["friction"] = (FrictionRenderer(math.inf) if friction is None else friction).records
+        self.coefficient: float = self._rendering["friction"]["coefficient"].item()
         self.proxy = Proxy(position_scale, proxies=proxies)
         self.mediation = Mediation(mediations=mediations)
         self.limiter = ForceLimiter(largest, limiters=limiters)
@@ -103,6 +108,7 @@ class Renderer:
         self.force: Vector = (0.0, 0.0, 0.0)
         self.booked = (0.0, 0.0, 0.0)
         self.predicted: tick.Predicted = (0.0, 0.0, 0.0, math.nan)
+        self.touched: tick.Touched = (self.force, math.nan)
 
     def __repr__(self) -> str:
         """Predictor, and the force on the hand."""
@@ -120,11 +126,6 @@ class Renderer:
         """Render from this model from now on: see `Predictor.adopt`."""
         self.predictor.adopt(model, surface, state, tick, message)
 
-    @property
-    def closed_loop(self) -> bool:
-        """Whether the force is felt by an operator."""
-        return self._device is not None
-
     def engage(self, hand: float, position: float) -> None:
         """Couple the hand [m] with a follower at this position [m]: nothing jumps, whatever the two positions are.
 
@@ -140,30 +141,10 @@ class Renderer:
         """rho, share of the hand's motion that the proxy takes part in until the next tick."""
         return self.shown[5]
 
-    @property
-    def coefficient(self) -> float:
-        """Coefficient of Coulomb friction along the surface [-]."""
-        return self._rendering["friction"]["coefficient"].item()  # type: ignore[no-any-return]
-
-    @property
-    def energy(self) -> float:
-        """Energy of the account at the newest tick [J], before its force acts."""
-        return self.booked[0]
-
-    @property
-    def energy_bound(self) -> float:
-        """Bound of the account then [J]."""
-        return self.booked[1]
-
-    @property
-    def late_energy(self) -> float:
-        """Late energy of the account then [J]."""
-        return self.booked[2]
-
     def rub(self, coefficient: float, viscous: float) -> None:
         """Friction along the surface from now on: coefficient of Coulomb friction [-] and viscous friction [N s/m]."""
         friction = self._rendering["friction"]
-        friction["coefficient"], friction["viscous"] = coefficient, viscous
+        friction["coefficient"], friction["viscous"], self.coefficient = coefficient, viscous, coefficient
 
     def update(
         self, time: float, hand: float, period: float, *, free: bool = False, frame: ContactFrame | None = None
@@ -179,7 +160,7 @@ class Renderer:
             hand: Position of the hand [m]; one that is not a number, or beyond 10 m, is missing.
             period: Time since the previous tick [s].
             free: Whether the hand is uncoupled and given no force.
-            frame: In space, the place of the hand [m], and normal and touched point of the surface; None on a line.
+            frame: In space, the place of the hand [m], and the line that has followed it; None on a line.
 
         Returns:
             The force for the hand along the normal [N]; `force` is that in all directions.
@@ -192,7 +173,7 @@ class Renderer:
         predictor.catch_up()
         if predictor.foreign:
             return self._update_by_stages(time, hand, period, free, frame)
-        force, self.force, self.shown, self.booked, self.predicted = self._whole(
+        force, self.force, self.shown, self.booked, self.predicted, self.touched = self._whole(
             r, account, predictor.records, time, hand, period, free, frame
         )
         return force
@@ -220,6 +201,8 @@ class Renderer:
             predictor.shift(tick.RETURN_IN_CONTACT.entry(r, account, work, way, predicted, stiffness))
         stiffness, damping = predictor.local_slopes(reach) if reach > 0.0 else (0.0, 0.0)
         self.shown = tick.CARRY.entry(r, stiffness, damping, reach, predicted, depth)
-        self.force = tick.GIVE.entry(r, account, force, frame[1], frame[2], period)
+        self.force = tick.GIVE.entry(r, account, force, frame[1][0], period)
+        stiffness = math.nan if predictor.model is None else predictor.local_slopes(tick.SHOWN_REACH)[0]
+        self.touched = PLACE_AT.entry(frame[1][0], self.proxy.position), stiffness
         self.predicted = velocity, predicted, predictor.jump, predictor.standard_deviation
         return force

@@ -22,7 +22,8 @@ from foretouch.rendering.friction import Friction, rub
 from foretouch.rendering.limits import Limiter, carried, limit
 from foretouch.rendering.mediation import MediationState, mediate
 from foretouch.rendering.proxy import RETURN_SPEED, ProxyState
-from foretouch.rendering.surfaces.geometry import add, norm, scaled
+from foretouch.rendering.surfaces.geometry import add, norm, scaled, vector
+from foretouch.rendering.surfaces.line import Line, is_known, place_at
 
 FARTHEST = 10.0  # Largest distance of a hand from its zero [m]
 
@@ -43,6 +44,7 @@ the device: to yield all the way through the air costs more than so small a forc
 SHORTEST_REACH = 3e-5
 """Least distance over which local slopes are taken [m]; it is longer where the next tick may get further."""
 
+SHOWN_REACH = 1e-4  # Interval over which the local stiffness is shown [m]
 YIELDING_RATE = 0.05  # Weight of the newest tick in the average of the hand's motion per step of the proxy [-]
 LARGEST_RETURN = 0.02  # Largest change of force in a tick by giving back in contact [N]
 MISSING = 3  # Number of missing positions in a row from which on the position of the hand counts as unknown
@@ -296,18 +298,18 @@ def carry(r: Rendering, stiffness: float, damping: float, reach: float, force: f
 
 
 @compiled(error_model="numpy")
-def give(r: Rendering, account: Account, rendered: float, normal: Vector, point: Vector, period: float) -> Vector:
+def give(r: Rendering, account: Account, rendered: float, line: Line, period: float) -> Vector:
     """Force for the hand in all directions [N]: along the normal, and friction, within the limits of device and energy.
 
     Args:
         r: The state.
         account: The energy account, which holds the force from now on.
         rendered: Along the normal [N].
-        normal: Outwards, of length 1.
-        point: The touched point of the surface [m].
+        line: Has followed the hand.
         period: Time since the previous tick [s].
     """
     scale, held = r.setup.force_scale, min(period, r.setup.period)
+    normal, point = vector(line.closest.normal), vector(line.closest.point)
     beside = scaled(rub(r.friction, point, normal, rendered / scale, held), scale)
     # Friction takes what the normal force leaves: cut together, the latter would come back faster than its rate allows.
     left = math.sqrt(max(min(r.limiter.largest_force, energy.ceiling_of(account)) ** 2 - rendered**2, 0.0))
@@ -335,7 +337,11 @@ def predicted_of(p: Prediction) -> Predicted:
     return p.velocity, p.force, p.jump, p.standard_deviation
 
 
-@kernel("(Rendering[::1], Account[::1], Prediction[::1], f8, f8, f8, b1, UniTuple(UniTuple(f8, 3), 3))")
+Touched = tuple[Vector, float]
+"""In space: place of the proxy on the normal [m], and local stiffness there [N/m], NaN without a model."""
+
+
+@kernel("(Rendering[::1], Account[::1], Prediction[::1], f8, f8, f8, b1, Tuple((UniTuple(f8, 3), Line[::1])))")
 def whole(
     renderings: NDArray[np.void],
     accounts: NDArray[np.void],
@@ -344,17 +350,16 @@ def whole(
     hand: float,
     period: float,
     free: bool,
-    frame: tuple[Vector, Vector, Vector],
-) -> tuple[float, Vector, Shown, tuple[float, float, float], Predicted]:
+    frame: tuple[Vector, NDArray[np.void]],
+) -> tuple[float, Vector, Shown, tuple[float, float, float], Predicted, Touched]:
     """One tick with a law that is compiled; see `Renderer.update`, which has the same stages for others.
 
     Returns:
-        The force for the hand along the normal and in all directions [N], what is shown, what is booked, and what was
-        predicted.
+        The force for the hand along the normal and in all directions [N], and what is shown, booked, predicted and
+        touched.
     """
-    r, account, p = renderings[0], accounts[0], predictions[0]
-    place, normal, point = frame
-    position, booked = move(r, account, hand, place, period, free)
+    r, account, p, line = renderings[0], accounts[0], predictions[0], frame[1][0]
+    position, booked = move(r, account, hand, frame[0], period, free)
     if p.surface != r.surface and p.law.kind != NOTHING:
         prediction.shift(p, -meet_surface(r, p.surface))
         position = r.proxy.position
@@ -378,14 +383,18 @@ def whole(
     if reach > 0.0:
         stiffness, damping = prediction.local_slopes(p, reach)
     shown = carry(r, stiffness, damping, reach, force, depth)
-    return rendered, give(r, account, rendered, normal, point, period), shown, booked, predicted_of(p)
+    given, stiffness = give(r, account, rendered, line, period), math.nan
+    if is_known(line) and p.law.kind != NOTHING:
+        stiffness = prediction.local_slopes(p, SHOWN_REACH)[0]
+    touched = place_at(line, r.proxy.position), stiffness
+    return rendered, given, shown, booked, predicted_of(p), touched
 
 
 MOVE = Kernel(move, "(Rendering, Account, f8, UniTuple(f8, 3), f8, b1)")
 WANT = Kernel(want, "(Rendering, f8, f8, f8)")
 RENDER = Kernel(render, "(Rendering, Account, f8, f8, f8, f8, f8, f8)")
 CARRY = Kernel(carry, "(Rendering, f8, f8, f8, f8, f8)")
-GIVE = Kernel(give, "(Rendering, Account, f8, UniTuple(f8, 3), UniTuple(f8, 3), f8)")
+GIVE = Kernel(give, "(Rendering, Account, f8, Line, f8)")
 MEET_SURFACE = Kernel(meet_surface, "(Rendering, f8)")
 RETURN_IN_CONTACT = Kernel(return_in_contact, "(Rendering, Account, f8, f8, f8, f8)")
 """Stages of `whole`, for a law in Python."""

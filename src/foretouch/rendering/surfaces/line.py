@@ -11,7 +11,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core import Record, compiled, kernel
+from foretouch.core import Kernel, Record, compiled, kernel
 from foretouch.quantities.pose import Vector
 from foretouch.rendering.surfaces.geometry import Numbers3, Triangle, add, dot, norm, scaled, subtract, vector, write
 from foretouch.rendering.surfaces.god_object import MESH, NO_MESH, Mesh, Proxy, move
@@ -128,7 +128,50 @@ def follow_line(line: Line, mesh: Mesh, x: float, y: float, z: float) -> None:
     write(closest.place, place)
 
 
+@compiled
+def place_at(line: Line, along: float) -> Vector:
+    """The place on the normal of the closest point with another coordinate [m]."""
+    closest = line.closest
+    depth = along - closest.along + closest.depth
+    return subtract(vector(closest.point), scaled(vector(closest.normal), depth))
+
+
+PLACE_AT = Kernel(place_at, "(Line, f8)")
+
+
 @kernel(f"void(Line[::1], {MESH}, f8, f8, f8)", Triangle)
 def follow(lines: NDArray[np.void], mesh: Mesh, x: float, y: float, z: float) -> None:
     """`follow_line`, from Python."""
     follow_line(lines[0], mesh, x, y, z)
+
+
+Places = tuple[Vector, Vector, Vector, Vector, Vector]
+"""Place of the hand in the world, exact and intended position of the hand itself, NaN where unknown, how far it is
+apart from the world, and a point in the fixture's frame [m]."""
+
+
+@compiled(error_model="numpy")
+def _coordinate(line: Line, place: Vector, position: Vector, apart: Vector, scale: float) -> float:
+    """Coordinate of another position of the hand along the normal of its closest point [m]; NaN where unknown."""
+    if not math.isfinite(position[0]):
+        return math.nan
+    away = subtract(subtract(scaled(position, scale), apart), place)
+    return float((line.closest.along - dot(away, vector(line.closest.normal))) / scale)
+
+
+@kernel(f"UniTuple(f8, 4)(Line[::1], {MESH}, UniTuple(UniTuple(f8, 3), 5), f8, b1, b1)", Triangle, error_model="numpy")
+def arrive(
+    lines: NDArray[np.void], mesh: Mesh, places: Places, scale: float, known: bool, somewhere: bool
+) -> tuple[float, float, float, float]:
+    """Follow a hand, whose motion is multiplied by a scale, if it is somewhere.
+
+    Returns:
+        Its coordinate, NaN where it is not known, that of its exact and of its intended position, and how far the
+        closest point is from that point [m].
+    """
+    line, (place, exact, intended, apart, point) = lines[0], places
+    x, y, z = place if somewhere else (math.nan, math.nan, math.nan)
+    follow_line(line, mesh, x, y, z)
+    along = line.closest.along / scale if known and math.isfinite(x) else math.nan
+    at, meant = _coordinate(line, place, exact, apart, scale), _coordinate(line, place, intended, apart, scale)
+    return along, at, meant, norm(subtract(vector(line.closest.inner_point), point))

@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING, Any
 from foretouch.errors import DecodeError, InputError
 from foretouch.messages import FieldUpdate, LeaderSpace, Message, ModelUpdate, Telemetry
 from foretouch.models import FIELD_DEPTH, NO_STATE, ContactModel, MaterialField
-from foretouch.quantities.pose import Vector, dot, norm, scaled, subtract
+from foretouch.quantities.pose import Vector, norm, subtract
 from foretouch.rendering import Renderer
 from foretouch.rendering.surfaces import Surface
-from foretouch.session.spatial.course import ClosestPoint, SurfaceLine
+from foretouch.rendering.surfaces.line import arrive
+from foretouch.session.spatial.course import SurfaceLine
 from foretouch.session.steps.axis import Arrived, HandOnAxis, Told
 from foretouch.session.steps.follower_view import FollowerView
 
@@ -30,12 +31,6 @@ NOWHERE = (math.nan, math.nan, math.nan)
 MOST_FRICTION, MOST_VISCOUS = 2.0, 20.0
 """Largest coefficients of friction that are rendered, whatever a follower sends [-, N s/m]."""
 
-REACH = 1e-4  # Interval over which the local stiffness is given [m]
-
-
-NOT_YET = ClosestPoint(-math.inf, -math.inf, (0.0, 0.0, 1.0), NOWHERE, NOWHERE)
-"""Closest point before the first position."""
-
 
 class TouchedMaterial:
     r"""The surface's material as a field over the surface, as the leader knows it.
@@ -46,16 +41,17 @@ class TouchedMaterial:
     .. math:: \sigma_F = F\, \sigma_K / K
 
     Attributes:
+        at: Where a law was taken last, in the fixture's frame [m]; NaN before the first.
         uncertainty: sigma_K / K of the law that was taken last; NaN before the first.
         refused: Number of fields that could not be used.
     """
 
-    __slots__ = ("_at", "_field", "_run", "_sequence", "refused", "uncertainty")
+    __slots__ = ("_field", "_run", "_sequence", "at", "refused", "uncertainty")
 
     def __init__(self) -> None:
         self._field: MaterialField | None = None
         self._sequence = self._run = 0
-        self._at: Vector = NOWHERE
+        self.at: Vector = NOWHERE
         self.uncertainty = math.nan
         self.refused = 0
 
@@ -78,12 +74,8 @@ class TouchedMaterial:
         self.uncertainty = deviation / stiffness if stiffness > 0.0 else math.nan
         if not known:
             return None
-        self._at = point
+        self.at = point
         return law
-
-    def is_elsewhere(self, point: Vector) -> bool:
-        """Whether the law was never taken, or too far from this point to hold here."""
-        return not norm(subtract(point, self._at)) <= FAR_FROM_LAW
 
 
 class HandInSpace(HandOnAxis):
@@ -112,11 +104,12 @@ class HandInSpace(HandOnAxis):
         self.apart: Vector = (0.0, 0.0, 0.0)
         self.place = self.left = NOWHERE
         self.felt_deeper = 0.0
-        self._seen = False  # whether there is a position in this tick
         self._model: ModelUpdate | None = None  # the newest
+        self._certainty = math.nan, math.nan, math.inf  # of its fixture: deviations [m, rad] and age [s]
         self._follower: tuple[Vector, int] = NOWHERE, 0  # its newest commanded position, and its run
         self._offset = 0.0  # of the line, where the law was taken
-        self.closest = NOT_YET
+        self._far = True  # whether the hand is too far from there for the law to hold
+        self._arrive = arrive.entry
 
     @property
     def offset(self) -> float:  # type: ignore[override]  # it moves
@@ -139,6 +132,8 @@ class HandInSpace(HandOnAxis):
         if newest is not None and model.run == newest.run and model.sequence <= newest.sequence:
             return
         self._model = model
+        deviation = model.fixture_deviation if len(model.fixture_deviation) == 6 else (math.nan,) * 6
+        self._certainty = norm(deviation[:3]), norm(deviation[3:]), model.fixture_age
         if model.fixture:
             self.line.believe(model.fixture)
         if len(model.friction) >= 2 and all(0.0 <= value < math.inf for value in model.friction[:2]):
@@ -149,79 +144,78 @@ class HandInSpace(HandOnAxis):
     def come_to(self, inputs: Inputs, renderer: Renderer, view: FollowerView) -> Arrived:
         """See `HandOnAxis.come_to`; the follower's position for `view` is that on the normal of the meeting place.
 
-        The device's own position counts in the frame, whatever it is coupled with.
+        The surface is followed in a compiled call of its own before that of the tick, for what is between them goes by
+        where the hand is now: a model is adopted, a law taken from the field, the hand coupled. What it comes to stays
+        in the record of the line, which the tick takes. The device's own position counts in the frame, whatever it is
+        coupled with.
         """
-        position: Any = inputs.position
-        here, proxy, place = scaled(position, self.scale), renderer.proxy, self.place
-        self._seen = all(map(math.isfinite, position))
-        if self._seen and not renderer.closed_loop:
-            place = self.place = here
-        elif self._seen and proxy.engaged:
-            place = self.place = subtract(here, self.apart)
-        elif self._seen:
-            was_left = not math.isnan(proxy.position) and math.isfinite(place[0])
-            at, run = self._follower
-            meet = place if was_left else at
-            view.position = math.nan
-            if math.isfinite(meet[0]) and (was_left or run == view.run):
-                place, self.apart, self.place = meet, subtract(here, meet), meet
-                view.position = self.line.follow(meet).along
-            else:
-                place = NOWHERE
-        closest = self.closest = self.line.follow(place)
-        along = closest.along / self.scale if self._seen and math.isfinite(place[0]) else math.nan
-        recorded = self._coordinate(inputs.exact_position), self._coordinate(inputs.intended_position)
-        return along, *recorded, (position, closest.normal, closest.point)
+        x, y, z = inputs.position  # type: ignore[misc]  # a driver may give a list
+        line, scale, somewhere = self.line, self.scale, True
+        here, seen = (x * scale, y * scale, z * scale), math.isfinite(x) and math.isfinite(y) and math.isfinite(z)
+        if seen and not renderer.closed_loop:
+            self.place = here
+        elif seen and renderer.proxy.engaged:
+            self.place = subtract(here, self.apart)
+        elif seen:
+            somewhere = self._meet(here, renderer, view)
+        line.touch(self.place if somewhere else NOWHERE)
+        recorded: Any = tuple(inputs.exact_position), tuple(inputs.intended_position)  # type: ignore[arg-type]
+        places = self.place, *recorded, self.apart, self.material.at
+        along, exact, intended, away = self._arrive(line.records, line.shape, places, scale, seen, somewhere)
+        self._far = not away <= FAR_FROM_LAW
+        return along, exact, intended, ((x, y, z), line.records)
 
-    def _coordinate(self, position: Any) -> float:
-        """Coordinate of a recorded position along the normal of the hand's closest point [m]."""
-        if not math.isfinite(position[0]):
-            return math.nan
-        here = subtract(scaled(position, self.scale), self.apart)
-        return (self.closest.along - dot(subtract(here, self.place), self.closest.normal)) / self.scale
+    def _meet(self, here: Vector, renderer: Renderer, view: FollowerView) -> bool:
+        """Set where a hand that is not coupled meets the follower, its own position being here [m]; whether it does."""
+        position, (at, run) = renderer.proxy.position, self._follower
+        was_left = not math.isnan(position) and math.isfinite(self.place[0])
+        meet = self.place if was_left else at
+        view.position = math.nan
+        if not (math.isfinite(meet[0]) and (was_left or run == view.run)):
+            return False
+        self.apart, self.place = subtract(here, meet), meet
+        view.position = self.line.follow(meet).along
+        return True
 
     def law(self) -> ContactModel | None:
         """See `HandOnAxis.law`; from the field."""
         self._offset = self.line.offset
-        return self.material.law(self.closest.inner_point, self.closest.depth)
+        closest = self.line.newest
+        return self.material.law(closest.inner_point, closest.depth)
 
     def go_on(self, renderer: Renderer) -> None:
         """See `HandOnAxis.go_on`; the hand may have moved over the surface, or come to another side of it."""
-        predictor, turned = renderer.predictor, self._offset != self.line.offset
-        self._offset = self.line.offset
-        if predictor.model is None or not (turned or self.material.is_elsewhere(self.closest.inner_point)):
+        predictor, before, offset = renderer.predictor, self._offset, self.line.offset
+        self._offset = offset
+        turned = before != offset
+        if predictor.model is None or not (turned or self._far):
             return
-        law = self.material.law(self.closest.inner_point, self.closest.depth) or predictor.model
+        law = self.law() or predictor.model
         if turned or law is not predictor.model:
             memory = predictor.state if law is predictor.model else NO_STATE
-            renderer.adopt(law, self.line.offset + self.felt_deeper, memory, message=predictor.message)
+            renderer.adopt(law, offset + self.felt_deeper, memory, message=predictor.message)
 
     def finish(self, renderer: Renderer) -> Told:
         """See `HandOnAxis.finish`; the deviation is the field's, where there is one."""
-        (position, *_), (_, force, _, deviation) = renderer.shown, renderer.predicted
-        known = math.isfinite(position)
+        (_, force, _, deviation), place = renderer.predicted, renderer.touched[0]
+        known = math.isfinite(renderer.shown[0])
         if known:
-            self.left = self.closest.place_at(position)
+            self.left = place
         uncertainty = self.material.uncertainty
         deviation = deviation if math.isnan(uncertainty) else uncertainty * force
         return self.left if known else (), deviation, self._report(renderer)
 
     def _report(self, renderer: Renderer) -> LeaderSpace:
-        model, predictor = self._model, renderer.predictor
-        deviation = (
-            model.fixture_deviation if model is not None and len(model.fixture_deviation) == 6 else (math.nan,) * 6
-        )
+        closest = self.line.newest
         return LeaderSpace(
             *self.place,
             *self.left,
-            *self.closest.point,
-            *self.closest.normal,
+            *closest.point,
+            *closest.normal,
             *renderer.force,
-            self.closest.depth - self.felt_deeper,
-            math.nan if predictor.model is None else predictor.local_slopes(REACH)[0],
+            closest.depth - self.felt_deeper,
+            renderer.touched[1],
             *self.line.pose,
-            norm((deviation[0], deviation[1], deviation[2])),
-            norm((deviation[3], deviation[4], deviation[5])),
-            math.inf if model is None else model.fixture_age,
+            *self._certainty,
             renderer.coefficient,
         )

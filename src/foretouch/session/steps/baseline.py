@@ -37,6 +37,7 @@ from foretouch.quantities.pose import scaled
 from foretouch.rendering import Renderer, tick
 from foretouch.rendering.passivity_control import PassivityController
 from foretouch.rendering.renderer import ContactFrame, frame_of
+from foretouch.rendering.surfaces.line import PLACE_AT
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.steps import leader
 from foretouch.session.steps.axis import HandOnAxis
@@ -84,7 +85,8 @@ class DelayedForce(Renderer):
         self, time: float, hand: float, period: float, *, free: bool = False, frame: ContactFrame | None = None
     ) -> float:
         """One tick; see `Renderer.update`."""
-        place, normal, _ = frame_of(hand) if frame is None else frame
+        place, lines = frame_of(hand) if frame is None else frame
+        x, y, z = lines[0].closest.normal.tolist()
         proxy, account, follower_view = self.proxy, self.account, self._follower_view
         position, self.booked = tick.MOVE.entry(self._rendering[0], account.records[0], hand, place, period, free)
         self.predictor.velocity = self._proxy_motion.update(time, position)
@@ -106,9 +108,10 @@ class DelayedForce(Renderer):
             self._controller.hold(rendered, touching=touching)
         if not touching and rendered == 0.0:
             account.close()
-        self.force = scaled(normal, rendered)
+        self.force = scaled((x, y, z), rendered)
         account.hold_force(self.force)
         self.shown = (proxy.position, proxy.engaged, self.limiter.clipped, wanted, 0.0, math.nan)
+        self.touched = PLACE_AT.entry(lines[0], proxy.position), math.nan
         self.mediation.force = wanted
         self.predicted = (self.predictor.velocity, wanted / self._settings.force_scale, 0.0, math.nan)
         return rendered
