@@ -204,13 +204,12 @@ class Led:
         self.sequence = self.model_sequence = self.missing = self.felt = self.rubbed = 0
         self.nominal, self.energy, self.pushed, self.coefficient, self.viscous = scene.nominal, 0.0, 0.0, 0.0, 0.0
 
-    def follower_says(self, *, status: Status = Status.FOLLOWING, epoch: int = 1) -> list[FollowerSpace | Telemetry]:
+    def follower_says(self, *, status: Status = Status.FOLLOWING, epoch: int = 1) -> list[Telemetry]:
         self.sequence += 1
-        numbers = dict.fromkeys(FollowerSpace.__struct_fields__[3:-2], 0.0)
+        numbers = dict.fromkeys(FollowerSpace.__struct_fields__[:-1], 0.0)
         numbers |= dict(zip(("desired_x", "desired_y", "desired_z"), self.at, strict=True))
-        place = FollowerSpace(VERSION, self.sequence, self.now, **numbers, touch_tick=0, run=self.run)
-        told = msgspec.structs.replace(SEEN, sequence=self.sequence, status=int(status), epoch=epoch, run=self.run)
-        return [place, told]
+        space, said = FollowerSpace(**numbers), {"status": int(status), "epoch": epoch, "run": self.run}
+        return [msgspec.structs.replace(SEEN, sequence=self.sequence, space=space, **said)]
 
     def model(self, random: np.random.Generator, trouble: str) -> ModelUpdate:
         self.model_sequence += 1
@@ -241,7 +240,7 @@ class Led:
         self.at = outputs.command.place or self.at
 
     def judge(self, outputs: leader.Outputs) -> None:
-        record, space, books = outputs.record, outputs.space, self.books
+        record, space, books = outputs.record, outputs.record.space, self.books
         force = np.array((space.force_x, space.force_y, space.force_z))
         normal = np.array((space.normal_x, space.normal_y, space.normal_z))
         size, pressed, before = float(np.linalg.norm(force)), float(force @ normal), math.hypot(*books.force)
@@ -249,7 +248,6 @@ class Led:
         books.check(record.energy, record.energy_bound, record.late_energy)
         kept = (self.energy, min(self.energy, 0.0) if self.pushed <= PHANTOM else self.energy)
         assert min(abs(record.energy - one - books.work) for one in kept) < 1e-9
-        assert (record.energy, record.late_energy) == (space.energy, space.late_energy)
         # The force: finite, outwards, within the device and within the cone of friction.
         assert np.isfinite([*force, *normal, *outputs.command.place]).all()
         assert size <= min(MOST, self.device.force_limit) + 1e-9
