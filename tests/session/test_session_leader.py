@@ -273,7 +273,7 @@ LEADER_TROUBLES = (
 )  # fmt: skip
 devices = st.builds(
     DeviceSpecification,
-    damping=st.sampled_from((0.1, 2.0, 5.0)),
+    damping=st.sampled_from((0.0, 0.1, 2.0, 5.0)),
     force_limit=st.sampled_from((2.0, 10.0, 1000.0)),
     resolution=st.sampled_from((1e-6, 1e-4)),
     delay=st.sampled_from((0.0, 5e-4, 1e-3)),

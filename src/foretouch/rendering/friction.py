@@ -108,7 +108,7 @@ class FrictionRenderer(Held):
     normal do; with one, where the bristle does not slide. The account of energy covers the rest.
 
     Args:
-        stiffness: Stiffness K that the device carries [N/m], positive.
+        stiffness: Stiffness K that the device carries [N/m], not negative.
         device_damping: Damping b of the device along the surface [N s/m], not negative; infinite for no device.
         delay: Delay d, from reading a position until the force acts [s], not negative.
 
@@ -132,7 +132,7 @@ class FrictionRenderer(Held):
 
     def __init__(self, stiffness: float, device_damping: float = math.inf, delay: float = 0.0) -> None:
         if stiffness != math.inf:
-            require("stiffness", stiffness, above=0.0)
+            require("stiffness", stiffness, at_least=0.0)
         if device_damping != math.inf:
             require("device_damping", device_damping, at_least=0.0)
         require("delay", delay, at_least=0.0)
