@@ -38,7 +38,7 @@ def run() -> np.ndarray:
             renderer.adopt(CHANGES[tick], 0.0, message=tick + 1)
         force = renderer.update(tick * TICK, hand(tick * TICK), TICK)
         wanted, mediated = renderer.predictor.force, renderer.mediation.force
-        rows.append((tick * TICK, wanted, mediated, force, renderer.energy, renderer.energy_bound))
+        rows.append((tick * TICK, wanted, mediated, force, *renderer.booked[:2]))
     return np.array(rows)
 
 

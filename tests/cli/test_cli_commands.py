@@ -95,10 +95,7 @@ def test_bash_completes_by_what_install_completion_writes(tmp_path: Path) -> Non
         pytest.skip("the foretouch command is not installed beside this Python")
     environment = os.environ | {"HOME": str(tmp_path), "PATH": f"{command.parent}{os.pathsep}{os.environ['PATH']}"}
     shown = subprocess.run(
-        ["bash", "-c", "foretouch --show-completion; true"],
-        env=environment,
-        capture_output=True,
-        text=True,
+        ["bash", "-c", "foretouch --show-completion; true"], env=environment, capture_output=True, text=True
     )
     assert "complete -o default -F _foretouch_completion foretouch" in shown.stdout, shown.stderr
     asks = 'COMP_WORDS=(foretouch sim); COMP_CWORD=1; _foretouch_completion foretouch; echo "${COMPREPLY[@]}"'
@@ -144,10 +141,7 @@ def test_every_exit_code_in_the_code_is_listed() -> None:
     assert result | {0, RECORDING_INCOMPLETE, INTERRUPTED} == set(EXIT_CODES)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "code"),
-    [(("--version",), 0), (("no-such-command",), 2)],
-)
+@pytest.mark.parametrize(("arguments", "code"), [(("--version",), 0), (("no-such-command",), 2)])
 def test_codes_are_as_listed(arguments: tuple[str, ...], code: int) -> None:
     assert foretouch_command(*arguments).returncode == code
 

@@ -362,10 +362,7 @@ def test_a_mouse_can_be_held_by_a_hand():
 @pytest.mark.parametrize(
     ("make", "rule"),
     [
-        (
-            lambda: DeviceSpecification(damping=2.0, mass=-0.1),
-            "mass = -0.1: must lie between 0.001 and 10",
-        ),
+        (lambda: DeviceSpecification(damping=2.0, mass=-0.1), "mass = -0.1: must lie between 0.001 and 10"),
         (lambda: DeviceSpecification(damping=2.0, mass=0.0), "mass = 0.0: must lie between 0.001"),
         (lambda: DeviceSpecification(damping=-1.0), "damping = -1.0: must lie between 0"),
         (lambda: DeviceSpecification(damping=2.0, friction=math.nan), "friction = nan: must lie between 0"),

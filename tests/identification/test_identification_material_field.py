@@ -35,13 +35,7 @@ def soft(x: float, y: float) -> tuple[float, float, float]:
 
 
 def palpate(
-    learner: MaterialFieldLearner,
-    law: Law,
-    *,
-    size: float = 0.03,
-    rows: int = 11,
-    noise: float = 0.02,
-    seed: int = 0,
+    learner: MaterialFieldLearner, law: Law, *, size: float = 0.03, rows: int = 11, noise: float = 0.02, seed: int = 0
 ) -> list[Status]:
     """Presses of 3 mm at 25 mm/s in every place of a grid."""
     random = np.random.default_rng(seed)

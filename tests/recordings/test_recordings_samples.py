@@ -10,13 +10,7 @@ import pytest
 from session_messages import leader_state, telemetry
 
 from foretouch.errors import RecordingError
-from foretouch.recordings import (
-    SessionWriter,
-    follower_samples,
-    read_follower_samples,
-    read_recording,
-    read_session,
-)
+from foretouch.recordings import SessionWriter, follower_samples, read_follower_samples, read_recording, read_session
 from foretouch.recordings.session import reader as samples_file
 from foretouch.recordings.session.reader import read_samples
 

@@ -344,11 +344,11 @@ class Run:
         books.move(hand, period)
         rounding = 1e-12 * max(1.0, abs(books.whole), self.limit)
         assert books.whole >= books.late - books.bound - rounding
-        assert math.isclose(renderer.energy_bound, books.bound, rel_tol=1e-9, abs_tol=1e-12)
-        assert math.isclose(renderer.late_energy, books.late, rel_tol=1e-9, abs_tol=rounding)
-        assert -renderer.energy_bound - rounding <= renderer.energy <= books.whole - books.late + rounding
+        assert math.isclose(renderer.booked[1], books.bound, rel_tol=1e-9, abs_tol=1e-12)
+        assert math.isclose(renderer.booked[2], books.late, rel_tol=1e-9, abs_tol=rounding)
+        assert -renderer.booked[1] - rounding <= renderer.booked[0] <= books.whole - books.late + rounding
         if books.bound > 0.0:
-            self.largest_debt = max(self.largest_debt, -renderer.energy / books.bound)
+            self.largest_debt = max(self.largest_debt, -renderer.booked[0] / books.bound)
         books.hold(force)
         assert 0.0 <= renderer.share <= 1.0
         self.lowest_share = min(self.lowest_share, renderer.share)

@@ -33,19 +33,19 @@ def in_debt() -> Run:
         run.tick(0.01 * number / 400)
     for number in range(30):
         run.tick(0.01 - 4e-4 * number)
-    assert run.renderer.energy < -0.5 * run.renderer.energy_bound
+    assert run.renderer.booked[0] < -0.5 * run.renderer.booked[1]
     return run
 
 
 @pytest.mark.parametrize("ticks", [200, 400, 1500])
 def test_the_next_press_is_felt_and_pays(ticks: int) -> None:
     run = in_debt()
-    owed = -run.renderer.energy
+    owed = -run.renderer.booked[0]
     first = press(run, 0.01, ticks)
     at_depth = first[len(first) // 2]
     assert at_depth[1] > 5.0
     assert at_depth[0] > 0.5 * at_depth[1]
-    assert run.renderer.energy > -owed
+    assert run.renderer.booked[0] > -owed
     for _ in range(3):
         last = press(run, 0.01, ticks)
     assert last[len(last) // 2][0] > 0.9 * last[len(last) // 2][1]

@@ -41,10 +41,10 @@ def test_what_a_lost_hand_may_have_been_given_is_told_and_widens_no_bound() -> N
     for number in range(1000):
         renderer.update((tick + number) * TICK, math.nan, TICK)
     renderer.update((tick + 1000) * TICK, -0.05, TICK)
-    assert renderer.energy_bound < 2e-3
-    assert renderer.energy >= -renderer.energy_bound
+    assert renderer.booked[1] < 2e-3
+    assert renderer.booked[0] >= -renderer.booked[1]
     # 5 N for the three ticks until it fades, 10 N ms while it does, over the second in which it went 60 mm.
-    assert renderer.late_energy == pytest.approx(-(5.0 * 2e-3 + 5.0 * 2e-3) * 0.06 / 1.001, rel=0.15)
+    assert renderer.booked[2] == pytest.approx(-(5.0 * 2e-3 + 5.0 * 2e-3) * 0.06 / 1.001, rel=0.15)
 
 
 def test_the_force_comes_back_mediated() -> None:

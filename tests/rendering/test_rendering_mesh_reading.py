@@ -84,16 +84,8 @@ def write(path: Path, content: bytes) -> Path:
         ("cut.stl", b" " * 80 + struct.pack("<I", 1000) + bytes(50), "mesh|triangle"),
         ("nan.stl", b" " * 80 + struct.pack("<I12fH", 1, 0, 0, 1, 0, 0, 0, 1, 0, 0, np.nan, 1, 0, 0), "finite"),
         ("flat.stl", b" " * 80 + struct.pack("<I12fH", 1, 0, 0, 1, 0, 0, 0, 1, 0, 0, 1, 0, 0, 0), "area.*in metres"),
-        (
-            "huge.stl",
-            b" " * 80 + struct.pack("<I12fH", 1, 0, 0, 1, 0, 0, 0, 500, 0, 0, 0, 500, 0, 0),
-            "500 m.*scale",
-        ),
-        (
-            "fin.obj",
-            b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nv 0 -1 0\nf 1 2 3\nf 1 2 4\nf 1 2 5\n",
-            r"\(0.5, 0, 0\) m",
-        ),
+        ("huge.stl", b" " * 80 + struct.pack("<I12fH", 1, 0, 0, 1, 0, 0, 0, 500, 0, 0, 0, 500, 0, 0), "500 m.*scale"),
+        ("fin.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nv 0 -1 0\nf 1 2 3\nf 1 2 4\nf 1 2 5\n", r"\(0.5, 0, 0\) m"),
     ],
 )
 def test_what_is_no_mesh_is_refused_in_one_line(name: str, content: bytes, said: str, tmp_path: Path) -> None:

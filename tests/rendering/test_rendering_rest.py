@@ -30,4 +30,4 @@ def test_after_all_of_it_a_hand_that_has_left_is_at_rest(options, session):
         force = renderer.update(run.time + 1e-3 * (number + 1), run.hand - way, 1e-3)
     assert force == 0.0
     assert renderer.mediation.offset == renderer.proxy.indexed == renderer.proxy.yielded == 0.0
-    assert -renderer.energy_bound <= renderer.energy <= 0.0  # what is owed stays, and no surplus
+    assert -renderer.booked[1] <= renderer.booked[0] <= 0.0  # what is owed stays, and no surplus

@@ -141,13 +141,7 @@ def test_a_prediction_that_is_not_finite_never_looks_good(bad: float) -> None:
 
 
 def test_statuses_are_listed() -> None:
-    assert set(STATUSES) == {
-        "ok",
-        "no_contact",
-        "nothing_to_score",
-        "prediction_not_finite",
-        "offset_unobservable",
-    }
+    assert set(STATUSES) == {"ok", "no_contact", "nothing_to_score", "prediction_not_finite", "offset_unobservable"}
 
 
 def test_a_preloaded_spring_never_leaves_contact() -> None:

@@ -19,15 +19,7 @@ from foretouch.link import ZenohLink, free_endpoint
 from foretouch.messages import VERSION, Choice, EmergencyStop, Hello, Settings, Stop
 from foretouch.session import SessionSettings, StopFlag
 from foretouch.session.runners import children
-from foretouch.session.runners.children import (
-    CHOICE_CHANNELS,
-    LATCHING,
-    SUPERVISOR,
-    Child,
-    Desk,
-    end_session,
-    retire,
-)
+from foretouch.session.runners.children import CHOICE_CHANNELS, LATCHING, SUPERVISOR, Child, Desk, end_session, retire
 from foretouch.session.runners.housekeeping import BEAT, COMPILING
 from foretouch.session.runners.live import LEAVING
 from foretouch.session.runners.news import HANGS_AFTER

@@ -28,17 +28,12 @@ from foretouch.messages import (
 from foretouch.quantities import Pose
 from foretouch.recordings import excerpt, read_leader_motion
 from foretouch.rendering.surfaces import Plane, SurfaceProxy
+from foretouch.rendering.surfaces.line import PLACE_AT
 from foretouch.robot import GantryArm, MissingGraphicsError, graphics_library, make_material
 from foretouch.session import SessionSettings
 from foretouch.session.runners.driven import Tick, drive_leader
 from foretouch.session.runners.lap import run_session
-from foretouch.session.spatial import (
-    make_camera,
-    make_scene,
-    make_spatial_operator,
-    make_spatial_robot,
-    tracker,
-)
+from foretouch.session.spatial import make_camera, make_scene, make_spatial_operator, make_spatial_robot, tracker
 from foretouch.session.spatial.course import SurfaceLine
 from foretouch.session.spatial.hand import HandInSpace
 from foretouch.session.spatial.making import SpatialWorld
@@ -316,10 +311,10 @@ def test_a_belief_moves_no_coordinate_and_a_place_comes_back(beliefs: list, plac
         along.believe(belief)
         closest = along.follow(place)
         assert closest.along == pytest.approx(first.along, abs=1e-12)
-        np.testing.assert_allclose(closest.place_at(closest.along), place, atol=1e-12)
+        np.testing.assert_allclose(PLACE_AT(along.records[0], closest.along), place, atol=1e-12)
         exact = Pose.from_rotation_vector(belief[3:], belief[:3]).inverse().apply(place)[2]
         assert closest.depth == pytest.approx(-exact, abs=1e-12)
-        deeper = along.follow(closest.place_at(closest.along + 1e-3))
+        deeper = along.follow(PLACE_AT(along.records[0], closest.along + 1e-3))
         assert deeper.depth == pytest.approx(closest.depth + 1e-3, abs=1e-9)
         along.follow(place)
 

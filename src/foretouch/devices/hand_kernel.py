@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.core import Record, compiled, kernel
-from foretouch.quantities.pose import Vector, rotation_of
+from foretouch.quantities.pose import Vector, dot, rotation_of
 
 Array = NDArray[np.float64]
 
@@ -155,7 +155,7 @@ class Seeing(Record):
     aimed: Annotated[Array, float, 6]  # the newest that was seen
 
 
-_rotation_of = compiled(error_model="numpy")(rotation_of)
+_dot, _rotation_of = compiled(dot), compiled(error_model="numpy")(rotation_of)
 
 
 @kernel("UniTuple(f8, 3)(Seeing[::1], f8[:, ::1], f8, f8, f8)", error_model="numpy")
@@ -164,19 +164,11 @@ def look(seeings: NDArray[np.void], path: Array, at: float, elapsed: float, scal
 
     The time elapsed since the last look is in time constants.
     """
-    shown, aimed = seeings[0].shown, seeings[0].aimed
-    fraction, moves = -math.expm1(-elapsed), False
+    shown, aimed, fraction = seeings[0].shown, seeings[0].aimed, -math.expm1(-elapsed)
     for i in range(6):
-        moves = moves or shown[i] != aimed[i]
-    for i in range(6 if moves else 0):
-        shown[i] = shown[i] + fraction * (aimed[i] - shown[i])
+        shown[i] += fraction * (aimed[i] - shown[i])
     row = min(int(at), path.shape[0] - 2)
-    rest, here, there = at - row, path[row], path[row + 1]
-    a = here[0] + rest * (there[0] - here[0])
-    b = here[1] + rest * (there[1] - here[1])
-    c = here[2] + rest * (there[2] - here[2])
+    point = path[row] + (at - row) * (path[row + 1] - path[row])
     first, second, third = _rotation_of(shown[3], shown[4], shown[5])
-    x = first[0] * a + first[1] * b + first[2] * c + shown[0]
-    y = second[0] * a + second[1] * b + second[2] * c + shown[1]
-    z = third[0] * a + third[1] * b + third[2] * c + shown[2]
-    return x / scale, y / scale, z / scale
+    x, y, z = _dot(first, point) + shown[0], _dot(second, point) + shown[1], _dot(third, point) + shown[2]
+    return float(x / scale), float(y / scale), float(z / scale)

@@ -92,11 +92,11 @@ class Learner:
     @property
     def sample(self) -> ContactSample:
         """The newest conditioned sample."""
-        return ContactSample._make(self._newest.item())
+        return ContactSample(*self._newest.item())
 
     @sample.setter
     def sample(self, sample: ContactSample) -> None:
-        self._newest[0] = tuple(sample)
+        self._newest[0] = sample
 
     def __repr__(self) -> str:
         """Estimator, and its estimates."""
@@ -122,7 +122,7 @@ class Learner:
                 estimator, *self._learn_raw(estimator.states, conditioner.memory, self.learning, raw, speed, known)
             )
             return self.sample
-        last, before, offset = self.sample.time, conditioner.surface, conditioner.force_offset
+        last, before, offset = self._newest["time"].item(), conditioner.surface, conditioner.force_offset
         sample = self.sample = conditioner.update(time, position, force, velocity)
         moved = conditioner.surface - before
         if abs(moved) > 0.0:  # not where one of them is unknown

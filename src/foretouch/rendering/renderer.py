@@ -50,6 +50,7 @@ class Renderer:
         friction: Friction along the surface; None for that of a hand without a device.
 
     Attributes:
+        closed_loop: Whether the force is felt by an operator.
         predictor: Runs the newest model at the proxy.
         proxy: Position of the hand for the model and the follower.
         mediation: Lets new models in.
@@ -57,9 +58,7 @@ class Renderer:
         account: The energy account.
         coefficient: Coefficient of Coulomb friction along the surface [-].
         share: rho, share of the hand's motion that the proxy takes part in until the next tick.
-        energy: Energy of the account at the newest tick [J], before its force acts.
-        energy_bound: Bound of the account then [J].
-        late_energy: Late energy of the account then [J].
+        booked: Of the account at the newest tick, before its force acts: energy, its bound, and late energy [J].
 
     Raises:
         SettingError: A scale or stiffness out of range.
@@ -83,7 +82,7 @@ class Renderer:
         require("force_scale", force_scale, above=0.0)
         require("largest_stiffness", largest_stiffness, at_least=0.0)
         require("sample_period", sample_period, above=0.0)
-        self._device, self._force_scale = device, force_scale
+        self.closed_loop, self._force_scale = device is not None, force_scale
         self._time, self._whole = -math.inf, tick.whole.entry
         self._rendering = tick.Rendering.new()
         proxies, mediations, limiters = (self._rendering[name] for name in ("proxy", "mediation", "limiter"))
@@ -127,11 +126,6 @@ class Renderer:
         """Render from this model from now on: see `Predictor.adopt`."""
         self.predictor.adopt(model, surface, state, tick, message)
 
-    @property
-    def closed_loop(self) -> bool:
-        """Whether the force is felt by an operator."""
-        return self._device is not None
-
     def engage(self, hand: float, position: float) -> None:
         """Couple the hand [m] with a follower at this position [m]: nothing jumps, whatever the two positions are.
 
@@ -146,21 +140,6 @@ class Renderer:
     def share(self) -> float:
         """rho, share of the hand's motion that the proxy takes part in until the next tick."""
         return self.shown[5]
-
-    @property
-    def energy(self) -> float:
-        """Energy of the account at the newest tick [J], before its force acts."""
-        return self.booked[0]
-
-    @property
-    def energy_bound(self) -> float:
-        """Bound of the account then [J]."""
-        return self.booked[1]
-
-    @property
-    def late_energy(self) -> float:
-        """Late energy of the account then [J]."""
-        return self.booked[2]
 
     def rub(self, coefficient: float, viscous: float) -> None:
         """Friction along the surface from now on: coefficient of Coulomb friction [-] and viscous friction [N s/m]."""

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.core import Record, compiled
-from foretouch.quantities import pose as rigid
 from foretouch.quantities.pose import RigidMotion, Vector
 from foretouch.rendering.surfaces import Plane, Surface, SurfaceProxy
 from foretouch.rendering.surfaces.geometry import Numbers3, add, dot, norm, scaled, subtract, vector, write
@@ -40,10 +39,6 @@ class ClosestPoint(NamedTuple):
     normal: Vector
     point: Vector
     inner_point: Vector
-
-    def place_at(self, along: float) -> Vector:
-        """The place on this normal with another coordinate [m]."""
-        return rigid.subtract(self.point, rigid.scaled(self.normal, along - self.along + self.depth))
 
 
 class SurfaceLine:

@@ -104,7 +104,6 @@ class HandInSpace(HandOnAxis):
         self.apart: Vector = (0.0, 0.0, 0.0)
         self.place = self.left = NOWHERE
         self.felt_deeper = 0.0
-        self._seen = False  # whether there is a position in this tick
         self._model: ModelUpdate | None = None  # the newest
         self._certainty = math.nan, math.nan, math.inf  # of its fixture: deviations [m, rad] and age [s]
         self._follower: tuple[Vector, int] = NOWHERE, 0  # its newest commanded position, and its run
@@ -220,5 +219,5 @@ class HandInSpace(HandOnAxis):
             renderer.coefficient,
             *renderer.booked[:2],
             epoch,
-            renderer.late_energy,
+            renderer.booked[2],
         )
