@@ -10,6 +10,7 @@ from __future__ import annotations
 import gc
 import itertools
 import math
+import sys
 import time
 from collections.abc import Callable
 from typing import Any
@@ -24,6 +25,7 @@ from foretouch.robot import AnyRobot, SpatialRobot, WrappedRobot, WrappedSpatial
 from foretouch.robot.robot import Wrapped
 from foretouch.session import SessionSettings, SimulatedSession, make_operator, make_session_robot, simulate
 from foretouch.session.spatial import make_scene, make_spatial_operator, make_spatial_robot
+from foretouch.session.steps import leader
 
 DURATION, ROUNDS = 10.0, 5
 
@@ -153,11 +155,22 @@ def measure_steps(scope: Scope) -> list[Row]:
         render(TICKS)
         times.append((time.perf_counter() - began) / TICKS)
     rows.append(Row.of("leader's tick alone, with a contact map", spread(times, 1e6), "us", 3.0))
+    rows.append(Row("leader's step without a message, blocks of memory that it leaves", _blocks_left(), "", 10.0))
     if resident_bytes():
         rows.append(
             Row("leader's tick, memory that 10^5 ticks leave", float(growth(lambda: render(GROWN_TICKS))), "B", 0.0)
         )
     return rows
+
+
+def _blocks_left() -> float:
+    """Blocks of memory that the outputs of a leader's step hold, without a message: it has freed all others."""
+    kept: list[Any] = [None] * TICKS
+    state, inputs = leader.start(), leader.Inputs(1e-3, (), 1_000_000, 0)
+    before = sys.getallocatedblocks()
+    for tick in range(TICKS):
+        kept[tick] = leader.step(state, inputs, 1_000_000 * tick)
+    return (sys.getallocatedblocks() - before) / TICKS
 
 
 def _rendering() -> Callable[[int], None]:
