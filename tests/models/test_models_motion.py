@@ -73,10 +73,7 @@ def test_predictor_takes_a_measured_velocity() -> None:
 
 @settings(derandomize=True, deadline=None, max_examples=25)
 @given(
-    stiffness=st.floats(0.0, 1e4),
-    surface=st.floats(-0.02, 0.02),
-    velocity=st.floats(-0.2, 0.2),
-    at=st.integers(1, 8),
+    stiffness=st.floats(0.0, 1e4), surface=st.floats(-0.02, 0.02), velocity=st.floats(-0.2, 0.2), at=st.integers(1, 8)
 )
 def test_the_jump_of_a_switch_is_the_difference_of_both_laws(
     stiffness: float, surface: float, velocity: float, at: int

@@ -143,7 +143,10 @@ class HandInSpace(HandOnAxis):
     def come_to(self, inputs: Inputs, renderer: Renderer, view: FollowerView) -> Arrived:
         """See `HandOnAxis.come_to`; the follower's position for `view` is that on the normal of the meeting place.
 
-        The device's own position counts in the frame, whatever it is coupled with.
+        The surface is followed in a compiled call of its own before that of the tick, for what is between them goes by
+        where the hand is now: a model is adopted, a law taken from the field, the hand coupled. What it comes to stays
+        in the record of the line, which the tick takes. The device's own position counts in the frame, whatever it is
+        coupled with.
         """
         x, y, z = inputs.position  # type: ignore[misc]  # a driver may give a list
         line, scale, somewhere = self.line, self.scale, True
