@@ -132,5 +132,5 @@ def test_what_cannot_be_run_again_is_one_line(recorded: Path) -> None:
         log.follower_space["exact_x"] = float("nan")
         for message in log.messages():
             writer.write(message, message.time_ns)
-    with pytest.raises(InputError, match="a real robot in three dimensions"):
+    with pytest.raises(InputError, match="is of a robot in three dimensions"):
         raise run("replay", path).exception or AssertionError

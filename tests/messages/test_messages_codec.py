@@ -37,11 +37,10 @@ from foretouch.messages import (
     encode,
     fixture_of,
     foreign_speaker,
-    in_space,
     split_texts,
 )
 from foretouch.messages.schema import MOST_TEXTS
-from foretouch.messages.states import LARGEST_JPEG
+from foretouch.messages.states import LARGEST_JPEG, in_space
 
 KINDS = [channel.kind for channel in CHANNELS.values()]
 numbers = st.integers(0, 2**63 - 1)

@@ -39,20 +39,8 @@ def leader_state(tick):
 def model(number):
     state = tuple(ODD[: number % len(ODD)])
     reason = ("", "ü" * number, "no contact yet")[number % 3]
-    return ModelUpdate(
-        VERSION,
-        number,
-        number * 20_000_000,
-        number,
-        "law",
-        ODD[:4],
-        state,
-        0.01,
-        number % 2 == 0,
-        reason,
-        "fprls",
-        bytes(range(number % 7)),
-    )
+    told = VERSION, number, number * 20_000_000, number, "law", ODD[:4], state
+    return ModelUpdate(*told, 0.01, number % 2 == 0, reason, "fprls", bytes(range(number % 7)))
 
 
 def session(ticks):

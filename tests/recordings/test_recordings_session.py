@@ -24,16 +24,15 @@ from foretouch.messages import (
     PROCESS,
     VERSION,
     EmergencyStop,
-    FollowerRow,
     Handle,
     Hello,
-    LeaderRow,
     LeaderState,
     Message,
     ModelUpdate,
     SessionLog,
     Telemetry,
 )
+from foretouch.messages.states import FollowerRow, LeaderRow
 from foretouch.recordings import SessionWriter, read_recording, read_session
 from foretouch.recordings.formats.cdr import HEADER, Layout
 from foretouch.recordings.formats.topics import TOPICS

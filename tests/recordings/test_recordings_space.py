@@ -18,13 +18,11 @@ from foretouch.messages import (
     CameraImage,
     FieldUpdate,
     FixtureBelief,
-    FollowerRow,
     FollowerSpace,
-    LeaderRow,
     LeaderSpace,
     SessionLog,
-    in_space,
 )
+from foretouch.messages.states import FollowerRow, LeaderRow, in_space
 from foretouch.models import MaterialField
 from foretouch.recordings import SessionWriter, read_session, repair_session
 from foretouch.recordings.formats.topics import TOPICS, quaternion

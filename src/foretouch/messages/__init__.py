@@ -45,14 +45,11 @@ from foretouch.messages.states import (
     CameraImage,
     FieldUpdate,
     FixtureBelief,
-    FollowerRow,
     FollowerSpace,
-    LeaderRow,
     LeaderSpace,
     LeaderState,
     Telemetry,
     fixture_of,
-    in_space,
 )
 
 __all__ = [
@@ -79,12 +76,10 @@ __all__ = [
     "EmergencyStop",
     "FieldUpdate",
     "FixtureBelief",
-    "FollowerRow",
     "FollowerSpace",
     "Handle",
     "Hello",
     "Hellos",
-    "LeaderRow",
     "LeaderSpace",
     "LeaderState",
     "Message",
@@ -101,7 +96,6 @@ __all__ = [
     "encode",
     "fixture_of",
     "foreign_speaker",
-    "in_space",
     "settings_at",
     "split_texts",
 ]

@@ -278,7 +278,10 @@ def _row(name: str, record: type[msgspec.Struct], state: type[Message], *of_stat
     """Message class of what a state says in space: the fields of the record, and behind them these of the state."""
     fields = (*msgspec.structs.fields(record), *(one for one in msgspec.structs.fields(state) if one.name in of_state))
     described = [(one.name, one.type, one.default) for one in fields]
-    return msgspec.defstruct(name, described, bases=(Message,), module=__name__, frozen=True, array_like=True, gc=False)
+    about = {"__doc__": f"`{record.__name__}` as a message of its own."}
+    return msgspec.defstruct(
+        name, described, bases=(Message,), module=__name__, namespace=about, frozen=True, array_like=True, gc=False
+    )
 
 
 FollowerRow = _row("FollowerRow", FollowerSpace, Telemetry, "run")

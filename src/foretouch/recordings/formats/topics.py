@@ -22,10 +22,8 @@ from foretouch.messages import (
     EmergencyStop,
     FieldUpdate,
     FixtureBelief,
-    FollowerRow,
     Handle,
     Hello,
-    LeaderRow,
     LeaderState,
     Message,
     ModelUpdate,
@@ -33,6 +31,7 @@ from foretouch.messages import (
     Stop,
     Telemetry,
 )
+from foretouch.messages.states import FollowerRow, LeaderRow
 from foretouch.models import LAWS
 from foretouch.recordings.formats.cdr import HEADER, Layout, pack_fields
 

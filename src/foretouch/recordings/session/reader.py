@@ -29,10 +29,8 @@ from foretouch.messages import (
     EmergencyStop,
     FieldUpdate,
     FixtureBelief,
-    FollowerRow,
     Hello,
     Hellos,
-    LeaderRow,
     LeaderState,
     Message,
     ModelUpdate,
@@ -41,6 +39,7 @@ from foretouch.messages import (
     as_printed,
 )
 from foretouch.messages.session_log import believable, in_order, side_seconds
+from foretouch.messages.states import FollowerRow, LeaderRow
 from foretouch.quantities import ByValue, Recording, Rows
 from foretouch.recordings.formats import mcap
 from foretouch.recordings.formats.cdr import Layout

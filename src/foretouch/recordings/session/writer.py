@@ -9,7 +9,8 @@ from types import TracebackType
 from typing import Any
 
 from foretouch.errors import RecordingError
-from foretouch.messages import Message, Telemetry, in_space
+from foretouch.messages import Message, Telemetry
+from foretouch.messages.states import in_space
 from foretouch.recordings.formats.mcap_index import BlockFile, append_index, counts_record
 from foretouch.recordings.formats.topics import BESIDE, PROBE, STANDARD, TOPICS, TRUNCATED, probe
 from foretouch.recordings.output import optional

@@ -325,17 +325,8 @@ class ProbeInSpace(ProbeOnAxis):
         """What there is to tell in space in this tick."""
         closest = self.line.newest
         x, y, z, rx, ry, rz = sample.fixture if len(sample.fixture) == POSE_NUMBERS else (math.nan,) * POSE_NUMBERS
-        return FollowerSpace(
-            *sample.place,
-            *self._desired,
-            *self._force,
-            *closest.normal,
-            closest.depth,
-            *self.line.pose,
-            *(x, y, z, rx, ry, rz),
-            *self.touch,
-            self.touch_tick,
-        )
+        told = (*sample.place, *self._desired, *self._force, *closest.normal, closest.depth, *self.line.pose)
+        return FollowerSpace(*told, x, y, z, rx, ry, rz, *self.touch, self.touch_tick)
 
     def tip(self, state: State, sample: SpatialSample) -> Vector:
         """See `ProbeOnAxis.tip`."""

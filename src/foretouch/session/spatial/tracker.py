@@ -96,20 +96,11 @@ def step(state: State, ticks: Sequence[Telemetry], images: Sequence[CameraImage]
     state.sent = now
     state.sequence += 1
     known = state.filter.state(now)
-    return FixtureBelief(
-        VERSION,
-        state.sequence,
-        now_ns,
-        (*known.pose.translation.tolist(), *known.pose.rotation_vector().tolist()),
-        tuple(known.pose_covariance.ravel().tolist()),
-        max(now - known.image_time, 0.0),
-        state.images,
-        state.contacts,
-        state.refused,
-        known.sentence(now),
-        state.run,
-        state.epoch,
-    )
+    pose = (*known.pose.translation.tolist(), *known.pose.rotation_vector().tolist())
+    covariance, age = tuple(known.pose_covariance.ravel().tolist()), max(now - known.image_time, 0.0)
+    counted = state.images, state.contacts, state.refused
+    told = known.sentence(now), state.run, state.epoch
+    return FixtureBelief(VERSION, state.sequence, now_ns, pose, covariance, age, *counted, *told)
 
 
 def _take_tick(state: State, tick: Telemetry) -> bool:

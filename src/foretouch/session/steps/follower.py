@@ -215,29 +215,12 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     model = _due(state, sensors, now_ns) if learns and state.failures.learns else None
     state.tick += 1
     commanded, desired, space, model, materials = probe.finish(state, inputs, desired, model, now_ns)
+    position = state.memory["position"].item() if state.compliance else sample.position
     telemetry = Telemetry(
-        VERSION,
-        state.tick,
-        now_ns,
-        applied,
-        desired,
-        state.memory["position"].item() if state.compliance else sample.position,
-        velocity,
-        force,
-        felt,
-        sample.exact_force,
-        in_contact,
-        sample.clipped,
-        sender.sequence,
-        inputs.period_ns,
-        inputs.compute_ns,
-        state.first_touch.guarded,
-        safety.status,
-        sensors,
-        state.lease.epoch,
-        state.run,
-        space,
-    )
+        VERSION, state.tick, now_ns, applied, desired, position, velocity, force, felt, sample.exact_force, in_contact,
+        sample.clipped, sender.sequence, inputs.period_ns, inputs.compute_ns, state.first_touch.guarded, safety.status,
+        sensors, state.lease.epoch, state.run, space,
+    )  # fmt: skip
     return state, Outputs(commanded, telemetry, model, materials)
 
 
