@@ -39,26 +39,6 @@ def test_the_adjoint_carries_a_twist_from_right_to_left(first: np.ndarray, secon
     assert right.rotation == pytest.approx(left.rotation, abs=1e-8)
 
 
-@pytest.mark.long  # test_vision_images draws one
-def test_covariances_are_those_of_many_draws() -> None:
-    random = np.random.default_rng(3)
-    a, b = Pose.exp([0.2, 0.1, -0.3, 0.5, -0.4, 1.0]), Pose.exp([-0.1, 0.3, 0.2, 1.2, 0.3, -0.2])
-    first = np.diag([1e-3, 2e-3, 1e-3, 3e-3, 1e-3, 2e-3]) ** 2
-    second = np.diag([2e-3, 1e-3, 1e-3, 1e-3, 2e-3, 1e-3]) ** 2
-    draws = 1500
-    one = random.multivariate_normal(np.zeros(6), first, draws)
-    two = random.multivariate_normal(np.zeros(6), second, draws)
-    back, inverse = (a @ b).inverse(), a.inverse().inverse()
-    both = [(back @ a @ Pose.exp(x) @ b @ Pose.exp(y)).log() for x, y in zip(one, two, strict=True)]
-    inverted = [(inverse @ (a @ Pose.exp(x)).inverse()).log() for x in one]
-    for expected, errors in (
-        (a.composed_covariance(first, b, second), both),
-        (a.inverse_covariance(first), inverted),
-    ):
-        whiten = np.linalg.inv(np.linalg.cholesky(expected))
-        assert whiten @ np.cov(np.transpose(errors)) @ whiten.T == pytest.approx(np.eye(6), abs=0.12)
-
-
 @pytest.mark.parametrize(
     ("rotation", "translation"),
     [(np.eye(3) * 1.1, np.zeros(3)), (np.diag([1.0, 1.0, -1.0]), np.zeros(3)), (np.eye(3), np.array([0, 0, np.nan]))],

@@ -226,11 +226,7 @@ CONNECT_PATIENCE = 3.0
 
 
 def check_peer(
-    endpoint: str,
-    host: str,
-    port: int,
-    open_link: Callable[[Callable[[Message], None]], ZenohLink],
-    seconds: float,
+    endpoint: str, host: str, port: int, open_link: Callable[[Callable[[Message], None]], ZenohLink], seconds: float
 ) -> list[Finding]:
     """Whether a connection can be opened to host and port of an endpoint, and where it can, how messages fare.
 

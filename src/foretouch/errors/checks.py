@@ -12,12 +12,7 @@ NUMBER = (float, int, Real)  # Every number, NumPy's among them; what is most li
 
 
 def require(
-    name: str,
-    value: float,
-    *,
-    above: float | None = None,
-    at_least: float | None = None,
-    at_most: float | None = None,
+    name: str, value: float, *, above: float | None = None, at_least: float | None = None, at_most: float | None = None
 ) -> None:
     """Raise `SettingError` unless the value is finite and within the bounds that are given."""
     rules = []

@@ -41,14 +41,7 @@ from foretouch.identification.identify import (
     predict_motion,
 )
 from foretouch.identification.learner import Learner, LearntModel
-from foretouch.identification.linear.estimators import (
-    FPRLS,
-    RLS,
-    ROBUST,
-    ForgettingRLS,
-    RobustFPRLS,
-    SelfPerturbingRLS,
-)
+from foretouch.identification.linear.estimators import FPRLS, RLS, ROBUST, ForgettingRLS, RobustFPRLS, SelfPerturbingRLS
 from foretouch.identification.linear.options import FPRLSOptions, RobustOptions
 from foretouch.identification.material_field import MaterialFieldLearner
 from foretouch.identification.offline import (

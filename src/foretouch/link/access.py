@@ -242,13 +242,7 @@ def access_list(allowed: Iterable[str], receive: Iterable[str]) -> dict[str, obj
         if keys:
             rules.append(_rule(name, ["put"], ["ingress"], keys))
         policies.append({"rules": ["speak", "listen", *([name] if keys else [])], "subjects": [name]})
-    return {
-        "enabled": True,
-        "default_permission": "deny",
-        "rules": rules,
-        "subjects": subjects,
-        "policies": policies,
-    }
+    return {"enabled": True, "default_permission": "deny", "rules": rules, "subjects": subjects, "policies": policies}
 
 
 def _rule(name: str, messages: list[str], flows: list[str], keys: list[str]) -> dict[str, object]:

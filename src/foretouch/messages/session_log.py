@@ -256,10 +256,7 @@ class SessionLog(Columns):
 
     @classmethod
     def from_messages(
-        cls,
-        messages: Iterable[Message],
-        settings: dict[str, str] | None = None,
-        counts: dict[str, int] | None = None,
+        cls, messages: Iterable[Message], settings: dict[str, str] | None = None, counts: dict[str, int] | None = None
     ) -> SessionLog:
         """Log from the messages themselves, those of each kind in their order; what a log does not hold is left out."""
         kinds: dict[type, list[Any]] = defaultdict(list)

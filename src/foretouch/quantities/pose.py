@@ -212,19 +212,6 @@ class Pose:
         matrix[:3, 3:] = cross_matrix(self.translation) @ self.rotation
         return matrix
 
-    def composed_covariance(self, covariance: Array, other: Pose, other_covariance: Array) -> Array:
-        r"""Covariance of ``self @ other``, (6, 6), to first order, for errors that are independent.
-
-        .. math:: \Sigma = A\,\Sigma_1 A^T + \Sigma_2, \quad A = \mathrm{Ad}(T_2^{-1})
-        """
-        through = other.inverse().adjoint()
-        return through @ covariance @ through.T + other_covariance
-
-    def inverse_covariance(self, covariance: Array) -> Array:
-        """Covariance of the inverse pose, (6, 6), to first order: Ad Sigma Ad^T."""
-        through = self.adjoint()
-        return through @ covariance @ through.T
-
     def distance(self, other: Pose) -> tuple[float, float]:
         """Distance to the other pose: between the origins [m], and the angle between them [rad]."""
         between = self.inverse() @ other

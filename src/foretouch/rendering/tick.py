@@ -214,14 +214,7 @@ def _way_back(r: Rendering, depth: float) -> int:
 
 @compiled(error_model="numpy")
 def render(
-    r: Rendering,
-    account: Account,
-    work: float,
-    way: float,
-    force: float,
-    velocity: float,
-    depth: float,
-    period: float,
+    r: Rendering, account: Account, work: float, way: float, force: float, velocity: float, depth: float, period: float
 ) -> tuple[float, float, int]:
     """Let the law in, with its work until it leaves contact [J] over a way [m], its force, velocity and depth.
 

@@ -30,11 +30,7 @@ LATE = 1.5  # A tick is late when its period is longer than this many nominal pe
 
 
 def session_figures(
-    log: SessionLog,
-    *,
-    score_from: float = 1.5,
-    score_to: float | None = None,
-    recording: str | None = None,
+    log: SessionLog, *, score_from: float = 1.5, score_to: float | None = None, recording: str | None = None
 ) -> dict[str, Any]:
     """All figures of a session as one object of plain numbers, texts and None, ready for JSON.
 

@@ -25,8 +25,7 @@ class MissingGraphicsError(MissingExtraError):
 
     def __init__(self, problem: str) -> None:
         Exception.__init__(
-            self,
-            f"no camera image can be drawn: {problem}: apt-get install {MESA_PACKAGES} (or libosmesa6)",
+            self, f"no camera image can be drawn: {problem}: apt-get install {MESA_PACKAGES} (or libosmesa6)"
         )
 
 

@@ -187,11 +187,7 @@ def _scale(axes: Any, axis: Axis) -> None:
 
 
 def _histograms(
-    rows: Sequence[Outcome],
-    figure: Callable[[Outcome], float | None],
-    edges: Array,
-    kinds: list[str],
-    title: str,
+    rows: Sequence[Outcome], figure: Callable[[Outcome], float | None], edges: Array, kinds: list[str], title: str
 ) -> tuple[Any, Any]:
     drawing = new_figure(3.4)
     axes = drawing.subplots()

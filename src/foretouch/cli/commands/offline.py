@@ -260,8 +260,7 @@ def predict(
 
 @command()
 def report(
-    recording: Annotated[Path, typer.Argument(help="MCAP of a session.")],
-    directory: ReportDirectory = None,
+    recording: Annotated[Path, typer.Argument(help="MCAP of a session.")], directory: ReportDirectory = None
 ) -> Answer:
     """Print the report of a recorded session again, and write its page.
 

@@ -219,10 +219,7 @@ def _follow(
         simulated = robot.specification.simulated
         mover = f"the {settings.operator} operator moves it" if simulated else "somebody else moves it"
         waits = f"{mover} and nothing is commanded"
-    with (
-        contextlib.closing(robot),
-        open_link("follower", endpoints, channels) as link,
-    ):
+    with contextlib.closing(robot), open_link("follower", endpoints, channels) as link:
         if parent is None:
             say(f"follower: {pressed}, {waits}")
             if not shadow and (warning := unchecked(endpoints)):

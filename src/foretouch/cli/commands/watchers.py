@@ -81,10 +81,7 @@ WATCHED_CHANNELS = (
 
 @command(endpoints=Endpoints)
 def record(
-    *,
-    path: Annotated[Path, typer.Argument(help="MCAP file to write.")],
-    endpoints: Endpoints,
-    parent: Parent = None,
+    *, path: Annotated[Path, typer.Argument(help="MCAP file to write.")], endpoints: Endpoints, parent: Parent = None
 ) -> Answer:
     """Record a session that runs elsewhere, until it ends or Ctrl-C.
 

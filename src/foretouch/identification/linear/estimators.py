@@ -109,12 +109,7 @@ class FPRLS(LinearisedEstimator):
 
 
 ROBUST = RobustOptions(
-    gate_force=0.02,
-    gate_depth=3e-4,
-    largest_rate=100.0,
-    weight_force=1.0,
-    scaled=True,
-    covariance_limit=0.1,
+    gate_force=0.02, gate_depth=3e-4, largest_rate=100.0, weight_force=1.0, scaled=True, covariance_limit=0.1
 )
 """All robust options on."""
 

@@ -289,11 +289,7 @@ class LinearisedEstimator(Estimator):
             SettingError: Arrays that do not fit together.
         """
         arrays = as_arrays(
-            log_depth=log_depth,
-            velocity=velocity,
-            rate=rate,
-            log_force=log_force,
-            forgetting_factor=forgetting_factor,
+            log_depth=log_depth, velocity=velocity, rate=rate, log_force=log_force, forgetting_factor=forgetting_factor
         )
         return run_regressors(arrays, self._packed, self.options.scales, parallel=parallel)
 

@@ -134,12 +134,7 @@ def features(blocks: NDArray[np.void], count: int, options: Packed) -> None:
 
 @compiled(error_model="numpy")
 def recur(
-    state: State,
-    options: Packed,
-    blocks: NDArray[np.void],
-    count: int,
-    status: NDArray[np.int8],
-    every: Array,
+    state: State, options: Packed, blocks: NDArray[np.void], count: int, status: NDArray[np.int8], every: Array
 ) -> bool:
     """Run the recursion over a block; returns whether its last sample restarted it."""
     block, rules = blocks[0], rules_of(options)

@@ -236,10 +236,7 @@ def _of_bag(bag: Bag) -> Guess:
 LEAST_RATE: Final = 20.0
 """What follows a press comes as often [1/s] or more; markers, stages and states of health come more rarely."""
 
-FORCE_FIELDS: Final = {
-    "geometry_msgs/msg/WrenchStamped": "wrench.force.z",
-    "geometry_msgs/msg/Wrench": "force.z",
-}
+FORCE_FIELDS: Final = {"geometry_msgs/msg/WrenchStamped": "wrench.force.z", "geometry_msgs/msg/Wrench": "force.z"}
 """Types of messages that hold a force in newtons, and its field along z."""
 
 POSITION_FIELDS: Final = {

@@ -154,10 +154,7 @@ class Plane(Surface):
     """
 
     def __init__(
-        self,
-        origin: Sequence[float] = (0.0, 0.0, 0.0),
-        normal: Sequence[float] = (0.0, 0.0, 1.0),
-        size: float = 0.1,
+        self, origin: Sequence[float] = (0.0, 0.0, 0.0), normal: Sequence[float] = (0.0, 0.0, 1.0), size: float = 0.1
     ) -> None:
         require("size", size, above=0.0)
         self.origin = _three("origin", origin)

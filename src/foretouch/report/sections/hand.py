@@ -141,10 +141,7 @@ def _given_way(leader: Rows) -> dict[str, float | None]:
     """Distance of the hand from its intended position, RMS: in contact by the force, in the air by its own lag."""
     away = leader["intended_position"] - leader["exact_hand_position"]
     known, felt = np.isfinite(away), leader["rendered_force"] > FELT
-    return {
-        "given_way_mm": _in_mm(_rms(away[known & felt])),
-        "given_way_in_air_mm": _in_mm(_rms(away[known & ~felt])),
-    }
+    return {"given_way_mm": _in_mm(_rms(away[known & felt])), "given_way_in_air_mm": _in_mm(_rms(away[known & ~felt]))}
 
 
 def _rms(values: Array) -> float | None:

@@ -96,12 +96,7 @@ def _trajectory_figure(time: Array, depth: Array, velocity: Array, ends: list[fl
     return finished(figure, 2, gap=0.5)
 
 
-PANELS = {
-    "Stiffness": "k [N/m$^s$]",
-    "Exponent s = n + alpha": "s",
-    "b$_1$": "b$_1$ [s/m]",
-    "b$_2$": "b$_2$ [s]",
-}
+PANELS = {"Stiffness": "k [N/m$^s$]", "Exponent s = n + alpha": "s", "b$_1$": "b$_1$ [s/m]", "b$_2$": "b$_2$ [s]"}
 """Title and axis of each panel, in the paper's order."""
 
 

@@ -89,11 +89,7 @@ checked = Checks(Device, "foretouch.devices.Device", Subject, _slow)
 
 
 def check_device(
-    make: Callable[[], Device],
-    *,
-    name: str = "",
-    watched: float = REAL_TIME,
-    tell: Callable[[Finding], None] = ignore,
+    make: Callable[[], Device], *, name: str = "", watched: float = REAL_TIME, tell: Callable[[Finding], None] = ignore
 ) -> list[Finding]:
     """Check a device: rate, units, signs, limits, truth, fail to zero, times that go back, timing.
 
@@ -239,8 +235,7 @@ def _force_sign(it: Subject) -> Result:
 
 
 @checked(
-    "closed, no force",
-    "after close, and a second close, nothing raises and a device in somebody's hand gives no force",
+    "closed, no force", "after close, and a second close, nothing raises and a device in somebody's hand gives no force"
 )
 def _closed(it: Subject) -> Result:
     device = it.device

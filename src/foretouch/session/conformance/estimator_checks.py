@@ -13,15 +13,7 @@ from numpy.typing import NDArray
 
 from foretouch.errors import InputError
 from foretouch.identification import Conditioner, ContactSample, Estimator, Identification, Learner, identify
-from foretouch.models import (
-    LAWS,
-    ContactModel,
-    HuntCrossley,
-    KelvinVoigt,
-    QuadraticContact,
-    advance,
-    make_model,
-)
+from foretouch.models import LAWS, ContactModel, HuntCrossley, KelvinVoigt, QuadraticContact, advance, make_model
 from foretouch.quantities import Recording
 from foretouch.session.conformance.finding import Checks, Finding, Result, ignore, name_result, percentile_time
 from foretouch.session.settings import SAMPLE_PERIOD

@@ -171,8 +171,7 @@ def _reading(it: Subject) -> Result:
 
 
 @checked(
-    "no command, no motion",
-    "a command that is no finite number is left out: the robot stays where it was told to be",
+    "no command, no motion", "a command that is no finite number is left out: the robot stays where it was told to be"
 )
 def _nonsense(it: Subject) -> Result:
     before = it.robot.read().position

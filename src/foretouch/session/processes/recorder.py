@@ -9,16 +9,7 @@ from pathlib import Path
 
 from foretouch.errors import PeerVersionError, RecordingError, plural, was_or_were
 from foretouch.link import SequenceCounter, ZenohLink
-from foretouch.messages import (
-    COUNT_PREFIX,
-    FieldUpdate,
-    Hello,
-    Hellos,
-    LeaderState,
-    Message,
-    ModelUpdate,
-    Telemetry,
-)
+from foretouch.messages import COUNT_PREFIX, FieldUpdate, Hello, Hellos, LeaderState, Message, ModelUpdate, Telemetry
 from foretouch.recordings import SessionWriter
 from foretouch.session.network.lease import ContestPrinter
 from foretouch.session.runners.housekeeping import ORPHANED, Greeter, StopFlag, orphaned

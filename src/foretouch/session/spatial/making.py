@@ -150,12 +150,7 @@ def make_spatial_robot(settings: SessionSettings, scene: Scene, *, force_limit: 
         return cast("SpatialRobot", foreign_robot(settings))
     material = make_material(settings.material)
     world = SpatialWorld(
-        scene,
-        material,
-        displacement=settings.displacement,
-        turn=settings.turn,
-        bump=settings.bump,
-        seed=settings.seed,
+        scene, material, displacement=settings.displacement, turn=settings.turn, bump=settings.bump, seed=settings.seed
     )
     stiffness, damping = _hardest(settings, scene, material)
     for name, unit, most in (("stiffest", "N/m", stiffness), ("most_damped", "N s/m", damping)):

@@ -12,14 +12,7 @@ from numpy.typing import NDArray
 from foretouch.core import Record, compiled, kernel
 from foretouch.identification import FrictionEstimator, MaterialFieldLearner, SensorState
 from foretouch.identification.friction import Friction, learn_friction
-from foretouch.messages import (
-    VERSION,
-    Command,
-    FixtureBelief,
-    FollowerSpace,
-    ModelUpdate,
-    Status,
-)
+from foretouch.messages import VERSION, Command, FixtureBelief, FollowerSpace, ModelUpdate, Status
 from foretouch.quantities import pose as rigid
 from foretouch.quantities.pose import Vector
 from foretouch.rendering.surfaces import Surface

@@ -19,15 +19,7 @@ from numpy.typing import NDArray
 from foretouch.identification import ContactMap, ContactSample, Estimator, Learner, SensorState, SensorWatch
 from foretouch.identification.conditioning.kernel import CONTACT_FLOOR
 from foretouch.link import SequenceCounter
-from foretouch.messages import (
-    VERSION,
-    Command,
-    FieldUpdate,
-    FixtureBelief,
-    ModelUpdate,
-    Status,
-    Telemetry,
-)
+from foretouch.messages import VERSION, Command, FieldUpdate, FixtureBelief, ModelUpdate, Status, Telemetry
 from foretouch.robot import RobotSample, RobotSpecification
 from foretouch.session.network.lease import ControlLease
 from foretouch.session.network.model_sender import ModelSender
