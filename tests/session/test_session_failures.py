@@ -98,7 +98,8 @@ class Session:
         """A stage of the tick, whether it is called alone or within the whole."""
         made = Broken(stage.entry, self.presses, times)
         self.patch.setattr(stage, "_entry", made)
-        self.patch.setattr(stages.tick_at_once, "_entry", Broken(stages.tick_at_once.entry, self.presses, times))
+        for whole in (stages.tick_at_once, stages.tick_in_field):
+            self.patch.setattr(whole, "_entry", Broken(whole.entry, self.presses, times))
         return made
 
     def broken(self, owner: Any, name: str, times: float = float("inf")) -> Broken:
@@ -122,7 +123,7 @@ PLUG_IN = dataclasses.replace(LINE, model="kelvin-voigt", estimator="rls")
 """An estimator of Python, with the compiled stages around it."""
 
 ON_A_LINE: list[tuple[Any, str]] = [(Freshness, "judge"), (Playout, "advance"), (stages.sense_alone, ""), *LEARNING]
-IN_SPACE = [(MaterialFieldLearner, "update"), (ProbeInSpace, "wanted"), (SpatialSafety, "go"), (FieldSender, "due")]
+IN_SPACE = [(MaterialFieldLearner, "taken"), (ProbeInSpace, "wanted"), (SpatialSafety, "go"), (FieldSender, "due")]
 RARELY_IN_SPACE = [(MaterialFieldLearner, "touch_at"), (ProbeInSpace, "_learn"), (ProbeInSpace, "_with_fixture")]
 
 

@@ -19,6 +19,7 @@ from foretouch.identification.conditioning.kernel import CONTACT_FLOOR
 from foretouch.identification.contact_map.bank import ContactMap
 from foretouch.identification.contact_map.kernel import Learning, Run, learn_raw, run_raw
 from foretouch.identification.estimator import Estimator, Status
+from foretouch.identification.material_field import MaterialFieldLearner
 from foretouch.models import ContactModel, ContactState, advance
 from foretouch.quantities import ByValue, Recording, brief_number, brief_text
 
@@ -139,7 +140,7 @@ class Learner:
             self.lag.update(point, sample.velocity, force, time - last)
         return sample
 
-    def taken(self, estimator: ContactMap, code: int, news: bool) -> None:
+    def taken(self, estimator: ContactMap | MaterialFieldLearner, code: int, news: bool) -> None:
         """Take over what `learn_raw` did to this learner's estimator."""
         self.status = estimator.taken(code, news)
         if news:

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 FIRST_DEVIATION = 300.0  # Standard deviation of each unknown before the first sample [N]
 
 _MEAN = np.array([-1])  # Rows of the mean law alone
-_STATUSES = (Status.UNUSABLE, Status.HELD, Status.LEARNT, Status.CHANGED, Status.RESTARTED)
+_STATUSES = (Status.FREE_AIR, Status.UNUSABLE, Status.HELD, Status.LEARNT, Status.CHANGED, Status.RESTARTED)
 
 
 class MaterialFieldLearner(Estimator):
@@ -57,6 +57,7 @@ class MaterialFieldLearner(Estimator):
 
     Attributes:
         states: State of the compiled part, one record.
+        point: Position of the next sample [m].
 
     Raises:
         SettingError: The spacing is out of range.
@@ -75,10 +76,10 @@ class MaterialFieldLearner(Estimator):
 
     def reset(self) -> None:
         """Forget all samples and all nodes."""
-        self.states = kernel.Learning.new(spacing=self.spacing, at=-1, last=math.inf)
+        self.states = kernel.FieldState.new(spacing=self.spacing, at=-1, last=math.inf)
         mean = self.states[0].nodes[kernel.MEAN]
         mean.covariance, mean.limit = FIRST_DEVIATION**2 * np.eye(kernel.UNKNOWNS), kernel.UNKNOWNS * FIRST_DEVIATION**2
-        self._point = (0.0, 0.0, 0.0)
+        self.point = (0.0, 0.0, 0.0)
         self._field: MaterialField | None = None
         self.updates = self.changes = 0
 
@@ -86,15 +87,14 @@ class MaterialFieldLearner(Estimator):
         """Set the position of the next sample before `update`, in the fixture's frame [m]; ignored where not finite."""
         x, y, z = point
         if math.isfinite(x) and math.isfinite(y) and math.isfinite(z):
-            self._point = (x, y, z)
+            self.point = (x, y, z)
 
     def update(self, sample: ContactSample) -> Status:
         """One step; see `Estimator.update`."""
-        _, depth, velocity, force, in_contact = sample
-        if not in_contact:
-            return Status.FREE_AIR
-        noise = kernel.FORCE_NOISE**2 + (kernel.SHARE_NOISE * min(abs(force), kernel.LARGEST_FORCE)) ** 2
-        code = self._take(self.states, self._point, depth, velocity, force, noise)
+        return self.taken(self._take(self.states, self.point, *sample[1:]), True)
+
+    def taken(self, code: int, news: bool) -> Status:
+        """Take over what compiled code did."""
         if code >= kernel.LEARNT:
             self._field = None
             self.updates += 1
@@ -126,7 +126,7 @@ class MaterialFieldLearner(Estimator):
     @property
     def has_model(self) -> bool:
         """See `Estimator.has_model`: one compiled call."""
-        return self._has_law(self.states, self._point)
+        return self._has_law(self.states, self.point)
 
     @property
     def model(self) -> QuadraticContact | None:
@@ -140,7 +140,7 @@ class MaterialFieldLearner(Estimator):
     def _here(self) -> tuple[NDArray[np.int64], Array, float]:
         """The known nodes about the point, their weights, and the weight of the unknown ones."""
         about, at, weights = np.empty(CORNERS, np.int64), np.empty(CORNERS, np.int64), np.empty(CORNERS)
-        kernel.FIND(self.states[0], self._point, about, at, weights)
+        kernel.FIND(self.states[0], self.point, about, at, weights)
         weights = weights[at >= 0]
         return at[at >= 0], weights, 1.0 - float(weights.sum())
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from foretouch.core.compiling import Kernel, compiled, kernel
 from foretouch.core.records import Record
+from foretouch.identification.conditioning.kernel import Memory, clear, condition, is_full, take_lagged
 from foretouch.models.material_field import FIELD_DEPTH, LARGEST_LAW, MOST_NODES
 from foretouch.models.material_field_kernel import CORNERS, NUMBERS, cell_of
 from foretouch.quantities.pose import Vector
@@ -62,7 +63,7 @@ MISFIT_RATE, LARGEST_RATIO = 0.02, 9.0
 SURPRISING, SURPRISE_RATE, SURPRISE_LIMIT = 16.0, 0.05, 0.8
 """Squared innovation over its variance that is an outlier, rate of their running mean, and the mean of a change."""
 
-UNUSABLE, HELD, LEARNT, CHANGED, RESTART = range(5)
+FREE_AIR, UNUSABLE, HELD, LEARNT, CHANGED, RESTART = range(6)
 """Result of a sample: all from LEARNT on have changed the model. After RESTART all is to be forgotten."""
 
 
@@ -74,7 +75,7 @@ class Node(Record):
     limit: float  # of the trace of the covariance
 
 
-class Learning(Record):
+class FieldState(Record):
     """What a `foretouch.identification.MaterialFieldLearner` remembers.
 
     The mean law is the last of the nodes, so that the row of an unknown node, -1, is its own.
@@ -213,7 +214,7 @@ def laws_of(nodes: Nodes, at: Ints, out: Array) -> None:
 
 
 @compiled
-def prior_of(state: Learning) -> tuple[Array, Array]:
+def prior_of(state: FieldState) -> tuple[Array, Array]:
     """Mean m of the unknowns of a node that has not been touched, and its covariance.
 
     That is s^2 m m' + (f F)^2 diag(1, 1, f^2), with the common spread s and the freedom f of each, relative to the
@@ -227,7 +228,7 @@ def prior_of(state: Learning) -> tuple[Array, Array]:
 
 
 @compiled
-def find(state: Learning, point: Vector, about: Ints, at: Ints, weights: Array) -> None:
+def find(state: FieldState, point: Vector, about: Ints, at: Ints, weights: Array) -> None:
     """Find the packed keys of the nodes about a point [m], their rows, -1 where there is none, and their weights."""
     cell_of(point[0], point[1], point[2], state.spacing, about, weights)
     at[:] = -1
@@ -239,7 +240,7 @@ def find(state: Learning, point: Vector, about: Ints, at: Ints, weights: Array) 
 
 
 @compiled
-def _begin(state: Learning, begun: NDArray[np.bool_], before: Ints, factor: float) -> None:
+def _begin(state: FieldState, begun: NDArray[np.bool_], before: Ints, factor: float) -> None:
     """Begin nodes from the mean law, with a factor on their deviation, where there were others `before`.
 
     Those that begin together are correlated: they are likely to be all stiffer than the mean, or all softer.
@@ -261,7 +262,7 @@ def _begin(state: Learning, begun: NDArray[np.bool_], before: Ints, factor: floa
 
 
 @compiled
-def _come_to(state: Learning, point: Vector) -> None:
+def _come_to(state: FieldState, point: Vector) -> None:
     """Find the nodes about a point; missing ones are made, and those that were hardly touched begin again.
 
     The first are made when the mean law is certain enough. A new one takes the room of that touched longest ago where
@@ -292,7 +293,7 @@ def _come_to(state: Learning, point: Vector) -> None:
 
 
 @compiled
-def _judge(state: Learning, ratio: float) -> int:
+def _judge(state: FieldState, ratio: float) -> int:
     """Whether the material at the point is unchanged, by a squared innovation over its variance."""
     before, raised = state.misfit, max(state.misfit, 1.0)
     state.misfit += MISFIT_RATE * ((LARGEST_RATIO if ratio > LARGEST_RATIO else ratio) * raised - before)
@@ -304,10 +305,12 @@ def _judge(state: Learning, ratio: float) -> int:
     return CHANGED
 
 
-@kernel("(Learning[::1], UniTuple(f8, 3), f8, f8, f8, f8)")
-def take(states: NDArray[np.void], point: Vector, depth: float, velocity: float, force: float, noise: float) -> int:
-    """One sample in contact at a point [m], with the variance of its force [N^2]; what was done."""
-    state = states[0]
+@kernel("(FieldState[::1], UniTuple(f8, 3), f8, f8, f8, b1)")
+def take(states: NDArray[np.void], point: Vector, depth: float, velocity: float, force: float, in_contact: bool) -> int:
+    """One sample at a point [m]; what was done."""
+    state, missed = states[0], SHARE_NOISE * min(abs(force), LARGEST_FORCE)
+    if not in_contact:
+        return FREE_AIR
     if not (0.0 < depth <= LARGEST_DEPTH and abs(velocity) <= LARGEST_SPEED and abs(force) <= LARGEST_FORCE):
         return UNUSABLE
     last, nodes = state.last, state.nodes[:]
@@ -315,7 +318,7 @@ def take(states: NDArray[np.void], point: Vector, depth: float, velocity: float,
     if abs(depth - last[0]) < DEPTH_STEP and x * x + y * y + z * z < WAY_STEP * WAY_STEP:
         return HELD
     last[0], last[1], last[2], last[3] = depth, point[0], point[1], point[2]
-    weight, mean = depth / REFERENCE_DEPTH, nodes[MEAN]
+    weight, mean, noise = depth / REFERENCE_DEPTH, nodes[MEAN], FORCE_NOISE * FORCE_NOISE + missed * missed
     regressor = (weight, weight * weight, weight * velocity / REFERENCE_SPEED)
     learn(nodes, np.full(1, MEAN), np.ones(1), mean.covariance, regressor, force, noise, MEAN_FORGETTING)
     state.updates += 1
@@ -329,7 +332,28 @@ def take(states: NDArray[np.void], point: Vector, depth: float, velocity: float,
     return _judge(state, ratio)
 
 
-@kernel("(Learning[::1], UniTuple(f8, 3))")
+_take = take.function
+
+
+@compiled(error_model="numpy")
+def learn_raw(
+    field: tuple[NDArray[np.void], Vector], conditioner: Memory, learnings: NDArray[np.void], raw: Vector
+) -> tuple[int, bool]:
+    """`foretouch.identification.contact_map.kernel.learn_raw` for a field's state and the point that is touched [m]."""
+    newest, lag, state, time = learnings[0].newest[0], learnings[0].lag, conditioner[0][0], raw[0]
+    surface, offset, touched, before = state.surface, state.offset, state.in_contact, newest.time
+    depth, velocity, force, touching = condition(conditioner, time, raw[1], raw[2], 0.0, False)
+    newest.time, newest.depth, newest.velocity, newest.force, newest.in_contact = time, depth, velocity, force, touching
+    code = _take(field[0], field[1], depth, velocity, force, touching)
+    if code == CHANGED:
+        clear(lag)
+    if touching:
+        take_lagged(lag, depth + state.surface, velocity, raw[2], time - before)
+    told = abs(state.surface - surface) > 0.0 or state.offset != offset or state.in_contact != touched
+    return code, bool(told or is_full(conditioner))
+
+
+@kernel("(FieldState[::1], UniTuple(f8, 3))")
 def has_law(states: NDArray[np.void], point: Vector) -> bool:
     """Whether there are samples enough, and a force follows from the law of some node about a point [m]."""
     about, at, weights = np.empty(CORNERS, np.int64), np.empty(CORNERS, np.int64), np.empty(CORNERS)
@@ -339,7 +363,7 @@ def has_law(states: NDArray[np.void], point: Vector) -> bool:
     return bool(states[0].updates >= FEWEST_UPDATES and (weights * (laws[:, 0] + laws[:, 1]) > 0.0).any())
 
 
-FIND = Kernel(find, "(Learning, UniTuple(f8, 3), i8[::1], i8[::1], f8[::1])")
+FIND = Kernel(find, "(FieldState, UniTuple(f8, 3), i8[::1], i8[::1], f8[::1])")
 LAWS_OF = Kernel(laws_of, "(Node[::1], i8[::1], f8[:, ::1])")
-PRIOR_OF = Kernel(prior_of, "(Learning,)")
+PRIOR_OF = Kernel(prior_of, "(FieldState,)")
 """What is asked for where the law, its errors or the field are."""

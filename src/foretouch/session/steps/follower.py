@@ -16,7 +16,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.identification import ContactMap, ContactSample, Estimator, Learner, SensorState, SensorWatch
+from foretouch.identification import (
+    ContactMap,
+    ContactSample,
+    Estimator,
+    Learner,
+    MaterialFieldLearner,
+    SensorState,
+    SensorWatch,
+)
 from foretouch.identification.conditioning.kernel import CONTACT_FLOOR
 from foretouch.link import SequenceCounter
 from foretouch.messages import VERSION, Command, FieldUpdate, FixtureBelief, ModelUpdate, Status, Telemetry
@@ -34,6 +42,7 @@ from foretouch.session.steps.sensing import Failures, calibrated, safety_limits
 # Constants used in every tick: a member of an enumeration costs more to look up than to compare.
 GOOD, NOT_FINITE = SensorState.GOOD, SensorState.NOT_FINITE
 FRESH, FUTURE = Arrival.FRESH, Arrival.FUTURE
+AT_ONCE = {ContactMap: stages.tick_at_once, MaterialFieldLearner: stages.tick_in_field}
 OF_ROBOT = ("tool_mass", "gravity", "moved_mass", "largest_offset")  # What a tick knows of the robot's specification
 HOLDING, RETREATING, TOO_SLOW = int(Status.HOLDING), int(Status.RETREATING), int(Status.TOO_SLOW)
 
@@ -156,7 +165,7 @@ def start(
         zero=known.zero or 0.0, compliance=known.compliance, **{name: getattr(specification, name) for name in OF_ROBOT}
     )
     period = specification.sample_period
-    stages.load(whole=type(learner.estimator) is ContactMap)
+    stages.load(AT_ONCE.get(type(learner.estimator)))
     state = State(
         specification,
         learner,
@@ -192,7 +201,7 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     heard_ns = state.freshness.newest_ns
     heard = -1 if heard_ns is None or inputs.ended else heard_ns
     times_ns = now_ns, heard, inputs.period_ns, state.start_ns or 0
-    wanted, acted = (desired, known_surface, probe.free, probe.slid), None
+    wanted, acted = (desired, known_surface, probe.free, probe.slid, state.guarded), None
     if learns and not (inputs.stop or inputs.release or safety.stop_reason):
         acted = _at_once(state, sample, applied, times_ns, wanted)
     if acted is None:
@@ -249,11 +258,15 @@ def _at_once(
 ) -> Acted | None:
     """A tick in one compiled call, `foretouch.session.steps.tick.tick`; None where that cannot be."""
     learner, estimator = state.learner, state.learner.estimator
-    if type(estimator) is not ContactMap:
+    if type(estimator) is ContactMap:
+        tick, bank, field = stages.tick_at_once.entry, estimator.states, None
+    elif type(estimator) is MaterialFieldLearner:
+        tick, bank, field = stages.tick_in_field.entry, None, (estimator.states, estimator.point)
+    else:
         return None
-    states = state.memory, estimator.states, learner.conditioner.memory, learner.learning
+    states = state.memory, bank, field, learner.conditioner.memory, learner.learning
     try:
-        allowed, validity, shown, learnt = stages.tick_at_once.entry(*states, sample, times_ns, wanted, state.guarded)
+        allowed, validity, shown, learnt = tick(*states, sample, times_ns, wanted)
     except Exception:  # the robot shows what is no number: which stage that stops is found one by one
         return None
     if state.watch.taken(validity) is GOOD:
@@ -283,8 +296,8 @@ def _one_by_one(
     felt, _ = stages.feel_alone.entry(memory, learner.learning)
     if not _stop_or_release(state, inputs, felt, validity != GOOD):
         wanted = math.nan, *wanted[1:]
-    conditions, learnt = (state.guarded, state.safety.stop_reason != ""), (learner.conditioner.memory, learner.learning)
-    allowed = stages.allow_alone.entry(memory, *learnt, sample.position, times_ns, wanted, conditions)
+    learnt, stopped = (learner.conditioner.memory, learner.learning), state.safety.stop_reason != ""
+    allowed = stages.allow_alone.entry(memory, *learnt, sample.position, times_ns, wanted, stopped)
     _, _, velocity, felt, in_contact = learner.sample
     return allowed, validity, (force, velocity, felt, in_contact)
 

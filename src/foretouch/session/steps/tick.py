@@ -1,6 +1,6 @@
 """A tick of the follower, compiled: what happens in it whether or not messages come, over one record.
 
-`sense` watches the sensors, `foretouch.identification.contact_map.kernel.learn_raw` conditions and learns, and `allow`
+`sense` watches the sensors, `learn_raw` of a contact map or of a field of materials conditions and learns, and `allow`
 guards the first touch and keeps the limits. `tick` is all of them. Where another estimator learns, or something is
 requested at the robot, they are called one by one.
 """
@@ -20,7 +20,10 @@ from foretouch.identification.conditioning.kernel import Memory as Conditioner
 from foretouch.identification.conditioning.watch import Watch, look
 from foretouch.identification.contact_map.kernel import Learning, learn_raw
 from foretouch.identification.contact_map.state import Bank
+from foretouch.identification.material_field_kernel import FieldState
+from foretouch.identification.material_field_kernel import learn_raw as _learn_in_field
 from foretouch.messages import Status
+from foretouch.quantities.pose import Vector
 from foretouch.session.safety.force_guard import Touch, follow, guarded_position
 from foretouch.session.safety.kernel import Memory, keep_safe
 
@@ -133,9 +136,9 @@ Times = tuple[int, int, int, int]
 """Of this tick; of the newest fresh command, negative before the first; since the last tick; and of the first tick that
 was learnt from [ns]."""
 
-Wanted = tuple[float, float, float, float]
+Wanted = tuple[float, float, float, float, bool]
 """Commanded position, NaN for none; surface that the leader is known to have, NaN for none; position up to which the
-air is free; motion across the surface since the last tick [m]."""
+air is free; motion across the surface since the last tick [m]; and whether first touches are guarded."""
 
 Allowed = tuple[float, int, bool]
 """What `keep_safe` returns."""
@@ -149,15 +152,11 @@ def allow(
     position: float,
     times_ns: Times,
     wanted: Wanted,
-    conditions: tuple[bool, bool],
+    stopped: bool,
 ) -> Allowed:
-    """Allowed position for a commanded one, with the robot at a position [m]: the first touch, then safety.
-
-    The conditions are whether first touches are guarded, and whether a stop is latched.
-    """
+    """Allowed position for a commanded one, with the robot at a position [m]: the first touch, then safety."""
     follower, touch, limits = followers[0], followers[0].touch[0], followers[0].safety[0].limits
-    (now_ns, heard_ns, period_ns, _), (desired, known_surface, free, _) = times_ns, wanted
-    guarded, stopped = conditions
+    (now_ns, heard_ns, period_ns, _), (desired, known_surface, free, _, guarded) = times_ns, wanted
     faulty = follower.validity != GOOD
     felt, touches = feel(followers, learnings)
     if follower.compliance > 0.0 and not faulty and touches:  # commands give the position of the tip
@@ -183,21 +182,25 @@ Shown = tuple[float, float, float, bool]
 
 NOTHING = -1  # What was done by learning where nothing is learnt
 
+Field = tuple[NDArray[np.void], Vector]
+"""State of a field of materials, and the point that is touched [m]."""
+
 
 @compiled
 def tick(
     followers: NDArray[np.void],
-    banks: NDArray[np.void],
+    banks: NDArray[np.void] | None,
+    field: Field | None,
     conditioner: Conditioner,
     learnings: NDArray[np.void],
     sample: Showing,
     times_ns: Times,
     wanted: Wanted,
-    guarded: bool,
 ) -> tuple[Allowed, int, Shown, tuple[int, bool]]:
-    """A tick in which a contact map learns, and nothing is requested at the robot.
+    """A tick in which a contact map or a field learns, and nothing is requested at the robot.
 
-    The records are written; the conditioner's rings have room. `guarded` says whether first touches are.
+    The records are written; the conditioner's rings have room. Of the two estimators one is None, which is known as it
+    is compiled.
 
     Returns:
         What is allowed, validity of the sensors, what is shown, and what `learn_raw` returns.
@@ -206,23 +209,29 @@ def tick(
     follower, newest = followers[0], learnings[0].newest[0]
     if validity == GOOD:
         raw = (times_ns[0] - times_ns[3]) * 1e-9, follower.position, follower.force
-        done, news = _learn_raw(banks, conditioner, learnings, raw, 0.0, False)
-    allowed = allow(followers, conditioner, learnings, sample[0], times_ns, wanted, (guarded, False))
+        if field is None:
+            if banks is not None:
+                done, news = _learn_raw(banks, conditioner, learnings, raw, 0.0, False)
+        else:
+            done, news = _learn_in_field(field, conditioner, learnings, raw)
+    allowed = allow(followers, conditioner, learnings, sample[0], times_ns, wanted, False)
     return allowed, validity, (follower.force, newest.velocity, newest.force, newest.in_contact), (done, news)
 
 
-LEARNT = Conditioning, Learning, Bank
+LEARNT = Conditioning, Learning, Bank, FieldState
 CONDITIONER, SAMPLE = "Tuple((Conditioning[::1], f8[:, ::1]))", "Tuple((f8, f8, f8, f8, f8, f8, b1, f8))"
-GIVEN = f"(Follower[::1], {CONDITIONER}, Learning[::1], f8, UniTuple(i8, 4), UniTuple(f8, 4), UniTuple(b1, 2))"
-ALL = f"(Follower[::1], Bank[::1], {CONDITIONER}, Learning[::1], {SAMPLE}, UniTuple(i8, 4), UniTuple(f8, 4), b1)"
+WANTED = "UniTuple(i8, 4), Tuple((f8, f8, f8, f8, b1))"
+GIVEN = f"(Follower[::1], {CONDITIONER}, Learning[::1], f8, {WANTED}, b1)"
+REST = f"{CONDITIONER}, Learning[::1], {SAMPLE}, {WANTED})"
 
-tick_at_once = Kernel(tick, ALL, *LEARNT)
+tick_at_once = Kernel(tick, f"(Follower[::1], Bank[::1], none, {REST}", *LEARNT)
+tick_in_field = Kernel(tick, f"(Follower[::1], none, Tuple((FieldState[::1], UniTuple(f8, 3))), {REST}", *LEARNT)
 sense_alone = Kernel(sense, f"i8(Follower[::1], {CONDITIONER}, {SAMPLE}, i8, f8)", *LEARNT)
 feel_alone = Kernel(feel, "(Follower[::1], Learning[::1])", *LEARNT)
 allow_alone = Kernel(allow, GIVEN, *LEARNT)
 
 
-def load(*, whole: bool) -> None:
-    """Load what is compiled before any loop: the stages, and for a contact map the tick as a whole."""
-    for stage in (sense_alone, feel_alone, allow_alone, *((tick_at_once,) if whole else ())):
-        assert callable(stage.entry)
+def load(whole: Kernel[..., Any] | None) -> None:
+    """Load what is compiled before any loop: the stages, and the tick as a whole of the estimator that has one."""
+    for stage in (sense_alone, feel_alone, allow_alone, whole):
+        assert stage is None or callable(stage.entry)
