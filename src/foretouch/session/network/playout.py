@@ -245,15 +245,14 @@ class Playout:
     compared.
 
     Args:
-        go: In three dimensions: moves towards a position [m], and returns the coordinate [m] reached along the
-            surface's normal. It is called with each position that is played.
-
+        go: In three dimensions, in place of `advance`: plays one tick, moves towards the position that is played, and
+            returns the coordinate [m] reached along the surface's normal. It is called with the state, one record.
     """
 
-    __slots__ = ("_advance", "_applied", "_go", "_playings", "_push")
+    __slots__ = ("_applied", "_go", "_playings", "_push")
 
-    def __init__(self, go: Callable[[tuple[float, ...]], float] | None = None) -> None:
-        self._go, self._push, self._advance = go, push.entry, advance.entry
+    def __init__(self, go: Callable[[NDArray[np.void]], float] | None = None) -> None:
+        self._push, self._go = push.entry, advance.entry if go is None else go
         self._playings = Playing.new()
         self._applied = self._playings["applied"]
 
@@ -279,7 +278,4 @@ class Playout:
 
     def advance(self) -> float:
         """Play one tick and return the position [m]."""
-        position = self._advance(self._playings)
-        if self._go is None or math.isnan(position):
-            return position
-        return self._go(tuple(self._playings[0].place.tolist()))
+        return self._go(self._playings)

@@ -70,7 +70,7 @@ class Memory(Record):
     holds: bool = True  # whether what was proven of the way holds here, in space
     higher: float  # in space, how much nearer the surface may be than where that was proven [m]
     fastest: float  # speed at which it may go deeper now, negative where it has to retreat [m/s]
-    shifted: float  # displacement of the aim by a limit in the newest tick [m]
+    shifted: float  # displacement of the aim by a limit in the newest tick [m], not positive: it is no motion
     guard: ForceGuard
     motion: Path  # in space position and velocity along the normal
     way: ProvenWay

@@ -190,19 +190,8 @@ class Safety:
         self._keep_safe, self._begin = kernel.keep_safe.entry, _begin.entry
         self.limits, self._path = limits, memory["motion"]
         self._path[:] = new_path(limits.speed, limits.acceleration, limits.jerk, sample_period)
-        self._fastest, self._shifted = memory["fastest"], memory["shifted"]
         self.status, self.stop_reason, self.pressing = Status.FOLLOWING, "", False
         self.blind_speed = AIMED * limits.force / impedance
-
-    @property
-    def fastest(self) -> float:
-        """Speed at which the robot may go deeper now, negative where it has to retreat [m/s]."""
-        return float(self._fastest.item())
-
-    @property
-    def shifted(self) -> float:
-        """Displacement of the aim by a limit in the newest tick [m], not positive: it is no motion."""
-        return float(self._shifted.item())
 
     def in_space(self, paths: NDArray[np.void]) -> None:
         """Leave the last rule to the caller that brings the aim into space, on this `Path`, an array of one.

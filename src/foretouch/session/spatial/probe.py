@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.core import Record, compiled, kernel
-from foretouch.identification import FrictionEstimator, MaterialFieldLearner, SensorState
+from foretouch.identification import FrictionEstimator, MaterialFieldLearner
+from foretouch.identification.contact_map.kernel import Learning
 from foretouch.identification.friction import Friction, learn_friction
-from foretouch.messages import VERSION, Command, FixtureBelief, FollowerSpace, ModelUpdate, Status
+from foretouch.messages import VERSION, Command, FixtureBelief, FollowerSpace, ModelUpdate
 from foretouch.quantities import pose as rigid
 from foretouch.quantities.pose import Vector
 from foretouch.rendering.surfaces import Surface
@@ -20,13 +21,13 @@ from foretouch.rendering.surfaces.geometry import Numbers3, add, norm, scaled, s
 from foretouch.rendering.surfaces.line import Closest, rotate
 from foretouch.robot import RobotSample, SpatialSample
 from foretouch.session.network.model_sender import FieldSender
-from foretouch.session.network.playout import Playout
+from foretouch.session.network.playout import NOWHERE, Playout
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.spatial.course import SurfaceLine
 from foretouch.session.spatial.safety import Space, SpatialSafety
-from foretouch.session.spatial.way_in import MISSED, MISSED_TICKS, Known
+from foretouch.session.spatial.way_in import MISSED, MISSED_TICKS
 from foretouch.session.steps.axis import Finished, ProbeOnAxis
-from foretouch.session.steps.follower import Inputs, State
+from foretouch.session.steps.follower import GOOD, HOLDING, Inputs, State
 
 BIAS_RATE = 2e-4  # Weight per tick of the measured force in the sensor's offset in free air, once it is known from 5 s
 
@@ -40,7 +41,7 @@ SLIDING = 0.01
 """Speed below which the direction of sliding is unknown [m/s]: the encoders' noise turns it, and friction seems to be
 less."""
 
-POSE_NUMBERS = 6
+UNKNOWN_POSE = (math.nan,) * 6
 
 
 LATEST = 2e-3  # Depth at which a contact may have been noticed at most [m]; one noticed deeper tells no surface
@@ -124,32 +125,33 @@ def _in_free_air(beside: Beside, force: Vector, missed: bool) -> int:
     return news
 
 
-@kernel("i8(Beside[::1], Space[::1], UniTuple(f8, 3), f8, f8, b1, b1, i8)", Space)
+@kernel(
+    "Tuple((i8, UniTuple(f8, 3)))(Beside[::1], Space[::1], Learning[::1], UniTuple(f8, 3), b1, i8)", Space, Learning
+)
 def learn_beside(
     besides: NDArray[np.void],
     spaces: NDArray[np.void],
+    learnings: NDArray[np.void],
     force: Vector,
-    pressed: float,
-    depth: float,
-    in_contact: bool,
     good: bool,
     tick: int,
-) -> int:
-    """In free air the sensor's offset; in contact friction, and where the contact began. Returns what is news.
+) -> tuple[int, Vector]:
+    """In free air the sensor's offset; in contact friction, and where the contact began.
 
-    The law was learnt from a force along the normal, pressed [N], and a depth [m]; the whole force is as measured [N].
+    The law was learnt from the newest sample of the learner; the whole force is as measured [N]. Returns what is news,
+    and the offset [N].
     """
-    beside, line, course = besides[0], spaces[0].probe, spaces[0].course
+    beside, line, course, newest = besides[0], spaces[0].probe, spaces[0].course, learnings[0].newest[0]
     point, sideways = vector(line.closest.inner_point), vector(course.resistance)
     moved = subtract(point, vector(beside.point))
     write(beside.point, point)
-    if not in_contact:
-        return _in_free_air(beside, force, depth > MISSED and good)
+    if not newest.in_contact:
+        return _in_free_air(beside, force, newest.depth > MISSED and good), vector(beside.bias)
     beside.free_ticks = -AFTER_CONTACT
     if math.isfinite(moved[0] + sideways[0] + sideways[1] + sideways[2]):
         rubbed, sliding = vector(beside.rubbed), vector(beside.sliding)
         speed = rotate(line, scaled(moved, 1.0 / SAMPLE_PERIOD))
-        beside.pressed += SMOOTHED * (pressed - beside.pressed)
+        beside.pressed += SMOOTHED * (newest.force - beside.pressed)
         rubbed = add(rubbed, scaled(subtract(sideways, rubbed), SMOOTHED))
         sliding = add(sliding, scaled(subtract(speed, sliding), SMOOTHED))
         write(beside.rubbed, rubbed)
@@ -157,8 +159,8 @@ def learn_beside(
         if norm(sliding) > SLIDING:
             learn_friction(beside.friction, beside.pressed, rubbed, sliding, SAMPLE_PERIOD)
     before = beside.touch.tick
-    _feel(beside.touch, pressed, line.closest, vector(course.here), tick)
-    return TOLD if beside.touch.tick != before else 0
+    _feel(beside.touch, newest.force, line.closest, vector(course.here), tick)
+    return (TOLD if beside.touch.tick != before else 0), vector(beside.bias)
 
 
 NO_BELIEF = FixtureBelief(VERSION, 0, 0, (0.0,) * 6, (), math.inf, 0, 0, 0, "", epoch=0)
@@ -192,7 +194,7 @@ class ProbeInSpace(ProbeOnAxis):
         self.besides, self._beside = Beside.new(), learn_beside.entry
         self.friction = FrictionEstimator(self.besides["friction"])
         self.bias: Vector = (0.0, 0.0, 0.0)
-        self.touch: Vector = (math.nan, math.nan, math.nan)
+        self.touch: Vector = NOWHERE
         self.touch_tick = 0
         self.belief, self._believed_ns = NO_BELIEF, 0  # it ages while no other comes
         self._shown: tuple[Any, float] = None, math.nan  # what the sensor showed, and its part along the normal [N]
@@ -206,51 +208,40 @@ class ProbeInSpace(ProbeOnAxis):
     def join(self, state: State, settings: SessionSettings) -> None:
         """See `ProbeOnAxis.join`."""
         self.safety = SpatialSafety(state.safety, self._surface, self._pose, SAMPLE_PERIOD)
-        self.fields, self._speeds = FieldSender(state.run), (settings.approach_speed, settings.largest_speed)
+        self.fields, self._speeds = FieldSender(state.run), (settings.largest_speed, settings.approach_speed)
         self.besides["largest_offset"] = state.specification.largest_offset
         state.playout = Playout(self.safety.go)
 
     def arrive(self, state: State, inputs: Inputs, now_ns: int) -> RobotSample:
         """See `ProbeOnAxis.arrive`."""
-        sample, safety, failures = inputs.sample, self.safety, state.failures
-        learnt_from, (approach_speed, largest_speed) = state.learner.sample, self._speeds
+        sample, safety, failures, learner = inputs.sample, self.safety, state.failures, state.learner
         try:
             for belief in inputs.beliefs:
                 self._believe(state, belief, now_ns)
         except Exception as error:
             failures.note("what it believes of the fixture", error)
         force = self._force = rigid.subtract(sample.force, self.bias)
-        known = Known(
-            state.learner.conditioner.surface,
-            learnt_from.force,
-            state.safety.fastest,
-            approach_speed if state.first_touch.guarded else largest_speed,
-            learnt_from.in_contact,
-            state.watch.state is SensorState.GOOD,
+        told = (
+            learner.conditioner.surface,
+            self._speeds[state.first_touch.guarded],
+            state.watch.state is GOOD,
             math.isfinite(self.belief.image_age),
-            state.safety.status < Status.HOLDING,
+            state.safety.status < HOLDING,
         )
-        felt, self.free, self.slid, jump = safety.arrive(sample.place, force, known)
-        closest, estimator = safety.line.newest, state.learner.estimator
+        felt, self.free, self.slid, jump = safety.arrive(learner.learning, sample.place, force, told)
+        closest = self._closest = safety.line.newest
         if jump:
-            state.learner.conditioner.shift(jump)
-        if failures.learns and isinstance(estimator, MaterialFieldLearner):
+            learner.conditioner.shift(jump)
+        if failures.learns and isinstance(learner.estimator, MaterialFieldLearner):
             try:
-                estimator.touch_at(closest.inner_point)
+                learner.estimator.touch_at(closest.inner_point)
             except Exception as error:
                 failures.stop_learning("its learning in space", error)
         if sample.force == self._shown[0]:  # a sensor that hangs is to seem so along any normal
             felt = self._shown[1]
         self._shown = sample.force, felt
-        return RobotSample(
-            position=closest.along,
-            sensor_force=felt,
-            acceleration=0.0,
-            exact_force=rigid.norm(sample.exact_force),
-            exact_position=math.nan,
-            commanded_position=closest.along,
-            clipped=sample.clipped,
-        )
+        along, exact = closest.along, rigid.norm(sample.exact_force)
+        return RobotSample(along, felt, 0.0, exact, math.nan, along, sample.clipped)
 
     def _believe(self, state: State, belief: FixtureBelief, now_ns: int) -> None:
         known = self.belief
@@ -265,9 +256,9 @@ class ProbeInSpace(ProbeOnAxis):
 
     def wanted(self, command: Command) -> float:
         """See `ProbeOnAxis.wanted`; it says only whether there is a place: the course says where on the normal."""
-        position = command.place
-        known = len(position) == 3 and all(map(math.isfinite, position))
-        return max(map(abs, position)) if known else math.nan
+        x, y, z = command.place if len(command.place) == 3 else NOWHERE
+        known = math.isfinite(x) and math.isfinite(y) and math.isfinite(z)
+        return max(abs(x), abs(y), abs(z)) if known else math.nan
 
     def finish(
         self, state: State, inputs: Inputs, coordinate: float, model: ModelUpdate | None, now_ns: int
@@ -286,19 +277,15 @@ class ProbeInSpace(ProbeOnAxis):
 
     def _learn(self, state: State, force: Vector, model: ModelUpdate | None, now_ns: int) -> ModelUpdate | None:
         """Offset of the sensor, friction, onset of a contact, a missed surface; returns the model with its fixture."""
-        besides, learnt, tick = self.besides, state.learner.sample, state.tick
-        (x, y, z), good = force, state.watch.state is SensorState.GOOD
-        spaces, conditioner = self.safety.spaces, state.learner.conditioner
-        news = self._beside(besides, spaces, (x, y, z), learnt.force, learnt.depth, learnt.in_contact, good, tick)
-        if not learnt.in_contact:
-            x, y, z = besides["bias"][0].tolist()
-            self.bias = x, y, z
+        learner, good, (x, y, z) = state.learner, state.watch.state is GOOD, force
+        spaces, tick = self.safety.spaces, state.tick
+        news, self.bias = self._beside(self.besides, spaces, learner.learning, (x, y, z), good, tick)
         if news & LEFT:
-            conditioner.distrust_surface()
+            learner.conditioner.distrust_surface()
         if news & MISSED_IT:
-            conditioner.shift(learnt.depth)
+            learner.conditioner.shift(learner.sample.depth)
         if news & TOLD:
-            x, y, z = besides["touch"]["place"][0].tolist()
+            x, y, z = self.besides["touch"]["place"][0].tolist()
             self.touch, self.touch_tick = (x, y, z), tick
         return None if model is None else self._with_fixture(model, now_ns)
 
@@ -316,8 +303,8 @@ class ProbeInSpace(ProbeOnAxis):
 
     def _report(self, sample: SpatialSample) -> FollowerSpace:
         """What there is to tell in space in this tick."""
-        closest = self.line.newest
-        x, y, z, rx, ry, rz = sample.fixture if len(sample.fixture) == POSE_NUMBERS else (math.nan,) * POSE_NUMBERS
+        closest, fixture = self._closest, sample.fixture
+        x, y, z, rx, ry, rz = fixture if len(fixture) == len(UNKNOWN_POSE) else UNKNOWN_POSE
         told = (*sample.place, *self._desired, *self._force, *closest.normal, closest.depth, *self.line.pose)
         return FollowerSpace(*told, x, y, z, rx, ry, rz, *self.touch, self.touch_tick)
 

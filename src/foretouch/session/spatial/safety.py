@@ -12,12 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.core import Kernel, Record, compiled, kernel
+from foretouch.identification.contact_map.kernel import Learning
 from foretouch.messages import FixtureBelief
 from foretouch.quantities.pose import Vector
 from foretouch.rendering.surfaces import Surface
 from foretouch.rendering.surfaces.geometry import Triangle, add, dot, norm, scaled, subtract, vector, write
 from foretouch.rendering.surfaces.god_object import MESH, Mesh
 from foretouch.rendering.surfaces.line import Line, follow_line, is_known, rotate
+from foretouch.session.network.playout import Playing, advance
 from foretouch.session.safety.force_guard import ForceCap, limit_force, observe_force, slide
 from foretouch.session.safety.kernel import Memory
 from foretouch.session.safety.motion import Bound, Path, begin, go_on
@@ -74,27 +76,38 @@ def _begin(space: Space, mesh: Mesh, place: Vector) -> None:
 
 
 VECTOR = "UniTuple(f8, 3)"
-KNOWN = "NamedTuple((f8, f8, f8, f8, b1, b1, b1, b1), Known)"
+KNOWN = "Tuple((f8, f8, b1, b1, b1))"
 
 
-@kernel(f"UniTuple(f8, 4)(Space[::1], Memory[::1], {MESH}, {VECTOR}, {VECTOR}, {KNOWN})", Triangle)
+@kernel(
+    f"UniTuple(f8, 4)(Space[::1], Memory[::1], Learning[::1], {MESH}, {VECTOR}, {VECTOR}, {KNOWN})", Triangle, Learning
+)
 def arrive(
-    spaces: NDArray[np.void], memories: NDArray[np.void], mesh: Mesh, place: Vector, force: Vector, known: Known
+    spaces: NDArray[np.void],
+    memories: NDArray[np.void],
+    learnings: NDArray[np.void],
+    mesh: Mesh,
+    place: Vector,
+    force: Vector,
+    told: tuple[float, float, bool, bool, bool],
 ) -> tuple[float, float, float, float]:
     """Take the probe's position [m] and the force on it [N], before the step along the normal.
+
+    What the follower knows but does not learn from samples is told: all of `Known` but contact.
 
     Returns:
         Force along the normal [N]; up to where the air is free [m]; how far the probe went across the surface [m]; and
         how far its coordinate went on though it did not move [m].
     """
-    space, memory = spaces[0], memories[0]
+    space, memory, newest = spaces[0], memories[0], learnings[0].newest[0]
     line, course, before = space.probe, space.course, space.probe.offset
     follow_line(line, mesh, place[0], place[1], place[2])
-    jump = line.offset - before
+    jump, surface = line.offset - before, told[0]
     if jump != 0.0:  # the proxy has let go: the coordinate went on, and what was felt is elsewhere
         space.told.offset = line.offset
         if math.isfinite(jump):
-            known = Known(known.surface + jump, *known[1:])
+            surface += jump
+    known = Known(surface, newest.in_contact, *told[1:])
     # A pulling force is no contact of this surface: learnt as the sensor's offset, it would hide one.
     normal = vector(line.closest.normal)
     felt = dot(force, normal)
@@ -107,9 +120,9 @@ def arrive(
     slid = come_to(space.way_in, line, memory, known, space.cap.explained)
     write(course.here, place)
     write(course.resistance, subtract(force, scaled(normal, felt)))
-    course.open, course.pressed = known.follows, known.force
+    course.open, course.pressed = known.follows, newest.force
     course.sliding = slide(space.cap, _along_speed(space, memory, known))
-    meet(course, mesh, line.offset, known.deeper)
+    meet(course, mesh, line.offset, memory.fastest)
     return felt, float(space.way_in.free), slid, float(jump)
 
 
@@ -128,22 +141,17 @@ def _went(space: Space, memory: Memory, mesh: Mesh) -> None:
     memory.nearest = told.closest.along
 
 
-@kernel(f"Tuple(({VECTOR}, f8))(Space[::1], Memory[::1], {MESH}, f8, f8, f8)", Triangle)
-def limit(
-    spaces: NDArray[np.void], memories: NDArray[np.void], mesh: Mesh, aim: float, fastest: float, shifted: float
-) -> tuple[Vector, float]:
-    """The position for the robot, and its coordinate along the course's normal [m], for an aim [m].
-
-    Speed and displacement are those of `Safety` in this tick.
-    """
+@kernel(f"Tuple(({VECTOR}, f8))(Space[::1], Memory[::1], {MESH}, f8)", Triangle)
+def limit(spaces: NDArray[np.void], memories: NDArray[np.void], mesh: Mesh, aim: float) -> tuple[Vector, float]:
+    """The position for the robot, and its coordinate along the course's normal [m], for an aim [m] of this tick."""
     space, memory = spaces[0], memories[0]
     course, cap, line, path = space.course, space.cap, space.told, space.path
     before = vector(path.position)
     if not (course.begun and is_known(line) and math.isfinite(aim)):
         return before, aim
     allowed, gone = held_at(course, aim), vector(course.normal)
-    wanted, moved = limit_force(cap, allowed, scaled(gone, -shifted), before)
-    deeper, outwards = max(fastest, 0.0), vector(line.closest.normal)
+    wanted, moved = limit_force(cap, allowed, scaled(gone, -memory.shifted), before)
+    deeper, outwards = max(memory.fastest, 0.0), vector(line.closest.normal)
     facing = rotate(line, vector(space.way_in.pose.facing)) if line.closest.depth < 0.0 else NO_VECTOR
     # Beside an edge the approach was proven towards the edge, and not down to where the surface may go on.
     beside = not space.probe.closest.along < space.way_in.free and dot(facing, outwards) < ALIGNED
@@ -161,10 +169,14 @@ def limit(
     return commanded, position
 
 
-@kernel(f"f8(Space[::1], {MESH}, {VECTOR})", Triangle)
-def play(spaces: NDArray[np.void], mesh: Mesh, target: Vector) -> float:
-    """`go`, in the step along the normal."""
-    return go(spaces[0].course, mesh, target)
+_advance = advance.function
+
+
+@kernel(f"f8(Space[::1], {MESH}, Playing[::1])", Triangle, Playing)
+def play(spaces: NDArray[np.void], mesh: Mesh, playings: NDArray[np.void]) -> float:
+    """Play one tick of the commands, and `go` there, in the step along the normal."""
+    position = _advance(playings)
+    return position if math.isnan(position) else go(spaces[0].course, mesh, vector(playings[0].place))
 
 
 _settle = Kernel(settle, f"(Course, {MESH})", Triangle)
@@ -227,7 +239,9 @@ class SpatialSafety:
         way.contradicted = way.contradicted and not way.believed > way.then
         return elsewhere
 
-    def arrive(self, place: Vector, force: Vector, known: Known) -> tuple[float, float, float, float]:
+    def arrive(
+        self, learnings: NDArray[np.void], place: Vector, force: Vector, told: tuple[float, float, bool, bool, bool]
+    ) -> tuple[float, float, float, float]:
         """See the function `arrive`."""
         if self._python:
             course = self.spaces["course"][0]
@@ -236,13 +250,12 @@ class SpatialSafety:
             if not course.begun:
                 self._told.touch(place)
         x, y, z = place  # a driver may give a list
-        return self._arrive(self.spaces, self._safety.memories, self.line.shape, (x, y, z), force, known)
+        return self._arrive(self.spaces, self._safety.memories, learnings, self.line.shape, (x, y, z), force, told)
 
-    def go(self, target: tuple[float, ...]) -> float:
-        """One tick of the course towards a place [m]; returns its coordinate along the normal [m]."""
-        x, y, z = target
-        along = self._go(self.spaces, self.line.shape, (x, y, z))
-        if self._python:
+    def go(self, playings: NDArray[np.void]) -> float:
+        """One tick of the course towards the place that is played; returns its coordinate along the normal [m]."""
+        along = self._go(self.spaces, self.line.shape, playings)
+        if self._python and not math.isnan(playings["position"][0]):
             course = self.spaces[0].course
             if course.begun and course.open:
                 self._gone.touch(course.place.tolist())
@@ -252,11 +265,11 @@ class SpatialSafety:
 
     def limit(self, aim: float) -> tuple[Vector, float]:
         """See the function `limit`."""
-        safety, shape = self._safety, self.line.shape
-        commanded, along = self._limit(self.spaces, safety.memories, shape, aim, safety.fastest, safety.shifted)
+        memories, shape = self._safety.memories, self.line.shape
+        commanded, along = self._limit(self.spaces, memories, shape, aim)
         if self._python and math.isfinite(aim) and self.spaces["course"][0].begun:
             self._told.touch(commanded)
-            _went_there(self.spaces[0], safety.memories[0], shape)
+            _went_there(self.spaces[0], memories[0], shape)
         return commanded, along
 
     def begin(self, place: Vector) -> None:

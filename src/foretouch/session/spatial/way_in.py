@@ -183,10 +183,8 @@ class Known(NamedTuple):
     """What the follower along the normal knows when a tick begins."""
 
     surface: float  # where the surface was felt [m]; NaN before it was
-    force: float  # force along the normal that was learnt from [N]
-    deeper: float  # speed at which safety lets the robot go deeper [m/s]
+    in_contact: bool  # whether the force along the normal that was learnt from is contact
     fastest: float  # largest speed along a surface that is felt, or far [m/s]
-    in_contact: bool  # whether that force is contact
     good: bool  # whether the sensors are valid
     seen: bool  # whether a camera has shown the fixture
     follows: bool  # whether the robot follows the commands
