@@ -6,8 +6,6 @@ import math
 from typing import Any
 
 import msgspec
-import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.core import Record, compiled, kernel
 from foretouch.identification import FrictionEstimator, MaterialFieldLearner
@@ -24,7 +22,7 @@ from foretouch.session.network.model_sender import FieldSender
 from foretouch.session.network.playout import NOWHERE, Playout
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.spatial.course import SurfaceLine
-from foretouch.session.spatial.safety import Space, SpatialSafety
+from foretouch.session.spatial.safety import VECTOR, Records, Space, SpatialSafety
 from foretouch.session.spatial.way_in import MISSED, MISSED_TICKS
 from foretouch.session.steps.axis import Finished, ProbeOnAxis
 from foretouch.session.steps.follower import GOOD, HOLDING, Inputs, State
@@ -40,9 +38,6 @@ AFTER_CONTACT = 500
 SLIDING = 0.01
 """Speed below which the direction of sliding is unknown [m/s]: the encoders' noise turns it, and friction seems to be
 less."""
-
-UNKNOWN_POSE = (math.nan,) * 6
-
 
 LATEST = 2e-3  # Depth at which a contact may have been noticed at most [m]; one noticed deeper tells no surface
 
@@ -125,16 +120,9 @@ def _in_free_air(beside: Beside, force: Vector, missed: bool) -> int:
     return news
 
 
-@kernel(
-    "Tuple((i8, UniTuple(f8, 3)))(Beside[::1], Space[::1], Learning[::1], UniTuple(f8, 3), b1, i8)", Space, Learning
-)
+@kernel(f"Tuple((i8, {VECTOR}))(Beside[::1], Space[::1], Learning[::1], {VECTOR}, b1, i8)", Space, Learning)
 def learn_beside(
-    besides: NDArray[np.void],
-    spaces: NDArray[np.void],
-    learnings: NDArray[np.void],
-    force: Vector,
-    good: bool,
-    tick: int,
+    besides: Records, spaces: Records, learnings: Records, force: Vector, good: bool, tick: int
 ) -> tuple[int, Vector]:
     """In free air the sensor's offset; in contact friction, and where the contact began.
 
@@ -304,7 +292,7 @@ class ProbeInSpace(ProbeOnAxis):
     def _report(self, sample: SpatialSample) -> FollowerSpace:
         """What there is to tell in space in this tick."""
         closest, fixture = self._closest, sample.fixture
-        x, y, z, rx, ry, rz = fixture if len(fixture) == len(UNKNOWN_POSE) else UNKNOWN_POSE
+        x, y, z, rx, ry, rz = fixture if len(fixture) == 6 else (*NOWHERE, *NOWHERE)
         told = (*sample.place, *self._desired, *self._force, *closest.normal, closest.depth, *self.line.pose)
         return FollowerSpace(*told, x, y, z, rx, ry, rz, *self.touch, self.touch_tick)
 

@@ -27,6 +27,7 @@ from foretouch.session.safety.safety import Safety
 from foretouch.session.spatial.course import Course, SurfaceLine, begin_course, go, held_at, meet, settle
 from foretouch.session.spatial.way_in import SIDEWAYS_SHARE, Known, WayIn, believe_covariance, come_to, uncertainty_of
 
+Records = NDArray[np.void]
 NO_VECTOR: Vector = (0.0, 0.0, 0.0)
 
 ALIGNED = math.cos(0.5)
@@ -76,29 +77,20 @@ def _begin(space: Space, mesh: Mesh, place: Vector) -> None:
 
 
 VECTOR = "UniTuple(f8, 3)"
-KNOWN = "Tuple((f8, f8, b1, b1, b1))"
+TOLD = "Tuple((f8, f8, b1, b1, b1))"
+Told = tuple[float, float, bool, bool, bool]
+"""Of `Known`, all but contact: what no record holds."""
+
+Felt = tuple[float, float, float, float]
+"""Force along the normal [N]; up to where the air is free [m]; how far the probe went across the surface [m]; and how
+far its coordinate went on though it did not move [m]."""
 
 
-@kernel(
-    f"UniTuple(f8, 4)(Space[::1], Memory[::1], Learning[::1], {MESH}, {VECTOR}, {VECTOR}, {KNOWN})", Triangle, Learning
-)
+@kernel(f"(Space[::1], Memory[::1], Learning[::1], {MESH}, {VECTOR}, {VECTOR}, {TOLD})", Triangle, Learning)
 def arrive(
-    spaces: NDArray[np.void],
-    memories: NDArray[np.void],
-    learnings: NDArray[np.void],
-    mesh: Mesh,
-    place: Vector,
-    force: Vector,
-    told: tuple[float, float, bool, bool, bool],
-) -> tuple[float, float, float, float]:
-    """Take the probe's position [m] and the force on it [N], before the step along the normal.
-
-    What the follower knows but does not learn from samples is told: all of `Known` but contact.
-
-    Returns:
-        Force along the normal [N]; up to where the air is free [m]; how far the probe went across the surface [m]; and
-        how far its coordinate went on though it did not move [m].
-    """
+    spaces: Records, memories: Records, learnings: Records, mesh: Mesh, place: Vector, force: Vector, told: Told
+) -> Felt:
+    """Take the probe's position [m] and the force on it [N], before the step along the normal."""
     space, memory, newest = spaces[0], memories[0], learnings[0].newest[0]
     line, course, before = space.probe, space.course, space.probe.offset
     follow_line(line, mesh, place[0], place[1], place[2])
@@ -142,7 +134,7 @@ def _went(space: Space, memory: Memory, mesh: Mesh) -> None:
 
 
 @kernel(f"Tuple(({VECTOR}, f8))(Space[::1], Memory[::1], {MESH}, f8)", Triangle)
-def limit(spaces: NDArray[np.void], memories: NDArray[np.void], mesh: Mesh, aim: float) -> tuple[Vector, float]:
+def limit(spaces: Records, memories: Records, mesh: Mesh, aim: float) -> tuple[Vector, float]:
     """The position for the robot, and its coordinate along the course's normal [m], for an aim [m] of this tick."""
     space, memory = spaces[0], memories[0]
     course, cap, line, path = space.course, space.cap, space.told, space.path
@@ -173,7 +165,7 @@ _advance = advance.function
 
 
 @kernel(f"f8(Space[::1], {MESH}, Playing[::1])", Triangle, Playing)
-def play(spaces: NDArray[np.void], mesh: Mesh, playings: NDArray[np.void]) -> float:
+def play(spaces: Records, mesh: Mesh, playings: Records) -> float:
     """Play one tick of the commands, and `go` there, in the step along the normal."""
     position = _advance(playings)
     return position if math.isnan(position) else go(spaces[0].course, mesh, vector(playings[0].place))
@@ -239,9 +231,7 @@ class SpatialSafety:
         way.contradicted = way.contradicted and not way.believed > way.then
         return elsewhere
 
-    def arrive(
-        self, learnings: NDArray[np.void], place: Vector, force: Vector, told: tuple[float, float, bool, bool, bool]
-    ) -> tuple[float, float, float, float]:
+    def arrive(self, learnings: Records, place: Vector, force: Vector, told: Told) -> Felt:
         """See the function `arrive`."""
         if self._python:
             course = self.spaces["course"][0]
@@ -252,7 +242,7 @@ class SpatialSafety:
         x, y, z = place  # a driver may give a list
         return self._arrive(self.spaces, self._safety.memories, learnings, self.line.shape, (x, y, z), force, told)
 
-    def go(self, playings: NDArray[np.void]) -> float:
+    def go(self, playings: Records) -> float:
         """One tick of the course towards the place that is played; returns its coordinate along the normal [m]."""
         along = self._go(self.spaces, self.line.shape, playings)
         if self._python and not math.isnan(playings["position"][0]):

@@ -16,15 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.identification import (
-    ContactMap,
-    ContactSample,
-    Estimator,
-    Learner,
-    MaterialFieldLearner,
-    SensorState,
-    SensorWatch,
-)
+from foretouch.identification import ContactMap, Estimator, Learner, MaterialFieldLearner, SensorState, SensorWatch
 from foretouch.identification.conditioning.kernel import CONTACT_FLOOR
 from foretouch.link import SequenceCounter
 from foretouch.messages import VERSION, Command, FieldUpdate, FixtureBelief, ModelUpdate, Status, Telemetry
@@ -104,7 +96,7 @@ class State:
         """Take a sensor force [N] as the contact force, less the offset as far as known, without conditioning."""
         last, offset = self.learner.sample, self.learner.conditioner.force_offset
         felt = force - offset if math.isfinite(offset) else force
-        self.learner.sample = ContactSample(last.time, last.depth, 0.0, felt, felt > CONTACT_FLOOR)
+        self.learner.sample = last._replace(velocity=0.0, force=felt, in_contact=felt > CONTACT_FLOOR)
 
 
 class Inputs(NamedTuple):
