@@ -104,10 +104,8 @@ class Session:
 
     def broken(self, owner: Any, name: str, times: float = float("inf")) -> Broken:
         made = Broken(getattr(owner, name), self.presses, times)
-        if isinstance(owner, type):
-            self.patch.setattr(owner, name, lambda *arguments, **named: made(*arguments, **named))
-        else:
-            self.patch.setattr(owner, name, made)
+        of_class = isinstance(owner, type)
+        self.patch.setattr(owner, name, (lambda *given, **named: made(*given, **named)) if of_class else made)
         return made
 
     def run(self, seconds: float = 1.4, stop: StopFlag | None = None) -> dict[str, str | int]:
