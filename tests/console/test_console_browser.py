@@ -28,11 +28,11 @@ from console_driver import (
 )
 
 from foretouch.console import Console
-from foretouch.console.panels.panel import CHOOSE_RECORDING, INSTRUCTION, NOT_LIVE
+from foretouch.console.panels.panel import CHOOSE_RECORDING, NOT_LIVE
 from foretouch.console.panels.session import BY_HAND
 from foretouch.console.panels.stop import ASKING, LATCHED, READY
 from foretouch.console.sentences import NOTHING_LIVE, STOPPED_INSTRUCTION
-from foretouch.console.views.line import DRAG
+from foretouch.console.views.line import DRAG, INSTRUCTION
 from foretouch.messages import Choice, EmergencyStop, Handle, Message, Settings, Status, Stop
 
 pytest.importorskip("viser")

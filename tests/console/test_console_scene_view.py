@@ -71,7 +71,7 @@ def test_a_shape_that_is_not_here_is_said_and_no_other_is_drawn(console: Console
     assert console._space._scene is None
     text = shown(console)
     assert "The scene cannot be drawn here: only-there.stl: no such file" in text
-    assert not console._line.root.visible  # nor that of a session along a line
+    assert not console._line._root.visible  # nor that of a session along a line
     say(console, "plane")
     draw(console)
     assert console._space._scene is not None
@@ -87,7 +87,9 @@ def test_keys_move_no_hand_while_a_recording_along_a_line_is_looked_at(console: 
     console._space.hold.stroke = lambda way: moved.append(way)  # type: ignore[method-assign]
     console._space._key_stroke((1e-3, 0.0, 0.0))
     assert len(moved) == 1
-    assert not console._space.draw(Watched(), live=False, useful=True)
+    console._draw_scene(Watched(), live=True)
+    assert console._line._root.visible
+    assert not console._space._scene.root.visible
     console._space._key_stroke((1e-3, 0.0, 0.0))
     assert len(moved) == 1
 
@@ -197,7 +199,7 @@ def test_the_camera_goes_where_what_is_looked_at_is_seen(console: Console) -> No
             say(console, "plane")
             draw(console)
         else:
-            console._space.draw(Watched(), live=False, useful=True)
+            console._draw_scene(Watched(), live=True)
         seen, target = SPACE_CAMERA if other else CAMERA
         assert tuple(camera.position) == pytest.approx(seen)
         assert tuple(camera.look_at) == pytest.approx(target)

@@ -98,7 +98,6 @@ def test_a_recording_shows_the_places_of_its_moment(moment: float) -> None:
     shown.go_to(moment)
     row = log.leader_space[round(moment * 1000)]
     leader = shown.leader_space
-    assert leader is not None
     assert shown.leader.sequence == row["sequence"]
     assert (leader.place_x, leader.point_z, leader.fixture_ry) == (row["place_x"], row["point_z"], row["fixture_ry"])
     assert shown.depth == row["depth"]
@@ -295,7 +294,6 @@ def test_the_virtual_probe_is_drawn_where_the_camera_sees_the_real_one() -> None
 def held() -> tuple[SpaceHold, list[Handle], LeaderSpace]:
     watched = heard_until(recorded(SHORT), 1.0)
     messages: list[Any] = []
-    assert watched.leader_space is not None
     return SpaceHold(watched, Publisher(messages.append)), messages, watched.leader_space
 
 

@@ -14,14 +14,14 @@ from foretouch.console import sentences
 from foretouch.console.gate import Entrance, make_gated_server
 from foretouch.console.gate.entrance import require_free_port
 from foretouch.console.panels.figures import describe, numbers_html
-from foretouch.console.panels.panel import CHOOSE_RECORDING, INSTRUCTION, WATCH_RECORDING, Panel, banner_html, felt
+from foretouch.console.panels.panel import CHOOSE_RECORDING, WATCH_RECORDING, Panel, banner_html, felt
 from foretouch.console.panels.session import CHOICES, SLIDERS, Actions, Publisher
 from foretouch.console.panels.stop import ASKING, LATCHED, READY, UNABLE, EmergencyCall
 from foretouch.console.playback import Library
 from foretouch.console.plots import SECONDS, put
 from foretouch.console.views.hold import Hold, SpaceHold
-from foretouch.console.views.line import LineView
-from foretouch.console.views.space import SPACE_INSTRUCTION, SpaceView
+from foretouch.console.views.line import LineView, look
+from foretouch.console.views.space import SpaceView
 from foretouch.console.watched import Watched
 from foretouch.errors import MissingExtraError, one_line
 from foretouch.link import new_press
@@ -103,8 +103,8 @@ class Console:
         )
         self._line = LineView(self._server, self._watched, Hold(self._watched, self._publisher))
         self._panel = Panel(self._server, self._actions(), live=live)
-        space_hold = SpaceHold(self._watched, self._publisher)
-        self._space = SpaceView(self._server, self._panel.image, self._panel.tabs, space_hold)
+        self._space = SpaceView(self._server, self._panel, SpaceHold(self._watched, self._publisher))
+        self._picture: LineView | SpaceView = self._line
         self._server.on_client_disconnect(self._browser_gone)
         self._next: dict[str, float] = {}  # when each is due again
 
@@ -215,7 +215,7 @@ class Console:
     def _step(self, way: float) -> None:
         """A stroke of a key moves the hand in by a way [m]; there is none in a recording."""
         if self._library.playback is None and self._by_mouse:
-            self._holding.stroke((0.0, 0.0, -way) if self._watched.in_space else way)
+            self._holding.stroke((0.0, 0.0, -way))
 
     def _toggle_clutch(self, browser: int | None = None) -> None:
         pressed = self._holding.clutched  # one that is pressed is let go of while a recording is looked at, too
@@ -260,9 +260,12 @@ class Console:
     def _shown(self) -> Watched:
         return self._library.playback or self._watched
 
+    def _picture_of(self, watched: Watched) -> LineView | SpaceView:
+        return self._space if watched.in_space else self._line
+
     @property
     def _holding(self) -> Hold:
-        return self._space.hold if self._watched.in_space else self._line.hold
+        return self._picture_of(self._watched).hold
 
     @property
     def _by_mouse(self) -> bool:
@@ -272,18 +275,18 @@ class Console:
         return self._ending or (sentences.hindrance(self._watched, now) if self._live else CHOOSE_RECORDING)
 
     def _draw_scene(self, shown: Watched, live: bool, *, useful: bool = True) -> None:
-        live = live and self._live  # without a session there is no handle
-        in_space = self._space.draw(shown, live=live, useful=useful)
-        put(self._line.root, visible=not in_space)
-        if not in_space:
-            self._line.draw(shown, live=live, useful=useful)
+        before, self._picture = self._picture, self._picture_of(shown)
+        if self._picture is not before:  # sessions along a line and in space take turns
+            before.show(False)
+            self._picture.show(True)
+            look(self._server, self._picture.camera)
+        self._picture.draw(shown, live=live and self._live, useful=useful)  # without a session there is no handle
 
     def _plot(self, shown: Watched) -> None:
         playback = self._library.playback
         other = None if playback is None or playback.other is None else playback.other.window(SECONDS)
         self._panel.forces.plot(shown.window(SECONDS), other)
-        if shown.in_space:
-            self._panel.image.draw(shown, self._space.outline)
+        self._picture.plot(shown)
 
     def _write(self, shown: Watched, now: float) -> None:
         """Numbers, labels, the other plots, and where the sliders begin."""
@@ -291,8 +294,7 @@ class Console:
         other = None if playback is None else playback.other
         window = shown.window(SECONDS)
         status = self._status(now) if playback is None else "A recording is shown; see the tab Recordings."
-        unseen = (self._space.problem,) if shown.in_space and self._space.problem else ()
-        notes = (*unseen, *sentences.warnings(self._watched, now))
+        notes = tuple(filter(None, (self._picture.problem, *sentences.warnings(self._watched, now))))
         panel.forces.write(numbers_html(shown, window, other, status=status, warnings=notes))
         panel.network.draw(window, shown.loss_trace(SECONDS, now))
         panel.energy.draw(window)
@@ -302,8 +304,7 @@ class Console:
         put(panel.banner, content=banner_html(playback, sentences.lateness(self._watched), live=self._live))
         self._show_session(now)
         self._show_alarm(now)
-        self._line.write(shown)
-        self._space.write(shown, now, live=playback is None)
+        self._picture.write(shown, now)
 
     def _show_session(self, now: float) -> None:
         """Show the running session and what there is to do; set the sliders when both sides have sent new values."""
@@ -320,9 +321,8 @@ class Console:
         self._panel.network.offer(live)
         shown = self._shown
         by_mouse = self._live and shown.operator == "browser"  # which hand the force moves
-        self._panel.offer(clutch=self._by_mouse and live, in_space=shown.in_space)
-        by_hand = SPACE_INSTRUCTION if shown.in_space else INSTRUCTION
-        possible = by_hand if by_mouse else f"Watch the {shown.operator} operator press."
+        put(self._panel.clutch, visible=self._by_mouse and live)
+        possible = self._picture.instruction if by_mouse else f"Watch the {shown.operator} operator press."
         instruction = (self._hindrance(now) or possible) if live else WATCH_RECORDING
         self._panel.instruct(instruction, felt(shown.grip, by_mouse))
         if settings.keys() >= INTRODUCTION:

@@ -159,7 +159,7 @@ class RecordedSpace(SpaceState):
         """Show a tick of the leader, a row of its table; returns it, and the newest telemetry that it had received."""
         leader = self._segment.leader_state(row)
         telemetry = self.tick(leader.telemetry_sequence)
-        time_ns = -1 if telemetry is None or telemetry.space is None else telemetry.time_ns
+        time_ns = -1 if telemetry is None else telemetry.time_ns
         last = bisect.bisect_right(self._beliefs, time_ns, key=lambda belief: belief.time_ns) - 1
         self.belief = self._beliefs[last] if last >= 0 else None
         self._now = leader.sequence, leader.time_ns

@@ -22,6 +22,7 @@ SURFACE, PRESS_DEPTH = 0.012, 0.01
 """Surface position and depth of presses [m] until the session sends its values."""
 DEEPEST, SMALLEST_SCALE = 1.2, 1e-3
 """Reach of the handle below the surface, in press depths; a bound on the position scale."""
+NOWHERE = LeaderSpace(*(math.nan,) * len(LeaderSpace.__struct_fields__))  # what is known in space along a line
 SUPERVISOR_SILENT = 3.0
 """The supervisor, which can start the sides again with another choice, speaks twice a second; it is gone when nothing
 has come for this time [s]."""
@@ -179,18 +180,18 @@ class Watched:
     @property
     def in_space(self) -> bool:
         """Whether the session is one in three dimensions."""
-        return self.leader_space is not None
+        return self.leader_space is not NOWHERE
 
     @property
-    def leader_space(self) -> LeaderSpace | None:
-        """What the leader that is shown says in space; None along a line."""
-        return None if self.leader is None else self.leader.space
+    def leader_space(self) -> LeaderSpace:
+        """What the leader that is shown says in space; all NaN along a line."""
+        return NOWHERE if self.leader is None else self.leader.space or NOWHERE
 
     @property
     def depth(self) -> float:
         """Depth of the operator's probe in the surface [m], negative outside."""
-        if (space := self.leader_space) is not None:
-            return space.depth
+        if self.in_space:
+            return self.leader_space.depth
         return 0.0 if self.leader is None else self.leader.position - self.surface
 
     @property

@@ -51,14 +51,12 @@ def inverse(frame: Frame | SpatialFrame) -> Any:
 
 def framed_device(device: Any, frame: Frame | SpatialFrame) -> Any:
     """The device as the session sees it; itself where both count alike."""
-    kind: Any = FramedDevice if isinstance(frame, Frame) else FramedSpatialDevice
-    return device if frame == Frame() else kind(device, frame)
+    return device if frame == Frame() else FRAMED[type(frame)][0](device, frame)
 
 
 def framed_robot(robot: Any, frame: Frame | SpatialFrame) -> Any:
     """The robot as the session sees it; itself where both count alike."""
-    kind: Any = FramedRobot if isinstance(frame, Frame) else FramedSpatialRobot
-    return robot if frame == Frame() else kind(robot, frame)
+    return robot if frame == Frame() else FRAMED[type(frame)][1](robot, frame)
 
 
 def browser_operator(device: AnyDevice) -> Any:
@@ -190,6 +188,9 @@ class FramedSpatialRobot(_FramedRobot, WrappedSpatialRobot):
             exact_place=inside(sample.exact_place),
             fixture=_posed(self.frame, sample.fixture),
         )
+
+
+FRAMED: Any = {Frame: (FramedDevice, FramedRobot), SpatialFrame: (FramedSpatialDevice, FramedSpatialRobot)}
 
 
 @functools.lru_cache(maxsize=4)

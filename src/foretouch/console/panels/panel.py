@@ -10,7 +10,7 @@ from typing import Any
 from foretouch.console.panels.figures import EnergyPanel, ForcePanel, ModelPanel
 from foretouch.console.panels.session import LONGEST_DELAY, SLIDERS, Actions, NetworkPanel, SessionPanel
 from foretouch.console.panels.space import ImagePanel
-from foretouch.console.panels.stop import HELP, SPACE_HELP, STEP, Alarm, add_keys
+from foretouch.console.panels.stop import HELP, STEP, Alarm, add_keys
 from foretouch.console.playback import Playback
 from foretouch.console.plots import by_person, handler, put
 from foretouch.console.sentences import WAITING_INSTRUCTION
@@ -44,7 +44,6 @@ def banner_html(playback: Playback | None, note: str, *, live: bool) -> str:
     )
 
 
-INSTRUCTION = "Drag the blue handle down to press."
 CHOOSE_RECORDING = "Choose a recording below, in the tab Recordings."
 WATCH_RECORDING = "A recording: play it, or drag its time bar."
 PRESS_CLUTCH, RELEASE_CLUTCH = "Clutch (C)", "Clutch is pressed: let it go (C)"
@@ -95,8 +94,8 @@ class Panel:
         self._head = gui.add_html(_head_html(WAITING_INSTRUCTION, felt("", True)))
         self.forces = ForcePanel(gui)
         self.image = ImagePanel(gui)
-        self._clutch = gui.add_button(PRESS_CLUTCH, color=GREY, hint=CLUTCH)
-        self._clutch.on_click(handler(lambda event: actions.clutch(event.client_id)))
+        self.clutch = gui.add_button(PRESS_CLUTCH, color=GREY, hint=CLUTCH)
+        self.clutch.on_click(handler(lambda event: actions.clutch(event.client_id)))
         self.tabs = tabs = gui.add_tab_group()
         titles = ["Network", "Model", "Energy", "Session"]
         titles.insert(len(titles) if live else 0, "Recordings")
@@ -125,16 +124,14 @@ class Panel:
         """Show what to do, in one line, and which hand the force moves."""
         put(self._head, content=_head_html(instruction, note))
 
-    def offer(self, *, clutch: bool, in_space: bool) -> None:
-        """Show the clutch where a leader uses it, and name the keys that a session in three dimensions has too."""
-        put(self._clutch, visible=clutch)
-        if in_space:
-            put(self._help, content=_help_html(HELP.replace("Keys: ", f"Keys: {SPACE_HELP}")))
+    def name_keys(self, more: str) -> None:
+        """Name more keys than there are in every session."""
+        put(self._help, content=_help_html(HELP.replace("Keys: ", f"Keys: {more}")))
 
     def show_clutch(self, pressed: bool) -> None:
         """Show whether the clutch is pressed."""
         label, colour = (RELEASE_CLUTCH, BLUE) if pressed else (PRESS_CLUTCH, GREY)
-        put(self._clutch, label=label, color=colour)
+        put(self.clutch, label=label, color=colour)
 
 
 def felt(grip: str, by_mouse: bool) -> str:

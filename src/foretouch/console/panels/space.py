@@ -118,19 +118,16 @@ class ImagePanel:
         self._text = gui.add_html("", visible=False)
         self._over = gui.add_checkbox(DRAW_PROBE, False, hint=WHAT_IS_DRAWN, visible=False)
         self._can_draw: bool | None = None  # not asked yet: loading OpenCV takes its time
-        self._shown = False
         self._sent: CameraImage | None = None
         self._drawn_over = False
 
     def show(self, shown: bool) -> None:
         """Show the panel, or hide it."""
-        if shown != self._shown:
-            if self._can_draw is None:
-                self._can_draw = can_draw()
-                self._over.disabled = not self._can_draw
-            self._shown = shown
-            self._style.visible = self._text.visible = self._over.visible = shown
-            self._image.visible = shown and self._sent is not None
+        if self._can_draw is None:
+            self._can_draw = can_draw()
+            self._over.disabled = not self._can_draw
+        self._style.visible = self._text.visible = self._over.visible = shown
+        self._image.visible = shown and self._sent is not None
 
     def toggle_overlay(self) -> None:
         """Draw the virtual probe over the image, or no more."""
@@ -143,7 +140,7 @@ class ImagePanel:
         leader = watched.leader_space
         self._write(watched, image)
         put(self._image, visible=image is not None)
-        if image is None or leader is None or not image.jpeg:
+        if image is None or not image.jpeg:
             return
         over = bool(self._over.value) and bool(self._can_draw)
         if image is self._sent and not over and not self._drawn_over:
@@ -225,8 +222,6 @@ class SpacePanel:
         self._age.draw(trace.time, (age,), most=MOST_AGE)
         self._follow(hand)
         leader = watched.leader_space
-        if leader is None:
-            return
         colour = css(VERMILLION) if leader.fixture_age > AGED else "#555"
         known = html.escape(pose_sentence(watched, now))
         sentence = f'<div style="color:{colour};line-height:1.35;padding-bottom:2px"><b>{known}</b></div>'
@@ -250,8 +245,6 @@ def pose_sentence(watched: Watched, now: float) -> str:
     """Uncertainty of the fixture's pose, in a sentence."""
     leader, belief = watched.leader_space, watched.space.belief
     silence = watched.space.camera_silence(now)
-    if leader is None:
-        return ""
     if watched.settings.get("fusion") == "none":
         return "The fixture is believed where it was expected: nothing is tracked (--fusion none)."
     if belief is not None and silence > CAMERA_SILENT:

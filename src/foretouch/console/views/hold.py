@@ -50,10 +50,10 @@ class Hold:
         with self._lock:
             self.held, self.used = held, True
             self._let_go = math.inf
-            self._move(position - self.position)
+            self._move((0.0, 0.0, self.position - position))
 
-    def stroke(self, way: Any) -> None:
-        """A key or a slider moves the hand by a way [m]; it is let go a second after the last one."""
+    def stroke(self, way: Vector) -> None:
+        """A key or a slider moves the hand by a way in the world [m]; it is let go a second after the last one."""
         with self._lock:
             self.follow()
             self.held, self.used = True, True
@@ -95,8 +95,8 @@ class Hold:
                 self._hand = intended if math.isfinite(intended) else leader.hand_position
                 self.position += self._watched.scale * (self._hand - leader.hand_position)
 
-    def _move(self, way: float) -> None:
-        position = min(max(self.position + way, 0.0), self._watched.deepest)
+    def _move(self, way: Vector) -> None:
+        position = min(max(self.position - way[2], 0.0), self._watched.deepest)
         self._hand += (position - self.position) / self._watched.scale
         self.position = position
         self._publish()
@@ -152,7 +152,7 @@ class SpaceHold(Hold):
             if now - self._released > RESTS:
                 self.handle = HOME
             space, leader = self._watched.leader_space, self._watched.leader
-            if space is None or not math.isfinite(space.hand_x):
+            if not math.isfinite(space.hand_x):
                 return
             self.hand = space.hand_x, space.hand_y, space.hand_z
             if leader is None or not math.isfinite(leader.intended_position - leader.hand_position):
@@ -160,11 +160,11 @@ class SpaceHold(Hold):
             ahead = self._watched.scale * (leader.intended_position - leader.hand_position)
             self.hand = add(self.hand, scaled((space.normal_x, space.normal_y, space.normal_z), -ahead))
 
-    def _move(self, way: Any) -> None:
+    def _move(self, way: Vector) -> None:
         self.handle = add(self.handle, way)
         # Below what it touches the hand goes no further than along a line.
         space, watched = self._watched.leader_space, self._watched
-        touched = 0.0 if space is None or not math.isfinite(space.point_z) else space.point_z
+        touched = space.point_z if math.isfinite(space.point_z) else 0.0
         lowest = (-REACH, -REACH, max(touched - (watched.deepest - watched.surface), -REACH))
         x, y, z = (min(max(value, least), REACH) for value, least in zip(add(self.hand, way), lowest, strict=True))
         self.hand = x, y, z

@@ -22,6 +22,7 @@ from foretouch.console.watched import Watched
 from foretouch.quantities.colours import BLUE, CUT, DENT, GREY
 from foretouch.quantities.pose import Vector
 
+INSTRUCTION = "Drag the blue handle down to press."
 DRAG, LET_GO = "Drag me down to press", "Let go and the script goes on"
 CAMERA = ((2.6, -20.5, 8.4), (0.0, 0.0, 2.6))
 """First position of the camera and the point at which it looks [scene units]."""
@@ -53,6 +54,8 @@ class LineView:
     comes from the viewer's thread, takes it from where it is then; a browser that is gone lets go.
     """
 
+    camera, instruction, problem = CAMERA, INSTRUCTION, ""
+
     def __init__(self, server: Any, watched: Watched, hold: Hold) -> None:
         self._watched, self.hold = watched, hold
         self._grab_offset = self._handle_z = 0.0
@@ -68,7 +71,7 @@ class LineView:
         scene.world_axes.visible = False
         server.initial_camera.fov = FIELD_OF_VIEW
         look(server, CAMERA)
-        self.root = scene.add_frame("/line", show_axes=False)
+        self._root = scene.add_frame("/line", show_axes=False)
         self._material = Material(scene)
         _add_ruler(scene)
         self._probes = Probes(scene, "/line", (92, 106, 120), MEASURES)
@@ -82,6 +85,10 @@ class LineView:
             node.on_drag("left")(self._dragged)
         label = "/line/labels/handle"
         self._handle_label = scene.add_label(label, DRAG, anchor="bottom-center", font_screen_scale=1.4)
+
+    def show(self, shown: bool) -> None:
+        """Show the picture, or hide it."""
+        self._root.visible = shown
 
     def draw(self, shown: Watched, *, live: bool, useful: bool) -> None:
         """Draw a session or recording; whether a person can move its hand, and the robot goes along then."""
@@ -104,7 +111,10 @@ class LineView:
         if self._hand.visible:
             self._hand.position = (0.0, 0.0, z - ahead)
 
-    def write(self, shown: Watched) -> None:
+    def plot(self, shown: Watched) -> None:
+        """Draw the image of the camera beside it: along a line there is none."""
+
+    def write(self, shown: Watched, now: float) -> None:
         """Write beside handle, force and robot what they are.
 
         The size of a force is in the panel alone: the viewer draws labels some pictures later than numbers.

@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 
 from foretouch.console.history import Array
-from foretouch.console.panels.space import BOARD, MARKER, TIP_RADIUS, ImagePanel, SpacePanel, footprint
-from foretouch.console.panels.stop import SPACE_STROKES, add_keys
+from foretouch.console.panels.panel import Panel
+from foretouch.console.panels.space import BOARD, MARKER, TIP_RADIUS, SpacePanel, footprint
+from foretouch.console.panels.stop import SPACE_HELP, SPACE_STROKES, add_keys
 from foretouch.console.plots import SECONDS, put
 from foretouch.console.views import shapes
 from foretouch.console.views.hold import SpaceHold
-from foretouch.console.views.line import CAMERA, look
 from foretouch.console.views.probes import UNITS, Measures, Probes
 from foretouch.console.views.shapes import COLOURS, UNKNOWN, Faces, Mesh, add_body, along, triangles_of
 from foretouch.console.watched import Watched
@@ -203,9 +203,10 @@ class SpaceScene:
         self._handle.on_update(self._dragged)
         self._hint = scene.add_label("/space/labels/handle", HINT, anchor="bottom-center", font_screen_scale=1.3)
 
-    def draw(self, watched: Watched, leader: LeaderSpace, field: MaterialField | None) -> None:
+    def draw(self, watched: Watched, field: MaterialField | None) -> None:
         """Draw the fixture, where both sides believe it, with what was learnt of it, and the probes."""
-        space, fixture, pose = watched.space, self.fixture, fixture_of(leader)
+        leader, space, fixture = watched.leader_space, watched.space, self.fixture
+        pose = fixture_of(leader)
         _place(fixture.root, pose)
         fixture.learn(field)
         point = leader.point_x, leader.point_y, leader.point_z
@@ -233,9 +234,9 @@ class SpaceScene:
         else:
             self.probes.draw_robot(_scene((robot.place_x, robot.place_y, robot.place_z)), _force(robot))
 
-    def draw_handle(self, probe: Vector, *, offered: bool, useful: bool) -> None:
-        """Draw the handle, which stays where a browser holds it, a line to the probe [m], and what to do."""
-        here, end = _scene(self._hold.handle), _scene(probe)
+    def draw_handle(self, leader: LeaderSpace, *, offered: bool, useful: bool) -> None:
+        """Draw the handle, which stays where a browser holds it, a line to the probe, and what to do."""
+        here, end = _scene(self._hold.handle), _scene((leader.place_x, leader.place_y, leader.place_z))
         for node, shown in ((self._handle, offered), (self._tether, offered and end is not None)):
             put(node, visible=shown)
         self._hint.visible = offered and useful and not self._hold.used
@@ -270,63 +271,59 @@ class SpaceView:
         problem: Reason that the picture of the scene is not drawn, in a sentence; "" where it is.
     """
 
-    def __init__(self, server: Any, image: ImagePanel, tabs: Any, hold: SpaceHold) -> None:
-        self._server, self._image, self._tabs = server, image, tabs
+    camera, instruction = SPACE_CAMERA, SPACE_INSTRUCTION
+
+    def __init__(self, server: Any, panel: Panel, hold: SpaceHold) -> None:
+        self._server, self._panel, self._image = server, panel, panel.image
         self.hold, self.problem = hold, ""
         self._scene: SpaceScene | None = None
-        self._panel: SpacePanel | None = None
+        self._fixture: SpacePanel | None = None
         self._name = ""
         self._surface: Surface | None = None
         self._offered = False  # whether anybody listens to the handle
-        self._looked_at = False  # whether the cameras are where this picture is seen
         self._field: tuple[FieldUpdate | None, MaterialField | None] = (None, None)
         self._legend = server.gui.add_html("")
 
-    def draw(self, watched: Watched, *, live: bool, useful: bool) -> bool:
-        """Draw the scene; False, and nothing is shown, where the session is one along a line."""
-        leader = watched.leader_space
-        self._offered = leader is not None and live and watched.operator == "browser"
-        self._image.show(leader is not None)
-        if watched.in_space != self._looked_at:  # sessions along a line and in space take turns
-            self._looked_at = watched.in_space
-            look(self._server, SPACE_CAMERA if watched.in_space else CAMERA)
-        if leader is not None:
-            self._find_scene(watched)
-            self.hold.follow()
+    def show(self, shown: bool) -> None:
+        """Show the picture, or hide it: no key moves the hand then."""
+        self._offered = False
+        self._image.show(shown)
+        put(self._legend, content="")
         if self._scene is not None:
-            put(self._scene.root, visible=leader is not None)
-        if leader is None or self._scene is None:
-            put(self._legend, content="")
-            return leader is not None
-        self._scene.draw(watched, leader, self._learnt(watched))
-        probe = leader.place_x, leader.place_y, leader.place_z
-        self._scene.draw_handle(probe, offered=self._offered, useful=useful)
-        return True
+            self._scene.root.visible = shown
 
-    @property
-    def outline(self) -> Array:
-        """Vertices of what is touched in the fixture's frame [m], shape (n, 3)."""
-        return BOARD_ALONE if self._surface is None else self._surface.outline()[0]
+    def draw(self, shown: Watched, *, live: bool, useful: bool) -> None:
+        """Draw the scene; see `LineView.draw`."""
+        self._offered = live and shown.operator == "browser"
+        self._find_scene(shown)
+        self.hold.follow()
+        if self._scene is not None:
+            self._scene.draw(shown, self._learnt(shown))
+            self._scene.draw_handle(shown.leader_space, offered=self._offered, useful=useful)
 
-    def write(self, watched: Watched, now: float, *, live: bool) -> None:
+    def plot(self, shown: Watched) -> None:
+        """Draw the image of the camera beside it."""
+        self._image.draw(shown, BOARD_ALONE if self._surface is None else self._surface.outline()[0])
+
+    def write(self, shown: Watched, now: float) -> None:
         """Numbers, labels, plots and legend."""
-        if not watched.in_space or self._panel is None:
-            return
-        self._panel.draw(watched, SECONDS, now, self.hold.hand if live and watched.operator == "browser" else None)
+        if self._fixture is not None:
+            self._fixture.draw(shown, SECONDS, now, self.hold.hand if self._offered else None)
         if self._scene is not None:
             put(self._legend, content=shapes.legend_html(self._scene.fixture.edges))
-            robot = watched.space.follower_at(watched.telemetry_sequence)
+            robot = shown.space.follower_at(shown.telemetry_sequence)
             self._scene.probes.write("rendered force", "" if robot is None else "delayed robot")
 
-    def _find_scene(self, watched: Watched) -> None:
+    def _find_scene(self, shown: Watched) -> None:
         """Another scene has another picture; none where its shape is not known here."""
-        name = watched.settings.get("scene", "")
+        name = shown.settings.get("scene", "")
         if not name or name == self._name:
             return
         from foretouch.session.spatial import make_scene
 
         if self._scene is not None:
             self._server.scene.remove_by_name("/space")
+            put(self._legend, content="")
         self._name, self._scene, self._surface, self.problem = name, None, None, ""
         try:
             self._surface = make_scene(name).surface
@@ -334,16 +331,17 @@ class SpaceView:
             self.problem = f"The scene cannot be drawn here: {error}"
         else:
             self._scene = SpaceScene(self._server, self._surface, self.hold)
-        if self._panel is None:
-            with self._tabs.add_tab("Fixture"):
-                self._panel = SpacePanel(self._server.gui, self._slide)
+        if self._fixture is None:
+            with self._panel.tabs.add_tab("Fixture"):
+                self._fixture = SpacePanel(self._server.gui, self._slide)
+            self._panel.name_keys(SPACE_HELP)
             strokes = [(*key, partial(self._key_stroke, way)) for key, way in SPACE_STROKES.items()]
             overlay = ("Probe over image", "O", lambda event: self._image.toggle_overlay())
             add_keys(self._server.gui, *strokes, overlay)
 
-    def _learnt(self, watched: Watched) -> MaterialField | None:
+    def _learnt(self, shown: Watched) -> MaterialField | None:
         """The field as the operator's side has it; each is read once, and one of another version is none."""
-        update = watched.space.field(watched.telemetry_sequence)
+        update = shown.space.field(shown.telemetry_sequence)
         if update is not self._field[0]:
             self._field = update, None
             with contextlib.suppress(ForetouchError):
@@ -351,9 +349,8 @@ class SpaceView:
         return self._field[1]
 
     def _slide(self, axis: int, value: float) -> None:
-        way = [0.0, 0.0, 0.0]
-        way[axis] = value - self.hold.hand[axis]
-        self.hold.stroke(way)
+        x, y, z = (value - here if other == axis else 0.0 for other, here in enumerate(self.hold.hand))
+        self.hold.stroke((x, y, z))
 
     def _key_stroke(self, way: Vector, event: Any = None) -> None:
         if self._offered:

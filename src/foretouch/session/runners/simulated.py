@@ -27,7 +27,7 @@ from foretouch.session.operators import (
     require_simulated_time,
     say_on_stderr,
 )
-from foretouch.session.runners.driven import SpaceFollower, Tick, drive_follower, drive_leader
+from foretouch.session.runners.driven import DrivenFollower, Tick, drive_follower, drive_leader
 from foretouch.session.runners.warm_up import warm_up_once
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.setup import setup_of
@@ -70,7 +70,7 @@ TRACKER_PERIOD_NS = 5_000_000  # Time between two steps of the tracker, as in it
 class CameraAndTracker:
     """Camera, None for none, and tracker in three dimensions, whose belief of the fixture the follower receives."""
 
-    def __init__(self, settings: SessionSettings, camera: SimulatedCamera | None, follows: SpaceFollower) -> None:
+    def __init__(self, settings: SessionSettings, camera: SimulatedCamera | None, follows: DrivenFollower) -> None:
         scene = make_scene(settings.scene)
         self._follows, self._camera = follows, camera
         self._state = tracker.start(KnownSurface(scene.surface), scene.nominal, settings.fusion, view=VIEW)
@@ -125,7 +125,7 @@ def run_session(
     """
     warm_up_once(settings)
     follows, leads = drive_follower(robot, settings, 1), drive_leader(operator, settings, "leader", 1)
-    watcher = CameraAndTracker(settings, camera, follows) if isinstance(follows, SpaceFollower) else None
+    watchers = [CameraAndTracker(settings, camera, follows) for _ in settings.workspace.beside]
     computed: tuple[list[int], list[int]] = [], []  # [ns]
     texts = settings.as_text() | {"operator": operator.name} | dict(description or {})
     kept: list[Message] = []
@@ -138,7 +138,7 @@ def run_session(
         for message in messages:
             leads.arriving.push(now_ns, message)
         follows.exchange()
-        if watcher is not None:
+        for watcher in watchers:
             messages += watcher.look(messages, now_ns)
         command, *records = leads.tick(tick)
         follows.arriving.push(now_ns, command)
@@ -153,7 +153,8 @@ def run_session(
             progress(now_ns * 1e-9)
     elapsed = time.perf_counter() - began
     counts = leads.counts() | follows.counts()
-    counts |= {} if watcher is None else watcher.counts()
+    for watcher in watchers:
+        counts |= watcher.counts()
     log = SessionLog.from_messages(kept, texts, counts)
     log.leader["compute_ns"], log.follower["compute_ns"] = np.array(computed, dtype=np.int64)
     return SimulatedSession(log, duration, elapsed)
