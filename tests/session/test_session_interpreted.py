@@ -21,6 +21,7 @@ DIGITS = 1e-9
 SIMULATED: dict[str, tuple[float, dict[str, object]]] = {
     "open loop": (2.2, {}),
     "a hand feels it": (3.5, {"grip": "normal", "force_delay": 0.05, "position_delay": 0.02}),
+    "in space": (7.0, {"scene": "plane", "first_touch": "follow", "fusion": "image"}),
 }
 """How long [s], and what is set."""
 
@@ -33,7 +34,8 @@ def session(duration: float, changes: dict[str, object]) -> SessionLog:
 def everything(what: str) -> dict[str, np.ndarray]:
     """All numbers that one of `SIMULATED` says, in columns by name."""
     output, log = {}, session(*SIMULATED[what])
-    for side, rows in (("leader", log.leader), ("follower", log.follower)):
+    spaces = ("leader in space", log.leader_space), ("follower in space", log.follower_space)
+    for side, rows in (("leader", log.leader), ("follower", log.follower), *spaces):
         names = [name for name in rows.dtype.names or () if rows.dtype[name].kind in "fib" and name != "compute_ns"]
         output |= {f"{side}, {name}": rows[name].astype(float) for name in names}
     for name in ("parameters", "state"):
