@@ -127,7 +127,7 @@ def make_session_robot(settings: SessionSettings) -> Any:
 
 
 def make_moved_robot(settings: SessionSettings, *, say: Say) -> Any:
-    """The same, moved by the settings' operator as by somebody with a pendant; a real one is moved by somebody else.
+    """The same where a session only watches: the settings' operator moves a simulated robot, somebody a real one.
 
     Args:
         settings: Of the session.

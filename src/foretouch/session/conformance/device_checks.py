@@ -234,9 +234,7 @@ def _force_sign(it: Subject) -> Result:
     return kept, f"{PUSH:g} N for 1 s moves the hand by {1e3 * moved:.4g} mm"
 
 
-@checked(
-    "closed, no force", "after close, and a second close, nothing raises and a device in somebody's hand gives no force"
-)
+@checked("closed, no force", "after it is closed once or twice, nothing raises, and a device in a hand gives no force")
 def _closed(it: Subject) -> Result:
     device = it.device
     device.render(PUSH)
