@@ -85,14 +85,9 @@ IN_SPACE = [
 ]
 
 
-def searched(scene: tuple[str, str]) -> tuple[pytest.MarkDecorator, ...]:
-    over = pytest.mark.xfail(strict=True, reason="15.3 N, not mended yet")
-    return (pytest.mark.long, over) if scene == ("phantom", "hunt-crossley") else (pytest.mark.long,)
-
-
 @pytest.mark.parametrize(
     ("scene", "material", "tries"),
-    [(*IN_SPACE[0], 1), *(pytest.param(*scene, HUNDREDS, marks=searched(scene)) for scene in IN_SPACE)],
+    [(*IN_SPACE[0], 1), *(pytest.param(*scene, HUNDREDS, marks=pytest.mark.long) for scene in IN_SPACE)],
 )
 def test_a_search_in_space_finds_nothing(scene: str, material: str, tries: int) -> None:
     result = search(lambda programme: largest_force_in_space(scene, material, programme), tries, SPACE_LENGTH)

@@ -436,6 +436,16 @@ def test_a_material_remembers_one_contact_as_along_a_line_wherever_it_is_pressed
     assert state != material.model.initial_state()
 
 
+def test_the_force_of_a_phantom_leaps_nowhere_under_a_deep_probe() -> None:
+    scene, step = make_scene("phantom"), 1e-5
+    world = SpatialWorld(scene, make_material("hunt-crossley"), displacement=0.0, turn=0.0, bump=0.0, seed=0)
+    forces = [
+        np.linalg.norm(world.touch((0.0032, step * at - 0.01, -0.0113), (0.0, 0.0, 0.0), MS)) for at in range(2000)
+    ]
+    leaps = np.abs(np.diff(forces[1:])) / np.array(forces[2:])
+    assert leaps.max() < 0.02  # the nearest point of its surface leaps from facet to facet, here by 0.3 mm
+
+
 def test_the_recorded_operator_presses_as_deep_as_measured_at_the_places_of_the_script() -> None:
     scene, settings = make_scene("hill"), SessionSettings(scene="hill", operator="recorded")
     operator = make_spatial_operator(settings, scene, NOMINAL)
