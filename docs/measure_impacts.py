@@ -29,7 +29,8 @@ from foretouch.robot import MATERIALS, RcmArm, make_robot
 from foretouch.robot.materials.catalogue import LinearResponse, Material
 from foretouch.robot.materials.contacts import RelaxingContact
 from foretouch.session import SessionSettings, simulate
-from foretouch.session.safety.safety import Safety, SafetyLimits, Sensed
+from foretouch.session.safety.kernel import keep_safe, limit
+from foretouch.session.safety.safety import Safety, SafetyLimits
 
 PAGE = Path(__file__).parent / "safety.md"
 IMAGE = Path(__file__).parent / "images" / "safety-impacts.png"
@@ -83,8 +84,9 @@ class Guarded:
             position, force = self.sample.position, self.sample.sensor_force
             force -= self.arm.specification.tool_force(self.sample.acceleration)
             felt = self.conditioner.update(TICK * self.ticks, position, force)
-            sensed = Sensed(position, felt.force, felt.in_contact)
-            wanted = self.safety.update(wanted, sensed, surface=self.conditioner.surface, silence=self.silence)
+            sensed = position, felt.force, felt.in_contact, self.conditioner.surface, self.silence
+            keep_safe(self.safety.memories, False, wanted, *sensed, False, False, -math.inf, False)
+            wanted = limit(self.safety.memories)
         self.sample = self.arm.exchange(wanted)
         return self.sample.exact_force
 

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import math
+from typing import NamedTuple
+
 import numpy as np
 
 from foretouch.identification import Conditioner
 from foretouch.robot import make_robot
-from foretouch.session.safety.safety import Safety, SafetyLimits, Sensed
+from foretouch.session.safety import kernel
+from foretouch.session.safety.safety import STATES, Safety, SafetyLimits
 
 TICK = 1e-3
 SPEED, ACCELERATION, JERK = 0.25, 40.0, 1e5
@@ -23,6 +27,26 @@ def kept(path: list[float]) -> None:
     assert np.abs(acceleration[1:]).max(initial=0.0) <= 5.0 * ACCELERATION * (1 + 1e-6)
     quiet = ~(brakes[1:-1] | brakes[2:])
     assert np.abs(np.diff(acceleration[1:]))[quiet].max(initial=0.0) / TICK <= JERK * (1 + 1e-6)
+
+
+class Sensed(NamedTuple):
+    """What the sensors show in a tick: see `keep_safe` of `foretouch.session.safety.kernel`."""
+
+    position: float
+    force: float
+    in_contact: bool
+    faulty: bool = False
+    uncertain: bool = False
+
+
+def keep_safe(
+    safety: Safety, desired: float, sensed: Sensed, surface: float, silence: float, free: float = -math.inf
+) -> float:
+    """A tick of safety along a line: the position for the robot [m]."""
+    *shown, faulty, uncertain = sensed
+    stopped, rest = safety.stop_reason != "", (surface, silence, faulty, False, free, uncertain)
+    safety.status = STATES[kernel.keep_safe.entry(safety.memories, stopped, desired, *shown, *rest)[1]]
+    return kernel.limit.entry(safety.memories)
 
 
 class Pressed:
@@ -44,7 +68,7 @@ class Pressed:
             force = self.sample.sensor_force - self.robot.specification.tool_force(self.sample.acceleration)
             felt = self.conditioner.update(TICK * len(self.path), self.sample.position, force)
             sensed = Sensed(self.sample.position, felt.force, felt.in_contact, faulty)
-            told = self.safety.update(desired, sensed, surface=self.conditioner.surface, silence=self._silence)
+            told = keep_safe(self.safety, desired, sensed, self.conditioner.surface, self._silence)
             self.felt = felt.force
             self.path.append(told)
             self.sample = self.robot.exchange(told)

@@ -24,9 +24,10 @@ from foretouch.session.network.playout import Freshness, Playout
 from foretouch.session.runners import live
 from foretouch.session.safety.kernel import REST_FORCE
 from foretouch.session.spatial import make_scene, make_spatial_robot
-from foretouch.session.spatial.probe import ProbeInSpace
+from foretouch.session.spatial.probe import WHOLE, ProbeInSpace
 from foretouch.session.spatial.safety import SpatialSafety
 from foretouch.session.steps import tick as stages
+from foretouch.session.steps.axis import ProbeOnAxis
 from foretouch.session.steps.sensing import Failures
 
 LINE = SessionSettings(material="hunt-crossley", first_touch="guarded", approach_speed=0.05, guarded_force=10.0)
@@ -94,18 +95,14 @@ class Session:
     def presses(self) -> bool:
         return self.force > 2.0
 
-    def broken_stage(self, stage: Kernel[..., Any], times: float = float("inf")) -> Broken:
-        """A stage of the tick, whether it is called alone or within the whole."""
-        made = Broken(stage.entry, self.presses, times)
-        self.patch.setattr(stage, "_entry", made)
-        for whole in (stages.tick_at_once, stages.tick_in_field):
-            self.patch.setattr(whole, "_entry", Broken(whole.entry, self.presses, times))
-        return made
-
     def broken(self, owner: Any, name: str, times: float = float("inf")) -> Broken:
-        made = Broken(getattr(owner, name), self.presses, times)
-        of_class = isinstance(owner, type)
-        self.patch.setattr(owner, name, (lambda *given, **named: made(*given, **named)) if of_class else made)
+        """A stage of the tick is broken whether it is called alone or within the whole."""
+        stage, of_class = isinstance(owner, Kernel), isinstance(owner, type)
+        made = Broken(owner.entry if stage else getattr(owner, name), self.presses, times)
+        made_of_class = (lambda *given, **named: made(*given, **named)) if of_class else made
+        self.patch.setattr(owner, "_entry" if stage else name, made_of_class)
+        for whole in WHOLES if stage or (owner, name) in STAGES_IN_SPACE else ():
+            self.patch.setattr(whole, "_entry", Broken(whole.entry, self.presses, times))
         return made
 
     def run(self, seconds: float = 1.4, stop: StopFlag | None = None) -> dict[str, str | int]:
@@ -113,6 +110,9 @@ class Session:
         process = Process(link, stop or StopFlag(), self.said.append)
         return run_follower(process, self.robot, self.settings, description={}, duration=seconds)
 
+
+WHOLES = (*ProbeOnAxis.whole.values(), *WHOLE.values())
+STAGES_IN_SPACE = [(MaterialFieldLearner, "touch_at"), *((SpatialSafety, name) for name in ("arrive", "go", "limit"))]
 
 LEARNING: list[tuple[Any, str]] = [(KelvinVoigtRLS, "update"), (Learner, "taken"), (ModelSender, "due")]
 """What has ended once it failed; the others are tried again."""
@@ -138,7 +138,7 @@ def test_an_exception_before_safety_is_counted_and_told_and_safety_goes_on(
     monkeypatch: pytest.MonkeyPatch, settings: SessionSettings, owner: Any, name: str
 ) -> None:
     session = Session(monkeypatch, settings)
-    broken = session.broken_stage(owner) if isinstance(owner, Kernel) else session.broken(owner, name)
+    broken = session.broken(owner, name)
     ran = session.run()
     assert ran["step_failures"] == broken.raised > 0
     assert ran["ended"] == "the duration is over"
@@ -178,7 +178,7 @@ def test_where_the_judge_of_the_sensors_raises_the_robot_goes_out_as_it_came(
         session.robot.exchange = dumb  # type: ignore[method-assign, assignment]
         assert int(session.run(2.0)["step_failures"]) > 500
     else:
-        broken = session.broken_stage(stages.sense_alone)
+        broken = session.broken(stages.sense_alone, "")
         session.run(2.0)
         assert broken.raised > 500
     faulty = [telemetry for telemetry in session.link.telemetry if telemetry.status == Status.SENSOR_FAULT]
@@ -264,10 +264,7 @@ def test_where_the_loop_itself_must_end_the_robot_is_unloaded_first(
     monkeypatch: pytest.MonkeyPatch, settings: SessionSettings, owner: Any, name: str, times: float
 ) -> None:
     session = Session(monkeypatch, settings)
-    if isinstance(owner, Kernel):
-        session.broken_stage(owner, times)
-    else:
-        session.broken(session.link if owner is Spoken else owner, name, times)
+    session.broken(session.link if owner is Spoken else owner, name, times)
     silent = owner is Spoken and times > 1  # nobody can be told then
     with pytest.raises(
         (SideError, ZeroDivisionError) if silent else SideError, match=None if silent else "the follower failed: Z"

@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from motion_limits import MotionLimits
-from pressed import ACCELERATION, JERK, SPEED, TICK, Pressed, kept
+from pressed import ACCELERATION, JERK, SPEED, TICK, Pressed, Sensed, keep_safe, kept
 
 from foretouch.errors import SettingError
 from foretouch.messages import STATUS_SENTENCES, Status
-from foretouch.session.safety.safety import Safety, SafetyLimits, Sensed
+from foretouch.session.safety.safety import Safety, SafetyLimits
 
 
 def begun(jerk: float = JERK) -> MotionLimits:
@@ -76,7 +76,7 @@ def test_nothing_raises_and_every_path_keeps_its_limits(ticks: list[tuple[float,
     path = []
     for desired, position, force, touches, surface, silence, faulty in ticks:
         sensed = Sensed(position, 100.0 * force, bool(touches), bool(faulty))
-        path.append(safety.update(desired, sensed, surface=surface, silence=silence))
+        path.append(keep_safe(safety, desired, sensed, surface, silence))
     finite = [place for place in path if math.isfinite(place)]
     assert finite == path[len(path) - len(finite) :], "once it has a place it keeps one"
     kept(finite)
@@ -117,7 +117,7 @@ def test_a_force_that_is_in_uncertainty_is_not_pressed_towards() -> None:
         safety, path = Safety(limits, TICK), []
         for tick in range(300):
             sensed = Sensed(0.0, 1.0, True, uncertain=uncertain and tick > 50)
-            path.append(safety.update(0.01, sensed, surface=0.0, silence=0.0))
+            path.append(keep_safe(safety, 0.01, sensed, 0.0, 0.0))
         assert (max(path) - path[60] > 1e-4) is not uncertain
 
 

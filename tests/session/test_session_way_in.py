@@ -80,7 +80,7 @@ class Feeler:
     def over(self, x: float, y: float) -> float:
         """How much of the air over a place does not count as free [m]."""
         self.glide(x, y, 0.02)
-        return self.state.probe.line.offset - self.state.probe.free
+        return self.state.probe.line.offset - self.state.memory["free"].item()
 
 
 def test_three_touches_free_the_air_over_a_plane_and_one_near_it_until_a_surface_is_missed_and_felt_again() -> None:

@@ -57,7 +57,6 @@ class MaterialFieldLearner(Estimator):
 
     Attributes:
         states: State of the compiled part, one record.
-        point: Position of the next sample [m].
 
     Raises:
         SettingError: The spacing is out of range.
@@ -79,7 +78,6 @@ class MaterialFieldLearner(Estimator):
         self.states = kernel.FieldState.new(spacing=self.spacing, at=-1, last=math.inf)
         mean = self.states[0].nodes[kernel.MEAN]
         mean.covariance, mean.limit = FIRST_DEVIATION**2 * np.eye(kernel.UNKNOWNS), kernel.UNKNOWNS * FIRST_DEVIATION**2
-        self.point = (0.0, 0.0, 0.0)
         self._field: MaterialField | None = None
         self.updates = self.changes = 0
 
@@ -87,11 +85,11 @@ class MaterialFieldLearner(Estimator):
         """Set the position of the next sample before `update`, in the fixture's frame [m]; ignored where not finite."""
         x, y, z = point
         if math.isfinite(x) and math.isfinite(y) and math.isfinite(z):
-            self.point = (x, y, z)
+            self.states["point"] = x, y, z
 
     def update(self, sample: ContactSample) -> Status:
         """One step; see `Estimator.update`."""
-        return self.taken(self._take(self.states, self.point, *sample[1:]), True)
+        return self.taken(self._take(self.states, *sample[1:]), True)
 
     def taken(self, code: int, news: bool) -> Status:
         """Take over what compiled code did."""
@@ -126,7 +124,7 @@ class MaterialFieldLearner(Estimator):
     @property
     def has_model(self) -> bool:
         """See `Estimator.has_model`: one compiled call."""
-        return self._has_law(self.states, self.point)
+        return self._has_law(self.states)
 
     @property
     def model(self) -> QuadraticContact | None:
@@ -140,7 +138,7 @@ class MaterialFieldLearner(Estimator):
     def _here(self) -> tuple[NDArray[np.int64], Array, float]:
         """The known nodes about the point, their weights, and the weight of the unknown ones."""
         about, at, weights = np.empty(CORNERS, np.int64), np.empty(CORNERS, np.int64), np.empty(CORNERS)
-        kernel.FIND(self.states[0], self.point, about, at, weights)
+        kernel.FIND(self.states[0], tuple(self.states["point"][0].tolist()), about, at, weights)
         weights = weights[at >= 0]
         return at[at >= 0], weights, 1.0 - float(weights.sum())
 

@@ -82,6 +82,7 @@ class FieldState(Record):
     """
 
     spacing: float  # h [m]
+    point: Annotated[Array, float, 3]  # that is touched [m]
     updates: int  # samples learnt from
     count: int  # of nodes
     nodes: Annotated[NDArray[Any], Node, MOST_NODES + 1]
@@ -305,15 +306,20 @@ def _judge(state: FieldState, ratio: float) -> int:
     return CHANGED
 
 
-@kernel("(FieldState[::1], UniTuple(f8, 3), f8, f8, f8, b1)")
-def take(states: NDArray[np.void], point: Vector, depth: float, velocity: float, force: float, in_contact: bool) -> int:
-    """One sample at a point [m]; what was done."""
+@compiled
+def _point(state: FieldState) -> Vector:
+    return float(state.point[0]), float(state.point[1]), float(state.point[2])
+
+
+@kernel("(FieldState[::1], f8, f8, f8, b1)")
+def take(states: NDArray[np.void], depth: float, velocity: float, force: float, in_contact: bool) -> int:
+    """One sample at the touched point; what was done."""
     state, missed = states[0], SHARE_NOISE * min(abs(force), LARGEST_FORCE)
     if not in_contact:
         return FREE_AIR
     if not (0.0 < depth <= LARGEST_DEPTH and abs(velocity) <= LARGEST_SPEED and abs(force) <= LARGEST_FORCE):
         return UNUSABLE
-    last, nodes = state.last, state.nodes[:]
+    last, nodes, point = state.last, state.nodes[:], _point(state)
     x, y, z = point[0] - last[1], point[1] - last[2], point[2] - last[3]
     if abs(depth - last[0]) < DEPTH_STEP and x * x + y * y + z * z < WAY_STEP * WAY_STEP:
         return HELD
@@ -337,14 +343,14 @@ _take = take.function
 
 @compiled(error_model="numpy")
 def learn_raw(
-    field: tuple[NDArray[np.void], Vector], conditioner: Memory, learnings: NDArray[np.void], raw: Vector
+    fields: NDArray[np.void], conditioner: Memory, learnings: NDArray[np.void], raw: Vector
 ) -> tuple[int, bool]:
-    """`foretouch.identification.contact_map.kernel.learn_raw` for a field's state and the point that is touched [m]."""
+    """`foretouch.identification.contact_map.kernel.learn_raw` for a field's state."""
     newest, lag, state, time = learnings[0].newest[0], learnings[0].lag, conditioner[0][0], raw[0]
     surface, offset, touched, before = state.surface, state.offset, state.in_contact, newest.time
     depth, velocity, force, touching = condition(conditioner, time, raw[1], raw[2], 0.0, False)
     newest.time, newest.depth, newest.velocity, newest.force, newest.in_contact = time, depth, velocity, force, touching
-    code = _take(field[0], field[1], depth, velocity, force, touching)
+    code = _take(fields, depth, velocity, force, touching)
     if code == CHANGED:
         clear(lag)
     if touching:
@@ -353,11 +359,11 @@ def learn_raw(
     return code, bool(told or is_full(conditioner))
 
 
-@kernel("(FieldState[::1], UniTuple(f8, 3))")
-def has_law(states: NDArray[np.void], point: Vector) -> bool:
-    """Whether there are samples enough, and a force follows from the law of some node about a point [m]."""
+@kernel("(FieldState[::1],)")
+def has_law(states: NDArray[np.void]) -> bool:
+    """Whether there are samples enough, and a force follows from the law of some node about the point."""
     about, at, weights = np.empty(CORNERS, np.int64), np.empty(CORNERS, np.int64), np.empty(CORNERS)
-    find(states[0], point, about, at, weights)
+    find(states[0], _point(states[0]), about, at, weights)
     laws = np.empty((CORNERS, NUMBERS))
     laws_of(states[0].nodes[:], at, laws)
     return bool(states[0].updates >= FEWEST_UPDATES and (weights * (laws[:, 0] + laws[:, 1]) > 0.0).any())

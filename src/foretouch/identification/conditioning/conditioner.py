@@ -25,6 +25,7 @@ from foretouch.identification.conditioning.kernel import (
     grow,
     lose_surface,
     make_memory,
+    shift,
     take,
     take_lagged,
 )
@@ -224,7 +225,7 @@ class Conditioner:
         require("sensor_lag", sensor_lag, at_least=0.0, at_most=LONGEST_LAG)
         self._given = (surface, force_offset, contact_floor, sensor_lag)
         self.reset()
-        self._take = take.entry
+        self._take, self._shift = take.entry, shift.entry
         lose_surface(make_memory(*self._given))
 
     def reset(self) -> None:
@@ -259,12 +260,8 @@ class Conditioner:
 
     def shift(self, change: float) -> None:
         """Shift the surface with a material that moved by this [m], positive if deeper; a given surface stays."""
-        if self._given[0] is None and math.isfinite(change):
-            state = self.state
-            state.surface += change
-            state.free_place += change
-            state.last_onset += change
-            self.recall()
+        self._shift(self.memory, change)
+        self.recall()
 
     def update(self, time: float, position: float, force: float, velocity: float | None = None) -> ContactSample:
         """Take one sample; a sample that is not finite is answered with "no contact" and changes nothing."""

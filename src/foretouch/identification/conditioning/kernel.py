@@ -184,6 +184,16 @@ def lose_surface(memory: Memory) -> None:
     state.peak = 0.0
 
 
+@kernel("void(Tuple((Conditioning[::1], f8[:, ::1])), f8)")
+def shift(memory: Memory, change: float) -> None:
+    """Shift the surface with a material that moved by this [m], positive if deeper; a given surface stays."""
+    state = memory[0][0]
+    if math.isfinite(change) and not state.surface_given:
+        state.surface += change
+        state.free_place += change
+        state.last_onset += change
+
+
 @inlined
 def move(state: Conditioning, time: float, position: float) -> float:
     """Velocity from positions, as `foretouch.models.MotionFilter` computes it [m/s]."""

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable
 from enum import IntEnum
 from typing import Annotated, Any
 
@@ -244,17 +243,16 @@ class Playout:
     needed for a while is reduced by playing a little faster than sent. Only sequence numbers count; no two clocks are
     compared.
 
-    Args:
-        go: In three dimensions, in place of `advance`: plays one tick, moves towards the position that is played, and
-            returns the coordinate [m] reached along the surface's normal. It is called with the state, one record.
+    Attributes:
+        playings: Its state, one record.
     """
 
-    __slots__ = ("_applied", "_go", "_playings", "_push")
+    __slots__ = ("_advance", "_applied", "_push", "playings")
 
-    def __init__(self, go: Callable[[NDArray[np.void]], float] | None = None) -> None:
-        self._push, self._go = push.entry, advance.entry if go is None else go
-        self._playings = Playing.new()
-        self._applied = self._playings["applied"]
+    def __init__(self) -> None:
+        self._push, self._advance = push.entry, advance.entry
+        self.playings = Playing.new()
+        self._applied = self.playings["applied"]
 
     @property
     def applied(self) -> int:
@@ -262,20 +260,26 @@ class Playout:
         result: int = self._applied.item()
         return result
 
+    @property
+    def place(self) -> tuple[float, float, float]:
+        """The place that is played, in space [m]; NaN for none."""
+        x, y, z = self.playings["place"][0].tolist()
+        return x, y, z
+
     def restart(self) -> None:
         """Start again with another leader, which counts from 1: nothing is left to play, and the position is NaN."""
-        self._playings[:] = Playing.new()
+        self.playings[:] = Playing.new()
 
     def forget(self) -> None:
         """Drop all positions not yet played; the position is NaN until the next command comes."""
-        playing = self._playings[0]
+        playing = self.playings[0]
         playing.kept, playing.numbers, playing.point, playing.position, playing.place = False, -1, *NOWHERE
 
     def push(self, sequence: int, position: float, place: tuple[float, ...] = ()) -> None:
         """Take one command; it is dropped if it comes after its turn, or has no position within a metre."""
         x, y, z = place if len(place) == 3 else NOWHERE
-        self._push(self._playings, sequence, position, (x, y, z))
+        self._push(self.playings, sequence, position, (x, y, z))
 
     def advance(self) -> float:
         """Play one tick and return the position [m]."""
-        return self._go(self._playings)
+        return self._advance(self.playings)

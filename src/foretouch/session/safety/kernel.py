@@ -58,7 +58,6 @@ class Memory(Record):
     limits: Limits
     period: float  # T [s]
     impedance: float  # Z [N s/m]
-    in_space: bool  # whether the aim is brought into space, where the motion is limited
     aim: float = math.nan  # [m]
     returning: bool  # to the commands
     met: int  # ticks in which it has been with the commands
@@ -130,6 +129,15 @@ def _is_inside(memory: Memory) -> bool:
     return bool(memory.motion.position[0] > memory.came - AWAY)
 
 
+@kernel("b1(Memory[::1])")
+def presses(memories: NDArray[np.void]) -> bool:
+    """See `foretouch.session.safety.safety.Safety.pressing`."""
+    memory = memories[0]
+    if memory.faulty_for > 0.0:
+        return math.isnan(memory.came) or _is_inside(memory)
+    return not abs(memory.guard.force) <= REST_FORCE
+
+
 @compiled
 def _proven(memory: Memory, position: float, allowed: float) -> float:
     """Speed at which a position may be crossed, by what the robot's motion has proven [m/s]."""
@@ -194,7 +202,7 @@ def _see(memory: Memory, position: float, force: float, in_contact: bool, faulty
         memory.came = position if math.isnan(path) else path
 
 
-@kernel("Tuple((f8, i8, b1))(Memory[::1], b1, f8, f8, f8, b1, f8, f8, b1, b1, f8, b1)")
+@kernel("Tuple((f8, i8))(Memory[::1], b1, f8, f8, f8, b1, f8, f8, b1, b1, f8, b1)")
 def keep_safe(
     memories: NDArray[np.void],
     stopped: bool,
@@ -208,11 +216,25 @@ def keep_safe(
     guarded: bool,
     free: float,
     uncertain: bool,
-) -> tuple[float, int, bool]:
-    """One tick of one `Memory`; the arguments are those of `Safety.update`, and whether a stop is latched.
+) -> tuple[float, int]:
+    """One tick of one `Memory`, all but the limits of the motion.
+
+    Args:
+        memories: Written.
+        stopped: Whether a stop is latched.
+        desired: Commanded position [m].
+        position: Position of the robot [m].
+        force: Measured force [N].
+        in_contact: Whether that is contact.
+        surface: Position of the surface that was felt [m]; NaN while there is none.
+        silence: Time since the newest fresh command [s]; infinite before the first.
+        faulty: Whether the sensors are not to be trusted.
+        guarded: Whether `desired` was held back for a first touch.
+        free: Position up to which the air is free, though the robot has not gone there itself [m].
+        uncertain: Whether it is being judged if the force can be believed: meanwhile the robot goes no deeper.
 
     Returns:
-        The position for the robot, in space the aim [m], the `Status`, and whether it presses.
+        The aim [m] and the `Status`.
     """
     memory = memories[0]
     motion = memory.motion
@@ -237,7 +259,12 @@ def keep_safe(
     if guarded and status == FOLLOWING:
         status = GUARDED
     memory.aim = _clip(memory.limits, aim, surface)
-    commanded = memory.aim if memory.in_space else limited(motion, memory.aim, max(fastest, 0.0), shifted)
-    presses = not abs(force) <= REST_FORCE if not faulty else math.isnan(memory.came) or _is_inside(memory)
     memory.fastest, memory.shifted = fastest, shifted
-    return commanded, status, presses
+    return float(memory.aim), status
+
+
+@kernel("f8(Memory[::1])")
+def limit(memories: NDArray[np.void]) -> float:
+    """Along a line, the position for the robot [m] with this tick's aim; NaN before the robot's position is known."""
+    memory = memories[0]
+    return limited(memory.motion, memory.aim, max(memory.fastest, 0.0), memory.shifted)

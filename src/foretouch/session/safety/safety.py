@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -114,26 +113,8 @@ def impact_impedance(stiffness: float, damping: float, mass: float, reaction: fl
     return math.sqrt((stiffness * reaction * reaction + mass) * (stiffness + damping * damping / mass))
 
 
-class Sensed(NamedTuple):
-    """What the sensors show in a tick.
-
-    Attributes:
-        position: Position of the robot [m].
-        force: Measured force [N].
-        in_contact: Whether that is contact.
-        faulty: Whether the sensors are not to be trusted.
-        uncertain: Whether it is being judged if the force can be believed: meanwhile the robot goes no deeper.
-    """
-
-    position: float
-    force: float
-    in_contact: bool
-    faulty: bool = False
-    uncertain: bool = False
-
-
 class Safety:
-    r"""The last stage before the robot.
+    r"""The last stage before the robot, Python's hold of it: a tick is `keep_safe` and `limit` of `kernel`.
 
     In this order, each tick:
 
@@ -163,7 +144,9 @@ class Safety:
     6. **Speed, acceleration, jerk** (`Path`), from where the robot is in the first tick, at rest.
 
     On a surface in space the first five are computed along its normal, and the last once the result is a position in
-    space again: see `in_space`.
+    space again. In each tick the caller then writes into `memories` how fast motion along the surface may bring the
+    robot nearer to it, the coordinate along the normal of the aim of the position that the robot was told, its velocity
+    towards the surface, and its own coordinate against the surface.
 
     It never raises; a NaN command counts as none.
 
@@ -177,8 +160,7 @@ class Safety:
         limits: As given.
         status: Status in the newest tick.
         stop_reason: Why it was stopped; empty while it is not.
-        pressing: Whether the robot feels more than 1 N; if its force is unknown, whether it has not yet retraced its
-            path out of the contact.
+        path: The robot's `Path`, an array of one: that along the line, or a caller's in space.
         blind_speed: Speed at which the robot may approach a possible obstacle before it feels anything [m/s].
         memories: Its state, for compiled code.
     """
@@ -187,25 +169,20 @@ class Safety:
         impedance = impact_impedance(limits.stiffest, limits.most_damped, limits.mass, REACTION)
         self.memories = memory = kernel.Memory.new() if memory is None else memory
         memory[:] = kernel.Memory.new(limits=dataclasses.astuple(limits), period=sample_period, impedance=impedance)
-        self._keep_safe, self._begin = kernel.keep_safe.entry, _begin.entry
-        self.limits, self._path = limits, memory["motion"]
-        self._path[:] = new_path(limits.speed, limits.acceleration, limits.jerk, sample_period)
-        self.status, self.stop_reason, self.pressing = Status.FOLLOWING, "", False
+        self._begin, self._presses = _begin.entry, kernel.presses.entry
+        self.limits, self.path = limits, memory["motion"]
+        self.path[:] = new_path(limits.speed, limits.acceleration, limits.jerk, sample_period)
+        self.status, self.stop_reason = Status.FOLLOWING, ""
         self.blind_speed = AIMED * limits.force / impedance
 
-    def in_space(self, paths: NDArray[np.void]) -> None:
-        """Leave the last rule to the caller that brings the aim into space, on this `Path`, an array of one.
-
-        From then on `update` returns the aim, and in each tick the caller writes into `memories` how fast motion along
-        the surface may bring the robot nearer to it, the coordinate along the normal of the aim of the position that
-        the robot was told, its velocity towards the surface, and its own coordinate against the surface.
-        """
-        paths[:] = self._path
-        self._path, self.memories["in_space"] = paths, True
+    @property
+    def pressing(self) -> bool:
+        """Whether the robot feels more than 1 N; if unknown, whether it has not yet gone back out of the contact."""
+        return self._presses(self.memories)
 
     def go_on_from(self, position: float) -> None:
         """On a line: go on, at rest, from a position that something else commanded [m]."""
-        self._begin(self._path[0], position, 0.0, 0.0)
+        self._begin(self.path[0], position, 0.0, 0.0)
 
     def stop(self, reason: str) -> None:
         """Emergency stop: latches; the first reason stays."""
@@ -218,46 +195,8 @@ class Safety:
             velocity: Velocity of the robot [m/s].
             force: Measured force [N].
         """
-        still = norm(self._path["velocity"][0].tolist()) <= REST_SPEED and abs(velocity) <= SEEN_AT_REST
+        still = norm(self.path["velocity"][0].tolist()) <= REST_SPEED and abs(velocity) <= SEEN_AT_REST
         if not (still and abs(force) <= kernel.REST_FORCE):
             return False
         self.stop_reason = ""
         return True
-
-    def update(
-        self,
-        desired: float,
-        sensed: Sensed,
-        *,
-        surface: float,
-        silence: float,
-        guarded: bool = False,
-        free: float = -math.inf,
-    ) -> float:
-        """One tick: the position for the robot, in space the aim [m]; NaN before the robot's position is known.
-
-        Args:
-            desired: Commanded position [m].
-            sensed: What the sensors show.
-            surface: Position of the surface that was felt [m]; NaN while there is none.
-            silence: Time since the newest fresh command [s]; infinite before the first.
-            guarded: Whether `desired` was held back for a first touch.
-            free: Position up to which the air is free, though the robot has not gone there itself [m].
-        """
-        position, force, in_contact, faulty, uncertain = sensed
-        commanded, status, self.pressing = self._keep_safe(
-            self.memories,
-            self.stop_reason != "",
-            desired,
-            position,
-            force,
-            in_contact,
-            surface,
-            silence,
-            faulty,
-            guarded,
-            free,
-            uncertain,
-        )
-        self.status = STATES[status]
-        return commanded

@@ -3,29 +3,33 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import msgspec
 
-from foretouch.core import Record, compiled, kernel
-from foretouch.identification import FrictionEstimator, MaterialFieldLearner
+from foretouch.core import Kernel, Record, compiled, kernel
+from foretouch.identification import ContactMap, Estimator, FrictionEstimator, Learner, MaterialFieldLearner
+from foretouch.identification.conditioning.kernel import Memory as Conditioner
 from foretouch.identification.contact_map.kernel import Learning
 from foretouch.identification.friction import Friction, learn_friction
 from foretouch.messages import VERSION, Command, FixtureBelief, FollowerSpace, ModelUpdate
 from foretouch.quantities import pose as rigid
 from foretouch.quantities.pose import Vector
 from foretouch.rendering.surfaces import Surface
-from foretouch.rendering.surfaces.geometry import Numbers3, add, norm, scaled, subtract, vector, write
+from foretouch.rendering.surfaces.geometry import Numbers3, Triangle, add, norm, scaled, subtract, vector, write
+from foretouch.rendering.surfaces.god_object import MESH, Mesh
 from foretouch.rendering.surfaces.line import Closest, rotate
 from foretouch.robot import RobotSample, SpatialSample
 from foretouch.session.network.model_sender import FieldSender
-from foretouch.session.network.playout import NOWHERE, Playout
+from foretouch.session.network.playout import NOWHERE, Playing
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
-from foretouch.session.spatial.course import SurfaceLine
-from foretouch.session.spatial.safety import VECTOR, Records, Space, SpatialSafety
+from foretouch.session.spatial.course import SurfaceLine, go
+from foretouch.session.spatial.safety import VECTOR, Records, Space, SpatialSafety, arrive, limit
 from foretouch.session.spatial.way_in import MISSED, MISSED_TICKS
-from foretouch.session.steps.axis import Finished, ProbeOnAxis
-from foretouch.session.steps.follower import GOOD, HOLDING, Inputs, State
+from foretouch.session.steps.axis import Finished, Measured, ProbeOnAxis
+from foretouch.session.steps.follower import GOOD, Inputs, State
+from foretouch.session.steps.tick import LEARNT, OF_FIELD, OF_MAP, WANTED, Done, Follower, Times, Wanted, act
 
 BIAS_RATE = 2e-4  # Weight per tick of the measured force in the sensor's offset in free air, once it is known from 5 s
 
@@ -120,21 +124,18 @@ def _in_free_air(beside: Beside, force: Vector, missed: bool) -> int:
     return news
 
 
-@kernel(f"Tuple((i8, {VECTOR}))(Beside[::1], Space[::1], Learning[::1], {VECTOR}, b1, i8)", Space, Learning)
-def learn_beside(
-    besides: Records, spaces: Records, learnings: Records, force: Vector, good: bool, tick: int
-) -> tuple[int, Vector]:
+@kernel(f"i8(Beside[::1], Space[::1], Learning[::1], {VECTOR}, b1, i8)", Space, Learning)
+def learn_beside(besides: Records, spaces: Records, learnings: Records, force: Vector, good: bool, tick: int) -> int:
     """In free air the sensor's offset; in contact friction, and where the contact began.
 
-    The law was learnt from the newest sample of the learner; the whole force is as measured [N]. Returns what is news,
-    and the offset [N].
+    The law was learnt from the newest sample of the learner; the whole force is as measured [N]. Returns what is news.
     """
     beside, line, course, newest = besides[0], spaces[0].probe, spaces[0].course, learnings[0].newest[0]
     point, sideways = vector(line.closest.inner_point), vector(course.resistance)
     moved = subtract(point, vector(beside.point))
     write(beside.point, point)
     if not newest.in_contact:
-        return _in_free_air(beside, force, newest.depth > MISSED and good), vector(beside.bias)
+        return _in_free_air(beside, force, newest.depth > MISSED and good)
     beside.free_ticks = -AFTER_CONTACT
     if math.isfinite(moved[0] + sideways[0] + sideways[1] + sideways[2]):
         rubbed, sliding = vector(beside.rubbed), vector(beside.sliding)
@@ -148,7 +149,58 @@ def learn_beside(
             learn_friction(beside.friction, beside.pressed, rubbed, sliding, SAMPLE_PERIOD)
     before = beside.touch.tick
     _feel(beside.touch, newest.force, line.closest, vector(course.here), tick)
-    return (TOLD if beside.touch.tick != before else 0), vector(beside.bias)
+    return TOLD if beside.touch.tick != before else 0
+
+
+Own = tuple[Records, Records, Records, Mesh]
+"""Records of safety in space, of what is learnt beside, of the playout; and the shape of the surface."""
+
+Said = tuple[float, float, float, float, float, float, float, float, float, float]
+"""Position for the robot [m], force on the probe [N], normal and depth [m] of its closest point: of each axis."""
+
+_arrive, _limit, _learn_beside = arrive.function, limit.function, learn_beside.function
+
+
+@compiled
+def tick(
+    followers: Records,
+    banks: Records | None,
+    fields: Records | None,
+    conditioner: Conditioner,
+    learnings: Records,
+    own: Own,
+    seen: tuple[Vector, Vector, int],
+    asked: tuple[Times, Wanted],
+) -> tuple[Done, float, bool, int, Said]:
+    """A tick in space, with place and force of the probe and the tick's number, as `act` is one along the normal.
+
+    Returns:
+        What `act` does, with the robot's coordinate; that of the probe [m]; whether it went on though the probe did not
+        move; what `learn_beside` returns; and what there is to say.
+    """
+    (spaces, besides, playings, mesh), (place, force, number), (times_ns, wanted) = own, seen, asked
+    space, line, bias = spaces[0], spaces[0].probe, vector(besides[0].bias)
+    felt, jumped = _arrive(spaces, followers, conditioner, learnings, mesh, (place, force, bias))
+    along, point, position = line.closest.along, vector(line.closest.inner_point), wanted[0]
+    if fields is not None and math.isfinite(point[0] + point[1] + point[2]):
+        write(fields[0].point, point)
+    if not math.isnan(position):
+        position = go(space.course, mesh, vector(playings[0].place))
+    sample = along, felt, 0.0, math.nan, math.nan, along, False, math.nan
+    (aim, status), validity, shown, learnt = act(
+        followers, banks, fields, conditioner, learnings, sample, times_ns, (position, wanted[1], wanted[2])
+    )
+    news = _learn_beside(besides, spaces, learnings, force, validity == GOOD, number)
+    told, coordinate = _limit(spaces, followers[0].safety, mesh, aim)
+    said = (*told, *subtract(force, bias), *vector(line.closest.normal), line.closest.depth)
+    return ((coordinate, status), validity, shown, learnt), along, jumped, news, said
+
+
+IN_SPACE = f"""Tuple((Space[::1], Beside[::1], Playing[::1], {MESH})), Tuple(({VECTOR}, {VECTOR}, i8)),
+    Tuple(({WANTED}))"""
+tick_with_map = Kernel(tick, f"({OF_MAP}, {IN_SPACE})", *LEARNT, Follower, Playing, Triangle)
+tick_with_field = Kernel(tick, f"({OF_FIELD}, {IN_SPACE})", *LEARNT, Follower, Playing, Triangle)
+WHOLE: dict[type[Estimator], Kernel[..., Any]] = {ContactMap: tick_with_map, MaterialFieldLearner: tick_with_field}
 
 
 NO_BELIEF = FixtureBelief(VERSION, 0, 0, (0.0,) * 6, (), math.inf, 0, 0, 0, "", epoch=0)
@@ -168,7 +220,6 @@ class ProbeInSpace(ProbeOnAxis):
     Attributes:
         safety: Safety in space, with the lines of probe and commands.
         friction: Of the surface.
-        bias: The force sensor's offset [N].
         touch: Onset of the newest contact that tells of the surface [m]; NaN before it.
         touch_tick: Tick in which that was known.
         belief: Newest belief of the fixture's pose, as its tracker sent it.
@@ -176,60 +227,79 @@ class ProbeInSpace(ProbeOnAxis):
 
     safety: SpatialSafety
     fields: FieldSender
+    whole = WHOLE
 
     def __init__(self, surface: Surface, pose: tuple[float, ...]) -> None:
         self._surface, self._pose = surface, pose
         self.besides, self._beside = Beside.new(), learn_beside.entry
         self.friction = FrictionEstimator(self.besides["friction"])
-        self.bias: Vector = (0.0, 0.0, 0.0)
         self.touch: Vector = NOWHERE
         self.touch_tick = 0
         self.belief, self._believed_ns = NO_BELIEF, 0  # it ages while no other comes
-        self._shown: tuple[Any, float] = None, math.nan  # what the sensor showed, and its part along the normal [N]
-        self._force = self._desired = self.bias
+        self._news, self._said = 0, (0.0,) * 10  # see `tick`
 
     @property
     def line(self) -> SurfaceLine:
         """Line of the probe."""
         return self.safety.line
 
+    @property
+    def bias(self) -> Vector:
+        """The force sensor's offset [N]."""
+        x, y, z = self.besides["bias"][0].tolist()
+        return x, y, z
+
     def join(self, state: State, settings: SessionSettings) -> None:
         """See `ProbeOnAxis.join`."""
         self.safety = SpatialSafety(state.safety, self._surface, self._pose, SAMPLE_PERIOD)
-        self.fields, self._speeds = FieldSender(state.run), (settings.largest_speed, settings.approach_speed)
+        self.fields = FieldSender(state.run)
         self.besides["largest_offset"] = state.specification.largest_offset
-        state.playout = Playout(self.safety.go)
+        if self.safety.python:
+            self.whole = {}
 
-    def arrive(self, state: State, inputs: Inputs, now_ns: int) -> RobotSample:
-        """See `ProbeOnAxis.arrive`."""
-        sample, safety, failures, learner = inputs.sample, self.safety, state.failures, state.learner
+    def hear(self, state: State, inputs: Inputs, now_ns: int) -> None:
+        """See `ProbeOnAxis.hear`."""
         try:
             for belief in inputs.beliefs:
                 self._believe(state, belief, now_ns)
         except Exception as error:
-            failures.note("what it believes of the fixture", error)
-        force = self._force = rigid.subtract(sample.force, self.bias)
-        told = (
-            learner.conditioner.surface,
-            self._speeds[state.first_touch.guarded],
-            state.watch.state is GOOD,
-            math.isfinite(self.belief.image_age),
-            state.safety.status < HOLDING,
+            state.failures.note("what it believes of the fixture", error)
+
+    def at_once(
+        self, tick: Callable[..., Any], states: Any, state: State, inputs: Inputs, asked: Any
+    ) -> tuple[Done, Measured]:
+        """See `ProbeOnAxis.at_once`."""
+        sample, safety = inputs.sample, self.safety
+        own, exact = (
+            (safety.spaces, self.besides, state.playout.playings, safety.line.shape),
+            rigid.norm(sample.exact_force),
         )
-        felt, self.free, self.slid, jump = safety.arrive(learner.learning, sample.place, force, told)
-        closest = self._closest = safety.line.newest
-        if jump:
-            learner.conditioner.shift(jump)
+        seen = (*sample.place,), (*sample.force,), state.tick + 1  # a driver may give a list
+        done, along, jumped, self._news, self._said = tick(*states, own, seen, asked)
+        if jumped:
+            state.learner.conditioner.recall()
+        return done, (along, exact, sample.clipped)
+
+    def arrive(self, state: State, inputs: Inputs) -> RobotSample:
+        """See `ProbeOnAxis.arrive`."""
+        sample, failures, learner = inputs.sample, state.failures, state.learner
+        (x, y, z), force, bias, conditioner = sample.place, sample.force, self.bias, learner.conditioner
+        self._force = rigid.subtract(force, bias)
+        felt, jumped = self.safety.arrive(state.memory, conditioner.memory, learner.learning, ((x, y, z), force, bias))
+        if jumped:
+            conditioner.recall()
+        closest = self.line.newest
         if failures.learns and isinstance(learner.estimator, MaterialFieldLearner):
             try:
                 learner.estimator.touch_at(closest.inner_point)
             except Exception as error:
                 failures.stop_learning("its learning in space", error)
-        if sample.force == self._shown[0]:  # a sensor that hangs is to seem so along any normal
-            felt = self._shown[1]
-        self._shown = sample.force, felt
         along, exact = closest.along, rigid.norm(sample.exact_force)
         return RobotSample(along, felt, 0.0, exact, math.nan, along, sample.clipped)
+
+    def go(self, state: State, position: float) -> float:
+        """See `ProbeOnAxis.go`; the course goes to the place that is played."""
+        return position if math.isnan(position) else self.safety.go(state.playout.place)
 
     def _believe(self, state: State, belief: FixtureBelief, now_ns: int) -> None:
         known = self.belief
@@ -241,6 +311,7 @@ class ProbeInSpace(ProbeOnAxis):
             # all the time.
             state.learner.conditioner.shift(self.line.offset - before)
         self.belief, self._believed_ns = belief, now_ns
+        self.safety.spaces["seen"] = math.isfinite(belief.image_age)
 
     def wanted(self, command: Command) -> float:
         """See `ProbeOnAxis.wanted`; it says only whether there is a place: the course says where on the normal."""
@@ -248,26 +319,37 @@ class ProbeInSpace(ProbeOnAxis):
         known = math.isfinite(x) and math.isfinite(y) and math.isfinite(z)
         return max(abs(x), abs(y), abs(z)) if known else math.nan
 
+    def limit(self, state: State, inputs: Inputs, aim: float) -> float:
+        """See `ProbeOnAxis.limit`; along the normal and in all directions within the limits."""
+        self._news, good, (x, y, z) = 0, state.watch.state is GOOD, inputs.sample.force
+        if state.failures.learns:
+            learnings = state.learner.learning
+            self._news = self._beside(self.besides, self.safety.spaces, learnings, (x, y, z), good, state.tick + 1)
+        desired, along = self.safety.limit(aim)
+        closest = self.line.newest
+        self._said = *desired, *self._force, *closest.normal, closest.depth
+        return along
+
     def finish(
         self, state: State, inputs: Inputs, coordinate: float, model: ModelUpdate | None, now_ns: int
     ) -> Finished:
-        """See `ProbeOnAxis.finish`; along the normal and in all directions within the limits."""
+        """See `ProbeOnAxis.finish`."""
         field = None
         if state.failures.learns:
             try:
-                model = self._learn(state, inputs.sample.force, model, now_ns)
+                if self._news:
+                    self._learn(state.learner, state.tick)
+                model = None if model is None else self._with_fixture(model, now_ns)
                 field = self.fields.due(state.learner.estimator, now_ns)
             except Exception as error:
                 state.failures.stop_learning("its learning in space", error)
                 model = None
-        self._desired, along = self.safety.limit(coordinate)
-        return self._desired, along, self._report(inputs.sample), model, field
+        x, y, z, *_ = self._said
+        return (x, y, z), self._report(inputs.sample), model, field
 
-    def _learn(self, state: State, force: Vector, model: ModelUpdate | None, now_ns: int) -> ModelUpdate | None:
-        """Offset of the sensor, friction, onset of a contact, a missed surface; returns the model with its fixture."""
-        learner, good, (x, y, z) = state.learner, state.watch.state is GOOD, force
-        spaces, tick = self.safety.spaces, state.tick
-        news, self.bias = self._beside(self.besides, spaces, learner.learning, (x, y, z), good, tick)
+    def _learn(self, learner: Learner, tick: int) -> None:
+        """Take over what is news of a contact, or of a missed surface."""
+        news = self._news
         if news & LEFT:
             learner.conditioner.distrust_surface()
         if news & MISSED_IT:
@@ -275,7 +357,6 @@ class ProbeInSpace(ProbeOnAxis):
         if news & TOLD:
             x, y, z = self.besides["touch"]["place"][0].tolist()
             self.touch, self.touch_tick = (x, y, z), tick
-        return None if model is None else self._with_fixture(model, now_ns)
 
     def _with_fixture(self, model: ModelUpdate, now_ns: int) -> ModelUpdate:
         """A model with the fixture that it belongs to: its surface is how much deeper than believed it was felt."""
@@ -291,10 +372,8 @@ class ProbeInSpace(ProbeOnAxis):
 
     def _report(self, sample: SpatialSample) -> FollowerSpace:
         """What there is to tell in space in this tick."""
-        closest, fixture = self._closest, sample.fixture
-        x, y, z, rx, ry, rz = fixture if len(fixture) == 6 else (*NOWHERE, *NOWHERE)
-        told = (*sample.place, *self._desired, *self._force, *closest.normal, closest.depth, *self.line.pose)
-        return FollowerSpace(*told, x, y, z, rx, ry, rz, *self.touch, self.touch_tick)
+        fixture = sample.fixture if len(sample.fixture) == 6 else (*NOWHERE, *NOWHERE)
+        return FollowerSpace(*sample.place, *self._said, *self.line.pose, *fixture, *self.touch, self.touch_tick)
 
     def tip(self, state: State, sample: SpatialSample) -> Vector:
         """See `ProbeOnAxis.tip`."""

@@ -1,6 +1,6 @@
 """Safety in space: what the layer along the normal cannot know of the approach, and its aims brought back into space.
 
-All of it is one record, with a compiled call before the step along the normal, one in it, and one after it.
+All of it is one record: `arrive` comes before the stages along the normal, then the course, and `limit` after them.
 """
 
 from __future__ import annotations
@@ -12,20 +12,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.core import Kernel, Record, compiled, kernel
+from foretouch.identification.conditioning.fault_kernels import GOOD
+from foretouch.identification.conditioning.kernel import Conditioning, shift
+from foretouch.identification.conditioning.kernel import Memory as Conditioner
 from foretouch.identification.contact_map.kernel import Learning
 from foretouch.messages import FixtureBelief
 from foretouch.quantities.pose import Vector
 from foretouch.rendering.surfaces import Surface
-from foretouch.rendering.surfaces.geometry import Triangle, add, dot, norm, scaled, subtract, vector, write
+from foretouch.rendering.surfaces.geometry import Numbers3, Triangle, add, dot, norm, scaled, subtract, vector, write
 from foretouch.rendering.surfaces.god_object import MESH, Mesh
 from foretouch.rendering.surfaces.line import Line, follow_line, is_known, rotate
-from foretouch.session.network.playout import Playing, advance
 from foretouch.session.safety.force_guard import ForceCap, limit_force, observe_force, slide
-from foretouch.session.safety.kernel import Memory
+from foretouch.session.safety.kernel import HOLDING, Memory
 from foretouch.session.safety.motion import Bound, Path, begin, go_on
 from foretouch.session.safety.safety import Safety
 from foretouch.session.spatial.course import Course, SurfaceLine, begin_course, go, held_at, meet, settle
 from foretouch.session.spatial.way_in import SIDEWAYS_SHARE, Known, WayIn, believe_covariance, come_to, uncertainty_of
+from foretouch.session.steps.tick import CONDITIONER, Follower
 
 Records = NDArray[np.void]
 NO_VECTOR: Vector = (0.0, 0.0, 0.0)
@@ -48,6 +51,9 @@ class Space(Record):
     cap: ForceCap
     way_in: WayIn
     blind_speed: float  # see `Safety` [m/s]
+    seen: bool  # whether a camera has shown the fixture
+    shown: Numbers3 = math.nan  # type: ignore[assignment]  # by the force sensor [N]
+    felt: float = math.nan  # its part along the normal [N]
 
 
 @compiled(error_model="numpy")
@@ -77,29 +83,35 @@ def _begin(space: Space, mesh: Mesh, place: Vector) -> None:
 
 
 VECTOR = "UniTuple(f8, 3)"
-TOLD = "Tuple((f8, f8, b1, b1, b1))"
-Told = tuple[float, float, bool, bool, bool]
-"""Of `Known`, all but contact: what no record holds."""
+Shown = tuple[Vector, Vector, Vector]
+"""Position of the probe [m], force as its sensor shows it, and the sensor's offset [N]."""
 
-Felt = tuple[float, float, float, float]
-"""Force along the normal [N]; up to where the air is free [m]; how far the probe went across the surface [m]; and how
-far its coordinate went on though it did not move [m]."""
+_shift = shift.function
 
 
-@kernel(f"(Space[::1], Memory[::1], Learning[::1], {MESH}, {VECTOR}, {VECTOR}, {TOLD})", Triangle, Learning)
+@kernel(
+    f"(Space[::1], Follower[::1], {CONDITIONER}, Learning[::1], {MESH}, UniTuple({VECTOR}, 3))",
+    *(Triangle, Learning, Conditioning, Follower),
+)
 def arrive(
-    spaces: Records, memories: Records, learnings: Records, mesh: Mesh, place: Vector, force: Vector, told: Told
-) -> Felt:
-    """Take the probe's position [m] and the force on it [N], before the step along the normal."""
-    space, memory, newest = spaces[0], memories[0], learnings[0].newest[0]
-    line, course, before = space.probe, space.course, space.probe.offset
+    spaces: Records, followers: Records, conditioner: Conditioner, learnings: Records, mesh: Mesh, shown: Shown
+) -> tuple[float, bool]:
+    """Take what the probe shows, before the stages along the normal.
+
+    Returns:
+        The force along the normal [N], and whether the coordinate went on though the probe did not move.
+    """
+    space, follower, memory, newest = spaces[0], followers[0], followers[0].safety[0], learnings[0].newest[0]
+    line, course, touch, (place, raw, bias) = space.probe, space.course, follower.touch[0], shown
+    before, force = line.offset, subtract(raw, bias)
     follow_line(line, mesh, place[0], place[1], place[2])
-    jump, surface = line.offset - before, told[0]
+    jump = line.offset - before
     if jump != 0.0:  # the proxy has let go: the coordinate went on, and what was felt is elsewhere
         space.told.offset = line.offset
-        if math.isfinite(jump):
-            surface += jump
-    known = Known(surface, newest.in_contact, *told[1:])
+        _shift(conditioner, jump)
+    fastest = touch.speed if touch.held_back != 0.0 else memory.limits.speed
+    good, follows = follower.watch[0].state == GOOD, follower.status < HOLDING
+    known = Known(conditioner[0][0].surface, newest.in_contact, fastest, good, space.seen, follows)
     # A pulling force is no contact of this surface: learnt as the sensor's offset, it would hide one.
     normal = vector(line.closest.normal)
     felt = dot(force, normal)
@@ -109,13 +121,18 @@ def arrive(
         begin_course(course, mesh, place)
         _begin(space, mesh, place)
     observe_force(space.cap, place, force, normal)
-    slid = come_to(space.way_in, line, memory, known, space.cap.explained)
+    follower.slid = come_to(space.way_in, line, memory, known, space.cap.explained)
     write(course.here, place)
     write(course.resistance, subtract(force, scaled(normal, felt)))
     course.open, course.pressed = known.follows, newest.force
     course.sliding = slide(space.cap, _along_speed(space, memory, known))
     meet(course, mesh, line.offset, memory.fastest)
-    return felt, float(space.way_in.free), slid, float(jump)
+    follower.free = space.way_in.free
+    if raw == vector(space.shown):  # a sensor that hangs is to seem so along any normal
+        felt = space.felt
+    write(space.shown, raw)
+    space.felt = felt
+    return float(felt), bool(jump != 0.0)
 
 
 @compiled
@@ -161,16 +178,7 @@ def limit(spaces: Records, memories: Records, mesh: Mesh, aim: float) -> tuple[V
     return commanded, position
 
 
-_advance = advance.function
-
-
-@kernel(f"f8(Space[::1], {MESH}, Playing[::1])", Triangle, Playing)
-def play(spaces: Records, mesh: Mesh, playings: Records) -> float:
-    """Play one tick of the commands, and `go` there, in the step along the normal."""
-    position = _advance(playings)
-    return position if math.isnan(position) else go(spaces[0].course, mesh, vector(playings[0].place))
-
-
+_go = Kernel(go, f"f8(Course, {MESH}, {VECTOR})", Triangle)
 _settle = Kernel(settle, f"(Course, {MESH})", Triangle)
 _begin_there = Kernel(_begin, f"(Space, {MESH}, {VECTOR})", Triangle)
 _went_there = Kernel(_went, f"(Space, Memory, {MESH})", Triangle)
@@ -179,8 +187,8 @@ _went_there = Kernel(_went, f"(Space, Memory, {MESH})", Triangle)
 class SpatialSafety:
     """Safety about the layer along the normal, whose aims it brings into space.
 
-    Before the step along the normal it takes the probe's position and force (`arrive`), in it the commands (`go`), and
-    after it the aim (`limit`): the position on the course with this aim; no further against the force than `ForceCap`
+    Before the stages along the normal it takes the probe's position and force (`arrive`) and the command (`go`), and
+    after them the aim (`limit`): the position on the course with this aim; no further against the force than `ForceCap`
     allows; then the limits of `Path`, as on a line. Three directions are limited to the speed that safety allows:
     outside the surface, against its mean normal, for it may be elsewhere than believed, so that another part of it is
     near; into the surface from the robot's commanded position; and against the force on the probe or, where none is
@@ -197,6 +205,7 @@ class SpatialSafety:
     Attributes:
         spaces: Array of one `Space`.
         line: Line of the probe.
+        python: Whether the surface is Python's own.
     """
 
     def __init__(self, safety: Safety, surface: Surface, pose: Sequence[float], sample_period: float) -> None:
@@ -209,12 +218,13 @@ class SpatialSafety:
             ceiling=limits.force, most_damped=limits.most_damped, speed=limits.speed, period=sample_period
         )
         self.spaces["way_in"]["pose"] = uncertainty_of(surface)
-        safety.in_space(self.spaces["path"])
+        self.spaces["path"] = safety.path
+        safety.path = self.spaces["path"]
         self.line = SurfaceLine(surface, pose, records=self.spaces["probe"])
         self._gone = SurfaceLine(surface, pose, records=courses["line"])
         self._told = SurfaceLine(surface, pose, leads=False, records=self.spaces["told"])
-        self._python = not self.line.records["compiled"][0]
-        self._arrive, self._go, self._limit, self._begin = arrive.entry, play.entry, limit.entry, _begin_there.entry
+        self.python = not self.line.records["compiled"][0]
+        self._arrive, self._go, self._limit, self._begin = arrive.entry, _go.entry, limit.entry, _begin_there.entry
 
     def believe(self, belief: FixtureBelief) -> bool:
         """Take a belief of the fixture's pose; whether it stands elsewhere."""
@@ -231,22 +241,24 @@ class SpatialSafety:
         way.contradicted = way.contradicted and not way.believed > way.then
         return elsewhere
 
-    def arrive(self, learnings: Records, place: Vector, force: Vector, told: Told) -> Felt:
+    def arrive(
+        self, followers: Records, conditioner: Conditioner, learnings: Records, shown: Shown
+    ) -> tuple[float, bool]:
         """See the function `arrive`."""
-        if self._python:
+        if self.python:
+            place = shown[0]
             course = self.spaces["course"][0]
             self.line.touch(place)
             self._gone.touch(course.place.tolist() if course.begun else place)
             if not course.begun:
                 self._told.touch(place)
-        x, y, z = place  # a driver may give a list
-        return self._arrive(self.spaces, self._safety.memories, learnings, self.line.shape, (x, y, z), force, told)
+        return self._arrive(self.spaces, followers, conditioner, learnings, self.line.shape, shown)
 
-    def go(self, playings: Records) -> float:
-        """One tick of the course towards the place that is played; returns its coordinate along the normal [m]."""
-        along = self._go(self.spaces, self.line.shape, playings)
-        if self._python and not math.isnan(playings["position"][0]):
-            course = self.spaces[0].course
+    def go(self, place: Vector) -> float:
+        """One tick of the course towards the place that is played [m]; returns its coordinate along the normal [m]."""
+        course = self.spaces[0].course
+        along = self._go(course, self.line.shape, place)
+        if self.python:
             if course.begun and course.open:
                 self._gone.touch(course.place.tolist())
                 _settle(course, self.line.shape)
@@ -257,7 +269,7 @@ class SpatialSafety:
         """See the function `limit`."""
         memories, shape = self._safety.memories, self.line.shape
         commanded, along = self._limit(self.spaces, memories, shape, aim)
-        if self._python and math.isfinite(aim) and self.spaces["course"][0].begun:
+        if self.python and math.isfinite(aim) and self.spaces["course"][0].begun:
             self._told.touch(commanded)
             _went_there(self.spaces[0], memories[0], shape)
         return commanded, along

@@ -7,13 +7,18 @@ the material. On an axis that is the machine's own count: what is pressed is a p
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, TypeAlias
 
+from foretouch.core import Kernel
+from foretouch.identification import ContactMap, Estimator, MaterialFieldLearner
 from foretouch.messages import Command, FieldUpdate, FollowerSpace, LeaderSpace, Message, ModelUpdate
 from foretouch.models import ContactModel
 from foretouch.rendering import Renderer
 from foretouch.rendering.renderer import ContactFrame
 from foretouch.robot import RobotSample
+from foretouch.session.safety.kernel import limit
+from foretouch.session.steps import tick as stages
 from foretouch.session.steps.follower_view import FollowerView
 
 if TYPE_CHECKING:
@@ -61,39 +66,62 @@ class HandOnAxis:
         return (), renderer.predicted[3], None
 
 
-Finished: TypeAlias = tuple[Any, float, FollowerSpace | None, ModelUpdate | None, FieldUpdate | None]
-"""Position for the robot, its own coordinate [m], what there is to tell in space, and the model and the field that are
-due."""
+Measured: TypeAlias = tuple[float, float, bool]
+"""Position along the normal [m], the simulator's own contact force [N], and whether the robot clipped a command."""
+
+Finished: TypeAlias = tuple[Any, FollowerSpace | None, ModelUpdate | None, FieldUpdate | None]
+"""Position for the robot [m], what there is to tell in space, and the model and the field that are due."""
 
 
 class ProbeOnAxis:
     """A probe with one degree of freedom: what it presses is a plane whose normal is the axis, felt by touching.
 
+    A tick is `at_once`, or `arrive`, `go` and `limit` with the stages of `foretouch.session.steps.tick` between them.
+
     Attributes:
-        free: Position up to which the air is free, though the robot has not gone there itself [m]; on an axis never
-            known.
-        slid: Motion of the probe across the surface since the last tick [m]; on an axis 0.
+        whole: Ticks in one compiled call, by what they learn.
     """
 
-    free = -math.inf
-    slid = 0.0
+    whole: Mapping[type[Estimator], Kernel[..., Any]] = {
+        ContactMap: stages.tick_at_once,
+        MaterialFieldLearner: stages.tick_in_field,
+    }
 
     def join(self, state: State, settings: SessionSettings) -> None:
         """Become the probe of a follower before its first tick."""
+        self._limit = limit.entry
 
-    def arrive(self, state: State, inputs: Inputs, now_ns: int) -> RobotSample:
-        """Take what the robot shows, and what is believed of the surface; returns it along the normal."""
+    def hear(self, state: State, inputs: Inputs, now_ns: int) -> None:
+        """Take what is believed of the surface."""
+
+    def at_once(
+        self, tick: Callable[..., Any], states: Any, state: State, inputs: Inputs, asked: Any
+    ) -> tuple[stages.Done, Measured]:
+        """A tick in one compiled call with these states, at times, as commanded; and what the robot shows."""
+        sample = inputs.sample
+        return tick(*states, sample, *asked), (sample.position, sample.exact_force, sample.clipped)
+
+    def arrive(self, state: State, inputs: Inputs) -> RobotSample:
+        """Take what the robot shows; returns it along the normal."""
         return inputs.sample  # type: ignore[no-any-return]
+
+    def go(self, state: State, position: float) -> float:
+        """The coordinate that is wanted where a position is played [m]; NaN for none."""
+        return position
 
     def wanted(self, command: Command) -> float:
         """Position of a command [m]; NaN for none."""
         return command.position
 
+    def limit(self, state: State, inputs: Inputs, aim: float) -> float:
+        """Learn what there is beside the law, and limit the motion to an aim: the robot's coordinate [m]."""
+        return self._limit(state.safety.memories)
+
     def finish(
         self, state: State, inputs: Inputs, coordinate: float, model: ModelUpdate | None, now_ns: int
     ) -> Finished:
-        """Learn what there is beside the law, and give the robot the allowed coordinate [m]."""
-        return coordinate, coordinate, None, model, None
+        """What a tick comes to, with the robot's coordinate [m]."""
+        return coordinate, None, model, None
 
     def tip(self, state: State, sample: Any) -> Any:
         """Measured position of the tip [m]: p = x - F / k, with the encoders' x and the compliance 1 / k."""

@@ -11,7 +11,7 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,19 +28,19 @@ from foretouch.session.safety.force_guard import FirstTouch
 from foretouch.session.safety.safety import STATES, Safety
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.steps import tick as stages
-from foretouch.session.steps.axis import ProbeOnAxis
+from foretouch.session.steps.axis import Measured, ProbeOnAxis
 from foretouch.session.steps.sensing import Failures, calibrated, safety_limits
 
 # Constants used in every tick: a member of an enumeration costs more to look up than to compare.
 GOOD, NOT_FINITE = SensorState.GOOD, SensorState.NOT_FINITE
 FRESH, FUTURE = Arrival.FRESH, Arrival.FUTURE
-AT_ONCE = {ContactMap: stages.tick_at_once, MaterialFieldLearner: stages.tick_in_field}
 OF_ROBOT = ("tool_mass", "gravity", "moved_mass", "largest_offset")  # What a tick knows of the robot's specification
+STAGES = stages.sense_alone, stages.feel_alone, stages.allow_alone
 HOLDING, RETREATING, TOO_SLOW = int(Status.HOLDING), int(Status.RETREATING), int(Status.TOO_SLOW)
 
 
-Acted = tuple[stages.Allowed, int, stages.Shown]
-"""Of a tick: what is allowed, the validity of the sensors, and what is shown."""
+Acted = tuple[stages.Allowed, int, stages.Shown, Measured]
+"""Of a tick: what is allowed, the validity of the sensors, what is shown, and what the robot shows."""
 
 
 @dataclass(slots=True)
@@ -157,7 +157,6 @@ def start(
         zero=known.zero or 0.0, compliance=known.compliance, **{name: getattr(specification, name) for name in OF_ROBOT}
     )
     period = specification.sample_period
-    stages.load(AT_ONCE.get(type(learner.estimator)))
     state = State(
         specification,
         learner,
@@ -175,6 +174,8 @@ def start(
         probe=ProbeOnAxis() if probe is None else probe,
     )
     state.probe.join(state, settings)
+    for stage in (*STAGES, state.probe.whole.get(type(learner.estimator))):  # nothing is compiled in the loop
+        assert stage is None or callable(stage.entry)
     return state
 
 
@@ -185,20 +186,20 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     holds all that was learnt from.
     """
     safety, sender, probe = state.safety, state.sender, state.probe
-    sample = probe.arrive(state, inputs, now_ns)
-    desired = _commanded(state, inputs.commands, now_ns)
+    probe.hear(state, inputs, now_ns)
+    position = _commanded(state, inputs.commands, now_ns)
     applied = state.playout.applied
     learns = _learns(state, applied, now_ns)
     known_surface = sender.known_surface() if state.guarded else math.nan
     heard_ns = state.freshness.newest_ns
     heard = -1 if heard_ns is None or inputs.ended else heard_ns
     times_ns = now_ns, heard, inputs.period_ns, state.start_ns or 0
-    wanted, acted = (desired, known_surface, probe.free, probe.slid, state.guarded), None
+    wanted, acted = (position, known_surface, state.guarded), None
     if learns and not (inputs.stop or inputs.release or safety.stop_reason):
-        acted = _at_once(state, sample, applied, times_ns, wanted)
+        acted = _at_once(state, inputs, applied, times_ns, wanted)
     if acted is None:
-        acted = _one_by_one(state, inputs, sample, times_ns, wanted)
-    (desired, status, safety.pressing), validity, (force, velocity, felt, in_contact) = acted
+        acted = _one_by_one(state, inputs, times_ns, wanted)
+    (desired, status), validity, (force, velocity, felt, in_contact), (position, exact_force, clipped) = acted
     safety.status = STATES[status]
     if validity:
         state.faulty_ticks += 1
@@ -207,11 +208,11 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     sensors = state.watch.state if validity == state.watch.state else SensorState(validity)
     model = _due(state, sensors, now_ns) if learns and state.failures.learns else None
     state.tick += 1
-    commanded, desired, space, model, materials = probe.finish(state, inputs, desired, model, now_ns)
-    position = state.memory["position"].item() if state.compliance else sample.position
+    commanded, space, model, materials = probe.finish(state, inputs, desired, model, now_ns)
+    position = state.memory["position"].item() if state.compliance else position
     telemetry = Telemetry(
-        VERSION, state.tick, now_ns, applied, desired, position, velocity, force, felt, sample.exact_force, in_contact,
-        sample.clipped, sender.sequence, inputs.period_ns, inputs.compute_ns, state.first_touch.guarded, safety.status,
+        VERSION, state.tick, now_ns, applied, desired, position, velocity, force, felt, exact_force, in_contact,
+        clipped, sender.sequence, inputs.period_ns, inputs.compute_ns, state.first_touch.guarded, safety.status,
         sensors, state.lease.epoch, state.run, space,
     )  # fmt: skip
     return state, Outputs(commanded, telemetry, model, materials)
@@ -245,38 +246,40 @@ def _learns(state: State, applied: int, now_ns: int) -> bool:
     return state.failures.learns
 
 
-def _at_once(
-    state: State, sample: RobotSample, applied: int, times_ns: stages.Times, wanted: stages.Wanted
-) -> Acted | None:
-    """A tick in one compiled call, `foretouch.session.steps.tick.tick`; None where that cannot be."""
-    learner, estimator = state.learner, state.learner.estimator
-    if type(estimator) is ContactMap:
-        tick, bank, field = stages.tick_at_once.entry, estimator.states, None
-    elif type(estimator) is MaterialFieldLearner:
-        tick, bank, field = stages.tick_in_field.entry, None, (estimator.states, estimator.point)
-    else:
+def _at_once(state: State, inputs: Inputs, applied: int, times_ns: stages.Times, wanted: stages.Wanted) -> Acted | None:
+    """A tick in one compiled call; None where that cannot be."""
+    learner, estimator = state.learner, cast("ContactMap | MaterialFieldLearner", state.learner.estimator)
+    tick = state.probe.whole.get(type(estimator))
+    if tick is None:
         return None
-    states = state.memory, bank, field, learner.conditioner.memory, learner.learning
+    known = (estimator.states, None) if type(estimator) is ContactMap else (None, estimator.states)
+    states = state.memory, *known, learner.conditioner.memory, learner.learning
+    # What is compiled raises only where an argument cannot be converted, as where the robot shows what is no number:
+    # then nothing has been written, and which stage that stops is found one by one.
     try:
-        allowed, validity, shown, learnt = tick(*states, sample, times_ns, wanted)
-    except Exception:  # the robot shows what is no number: which stage that stops is found one by one
+        done, measured = state.probe.at_once(tick.entry, states, state, inputs, (times_ns, wanted))
+    except Exception:
         return None
+    allowed, validity, shown, learnt = done
     if state.watch.taken(validity) is GOOD:
         try:
             learner.taken(estimator, *learnt)
             state.felt_commands.append(applied)
         except Exception as error:
             state.failures.stop_learning("its learning", error)
-    return allowed, validity, shown
+    return allowed, validity, shown, measured
 
 
-def _one_by_one(
-    state: State, inputs: Inputs, sample: RobotSample, times_ns: stages.Times, wanted: stages.Wanted
-) -> Acted:
-    """The same stage by stage: an exception in one of them is noted, and the last one runs all the same."""
-    memory, learner, record = state.memory, state.learner, state.memory[0]
+def _one_by_one(state: State, inputs: Inputs, times_ns: stages.Times, wanted: stages.Wanted) -> Acted:
+    """The same stage by stage: an exception in one of them is noted, and the last ones run all the same."""
+    memory, learner, record, probe = state.memory, state.learner, state.memory[0], state.probe
+    sample, desired = probe.arrive(state, inputs), math.nan
     try:
-        validity = stages.sense_alone.entry(memory, learner.conditioner.memory, sample, times_ns[0], state.probe.slid)
+        desired = probe.go(state, wanted[0])
+    except Exception as error:
+        state.failures.note("its commands", error)
+    try:
+        validity = stages.sense_alone.entry(memory, learner.conditioner.memory, sample, times_ns[0])
         state.watch.taken(validity)
     except Exception as error:
         state.failures.note("its sensors", error)
@@ -287,11 +290,14 @@ def _one_by_one(
         _learn(state, (times_ns[0] - state.start_ns) * 1e-9, float(record.position), force)
     felt, _ = stages.feel_alone.entry(memory, learner.learning)
     if not _stop_or_release(state, inputs, felt, validity != GOOD):
-        wanted = math.nan, *wanted[1:]
+        desired = math.nan
     learnt, stopped = (learner.conditioner.memory, learner.learning), state.safety.stop_reason != ""
-    allowed = stages.allow_alone.entry(memory, *learnt, sample.position, times_ns, wanted, stopped)
+    wanted = desired, *wanted[1:]
+    aim, status = stages.allow_alone.entry(memory, *learnt, sample.position, times_ns, wanted, stopped)
+    desired = probe.limit(state, inputs, aim)
     _, _, velocity, felt, in_contact = learner.sample
-    return allowed, validity, (force, velocity, felt, in_contact)
+    measured = sample.position, sample.exact_force, sample.clipped
+    return (desired, status), validity, (force, velocity, felt, in_contact), measured
 
 
 def _learn(state: State, time: float, position: float, force: float) -> None:

@@ -1,7 +1,8 @@
 """A tick of the follower, compiled: what happens in it whether or not messages come, over one record.
 
 `sense` watches the sensors, `learn_raw` of a contact map or of a field of materials conditions and learns, and `allow`
-guards the first touch and keeps the limits. `tick` is all of them. Where another estimator learns, or something is
+guards the first touch and says how far the robot may go; the limits of its motion come last. `tick` is all of them
+along a line, and in space `foretouch.session.spatial.probe.tick`. Where another estimator learns, or something is
 requested at the robot, they are called one by one.
 """
 
@@ -23,9 +24,8 @@ from foretouch.identification.contact_map.state import Bank
 from foretouch.identification.material_field_kernel import FieldState
 from foretouch.identification.material_field_kernel import learn_raw as _learn_in_field
 from foretouch.messages import Status
-from foretouch.quantities.pose import Vector
 from foretouch.session.safety.force_guard import Touch, follow, guarded_position
-from foretouch.session.safety.kernel import Memory, keep_safe
+from foretouch.session.safety.kernel import Memory, keep_safe, limit
 
 LEAST_RATE, AGAIN_FROM = 500, 600
 """Tick rate below which a loop is too slow, half of that for which limits and filters are made, and from which it is
@@ -79,22 +79,25 @@ class Follower(Record):
     touch: Annotated[NDArray[Any], Touch, 1]
     safety: Annotated[NDArray[Any], Memory, 1]
     rate: Rate
+    free: float = -math.inf  # position up to which the air is free though the robot has not gone there; in space [m]
+    slid: float  # motion of the probe across the surface since the last tick, in space [m]
     position: float  # of the tip in this tick [m]
     force: float  # of the sensor less tool and zero in this tick [N]
     validity: int  # of the sensors in this tick
+    status: int  # in this tick
 
 
 HOLDING, TOO_SLOW = int(Status.HOLDING), int(Status.TOO_SLOW)
 
 _look, _learn_raw = look.function, learn_raw.function
-_keep_safe, _is_too_slow = keep_safe.function, is_too_slow.function
+_keep_safe, _limit, _is_too_slow = keep_safe.function, limit.function, is_too_slow.function
 
 Showing = tuple[float, float, float, float, float, float, bool, float]
 """A `foretouch.robot.RobotSample`."""
 
 
 @compiled
-def sense(followers: NDArray[np.void], conditioner: Conditioner, sample: Showing, now_ns: int, slid: float) -> int:
+def sense(followers: NDArray[np.void], conditioner: Conditioner, sample: Showing, now_ns: int) -> int:
     r"""Watch the sensors; write validity, position of the tip and sensor force of this tick, and return the first.
 
     .. math:: F = F_{sensor} - m (\ddot p - g) - F_0, \quad p = x - F / k
@@ -107,7 +110,7 @@ def sense(followers: NDArray[np.void], conditioner: Conditioner, sample: Showing
     force = sensor_force - tool_force - follower.zero
     zero = min(offset, follower.largest_offset) + follower.zero
     effort -= follower.moved_mass * acceleration
-    follower.validity = _look(follower.watch, time, position, sensor_force, tool_force, zero, effort, slid)
+    follower.validity = _look(follower.watch, time, position, sensor_force, tool_force, zero, effort, follower.slid)
     give = 0.0
     if follower.compliance > 0.0:
         give = follower.compliance * (force - offset if math.isfinite(offset) else force)
@@ -136,12 +139,12 @@ Times = tuple[int, int, int, int]
 """Of this tick; of the newest fresh command, negative before the first; since the last tick; and of the first tick that
 was learnt from [ns]."""
 
-Wanted = tuple[float, float, float, float, bool]
-"""Commanded position, NaN for none; surface that the leader is known to have, NaN for none; position up to which the
-air is free; motion across the surface since the last tick [m]; and whether first touches are guarded."""
+Wanted = tuple[float, float, bool]
+"""Commanded position, NaN for none; surface that the leader is known to have, NaN for none [m]; and whether first
+touches are guarded."""
 
-Allowed = tuple[float, int, bool]
-"""What `keep_safe` returns."""
+Allowed = tuple[float, int]
+"""An aim, or along a line the position for the robot [m], and the `Status`."""
 
 
 @compiled
@@ -154,9 +157,9 @@ def allow(
     wanted: Wanted,
     stopped: bool,
 ) -> Allowed:
-    """Allowed position for a commanded one, with the robot at a position [m]: the first touch, then safety."""
+    """The aim for a commanded position, with the robot at a position [m]: the first touch, then safety."""
     follower, touch, limits = followers[0], followers[0].touch[0], followers[0].safety[0].limits
-    (now_ns, heard_ns, period_ns, _), (desired, known_surface, free, _, guarded) = times_ns, wanted
+    (now_ns, heard_ns, period_ns, _), (desired, known_surface, guarded) = times_ns, wanted
     faulty = follower.validity != GOOD
     felt, touches = feel(followers, learnings)
     if follower.compliance > 0.0 and not faulty and touches:  # commands give the position of the tip
@@ -170,11 +173,12 @@ def allow(
     if too_slow:
         silence = max(silence, limits.hold_after)
     surface, held_back, uncertain = conditioner[0][0].surface, touch.held_back != 0.0, follower.watch[0].loss.uncertain
-    safety = follower.safety
-    allowed, status, presses = _keep_safe(
+    safety, free = follower.safety, follower.free
+    aim, status = _keep_safe(
         safety, stopped, desired, position, felt, touches, surface, silence, faulty, held_back, free, uncertain
     )
-    return allowed, TOO_SLOW if too_slow and status == HOLDING else status, presses
+    follower.status = TOO_SLOW if too_slow and status == HOLDING else status
+    return aim, int(follower.status)
 
 
 Shown = tuple[float, float, float, bool]
@@ -182,56 +186,65 @@ Shown = tuple[float, float, float, bool]
 
 NOTHING = -1  # What was done by learning where nothing is learnt
 
-Field = tuple[NDArray[np.void], Vector]
-"""State of a field of materials, and the point that is touched [m]."""
+Done = tuple[Allowed, int, Shown, tuple[int, bool]]
+"""What is allowed, validity of the sensors, what is shown, and what `learn_raw` returns."""
+
+
+@compiled
+def act(
+    followers: NDArray[np.void],
+    banks: NDArray[np.void] | None,
+    fields: NDArray[np.void] | None,
+    conditioner: Conditioner,
+    learnings: NDArray[np.void],
+    sample: Showing,
+    times_ns: Times,
+    wanted: Wanted,
+) -> Done:
+    """The stages up to the aim, in a tick in which a contact map or a field learns and nothing is requested.
+
+    The records are written; the conditioner's rings have room. Of the two estimators one is None, which is known as it
+    is compiled.
+    """
+    validity, done, news = sense(followers, conditioner, sample, times_ns[0]), NOTHING, False
+    follower, newest = followers[0], learnings[0].newest[0]
+    if validity == GOOD:
+        raw = (times_ns[0] - times_ns[3]) * 1e-9, follower.position, follower.force
+        if fields is None:
+            if banks is not None:
+                done, news = _learn_raw(banks, conditioner, learnings, raw, 0.0, False)
+        else:
+            done, news = _learn_in_field(fields, conditioner, learnings, raw)
+    allowed = allow(followers, conditioner, learnings, sample[0], times_ns, wanted, False)
+    return allowed, validity, (follower.force, newest.velocity, newest.force, newest.in_contact), (done, news)
 
 
 @compiled
 def tick(
     followers: NDArray[np.void],
     banks: NDArray[np.void] | None,
-    field: Field | None,
+    fields: NDArray[np.void] | None,
     conditioner: Conditioner,
     learnings: NDArray[np.void],
     sample: Showing,
     times_ns: Times,
     wanted: Wanted,
-) -> tuple[Allowed, int, Shown, tuple[int, bool]]:
-    """A tick in which a contact map or a field learns, and nothing is requested at the robot.
-
-    The records are written; the conditioner's rings have room. Of the two estimators one is None, which is known as it
-    is compiled.
-
-    Returns:
-        What is allowed, validity of the sensors, what is shown, and what `learn_raw` returns.
-    """
-    validity, done, news = sense(followers, conditioner, sample, times_ns[0], wanted[3]), NOTHING, False
-    follower, newest = followers[0], learnings[0].newest[0]
-    if validity == GOOD:
-        raw = (times_ns[0] - times_ns[3]) * 1e-9, follower.position, follower.force
-        if field is None:
-            if banks is not None:
-                done, news = _learn_raw(banks, conditioner, learnings, raw, 0.0, False)
-        else:
-            done, news = _learn_in_field(field, conditioner, learnings, raw)
-    allowed = allow(followers, conditioner, learnings, sample[0], times_ns, wanted, False)
-    return allowed, validity, (follower.force, newest.velocity, newest.force, newest.in_contact), (done, news)
+) -> Done:
+    """A tick along a line: `act`, and the limits of the motion."""
+    (_, status), validity, shown, learnt = act(
+        followers, banks, fields, conditioner, learnings, sample, times_ns, wanted
+    )
+    return (_limit(followers[0].safety), status), validity, shown, learnt
 
 
 LEARNT = Conditioning, Learning, Bank, FieldState
 CONDITIONER, SAMPLE = "Tuple((Conditioning[::1], f8[:, ::1]))", "Tuple((f8, f8, f8, f8, f8, f8, b1, f8))"
-WANTED = "UniTuple(i8, 4), Tuple((f8, f8, f8, f8, b1))"
-GIVEN = f"(Follower[::1], {CONDITIONER}, Learning[::1], f8, {WANTED}, b1)"
-REST = f"{CONDITIONER}, Learning[::1], {SAMPLE}, {WANTED})"
+WANTED = "UniTuple(i8, 4), Tuple((f8, f8, b1))"
+OF_MAP = f"Follower[::1], Bank[::1], none, {CONDITIONER}, Learning[::1]"
+OF_FIELD = f"Follower[::1], none, FieldState[::1], {CONDITIONER}, Learning[::1]"
 
-tick_at_once = Kernel(tick, f"(Follower[::1], Bank[::1], none, {REST}", *LEARNT)
-tick_in_field = Kernel(tick, f"(Follower[::1], none, Tuple((FieldState[::1], UniTuple(f8, 3))), {REST}", *LEARNT)
-sense_alone = Kernel(sense, f"i8(Follower[::1], {CONDITIONER}, {SAMPLE}, i8, f8)", *LEARNT)
+tick_at_once = Kernel(tick, f"({OF_MAP}, {SAMPLE}, {WANTED})", *LEARNT)
+tick_in_field = Kernel(tick, f"({OF_FIELD}, {SAMPLE}, {WANTED})", *LEARNT)
+sense_alone = Kernel(sense, f"i8(Follower[::1], {CONDITIONER}, {SAMPLE}, i8)", *LEARNT)
 feel_alone = Kernel(feel, "(Follower[::1], Learning[::1])", *LEARNT)
-allow_alone = Kernel(allow, GIVEN, *LEARNT)
-
-
-def load(whole: Kernel[..., Any] | None) -> None:
-    """Load what is compiled before any loop: the stages, and the tick as a whole of the estimator that has one."""
-    for stage in (sense_alone, feel_alone, allow_alone, whole):
-        assert stage is None or callable(stage.entry)
+allow_alone = Kernel(allow, f"(Follower[::1], {CONDITIONER}, Learning[::1], f8, {WANTED}, b1)", *LEARNT)
