@@ -8,10 +8,8 @@ from typing import Any
 
 import msgspec
 
-from foretouch.core import Kernel, Record, compiled, kernel
+from foretouch.core import Kernel, Record, compiled
 from foretouch.identification import ContactMap, Estimator, FrictionEstimator, Learner, MaterialFieldLearner
-from foretouch.identification.conditioning.kernel import Memory as Conditioner
-from foretouch.identification.contact_map.kernel import Learning
 from foretouch.identification.friction import Friction, learn_friction
 from foretouch.messages import VERSION, Command, FixtureBelief, FollowerSpace, ModelUpdate
 from foretouch.quantities import pose as rigid
@@ -20,16 +18,32 @@ from foretouch.rendering.surfaces import Surface
 from foretouch.rendering.surfaces.geometry import Numbers3, Triangle, add, norm, scaled, subtract, vector, write
 from foretouch.rendering.surfaces.god_object import MESH, Mesh
 from foretouch.rendering.surfaces.line import Closest, rotate
-from foretouch.robot import RobotSample, SpatialSample
+from foretouch.robot import SpatialSample
 from foretouch.session.network.model_sender import FieldSender
 from foretouch.session.network.playout import NOWHERE, Playing
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.spatial.course import SurfaceLine, go
-from foretouch.session.spatial.safety import VECTOR, Records, Space, SpatialSafety, arrive, limit
+from foretouch.session.spatial.safety import VECTOR, Space, SpatialSafety, arrive, limit
 from foretouch.session.spatial.way_in import MISSED, MISSED_TICKS
 from foretouch.session.steps.axis import Finished, Measured, ProbeOnAxis
 from foretouch.session.steps.follower import GOOD, Inputs, State
-from foretouch.session.steps.tick import LEARNT, OF_FIELD, OF_MAP, WANTED, Done, Follower, Times, Wanted, act
+from foretouch.session.steps.tick import (
+    LEARNT,
+    OF_FIELD,
+    OF_MAP,
+    STATES,
+    WANTED,
+    Allowed,
+    Done,
+    Records,
+    States,
+    Times,
+    Wanted,
+    allow,
+    learn,
+    sense,
+    show,
+)
 
 BIAS_RATE = 2e-4  # Weight per tick of the measured force in the sensor's offset in free air, once it is known from 5 s
 
@@ -124,13 +138,13 @@ def _in_free_air(beside: Beside, force: Vector, missed: bool) -> int:
     return news
 
 
-@kernel(f"i8(Beside[::1], Space[::1], Learning[::1], {VECTOR}, b1, i8)", Space, Learning)
-def learn_beside(besides: Records, spaces: Records, learnings: Records, force: Vector, good: bool, tick: int) -> int:
+@compiled
+def learn_beside(beside: Beside, space: Space, learnings: Records, force: Vector, good: bool, tick: int) -> int:
     """In free air the sensor's offset; in contact friction, and where the contact began.
 
     The law was learnt from the newest sample of the learner; the whole force is as measured [N]. Returns what is news.
     """
-    beside, line, course, newest = besides[0], spaces[0].probe, spaces[0].course, learnings[0].newest[0]
+    line, course, newest = space.probe, space.course, learnings[0].newest[0]
     point, sideways = vector(line.closest.inner_point), vector(course.resistance)
     moved = subtract(point, vector(beside.point))
     write(beside.point, point)
@@ -155,51 +169,70 @@ def learn_beside(besides: Records, spaces: Records, learnings: Records, force: V
 Own = tuple[Records, Records, Records, Mesh]
 """Records of safety in space, of what is learnt beside, of the playout; and the shape of the surface."""
 
-Said = tuple[float, float, float, float, float, float, float, float, float, float]
-"""Position for the robot [m], force on the probe [N], normal and depth [m] of its closest point: of each axis."""
+Seen = tuple[Vector, Vector, int]
+"""Place of the probe [m], force that its sensor shows [N], and number of the tick."""
 
-_arrive, _limit, _learn_beside = arrive.function, limit.function, learn_beside.function
+Said = tuple[float, float, float, float, float, float, float, float, float, float]
+"""Position for the robot [m], force on the probe [N], normal of its closest point, of each axis; and its depth [m]."""
+
+
+@compiled
+def sense_in_space(states: States, own: Own, seen: Seen, now_ns: int, position: float) -> tuple[float, float, bool]:
+    """`sense` along the normal; and the course, unless there is no position to be played (NaN).
+
+    Returns:
+        The coordinate that is wanted and that of the probe [m], and whether it went on though the probe did not move.
+    """
+    (spaces, besides, playings, mesh), (place, force, _) = own, seen
+    space, bias = spaces[0], vector(besides[0].bias)
+    felt, jumped = arrive(space, states, mesh, place, force, subtract(force, bias))
+    if not math.isnan(position):
+        position = go(space.course, mesh, vector(playings[0].place))
+    along = float(space.probe.closest.along)
+    sense(states, (along, felt, 0.0, math.nan, math.nan, along, False, math.nan), now_ns)
+    return position, along, jumped
+
+
+@compiled
+def allow_in_space(
+    states: States, own: Own, seen: Seen, times_ns: Times, wanted: Wanted, stopped: bool, learns: bool
+) -> tuple[Allowed, int, Said]:
+    """`allow` along the normal, learning beside the law, and the limits of the motion.
+
+    Returns:
+        The robot's coordinate along the normal [m] and its status, news of `learn_beside`, and what there is to say.
+    """
+    (spaces, besides, _, mesh), (_, raw, number) = own, seen
+    space, beside, follower, closest = spaces[0], besides[0], states[0][0], spaces[0].probe.closest
+    aim, status = allow(states, closest.along, times_ns, wanted, stopped)
+    force, good, news = subtract(raw, vector(beside.bias)), follower.watch[0].state == GOOD, 0
+    if learns:
+        news = learn_beside(beside, space, states[2], raw, good, number)
+    told, coordinate = limit(space, follower.safety[0], mesh, aim)
+    return (coordinate, status), news, (*told, *force, *vector(closest.normal), float(closest.depth))
 
 
 @compiled
 def tick(
-    followers: Records,
-    banks: Records | None,
-    fields: Records | None,
-    conditioner: Conditioner,
-    learnings: Records,
-    own: Own,
-    seen: tuple[Vector, Vector, int],
-    asked: tuple[Times, Wanted],
+    states: States, banks: Records | None, fields: Records | None, own: Own, seen: Seen, times_ns: Times, wanted: Wanted
 ) -> tuple[Done, float, bool, int, Said]:
-    """A tick in space, with place and force of the probe and the tick's number, as `act` is one along the normal.
-
-    Returns:
-        What `act` does, with the robot's coordinate; that of the probe [m]; whether it went on though the probe did not
-        move; what `learn_beside` returns; and what there is to say.
-    """
-    (spaces, besides, playings, mesh), (place, force, number), (times_ns, wanted) = own, seen, asked
-    space, line, bias = spaces[0], spaces[0].probe, vector(besides[0].bias)
-    felt, jumped = _arrive(spaces, followers, conditioner, learnings, mesh, (place, force, bias))
-    along, point, position = line.closest.along, vector(line.closest.inner_point), wanted[0]
-    if fields is not None and math.isfinite(point[0] + point[1] + point[2]):
+    """A tick in space, as `foretouch.session.steps.tick.tick` is one along a line."""
+    desired, along, jumped = sense_in_space(states, own, seen, times_ns[0], wanted[0])
+    x, y, z = point = vector(own[0][0].probe.closest.inner_point)
+    if fields is not None and math.isfinite(x + y + z):
         write(fields[0].point, point)
-    if not math.isnan(position):
-        position = go(space.course, mesh, vector(playings[0].place))
-    sample = along, felt, 0.0, math.nan, math.nan, along, False, math.nan
-    (aim, status), validity, shown, learnt = act(
-        followers, banks, fields, conditioner, learnings, sample, times_ns, (position, wanted[1], wanted[2])
-    )
-    news = _learn_beside(besides, spaces, learnings, force, validity == GOOD, number)
-    told, coordinate = _limit(spaces, followers[0].safety, mesh, aim)
-    said = (*told, *subtract(force, bias), *vector(line.closest.normal), line.closest.depth)
-    return ((coordinate, status), validity, shown, learnt), along, jumped, news, said
+    learnt = learn(states, banks, fields, times_ns)
+    wanted = desired, wanted[1], wanted[2]
+    allowed, news, said = allow_in_space(states, own, seen, times_ns, wanted, False, True)
+    return show(states, allowed, learnt), along, jumped, news, said
 
 
-IN_SPACE = f"""Tuple((Space[::1], Beside[::1], Playing[::1], {MESH})), Tuple(({VECTOR}, {VECTOR}, i8)),
-    Tuple(({WANTED}))"""
-tick_with_map = Kernel(tick, f"({OF_MAP}, {IN_SPACE})", *LEARNT, Follower, Playing, Triangle)
-tick_with_field = Kernel(tick, f"({OF_FIELD}, {IN_SPACE})", *LEARNT, Follower, Playing, Triangle)
+OWN = f"Tuple((Space[::1], Beside[::1], Playing[::1], {MESH})), Tuple(({VECTOR}, {VECTOR}, i8))"
+KNOWN = *LEARNT, Playing, Triangle
+sense_alone = Kernel(sense_in_space, f"({STATES}, {OWN}, i8, f8)", *KNOWN)
+allow_alone = Kernel(allow_in_space, f"({STATES}, {OWN}, {WANTED}, b1, b1)", *KNOWN)
+tick_with_map = Kernel(tick, f"({OF_MAP}, {OWN}, {WANTED})", *KNOWN)
+tick_with_field = Kernel(tick, f"({OF_FIELD}, {OWN}, {WANTED})", *KNOWN)
 WHOLE: dict[type[Estimator], Kernel[..., Any]] = {ContactMap: tick_with_map, MaterialFieldLearner: tick_with_field}
 
 
@@ -231,7 +264,7 @@ class ProbeInSpace(ProbeOnAxis):
 
     def __init__(self, surface: Surface, pose: tuple[float, ...]) -> None:
         self._surface, self._pose = surface, pose
-        self.besides, self._beside = Beside.new(), learn_beside.entry
+        self.besides = Beside.new()
         self.friction = FrictionEstimator(self.besides["friction"])
         self.touch: Vector = NOWHERE
         self.touch_tick = 0
@@ -256,6 +289,8 @@ class ProbeInSpace(ProbeOnAxis):
         self.besides["largest_offset"] = state.specification.largest_offset
         if self.safety.python:
             self.whole = {}
+        for stage in (sense_alone, allow_alone):
+            assert callable(stage.entry)
 
     def hear(self, state: State, inputs: Inputs, now_ns: int) -> None:
         """See `ProbeOnAxis.hear`."""
@@ -266,40 +301,47 @@ class ProbeInSpace(ProbeOnAxis):
             state.failures.note("what it believes of the fixture", error)
 
     def at_once(
-        self, tick: Callable[..., Any], states: Any, state: State, inputs: Inputs, asked: Any
+        self, tick: Callable[..., Any], known: Any, state: State, inputs: Inputs, asked: Any
     ) -> tuple[Done, Measured]:
         """See `ProbeOnAxis.at_once`."""
-        sample, safety = inputs.sample, self.safety
-        own, exact = (
-            (safety.spaces, self.besides, state.playout.playings, safety.line.shape),
-            rigid.norm(sample.exact_force),
-        )
-        seen = (*sample.place,), (*sample.force,), state.tick + 1  # a driver may give a list
-        done, along, jumped, self._news, self._said = tick(*states, own, seen, asked)
+        sample, exact = inputs.sample, rigid.norm(inputs.sample.exact_force)
+        done, along, jumped, self._news, self._said = tick(state.states, *known, *self._own(state, sample), *asked)
         if jumped:
             state.learner.conditioner.recall()
         return done, (along, exact, sample.clipped)
 
-    def arrive(self, state: State, inputs: Inputs) -> RobotSample:
-        """See `ProbeOnAxis.arrive`."""
-        sample, failures, learner = inputs.sample, state.failures, state.learner
-        (x, y, z), force, bias, conditioner = sample.place, sample.force, self.bias, learner.conditioner
-        self._force = rigid.subtract(force, bias)
-        felt, jumped = self.safety.arrive(state.memory, conditioner.memory, learner.learning, ((x, y, z), force, bias))
+    def _own(self, state: State, sample: SpatialSample) -> tuple[Own, Seen]:
+        (x, y, z), (a, b, c) = sample.place, sample.force  # a driver may give lists
+        own = self.safety.spaces, self.besides, state.playout.playings, self.line.shape
+        return own, ((x, y, z), (a, b, c), state.tick + 1)
+
+    def sense(self, state: State, inputs: Inputs, now_ns: int, position: float) -> tuple[float, Measured]:
+        """See `ProbeOnAxis.sense`; the course goes to the place that is played."""
+        sample, failures, learner, safety = inputs.sample, state.failures, state.learner, self.safety
+        if safety.python:
+            safety.touch(sample.place)
+        own = self._own(state, sample)
+        desired, along, jumped = sense_alone.entry(state.states, *own, now_ns, position)
+        state.watch.taken(state.memory["validity"].item())
+        if safety.python and not math.isnan(position):
+            desired = safety.settle()
         if jumped:
-            conditioner.recall()
-        closest = self.line.newest
+            learner.conditioner.recall()
         if failures.learns and isinstance(learner.estimator, MaterialFieldLearner):
             try:
-                learner.estimator.touch_at(closest.inner_point)
+                learner.estimator.touch_at(self.line.newest.inner_point)
             except Exception as error:
                 failures.stop_learning("its learning in space", error)
-        along, exact = closest.along, rigid.norm(sample.exact_force)
-        return RobotSample(along, felt, 0.0, exact, math.nan, along, sample.clipped)
+        return desired, (along, rigid.norm(sample.exact_force), sample.clipped)
 
-    def go(self, state: State, position: float) -> float:
-        """See `ProbeOnAxis.go`; the course goes to the place that is played."""
-        return position if math.isnan(position) else self.safety.go(state.playout.place)
+    def allow(self, state: State, inputs: Inputs, position: float, asked: Any) -> Allowed:
+        """See `ProbeOnAxis.allow`; along the normal and in all directions within the limits."""
+        own, learns = self._own(state, inputs.sample), state.failures.learns
+        times_ns, wanted, stopped = asked
+        allowed, self._news, self._said = allow_alone.entry(state.states, *own, times_ns, wanted, stopped, learns)
+        if self.safety.python and math.isfinite(allowed[0]):
+            self.safety.went(self._said[:3])
+        return allowed
 
     def _believe(self, state: State, belief: FixtureBelief, now_ns: int) -> None:
         known = self.belief
@@ -318,17 +360,6 @@ class ProbeInSpace(ProbeOnAxis):
         x, y, z = command.place if len(command.place) == 3 else NOWHERE
         known = math.isfinite(x) and math.isfinite(y) and math.isfinite(z)
         return max(abs(x), abs(y), abs(z)) if known else math.nan
-
-    def limit(self, state: State, inputs: Inputs, aim: float) -> float:
-        """See `ProbeOnAxis.limit`; along the normal and in all directions within the limits."""
-        self._news, good, (x, y, z) = 0, state.watch.state is GOOD, inputs.sample.force
-        if state.failures.learns:
-            learnings = state.learner.learning
-            self._news = self._beside(self.besides, self.safety.spaces, learnings, (x, y, z), good, state.tick + 1)
-        desired, along = self.safety.limit(aim)
-        closest = self.line.newest
-        self._said = *desired, *self._force, *closest.normal, closest.depth
-        return along
 
     def finish(
         self, state: State, inputs: Inputs, coordinate: float, model: ModelUpdate | None, now_ns: int

@@ -8,14 +8,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
-from foretouch.core import Kernel, Record, compiled, kernel
+from foretouch.core import Kernel, Record, compiled
 from foretouch.identification.conditioning.fault_kernels import GOOD
-from foretouch.identification.conditioning.kernel import Conditioning, shift
-from foretouch.identification.conditioning.kernel import Memory as Conditioner
-from foretouch.identification.contact_map.kernel import Learning
+from foretouch.identification.conditioning.kernel import shift
 from foretouch.messages import FixtureBelief
 from foretouch.quantities.pose import Vector
 from foretouch.rendering.surfaces import Surface
@@ -26,11 +21,10 @@ from foretouch.session.safety.force_guard import ForceCap, limit_force, observe_
 from foretouch.session.safety.kernel import HOLDING, Memory
 from foretouch.session.safety.motion import Bound, Path, begin, go_on
 from foretouch.session.safety.safety import Safety
-from foretouch.session.spatial.course import Course, SurfaceLine, begin_course, go, held_at, meet, settle
+from foretouch.session.spatial.course import Course, SurfaceLine, begin_course, held_at, meet, settle
 from foretouch.session.spatial.way_in import SIDEWAYS_SHARE, Known, WayIn, believe_covariance, come_to, uncertainty_of
-from foretouch.session.steps.tick import CONDITIONER, Follower
+from foretouch.session.steps.tick import States
 
-Records = NDArray[np.void]
 NO_VECTOR: Vector = (0.0, 0.0, 0.0)
 
 ALIGNED = math.cos(0.5)
@@ -83,27 +77,19 @@ def _begin(space: Space, mesh: Mesh, place: Vector) -> None:
 
 
 VECTOR = "UniTuple(f8, 3)"
-Shown = tuple[Vector, Vector, Vector]
-"""Position of the probe [m], force as its sensor shows it, and the sensor's offset [N]."""
-
 _shift = shift.function
 
 
-@kernel(
-    f"(Space[::1], Follower[::1], {CONDITIONER}, Learning[::1], {MESH}, UniTuple({VECTOR}, 3))",
-    *(Triangle, Learning, Conditioning, Follower),
-)
-def arrive(
-    spaces: Records, followers: Records, conditioner: Conditioner, learnings: Records, mesh: Mesh, shown: Shown
-) -> tuple[float, bool]:
-    """Take what the probe shows, before the stages along the normal.
+@compiled
+def arrive(space: Space, states: States, mesh: Mesh, place: Vector, raw: Vector, force: Vector) -> tuple[float, bool]:
+    """Take the probe's position [m], the force that its sensor shows and that without its offset [N].
 
     Returns:
         The force along the normal [N], and whether the coordinate went on though the probe did not move.
     """
-    space, follower, memory, newest = spaces[0], followers[0], followers[0].safety[0], learnings[0].newest[0]
-    line, course, touch, (place, raw, bias) = space.probe, space.course, follower.touch[0], shown
-    before, force = line.offset, subtract(raw, bias)
+    follower, conditioner, newest = states[0][0], states[1], states[2][0].newest[0]
+    line, course, memory, touch = space.probe, space.course, follower.safety[0], follower.touch[0]
+    before = line.offset
     follow_line(line, mesh, place[0], place[1], place[2])
     jump = line.offset - before
     if jump != 0.0:  # the proxy has let go: the coordinate went on, and what was felt is elsewhere
@@ -150,10 +136,9 @@ def _went(space: Space, memory: Memory, mesh: Mesh) -> None:
     memory.nearest = told.closest.along
 
 
-@kernel(f"Tuple(({VECTOR}, f8))(Space[::1], Memory[::1], {MESH}, f8)", Triangle)
-def limit(spaces: Records, memories: Records, mesh: Mesh, aim: float) -> tuple[Vector, float]:
+@compiled
+def limit(space: Space, memory: Memory, mesh: Mesh, aim: float) -> tuple[Vector, float]:
     """The position for the robot, and its coordinate along the course's normal [m], for an aim [m] of this tick."""
-    space, memory = spaces[0], memories[0]
     course, cap, line, path = space.course, space.cap, space.told, space.path
     before = vector(path.position)
     if not (course.begun and is_known(line) and math.isfinite(aim)):
@@ -178,7 +163,6 @@ def limit(spaces: Records, memories: Records, mesh: Mesh, aim: float) -> tuple[V
     return commanded, position
 
 
-_go = Kernel(go, f"f8(Course, {MESH}, {VECTOR})", Triangle)
 _settle = Kernel(settle, f"(Course, {MESH})", Triangle)
 _begin_there = Kernel(_begin, f"(Space, {MESH}, {VECTOR})", Triangle)
 _went_there = Kernel(_went, f"(Space, Memory, {MESH})", Triangle)
@@ -194,7 +178,7 @@ class SpatialSafety:
     near; into the surface from the robot's commanded position; and against the force on the probe or, where none is
     felt, into the surface under it. Over a flat surface they are the same, at an edge they differ.
 
-    A surface of Python's own is touched by Python, before each compiled call or after it.
+    A surface of Python's own is touched by Python, before and after each of them (`touch`, `settle`, `went`).
 
     Args:
         safety: Safety layer along the normal, whose limits hold in space.
@@ -224,7 +208,7 @@ class SpatialSafety:
         self._gone = SurfaceLine(surface, pose, records=courses["line"])
         self._told = SurfaceLine(surface, pose, leads=False, records=self.spaces["told"])
         self.python = not self.line.records["compiled"][0]
-        self._arrive, self._go, self._limit, self._begin = arrive.entry, _go.entry, limit.entry, _begin_there.entry
+        self._begin = _begin_there.entry
 
     def believe(self, belief: FixtureBelief) -> bool:
         """Take a belief of the fixture's pose; whether it stands elsewhere."""
@@ -241,38 +225,27 @@ class SpatialSafety:
         way.contradicted = way.contradicted and not way.believed > way.then
         return elsewhere
 
-    def arrive(
-        self, followers: Records, conditioner: Conditioner, learnings: Records, shown: Shown
-    ) -> tuple[float, bool]:
-        """See the function `arrive`."""
-        if self.python:
-            place = shown[0]
-            course = self.spaces["course"][0]
-            self.line.touch(place)
-            self._gone.touch(course.place.tolist() if course.begun else place)
-            if not course.begun:
-                self._told.touch(place)
-        return self._arrive(self.spaces, followers, conditioner, learnings, self.line.shape, shown)
+    def touch(self, place: Vector) -> None:
+        """Touch a surface of Python's own before `arrive`, with the probe at a position [m]."""
+        course = self.spaces["course"][0]
+        self.line.touch(place)
+        self._gone.touch(course.place.tolist() if course.begun else place)
+        if not course.begun:
+            self._told.touch(place)
 
-    def go(self, place: Vector) -> float:
-        """One tick of the course towards the place that is played [m]; returns its coordinate along the normal [m]."""
+    def settle(self) -> float:
+        """Touch it after `go`; returns the coordinate of the course along the normal [m]."""
         course = self.spaces[0].course
-        along = self._go(course, self.line.shape, place)
-        if self.python:
-            if course.begun and course.open:
-                self._gone.touch(course.place.tolist())
-                _settle(course, self.line.shape)
-            along = float(course.along)
-        return along
+        if course.begun and course.open:
+            self._gone.touch(course.place.tolist())
+            _settle(course, self.line.shape)
+        return float(course.along)
 
-    def limit(self, aim: float) -> tuple[Vector, float]:
-        """See the function `limit`."""
-        memories, shape = self._safety.memories, self.line.shape
-        commanded, along = self._limit(self.spaces, memories, shape, aim)
-        if self.python and math.isfinite(aim) and self.spaces["course"][0].begun:
+    def went(self, commanded: Vector) -> None:
+        """Touch it after `limit`, at the commanded position [m]."""
+        if self.spaces["course"][0].begun:
             self._told.touch(commanded)
-            _went_there(self.spaces[0], memories[0], shape)
-        return commanded, along
+            _went_there(self.spaces[0], self._safety.memories[0], self.line.shape)
 
     def begin(self, place: Vector) -> None:
         """Begin again at the robot's position [m], at rest."""

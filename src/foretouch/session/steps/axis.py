@@ -11,13 +11,11 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from foretouch.core import Kernel
-from foretouch.identification import ContactMap, Estimator, MaterialFieldLearner
+from foretouch.identification import ContactMap, Estimator, MaterialFieldLearner, SensorState
 from foretouch.messages import Command, FieldUpdate, FollowerSpace, LeaderSpace, Message, ModelUpdate
 from foretouch.models import ContactModel
 from foretouch.rendering import Renderer
 from foretouch.rendering.renderer import ContactFrame
-from foretouch.robot import RobotSample
-from foretouch.session.safety.kernel import limit
 from foretouch.session.steps import tick as stages
 from foretouch.session.steps.follower_view import FollowerView
 
@@ -66,6 +64,8 @@ class HandOnAxis:
         return (), renderer.predicted[3], None
 
 
+NOT_FINITE = int(SensorState.NOT_FINITE)
+
 Measured: TypeAlias = tuple[float, float, bool]
 """Position along the normal [m], the simulator's own contact force [N], and whether the robot clipped a command."""
 
@@ -76,7 +76,7 @@ Finished: TypeAlias = tuple[Any, FollowerSpace | None, ModelUpdate | None, Field
 class ProbeOnAxis:
     """A probe with one degree of freedom: what it presses is a plane whose normal is the axis, felt by touching.
 
-    A tick is `at_once`, or `arrive`, `go` and `limit` with the stages of `foretouch.session.steps.tick` between them.
+    A tick is `at_once`, or `sense`, learning and `allow`.
 
     Attributes:
         whole: Ticks in one compiled call, by what they learn.
@@ -89,33 +89,34 @@ class ProbeOnAxis:
 
     def join(self, state: State, settings: SessionSettings) -> None:
         """Become the probe of a follower before its first tick."""
-        self._limit = limit.entry
 
     def hear(self, state: State, inputs: Inputs, now_ns: int) -> None:
         """Take what is believed of the surface."""
-
-    def at_once(
-        self, tick: Callable[..., Any], states: Any, state: State, inputs: Inputs, asked: Any
-    ) -> tuple[stages.Done, Measured]:
-        """A tick in one compiled call with these states, at times, as commanded; and what the robot shows."""
-        sample = inputs.sample
-        return tick(*states, sample, *asked), (sample.position, sample.exact_force, sample.clipped)
-
-    def arrive(self, state: State, inputs: Inputs) -> RobotSample:
-        """Take what the robot shows; returns it along the normal."""
-        return inputs.sample  # type: ignore[no-any-return]
-
-    def go(self, state: State, position: float) -> float:
-        """The coordinate that is wanted where a position is played [m]; NaN for none."""
-        return position
 
     def wanted(self, command: Command) -> float:
         """Position of a command [m]; NaN for none."""
         return command.position
 
-    def limit(self, state: State, inputs: Inputs, aim: float) -> float:
-        """Learn what there is beside the law, and limit the motion to an aim: the robot's coordinate [m]."""
-        return self._limit(state.safety.memories)
+    def at_once(
+        self, tick: Callable[..., Any], known: Any, state: State, inputs: Inputs, asked: Any
+    ) -> tuple[stages.Done, Measured]:
+        """A tick in one compiled call, with the estimator's state, at times, as commanded; and what the robot shows."""
+        sample = inputs.sample
+        return tick(state.states, *known, sample, *asked), (sample.position, sample.exact_force, sample.clipped)
+
+    def sense(self, state: State, inputs: Inputs, now_ns: int, position: float) -> tuple[float, Measured]:
+        """Watch the sensors; return the coordinate for a played position [m], and what the robot shows."""
+        sample, record = inputs.sample, state.memory[0]
+        try:
+            state.watch.taken(stages.sense_alone.entry(state.states, sample, now_ns))
+        except Exception as error:
+            state.failures.note("its sensors", error)
+            record.validity, record.position, record.force = NOT_FINITE, sample.position, math.nan
+        return position, (sample.position, sample.exact_force, sample.clipped)
+
+    def allow(self, state: State, inputs: Inputs, position: float, asked: Any) -> stages.Allowed:
+        """The last stages, with the probe at a coordinate [m], and whether a stop is latched."""
+        return stages.allow_alone.entry(state.states, position, *asked)
 
     def finish(
         self, state: State, inputs: Inputs, coordinate: float, model: ModelUpdate | None, now_ns: int

@@ -32,7 +32,7 @@ from foretouch.session.steps.axis import Measured, ProbeOnAxis
 from foretouch.session.steps.sensing import Failures, calibrated, safety_limits
 
 # Constants used in every tick: a member of an enumeration costs more to look up than to compare.
-GOOD, NOT_FINITE = SensorState.GOOD, SensorState.NOT_FINITE
+GOOD = SensorState.GOOD
 FRESH, FUTURE = Arrival.FRESH, Arrival.FUTURE
 OF_ROBOT = ("tool_mass", "gravity", "moved_mass", "largest_offset")  # What a tick knows of the robot's specification
 STAGES = stages.sense_alone, stages.feel_alone, stages.allow_alone
@@ -91,6 +91,11 @@ class State:
     def sensor_force(self, sample: RobotSample) -> float:
         """Sensor force less weight and inertia of the tool, which are no contact, and its calibrated zero [N]."""
         return sample.sensor_force - self.specification.tool_force(sample.acceleration) - self.zero
+
+    @property
+    def states(self) -> stages.States:
+        """The records of a tick."""
+        return self.memory, self.learner.conditioner.memory, self.learner.learning
 
     def feel_plainly(self, force: float) -> None:
         """Take a sensor force [N] as the contact force, less the offset as far as known, without conditioning."""
@@ -253,11 +258,10 @@ def _at_once(state: State, inputs: Inputs, applied: int, times_ns: stages.Times,
     if tick is None:
         return None
     known = (estimator.states, None) if type(estimator) is ContactMap else (None, estimator.states)
-    states = state.memory, *known, learner.conditioner.memory, learner.learning
     # What is compiled raises only where an argument cannot be converted, as where the robot shows what is no number:
     # then nothing has been written, and which stage that stops is found one by one.
     try:
-        done, measured = state.probe.at_once(tick.entry, states, state, inputs, (times_ns, wanted))
+        done, measured = state.probe.at_once(tick.entry, known, state, inputs, (times_ns, wanted))
     except Exception:
         return None
     allowed, validity, shown, learnt = done
@@ -271,33 +275,19 @@ def _at_once(state: State, inputs: Inputs, applied: int, times_ns: stages.Times,
 
 
 def _one_by_one(state: State, inputs: Inputs, times_ns: stages.Times, wanted: stages.Wanted) -> Acted:
-    """The same stage by stage: an exception in one of them is noted, and the last ones run all the same."""
-    memory, learner, record, probe = state.memory, state.learner, state.memory[0], state.probe
-    sample, desired = probe.arrive(state, inputs), math.nan
-    try:
-        desired = probe.go(state, wanted[0])
-    except Exception as error:
-        state.failures.note("its commands", error)
-    try:
-        validity = stages.sense_alone.entry(memory, learner.conditioner.memory, sample, times_ns[0])
-        state.watch.taken(validity)
-    except Exception as error:
-        state.failures.note("its sensors", error)
-        validity = record.validity = int(NOT_FINITE)
-        record.position, record.force = sample.position, math.nan
-    force = float(record.force)
+    """The same stage by stage: an exception in learning is noted, and what comes after it runs all the same."""
+    learner, record, probe = state.learner, state.memory[0], state.probe
+    desired, measured = probe.sense(state, inputs, times_ns[0], wanted[0])
+    validity, force = int(record.validity), float(record.force)
     if validity == GOOD and state.start_ns is not None:
         _learn(state, (times_ns[0] - state.start_ns) * 1e-9, float(record.position), force)
-    felt, _ = stages.feel_alone.entry(memory, learner.learning)
+    felt, _ = stages.feel_alone.entry(state.states)
     if not _stop_or_release(state, inputs, felt, validity != GOOD):
         desired = math.nan
-    learnt, stopped = (learner.conditioner.memory, learner.learning), state.safety.stop_reason != ""
-    wanted = desired, *wanted[1:]
-    aim, status = stages.allow_alone.entry(memory, *learnt, sample.position, times_ns, wanted, stopped)
-    desired = probe.limit(state, inputs, aim)
+    asked = times_ns, (desired, *wanted[1:]), state.safety.stop_reason != ""
+    allowed = probe.allow(state, inputs, measured[0], asked)
     _, _, velocity, felt, in_contact = learner.sample
-    measured = sample.position, sample.exact_force, sample.clipped
-    return (desired, status), validity, (force, velocity, felt, in_contact), measured
+    return allowed, validity, (force, velocity, felt, in_contact), measured
 
 
 def _learn(state: State, time: float, position: float, force: float) -> None:

@@ -92,19 +92,23 @@ HOLDING, TOO_SLOW = int(Status.HOLDING), int(Status.TOO_SLOW)
 _look, _learn_raw = look.function, learn_raw.function
 _keep_safe, _limit, _is_too_slow = keep_safe.function, limit.function, is_too_slow.function
 
+Records = NDArray[np.void]
+States = tuple[Records, Conditioner, Records]
+"""Of the follower, of the conditioner, whose rings have room, and of the learner: what a tick writes."""
+
 Showing = tuple[float, float, float, float, float, float, bool, float]
 """A `foretouch.robot.RobotSample`."""
 
 
 @compiled
-def sense(followers: NDArray[np.void], conditioner: Conditioner, sample: Showing, now_ns: int) -> int:
+def sense(states: States, sample: Showing, now_ns: int) -> int:
     r"""Watch the sensors; write validity, position of the tip and sensor force of this tick, and return the first.
 
     .. math:: F = F_{sensor} - m (\ddot p - g) - F_0, \quad p = x - F / k
 
     with the encoders' x, and the compliance 1 / k less the offset of the force, if these are known.
     """
-    follower, offset = followers[0], conditioner[0][0].offset
+    follower, offset = states[0][0], states[1][0][0].offset
     position, sensor_force, acceleration, effort = sample[0], sample[1], sample[2], sample[7]
     tool_force, time = follower.tool_mass * (acceleration - follower.gravity), now_ns * 1e-9
     force = sensor_force - tool_force - follower.zero
@@ -119,13 +123,13 @@ def sense(followers: NDArray[np.void], conditioner: Conditioner, sample: Showing
 
 
 @compiled
-def feel(followers: NDArray[np.void], learnings: NDArray[np.void]) -> tuple[float, bool]:
+def feel(states: States) -> tuple[float, bool]:
     """Force that counts as felt [N], and whether that is contact.
 
     A follower that begins in contact learns that force as the sensor's offset: an excess over any offset is felt. So is
     the effort of the drive, where a wrong sensor would do harm.
     """
-    follower, newest = followers[0], learnings[0].newest[0]
+    follower, newest = states[0][0], states[2][0].newest[0]
     unexplained, felt = follower.force - follower.largest_offset, newest.force
     effort = follower.watch[0].loss.effort
     witnessed = effort > EFFORT_FROM * follower.safety[0].limits.force
@@ -139,6 +143,25 @@ Times = tuple[int, int, int, int]
 """Of this tick; of the newest fresh command, negative before the first; since the last tick; and of the first tick that
 was learnt from [ns]."""
 
+NOTHING = -1  # What was done by learning where nothing is learnt
+
+
+@compiled
+def learn(states: States, banks: Records | None, fields: Records | None, times_ns: Times) -> tuple[int, bool]:
+    """Learn, where the sensors are valid, and return what `learn_raw` does.
+
+    Of the two estimators one is None, which is known as it is compiled.
+    """
+    (followers, conditioner, learnings), done = states, (NOTHING, False)
+    if followers[0].validity == GOOD:
+        raw = (times_ns[0] - times_ns[3]) * 1e-9, followers[0].position, followers[0].force
+        if fields is not None:
+            done = _learn_in_field(fields, conditioner, learnings, raw)
+        elif banks is not None:
+            done = _learn_raw(banks, conditioner, learnings, raw, 0.0, False)
+    return done
+
+
 Wanted = tuple[float, float, bool]
 """Commanded position, NaN for none; surface that the leader is known to have, NaN for none [m]; and whether first
 touches are guarded."""
@@ -148,20 +171,12 @@ Allowed = tuple[float, int]
 
 
 @compiled
-def allow(
-    followers: NDArray[np.void],
-    conditioner: Conditioner,
-    learnings: NDArray[np.void],
-    position: float,
-    times_ns: Times,
-    wanted: Wanted,
-    stopped: bool,
-) -> Allowed:
+def allow(states: States, position: float, times_ns: Times, wanted: Wanted, stopped: bool) -> Allowed:
     """The aim for a commanded position, with the robot at a position [m]: the first touch, then safety."""
-    follower, touch, limits = followers[0], followers[0].touch[0], followers[0].safety[0].limits
+    follower, touch, limits = states[0][0], states[0][0].touch[0], states[0][0].safety[0].limits
     (now_ns, heard_ns, period_ns, _), (desired, known_surface, guarded) = times_ns, wanted
     faulty = follower.validity != GOOD
-    felt, touches = feel(followers, learnings)
+    felt, touches = feel(states)
     if follower.compliance > 0.0 and not faulty and touches:  # commands give the position of the tip
         desired += follower.compliance * min(max(felt, 0.0), limits.force)
     if not guarded or math.isnan(desired):
@@ -172,7 +187,7 @@ def allow(
     too_slow = _is_too_slow(follower.rate, period_ns)
     if too_slow:
         silence = max(silence, limits.hold_after)
-    surface, held_back, uncertain = conditioner[0][0].surface, touch.held_back != 0.0, follower.watch[0].loss.uncertain
+    surface, held_back, uncertain = states[1][0][0].surface, touch.held_back != 0.0, follower.watch[0].loss.uncertain
     safety, free = follower.safety, follower.free
     aim, status = _keep_safe(
         safety, stopped, desired, position, felt, touches, surface, silence, faulty, held_back, free, uncertain
@@ -181,70 +196,45 @@ def allow(
     return aim, int(follower.status)
 
 
+@compiled
+def allow_on_axis(states: States, position: float, times_ns: Times, wanted: Wanted, stopped: bool) -> Allowed:
+    """`allow`, and the limits of the motion: the robot's position in place of the aim."""
+    _, status = allow(states, position, times_ns, wanted, stopped)
+    return _limit(states[0][0].safety), status
+
+
 Shown = tuple[float, float, float, bool]
 """Sensor force less tool and zero [N]; then velocity [m/s], force [N] and contact that were learnt from."""
 
-NOTHING = -1  # What was done by learning where nothing is learnt
-
 Done = tuple[Allowed, int, Shown, tuple[int, bool]]
-"""What is allowed, validity of the sensors, what is shown, and what `learn_raw` returns."""
+"""What is allowed, validity of the sensors, what is shown, and what `learn` returns."""
 
 
 @compiled
-def act(
-    followers: NDArray[np.void],
-    banks: NDArray[np.void] | None,
-    fields: NDArray[np.void] | None,
-    conditioner: Conditioner,
-    learnings: NDArray[np.void],
-    sample: Showing,
-    times_ns: Times,
-    wanted: Wanted,
-) -> Done:
-    """The stages up to the aim, in a tick in which a contact map or a field learns and nothing is requested.
-
-    The records are written; the conditioner's rings have room. Of the two estimators one is None, which is known as it
-    is compiled.
-    """
-    validity, done, news = sense(followers, conditioner, sample, times_ns[0]), NOTHING, False
-    follower, newest = followers[0], learnings[0].newest[0]
-    if validity == GOOD:
-        raw = (times_ns[0] - times_ns[3]) * 1e-9, follower.position, follower.force
-        if fields is None:
-            if banks is not None:
-                done, news = _learn_raw(banks, conditioner, learnings, raw, 0.0, False)
-        else:
-            done, news = _learn_in_field(fields, conditioner, learnings, raw)
-    allowed = allow(followers, conditioner, learnings, sample[0], times_ns, wanted, False)
-    return allowed, validity, (follower.force, newest.velocity, newest.force, newest.in_contact), (done, news)
+def show(states: States, allowed: Allowed, learnt: tuple[int, bool]) -> Done:
+    """What Python is told of a tick."""
+    follower, newest = states[0][0], states[2][0].newest[0]
+    shown = follower.force, newest.velocity, newest.force, newest.in_contact
+    return allowed, int(follower.validity), shown, learnt
 
 
 @compiled
 def tick(
-    followers: NDArray[np.void],
-    banks: NDArray[np.void] | None,
-    fields: NDArray[np.void] | None,
-    conditioner: Conditioner,
-    learnings: NDArray[np.void],
-    sample: Showing,
-    times_ns: Times,
-    wanted: Wanted,
+    states: States, banks: Records | None, fields: Records | None, sample: Showing, times_ns: Times, wanted: Wanted
 ) -> Done:
-    """A tick along a line: `act`, and the limits of the motion."""
-    (_, status), validity, shown, learnt = act(
-        followers, banks, fields, conditioner, learnings, sample, times_ns, wanted
-    )
-    return (_limit(followers[0].safety), status), validity, shown, learnt
+    """A tick along a line in which a contact map or a field learns, and nothing is requested at the robot."""
+    sense(states, sample, times_ns[0])
+    learnt = learn(states, banks, fields, times_ns)
+    return show(states, allow_on_axis(states, sample[0], times_ns, wanted, False), learnt)
 
 
-LEARNT = Conditioning, Learning, Bank, FieldState
-CONDITIONER, SAMPLE = "Tuple((Conditioning[::1], f8[:, ::1]))", "Tuple((f8, f8, f8, f8, f8, f8, b1, f8))"
-WANTED = "UniTuple(i8, 4), Tuple((f8, f8, b1))"
-OF_MAP = f"Follower[::1], Bank[::1], none, {CONDITIONER}, Learning[::1]"
-OF_FIELD = f"Follower[::1], none, FieldState[::1], {CONDITIONER}, Learning[::1]"
+LEARNT = Follower, Conditioning, Learning, Bank, FieldState
+STATES = "Tuple((Follower[::1], Tuple((Conditioning[::1], f8[:, ::1])), Learning[::1]))"
+OF_MAP, OF_FIELD = f"{STATES}, Bank[::1], none", f"{STATES}, none, FieldState[::1]"
+SAMPLE, WANTED = "Tuple((f8, f8, f8, f8, f8, f8, b1, f8))", "UniTuple(i8, 4), Tuple((f8, f8, b1))"
 
 tick_at_once = Kernel(tick, f"({OF_MAP}, {SAMPLE}, {WANTED})", *LEARNT)
 tick_in_field = Kernel(tick, f"({OF_FIELD}, {SAMPLE}, {WANTED})", *LEARNT)
-sense_alone = Kernel(sense, f"i8(Follower[::1], {CONDITIONER}, {SAMPLE}, i8)", *LEARNT)
-feel_alone = Kernel(feel, "(Follower[::1], Learning[::1])", *LEARNT)
-allow_alone = Kernel(allow, f"(Follower[::1], {CONDITIONER}, Learning[::1], f8, {WANTED}, b1)", *LEARNT)
+sense_alone = Kernel(sense, f"i8({STATES}, {SAMPLE}, i8)", *LEARNT)
+feel_alone = Kernel(feel, f"({STATES},)", *LEARNT)
+allow_alone = Kernel(allow_on_axis, f"({STATES}, f8, {WANTED}, b1)", *LEARNT)
