@@ -23,9 +23,8 @@ from foretouch.session.network.model_sender import FieldSender, ModelSender
 from foretouch.session.network.playout import Freshness, Playout
 from foretouch.session.runners import live
 from foretouch.session.safety.kernel import REST_FORCE
-from foretouch.session.spatial import make_scene, make_spatial_robot
-from foretouch.session.spatial.probe import WHOLE, ProbeInSpace
-from foretouch.session.spatial.safety import SpatialSafety
+from foretouch.session.spatial import make_scene, make_spatial_robot, probe
+from foretouch.session.spatial.probe import ProbeInSpace
 from foretouch.session.steps import tick as stages
 from foretouch.session.steps.axis import ProbeOnAxis
 from foretouch.session.steps.sensing import Failures
@@ -101,7 +100,7 @@ class Session:
         made = Broken(owner.entry if stage else getattr(owner, name), self.presses, times)
         made_of_class = (lambda *given, **named: made(*given, **named)) if of_class else made
         self.patch.setattr(owner, "_entry" if stage else name, made_of_class)
-        for whole in WHOLES if stage or (owner, name) in STAGES_IN_SPACE else ():
+        for whole in WHOLES if stage or name == "touch_at" else ():
             self.patch.setattr(whole, "_entry", Broken(whole.entry, self.presses, times))
         return made
 
@@ -111,9 +110,7 @@ class Session:
         return run_follower(process, self.robot, self.settings, description={}, duration=seconds)
 
 
-WHOLES = (*ProbeOnAxis.whole.values(), *WHOLE.values())
-STAGES_IN_SPACE = [(MaterialFieldLearner, "touch_at"), *((SpatialSafety, name) for name in ("arrive", "go", "limit"))]
-
+WHOLES = (*ProbeOnAxis.whole.values(), *ProbeInSpace.whole.values())
 LEARNING: list[tuple[Any, str]] = [(KelvinVoigtRLS, "update"), (Learner, "taken"), (ModelSender, "due")]
 """What has ended once it failed; the others are tried again."""
 
@@ -121,7 +118,7 @@ PLUG_IN = dataclasses.replace(LINE, model="kelvin-voigt", estimator="rls")
 """An estimator of Python, with the compiled stages around it."""
 
 ON_A_LINE: list[tuple[Any, str]] = [(Freshness, "judge"), (Playout, "advance"), (stages.sense_alone, ""), *LEARNING]
-IN_SPACE = [(MaterialFieldLearner, "taken"), (ProbeInSpace, "wanted"), (SpatialSafety, "go"), (FieldSender, "due")]
+IN_SPACE = [(MaterialFieldLearner, "taken"), (ProbeInSpace, "wanted"), (Playout, "advance"), (FieldSender, "due")]
 RARELY_IN_SPACE = [(MaterialFieldLearner, "touch_at"), (ProbeInSpace, "_learn"), (ProbeInSpace, "_with_fixture")]
 
 
@@ -159,14 +156,14 @@ def test_an_exception_before_safety_is_counted_and_told_and_safety_goes_on(
 
 
 @pytest.mark.parametrize(
-    ("shows", "settings"),
-    [(None, LINE), (math.nan, SCENE), pytest.param(math.nan, LINE, marks=pytest.mark.long)],
-    ids=["no number on a line", "watch in a scene", "watch on a line"],
+    "shows",
+    [None, pytest.param(math.nan, marks=pytest.mark.long)],
+    ids=["no number", "watch"],
 )
 def test_where_the_judge_of_the_sensors_raises_the_robot_goes_out_as_it_came(
-    monkeypatch: pytest.MonkeyPatch, settings: SessionSettings, shows: float | None
+    monkeypatch: pytest.MonkeyPatch, shows: float | None
 ) -> None:
-    session = Session(monkeypatch, settings)
+    session = Session(monkeypatch, LINE)
     if shows is None:
         exchange, bad = session.robot.exchange, False
 
@@ -252,9 +249,8 @@ FOR_EVER = float("inf")
     ("settings", "owner", "name", "times"),
     [
         (LINE, stages.allow_alone, "", FOR_EVER),
-        (SCENE, stages.allow_alone, "", FOR_EVER),
-        pytest.param(SCENE, SpatialSafety, "arrive", FOR_EVER, marks=pytest.mark.long),
-        (SCENE, SpatialSafety, "limit", FOR_EVER),
+        (SCENE, probe.allow_alone, "", FOR_EVER),
+        pytest.param(SCENE, probe.sense_alone, "", FOR_EVER, marks=pytest.mark.long),
         pytest.param(SCENE, ProbeInSpace, "_report", FOR_EVER, marks=pytest.mark.long),
         (LINE, Spoken, "publish", 1),
         (LINE, Spoken, "publish", FOR_EVER),

@@ -11,7 +11,15 @@ from hypothesis import strategies as st
 
 from foretouch.errors import SettingError
 from foretouch.quantities.pose import Vector
-from foretouch.session.safety.force_guard import AIMED, PATIENCE, STEEPER, FirstTouch, ForceCap, observe_force
+from foretouch.session.safety.force_guard import (
+    AIMED,
+    PATIENCE,
+    STEEPER,
+    ForceCap,
+    first_touch,
+    guarded_position,
+    observe_force,
+)
 from foretouch.session.safety.proven_way import CELL, GROWTH, ProvenWay, forget_way, observe_way, proven_speed
 from foretouch.session.safety.safety import SafetyLimits
 
@@ -27,11 +35,11 @@ springs = st.floats(2.0, 5.0).map(lambda exponent: 10.0**exponent)
 
 def touch(stiffness, desired, known=lambda tick: math.nan, surface=SURFACE, ticks=3000, guard=None):
     """A robot that follows as a first-order lag presses a spring; what it was told, where it was, and the forces."""
-    guard = FirstTouch(SPEED, FORCE, TICK) if guard is None else guard
+    guard = first_touch(SPEED, FORCE, TICK) if guard is None else guard
     position, forces, places, told = 0.0, [0.0] * LAG, [], []
     for tick in range(ticks):
         felt = forces[-LAG]
-        told.append(guard.update(desired(tick), position, felt, felt > 0.02, known(tick)))
+        told.append(guarded_position(guard, desired(tick), position, felt, felt > 0.02, known(tick)))
         position += (told[-1] - position) * -math.expm1(-TICK / DRIVE)
         places.append(position)
         forces.append(stiffness * max(position - surface, 0.0))
@@ -71,7 +79,7 @@ def test_it_follows_outwards_at_once():
 
 @pytest.mark.parametrize("stiffness", [600.0, 1e4, 1e5])
 def test_once_the_surface_is_known_the_way_back_is_slow_and_without_a_step(stiffness):
-    guard = FirstTouch(SPEED, FORCE, TICK)
+    guard = first_touch(SPEED, FORCE, TICK)
     told, _, _ = touch(stiffness, lambda tick: 0.009, lambda tick: math.nan if tick < 1500 else SURFACE, guard=guard)
     steps = np.diff(told)
     assert np.abs(steps).max() <= SPEED * TICK * (1.0 + 1e-9)
@@ -79,29 +87,29 @@ def test_once_the_surface_is_known_the_way_back_is_slow_and_without_a_step(stiff
     assert told[-1] == pytest.approx(0.009, abs=1e-12)
     back = (0.009 - told[1499]) / SPEED
     assert told[1500 + math.ceil(back / TICK) + 1] == pytest.approx(0.009, abs=1e-9)
-    assert not guard.guarded
+    assert guard["held_back"] == 0.0
 
 
 def test_while_it_comes_back_the_commands_motion_passes():
     """What is held back shrinks by the approach speed; the rest of the way is the hand's."""
-    guard = FirstTouch(SPEED, FORCE, TICK)
+    guard = first_touch(SPEED, FORCE, TICK)
     for _ in range(100):
-        guard.update(0.01, 0.0, 0.0, False, math.nan)
-    held = 0.01 - guard.update(0.01, 0.002, 0.0, False, 0.005)
+        guarded_position(guard, 0.01, 0.0, 0.0, False, math.nan)
+    held = 0.01 - guarded_position(guard, 0.01, 0.002, 0.0, False, 0.005)
     assert held == pytest.approx(0.008 - SPEED * TICK)
-    assert guard.update(0.013, 0.002, 0.0, False, 0.005) == pytest.approx(0.013 - held + SPEED * TICK)
-    assert guard.guarded
+    assert guarded_position(guard, 0.013, 0.002, 0.0, False, 0.005) == pytest.approx(0.013 - held + SPEED * TICK)
+    assert guard["held_back"] != 0.0
 
 
 @given(
     st.lists(st.tuples(st.floats(-0.1, 0.1), st.floats(-0.1, 0.1), st.floats(0.0, 100.0), st.booleans()), max_size=50)
 )
 def test_where_all_is_known_commands_pass_as_they_are(ticks):
-    guard = FirstTouch(SPEED, FORCE, TICK)
+    guard = first_touch(SPEED, FORCE, TICK)
     for desired, position, force, in_contact in ticks:
         position = max(position, 0.0)
-        assert guard.update(desired, position, force, in_contact, 0.0) == desired
-        assert not guard.guarded
+        assert guarded_position(guard, desired, position, force, in_contact, 0.0) == desired
+        assert guard["held_back"] == 0.0
 
 
 def test_contact_with_something_else_further_out_is_guarded_too():
@@ -127,9 +135,9 @@ def test_contact_with_something_else_further_out_is_guarded_too():
     )
 )
 def test_whatever_the_sensors_say_an_unknown_surface_is_never_approached_faster(ticks):
-    guard, told = FirstTouch(SPEED, FORCE, TICK), None
+    guard, told = first_touch(SPEED, FORCE, TICK), None
     for desired, position, force, in_contact in ticks:
-        now = guard.update(desired, position, force, in_contact, math.nan)
+        now = guarded_position(guard, desired, position, force, in_contact, math.nan)
         assert math.isfinite(now)
         assert now <= desired
         if told is not None:
@@ -142,14 +150,14 @@ def test_whatever_the_sensors_say_an_unknown_surface_is_never_approached_faster(
 @pytest.mark.parametrize("numbers", [(0.0, 2.0, TICK), (0.02, -1.0, TICK), (0.02, 2.0, math.nan)])
 def test_speed_force_and_period_must_be_positive(numbers):
     with pytest.raises(SettingError):
-        FirstTouch(*numbers)
+        first_touch(*numbers)
 
 
 def test_commands_that_step_out_as_the_guard_ends_take_the_robot_along_slowly():
     """What the index makes of the commands when the leader has met the surface is no step of the robot's."""
-    touch = FirstTouch(0.02, 2.0, 1e-3)
-    told = [touch.update(0.02, 0.011, 1.0, True, math.nan) for _ in range(300)]
-    told += [touch.update(0.0101, told[-1], 1.0, True, 0.0101) for _ in range(500)]
+    touch = first_touch(0.02, 2.0, 1e-3)
+    told = [guarded_position(touch, 0.02, 0.011, 1.0, True, math.nan) for _ in range(300)]
+    told += [guarded_position(touch, 0.0101, told[-1], 1.0, True, 0.0101) for _ in range(500)]
     assert np.abs(np.diff(told)).max() <= 0.02e-3 + 1e-12
     assert told[-1] == pytest.approx(0.0101)
 

@@ -243,16 +243,16 @@ class Playout:
     needed for a while is reduced by playing a little faster than sent. Only sequence numbers count; no two clocks are
     compared.
 
-    Attributes:
-        playings: Its state, one record.
+    Args:
+        playings: Array of one `Playing` for the state, part of another record; None for one of its own.
     """
 
-    __slots__ = ("_advance", "_applied", "_push", "playings")
+    __slots__ = ("_advance", "_applied", "_playings", "_push")
 
-    def __init__(self) -> None:
+    def __init__(self, playings: NDArray[np.void] | None = None) -> None:
         self._push, self._advance = push.entry, advance.entry
-        self.playings = Playing.new()
-        self._applied = self.playings["applied"]
+        self._playings = Playing.new() if playings is None else playings
+        self._applied = self._playings["applied"]
 
     @property
     def applied(self) -> int:
@@ -260,26 +260,20 @@ class Playout:
         result: int = self._applied.item()
         return result
 
-    @property
-    def place(self) -> tuple[float, float, float]:
-        """The place that is played, in space [m]; NaN for none."""
-        x, y, z = self.playings["place"][0].tolist()
-        return x, y, z
-
     def restart(self) -> None:
         """Start again with another leader, which counts from 1: nothing is left to play, and the position is NaN."""
-        self.playings[:] = Playing.new()
+        self._playings[:] = Playing.new()
 
     def forget(self) -> None:
         """Drop all positions not yet played; the position is NaN until the next command comes."""
-        playing = self.playings[0]
+        playing = self._playings[0]
         playing.kept, playing.numbers, playing.point, playing.position, playing.place = False, -1, *NOWHERE
 
     def push(self, sequence: int, position: float, place: tuple[float, ...] = ()) -> None:
         """Take one command; it is dropped if it comes after its turn, or has no position within a metre."""
         x, y, z = place if len(place) == 3 else NOWHERE
-        self._push(self.playings, sequence, position, (x, y, z))
+        self._push(self._playings, sequence, position, (x, y, z))
 
     def advance(self) -> float:
         """Play one tick and return the position [m]."""
-        return self._advance(self.playings)
+        return self._advance(self._playings)

@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core import Kernel, Record, compiled, kernel
+from foretouch.core import Record, compiled, kernel
 from foretouch.errors.checks import require
 from foretouch.quantities.pose import Vector
 from foretouch.rendering.surfaces.geometry import Numbers3, add, dot, norm, scaled, subtract, vector, write
@@ -119,7 +119,17 @@ UNKNOWN_FROM = 1e-3  # Distance outside the surface known to the leader above wh
 
 
 class Touch(Record):
-    """State of a `FirstTouch`, with its settings."""
+    r"""Keeps a robot from following blindly into a surface that the leader does not know.
+
+    Until the leader is known to render from a model that has this surface, the robot
+
+    - goes deeper no faster than the approach speed, before any contact too;
+    - in contact, goes deeper or back so that the force comes to the one to be held,
+      as `ForceGuard` says, no faster than that either;
+    - follows outwards at once.
+
+    Then the return to the commands is as slow as the approach. Where nothing is guarded, commands pass unchanged.
+    """
 
     speed: float  # of approach [m/s]
     holding_force: float  # F_h [N]
@@ -130,17 +140,35 @@ class Touch(Record):
     guard: ForceGuard
 
 
+def first_touch(approach_speed: float, force: float, sample_period: float) -> NDArray[np.void]:
+    """One `Touch` with the approach speed [m/s], F_h [N] and T [s], all positive."""
+    require("approach_speed", approach_speed, above=0.0)
+    require("guarded_force", force, above=0.0)
+    require("sample_period", sample_period, above=0.0)
+    return Touch.new(speed=approach_speed, holding_force=force, period=sample_period)
+
+
 @compiled
 def follow(touch: Touch) -> None:
     """Start again where the robot then is, guarding nothing."""
     touch.commanded, touch.held_back, touch.unknown = math.nan, 0.0, False
 
 
-@compiled
+@kernel("f8(Touch[::1], f8, f8, f8, b1, f8)")
 def guarded_position(
-    touch: Touch, desired: float, position: float, force: float, in_contact: bool, known_surface: float
+    touches: NDArray[np.void], desired: float, position: float, force: float, in_contact: bool, known_surface: float
 ) -> float:
-    """One tick of `FirstTouch.update`, whose other arguments these are; its state is written."""
+    """One tick: the position for the robot [m]. While force or position are NaN it goes no deeper.
+
+    Args:
+        touches: Written.
+        desired: Commanded position [m].
+        position: Position of the robot [m].
+        force: Measured force [N].
+        in_contact: Whether that is contact.
+        known_surface: Surface of the newest model that the leader is known to render from [m]; NaN for none.
+    """
+    touch = touches[0]
     unknown = math.isnan(known_surface) or (in_contact and position < known_surface - UNKNOWN_FROM)
     if math.isnan(touch.commanded):
         touch.commanded = position if math.isfinite(position) else desired
@@ -157,58 +185,6 @@ def guarded_position(
         touch.commanded = desired - touch.held_back
     touch.unknown = unknown
     return float(touch.commanded)
-
-
-_guarded_position = Kernel(guarded_position, "f8(Touch, f8, f8, f8, b1, f8)")
-
-
-class FirstTouch:
-    r"""Keeps a robot from following blindly into a surface that the leader does not know.
-
-    Until the leader is known to render from a model that has this surface, the robot
-
-    - goes deeper no faster than the approach speed, before any contact too;
-    - in contact, goes deeper or back so that the force comes to the one to be held,
-      as `foretouch.session.safety.force_guard.ForceGuard` says, no faster than that either;
-    - follows outwards at once.
-
-    Then the return to the commands is as slow as the approach. Where nothing is guarded, commands pass unchanged.
-
-    Args:
-        approach_speed: Speed of approach [m/s], positive.
-        force: F_h [N], positive.
-        sample_period: Sample period [s], positive.
-        memory: Array of one `Touch` for the state, part of another record; None for one of its own.
-    """
-
-    __slots__ = ("_held_back", "_touch")
-
-    def __init__(
-        self, approach_speed: float, force: float, sample_period: float, *, memory: NDArray[np.void] | None = None
-    ) -> None:
-        require("approach_speed", approach_speed, above=0.0)
-        require("guarded_force", force, above=0.0)
-        require("sample_period", sample_period, above=0.0)
-        memory = Touch.new() if memory is None else memory
-        memory[:] = Touch.new(speed=approach_speed, holding_force=force, period=sample_period)
-        self._touch, self._held_back = memory[0], memory["held_back"]
-
-    @property
-    def guarded(self) -> bool:
-        """Whether the newest command was held back."""
-        return bool(self._held_back.item() != 0.0)
-
-    def update(self, desired: float, position: float, force: float, in_contact: bool, known_surface: float) -> float:
-        """One tick: the position for the robot [m]. While force or position are NaN it goes no deeper.
-
-        Args:
-            desired: Commanded position [m].
-            position: Position of the robot [m].
-            force: Measured force [N].
-            in_contact: Whether that is contact.
-            known_surface: Surface of the newest model that the leader is known to render from [m]; NaN for none.
-        """
-        return _guarded_position.entry(self._touch, desired, position, force, in_contact, known_surface)
 
 
 SLOWED = 0.6  # Fraction of the force ceiling above which sliding slows down, until it stops at `AIMED`

@@ -129,15 +129,6 @@ def _is_inside(memory: Memory) -> bool:
     return bool(memory.motion.position[0] > memory.came - AWAY)
 
 
-@kernel("b1(Memory[::1])")
-def presses(memories: NDArray[np.void]) -> bool:
-    """See `foretouch.session.safety.safety.Safety.pressing`."""
-    memory = memories[0]
-    if memory.faulty_for > 0.0:
-        return math.isnan(memory.came) or _is_inside(memory)
-    return not abs(memory.guard.force) <= REST_FORCE
-
-
 @compiled
 def _proven(memory: Memory, position: float, allowed: float) -> float:
     """Speed at which a position may be crossed, by what the robot's motion has proven [m/s]."""
@@ -217,24 +208,13 @@ def keep_safe(
     free: float,
     uncertain: bool,
 ) -> tuple[float, int]:
-    """One tick of one `Memory`, all but the limits of the motion.
+    """One tick of one `Memory`, all but the limits of the motion: the aim [m] and the `Status`.
 
-    Args:
-        memories: Written.
-        stopped: Whether a stop is latched.
-        desired: Commanded position [m].
-        position: Position of the robot [m].
-        force: Measured force [N].
-        in_contact: Whether that is contact.
-        surface: Position of the surface that was felt [m]; NaN while there is none.
-        silence: Time since the newest fresh command [s]; infinite before the first.
-        faulty: Whether the sensors are not to be trusted.
-        guarded: Whether `desired` was held back for a first touch.
-        free: Position up to which the air is free, though the robot has not gone there itself [m].
-        uncertain: Whether it is being judged if the force can be believed: meanwhile the robot goes no deeper.
-
-    Returns:
-        The aim [m] and the `Status`.
+    Given are whether a stop is latched, and the commanded position [m]; the robot's position [m], the force on it [N],
+    and whether that is contact; the surface that was felt [m], NaN for none; the time since the newest fresh command
+    [s], infinite before the first; whether the sensors are wrong; whether the command was held back for a first touch;
+    up to where the air is free though the robot has not gone there [m]; and whether the force is being judged:
+    meanwhile it goes no deeper.
     """
     memory = memories[0]
     motion = memory.motion

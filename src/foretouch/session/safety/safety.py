@@ -14,7 +14,7 @@ from foretouch.errors.checks import require
 from foretouch.messages import Status
 from foretouch.quantities.pose import norm
 from foretouch.session.safety import kernel
-from foretouch.session.safety.force_guard import AIMED
+from foretouch.session.safety.force_guard import AIMED, AWAY
 from foretouch.session.safety.motion import Path, begin, new_path
 
 _begin = Kernel(begin, "(Path, f8, f8, f8)", Path)
@@ -169,7 +169,7 @@ class Safety:
         impedance = impact_impedance(limits.stiffest, limits.most_damped, limits.mass, REACTION)
         self.memories = memory = kernel.Memory.new() if memory is None else memory
         memory[:] = kernel.Memory.new(limits=dataclasses.astuple(limits), period=sample_period, impedance=impedance)
-        self._begin, self._presses = _begin.entry, kernel.presses.entry
+        self._begin = _begin.entry
         self.limits, self.path = limits, memory["motion"]
         self.path[:] = new_path(limits.speed, limits.acceleration, limits.jerk, sample_period)
         self.status, self.stop_reason = Status.FOLLOWING, ""
@@ -178,7 +178,10 @@ class Safety:
     @property
     def pressing(self) -> bool:
         """Whether the robot feels more than 1 N; if unknown, whether it has not yet gone back out of the contact."""
-        return self._presses(self.memories)
+        memory = self.memories[0]
+        if memory.faulty_for > 0.0:
+            return not memory.motion.position[0] <= memory.came - AWAY
+        return not abs(memory.guard.force) <= kernel.REST_FORCE
 
     def go_on_from(self, position: float) -> None:
         """On a line: go on, at rest, from a position that something else commanded [m]."""

@@ -3,47 +3,31 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 import msgspec
 
-from foretouch.core import Kernel, Record, compiled
+from foretouch.core import Kernel, compiled
 from foretouch.identification import ContactMap, Estimator, FrictionEstimator, Learner, MaterialFieldLearner
-from foretouch.identification.friction import Friction, learn_friction
+from foretouch.identification.friction import learn_friction
 from foretouch.messages import VERSION, Command, FixtureBelief, FollowerSpace, ModelUpdate
 from foretouch.quantities import pose as rigid
 from foretouch.quantities.pose import Vector
 from foretouch.rendering.surfaces import Surface
-from foretouch.rendering.surfaces.geometry import Numbers3, Triangle, add, norm, scaled, subtract, vector, write
+from foretouch.rendering.surfaces.geometry import Triangle, add, norm, scaled, subtract, vector, write
 from foretouch.rendering.surfaces.god_object import MESH, Mesh
 from foretouch.rendering.surfaces.line import Closest, rotate
 from foretouch.robot import SpatialSample
 from foretouch.session.network.model_sender import FieldSender
-from foretouch.session.network.playout import NOWHERE, Playing
+from foretouch.session.network.playout import NOWHERE
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.spatial.course import SurfaceLine, go
-from foretouch.session.spatial.safety import VECTOR, Space, SpatialSafety, arrive, limit
+from foretouch.session.spatial.safety import VECTOR, Beside, FeltSurface, Space, SpatialSafety, arrive, limit
 from foretouch.session.spatial.way_in import MISSED, MISSED_TICKS
-from foretouch.session.steps.axis import Finished, Measured, ProbeOnAxis
+from foretouch.session.steps import tick as stages
+from foretouch.session.steps.axis import Finished, ProbeOnAxis
 from foretouch.session.steps.follower import GOOD, Inputs, State
-from foretouch.session.steps.tick import (
-    LEARNT,
-    OF_FIELD,
-    OF_MAP,
-    STATES,
-    WANTED,
-    Allowed,
-    Done,
-    Records,
-    States,
-    Times,
-    Wanted,
-    allow,
-    learn,
-    sense,
-    show,
-)
+from foretouch.session.steps.tick import Records, States
 
 BIAS_RATE = 2e-4  # Weight per tick of the measured force in the sensor's offset in free air, once it is known from 5 s
 
@@ -66,24 +50,6 @@ SMOOTHED = -math.expm1(-2.0 * math.pi * 20.0 * SAMPLE_PERIOD)
 """Weight of a tick in a low-pass of 20 Hz: the speed of one tick is mostly the encoders' noise."""
 
 
-class FeltSurface(Record):
-    r"""Where a contact began, once it is 1 mm deep.
-
-    A contact is noticed late, at a force F_1 that the surface gives at a depth d. With F_2 after h more,
-
-    .. math:: d = \frac{r h}{1 - r}, \quad r = (F_1 / F_2)^{1 / n}
-
-    for a law of exponent n, here 1.15: a spring has 1, and Hertz's ball 1.5.
-    """
-
-    place: Numbers3 = math.nan  # type: ignore[assignment]  # newest onset that tells of the surface [m]
-    tick: int  # in which that was known
-    ticks: int  # since this contact began; 0 while there is none
-    began: float  # force at which this contact began [N]
-    at: float  # position along the normal then [m]
-    known: bool  # whether this contact needs no more
-
-
 @compiled(error_model="numpy")
 def _feel(touch: FeltSurface, force: float, closest: Closest, place: Vector, tick: int) -> None:
     """Feel a force along the normal [N] at a place of the probe [m] in a tick."""
@@ -98,22 +64,6 @@ def _feel(touch: FeltSurface, force: float, closest: Closest, place: Vector, tic
     if ratio * way <= LATEST * (1.0 - ratio):  # else it hardly grew: its onset is unknown
         write(touch.place, add(place, scaled(vector(closest.normal), way / (1.0 - ratio))))
         touch.tick = tick
-
-
-class Beside(Record):
-    """What is learnt beside the law."""
-
-    touch: FeltSurface
-    friction: Friction
-    pressed: float  # force along the normal [N], low-passed
-    rubbed: Numbers3  # force along the surface [N], low-passed alike
-    sliding: Numbers3  # velocity along it [m/s], low-passed alike
-    largest_offset: float  # of the sensor, which is no contact [N]
-    bias: Numbers3  # the sensor's offset [N]
-    bias_ticks: int  # number of ticks that it is known from
-    free_ticks: int  # since free air began; negative for a while after a contact
-    missed_ticks: int  # in which the surface was missed
-    point: Numbers3 = math.nan  # type: ignore[assignment]  # of the surface, in the fixture, in the tick before [m]
 
 
 LEFT, MISSED_IT, TOLD = 1, 2, 4
@@ -139,12 +89,12 @@ def _in_free_air(beside: Beside, force: Vector, missed: bool) -> int:
 
 
 @compiled
-def learn_beside(beside: Beside, space: Space, learnings: Records, force: Vector, good: bool, tick: int) -> int:
+def learn_beside(space: Space, learnings: Records, force: Vector, good: bool, tick: int) -> int:
     """In free air the sensor's offset; in contact friction, and where the contact began.
 
     The law was learnt from the newest sample of the learner; the whole force is as measured [N]. Returns what is news.
     """
-    line, course, newest = space.probe, space.course, learnings[0].newest[0]
+    beside, line, course, newest = space.beside, space.probe, space.course, learnings[0].newest[0]
     point, sideways = vector(line.closest.inner_point), vector(course.resistance)
     moved = subtract(point, vector(beside.point))
     write(beside.point, point)
@@ -166,73 +116,72 @@ def learn_beside(beside: Beside, space: Space, learnings: Records, force: Vector
     return TOLD if beside.touch.tick != before else 0
 
 
-Own = tuple[Records, Records, Records, Mesh]
-"""Records of safety in space, of what is learnt beside, of the playout; and the shape of the surface."""
+Given = tuple[Records, Mesh, Vector, Vector, int]
+"""The record of safety in space; the shape of the surface; place of the probe [m], force that its sensor shows [N], and
+number of the tick."""
 
-Seen = tuple[Vector, Vector, int]
-"""Place of the probe [m], force that its sensor shows [N], and number of the tick."""
-
-Said = tuple[float, float, float, float, float, float, float, float, float, float]
-"""Position for the robot [m], force on the probe [N], normal of its closest point, of each axis; and its depth [m]."""
+Told = tuple[int, tuple[float, float, float, float, float, float, float, float, float, float]]
+"""News of `learn_beside`; position for the robot [m], force on the probe [N], normal of its closest point, and depth
+[m]."""
 
 
 @compiled
-def sense_in_space(states: States, own: Own, seen: Seen, now_ns: int, position: float) -> tuple[float, float, bool]:
-    """`sense` along the normal; and the course, unless there is no position to be played (NaN).
+def sense_in_space(states: States, given: Given, now_ns: int, position: float) -> tuple[float, bool]:
+    """`stages.sense` along the normal; and the course, unless there is no position to be played (NaN).
 
     Returns:
-        The coordinate that is wanted and that of the probe [m], and whether it went on though the probe did not move.
+        The coordinate that is wanted [m], and whether that of the probe went on though it did not move.
     """
-    (spaces, besides, playings, mesh), (place, force, _) = own, seen
-    space, bias = spaces[0], vector(besides[0].bias)
-    felt, jumped = arrive(space, states, mesh, place, force, subtract(force, bias))
+    (spaces, mesh, place, raw, _), followers = given, states[0]
+    space = spaces[0]
+    felt, jumped = arrive(space, states, mesh, place, raw, subtract(raw, vector(space.beside.bias)))
     if not math.isnan(position):
-        position = go(space.course, mesh, vector(playings[0].place))
+        position = go(space.course, mesh, vector(followers[0].playing[0].place))
     along = float(space.probe.closest.along)
-    sense(states, (along, felt, 0.0, math.nan, math.nan, along, False, math.nan), now_ns)
-    return position, along, jumped
+    stages.sense(states, (along, felt, 0.0, math.nan, math.nan, along, False, math.nan), now_ns)
+    return position, jumped
 
 
 @compiled
 def allow_in_space(
-    states: States, own: Own, seen: Seen, times_ns: Times, wanted: Wanted, stopped: bool, learns: bool
-) -> tuple[Allowed, int, Said]:
-    """`allow` along the normal, learning beside the law, and the limits of the motion.
-
-    Returns:
-        The robot's coordinate along the normal [m] and its status, news of `learn_beside`, and what there is to say.
-    """
-    (spaces, besides, _, mesh), (_, raw, number) = own, seen
-    space, beside, follower, closest = spaces[0], besides[0], states[0][0], spaces[0].probe.closest
-    aim, status = allow(states, closest.along, times_ns, wanted, stopped)
-    force, good, news = subtract(raw, vector(beside.bias)), follower.watch[0].state == GOOD, 0
+    states: States, given: Given, times_ns: stages.Times, wanted: stages.Wanted, stopped: bool, learns: bool
+) -> tuple[stages.Acted, Told]:
+    """`stages.allow` along the normal, learning beside the law, and the limits of the motion."""
+    (spaces, mesh, _, raw, number), follower = given, states[0][0]
+    space, closest, news = spaces[0], spaces[0].probe.closest, 0
+    aim, status = stages.allow(states, closest.along, times_ns, wanted, stopped)
+    force = subtract(raw, vector(space.beside.bias))
     if learns:
-        news = learn_beside(beside, space, states[2], raw, good, number)
-    told, coordinate = limit(space, follower.safety[0], mesh, aim)
-    return (coordinate, status), news, (*told, *force, *vector(closest.normal), float(closest.depth))
+        news = learn_beside(space, states[2], raw, follower.watch[0].state == GOOD, number)
+    place, coordinate = limit(space, follower.safety[0], mesh, aim)
+    said = (*place, *force, *vector(closest.normal), float(closest.depth))
+    return stages.show(states, (coordinate, status)), (news, said)
 
 
 @compiled
 def tick(
-    states: States, banks: Records | None, fields: Records | None, own: Own, seen: Seen, times_ns: Times, wanted: Wanted
-) -> tuple[Done, float, bool, int, Said]:
-    """A tick in space, as `foretouch.session.steps.tick.tick` is one along a line."""
-    desired, along, jumped = sense_in_space(states, own, seen, times_ns[0], wanted[0])
-    x, y, z = point = vector(own[0][0].probe.closest.inner_point)
+    states: States,
+    banks: Records | None,
+    fields: Records | None,
+    given: Given,
+    times_ns: stages.Times,
+    wanted: stages.Wanted,
+) -> tuple[stages.Acted, Told, tuple[int, bool]]:
+    """A tick in space, as `stages.tick` is one along a line."""
+    desired, jumped = sense_in_space(states, given, times_ns[0], wanted[0])
+    x, y, z = point = vector(given[0][0].probe.closest.inner_point)
     if fields is not None and math.isfinite(x + y + z):
         write(fields[0].point, point)
-    learnt = learn(states, banks, fields, times_ns)
-    wanted = desired, wanted[1], wanted[2]
-    allowed, news, said = allow_in_space(states, own, seen, times_ns, wanted, False, True)
-    return show(states, allowed, learnt), along, jumped, news, said
+    done, news = stages.learn(states, banks, fields, times_ns)
+    acted, told = allow_in_space(states, given, times_ns, (desired, wanted[1], wanted[2]), False, True)
+    return acted, told, (done, news or jumped)
 
 
-OWN = f"Tuple((Space[::1], Beside[::1], Playing[::1], {MESH})), Tuple(({VECTOR}, {VECTOR}, i8))"
-KNOWN = *LEARNT, Playing, Triangle
-sense_alone = Kernel(sense_in_space, f"({STATES}, {OWN}, i8, f8)", *KNOWN)
-allow_alone = Kernel(allow_in_space, f"({STATES}, {OWN}, {WANTED}, b1, b1)", *KNOWN)
-tick_with_map = Kernel(tick, f"({OF_MAP}, {OWN}, {WANTED})", *KNOWN)
-tick_with_field = Kernel(tick, f"({OF_FIELD}, {OWN}, {WANTED})", *KNOWN)
+GIVEN = f"Tuple((Space[::1], {MESH}, {VECTOR}, {VECTOR}, i8))"
+sense_alone = Kernel(sense_in_space, f"({stages.STATES}, {GIVEN}, i8, f8)", *stages.LEARNT, Triangle)
+allow_alone = Kernel(allow_in_space, f"({stages.STATES}, {GIVEN}, {stages.WANTED}, b1, b1)", *stages.LEARNT, Triangle)
+tick_with_map = Kernel(tick, f"({stages.OF_MAP}, {GIVEN}, {stages.WANTED})", *stages.LEARNT, Triangle)
+tick_with_field = Kernel(tick, f"({stages.OF_FIELD}, {GIVEN}, {stages.WANTED})", *stages.LEARNT, Triangle)
 WHOLE: dict[type[Estimator], Kernel[..., Any]] = {ContactMap: tick_with_map, MaterialFieldLearner: tick_with_field}
 
 
@@ -260,16 +209,14 @@ class ProbeInSpace(ProbeOnAxis):
 
     safety: SpatialSafety
     fields: FieldSender
+    told: Told
     whole = WHOLE
 
     def __init__(self, surface: Surface, pose: tuple[float, ...]) -> None:
         self._surface, self._pose = surface, pose
-        self.besides = Beside.new()
-        self.friction = FrictionEstimator(self.besides["friction"])
         self.touch: Vector = NOWHERE
         self.touch_tick = 0
         self.belief, self._believed_ns = NO_BELIEF, 0  # it ages while no other comes
-        self._news, self._said = 0, (0.0,) * 10  # see `tick`
 
     @property
     def line(self) -> SurfaceLine:
@@ -279,14 +226,16 @@ class ProbeInSpace(ProbeOnAxis):
     @property
     def bias(self) -> Vector:
         """The force sensor's offset [N]."""
-        x, y, z = self.besides["bias"][0].tolist()
+        x, y, z = self.safety.spaces["beside"]["bias"][0].tolist()
         return x, y, z
 
     def join(self, state: State, settings: SessionSettings) -> None:
         """See `ProbeOnAxis.join`."""
         self.safety = SpatialSafety(state.safety, self._surface, self._pose, SAMPLE_PERIOD)
         self.fields = FieldSender(state.run)
-        self.besides["largest_offset"] = state.specification.largest_offset
+        beside = self.safety.spaces["beside"]
+        self.friction = FrictionEstimator(beside["friction"])
+        beside["largest_offset"] = state.specification.largest_offset
         if self.safety.python:
             self.whole = {}
         for stage in (sense_alone, allow_alone):
@@ -300,28 +249,21 @@ class ProbeInSpace(ProbeOnAxis):
         except Exception as error:
             state.failures.note("what it believes of the fixture", error)
 
-    def at_once(
-        self, tick: Callable[..., Any], known: Any, state: State, inputs: Inputs, asked: Any
-    ) -> tuple[Done, Measured]:
-        """See `ProbeOnAxis.at_once`."""
-        sample, exact = inputs.sample, rigid.norm(inputs.sample.exact_force)
-        done, along, jumped, self._news, self._said = tick(state.states, *known, *self._own(state, sample), *asked)
-        if jumped:
-            state.learner.conditioner.recall()
-        return done, (along, exact, sample.clipped)
-
-    def _own(self, state: State, sample: SpatialSample) -> tuple[Own, Seen]:
+    def given(self, state: State, sample: SpatialSample) -> Given:
+        """See `ProbeOnAxis.given`."""
         (x, y, z), (a, b, c) = sample.place, sample.force  # a driver may give lists
-        own = self.safety.spaces, self.besides, state.playout.playings, self.line.shape
-        return own, ((x, y, z), (a, b, c), state.tick + 1)
+        return self.safety.spaces, self.line.shape, (x, y, z), (a, b, c), state.tick + 1
 
-    def sense(self, state: State, inputs: Inputs, now_ns: int, position: float) -> tuple[float, Measured]:
+    def exact_force(self, sample: SpatialSample) -> float:
+        """See `ProbeOnAxis.exact_force`."""
+        return rigid.norm(sample.exact_force)
+
+    def sense(self, state: State, given: Given, now_ns: int, position: float) -> float:
         """See `ProbeOnAxis.sense`; the course goes to the place that is played."""
-        sample, failures, learner, safety = inputs.sample, state.failures, state.learner, self.safety
+        failures, learner, safety = state.failures, state.learner, self.safety
         if safety.python:
-            safety.touch(sample.place)
-        own = self._own(state, sample)
-        desired, along, jumped = sense_alone.entry(state.states, *own, now_ns, position)
+            safety.touch(given[2])
+        desired, jumped = sense_alone.entry(state.states, given, now_ns, position)
         state.watch.taken(state.memory["validity"].item())
         if safety.python and not math.isnan(position):
             desired = safety.settle()
@@ -332,16 +274,17 @@ class ProbeInSpace(ProbeOnAxis):
                 learner.estimator.touch_at(self.line.newest.inner_point)
             except Exception as error:
                 failures.stop_learning("its learning in space", error)
-        return desired, (along, rigid.norm(sample.exact_force), sample.clipped)
+        return desired
 
-    def allow(self, state: State, inputs: Inputs, position: float, asked: Any) -> Allowed:
+    def allow(
+        self, state: State, given: Given, times_ns: stages.Times, wanted: stages.Wanted, stopped: bool
+    ) -> stages.Acted:
         """See `ProbeOnAxis.allow`; along the normal and in all directions within the limits."""
-        own, learns = self._own(state, inputs.sample), state.failures.learns
-        times_ns, wanted, stopped = asked
-        allowed, self._news, self._said = allow_alone.entry(state.states, *own, times_ns, wanted, stopped, learns)
-        if self.safety.python and math.isfinite(allowed[0]):
-            self.safety.went(self._said[:3])
-        return allowed
+        learns = state.failures.learns
+        acted, self.told = allow_alone.entry(state.states, given, times_ns, wanted, stopped, learns)
+        if self.safety.python and math.isfinite(acted[0][0]):
+            self.safety.went(self.told[1][:3])
+        return acted
 
     def _believe(self, state: State, belief: FixtureBelief, now_ns: int) -> None:
         known = self.belief
@@ -368,25 +311,24 @@ class ProbeInSpace(ProbeOnAxis):
         field = None
         if state.failures.learns:
             try:
-                if self._news:
+                if self.told[0]:
                     self._learn(state.learner, state.tick)
                 model = None if model is None else self._with_fixture(model, now_ns)
                 field = self.fields.due(state.learner.estimator, now_ns)
             except Exception as error:
                 state.failures.stop_learning("its learning in space", error)
                 model = None
-        x, y, z, *_ = self._said
-        return (x, y, z), self._report(inputs.sample), model, field
+        return self.told[1][:3], self._report(inputs.sample), model, field
 
     def _learn(self, learner: Learner, tick: int) -> None:
         """Take over what is news of a contact, or of a missed surface."""
-        news = self._news
+        news = self.told[0]
         if news & LEFT:
             learner.conditioner.distrust_surface()
         if news & MISSED_IT:
             learner.conditioner.shift(learner.sample.depth)
         if news & TOLD:
-            x, y, z = self.besides["touch"]["place"][0].tolist()
+            x, y, z = self.safety.spaces["beside"]["touch"]["place"][0].tolist()
             self.touch, self.touch_tick = (x, y, z), tick
 
     def _with_fixture(self, model: ModelUpdate, now_ns: int) -> ModelUpdate:
@@ -403,8 +345,9 @@ class ProbeInSpace(ProbeOnAxis):
 
     def _report(self, sample: SpatialSample) -> FollowerSpace:
         """What there is to tell in space in this tick."""
-        fixture = sample.fixture if len(sample.fixture) == 6 else (*NOWHERE, *NOWHERE)
-        return FollowerSpace(*sample.place, *self._said, *self.line.pose, *fixture, *self.touch, self.touch_tick)
+        x, y, z, rx, ry, rz = sample.fixture if len(sample.fixture) == 6 else (*NOWHERE, *NOWHERE)
+        said = (*sample.place, *self.told[1], *self.line.pose)
+        return FollowerSpace(*said, x, y, z, rx, ry, rz, *self.touch, self.touch_tick)
 
     def tip(self, state: State, sample: SpatialSample) -> Vector:
         """See `ProbeOnAxis.tip`."""

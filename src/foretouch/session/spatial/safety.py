@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from foretouch.core import Kernel, Record, compiled
 from foretouch.identification.conditioning.fault_kernels import GOOD
 from foretouch.identification.conditioning.kernel import shift
+from foretouch.identification.friction import Friction
 from foretouch.messages import FixtureBelief
 from foretouch.quantities.pose import Vector
 from foretouch.rendering.surfaces import Surface
@@ -35,6 +36,40 @@ LARGEST_PULL, PULL_SHARE = 0.5, 0.02
 """Pull above which a force is reduced [N], and fraction of it kept: enough that a sensor does not seem stuck."""
 
 
+class FeltSurface(Record):
+    r"""Where a contact began, once it is 1 mm deep.
+
+    A contact is noticed late, at a force F_1 that the surface gives at a depth d. With F_2 after h more,
+
+    .. math:: d = \frac{r h}{1 - r}, \quad r = (F_1 / F_2)^{1 / n}
+
+    for a law of exponent n, here 1.15: a spring has 1, and Hertz's ball 1.5.
+    """
+
+    place: Numbers3 = math.nan  # type: ignore[assignment]  # newest onset that tells of the surface [m]
+    tick: int  # in which that was known
+    ticks: int  # since this contact began; 0 while there is none
+    began: float  # force at which this contact began [N]
+    at: float  # position along the normal then [m]
+    known: bool  # whether this contact needs no more
+
+
+class Beside(Record):
+    """What is learnt beside the law."""
+
+    touch: FeltSurface
+    friction: Friction
+    pressed: float  # force along the normal [N], low-passed
+    rubbed: Numbers3  # force along the surface [N], low-passed alike
+    sliding: Numbers3  # velocity along it [m/s], low-passed alike
+    largest_offset: float  # of the sensor, which is no contact [N]
+    bias: Numbers3  # the sensor's offset [N]
+    bias_ticks: int  # number of ticks that it is known from
+    free_ticks: int  # since free air began; negative for a while after a contact
+    missed_ticks: int  # in which the surface was missed
+    point: Numbers3 = math.nan  # type: ignore[assignment]  # of the surface, in the fixture, in the tick before [m]
+
+
 class Space(Record):
     """State of a `SpatialSafety`."""
 
@@ -44,6 +79,7 @@ class Space(Record):
     path: Path  # of these
     cap: ForceCap
     way_in: WayIn
+    beside: Beside
     blind_speed: float  # see `Safety` [m/s]
     seen: bool  # whether a camera has shown the fixture
     shown: Numbers3 = math.nan  # type: ignore[assignment]  # by the force sensor [N]

@@ -7,7 +7,7 @@ the material. On an axis that is the machine's own count: what is pressed is a p
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from foretouch.core import Kernel
@@ -66,9 +66,6 @@ class HandOnAxis:
 
 NOT_FINITE = int(SensorState.NOT_FINITE)
 
-Measured: TypeAlias = tuple[float, float, bool]
-"""Position along the normal [m], the simulator's own contact force [N], and whether the robot clipped a command."""
-
 Finished: TypeAlias = tuple[Any, FollowerSpace | None, ModelUpdate | None, FieldUpdate | None]
 """Position for the robot [m], what there is to tell in space, and the model and the field that are due."""
 
@@ -76,12 +73,14 @@ Finished: TypeAlias = tuple[Any, FollowerSpace | None, ModelUpdate | None, Field
 class ProbeOnAxis:
     """A probe with one degree of freedom: what it presses is a plane whose normal is the axis, felt by touching.
 
-    A tick is `at_once`, or `sense`, learning and `allow`.
+    A tick is one of `whole`, or `sense`, learning and `allow`.
 
     Attributes:
         whole: Ticks in one compiled call, by what they learn.
+        told: What compiled code said beside what every tick comes to.
     """
 
+    told: Any = None
     whole: Mapping[type[Estimator], Kernel[..., Any]] = {
         ContactMap: stages.tick_at_once,
         MaterialFieldLearner: stages.tick_in_field,
@@ -97,26 +96,29 @@ class ProbeOnAxis:
         """Position of a command [m]; NaN for none."""
         return command.position
 
-    def at_once(
-        self, tick: Callable[..., Any], known: Any, state: State, inputs: Inputs, asked: Any
-    ) -> tuple[stages.Done, Measured]:
-        """A tick in one compiled call, with the estimator's state, at times, as commanded; and what the robot shows."""
-        sample = inputs.sample
-        return tick(state.states, *known, sample, *asked), (sample.position, sample.exact_force, sample.clipped)
+    def given(self, state: State, sample: Any) -> Any:
+        """What compiled code is given of a tick, beside what all of them need."""
+        return sample
 
-    def sense(self, state: State, inputs: Inputs, now_ns: int, position: float) -> tuple[float, Measured]:
-        """Watch the sensors; return the coordinate for a played position [m], and what the robot shows."""
-        sample, record = inputs.sample, state.memory[0]
+    def exact_force(self, sample: Any) -> float:
+        """The simulator's own contact force [N]."""
+        return sample.exact_force  # type: ignore[no-any-return]
+
+    def sense(self, state: State, given: Any, now_ns: int, position: float) -> float:
+        """Watch the sensors; the coordinate for a played position [m]."""
+        record = state.memory[0]
         try:
-            state.watch.taken(stages.sense_alone.entry(state.states, sample, now_ns))
+            state.watch.taken(stages.sense_alone.entry(state.states, given, now_ns))
         except Exception as error:
             state.failures.note("its sensors", error)
-            record.validity, record.position, record.force = NOT_FINITE, sample.position, math.nan
-        return position, (sample.position, sample.exact_force, sample.clipped)
+            record.validity, record.position, record.force = NOT_FINITE, given.position, math.nan
+        return position
 
-    def allow(self, state: State, inputs: Inputs, position: float, asked: Any) -> stages.Allowed:
-        """The last stages, with the probe at a coordinate [m], and whether a stop is latched."""
-        return stages.allow_alone.entry(state.states, position, *asked)
+    def allow(
+        self, state: State, given: Any, times_ns: stages.Times, wanted: stages.Wanted, stopped: bool
+    ) -> stages.Acted:
+        """The last stages; `stopped` says whether a stop is latched."""
+        return stages.allow_alone.entry(state.states, given.position, times_ns, wanted, stopped)
 
     def finish(
         self, state: State, inputs: Inputs, coordinate: float, model: ModelUpdate | None, now_ns: int
@@ -127,7 +129,7 @@ class ProbeOnAxis:
     def tip(self, state: State, sample: Any) -> Any:
         """Measured position of the tip [m]: p = x - F / k, with the encoders' x and the compliance 1 / k."""
         offset, force = state.learner.conditioner.force_offset, state.sensor_force(sample)
-        give = state.compliance * (force - offset if math.isfinite(offset) else force)
+        give = state.memory["compliance"].item() * (force - offset if math.isfinite(offset) else force)
         return sample.position - give if give != 0.0 and math.isfinite(give) else sample.position
 
     def back_off(self, state: State, sample: Any, position: Any, way: float) -> Any:

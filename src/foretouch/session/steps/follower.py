@@ -24,11 +24,11 @@ from foretouch.robot import RobotSample, RobotSpecification
 from foretouch.session.network.lease import ControlLease
 from foretouch.session.network.model_sender import ModelSender
 from foretouch.session.network.playout import Arrival, Freshness, Playout
-from foretouch.session.safety.force_guard import FirstTouch
+from foretouch.session.safety.force_guard import first_touch
 from foretouch.session.safety.safety import STATES, Safety
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.steps import tick as stages
-from foretouch.session.steps.axis import Measured, ProbeOnAxis
+from foretouch.session.steps.axis import ProbeOnAxis
 from foretouch.session.steps.sensing import Failures, calibrated, safety_limits
 
 # Constants used in every tick: a member of an enumeration costs more to look up than to compare.
@@ -37,10 +37,6 @@ FRESH, FUTURE = Arrival.FRESH, Arrival.FUTURE
 OF_ROBOT = ("tool_mass", "gravity", "moved_mass", "largest_offset")  # What a tick knows of the robot's specification
 STAGES = stages.sense_alone, stages.feel_alone, stages.allow_alone
 HOLDING, RETREATING, TOO_SLOW = int(Status.HOLDING), int(Status.RETREATING), int(Status.TOO_SLOW)
-
-
-Acted = tuple[stages.Allowed, int, stages.Shown, Measured]
-"""Of a tick: what is allowed, the validity of the sensors, what is shown, and what the robot shows."""
 
 
 @dataclass(slots=True)
@@ -58,8 +54,6 @@ class State:
         felt_commands: Commands applied in the newest ticks that were learnt from, for the delay of the sensor.
         released_tick: Number of the first telemetry behind the newest release, 0 before the first release.
         before_release: Number of commands refused because their leader did not know of it.
-        zero: Sensor reading in free air beside its tool [N]; 0 where it is estimated.
-        compliance: Compliance of arm, sensor and tip in series [m/N].
     """
 
     specification: RobotSpecification
@@ -69,15 +63,12 @@ class State:
     memory: NDArray[np.void]
     watch: SensorWatch
     freshness: Freshness
-    first_touch: FirstTouch
     safety: Safety
+    playout: Playout
     guards: bool
     felt_commands: deque[int]
-    zero: float
-    compliance: float
     lease: ControlLease = field(default_factory=ControlLease)
     commands: SequenceCounter = field(default_factory=SequenceCounter)
-    playout: Playout = field(default_factory=Playout)
     tick: int = 0
     start_ns: int | None = None
     held_ticks: int = 0
@@ -90,7 +81,8 @@ class State:
 
     def sensor_force(self, sample: RobotSample) -> float:
         """Sensor force less weight and inertia of the tool, which are no contact, and its calibrated zero [N]."""
-        return sample.sensor_force - self.specification.tool_force(sample.acceleration) - self.zero
+        zero: float = self.memory["zero"].item()
+        return sample.sensor_force - self.specification.tool_force(sample.acceleration) - zero
 
     @property
     def states(self) -> stages.States:
@@ -158,10 +150,9 @@ def start(
         sensor_lag=known.sensor_lag,
     )
     limits = safety_limits(settings, specification)
-    memory = stages.Follower.new(
-        zero=known.zero or 0.0, compliance=known.compliance, **{name: getattr(specification, name) for name in OF_ROBOT}
-    )
-    period = specification.sample_period
+    period, of_robot = specification.sample_period, {name: getattr(specification, name) for name in OF_ROBOT}
+    touch = first_touch(settings.approach_speed, settings.guarded_force, period)
+    memory = stages.Follower.new(zero=known.zero or 0.0, compliance=known.compliance, touch=touch, **of_robot)
     state = State(
         specification,
         learner,
@@ -170,12 +161,10 @@ def start(
         memory,
         SensorWatch((-force, force), moving_mass=specification.moved_mass, memory=memory["watch"][0]),
         Freshness(settings.queueing_allowance, SAMPLE_PERIOD),
-        FirstTouch(settings.approach_speed, settings.guarded_force, period, memory=memory["touch"][0]),
         Safety(limits, period, memory=memory["safety"][0]),
+        Playout(memory["playing"][0]),
         settings.guards(simulated=specification.simulated),
         deque(maxlen=1 + round(known.sensor_lag / SAMPLE_PERIOD)),
-        known.zero or 0.0,
-        known.compliance,
         probe=ProbeOnAxis() if probe is None else probe,
     )
     state.probe.join(state, settings)
@@ -190,7 +179,7 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     Learning begins with the first command: no operator is active before, and a recording from the first command on
     holds all that was learnt from.
     """
-    safety, sender, probe = state.safety, state.sender, state.probe
+    safety, sender, probe, sample = state.safety, state.sender, state.probe, inputs.sample
     probe.hear(state, inputs, now_ns)
     position = _commanded(state, inputs.commands, now_ns)
     applied = state.playout.applied
@@ -204,7 +193,7 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         acted = _at_once(state, inputs, applied, times_ns, wanted)
     if acted is None:
         acted = _one_by_one(state, inputs, times_ns, wanted)
-    (desired, status), validity, (force, velocity, felt, in_contact), (position, exact_force, clipped) = acted
+    (desired, status), validity, (tip, force, held_back, velocity, felt, in_contact) = acted
     safety.status = STATES[status]
     if validity:
         state.faulty_ticks += 1
@@ -214,10 +203,9 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     model = _due(state, sensors, now_ns) if learns and state.failures.learns else None
     state.tick += 1
     commanded, space, model, materials = probe.finish(state, inputs, desired, model, now_ns)
-    position = state.memory["position"].item() if state.compliance else position
     telemetry = Telemetry(
-        VERSION, state.tick, now_ns, applied, desired, position, velocity, force, felt, exact_force, in_contact,
-        clipped, sender.sequence, inputs.period_ns, inputs.compute_ns, state.first_touch.guarded, safety.status,
+        VERSION, state.tick, now_ns, applied, desired, tip, velocity, force, felt, probe.exact_force(sample),
+        in_contact, sample.clipped, sender.sequence, inputs.period_ns, inputs.compute_ns, held_back, safety.status,
         sensors, state.lease.epoch, state.run, space,
     )  # fmt: skip
     return state, Outputs(commanded, telemetry, model, materials)
@@ -251,43 +239,46 @@ def _learns(state: State, applied: int, now_ns: int) -> bool:
     return state.failures.learns
 
 
-def _at_once(state: State, inputs: Inputs, applied: int, times_ns: stages.Times, wanted: stages.Wanted) -> Acted | None:
+def _at_once(
+    state: State, inputs: Inputs, applied: int, times_ns: stages.Times, wanted: stages.Wanted
+) -> stages.Acted | None:
     """A tick in one compiled call; None where that cannot be."""
-    learner, estimator = state.learner, cast("ContactMap | MaterialFieldLearner", state.learner.estimator)
-    tick = state.probe.whole.get(type(estimator))
+    learner, probe = state.learner, state.probe
+    estimator = cast("ContactMap | MaterialFieldLearner", learner.estimator)
+    tick = probe.whole.get(type(estimator))
     if tick is None:
         return None
     known = (estimator.states, None) if type(estimator) is ContactMap else (None, estimator.states)
     # What is compiled raises only where an argument cannot be converted, as where the robot shows what is no number:
     # then nothing has been written, and which stage that stops is found one by one.
     try:
-        done, measured = state.probe.at_once(tick.entry, known, state, inputs, (times_ns, wanted))
+        given = probe.given(state, inputs.sample)
+        acted, probe.told, (done, news) = tick.entry(state.states, *known, given, times_ns, wanted)
     except Exception:
         return None
-    allowed, validity, shown, learnt = done
-    if state.watch.taken(validity) is GOOD:
+    if state.watch.taken(acted[1]) is GOOD:
         try:
-            learner.taken(estimator, *learnt)
+            learner.taken(estimator, done, news)
             state.felt_commands.append(applied)
         except Exception as error:
             state.failures.stop_learning("its learning", error)
-    return allowed, validity, shown, measured
+    elif news:
+        learner.conditioner.recall()
+    return acted  # type: ignore[no-any-return]
 
 
-def _one_by_one(state: State, inputs: Inputs, times_ns: stages.Times, wanted: stages.Wanted) -> Acted:
+def _one_by_one(state: State, inputs: Inputs, times_ns: stages.Times, wanted: stages.Wanted) -> stages.Acted:
     """The same stage by stage: an exception in learning is noted, and what comes after it runs all the same."""
-    learner, record, probe = state.learner, state.memory[0], state.probe
-    desired, measured = probe.sense(state, inputs, times_ns[0], wanted[0])
-    validity, force = int(record.validity), float(record.force)
-    if validity == GOOD and state.start_ns is not None:
-        _learn(state, (times_ns[0] - state.start_ns) * 1e-9, float(record.position), force)
+    record, probe = state.memory[0], state.probe
+    given = probe.given(state, inputs.sample)
+    desired = probe.sense(state, given, times_ns[0], wanted[0])
+    good = record.validity == GOOD
+    if good and state.start_ns is not None:
+        _learn(state, (times_ns[0] - state.start_ns) * 1e-9, float(record.position), float(record.force))
     felt, _ = stages.feel_alone.entry(state.states)
-    if not _stop_or_release(state, inputs, felt, validity != GOOD):
+    if not _stop_or_release(state, inputs, felt, not good):
         desired = math.nan
-    asked = times_ns, (desired, *wanted[1:]), state.safety.stop_reason != ""
-    allowed = probe.allow(state, inputs, measured[0], asked)
-    _, _, velocity, felt, in_contact = learner.sample
-    return allowed, validity, (force, velocity, felt, in_contact), measured
+    return probe.allow(state, given, times_ns, (desired, *wanted[1:]), state.safety.stop_reason != "")
 
 
 def _learn(state: State, time: float, position: float, force: float) -> None:

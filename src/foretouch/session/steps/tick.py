@@ -24,6 +24,7 @@ from foretouch.identification.contact_map.state import Bank
 from foretouch.identification.material_field_kernel import FieldState
 from foretouch.identification.material_field_kernel import learn_raw as _learn_in_field
 from foretouch.messages import Status
+from foretouch.session.network.playout import Playing
 from foretouch.session.safety.force_guard import Touch, follow, guarded_position
 from foretouch.session.safety.kernel import Memory, keep_safe, limit
 
@@ -78,6 +79,7 @@ class Follower(Record):
     watch: Annotated[NDArray[Any], Watch, 1]
     touch: Annotated[NDArray[Any], Touch, 1]
     safety: Annotated[NDArray[Any], Memory, 1]
+    playing: Annotated[NDArray[Any], Playing, 1]
     rate: Rate
     free: float = -math.inf  # position up to which the air is free though the robot has not gone there; in space [m]
     slid: float  # motion of the probe across the surface since the last tick, in space [m]
@@ -89,7 +91,7 @@ class Follower(Record):
 
 HOLDING, TOO_SLOW = int(Status.HOLDING), int(Status.TOO_SLOW)
 
-_look, _learn_raw = look.function, learn_raw.function
+_look, _learn_raw, _guarded = look.function, learn_raw.function, guarded_position.function
 _keep_safe, _limit, _is_too_slow = keep_safe.function, limit.function, is_too_slow.function
 
 Records = NDArray[np.void]
@@ -182,7 +184,7 @@ def allow(states: States, position: float, times_ns: Times, wanted: Wanted, stop
     if not guarded or math.isnan(desired):
         follow(touch)
     else:
-        desired = guarded_position(touch, desired, position, math.nan if faulty else felt, touches, known_surface)
+        desired = _guarded(follower.touch, desired, position, math.nan if faulty else felt, touches, known_surface)
     silence = math.inf if heard_ns < 0 else (now_ns - heard_ns) * 1e-9
     too_slow = _is_too_slow(follower.rate, period_ns)
     if too_slow:
@@ -196,36 +198,42 @@ def allow(states: States, position: float, times_ns: Times, wanted: Wanted, stop
     return aim, int(follower.status)
 
 
-@compiled
-def allow_on_axis(states: States, position: float, times_ns: Times, wanted: Wanted, stopped: bool) -> Allowed:
-    """`allow`, and the limits of the motion: the robot's position in place of the aim."""
-    _, status = allow(states, position, times_ns, wanted, stopped)
-    return _limit(states[0][0].safety), status
+Shown = tuple[float, float, bool, float, float, bool]
+"""Position of the tip [m]; sensor force less tool and zero [N]; whether the command was held back for a first touch;
+then velocity [m/s], force [N] and contact that were learnt from."""
 
-
-Shown = tuple[float, float, float, bool]
-"""Sensor force less tool and zero [N]; then velocity [m/s], force [N] and contact that were learnt from."""
-
-Done = tuple[Allowed, int, Shown, tuple[int, bool]]
-"""What is allowed, validity of the sensors, what is shown, and what `learn` returns."""
+Acted = tuple[Allowed, int, Shown]
+"""Of a tick: what is allowed, the validity of the sensors, and what is shown."""
 
 
 @compiled
-def show(states: States, allowed: Allowed, learnt: tuple[int, bool]) -> Done:
+def show(states: States, allowed: Allowed) -> Acted:
     """What Python is told of a tick."""
     follower, newest = states[0][0], states[2][0].newest[0]
-    shown = follower.force, newest.velocity, newest.force, newest.in_contact
-    return allowed, int(follower.validity), shown, learnt
+    position, force, held_back = follower.position, follower.force, follower.touch[0].held_back != 0.0
+    shown = float(position), float(force), bool(held_back), newest.velocity, newest.force, newest.in_contact
+    return allowed, int(follower.validity), shown
+
+
+@compiled
+def allow_on_axis(states: States, position: float, times_ns: Times, wanted: Wanted, stopped: bool) -> Acted:
+    """`allow`, and the limits of the motion: the robot's position in place of the aim."""
+    _, status = allow(states, position, times_ns, wanted, stopped)
+    return show(states, (_limit(states[0][0].safety), status))
 
 
 @compiled
 def tick(
     states: States, banks: Records | None, fields: Records | None, sample: Showing, times_ns: Times, wanted: Wanted
-) -> Done:
-    """A tick along a line in which a contact map or a field learns, and nothing is requested at the robot."""
+) -> tuple[Acted, bool, tuple[int, bool]]:
+    """A tick along a line in which a contact map or a field learns, and nothing is requested at the robot.
+
+    Returns:
+        What came of it, and what there is to say beside that; and what `learn` returns.
+    """
     sense(states, sample, times_ns[0])
     learnt = learn(states, banks, fields, times_ns)
-    return show(states, allow_on_axis(states, sample[0], times_ns, wanted, False), learnt)
+    return allow_on_axis(states, sample[0], times_ns, wanted, False), False, learnt
 
 
 LEARNT = Follower, Conditioning, Learning, Bank, FieldState
