@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -29,22 +29,10 @@ def kept(path: list[float]) -> None:
     assert np.abs(np.diff(acceleration[1:]))[quiet].max(initial=0.0) / TICK <= JERK * (1 + 1e-6)
 
 
-class Sensed(NamedTuple):
-    """What the sensors show in a tick: see `keep_safe` of `foretouch.session.safety.kernel`."""
-
-    position: float
-    force: float
-    in_contact: bool
-    faulty: bool = False
-    uncertain: bool = False
-
-
-def keep_safe(
-    safety: Safety, desired: float, sensed: Sensed, surface: float, silence: float, free: float = -math.inf
-) -> float:
-    """A tick of safety along a line: the position for the robot [m]."""
-    *shown, faulty, uncertain = sensed
-    stopped, rest = safety.stop_reason != "", (surface, silence, faulty, False, free, uncertain)
+def keep_safe(safety: Safety, desired: float, sensed: tuple[Any, ...], surface: float, silence: float) -> float:
+    """A tick of safety along a line: the position for the robot [m]; `sensed` may end with faulty and uncertain."""
+    *shown, faulty, uncertain = (*sensed, False, False)[:5]
+    stopped, rest = safety.stop_reason != "", (surface, silence, faulty, False, -math.inf, uncertain)
     safety.status = STATES[kernel.keep_safe.entry(safety.memories, stopped, desired, *shown, *rest)[1]]
     return kernel.limit.entry(safety.memories)
 
@@ -67,7 +55,7 @@ class Pressed:
             self._silence = self._silence + TICK if silent else 0.0
             force = self.sample.sensor_force - self.robot.specification.tool_force(self.sample.acceleration)
             felt = self.conditioner.update(TICK * len(self.path), self.sample.position, force)
-            sensed = Sensed(self.sample.position, felt.force, felt.in_contact, faulty)
+            sensed = self.sample.position, felt.force, felt.in_contact, faulty
             told = keep_safe(self.safety, desired, sensed, self.conditioner.surface, self._silence)
             self.felt = felt.force
             self.path.append(told)

@@ -119,7 +119,7 @@ PLUG_IN = dataclasses.replace(LINE, model="kelvin-voigt", estimator="rls")
 
 ON_A_LINE: list[tuple[Any, str]] = [(Freshness, "judge"), (Playout, "advance"), (stages.sense_alone, ""), *LEARNING]
 IN_SPACE = [(MaterialFieldLearner, "taken"), (ProbeInSpace, "wanted"), (Playout, "advance"), (FieldSender, "due")]
-RARELY_IN_SPACE = [(MaterialFieldLearner, "touch_at"), (ProbeInSpace, "_learn"), (ProbeInSpace, "_with_fixture")]
+RARELY_IN_SPACE = [(MaterialFieldLearner, "touch_at"), (ProbeInSpace, "_with_fixture")]
 
 
 @pytest.mark.parametrize(
@@ -155,11 +155,7 @@ def test_an_exception_before_safety_is_counted_and_told_and_safety_goes_on(
     assert ("nothing more is learnt" in trouble) is not learns
 
 
-@pytest.mark.parametrize(
-    "shows",
-    [None, pytest.param(math.nan, marks=pytest.mark.long)],
-    ids=["no number", "watch"],
-)
+@pytest.mark.parametrize("shows", [None, pytest.param(math.nan, marks=pytest.mark.long)], ids=["no number", "watch"])
 def test_where_the_judge_of_the_sensors_raises_the_robot_goes_out_as_it_came(
     monkeypatch: pytest.MonkeyPatch, shows: float | None
 ) -> None:

@@ -11,15 +11,8 @@ from hypothesis import strategies as st
 
 from foretouch.errors import SettingError
 from foretouch.quantities.pose import Vector
-from foretouch.session.safety.force_guard import (
-    AIMED,
-    PATIENCE,
-    STEEPER,
-    ForceCap,
-    first_touch,
-    guarded_position,
-    observe_force,
-)
+from foretouch.session.safety import force_guard
+from foretouch.session.safety.force_guard import AIMED, PATIENCE, STEEPER, ForceCap, guarded_position, observe_force
 from foretouch.session.safety.proven_way import CELL, GROWTH, ProvenWay, forget_way, observe_way, proven_speed
 from foretouch.session.safety.safety import SafetyLimits
 
@@ -35,7 +28,7 @@ springs = st.floats(2.0, 5.0).map(lambda exponent: 10.0**exponent)
 
 def touch(stiffness, desired, known=lambda tick: math.nan, surface=SURFACE, ticks=3000, guard=None):
     """A robot that follows as a first-order lag presses a spring; what it was told, where it was, and the forces."""
-    guard = first_touch(SPEED, FORCE, TICK) if guard is None else guard
+    guard = force_guard.first_touch(SPEED, FORCE, TICK) if guard is None else guard
     position, forces, places, told = 0.0, [0.0] * LAG, [], []
     for tick in range(ticks):
         felt = forces[-LAG]
@@ -79,7 +72,7 @@ def test_it_follows_outwards_at_once():
 
 @pytest.mark.parametrize("stiffness", [600.0, 1e4, 1e5])
 def test_once_the_surface_is_known_the_way_back_is_slow_and_without_a_step(stiffness):
-    guard = first_touch(SPEED, FORCE, TICK)
+    guard = force_guard.first_touch(SPEED, FORCE, TICK)
     told, _, _ = touch(stiffness, lambda tick: 0.009, lambda tick: math.nan if tick < 1500 else SURFACE, guard=guard)
     steps = np.diff(told)
     assert np.abs(steps).max() <= SPEED * TICK * (1.0 + 1e-9)
@@ -92,7 +85,7 @@ def test_once_the_surface_is_known_the_way_back_is_slow_and_without_a_step(stiff
 
 def test_while_it_comes_back_the_commands_motion_passes():
     """What is held back shrinks by the approach speed; the rest of the way is the hand's."""
-    guard = first_touch(SPEED, FORCE, TICK)
+    guard = force_guard.first_touch(SPEED, FORCE, TICK)
     for _ in range(100):
         guarded_position(guard, 0.01, 0.0, 0.0, False, math.nan)
     held = 0.01 - guarded_position(guard, 0.01, 0.002, 0.0, False, 0.005)
@@ -105,7 +98,7 @@ def test_while_it_comes_back_the_commands_motion_passes():
     st.lists(st.tuples(st.floats(-0.1, 0.1), st.floats(-0.1, 0.1), st.floats(0.0, 100.0), st.booleans()), max_size=50)
 )
 def test_where_all_is_known_commands_pass_as_they_are(ticks):
-    guard = first_touch(SPEED, FORCE, TICK)
+    guard = force_guard.first_touch(SPEED, FORCE, TICK)
     for desired, position, force, in_contact in ticks:
         position = max(position, 0.0)
         assert guarded_position(guard, desired, position, force, in_contact, 0.0) == desired
@@ -135,7 +128,7 @@ def test_contact_with_something_else_further_out_is_guarded_too():
     )
 )
 def test_whatever_the_sensors_say_an_unknown_surface_is_never_approached_faster(ticks):
-    guard, told = first_touch(SPEED, FORCE, TICK), None
+    guard, told = force_guard.first_touch(SPEED, FORCE, TICK), None
     for desired, position, force, in_contact in ticks:
         now = guarded_position(guard, desired, position, force, in_contact, math.nan)
         assert math.isfinite(now)
@@ -150,12 +143,12 @@ def test_whatever_the_sensors_say_an_unknown_surface_is_never_approached_faster(
 @pytest.mark.parametrize("numbers", [(0.0, 2.0, TICK), (0.02, -1.0, TICK), (0.02, 2.0, math.nan)])
 def test_speed_force_and_period_must_be_positive(numbers):
     with pytest.raises(SettingError):
-        first_touch(*numbers)
+        force_guard.first_touch(*numbers)
 
 
 def test_commands_that_step_out_as_the_guard_ends_take_the_robot_along_slowly():
     """What the index makes of the commands when the leader has met the surface is no step of the robot's."""
-    touch = first_touch(0.02, 2.0, 1e-3)
+    touch = force_guard.first_touch(0.02, 2.0, 1e-3)
     told = [guarded_position(touch, 0.02, 0.011, 1.0, True, math.nan) for _ in range(300)]
     told += [guarded_position(touch, 0.0101, told[-1], 1.0, True, 0.0101) for _ in range(500)]
     assert np.abs(np.diff(told)).max() <= 0.02e-3 + 1e-12

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from motion_limits import MotionLimits
-from pressed import ACCELERATION, JERK, SPEED, TICK, Pressed, Sensed, keep_safe, kept
+from pressed import ACCELERATION, JERK, SPEED, TICK, Pressed, keep_safe, kept
 
 from foretouch.errors import SettingError
 from foretouch.messages import STATUS_SENTENCES, Status
@@ -75,7 +75,7 @@ def test_nothing_raises_and_every_path_keeps_its_limits(ticks: list[tuple[float,
     safety = Safety(SafetyLimits(workspace=(-0.02, 0.06)), TICK)
     path = []
     for desired, position, force, touches, surface, silence, faulty in ticks:
-        sensed = Sensed(position, 100.0 * force, bool(touches), bool(faulty))
+        sensed = position, 100.0 * force, bool(touches), bool(faulty)
         path.append(keep_safe(safety, desired, sensed, surface, silence))
     finite = [place for place in path if math.isfinite(place)]
     assert finite == path[len(path) - len(finite) :], "once it has a place it keeps one"
@@ -116,7 +116,7 @@ def test_a_force_that_is_in_uncertainty_is_not_pressed_towards() -> None:
     for uncertain in (False, True):
         safety, path = Safety(limits, TICK), []
         for tick in range(300):
-            sensed = Sensed(0.0, 1.0, True, uncertain=uncertain and tick > 50)
+            sensed = 0.0, 1.0, True, False, uncertain and tick > 50
             path.append(keep_safe(safety, 0.01, sensed, 0.0, 0.0))
         assert (max(path) - path[60] > 1e-4) is not uncertain
 

@@ -10,7 +10,7 @@ import sys
 
 import pytest
 from motion_limits import UNBOUNDED, MotionLimits
-from pressed import Sensed, keep_safe
+from pressed import keep_safe
 
 from foretouch.identification import SensorWatch
 from foretouch.identification.conditioning import watch as sensor_watch_kernel
@@ -60,7 +60,7 @@ def pressed(seed: int, ticks: int = 1500) -> list[object]:
         state = watch.update(tick * TICK, place, force)
         deeper = guarded_speed(guard, place, force, force > 0.05, 15.0, 20.0)
         surface = 0.01 if tick > ticks // 3 else math.nan
-        told = keep_safe(safety, wanted, Sensed(place, force, force > 0.05, bool(state)), surface, silence)
+        told = keep_safe(safety, wanted, (place, force, force > 0.05, bool(state)), surface, silence)
         path = motion.update(wanted, deeper if tick % 2 else math.inf)
         output += [int(state), told, int(safety.status), safety.pressing, float(guard[0].stiffness)]
         output += [path, *motion.velocity, *motion.acceleration]
@@ -138,7 +138,7 @@ def test_a_whole_number_compiles_nothing_and_is_the_same() -> None:
             answers += [watch.update(number, number, number), motion.update(number)]
             answers.append(guarded_speed(guard, number, number, False, number, number))
             answers += motion.move((number, number, number))
-            answers.append(keep_safe(safety, number, Sensed(number, number, False), number, kind(0)))
+            answers.append(keep_safe(safety, number, (number, number, False), number, kind(0)))
         output.append(answers)
     assert output[0] == output[1]
     assert [len(getattr(kernel, "signatures", [None])) for kernel in KERNELS] == [1] * len(KERNELS)
@@ -148,7 +148,7 @@ def test_an_array_that_is_shared_disturbs_nobody_and_a_guard_without_a_contact_r
     limits = SafetyLimits(workspace=(-1.0, 1.0))
     safety, alone = Safety(limits, TICK), MotionLimits(limits.speed, limits.acceleration, limits.jerk, TICK)
     aims = [0.005 * math.sin(tick / 400) for tick in range(2000)]
-    told = [keep_safe(safety, aim, Sensed(aim, 0.0, False), 0.5, 0.0) for aim in aims]
+    told = [keep_safe(safety, aim, (aim, 0.0, False), 0.5, 0.0) for aim in aims]
     alone.begin(0.0)
     reckoned = [alone.update(aim) for aim in aims]
     assert told[400:] == pytest.approx(reckoned[400:], abs=1e-9)

@@ -161,4 +161,4 @@ def test_a_follower_on_a_surface_of_python_is_the_compiled_one(own: Plane | Heig
         told.append(first.desired_position)
     assert np.ptp(told, axis=0).min() > 0.002
     assert states[0].probe.friction.updates == states[1].probe.friction.updates > 0
-    assert states[0].probe.touch_tick == states[1].probe.touch_tick > 0
+    assert states[0].probe.told[3] == states[1].probe.told[3] > 0

@@ -306,11 +306,6 @@ def _judge(state: FieldState, ratio: float) -> int:
     return CHANGED
 
 
-@compiled
-def _point(state: FieldState) -> Vector:
-    return float(state.point[0]), float(state.point[1]), float(state.point[2])
-
-
 @kernel("(FieldState[::1], f8, f8, f8, b1)")
 def take(states: NDArray[np.void], depth: float, velocity: float, force: float, in_contact: bool) -> int:
     """One sample at the touched point; what was done."""
@@ -319,7 +314,7 @@ def take(states: NDArray[np.void], depth: float, velocity: float, force: float, 
         return FREE_AIR
     if not (0.0 < depth <= LARGEST_DEPTH and abs(velocity) <= LARGEST_SPEED and abs(force) <= LARGEST_FORCE):
         return UNUSABLE
-    last, nodes, point = state.last, state.nodes[:], _point(state)
+    last, nodes, point = state.last, state.nodes[:], (state.point[0], state.point[1], state.point[2])
     x, y, z = point[0] - last[1], point[1] - last[2], point[2] - last[3]
     if abs(depth - last[0]) < DEPTH_STEP and x * x + y * y + z * z < WAY_STEP * WAY_STEP:
         return HELD
@@ -363,7 +358,8 @@ def learn_raw(
 def has_law(states: NDArray[np.void]) -> bool:
     """Whether there are samples enough, and a force follows from the law of some node about the point."""
     about, at, weights = np.empty(CORNERS, np.int64), np.empty(CORNERS, np.int64), np.empty(CORNERS)
-    find(states[0], _point(states[0]), about, at, weights)
+    point = states[0].point
+    find(states[0], (point[0], point[1], point[2]), about, at, weights)
     laws = np.empty((CORNERS, NUMBERS))
     laws_of(states[0].nodes[:], at, laws)
     return bool(states[0].updates >= FEWEST_UPDATES and (weights * (laws[:, 0] + laws[:, 1]) > 0.0).any())

@@ -254,10 +254,6 @@ class Conditioner:
         lose_surface(self.memory)
         self.recall()
 
-    def distrust_surface(self) -> None:
-        """Find the surface anew where the next contact begins: the probe goes elsewhere. One that was given stays."""
-        self.state.surface_threshold = 0.0
-
     def shift(self, change: float) -> None:
         """Shift the surface with a material that moved by this [m], positive if deeper; a given surface stays."""
         self._shift(self.memory, change)

@@ -209,8 +209,10 @@ class ModelSender:
         if sent is None:
             return True
         surface = learner.conditioner.surface - estimator.surface_correction
-        if math.isnan(surface) or sent.model is None:
-            return learner.learnt().model is not sent.model
+        if math.isnan(surface):
+            return sent.model is not None
+        if sent.model is None:
+            return estimator.has_model
         # A map stays valid until its estimator begins anew.
         valid = estimator.updates > 0 if isinstance(sent.model, ContactMapModel) else estimator.has_model
         return not valid or abs(surface - sent.surface) > SURFACE_CHANGE

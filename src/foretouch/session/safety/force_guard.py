@@ -124,8 +124,7 @@ class Touch(Record):
     Until the leader is known to render from a model that has this surface, the robot
 
     - goes deeper no faster than the approach speed, before any contact too;
-    - in contact, goes deeper or back so that the force comes to the one to be held,
-      as `ForceGuard` says, no faster than that either;
+    - in contact, goes deeper or back so that the force comes to the one to be held, as `ForceGuard` says, as slowly;
     - follows outwards at once.
 
     Then the return to the commands is as slow as the approach. Where nothing is guarded, commands pass unchanged.

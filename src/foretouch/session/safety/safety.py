@@ -144,9 +144,7 @@ class Safety:
     6. **Speed, acceleration, jerk** (`Path`), from where the robot is in the first tick, at rest.
 
     On a surface in space the first five are computed along its normal, and the last once the result is a position in
-    space again. In each tick the caller then writes into `memories` how fast motion along the surface may bring the
-    robot nearer to it, the coordinate along the normal of the aim of the position that the robot was told, its velocity
-    towards the surface, and its own coordinate against the surface.
+    space again: `foretouch.session.spatial.safety`.
 
     It never raises; a NaN command counts as none.
 

@@ -8,7 +8,8 @@ from typing import Any
 import msgspec
 
 from foretouch.core import Kernel, compiled
-from foretouch.identification import ContactMap, Estimator, FrictionEstimator, Learner, MaterialFieldLearner
+from foretouch.identification import ContactMap, FrictionEstimator, MaterialFieldLearner
+from foretouch.identification.conditioning.kernel import Conditioning
 from foretouch.identification.friction import learn_friction
 from foretouch.messages import VERSION, Command, FixtureBelief, FollowerSpace, ModelUpdate
 from foretouch.quantities import pose as rigid
@@ -27,7 +28,7 @@ from foretouch.session.spatial.way_in import MISSED, MISSED_TICKS
 from foretouch.session.steps import tick as stages
 from foretouch.session.steps.axis import Finished, ProbeOnAxis
 from foretouch.session.steps.follower import GOOD, Inputs, State
-from foretouch.session.steps.tick import Records, States
+from foretouch.session.steps.tick import Acted, Records, States, Times, Wanted
 
 BIAS_RATE = 2e-4  # Weight per tick of the measured force in the sensor's offset in free air, once it is known from 5 s
 
@@ -66,40 +67,39 @@ def _feel(touch: FeltSurface, force: float, closest: Closest, place: Vector, tic
         touch.tick = tick
 
 
-LEFT, MISSED_IT, TOLD = 1, 2, 4
-"""Of a tick: contact was left; the surface was missed; the onset of a contact is known."""
-
-
 @compiled(error_model="numpy")
-def _in_free_air(beside: Beside, force: Vector, missed: bool) -> int:
+def _in_free_air(beside: Beside, state: Conditioning, force: Vector, deeper: bool) -> bool:
     """Learn the sensor's offset. A robot that is deeper than where it was felt and feels nothing has missed it."""
-    news, beside.touch.ticks = LEFT if beside.touch.ticks > 0 else 0, 0
+    if beside.touch.ticks > 0:  # the surface is found anew where the next contact begins: the probe goes elsewhere
+        beside.touch.ticks, state.surface_threshold = 0, 0.0
     beside.free_ticks += 1
-    beside.missed_ticks = beside.missed_ticks + 1 if missed else 0
-    if beside.missed_ticks >= MISSED_TICKS:
+    beside.missed_ticks = beside.missed_ticks + 1 if deeper else 0
+    missed = beside.missed_ticks >= MISSED_TICKS
+    if missed:
         beside.missed_ticks = 0
-        news |= MISSED_IT
     away = subtract(force, vector(beside.bias))
     still = not norm(away) > QUIET or beside.bias_ticks < SETTLING
     if beside.free_ticks > 0 and still and norm(force) < beside.largest_offset:
         beside.bias_ticks += 1
         rate = max(1.0 / beside.bias_ticks, BIAS_RATE)
         write(beside.bias, add(vector(beside.bias), scaled(away, rate)))
-    return news
+    return bool(missed)
 
 
 @compiled
-def learn_beside(space: Space, learnings: Records, force: Vector, good: bool, tick: int) -> int:
+def learn_beside(space: Space, states: States, force: Vector, tick: int) -> bool:
     """In free air the sensor's offset; in contact friction, and where the contact began.
 
-    The law was learnt from the newest sample of the learner; the whole force is as measured [N]. Returns what is news.
+    The law was learnt from the newest sample of the learner; the whole force is as measured [N]. Returns whether the
+    surface was missed.
     """
-    beside, line, course, newest = space.beside, space.probe, space.course, learnings[0].newest[0]
+    beside, line, course, newest = space.beside, space.probe, space.course, states[2][0].newest[0]
     point, sideways = vector(line.closest.inner_point), vector(course.resistance)
     moved = subtract(point, vector(beside.point))
     write(beside.point, point)
     if not newest.in_contact:
-        return _in_free_air(beside, force, newest.depth > MISSED and good)
+        deeper = newest.depth > MISSED and states[0][0].watch[0].state == GOOD
+        return _in_free_air(beside, states[1][0][0], force, deeper)
     beside.free_ticks = -AFTER_CONTACT
     if math.isfinite(moved[0] + sideways[0] + sideways[1] + sideways[2]):
         rubbed, sliding = vector(beside.rubbed), vector(beside.sliding)
@@ -111,18 +111,17 @@ def learn_beside(space: Space, learnings: Records, force: Vector, good: bool, ti
         write(beside.sliding, sliding)
         if norm(sliding) > SLIDING:
             learn_friction(beside.friction, beside.pressed, rubbed, sliding, SAMPLE_PERIOD)
-    before = beside.touch.tick
     _feel(beside.touch, newest.force, line.closest, vector(course.here), tick)
-    return TOLD if beside.touch.tick != before else 0
+    return False
 
 
 Given = tuple[Records, Mesh, Vector, Vector, int]
 """The record of safety in space; the shape of the surface; place of the probe [m], force that its sensor shows [N], and
 number of the tick."""
 
-Told = tuple[int, tuple[float, float, float, float, float, float, float, float, float, float]]
-"""News of `learn_beside`; position for the robot [m], force on the probe [N], normal of its closest point, and depth
-[m]."""
+Told = tuple[bool, tuple[float, float, float, float, float, float, float, float, float, float], Vector, int]
+"""Whether the surface was missed; position for the robot [m], force on the probe [N], normal of its closest point, and
+depth [m]; onset of the newest contact that tells of the surface [m], NaN before it, and the tick when it was known."""
 
 
 @compiled
@@ -144,29 +143,24 @@ def sense_in_space(states: States, given: Given, now_ns: int, position: float) -
 
 @compiled
 def allow_in_space(
-    states: States, given: Given, times_ns: stages.Times, wanted: stages.Wanted, stopped: bool, learns: bool
-) -> tuple[stages.Acted, Told]:
+    states: States, given: Given, times_ns: Times, wanted: Wanted, stopped: bool, learns: bool
+) -> tuple[Acted, Told]:
     """`stages.allow` along the normal, learning beside the law, and the limits of the motion."""
-    (spaces, mesh, _, raw, number), follower = given, states[0][0]
-    space, closest, news = spaces[0], spaces[0].probe.closest, 0
+    (spaces, mesh, _, raw, number), missed = given, False
+    space, closest, touch = spaces[0], spaces[0].probe.closest, spaces[0].beside.touch
     aim, status = stages.allow(states, closest.along, times_ns, wanted, stopped)
     force = subtract(raw, vector(space.beside.bias))
     if learns:
-        news = learn_beside(space, states[2], raw, follower.watch[0].state == GOOD, number)
-    place, coordinate = limit(space, follower.safety[0], mesh, aim)
+        missed = learn_beside(space, states, raw, number)
+    place, coordinate = limit(space, states[0][0].safety[0], mesh, aim)
     said = (*place, *force, *vector(closest.normal), float(closest.depth))
-    return stages.show(states, (coordinate, status)), (news, said)
+    return stages.show(states, (coordinate, status)), (missed, said, vector(touch.place), int(touch.tick))
 
 
 @compiled
 def tick(
-    states: States,
-    banks: Records | None,
-    fields: Records | None,
-    given: Given,
-    times_ns: stages.Times,
-    wanted: stages.Wanted,
-) -> tuple[stages.Acted, Told, tuple[int, bool]]:
+    states: States, banks: Records | None, fields: Records | None, given: Given, times_ns: Times, wanted: Wanted
+) -> tuple[Acted, Told, tuple[int, bool]]:
     """A tick in space, as `stages.tick` is one along a line."""
     desired, jumped = sense_in_space(states, given, times_ns[0], wanted[0])
     x, y, z = point = vector(given[0][0].probe.closest.inner_point)
@@ -179,10 +173,11 @@ def tick(
 
 GIVEN = f"Tuple((Space[::1], {MESH}, {VECTOR}, {VECTOR}, i8))"
 sense_alone = Kernel(sense_in_space, f"({stages.STATES}, {GIVEN}, i8, f8)", *stages.LEARNT, Triangle)
-allow_alone = Kernel(allow_in_space, f"({stages.STATES}, {GIVEN}, {stages.WANTED}, b1, b1)", *stages.LEARNT, Triangle)
+allow_alone: Kernel[..., Any] = Kernel(
+    allow_in_space, f"({stages.STATES}, {GIVEN}, {stages.WANTED}, b1, b1)", *stages.LEARNT, Triangle
+)
 tick_with_map = Kernel(tick, f"({stages.OF_MAP}, {GIVEN}, {stages.WANTED})", *stages.LEARNT, Triangle)
 tick_with_field = Kernel(tick, f"({stages.OF_FIELD}, {GIVEN}, {stages.WANTED})", *stages.LEARNT, Triangle)
-WHOLE: dict[type[Estimator], Kernel[..., Any]] = {ContactMap: tick_with_map, MaterialFieldLearner: tick_with_field}
 
 
 NO_BELIEF = FixtureBelief(VERSION, 0, 0, (0.0,) * 6, (), math.inf, 0, 0, 0, "", epoch=0)
@@ -202,32 +197,23 @@ class ProbeInSpace(ProbeOnAxis):
     Attributes:
         safety: Safety in space, with the lines of probe and commands.
         friction: Of the surface.
-        touch: Onset of the newest contact that tells of the surface [m]; NaN before it.
-        touch_tick: Tick in which that was known.
         belief: Newest belief of the fixture's pose, as its tracker sent it.
     """
 
     safety: SpatialSafety
     fields: FieldSender
     told: Told
-    whole = WHOLE
+    alone = sense_alone, allow_alone
+    whole = {ContactMap: tick_with_map, MaterialFieldLearner: tick_with_field}
 
     def __init__(self, surface: Surface, pose: tuple[float, ...]) -> None:
         self._surface, self._pose = surface, pose
-        self.touch: Vector = NOWHERE
-        self.touch_tick = 0
         self.belief, self._believed_ns = NO_BELIEF, 0  # it ages while no other comes
 
     @property
     def line(self) -> SurfaceLine:
         """Line of the probe."""
         return self.safety.line
-
-    @property
-    def bias(self) -> Vector:
-        """The force sensor's offset [N]."""
-        x, y, z = self.safety.spaces["beside"]["bias"][0].tolist()
-        return x, y, z
 
     def join(self, state: State, settings: SessionSettings) -> None:
         """See `ProbeOnAxis.join`."""
@@ -238,8 +224,6 @@ class ProbeInSpace(ProbeOnAxis):
         beside["largest_offset"] = state.specification.largest_offset
         if self.safety.python:
             self.whole = {}
-        for stage in (sense_alone, allow_alone):
-            assert callable(stage.entry)
 
     def hear(self, state: State, inputs: Inputs, now_ns: int) -> None:
         """See `ProbeOnAxis.hear`."""
@@ -276,12 +260,10 @@ class ProbeInSpace(ProbeOnAxis):
                 failures.stop_learning("its learning in space", error)
         return desired
 
-    def allow(
-        self, state: State, given: Given, times_ns: stages.Times, wanted: stages.Wanted, stopped: bool
-    ) -> stages.Acted:
+    def allow(self, state: State, given: Given, *asked: Any) -> Acted:
         """See `ProbeOnAxis.allow`; along the normal and in all directions within the limits."""
-        learns = state.failures.learns
-        acted, self.told = allow_alone.entry(state.states, given, times_ns, wanted, stopped, learns)
+        acted: Acted
+        acted, self.told = allow_alone.entry(state.states, given, *asked, state.failures.learns)
         if self.safety.python and math.isfinite(acted[0][0]):
             self.safety.went(self.told[1][:3])
         return acted
@@ -312,24 +294,13 @@ class ProbeInSpace(ProbeOnAxis):
         if state.failures.learns:
             try:
                 if self.told[0]:
-                    self._learn(state.learner, state.tick)
+                    state.learner.conditioner.shift(state.learner.sample.depth)
                 model = None if model is None else self._with_fixture(model, now_ns)
                 field = self.fields.due(state.learner.estimator, now_ns)
             except Exception as error:
                 state.failures.stop_learning("its learning in space", error)
                 model = None
         return self.told[1][:3], self._report(inputs.sample), model, field
-
-    def _learn(self, learner: Learner, tick: int) -> None:
-        """Take over what is news of a contact, or of a missed surface."""
-        news = self.told[0]
-        if news & LEFT:
-            learner.conditioner.distrust_surface()
-        if news & MISSED_IT:
-            learner.conditioner.shift(learner.sample.depth)
-        if news & TOLD:
-            x, y, z = self.safety.spaces["beside"]["touch"]["place"][0].tolist()
-            self.touch, self.touch_tick = (x, y, z), tick
 
     def _with_fixture(self, model: ModelUpdate, now_ns: int) -> ModelUpdate:
         """A model with the fixture that it belongs to: its surface is how much deeper than believed it was felt."""
@@ -346,8 +317,8 @@ class ProbeInSpace(ProbeOnAxis):
     def _report(self, sample: SpatialSample) -> FollowerSpace:
         """What there is to tell in space in this tick."""
         x, y, z, rx, ry, rz = sample.fixture if len(sample.fixture) == 6 else (*NOWHERE, *NOWHERE)
-        said = (*sample.place, *self.told[1], *self.line.pose)
-        return FollowerSpace(*said, x, y, z, rx, ry, rz, *self.touch, self.touch_tick)
+        _, said, touch, tick = self.told
+        return FollowerSpace(*sample.place, *said, *self.line.pose, x, y, z, rx, ry, rz, *touch, tick)
 
     def tip(self, state: State, sample: SpatialSample) -> Vector:
         """See `ProbeOnAxis.tip`."""
@@ -355,7 +326,7 @@ class ProbeInSpace(ProbeOnAxis):
 
     def back_off(self, state: State, sample: SpatialSample, position: Vector, way: float) -> Vector:
         """See `ProbeOnAxis.back_off`; whatever is believed of the fixture."""
-        force = rigid.subtract(sample.force, self.bias)
+        force = rigid.subtract(sample.force, self.safety.spaces["beside"]["bias"][0].tolist())
         size = rigid.norm(force)
         if 0.0 < size < math.inf:
             state.feel_plainly(size)

@@ -64,8 +64,6 @@ class HandOnAxis:
         return (), renderer.predicted[3], None
 
 
-NOT_FINITE = int(SensorState.NOT_FINITE)
-
 Finished: TypeAlias = tuple[Any, FollowerSpace | None, ModelUpdate | None, FieldUpdate | None]
 """Position for the robot [m], what there is to tell in space, and the model and the field that are due."""
 
@@ -77,10 +75,12 @@ class ProbeOnAxis:
 
     Attributes:
         whole: Ticks in one compiled call, by what they learn.
+        alone: What is called where that cannot be.
         told: What compiled code said beside what every tick comes to.
     """
 
     told: Any = None
+    alone: tuple[Kernel[..., Any], ...] = stages.sense_alone, stages.allow_alone
     whole: Mapping[type[Estimator], Kernel[..., Any]] = {
         ContactMap: stages.tick_at_once,
         MaterialFieldLearner: stages.tick_in_field,
@@ -111,14 +111,13 @@ class ProbeOnAxis:
             state.watch.taken(stages.sense_alone.entry(state.states, given, now_ns))
         except Exception as error:
             state.failures.note("its sensors", error)
-            record.validity, record.position, record.force = NOT_FINITE, given.position, math.nan
+            record.validity, record.position, record.force = SensorState.NOT_FINITE, given.position, math.nan
         return position
 
-    def allow(
-        self, state: State, given: Any, times_ns: stages.Times, wanted: stages.Wanted, stopped: bool
-    ) -> stages.Acted:
-        """The last stages; `stopped` says whether a stop is latched."""
-        return stages.allow_alone.entry(state.states, given.position, times_ns, wanted, stopped)
+    def allow(self, state: State, given: Any, *asked: Any) -> stages.Acted:
+        """The last stages: `foretouch.session.steps.tick.allow_on_axis`."""
+        acted: stages.Acted = stages.allow_alone.entry(state.states, given.position, *asked)
+        return acted
 
     def finish(
         self, state: State, inputs: Inputs, coordinate: float, model: ModelUpdate | None, now_ns: int

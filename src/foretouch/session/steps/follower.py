@@ -35,7 +35,6 @@ from foretouch.session.steps.sensing import Failures, calibrated, safety_limits
 GOOD = SensorState.GOOD
 FRESH, FUTURE = Arrival.FRESH, Arrival.FUTURE
 OF_ROBOT = ("tool_mass", "gravity", "moved_mass", "largest_offset")  # What a tick knows of the robot's specification
-STAGES = stages.sense_alone, stages.feel_alone, stages.allow_alone
 HOLDING, RETREATING, TOO_SLOW = int(Status.HOLDING), int(Status.RETREATING), int(Status.TOO_SLOW)
 
 
@@ -168,8 +167,8 @@ def start(
         probe=ProbeOnAxis() if probe is None else probe,
     )
     state.probe.join(state, settings)
-    for stage in (*STAGES, state.probe.whole.get(type(learner.estimator))):  # nothing is compiled in the loop
-        assert stage is None or callable(stage.entry)
+    for stage in (*state.probe.alone, stages.feel_alone, state.probe.whole.get(type(learner.estimator))):
+        assert stage is None or callable(stage.entry)  # nothing is compiled in the loop
     return state
 
 

@@ -226,11 +226,7 @@ def allow_on_axis(states: States, position: float, times_ns: Times, wanted: Want
 def tick(
     states: States, banks: Records | None, fields: Records | None, sample: Showing, times_ns: Times, wanted: Wanted
 ) -> tuple[Acted, bool, tuple[int, bool]]:
-    """A tick along a line in which a contact map or a field learns, and nothing is requested at the robot.
-
-    Returns:
-        What came of it, and what there is to say beside that; and what `learn` returns.
-    """
+    """A tick along a line in which a contact map or a field learns, and nothing is requested at the robot."""
     sense(states, sample, times_ns[0])
     learnt = learn(states, banks, fields, times_ns)
     return allow_on_axis(states, sample[0], times_ns, wanted, False), False, learnt
@@ -245,4 +241,4 @@ tick_at_once = Kernel(tick, f"({OF_MAP}, {SAMPLE}, {WANTED})", *LEARNT)
 tick_in_field = Kernel(tick, f"({OF_FIELD}, {SAMPLE}, {WANTED})", *LEARNT)
 sense_alone = Kernel(sense, f"i8({STATES}, {SAMPLE}, i8)", *LEARNT)
 feel_alone = Kernel(feel, f"({STATES},)", *LEARNT)
-allow_alone = Kernel(allow_on_axis, f"({STATES}, f8, {WANTED}, b1)", *LEARNT)
+allow_alone: Kernel[..., Any] = Kernel(allow_on_axis, f"({STATES}, f8, {WANTED}, b1)", *LEARNT)
