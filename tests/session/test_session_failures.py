@@ -110,7 +110,7 @@ class Session:
         return run_follower(process, self.robot, self.settings, description={}, duration=seconds)
 
 
-WHOLES = (*ProbeOnAxis.whole.values(), *ProbeInSpace.whole.values())
+WHOLES = (*ProbeOnAxis.whole.values(), probe.tick_with_map, probe.tick_with_field)
 LEARNING: list[tuple[Any, str]] = [(KelvinVoigtRLS, "update"), (Learner, "taken"), (ModelSender, "due")]
 """What has ended once it failed; the others are tried again."""
 

@@ -157,7 +157,7 @@ def test_a_follower_on_a_surface_of_python_is_the_compiled_one(own: Plane | Heig
         sample = SpatialSample(place, force, force, place, (), False)
         inputs = follower.Inputs([command], sample, MS, 0, beliefs=[belief] if tick % 50 == 0 else [])
         first, second = (follower.step(state, inputs, tick * MS)[1] for state in states)
-        np.testing.assert_equal(first.telemetry, second.telemetry)
+        assert repr(first.telemetry) == repr(second.telemetry)  # one NaN is not another
         told.append(first.desired_position)
     assert np.ptp(told, axis=0).min() > 0.002
     assert states[0].probe.friction.updates == states[1].probe.friction.updates > 0

@@ -204,7 +204,6 @@ class ProbeInSpace(ProbeOnAxis):
     fields: FieldSender
     told: Told
     alone = sense_alone, allow_alone
-    whole = {ContactMap: tick_with_map, MaterialFieldLearner: tick_with_field}
 
     def __init__(self, surface: Surface, pose: tuple[float, ...]) -> None:
         self._surface, self._pose = surface, pose
@@ -222,6 +221,7 @@ class ProbeInSpace(ProbeOnAxis):
         beside = self.safety.spaces["beside"]
         self.friction = FrictionEstimator(beside["friction"])
         beside["largest_offset"] = state.specification.largest_offset
+        self.whole = {ContactMap: tick_with_map, MaterialFieldLearner: tick_with_field}
         if self.safety.python:
             self.whole = {}
 
