@@ -20,7 +20,7 @@ from foretouch.rendering.surfaces.god_object import MESH, Mesh
 from foretouch.rendering.surfaces.line import Closest, rotate
 from foretouch.robot import SpatialSample
 from foretouch.session.network.model_sender import FieldSender
-from foretouch.session.network.playout import NOWHERE
+from foretouch.session.network.playout import NOWHERE, advance
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.spatial.course import SurfaceLine, go
 from foretouch.session.spatial.safety import VECTOR, Beside, FeltSurface, Space, SpatialSafety, arrive, limit
@@ -28,7 +28,7 @@ from foretouch.session.spatial.way_in import MISSED, MISSED_TICKS
 from foretouch.session.steps import tick as stages
 from foretouch.session.steps.axis import Finished, ProbeOnAxis
 from foretouch.session.steps.follower import GOOD, Inputs, State
-from foretouch.session.steps.tick import Acted, Records, States, Times, Wanted
+from foretouch.session.steps.tick import Acted, Known, Records, States, Times
 
 BIAS_RATE = 2e-4  # Weight per tick of the measured force in the sensor's offset in free air, once it is known from 5 s
 
@@ -124,6 +124,9 @@ Told = tuple[bool, tuple[float, float, float, float, float, float, float, float,
 depth [m]; onset of the newest contact that tells of the surface [m], NaN before it, and the tick when it was known."""
 
 
+_advance = advance.function
+
+
 @compiled
 def sense_in_space(states: States, given: Given, now_ns: int, position: float) -> tuple[float, bool]:
     """`stages.sense` along the normal; and the course, unless there is no position to be played (NaN).
@@ -143,12 +146,12 @@ def sense_in_space(states: States, given: Given, now_ns: int, position: float) -
 
 @compiled
 def allow_in_space(
-    states: States, given: Given, times_ns: Times, wanted: Wanted, stopped: bool, learns: bool
+    states: States, given: Given, times_ns: Times, known: Known, desired: float, stopped: bool, learns: bool
 ) -> tuple[Acted, Told]:
     """`stages.allow` along the normal, learning beside the law, and the limits of the motion."""
     (spaces, mesh, _, raw, number), missed = given, False
     space, closest, touch = spaces[0], spaces[0].probe.closest, spaces[0].beside.touch
-    aim, status = stages.allow(states, closest.along, times_ns, wanted, stopped)
+    aim, status = stages.allow(states, closest.along, times_ns, known, desired, stopped)
     force = subtract(raw, vector(space.beside.bias))
     if learns:
         missed = learn_beside(space, states, raw, number)
@@ -159,25 +162,26 @@ def allow_in_space(
 
 @compiled
 def tick(
-    states: States, banks: Records | None, fields: Records | None, given: Given, times_ns: Times, wanted: Wanted
+    states: States, banks: Records | None, fields: Records | None, given: Given, times_ns: Times, known: Known
 ) -> tuple[Acted, Told, tuple[int, bool]]:
     """A tick in space, as `stages.tick` is one along a line."""
-    desired, jumped = sense_in_space(states, given, times_ns[0], wanted[0])
+    position = _advance(states[0][0].playing)
+    desired, jumped = sense_in_space(states, given, times_ns[0], position)
     x, y, z = point = vector(given[0][0].probe.closest.inner_point)
     if fields is not None and math.isfinite(x + y + z):
         write(fields[0].point, point)
     done, news = stages.learn(states, banks, fields, times_ns)
-    acted, told = allow_in_space(states, given, times_ns, (desired, wanted[1], wanted[2]), False, True)
+    acted, told = allow_in_space(states, given, times_ns, known, desired, False, True)
     return acted, told, (done, news or jumped)
 
 
 GIVEN = f"Tuple((Space[::1], {MESH}, {VECTOR}, {VECTOR}, i8))"
 sense_alone = Kernel(sense_in_space, f"({stages.STATES}, {GIVEN}, i8, f8)", *stages.LEARNT, Triangle)
 allow_alone: Kernel[..., Any] = Kernel(
-    allow_in_space, f"({stages.STATES}, {GIVEN}, {stages.WANTED}, b1, b1)", *stages.LEARNT, Triangle
+    allow_in_space, f"({stages.STATES}, {GIVEN}, {stages.KNOWN}, f8, b1, b1)", *stages.LEARNT, Triangle
 )
-tick_with_map = Kernel(tick, f"({stages.OF_MAP}, {GIVEN}, {stages.WANTED})", *stages.LEARNT, Triangle)
-tick_with_field = Kernel(tick, f"({stages.OF_FIELD}, {GIVEN}, {stages.WANTED})", *stages.LEARNT, Triangle)
+tick_with_map = Kernel(tick, f"({stages.OF_MAP}, {GIVEN}, {stages.KNOWN})", *stages.LEARNT, Triangle)
+tick_with_field = Kernel(tick, f"({stages.OF_FIELD}, {GIVEN}, {stages.KNOWN})", *stages.LEARNT, Triangle)
 
 
 NO_BELIEF = FixtureBelief(VERSION, 0, 0, (0.0,) * 6, (), math.inf, 0, 0, 0, "", epoch=0)

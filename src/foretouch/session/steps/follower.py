@@ -180,18 +180,16 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     """
     safety, sender, probe, sample = state.safety, state.sender, state.probe, inputs.sample
     probe.hear(state, inputs, now_ns)
-    position = _commanded(state, inputs.commands, now_ns)
-    applied = state.playout.applied
-    learns = _learns(state, applied, now_ns)
-    known_surface = sender.known_surface() if state.guarded else math.nan
+    _hear(state, inputs.commands, now_ns)
+    known, acted = (sender.known_surface() if state.guarded else math.nan, state.guarded), None
     heard_ns = state.freshness.newest_ns
     heard = -1 if heard_ns is None or inputs.ended else heard_ns
     times_ns = now_ns, heard, inputs.period_ns, state.start_ns or 0
-    wanted, acted = (position, known_surface, state.guarded), None
-    if learns and not (inputs.stop or inputs.release or safety.stop_reason):
-        acted = _at_once(state, inputs, applied, times_ns, wanted)
+    if state.start_ns is not None and not (inputs.stop or inputs.release or safety.stop_reason):
+        acted = _at_once(state, inputs, times_ns, known)
     if acted is None:
-        acted = _one_by_one(state, inputs, times_ns, wanted)
+        acted = _one_by_one(state, inputs, times_ns, known)
+    applied = state.playout.applied
     (desired, status), validity, (tip, force, held_back, velocity, felt, in_contact) = acted
     safety.status = STATES[status]
     if validity:
@@ -199,7 +197,7 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     if heard_ns is not None and (HOLDING <= status <= RETREATING or status == TOO_SLOW):
         state.held_ticks += 1
     sensors = state.watch.state if validity == state.watch.state else SensorState(validity)
-    model = _due(state, sensors, now_ns) if learns and state.failures.learns else None
+    model = None if state.start_ns is None else _due(state, sensors, applied, now_ns)
     state.tick += 1
     commanded, space, model, materials = probe.finish(state, inputs, desired, model, now_ns)
     telemetry = Telemetry(
@@ -210,55 +208,34 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     return state, Outputs(commanded, telemetry, model, materials)
 
 
-def _commanded(state: State, commands: list[Command], now_ns: int) -> float:
-    """Take the commands that have come; return the commanded position for now [m], NaN where there is none."""
+def _hear(state: State, commands: list[Command], now_ns: int) -> None:
+    """Take the commands that have come."""
     try:
         for command in commands:
             _take(state, command, now_ns)
-        return state.playout.advance()  # NaN while no leader has sent a position
     except Exception as error:
         state.failures.note("its commands", error)
-        return math.nan
 
 
-def _learns(state: State, applied: int, now_ns: int) -> bool:
-    """Whether this sample is learnt from; the estimator is told now and then how late its models are used."""
-    if state.start_ns is None:
-        if not applied:
-            return False
-        state.start_ns = now_ns
-    if not state.failures.learns:
-        return False
-    try:
-        delay = state.sender.round_trip.applied(applied, now_ns)
-        if delay is not None:
-            state.learner.estimator.expect_delay(delay)
-    except Exception as error:
-        state.failures.stop_learning("its learning", error)
-    return state.failures.learns
-
-
-def _at_once(
-    state: State, inputs: Inputs, applied: int, times_ns: stages.Times, wanted: stages.Wanted
-) -> stages.Acted | None:
+def _at_once(state: State, inputs: Inputs, times_ns: stages.Times, known: stages.Known) -> stages.Acted | None:
     """A tick in one compiled call; None where that cannot be."""
     learner, probe = state.learner, state.probe
     estimator = cast("ContactMap | MaterialFieldLearner", learner.estimator)
     tick = probe.whole.get(type(estimator))
-    if tick is None:
+    if tick is None or not state.failures.learns:
         return None
-    known = (estimator.states, None) if type(estimator) is ContactMap else (None, estimator.states)
+    learns = (estimator.states, None) if type(estimator) is ContactMap else (None, estimator.states)
     # What is compiled raises only where an argument cannot be converted, as where the robot shows what is no number:
     # then nothing has been written, and which stage that stops is found one by one.
     try:
         given = probe.given(state, inputs.sample)
-        acted, probe.told, (done, news) = tick.entry(state.states, *known, given, times_ns, wanted)
+        acted, probe.told, (done, news) = tick.entry(state.states, *learns, given, times_ns, known)
     except Exception:
         return None
     if state.watch.taken(acted[1]) is GOOD:
         try:
             learner.taken(estimator, done, news)
-            state.felt_commands.append(applied)
+            state.felt_commands.append(state.playout.applied)
         except Exception as error:
             state.failures.stop_learning("its learning", error)
     elif news:
@@ -266,18 +243,24 @@ def _at_once(
     return acted  # type: ignore[no-any-return]
 
 
-def _one_by_one(state: State, inputs: Inputs, times_ns: stages.Times, wanted: stages.Wanted) -> stages.Acted:
+def _one_by_one(state: State, inputs: Inputs, times_ns: stages.Times, known: stages.Known) -> stages.Acted:
     """The same stage by stage: an exception in learning is noted, and what comes after it runs all the same."""
     record, probe = state.memory[0], state.probe
-    given = probe.given(state, inputs.sample)
-    desired = probe.sense(state, given, times_ns[0], wanted[0])
+    given, position = probe.given(state, inputs.sample), math.nan
+    try:
+        position = state.playout.advance()  # NaN while no leader has sent a position
+    except Exception as error:
+        state.failures.note("its commands", error)
+    if state.start_ns is None and state.playout.applied:
+        state.start_ns = times_ns[0]
+    desired = probe.sense(state, given, times_ns[0], position)
     good = record.validity == GOOD
     if good and state.start_ns is not None:
         _learn(state, (times_ns[0] - state.start_ns) * 1e-9, float(record.position), float(record.force))
     felt, _ = stages.feel_alone.entry(state.states)
     if not _stop_or_release(state, inputs, felt, not good):
         desired = math.nan
-    return probe.allow(state, given, times_ns, (desired, *wanted[1:]), state.safety.stop_reason != "")
+    return probe.allow(state, given, times_ns, known, desired, state.safety.stop_reason != "")
 
 
 def _learn(state: State, time: float, position: float, force: float) -> None:
@@ -298,9 +281,14 @@ def _learn(state: State, time: float, position: float, force: float) -> None:
             state.feel_plainly(force)
 
 
-def _due(state: State, sensors: SensorState, now_ns: int) -> ModelUpdate | None:
-    """The model that is due."""
+def _due(state: State, sensors: SensorState, applied: int, now_ns: int) -> ModelUpdate | None:
+    """The model that is due; the estimator is told now and then how late its models are used."""
+    if not state.failures.learns:
+        return None
     try:
+        delay = state.sender.round_trip.applied(applied, now_ns)
+        if delay is not None:
+            state.learner.estimator.expect_delay(delay)
         # The state of the material is that of the newest sample that was learnt from, whatever is commanded since.
         felt = state.felt_commands[0] if state.felt_commands else 0
         state.sender.remembers = state.guarded

@@ -24,7 +24,7 @@ from foretouch.identification.contact_map.state import Bank
 from foretouch.identification.material_field_kernel import FieldState
 from foretouch.identification.material_field_kernel import learn_raw as _learn_in_field
 from foretouch.messages import Status
-from foretouch.session.network.playout import Playing
+from foretouch.session.network.playout import Playing, advance
 from foretouch.session.safety.force_guard import Touch, follow, guarded_position
 from foretouch.session.safety.kernel import Memory, keep_safe, limit
 
@@ -91,7 +91,7 @@ class Follower(Record):
 
 HOLDING, TOO_SLOW = int(Status.HOLDING), int(Status.TOO_SLOW)
 
-_look, _learn_raw, _guarded = look.function, learn_raw.function, guarded_position.function
+_advance, _look, _learn_raw, _guarded = advance.function, look.function, learn_raw.function, guarded_position.function
 _keep_safe, _limit, _is_too_slow = keep_safe.function, limit.function, is_too_slow.function
 
 Records = NDArray[np.void]
@@ -164,19 +164,18 @@ def learn(states: States, banks: Records | None, fields: Records | None, times_n
     return done
 
 
-Wanted = tuple[float, float, bool]
-"""Commanded position, NaN for none; surface that the leader is known to have, NaN for none [m]; and whether first
-touches are guarded."""
+Known = tuple[float, bool]
+"""Surface that the leader is known to have, NaN for none [m]; and whether first touches are guarded."""
 
 Allowed = tuple[float, int]
 """An aim, or along a line the position for the robot [m], and the `Status`."""
 
 
 @compiled
-def allow(states: States, position: float, times_ns: Times, wanted: Wanted, stopped: bool) -> Allowed:
-    """The aim for a commanded position, with the robot at a position [m]: the first touch, then safety."""
+def allow(states: States, position: float, times_ns: Times, known: Known, desired: float, stopped: bool) -> Allowed:
+    """The aim for a commanded position, NaN for none, with the robot at a position [m]: first touch, then safety."""
     follower, touch, limits = states[0][0], states[0][0].touch[0], states[0][0].safety[0].limits
-    (now_ns, heard_ns, period_ns, _), (desired, known_surface, guarded) = times_ns, wanted
+    (now_ns, heard_ns, period_ns, _), (known_surface, guarded) = times_ns, known
     faulty = follower.validity != GOOD
     felt, touches = feel(states)
     if follower.compliance > 0.0 and not faulty and touches:  # commands give the position of the tip
@@ -216,29 +215,32 @@ def show(states: States, allowed: Allowed) -> Acted:
 
 
 @compiled
-def allow_on_axis(states: States, position: float, times_ns: Times, wanted: Wanted, stopped: bool) -> Acted:
+def allow_on_axis(
+    states: States, position: float, times_ns: Times, known: Known, desired: float, stopped: bool
+) -> Acted:
     """`allow`, and the limits of the motion: the robot's position in place of the aim."""
-    _, status = allow(states, position, times_ns, wanted, stopped)
+    _, status = allow(states, position, times_ns, known, desired, stopped)
     return show(states, (_limit(states[0][0].safety), status))
 
 
 @compiled
 def tick(
-    states: States, banks: Records | None, fields: Records | None, sample: Showing, times_ns: Times, wanted: Wanted
+    states: States, banks: Records | None, fields: Records | None, sample: Showing, times_ns: Times, known: Known
 ) -> tuple[Acted, bool, tuple[int, bool]]:
     """A tick along a line in which a contact map or a field learns, and nothing is requested at the robot."""
+    desired = _advance(states[0][0].playing)
     sense(states, sample, times_ns[0])
     learnt = learn(states, banks, fields, times_ns)
-    return allow_on_axis(states, sample[0], times_ns, wanted, False), False, learnt
+    return allow_on_axis(states, sample[0], times_ns, known, desired, False), False, learnt
 
 
 LEARNT = Follower, Conditioning, Learning, Bank, FieldState
 STATES = "Tuple((Follower[::1], Tuple((Conditioning[::1], f8[:, ::1])), Learning[::1]))"
 OF_MAP, OF_FIELD = f"{STATES}, Bank[::1], none", f"{STATES}, none, FieldState[::1]"
-SAMPLE, WANTED = "Tuple((f8, f8, f8, f8, f8, f8, b1, f8))", "UniTuple(i8, 4), Tuple((f8, f8, b1))"
+SAMPLE, KNOWN = "Tuple((f8, f8, f8, f8, f8, f8, b1, f8))", "UniTuple(i8, 4), Tuple((f8, b1))"
 
-tick_at_once = Kernel(tick, f"({OF_MAP}, {SAMPLE}, {WANTED})", *LEARNT)
-tick_in_field = Kernel(tick, f"({OF_FIELD}, {SAMPLE}, {WANTED})", *LEARNT)
+tick_at_once = Kernel(tick, f"({OF_MAP}, {SAMPLE}, {KNOWN})", *LEARNT)
+tick_in_field = Kernel(tick, f"({OF_FIELD}, {SAMPLE}, {KNOWN})", *LEARNT)
 sense_alone = Kernel(sense, f"i8({STATES}, {SAMPLE}, i8)", *LEARNT)
 feel_alone = Kernel(feel, f"({STATES},)", *LEARNT)
-allow_alone: Kernel[..., Any] = Kernel(allow_on_axis, f"({STATES}, f8, {WANTED}, b1)", *LEARNT)
+allow_alone: Kernel[..., Any] = Kernel(allow_on_axis, f"({STATES}, f8, {KNOWN}, f8, b1)", *LEARNT)
