@@ -22,7 +22,7 @@ from foretouch.console.plots import SECONDS, put
 from foretouch.console.views.hold import Hold, SpaceHold
 from foretouch.console.views.line import LineView, look
 from foretouch.console.views.space import SpaceView
-from foretouch.console.watched import Watched
+from foretouch.console.watched import NOWHERE, Watched
 from foretouch.errors import MissingExtraError, one_line
 from foretouch.link import new_press
 from foretouch.link.access import free_port
@@ -261,7 +261,7 @@ class Console:
         return self._library.playback or self._watched
 
     def _picture_of(self, watched: Watched) -> LineView | SpaceView:
-        return self._space if watched.in_space else self._line
+        return self._line if watched.leader_space is NOWHERE else self._space
 
     @property
     def _holding(self) -> Hold:
@@ -295,7 +295,8 @@ class Console:
         window = shown.window(SECONDS)
         status = self._status(now) if playback is None else "A recording is shown; see the tab Recordings."
         notes = tuple(filter(None, (self._picture.problem, *sentences.warnings(self._watched, now))))
-        panel.forces.write(numbers_html(shown, window, other, status=status, warnings=notes))
+        depth = self._picture.depth(shown)
+        panel.forces.write(numbers_html(shown, window, other, depth=depth, status=status, warnings=notes))
         panel.network.draw(window, shown.loss_trace(SECONDS, now))
         panel.energy.draw(window)
         lines = () if shown.model is None else describe(shown.model)
