@@ -90,8 +90,7 @@ class Console:
         except ImportError:
             raise MissingExtraError("viser", "console") from None
         self.base, self._live = self._entrance.base, live
-        self.trouble = self._standing = ""
-        self._ending = ""  # that the session ends, or has ended, in a sentence
+        self.trouble = self._standing = self._ending = ""  # the last: that it ends, or has ended, in a sentence
         self._watched = Watched()
         self._publisher = Publisher(publish)
         folders = (recordings,) if isinstance(recordings, Path | str) else recordings
@@ -170,17 +169,17 @@ class Console:
             raise
 
     def _draw(self, now: float) -> None:
-        live = self._library.playback is None
         shown = self._shown.at_once()
         names = self._library.names() if self._due("list", now, LIST_PERIOD) else None
         with self._server.atomic():
-            self._draw_scene(shown, live, useful=not self._hindrance(now))
+            self._draw_scene(shown, self._library.playback is None, useful=not self._hindrance(now))
             if names is not None:
                 self._panel.recordings.list(names, self._library.where)
             if self._due("plot", now, PLOT_PERIOD):
                 self._plot(shown)
             if self._due("text", now, TEXT_PERIOD):
                 self._write(shown, now)
+                self._turn()
 
     def close(self, *, ended: bool = False) -> None:
         """End the server; the pages then show that the session has `ended`, or that they do not reach the console."""
@@ -281,6 +280,13 @@ class Console:
             self._picture.show(True)
             look(self._server, self._picture.camera)
         self._picture.draw(shown, live=live and self._live, useful=useful)  # without a session there is no handle
+
+    def _turn(self) -> None:
+        """Give the camera of this picture to a page that loaded while it changed, and began with that of the other."""
+        other = self._line if self._picture is self._space else self._space
+        for client in self._server.get_clients().values():
+            if math.dist(client.camera.position, other.camera[0]) < 1e-3:
+                client.camera.position, client.camera.look_at = self._picture.camera
 
     def _plot(self, shown: Watched) -> None:
         playback = self._library.playback
