@@ -89,6 +89,14 @@ def wait_until_shown(page: Any) -> None:
     page.get_by_text("Drag the blue handle down to press").wait_for(timeout=30_000)
 
 
+def wait_for(condition: Callable[[], Any], seconds: float = 10.0, page: Any = None) -> None:
+    """Wait until something is so, while a page goes on where there is one: a slow machine has that time."""
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, f"not within {seconds} s"
+        time.sleep(0.02) if page is None else page.wait_for_timeout(100)
+
+
 def open_tab(page: Any, name: str) -> None:
     """Show one of the panel's tabs."""
     page.get_by_role("tab", name=name).click()

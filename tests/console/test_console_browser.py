@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import re
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -25,6 +24,7 @@ from console_driver import (
     plot_columns,
     plot_data,
     simulated_session,
+    wait_for,
 )
 
 from foretouch.console import Console
@@ -56,10 +56,7 @@ class Bench(NamedTuple):
     seconds_to_page: float
 
     def wait_for(self, condition: Any, seconds: float = 10.0) -> None:
-        end = time.monotonic() + seconds
-        while not condition():
-            assert time.monotonic() < end, f"not within {seconds} s"
-            self.page.wait_for_timeout(100)
+        wait_for(condition, seconds, self.page)
 
 
 @pytest.fixture(scope="module")

@@ -62,7 +62,7 @@ def test_the_predicted_force_stands_with_its_deviation() -> None:
         watched = Watched()
         numbers = (0.006, 0.0, predicted, 3.5, 3.0, 1, 1, 0.0, False, 1, 1)
         watched.take(LeaderState(VERSION, 1, 1, *numbers, standard_deviation=deviation), 0.0)
-        return numbers_html(watched, watched.window(6.0), None, status="", warnings=warnings)
+        return numbers_html(watched, watched.window(6.0), None, depth=0.0, status="", warnings=warnings)
 
     assert "3.51 ± 0.12 N" in written(3.512, 0.118)
     assert "±" not in written(3.512, float("nan"))

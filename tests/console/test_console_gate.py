@@ -15,7 +15,7 @@ from urllib.parse import urlsplit
 
 import msgspec
 import pytest
-from console_driver import Session, drawn, simulated_session
+from console_driver import Session, drawn, simulated_session, wait_for
 from hostile import HARMFUL, HOSTS, ORIGINS, malformed
 
 pytest.importorskip("viser")
@@ -184,7 +184,7 @@ def test_so_many_pages_and_no_more(bench: Bench) -> None:
             stack.enter_context(open_socket(visitor))
         with pytest.raises(InvalidStatus, match="503"):
             open_socket(visitor)
-    wait_until(lambda: connects(visitor))
+    wait_for(lambda: connects(visitor))
 
 
 def connects(visitor: Any) -> bool:
@@ -193,13 +193,6 @@ def connects(visitor: Any) -> bool:
     except InvalidStatus:
         return False
     return True
-
-
-def wait_until(condition: Any, seconds: float = 5.0) -> None:
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, f"not within {seconds} s"
-        time.sleep(0.02)
 
 
 # --- what a page may say ----------------------------------------------------------------------------------------------
@@ -221,16 +214,16 @@ def test_no_message_takes_the_emergency_button_away_and_the_honest_click_stops(b
     with page_of(bench.console.url) as honest:
         assert honest.control("GuiButtonMessage", READY) == button
         honest.update(button, value=True)
-        wait_until(lambda: bench.pressed() > 0)
+        wait_for(lambda: bench.pressed() > 0)
     finish_emergency(bench)
 
 
 def finish_emergency(bench: Bench) -> None:
     """The robot says that it has stopped, and is released."""
     bench.session.status = Status.STOPPED
-    wait_until(lambda: not bench.console._emergency.asking)
+    wait_for(lambda: not bench.console._emergency.asking)
     bench.session.status = Status.FOLLOWING
-    wait_until(lambda: bench.console._panel.alarm._button.label == READY)
+    wait_for(lambda: bench.console._panel.alarm._button.label == READY)
     bench.session.published.clear()
 
 
@@ -246,9 +239,9 @@ def test_controls_take_values_of_their_own_alone(bench: Bench) -> None:
         assert bench.session.of(Settings) == []
         assert bench.session.of(Choice) == []
         page.update(slider, value=0.25)
-        wait_until(lambda: [one.position_delay for one in bench.session.of(Settings)] == [0.25])
+        wait_for(lambda: [one.position_delay for one in bench.session.of(Settings)] == [0.25])
         page.update(material, value="bone")
-        wait_until(lambda: [one.material for one in bench.session.of(Choice)] == ["bone"])
+        wait_for(lambda: [one.material for one in bench.session.of(Choice)] == ["bone"])
         hidden = page.control("GuiButtonMessage", "Back to live")  # disabled until a recording is looked at
         page.update(hidden, value=True)
     assert bench.console.trouble == ""
@@ -263,7 +256,7 @@ def test_malformed_messages_end_neither_the_page_s_connection_nor_the_console(
         assert page.hear(1.0)  # the pictures go on
         command = next(m["uuid"] for m in page.shown if m["type"] == "RegisterCommandMessage")
         page.say({"type": "CommandTriggerMessage", "uuid": command})
-        wait_until(lambda: bench.pressed() > 0)
+        wait_for(lambda: bench.pressed() > 0)
     finish_emergency(bench)
     assert bench.console.trouble == ""
     assert capfd.readouterr().err == ""
@@ -310,7 +303,7 @@ def test_an_oversized_frame_and_a_flood_of_frames_are_cut_off_and_the_others_do_
             pour_until_it_ends(flood, b"\x89\x80abcd" * 1000)  # pings without a word
         begin = time.monotonic()
         honest.update(button, value=True)
-        wait_until(lambda: bench.pressed() > 0)
+        wait_for(lambda: bench.pressed() > 0)
         assert time.monotonic() - begin < 1.0
     finish_emergency(bench)
     assert bench.console.trouble == ""
@@ -352,7 +345,7 @@ def test_a_flood_of_messages_waits_where_it_comes_from(bench: Bench) -> None:
             assert len(honest.hear(1.5)) > 5  # it still draws
             begin = time.monotonic()
             honest.update(button, value=True)
-            wait_until(lambda: bench.pressed() > 0)
+            wait_for(lambda: bench.pressed() > 0)
             assert time.monotonic() - begin < 1.0
         finally:
             end.set()
@@ -465,9 +458,9 @@ def test_a_picture_that_cannot_be_drawn_leaves_the_emergency_stop(monkeypatch: p
     with drawn() as (console, session), page_of(console.url) as page:
         monkeypatch.setattr(console, "_plot", lambda shown: 1 / 0)
         button = page.control("GuiButtonMessage", READY)
-        wait_until(lambda: "division by zero" in str(page.hear(0.2)))
+        wait_for(lambda: "division by zero" in str(page.hear(0.2)))
         page.update(button, value=True)
-        wait_until(lambda: session.of(EmergencyStop))
+        wait_for(lambda: session.of(EmergencyStop))
     assert "division by zero" in console.trouble
 
 

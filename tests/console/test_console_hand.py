@@ -141,7 +141,7 @@ def test_a_hand_that_is_apart_from_the_probe_is_a_ring_in_the_picture_and_no_num
     ring, probe = console._line._hand, console._line._probes.probe
     assert ring.visible
     assert (ring.position[2] - probe.position[2]) / UNITS == pytest.approx(0.0023)  # so much further out
-    text = numbers_html(moment, moment.window(6.0), None, status="", warnings=())
+    text = numbers_html(moment, moment.window(6.0), None, depth=0.01, status="", warnings=())
     assert "hand " not in re.sub(RENDERED.name, "", text)
 
 

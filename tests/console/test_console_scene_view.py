@@ -146,7 +146,7 @@ def test_nothing_is_not_negative(console: Console) -> None:
     say(console, "plane")
     watched = console._watched
     console.watch(msgspec.structs.replace(state(console), delayed_force=-1e-4))
-    assert "-0.00" not in numbers_html(watched, watched.window(6.0), None, status="", warnings=())
+    assert "-0.00" not in numbers_html(watched, watched.window(6.0), None, depth=-1e-4, status="", warnings=())
 
 
 @pytest.mark.parametrize(("low", "high"), [(344.0, 400.0), (1.0, 1.0), (4990.0, 5010.0), (300.0, 1750.0)])

@@ -25,7 +25,7 @@ from foretouch.console.views.hold import HOME, REACH, SpaceHold
 from foretouch.console.views.shapes import COLOURS, along, learnt_weight, legend_html, levels_of, scale_edges, wxyz_of
 from foretouch.console.views.space import REACH as DENT_ENDS
 from foretouch.console.views.space import sunk
-from foretouch.console.watched import Watched
+from foretouch.console.watched import NOWHERE, Watched
 from foretouch.messages import (
     VERSION,
     CameraImage,
@@ -86,7 +86,7 @@ def assert_same(one: LeaderSpace | FollowerSpace | None, other: LeaderSpace | Fo
 def test_a_session_along_a_line_has_nothing_in_space() -> None:
     watched = Watched()
     watched.take(LeaderState(VERSION, 1, 1, 0.0, 0.0, 0.0, 0.0, 0.0, 0, 0, 0.0, False, 1, 1), 0.0)
-    assert not watched.in_space
+    assert watched.leader_space is NOWHERE
     assert watched.space.follower_at(1) is None
 
 
@@ -100,7 +100,7 @@ def test_a_recording_shows_the_places_of_its_moment(moment: float) -> None:
     leader = shown.leader_space
     assert shown.leader.sequence == row["sequence"]
     assert (leader.place_x, leader.point_z, leader.fixture_ry) == (row["place_x"], row["point_z"], row["fixture_ry"])
-    assert shown.depth == row["depth"]
+    assert leader.depth == row["depth"]
     telemetry = shown.telemetry
     assert telemetry is not None
     robot = telemetry.space
@@ -119,7 +119,7 @@ def test_a_recording_shows_what_the_live_console_showed() -> None:
     log, moment = recorded(LONG), 7.2
     live, shown = heard_until(log, moment), Playback(log)
     shown.go_to(moment)
-    assert live.in_space
+    assert live.leader_space is not NOWHERE
     assert live.telemetry_sequence == shown.telemetry_sequence
     assert_same(live.leader_space, shown.leader_space)
     sequence = live.telemetry_sequence

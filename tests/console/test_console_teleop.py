@@ -26,6 +26,7 @@ from console_driver import (
     open_tab,
     plot_data,
     take_handle,
+    wait_for,
 )
 from visitors import Printed
 
@@ -56,12 +57,9 @@ def docs_script(name: str) -> Any:
     return module
 
 
-def wait_for_bytes(page: Any, path: Path, size: int, seconds: float = 30.0) -> None:
+def wait_for_bytes(page: Any, path: Path, size: int) -> None:
     """Wait until a recording has grown to so many bytes: about 400 a tick of either side."""
-    end = time.monotonic() + seconds
-    while not path.exists() or path.stat().st_size < size:
-        assert time.monotonic() < end, f"{path.name} does not grow"
-        page.wait_for_timeout(100)
+    wait_for(lambda: path.exists() and path.stat().st_size >= size, 30.0, page)
 
 
 @contextlib.contextmanager
@@ -265,17 +263,19 @@ def test_a_scene_is_seen_and_pressed_in_three_dimensions(tmp_path: Path) -> None
         page.get_by_text("of 4 markers found").wait_for(timeout=20_000)
         image = page.locator(".foretouch-camera").locator("xpath=../following-sibling::div[1]//img")
         first = pixels_of(page, image)
+
+        def pressing(curve: int) -> bool:
+            force = plot_data(page)[curve]
+            return bool(force[np.isfinite(force)][-1] > 0.5)
+
         with held_in_space(page, down_mm=45.0):
-            page.wait_for_timeout(1500)
-            forces = plot_data(page)
+            wait_for(lambda: all(map(pressing, (1, 2, 4))), 60.0, page)  # true, predicted, rendered
+            wait_for(lambda: changed(first, pixels_of(page, image)) > 0.005, 30.0, page)  # the robot came down
             pressed = pixels_of(page, image)
             page.keyboard.press("o")  # the mouse is busy
-            page.wait_for_timeout(700)
-            over = pixels_of(page, image)
+            wait_for(lambda: blue(pixels_of(page, image)) > 5 * blue(pressed) + 100, page=page)  # the probe is drawn
             assert page.get_by_label(DRAW_PROBE).is_checked()
-        assert changed(first, pressed) > 0.005  # the robot came down
-        assert blue(over) > 5 * blue(pressed) + 100  # and the probe is drawn
-        assert np.nanmax(forces[2]) > 0.5
+            page.wait_for_timeout(1000)  # a rest that the script never has
         assert all(address.split("//")[1].startswith("127.0.0.1") for address in requests if "//" in address)
         open_tab(page, "Fixture")
         page.get_by_text("Images / touches used").wait_for()

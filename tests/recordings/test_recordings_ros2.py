@@ -25,7 +25,7 @@ MODEL = ModelUpdate(
 UNKNOWN = msgspec.structs.replace(MODEL, sequence=8, law="law", valid=False, standard_errors=())
 JPEG = bytes(range(256)) + b"\xff"
 PLACES = FollowerSpace(0.1, -0.2, 1 / 3, *(0.0,) * 16)
-PROBE = Telemetry(VERSION, 1, 5 * 10**9 + 6, 0, *(0.0,) * 6, False, False, 0, 0, 0, space=PLACES)
+PROBE = Telemetry(VERSION, 40, 5 * 10**9 + 6, 0, *(0.0,) * 6, False, False, 0, 0, 0, space=PLACES)
 
 
 @pytest.fixture(scope="module")
@@ -106,7 +106,7 @@ def test_standard_types_carry_the_numbers_of_the_messages(session, read):
         assert bits([force.wrench.force.z]) == bits([message.force])
         assert joints.header.stamp.sec * 10**9 + joints.header.stamp.nanosec == message.time_ns
     *along, probe = result["/follower/probe"]
-    drawn = [message for message in told if message.sequence % POSE_EVERY == 0]
+    drawn = [message for message in told[:-1] if message.sequence % POSE_EVERY == 0]
     assert bits(pose.pose.position.z for pose in along) == bits(-message.position for message in drawn)
     assert all((pose.pose.orientation.w, pose.header.frame_id) == (1.0, "world") for pose in along)
     assert len(drawn) == 3

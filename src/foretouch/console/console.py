@@ -22,7 +22,7 @@ from foretouch.console.plots import SECONDS, put
 from foretouch.console.views.hold import Hold, SpaceHold
 from foretouch.console.views.line import LineView, look
 from foretouch.console.views.space import SpaceView
-from foretouch.console.watched import Watched
+from foretouch.console.watched import NOWHERE, Watched
 from foretouch.errors import MissingExtraError, one_line
 from foretouch.link import new_press
 from foretouch.link.access import free_port
@@ -90,8 +90,7 @@ class Console:
         except ImportError:
             raise MissingExtraError("viser", "console") from None
         self.base, self._live = self._entrance.base, live
-        self.trouble = self._standing = ""
-        self._ending = ""  # that the session ends, or has ended, in a sentence
+        self.trouble = self._standing = self._ending = ""  # the last: that it ends, or has ended, in a sentence
         self._watched = Watched()
         self._publisher = Publisher(publish)
         folders = (recordings,) if isinstance(recordings, Path | str) else recordings
@@ -170,17 +169,17 @@ class Console:
             raise
 
     def _draw(self, now: float) -> None:
-        live = self._library.playback is None
         shown = self._shown.at_once()
         names = self._library.names() if self._due("list", now, LIST_PERIOD) else None
         with self._server.atomic():
-            self._draw_scene(shown, live, useful=not self._hindrance(now))
+            self._draw_scene(shown, self._library.playback is None, useful=not self._hindrance(now))
             if names is not None:
                 self._panel.recordings.list(names, self._library.where)
             if self._due("plot", now, PLOT_PERIOD):
                 self._plot(shown)
             if self._due("text", now, TEXT_PERIOD):
                 self._write(shown, now)
+                self._turn()
 
     def close(self, *, ended: bool = False) -> None:
         """End the server; the pages then show that the session has `ended`, or that they do not reach the console."""
@@ -261,7 +260,7 @@ class Console:
         return self._library.playback or self._watched
 
     def _picture_of(self, watched: Watched) -> LineView | SpaceView:
-        return self._space if watched.in_space else self._line
+        return self._line if watched.leader_space is NOWHERE else self._space
 
     @property
     def _holding(self) -> Hold:
@@ -282,6 +281,13 @@ class Console:
             look(self._server, self._picture.camera)
         self._picture.draw(shown, live=live and self._live, useful=useful)  # without a session there is no handle
 
+    def _turn(self) -> None:
+        """Give the camera of this picture to a page that loaded while it changed, and began with that of the other."""
+        other = self._line if self._picture is self._space else self._space
+        for client in self._server.get_clients().values():
+            if math.dist(client.camera.position, other.camera[0]) < 1e-3:
+                client.camera.position, client.camera.look_at = self._picture.camera
+
     def _plot(self, shown: Watched) -> None:
         playback = self._library.playback
         other = None if playback is None or playback.other is None else playback.other.window(SECONDS)
@@ -295,7 +301,8 @@ class Console:
         window = shown.window(SECONDS)
         status = self._status(now) if playback is None else "A recording is shown; see the tab Recordings."
         notes = tuple(filter(None, (self._picture.problem, *sentences.warnings(self._watched, now))))
-        panel.forces.write(numbers_html(shown, window, other, status=status, warnings=notes))
+        depth = self._picture.depth(shown)
+        panel.forces.write(numbers_html(shown, window, other, depth=depth, status=status, warnings=notes))
         panel.network.draw(window, shown.loss_trace(SECONDS, now))
         panel.energy.draw(window)
         lines = () if shown.model is None else describe(shown.model)

@@ -82,8 +82,7 @@ class Playback(Watched):
         if math.isfinite(since := clock - self._clock):
             self.go_to(self.now + since)
         self._clock = clock
-        if self.now >= self.duration:
-            self.playing = False
+        self.playing = self.now < self.duration
 
     @property
     def robot_position(self) -> float:

@@ -178,21 +178,9 @@ class Watched:
         return own if math.isfinite(own) else robot if math.isfinite(robot) else 0.0
 
     @property
-    def in_space(self) -> bool:
-        """Whether the session is one in three dimensions."""
-        return self.leader_space is not NOWHERE
-
-    @property
     def leader_space(self) -> LeaderSpace:
         """What the leader that is shown says in space; all NaN along a line."""
         return NOWHERE if self.leader is None else self.leader.space or NOWHERE
-
-    @property
-    def depth(self) -> float:
-        """Depth of the operator's probe in the surface [m], negative outside."""
-        if self.in_space:
-            return self.leader_space.depth
-        return 0.0 if self.leader is None else self.leader.position - self.surface
 
     @property
     def telemetry_sequence(self) -> int:

@@ -111,6 +111,10 @@ class LineView:
         if self._hand.visible:
             self._hand.position = (0.0, 0.0, z - ahead)
 
+    def depth(self, shown: Watched) -> float:
+        """Depth of the operator's probe in the surface [m], negative outside."""
+        return 0.0 if shown.leader is None else shown.leader.position - shown.surface
+
     def plot(self, shown: Watched) -> None:
         """Draw the image of the camera beside it: along a line there is none."""
 

@@ -301,6 +301,10 @@ class SpaceView:
             self._scene.draw(shown, self._learnt(shown))
             self._scene.draw_handle(shown.leader_space, offered=self._offered, useful=useful)
 
+    def depth(self, shown: Watched) -> float:
+        """See `LineView.depth`."""
+        return shown.leader_space.depth
+
     def plot(self, shown: Watched) -> None:
         """Draw the image of the camera beside it."""
         self._image.draw(shown, BOARD_ALONE if self._surface is None else self._surface.outline()[0])

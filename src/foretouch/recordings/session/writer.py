@@ -16,9 +16,7 @@ from foretouch.recordings.formats.topics import BESIDE, PROBE, STANDARD, TOPICS,
 from foretouch.recordings.output import optional
 
 LONGEST_BLOCK = 2000  # number of messages that make a block even without a flush
-
-POSE_EVERY = 10
-"""Number of telemetry messages of a session along a line for one that is a pose too, for tools that draw."""
+POSE_EVERY = 10  # number of telemetry messages for one that is a pose too, for tools that draw
 
 
 class SessionWriter:
@@ -81,7 +79,7 @@ class SessionWriter:
         own = ((TOPICS[type(one)], one) for one in (message, *in_space(message)))
         packed = [(topic.name, topic.layout.pack(one)) for topic, one in own]
         packed += [(topic.name, data) for topic, data in (beside(message) if beside else ())]
-        if isinstance(message, Telemetry) and (message.space is not None or sequence % POSE_EVERY == 0):
+        if isinstance(message, Telemetry) and sequence % POSE_EVERY == 0:
             packed.append((PROBE.name, probe(message)))
         for name, data in packed:
             self._block.add_message(self._numbers[name], log_time_ns, data, message.time_ns, sequence)
