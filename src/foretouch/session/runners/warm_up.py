@@ -212,7 +212,8 @@ def _compile_map() -> None:
         bank.update(ContactSample(tick * SAMPLE_PERIOD, position - SURFACE, 0.0, force, force > 0.0))
     _press_alone(SessionSettings())
     _learn_offline("contact-map")
-    for settings in (SessionSettings(grip="normal"), SessionSettings(scene="phantom", material="hunt-crossley")):
+    of_map = SessionSettings(grip="normal", scene="plane", model="contact-map")  # and along a line
+    for settings in (of_map, SessionSettings(scene="phantom", material="hunt-crossley")):
         warm_up(settings)
 
 
