@@ -119,21 +119,13 @@ class ModelSender:
         self._errors: tuple[float, ...] = ()
         self._errors_ns = -ERRORS_PERIOD_NS
         self._surfaces: dict[int, float] = {}  # of models sent since the one that the leader has; NaN if not valid
-        self._known_model = 0
-        self._known_surface = math.nan
         self.sequence = 0
         self.remembers = False
         self.round_trip = RoundTrip()
 
-    def known_surface(self) -> float:
-        """Surface of the newest model that the leader renders from, as its applied commands acknowledge [m]; or NaN."""
-        current = self.round_trip.current
-        if current != self._known_model:
-            surfaces, self._known_model = self._surfaces, current
-            self._known_surface = surfaces.get(current, math.nan)
-            for sequence in [sequence for sequence in surfaces if sequence < current]:
-                del surfaces[sequence]
-        return self._known_surface
+    def surface_of(self, model: int) -> float:
+        """Surface of a model that a command acknowledges [m]; NaN if it had none, or none is remembered."""
+        return self._surfaces.get(model, math.nan)
 
     def due(
         self, learner: Learner, sensors: SensorState, command_sequence: int, epoch: int, now_ns: int
@@ -181,8 +173,9 @@ class ModelSender:
         self._allowance = allowance - len(encode(update))
         self.round_trip.sent(update.sequence, now_ns)
         if self.remembers:
-            if len(self._surfaces) >= LARGEST_MEMORY:  # a leader that never answers fills nothing
-                self._surfaces.clear()
+            since = self.round_trip.current
+            full = len(self._surfaces) >= LARGEST_MEMORY  # a leader that never answers fills nothing
+            self._surfaces = {n: x for n, x in self._surfaces.items() if n == since or (n > since and not full)}
             self._surfaces[update.sequence] = math.nan if model is None else learnt.surface
         return update
 

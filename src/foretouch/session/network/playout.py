@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from foretouch.core import Record, compiled, kernel
 from foretouch.errors.checks import require
 from foretouch.quantities import LARGEST_POSITION
+from foretouch.quantities.pose import Vector
 
 MEMORY_NS = 60_000_000_000  # Time over which the smallest transit is taken [ns]
 BLOCK_NS = 1_000_000_000  # The smallest transit is kept by blocks of this length [ns]
@@ -135,20 +136,22 @@ class Playing(Record):
     least_before: float = math.inf  # and of those before
     ticks: int  # since it began anew
     applied: int  # number of the newest command at or before the point
+    surface: float = math.nan  # that the leader of that command is known to have, NaN for none [m]
     numbers: Annotated[NDArray[Any], int, ROOM] = -1  # type: ignore[assignment]  # of the commands that are kept
     positions: Annotated[NDArray[Any], float, ROOM]  # theirs [m]
     places: Annotated[NDArray[Any], float, (ROOM, 3)]  # in space [m]
+    surfaces: Annotated[NDArray[Any], float, ROOM]  # that their leader had [m]
 
 
 @compiled
-def _keep(playing: Playing, number: int, position: float, place: tuple[float, float, float]) -> None:
+def _keep(playing: Playing, number: int, position: float, place: Vector, surface: float) -> None:
     at = number % ROOM
-    playing.numbers[at], playing.positions[at] = number, position
+    playing.numbers[at], playing.positions[at], playing.surfaces[at] = number, position, surface
     playing.places[at, 0], playing.places[at, 1], playing.places[at, 2] = place
 
 
-@kernel("(Playing[::1], i8, f8, UniTuple(f8, 3))")
-def push(playings: NDArray[np.void], number: int, position: float, place: tuple[float, float, float]) -> None:
+@kernel("(Playing[::1], i8, f8, UniTuple(f8, 3), f8)")
+def push(playings: NDArray[np.void], number: int, position: float, place: Vector, surface: float) -> None:
     """See `Playout.push`."""
     playing = playings[0]
     if not abs(position) <= LARGEST_POSITION or number <= playing.point:
@@ -159,7 +162,7 @@ def push(playings: NDArray[np.void], number: int, position: float, place: tuple[
         return
     if playing.numbers[number % ROOM] == number:
         return
-    _keep(playing, number, position, place)
+    _keep(playing, number, position, place, surface)
     if not playing.kept:
         playing.first = number
     if not older:
@@ -188,8 +191,9 @@ def _bridge(playing: Playing) -> None:
     playing.numbers[:] = -1
     playing.first = newest - LONGEST_BRIDGE
     playing.point = float(playing.first)
-    _keep(playing, newest, position, place)
-    _keep(playing, playing.first, playing.position, (playing.place[0], playing.place[1], playing.place[2]))
+    _keep(playing, newest, position, place, playing.surfaces[at])
+    here = playing.place[0], playing.place[1], playing.place[2]
+    _keep(playing, playing.first, playing.position, here, playing.surface)
     playing.least = playing.least_before = math.inf
     playing.ticks = 0
 
@@ -205,7 +209,7 @@ def _play(playing: Playing) -> None:
         after += 1
     playing.first, at = first, first % ROOM
     playing.applied = max(playing.applied, first)
-    playing.position = playing.positions[at]
+    playing.position, playing.surface = playing.positions[at], playing.surfaces[at]
     playing.place[:] = playing.places[at]
     if after <= newest:
         fraction, then = (point - first) / (after - first), after % ROOM
@@ -269,10 +273,10 @@ class Playout:
         playing = self._playings[0]
         playing.kept, playing.numbers, playing.point, playing.position, playing.place = False, -1, *NOWHERE
 
-    def push(self, sequence: int, position: float, place: tuple[float, ...] = ()) -> None:
-        """Take one command; it is dropped if it comes after its turn, or has no position within a metre."""
+    def push(self, sequence: int, position: float, place: tuple[float, ...] = (), surface: float = math.nan) -> None:
+        """Take one command, whose leader is known to have a surface; dropped if it comes after its turn, or is far."""
         x, y, z = place if len(place) == 3 else NOWHERE
-        self._push(self._playings, sequence, position, (x, y, z))
+        self._push(self._playings, sequence, position, (x, y, z), surface)
 
     def advance(self) -> float:
         """Play one tick and return the position [m]."""

@@ -28,7 +28,7 @@ from foretouch.session.spatial.way_in import MISSED, MISSED_TICKS
 from foretouch.session.steps import tick as stages
 from foretouch.session.steps.axis import Finished, ProbeOnAxis
 from foretouch.session.steps.follower import GOOD, Inputs, State
-from foretouch.session.steps.tick import Acted, Known, Records, States, Times
+from foretouch.session.steps.tick import Acted, Records, States, Times
 
 BIAS_RATE = 2e-4  # Weight per tick of the measured force in the sensor's offset in free air, once it is known from 5 s
 
@@ -146,12 +146,12 @@ def sense_in_space(states: States, given: Given, now_ns: int, position: float) -
 
 @compiled
 def allow_in_space(
-    states: States, given: Given, times_ns: Times, known: Known, desired: float, stopped: bool, learns: bool
+    states: States, given: Given, times_ns: Times, guarded: bool, desired: float, stopped: bool, learns: bool
 ) -> tuple[Acted, Told]:
     """`stages.allow` along the normal, learning beside the law, and the limits of the motion."""
     (spaces, mesh, _, raw, number), missed = given, False
     space, closest, touch = spaces[0], spaces[0].probe.closest, spaces[0].beside.touch
-    aim, status = stages.allow(states, closest.along, times_ns, known, desired, stopped)
+    aim, status = stages.allow(states, closest.along, times_ns, guarded, desired, stopped)
     force = subtract(raw, vector(space.beside.bias))
     if learns:
         missed = learn_beside(space, states, raw, number)
@@ -162,7 +162,7 @@ def allow_in_space(
 
 @compiled
 def tick(
-    states: States, banks: Records | None, fields: Records | None, given: Given, times_ns: Times, known: Known
+    states: States, banks: Records | None, fields: Records | None, given: Given, times_ns: Times, guarded: bool
 ) -> tuple[Acted, Told, tuple[int, bool]]:
     """A tick in space, as `stages.tick` is one along a line."""
     position = _advance(states[0][0].playing)
@@ -171,17 +171,17 @@ def tick(
     if fields is not None and math.isfinite(x + y + z):
         write(fields[0].point, point)
     done, news = stages.learn(states, banks, fields, times_ns)
-    acted, told = allow_in_space(states, given, times_ns, known, desired, False, True)
+    acted, told = allow_in_space(states, given, times_ns, guarded, desired, False, True)
     return acted, told, (done, news or jumped)
 
 
 GIVEN = f"Tuple((Space[::1], {MESH}, {VECTOR}, {VECTOR}, i8))"
 sense_alone = Kernel(sense_in_space, f"({stages.STATES}, {GIVEN}, i8, f8)", *stages.LEARNT, Triangle)
 allow_alone: Kernel[..., Any] = Kernel(
-    allow_in_space, f"({stages.STATES}, {GIVEN}, {stages.KNOWN}, f8, b1, b1)", *stages.LEARNT, Triangle
+    allow_in_space, f"({stages.STATES}, {GIVEN}, {stages.GUARDED}, f8, b1, b1)", *stages.LEARNT, Triangle
 )
-tick_with_map = Kernel(tick, f"({stages.OF_MAP}, {GIVEN}, {stages.KNOWN})", *stages.LEARNT, Triangle)
-tick_with_field = Kernel(tick, f"({stages.OF_FIELD}, {GIVEN}, {stages.KNOWN})", *stages.LEARNT, Triangle)
+tick_with_map = Kernel(tick, f"({stages.OF_MAP}, {GIVEN}, {stages.GUARDED})", *stages.LEARNT, Triangle)
+tick_with_field = Kernel(tick, f"({stages.OF_FIELD}, {GIVEN}, {stages.GUARDED})", *stages.LEARNT, Triangle)
 
 
 NO_BELIEF = FixtureBelief(VERSION, 0, 0, (0.0,) * 6, (), math.inf, 0, 0, 0, "", epoch=0)

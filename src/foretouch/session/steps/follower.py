@@ -181,14 +181,13 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     safety, sender, probe, sample = state.safety, state.sender, state.probe, inputs.sample
     probe.hear(state, inputs, now_ns)
     _hear(state, inputs.commands, now_ns)
-    known, acted = (sender.known_surface() if state.guarded else math.nan, state.guarded), None
     heard_ns = state.freshness.newest_ns
     heard = -1 if heard_ns is None or inputs.ended else heard_ns
-    times_ns = now_ns, heard, inputs.period_ns, state.start_ns or 0
+    times_ns, acted = (now_ns, heard, inputs.period_ns, state.start_ns or 0), None
     if state.start_ns is not None and not (inputs.stop or inputs.release or safety.stop_reason):
-        acted = _at_once(state, inputs, times_ns, known)
+        acted = _at_once(state, inputs, times_ns)
     if acted is None:
-        acted = _one_by_one(state, inputs, times_ns, known)
+        acted = _one_by_one(state, inputs, times_ns)
     applied = state.playout.applied
     (desired, status), validity, (tip, force, held_back, velocity, felt, in_contact) = acted
     safety.status = STATES[status]
@@ -217,7 +216,7 @@ def _hear(state: State, commands: list[Command], now_ns: int) -> None:
         state.failures.note("its commands", error)
 
 
-def _at_once(state: State, inputs: Inputs, times_ns: stages.Times, known: stages.Known) -> stages.Acted | None:
+def _at_once(state: State, inputs: Inputs, times_ns: stages.Times) -> stages.Acted | None:
     """A tick in one compiled call; None where that cannot be."""
     learner, probe = state.learner, state.probe
     estimator = cast("ContactMap | MaterialFieldLearner", learner.estimator)
@@ -229,7 +228,7 @@ def _at_once(state: State, inputs: Inputs, times_ns: stages.Times, known: stages
     # then nothing has been written, and which stage that stops is found one by one.
     try:
         given = probe.given(state, inputs.sample)
-        acted, probe.told, (done, news) = tick.entry(state.states, *learns, given, times_ns, known)
+        acted, probe.told, (done, news) = tick.entry(state.states, *learns, given, times_ns, state.guarded)
     except Exception:
         return None
     if state.watch.taken(acted[1]) is GOOD:
@@ -243,7 +242,7 @@ def _at_once(state: State, inputs: Inputs, times_ns: stages.Times, known: stages
     return acted  # type: ignore[no-any-return]
 
 
-def _one_by_one(state: State, inputs: Inputs, times_ns: stages.Times, known: stages.Known) -> stages.Acted:
+def _one_by_one(state: State, inputs: Inputs, times_ns: stages.Times) -> stages.Acted:
     """The same stage by stage: an exception in learning is noted, and what comes after it runs all the same."""
     record, probe = state.memory[0], state.probe
     given, position = probe.given(state, inputs.sample), math.nan
@@ -260,7 +259,7 @@ def _one_by_one(state: State, inputs: Inputs, times_ns: stages.Times, known: sta
     felt, _ = stages.feel_alone.entry(state.states)
     if not _stop_or_release(state, inputs, felt, not good):
         desired = math.nan
-    return probe.allow(state, given, times_ns, known, desired, state.safety.stop_reason != "")
+    return probe.allow(state, given, times_ns, state.guarded, desired, state.safety.stop_reason != "")
 
 
 def _learn(state: State, time: float, position: float, force: float) -> None:
@@ -323,7 +322,8 @@ def _take(state: State, command: Command, now_ns: int) -> None:
         return
     position = state.probe.wanted(command)
     if math.isfinite(position):  # a command without a position is never played
-        state.playout.push(sequence, position, command.place)
+        surface = state.sender.surface_of(command.acknowledged_model)
+        state.playout.push(sequence, position, command.place, surface)
         state.sender.round_trip.commanded(sequence, command.acknowledged_model)
     if command.guarded:
         state.guarded = True

@@ -164,26 +164,24 @@ def learn(states: States, banks: Records | None, fields: Records | None, times_n
     return done
 
 
-Known = tuple[float, bool]
-"""Surface that the leader is known to have, NaN for none [m]; and whether first touches are guarded."""
-
 Allowed = tuple[float, int]
 """An aim, or along a line the position for the robot [m], and the `Status`."""
 
 
 @compiled
-def allow(states: States, position: float, times_ns: Times, known: Known, desired: float, stopped: bool) -> Allowed:
+def allow(states: States, position: float, times_ns: Times, guarded: bool, desired: float, stopped: bool) -> Allowed:
     """The aim for a commanded position, NaN for none, with the robot at a position [m]: first touch, then safety."""
     follower, touch, limits = states[0][0], states[0][0].touch[0], states[0][0].safety[0].limits
-    (now_ns, heard_ns, period_ns, _), (known_surface, guarded) = times_ns, known
+    now_ns, heard_ns, period_ns, _ = times_ns
     faulty = follower.validity != GOOD
     felt, touches = feel(states)
     if follower.compliance > 0.0 and not faulty and touches:  # commands give the position of the tip
         desired += follower.compliance * min(max(felt, 0.0), limits.force)
+    known = follower.playing[0].surface  # to the leader
     if not guarded or math.isnan(desired):
         follow(touch)
     else:
-        desired = _guarded(follower.touch, desired, position, math.nan if faulty else felt, touches, known_surface)
+        desired = _guarded(follower.touch, desired, position, math.nan if faulty else felt, touches, known)
     silence = math.inf if heard_ns < 0 else (now_ns - heard_ns) * 1e-9
     too_slow = _is_too_slow(follower.rate, period_ns)
     if too_slow:
@@ -216,31 +214,31 @@ def show(states: States, allowed: Allowed) -> Acted:
 
 @compiled
 def allow_on_axis(
-    states: States, position: float, times_ns: Times, known: Known, desired: float, stopped: bool
+    states: States, position: float, times_ns: Times, guarded: bool, desired: float, stopped: bool
 ) -> Acted:
     """`allow`, and the limits of the motion: the robot's position in place of the aim."""
-    _, status = allow(states, position, times_ns, known, desired, stopped)
+    _, status = allow(states, position, times_ns, guarded, desired, stopped)
     return show(states, (_limit(states[0][0].safety), status))
 
 
 @compiled
 def tick(
-    states: States, banks: Records | None, fields: Records | None, sample: Showing, times_ns: Times, known: Known
+    states: States, banks: Records | None, fields: Records | None, sample: Showing, times_ns: Times, guarded: bool
 ) -> tuple[Acted, bool, tuple[int, bool]]:
     """A tick along a line in which a contact map or a field learns, and nothing is requested at the robot."""
     desired = _advance(states[0][0].playing)
     sense(states, sample, times_ns[0])
     learnt = learn(states, banks, fields, times_ns)
-    return allow_on_axis(states, sample[0], times_ns, known, desired, False), False, learnt
+    return allow_on_axis(states, sample[0], times_ns, guarded, desired, False), False, learnt
 
 
 LEARNT = Follower, Conditioning, Learning, Bank, FieldState
 STATES = "Tuple((Follower[::1], Tuple((Conditioning[::1], f8[:, ::1])), Learning[::1]))"
 OF_MAP, OF_FIELD = f"{STATES}, Bank[::1], none", f"{STATES}, none, FieldState[::1]"
-SAMPLE, KNOWN = "Tuple((f8, f8, f8, f8, f8, f8, b1, f8))", "UniTuple(i8, 4), Tuple((f8, b1))"
+SAMPLE, GUARDED = "Tuple((f8, f8, f8, f8, f8, f8, b1, f8))", "UniTuple(i8, 4), b1"
 
-tick_at_once = Kernel(tick, f"({OF_MAP}, {SAMPLE}, {KNOWN})", *LEARNT)
-tick_in_field = Kernel(tick, f"({OF_FIELD}, {SAMPLE}, {KNOWN})", *LEARNT)
+tick_at_once = Kernel(tick, f"({OF_MAP}, {SAMPLE}, {GUARDED})", *LEARNT)
+tick_in_field = Kernel(tick, f"({OF_FIELD}, {SAMPLE}, {GUARDED})", *LEARNT)
 sense_alone = Kernel(sense, f"i8({STATES}, {SAMPLE}, i8)", *LEARNT)
 feel_alone = Kernel(feel, f"({STATES},)", *LEARNT)
-allow_alone: Kernel[..., Any] = Kernel(allow_on_axis, f"({STATES}, f8, {KNOWN}, f8, b1)", *LEARNT)
+allow_alone: Kernel[..., Any] = Kernel(allow_on_axis, f"({STATES}, f8, {GUARDED}, f8, b1)", *LEARNT)
