@@ -100,7 +100,7 @@ class Session:
         made = Broken(owner.entry if stage else getattr(owner, name), self.presses, times)
         made_of_class = (lambda *given, **named: made(*given, **named)) if of_class else made
         self.patch.setattr(owner, "_entry" if stage else name, made_of_class)
-        for whole in WHOLES if stage or name == "touch_at" else ():
+        for whole in WHOLES if stage or name in ("touch_at", "advance") else ():
             self.patch.setattr(whole, "_entry", Broken(whole.entry, self.presses, times))
         return made
 

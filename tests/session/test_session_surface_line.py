@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from foretouch.messages import VERSION, Command, FixtureBelief
 from foretouch.quantities.pose import RigidMotion, Vector, norm, scaled, subtract
 from foretouch.rendering.surfaces import HeightField, Plane, Surface, SurfaceContact, SurfaceProxy, TriangleMesh
-from foretouch.robot import SpatialSample
+from foretouch.robot import RobotSample, SpatialSample
 from foretouch.session import SessionSettings
 from foretouch.session.runners.warm_up import SPECIFICATION
 from foretouch.session.spatial import make_scene
@@ -162,3 +162,56 @@ def test_a_follower_on_a_surface_of_python_is_the_compiled_one(own: Plane | Heig
     assert np.ptp(told, axis=0).min() > 0.002
     assert states[0].probe.friction.updates == states[1].probe.friction.updates > 0
     assert states[0].probe.told[3] == states[1].probe.told[3] > 0
+
+
+@pytest.mark.parametrize(("scene", "model"), [("", "contact-map"), ("hill", "contact-map"), ("hill", "quadratic")])
+@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.long) for seed in range(2, 12))])
+def test_a_tick_as_a_whole_is_its_stages_one_by_one(scene: str, model: str, seed: int) -> None:
+    """Whatever comes: commands late and in bunches, another leader, silence, stops, releases, sensors that fail."""
+    first_touch = "guarded" if seed % 2 else "follow"
+    settings = SessionSettings(scene=scene, material="hunt-crossley", model=model, first_touch=first_touch)
+    surface = make_scene(scene).surface if scene else None
+    states = [
+        follower.start(SPECIFICATION, settings, probe=None if surface is None else ProbeInSpace(surface, NOMINAL))
+        for _ in range(2)
+    ]
+    states[1].probe.whole = {}
+    random, now, sequence, epoch, silent, faulty = np.random.default_rng(seed), 0, 0, 1, 0, 0
+    here, telemetry, felt = np.array((0.0, 0.0, -0.004)), None, 0.0
+    far, acknowledged = here.copy(), 0
+    for tick in range(1, 4000):
+        now += MS if random.random() > 0.001 else 20 * MS
+        if tick % 300 == 0:
+            far = np.array((*random.uniform(-0.01, 0.01, 2), random.uniform(-0.003, 0.006)))
+        if random.random() < 0.0008:
+            silent = int(random.integers(20, 1200))
+            epoch += silent > 1000
+            sequence = 0 if silent > 1000 else sequence
+        silent, faulty, commands = max(silent - 1, 0), max(faulty - 1, 0), []
+        for _ in range(0 if silent or tick < 30 else random.choice((0, 1, 1, 1, 2))):
+            sequence += 1
+            told = (0, 1) if telemetry is None else (telemetry.sequence, telemetry.run)
+            place = tuple(far * (1.0, 1.0, -1.0)) if scene else ()
+            commands.append(
+                Command(
+                    VERSION, sequence, now, far[2], acknowledged, random.random() < 0.01, "test", epoch, place,
+                    run=told[1], telemetry_sequence=told[0],
+                )
+            )  # fmt: skip
+        if random.random() < 0.001:
+            faulty = int(random.integers(1, 200))
+        force = 2000.0 * max(here[2], 0.0) + random.normal(0.0, 0.01) if not faulty % 2 else math.nan
+        felt = max(felt, force)
+        x, y, z = (here + random.normal(0.0, 2e-6, 3)).tolist()
+        sample = SpatialSample((x, y, -z), (0.1, 0.0, force), (0.0, 0.0, force), (x, y, -z), (), False)
+        if not scene:
+            sample = RobotSample(z, force, 0.0, 0.0, z, z, False)
+        stop, release = "test" if random.random() < 0.0003 else "", bool(random.random() < 0.01)
+        inputs = follower.Inputs(commands, sample, MS, 0, stop, release)
+        one, other = (follower.step(state, inputs, now)[1] for state in states)
+        assert repr(one) == repr(other)  # one NaN is not another
+        telemetry, acknowledged = one.telemetry, acknowledged if one.model is None else one.model.sequence
+        went = np.array((x, y, -one.desired_position[2]) if scene else (x, y, one.desired_position))
+        here = here + 0.3 * (went - here) if np.isfinite(went).all() else here
+    assert felt > 1.0
+    assert states[0].learner.estimator.updates > 100

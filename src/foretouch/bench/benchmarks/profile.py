@@ -27,7 +27,6 @@ from foretouch.identification import Learner
 from foretouch.link import FaultStage
 from foretouch.rendering import tick
 from foretouch.session.network.model_sender import ModelSender, RoundTrip
-from foretouch.session.network.playout import Playout
 from foretouch.session.steps import follower, leader
 from foretouch.session.steps.follower_view import FollowerView
 from foretouch.session.steps.tick import tick_at_once
@@ -176,8 +175,7 @@ PARTS: dict[str, tuple[Part, ...]] = {
     ),
     "follower": (
         Part("taking commands", ((FaultStage, "pop_due"), (follower, "_take"))),
-        Part("playing them evenly", ((Playout, "advance"),)),
-        Part("watching, learning and keeping safe", ((tick_at_once, "_entry"),)),
+        Part("playing, watching, learning and keeping safe", ((tick_at_once, "_entry"),)),
         Part("taking over what was learnt", ((Learner, "taken"),)),
         Part("learning when models are used", ((RoundTrip, "applied"),)),
         Part("sending the model", ((ModelSender, "due"),)),

@@ -66,7 +66,7 @@ class SurfaceLine:
         shape: The surface's, for the same; without triangles for a surface of Python's own, too.
     """
 
-    __slots__ = ("_closest", "_offset", "_proxy", "motion", "pose", "records", "shape", "surface")
+    __slots__ = ("_closest", "_follow", "_offset", "_proxy", "motion", "pose", "records", "shape", "surface")
 
     def __init__(
         self, surface: Surface, pose: Sequence[float], *, leads: bool = True, records: NDArray[np.void] | None = None
@@ -77,7 +77,7 @@ class SurfaceLine:
         if isinstance(surface, Plane):
             self.records["origin"], self.records["normal"] = surface.origin, surface.normal
         self._offset, self._closest = self.records["offset"], self.records["closest"].view(np.float64)
-        self._proxy = SurfaceProxy(surface)
+        self._proxy, self._follow = SurfaceProxy(surface), follow.entry
         self.surface, self.shape = surface, NO_MESH if shape is None else shape
         self._move(pose)
 
@@ -118,7 +118,7 @@ class SurfaceLine:
         """Follow a place [m]; one that is not finite is left out."""
         x, y, z = place
         self.touch(place)
-        follow.entry(self.records, self.shape, x, y, z)
+        self._follow(self.records, self.shape, x, y, z)
         return self.newest
 
     def touch(self, place: Vector) -> None:

@@ -9,7 +9,6 @@ import msgspec
 
 from foretouch.core import Kernel, compiled
 from foretouch.identification import ContactMap, FrictionEstimator, MaterialFieldLearner
-from foretouch.identification.conditioning.kernel import Conditioning
 from foretouch.identification.friction import learn_friction
 from foretouch.messages import VERSION, Command, FixtureBelief, FollowerSpace, ModelUpdate
 from foretouch.quantities import pose as rigid
@@ -68,8 +67,10 @@ def _feel(touch: FeltSurface, force: float, closest: Closest, place: Vector, tic
 
 
 @compiled(error_model="numpy")
-def _in_free_air(beside: Beside, state: Conditioning, force: Vector, deeper: bool) -> bool:
+def _in_free_air(beside: Beside, states: States, force: Vector) -> bool:
     """Learn the sensor's offset. A robot that is deeper than where it was felt and feels nothing has missed it."""
+    follower, state, newest = states[0][0], states[1][0][0], states[2][0].newest[0]
+    deeper = newest.depth > MISSED and follower.watch[0].state == GOOD
     if beside.touch.ticks > 0:  # the surface is found anew where the next contact begins: the probe goes elsewhere
         beside.touch.ticks, state.surface_threshold = 0, 0.0
     beside.free_ticks += 1
@@ -79,7 +80,7 @@ def _in_free_air(beside: Beside, state: Conditioning, force: Vector, deeper: boo
         beside.missed_ticks = 0
     away = subtract(force, vector(beside.bias))
     still = not norm(away) > QUIET or beside.bias_ticks < SETTLING
-    if beside.free_ticks > 0 and still and norm(force) < beside.largest_offset:
+    if beside.free_ticks > 0 and still and norm(force) < follower.largest_offset:
         beside.bias_ticks += 1
         rate = max(1.0 / beside.bias_ticks, BIAS_RATE)
         write(beside.bias, add(vector(beside.bias), scaled(away, rate)))
@@ -98,8 +99,7 @@ def learn_beside(space: Space, states: States, force: Vector, tick: int) -> bool
     moved = subtract(point, vector(beside.point))
     write(beside.point, point)
     if not newest.in_contact:
-        deeper = newest.depth > MISSED and states[0][0].watch[0].state == GOOD
-        return _in_free_air(beside, states[1][0][0], force, deeper)
+        return _in_free_air(beside, states, force)
     beside.free_ticks = -AFTER_CONTACT
     if math.isfinite(moved[0] + sideways[0] + sideways[1] + sideways[2]):
         rubbed, sliding = vector(beside.rubbed), vector(beside.sliding)
@@ -222,9 +222,7 @@ class ProbeInSpace(ProbeOnAxis):
         """See `ProbeOnAxis.join`."""
         self.safety = SpatialSafety(state.safety, self._surface, self._pose, SAMPLE_PERIOD)
         self.fields = FieldSender(state.run)
-        beside = self.safety.spaces["beside"]
-        self.friction = FrictionEstimator(beside["friction"])
-        beside["largest_offset"] = state.specification.largest_offset
+        self.friction = FrictionEstimator(self.safety.spaces["beside"]["friction"])
         self.whole = {ContactMap: tick_with_map, MaterialFieldLearner: tick_with_field}
         if self.safety.python:
             self.whole = {}

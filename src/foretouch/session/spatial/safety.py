@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 
 from foretouch.core import Kernel, Record, compiled
 from foretouch.identification.conditioning.fault_kernels import GOOD
@@ -62,7 +63,6 @@ class Beside(Record):
     pressed: float  # force along the normal [N], low-passed
     rubbed: Numbers3  # force along the surface [N], low-passed alike
     sliding: Numbers3  # velocity along it [m/s], low-passed alike
-    largest_offset: float  # of the sensor, which is no contact [N]
     bias: Numbers3  # the sensor's offset [N]
     bias_ticks: int  # number of ticks that it is known from
     free_ticks: int  # since free air began; negative for a while after a contact
@@ -214,7 +214,7 @@ class SpatialSafety:
     near; into the surface from the robot's commanded position; and against the force on the probe or, where none is
     felt, into the surface under it. Over a flat surface they are the same, at an edge they differ.
 
-    A surface of Python's own is touched by Python, before and after each of them (`touch`, `settle`, `went`).
+    Python touches a surface of its own before `arrive`, after `go` and after `limit` (`touch`, `settle`, `went`).
 
     Args:
         safety: Safety layer along the normal, whose limits hold in space.
@@ -244,7 +244,7 @@ class SpatialSafety:
         self._gone = SurfaceLine(surface, pose, records=courses["line"])
         self._told = SurfaceLine(surface, pose, leads=False, records=self.spaces["told"])
         self.python = not self.line.records["compiled"][0]
-        self._begin = _begin_there.entry
+        self._begin, self._settle, self._went = _begin_there.entry, _settle.entry, _went_there.entry
 
     def believe(self, belief: FixtureBelief) -> bool:
         """Take a belief of the fixture's pose; whether it stands elsewhere."""
@@ -274,16 +274,17 @@ class SpatialSafety:
         course = self.spaces[0].course
         if course.begun and course.open:
             self._gone.touch(course.place.tolist())
-            _settle(course, self.line.shape)
+            self._settle(course, self.line.shape)
         return float(course.along)
 
     def went(self, commanded: Vector) -> None:
         """Touch it after `limit`, at the commanded position [m]."""
         if self.spaces["course"][0].begun:
             self._told.touch(commanded)
-            _went_there(self.spaces[0], self._safety.memories[0], self.line.shape)
+            self._went(self.spaces[0], self._safety.memories[0], self.line.shape)
 
     def begin(self, place: Vector) -> None:
         """Begin again at the robot's position [m], at rest."""
-        self._told.touch(place)
+        with suppress(Exception):  # the surface may be what has failed, and the robot is to leave it all the same
+            self._told.touch(place)
         self._begin(self.spaces[0], self.line.shape, place)

@@ -168,7 +168,7 @@ def start(
     )
     state.probe.join(state, settings)
     for stage in (*state.probe.alone, stages.feel_alone, state.probe.whole.get(type(learner.estimator))):
-        assert stage is None or callable(stage.entry)  # nothing is compiled in the loop
+        _ = stage and stage.entry  # which compiles or loads it: nothing of that in the loop
     return state
 
 

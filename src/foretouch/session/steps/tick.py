@@ -1,9 +1,9 @@
 """A tick of the follower, compiled: what happens in it whether or not messages come, over one record.
 
-`sense` watches the sensors, `learn_raw` of a contact map or of a field of materials conditions and learns, and `allow`
-guards the first touch and says how far the robot may go; the limits of its motion come last. `tick` is all of them
-along a line, and in space `foretouch.session.spatial.probe.tick`. Where another estimator learns, or something is
-requested at the robot, they are called one by one.
+Commands are played (`foretouch.session.network.playout`), `sense` watches the sensors, `learn_raw` of a contact map or
+of a field of materials conditions and learns, and `allow` guards the first touch and says how far the robot may go; the
+limits of its motion come last. `tick` is all of them along a line, and in space `foretouch.session.spatial.probe.tick`.
+Where another estimator learns, or something is requested at the robot, they are called one by one.
 """
 
 from __future__ import annotations
@@ -226,8 +226,8 @@ def tick(
     states: States, banks: Records | None, fields: Records | None, sample: Showing, times_ns: Times, guarded: bool
 ) -> tuple[Acted, bool, tuple[int, bool]]:
     """A tick along a line in which a contact map or a field learns, and nothing is requested at the robot."""
-    desired = _advance(states[0][0].playing)
     sense(states, sample, times_ns[0])
+    desired = _advance(states[0][0].playing)
     learnt = learn(states, banks, fields, times_ns)
     return allow_on_axis(states, sample[0], times_ns, guarded, desired, False), False, learnt
 
