@@ -225,6 +225,7 @@ assert compile_all(said.append)
 assert is_compiled() and compiled_share() is None
 assert compile_all(lambda share: 1 / 0)  # there is nothing left to say
 assert said == sorted(said) and said[-1] == 1.0, said
+assert said[len(said) // 2] < 0.8, said  # it is told five times a second: half of the time is half of the way
 print(said[-2])
 """
 
