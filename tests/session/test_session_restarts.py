@@ -245,11 +245,10 @@ class Noted(Lap):
         playout = self.following.playout
         push = playout.push
 
-        def noted(sequence: int, position: float, place: tuple[float, ...] = ()) -> None:
+        def noted(sequence: int, *command: Any) -> None:
             self.played.append((self.now * 1e-9, sequence))
-            push(sequence, position, place)
+            push(sequence, *command)
 
-        self.following.playout = type("Noted", (), {})()
         self.following.playout = _Playout(playout, noted)  # type: ignore[assignment]
 
 
