@@ -29,7 +29,7 @@ from foretouch.robot import MATERIALS, RcmArm, make_robot
 from foretouch.robot.materials.catalogue import LinearResponse, Material
 from foretouch.robot.materials.contacts import RelaxingContact
 from foretouch.session import SessionSettings, simulate
-from foretouch.session.safety.kernel import keep_safe, limit
+from foretouch.session.safety import kernel
 from foretouch.session.safety.safety import Safety, SafetyLimits
 
 PAGE = Path(__file__).parent / "safety.md"
@@ -85,8 +85,8 @@ class Guarded:
             force -= self.arm.specification.tool_force(self.sample.acceleration)
             felt = self.conditioner.update(TICK * self.ticks, position, force)
             sensed = position, felt.force, felt.in_contact, self.conditioner.surface, self.silence
-            keep_safe(self.safety.memories, False, wanted, *sensed, False, False, -math.inf, False)
-            wanted = limit(self.safety.memories)
+            kernel.keep_safe(self.safety.memories, False, wanted, *sensed, False, False, -math.inf, False)
+            wanted = kernel.limit(self.safety.memories)
         self.sample = self.arm.exchange(wanted)
         return self.sample.exact_force
 
