@@ -127,7 +127,7 @@ def make_session_robot(settings: SessionSettings) -> Any:
 
 
 def make_moved_robot(settings: SessionSettings, *, say: Say) -> Any:
-    """The same where a session only watches: the settings' operator moves a simulated robot, somebody a real one.
+    """The robot of a session that only watches: a simulated one obeys the settings' operator, a real one somebody.
 
     Args:
         settings: Of the session.
