@@ -9,7 +9,7 @@ import msgspec
 from foretouch.console.sentences import session_status
 from foretouch.console.watched import Watched
 from foretouch.messages import VERSION, Hello, LeaderState
-from foretouch.rendering.withheld import OWED, UNPAID
+from foretouch.rendering.limits import OWED, UNPAID
 
 NOW = 100.0
 STATE = LeaderState(

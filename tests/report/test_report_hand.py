@@ -13,7 +13,7 @@ import pytest
 from report_sessions import make_session
 
 from foretouch.messages import SessionLog
-from foretouch.rendering.withheld import OWED, UNPAID
+from foretouch.rendering.limits import OWED, UNPAID
 from foretouch.report import free_hand, oscillation, pair, render_text, session_figures, write_page
 from foretouch.report.sections.forces import scoring_findings
 from foretouch.report.sections.hand import apart, withheld_figures

@@ -8,7 +8,7 @@ from foretouch.console.history import LATE
 from foretouch.console.watched import GONE, SILENT, Watched
 from foretouch.identification import SENSOR_SENTENCES, SensorState
 from foretouch.messages import STATUS_SENTENCES, Status, Telemetry
-from foretouch.rendering.withheld import LEAST_SHARE
+from foretouch.rendering.limits import LEAST_SHARE
 
 INSECURE = "INSECURE: nothing is encrypted and nobody is checked; anybody on this network may command."
 """Text above the numbers where one of the sides asks for it."""

@@ -12,7 +12,7 @@ from foretouch.console.models_seen import ModelsSeen, ModelTrace
 from foretouch.console.space_state import SpaceState
 from foretouch.devices import GRIPS, INTENDED_FORCE
 from foretouch.messages import Hello, LeaderSpace, LeaderState, Message, ModelUpdate, Telemetry
-from foretouch.rendering.withheld import LEAST_FORCE, OWED, REDUCED_BELOW, UNPAID, Withheld, due_force
+from foretouch.rendering.limits import LEAST_FORCE, OWED, REDUCED_BELOW, UNPAID, Withheld, due_force
 from foretouch.settings import NO_BASELINE, NO_GRIP
 
 SILENT, GONE = 0.3, 1.0

@@ -253,6 +253,11 @@ class Predictor(Held):
         return (self._update_outside if self.foreign else self._update)(self.records, time, position, velocity)
 
     @property
+    def waits(self) -> bool:
+        """Whether a model waits until past motion was run through its memory."""
+        return self._waiting is not None
+
+    @property
     def foreign(self) -> bool:
         """Whether a law that is not compiled is asked at the next sample; then another tick of rendering is used."""
         return self._foreign

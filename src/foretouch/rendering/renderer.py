@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,13 +13,13 @@ from foretouch.errors.checks import require, require_type
 from foretouch.models import NO_STATE, ContactModel, ContactState, Predictor
 from foretouch.quantities import brief_number, brief_text
 from foretouch.quantities.pose import Vector
-from foretouch.rendering import tick
+from foretouch.rendering import tick, whole
 from foretouch.rendering.energy import SAMPLE_PERIOD, EnergyAccount, RenderingDevice, SpatialEnergyAccount
 from foretouch.rendering.friction import FrictionRenderer
 from foretouch.rendering.limits import LARGEST_FORCE, ForceLimiter, low_pass
 from foretouch.rendering.mediation import Mediation
 from foretouch.rendering.proxy import Proxy
-from foretouch.rendering.surfaces.line import PLACE_AT, Line
+from foretouch.rendering.surfaces.line import PLACE_AT, Coordinates, Line
 from foretouch.rendering.tick import FARTHEST, SHORTEST_REACH
 
 ContactFrame: TypeAlias = tuple[Vector, NDArray[np.void]]
@@ -83,7 +83,8 @@ class Renderer:
         require("largest_stiffness", largest_stiffness, at_least=0.0)
         require("sample_period", sample_period, above=0.0)
         self.closed_loop, self._force_scale = device is not None, force_scale
-        self._time, self._whole = -math.inf, tick.whole.entry
+        self._time, self._whole = -math.inf, whole.whole.entry
+        self._over_surface: Any = whole.whole_over_surface.entry if account is not None else None
         self._rendering = tick.Rendering.new()
         proxies, mediations, limiters = (self._rendering[name] for name in ("proxy", "mediation", "limiter"))
         self._largest_force = largest = LARGEST_FORCE if device is None else min(LARGEST_FORCE, device.force_limit)
@@ -107,8 +108,8 @@ class Renderer:
         self.shown: tick.Shown = (math.nan, False, False, 0.0, 0.0, 1.0)
         self.force: Vector = (0.0, 0.0, 0.0)
         self.booked = (0.0, 0.0, 0.0)
-        self.predicted: tick.Predicted = (0.0, 0.0, 0.0, math.nan)
-        self.touched: tick.Touched = (self.force, math.nan)
+        self.predicted: whole.Predicted = (0.0, 0.0, 0.0, math.nan)
+        self.touched: whole.Touched = (self.force, math.nan)
 
     def __repr__(self) -> str:
         """Predictor, and the force on the hand."""
@@ -146,6 +147,33 @@ class Renderer:
         friction = self._rendering["friction"]
         friction["coefficient"], friction["viscous"], self.coefficient = coefficient, viscous, coefficient
 
+    def go_over(
+        self, hand: whole.OverSurface, clock: whole.Clock, free: bool, waits: bool
+    ) -> tuple[Coordinates, bool, float | None]:
+        """Follow a hand over a surface, and do the tick there at once: `whole_over_surface`.
+
+        Args:
+            hand: Its place, and what it is followed on.
+            clock: As `update` takes it.
+            free: Whether the hand is uncoupled and given no force.
+            waits: Whether something has to be done before the tick: then, and where the law is one in Python or another
+                model is being caught up with, `update` is called after that.
+
+        Returns:
+            The hand's coordinates; whether it is far from where its law was taken; the force for the hand along the
+            normal [N], None where the tick was not done.
+        """
+        predictor, time = self.predictor, clock[0]
+        waits = waits or predictor.foreign or predictor.waits or not time > self._time
+        coordinates, far, done, ticked = self._over_surface(
+            self._rendering, self.account.records, predictor.records, clock, hand, free, waits
+        )
+        if not done:
+            return coordinates, far, None
+        self._time = time
+        force, self.force, self.shown, self.booked, self.predicted, self.touched = ticked
+        return coordinates, far, force
+
     def update(
         self, time: float, hand: float, period: float, *, free: bool = False, frame: ContactFrame | None = None
     ) -> float:
@@ -179,7 +207,7 @@ class Renderer:
         return force
 
     def _update_by_stages(self, time: float, hand: float, period: float, free: bool, frame: ContactFrame) -> float:
-        """`tick.whole`, with a law in Python."""
+        """`foretouch.rendering.whole`, with a law in Python."""
         predictor, r, account = self.predictor, self._rendering[0], self.account.records[0]
         position, self.booked = tick.MOVE.entry(r, account, hand, frame[0], period, free)
         if predictor.surface != r.surface and predictor.model is not None:

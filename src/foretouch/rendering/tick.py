@@ -1,20 +1,15 @@
-"""A tick of `foretouch.rendering.renderer.Renderer`, compiled: one call, or its stages for a law in Python.
+"""The stages of a tick of `foretouch.rendering.renderer.Renderer`, compiled.
 
 The law is asked three times: for the force at the proxy, for the work until contact is left, and for its local slopes.
-So a tick has the stages `move`, `want`, `render` and `carry`, and a law that is not compiled comes between them.
+So a tick has the stages `move`, `want`, `render` and `carry`. `foretouch.rendering.whole` calls them with a law that is
+compiled; a law in Python comes between them.
 """
 
 from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
-from foretouch.core import Kernel, Record, compiled, kernel
-from foretouch.models import predictor_kernel as prediction
-from foretouch.models.law_kernel import NOTHING
-from foretouch.models.predictor_kernel import Prediction
+from foretouch.core import Kernel, Record, compiled
 from foretouch.quantities.pose import Vector
 from foretouch.rendering import energy, mediation, proxy
 from foretouch.rendering.energy import Account
@@ -23,7 +18,7 @@ from foretouch.rendering.limits import Limiter, carried, limit
 from foretouch.rendering.mediation import MediationState, mediate
 from foretouch.rendering.proxy import RETURN_SPEED, ProxyState
 from foretouch.rendering.surfaces.geometry import add, norm, scaled, vector
-from foretouch.rendering.surfaces.line import Line, is_known, place_at
+from foretouch.rendering.surfaces.line import Line
 
 FARTHEST = 10.0  # Largest distance of a hand from its zero [m]
 
@@ -319,70 +314,6 @@ def meet_surface(r: Rendering, surface: float) -> float:
     return proxy.meet(r.proxy, before, surface) if r.setup.guarded and r.proxy.engaged else 0.0
 
 
-Predicted = tuple[float, float, float, float]
-"""Of a tick: velocity of the proxy [m/s], force of the model there, its change by a new model, and its standard
-deviation [N]."""
-
-
-@compiled
-def predicted_of(p: Prediction) -> Predicted:
-    """What a `foretouch.models.Predictor` says of its newest sample."""
-    return p.velocity, p.force, p.jump, p.standard_deviation
-
-
-Touched = tuple[Vector, float]
-"""In space: place of the proxy on the normal [m], and local stiffness there [N/m], NaN without a model."""
-
-
-@kernel("(Rendering[::1], Account[::1], Prediction[::1], f8, f8, f8, b1, Tuple((UniTuple(f8, 3), Line[::1])))")
-def whole(
-    renderings: NDArray[np.void],
-    accounts: NDArray[np.void],
-    predictions: NDArray[np.void],
-    time: float,
-    hand: float,
-    period: float,
-    free: bool,
-    frame: tuple[Vector, NDArray[np.void]],
-) -> tuple[float, Vector, Shown, tuple[float, float, float], Predicted, Touched]:
-    """One tick with a law that is compiled; see `Renderer.update`, which has the same stages for others.
-
-    Returns:
-        The force for the hand along the normal and in all directions [N], and what is shown, booked, predicted and
-        touched.
-    """
-    r, account, p, line = renderings[0], accounts[0], predictions[0], frame[1][0]
-    position, booked = move(r, account, hand, frame[0], period, free)
-    if p.surface != r.surface and p.law.kind != NOTHING:
-        prediction.shift(p, -meet_surface(r, p.surface))
-        position = r.proxy.position
-    force = prediction.predict(p, time, position, math.nan)
-    wanted, offset = want(r, force, p.jump, p.velocity)
-    scale, largest = r.setup.force_scale, r.limiter.largest_force
-    work = way = 0.0
-    if wanted > 0.0:
-        work, way = prediction.leaving_work(p, offset / scale, largest / scale)
-    velocity, depth = p.velocity, p.depth
-    rendered, reach, back = render(r, account, work, way, force, velocity, depth, period)
-    if p.law.kind == NOTHING:
-        back = NOTHING_BACK
-    if back == BACK_IN_AIR:
-        prediction.shift(p, proxy.return_freely(r.proxy, depth, r.setup.period))
-    elif back == BACK_IN_CONTACT:
-        work, way = prediction.leaving_work(p, 0.0, largest / scale)
-        stiffness = prediction.local_slopes(p, SHORTEST_REACH)[0]
-        prediction.shift(p, return_in_contact(r, account, work, way, force, stiffness))
-    stiffness = damping = 0.0
-    if reach > 0.0:
-        stiffness, damping = prediction.local_slopes(p, reach)
-    shown = carry(r, stiffness, damping, reach, force, depth)
-    given, stiffness = give(r, account, rendered, line, period), math.nan
-    if is_known(line) and p.law.kind != NOTHING:
-        stiffness = prediction.local_slopes(p, SHOWN_REACH)[0]
-    touched = place_at(line, r.proxy.position), stiffness
-    return rendered, given, shown, booked, predicted_of(p), touched
-
-
 MOVE = Kernel(move, "(Rendering, Account, f8, UniTuple(f8, 3), f8, b1)")
 WANT = Kernel(want, "(Rendering, f8, f8, f8)")
 RENDER = Kernel(render, "(Rendering, Account, f8, f8, f8, f8, f8, f8)")
@@ -390,4 +321,4 @@ CARRY = Kernel(carry, "(Rendering, f8, f8, f8, f8, f8)")
 GIVE = Kernel(give, "(Rendering, Account, f8, Line, f8)")
 MEET_SURFACE = Kernel(meet_surface, "(Rendering, f8)")
 RETURN_IN_CONTACT = Kernel(return_in_contact, "(Rendering, Account, f8, f8, f8, f8)")
-"""Stages of `whole`, for a law in Python."""
+"""For a law in Python."""

@@ -25,7 +25,7 @@ from foretouch.bench.timing import Row, Scope
 from foretouch.devices import ScriptedOperator
 from foretouch.identification import Learner
 from foretouch.link import FaultStage
-from foretouch.rendering import tick
+from foretouch.rendering.whole import whole
 from foretouch.session.network.model_sender import ModelSender, RoundTrip
 from foretouch.session.steps import follower, leader
 from foretouch.session.steps.follower_view import FollowerView
@@ -169,7 +169,7 @@ PARTS: dict[str, tuple[Part, ...]] = {
     "leader": (
         Part("hearing the follower", ((FollowerView, "take_telemetry"), (FollowerView, "is_for_us"))),
         Part("letting a model in", ((leader, "_adopt"),)),
-        Part("predicting, mediating and limiting", ((tick.whole, "_entry"),)),
+        Part("predicting, mediating and limiting", ((whole, "_entry"),)),
         Part("making command and record", ((leader, "Command"), (leader, "LeaderState"))),
         Part(ELSE),
     ),

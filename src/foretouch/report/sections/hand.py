@@ -9,8 +9,7 @@ import numpy as np
 
 from foretouch.messages import SessionLog
 from foretouch.quantities import Array, Flags, Rows, new_figure
-from foretouch.rendering.limits import LARGEST_FORCE
-from foretouch.rendering.withheld import LEAST_FORCE, LEAST_SHARE, LEAST_TICKS, OWED, UNPAID
+from foretouch.rendering.limits import LARGEST_FORCE, LEAST_FORCE, LEAST_SHARE, LEAST_TICKS, OWED, UNPAID
 from foretouch.report.drawing import DELAYED, ERROR, PREDICTED, RENDERED, TRUE, curve, finished, legend, peak, shade
 from foretouch.report.energy import booked_device, energy_figures
 from foretouch.report.numbers import Finding, figure, filled, largest, number_of, renders_models, runs, setting
@@ -156,7 +155,7 @@ WITHHELD = ("withheld_percent", "longest_withheld_s", "longest_withheld_at_s", "
 
 
 def withheld_figures(leader: Rows, force_scale: float) -> dict[str, Any]:
-    """The ticks in which force was withheld: see `foretouch.rendering.withheld`.
+    """The ticks in which force was withheld: see `foretouch.rendering.limits.Withheld`.
 
     Only ticks count in which hand and robot are coupled, the hand is seen and the model gives 0.5 N or more. Of these,
     segments of 500 and more in a row with less than half of the model's force are withheld; a segment may go over

@@ -15,16 +15,13 @@ from foretouch.models import FIELD_DEPTH, NO_STATE, ContactModel, MaterialField
 from foretouch.quantities.pose import Vector, norm, subtract
 from foretouch.rendering import Renderer
 from foretouch.rendering.surfaces import Surface
-from foretouch.rendering.surfaces.line import arrive
+from foretouch.rendering.whole import NEAR, Clock
 from foretouch.session.spatial.course import SurfaceLine
 from foretouch.session.steps.axis import Arrived, HandOnAxis, Told
 from foretouch.session.steps.follower_view import FollowerView
 
 if TYPE_CHECKING:
     from foretouch.session.steps.leader import Inputs
-
-FAR_FROM_LAW = 1e-3  # Displacement of the hand after which the material is looked up again [m]
-NEAR = 5e-3  # Distance from the surface within which materials are taken from the field [m]
 
 NOWHERE = (math.nan, math.nan, math.nan)
 
@@ -41,16 +38,18 @@ class TouchedMaterial:
     .. math:: \sigma_F = F\, \sigma_K / K
 
     Attributes:
+        known: Whether there is a field.
         at: Where a law was taken last, in the fixture's frame [m]; NaN before the first.
         uncertainty: sigma_K / K of the law that was taken last; NaN before the first.
         refused: Number of fields that could not be used.
     """
 
-    __slots__ = ("_field", "_run", "_sequence", "at", "refused", "uncertainty")
+    __slots__ = ("_field", "_run", "_sequence", "at", "known", "refused", "uncertainty")
 
     def __init__(self) -> None:
         self._field: MaterialField | None = None
         self._sequence = self._run = 0
+        self.known = False
         self.at: Vector = NOWHERE
         self.uncertainty = math.nan
         self.refused = 0
@@ -64,6 +63,8 @@ class TouchedMaterial:
             self._field = MaterialField.from_bytes(update.content)
         except (InputError, DecodeError):
             self.refused += 1
+        else:
+            self.known = True
 
     def law(self, point: Vector, depth: float) -> ContactModel | None:
         """The law at a point, in the fixture's frame, for a hand at this depth [m]; None where unknown."""
@@ -109,7 +110,6 @@ class HandInSpace(HandOnAxis):
         self._follower: tuple[Vector, int] = NOWHERE, 0  # its newest commanded position, and its run
         self._offset = 0.0  # of the line, where the law was taken
         self._far = True  # whether the hand is too far from there for the law to hold
-        self._arrive = arrive.entry
 
     @property
     def offset(self) -> float:  # type: ignore[override]  # it moves
@@ -141,13 +141,13 @@ class HandInSpace(HandOnAxis):
         if model.valid and math.isfinite(model.surface):
             self.felt_deeper = model.surface
 
-    def come_to(self, inputs: Inputs, renderer: Renderer, view: FollowerView) -> Arrived:
+    def come_to(
+        self, inputs: Inputs, renderer: Renderer, view: FollowerView, clock: Clock, free: bool, waits: bool
+    ) -> Arrived:
         """See `HandOnAxis.come_to`; the follower's position for `view` is that on the normal of the meeting place.
 
-        The surface is followed in a compiled call of its own before that of the tick, for what is between them goes by
-        where the hand is now: a model is adopted, a law taken from the field, the hand coupled. What it comes to stays
-        in the record of the line, which the tick takes. The device's own position counts in the frame, whatever it is
-        coupled with.
+        The tick is done at once where nothing waits for it, nor a law has to be taken from the field. The device's own
+        position counts in the frame, whatever it is coupled with.
         """
         x, y, z = inputs.position  # type: ignore[misc]  # a driver may give a list
         line, scale, somewhere = self.line, self.scale, True
@@ -159,11 +159,12 @@ class HandInSpace(HandOnAxis):
         elif seen:
             somewhere = self._meet(here, renderer, view)
         line.touch(self.place if somewhere else NOWHERE)
-        recorded: Any = tuple(inputs.exact_position), tuple(inputs.intended_position)  # type: ignore[arg-type]
-        places = self.place, *recorded, self.apart, self.material.at
-        along, exact, intended, away = self._arrive(line.records, line.shape, places, scale, seen, somewhere)
-        self._far = not away <= FAR_FROM_LAW
-        return along, exact, intended, ((x, y, z), line.records)
+        exact: Any = tuple(inputs.exact_position)  # type: ignore[arg-type]
+        intended: Any = tuple(inputs.intended_position)  # type: ignore[arg-type]
+        places = (x, y, z), self.place, exact, intended, self.apart, self.material.at
+        over = line.records, line.shape, places, scale, (seen, somewhere), (self.material.known, self._offset)
+        coordinates, self._far, rendered = renderer.go_over(over, clock, free, waits)
+        return coordinates, (places[0], line.records), rendered
 
     def _meet(self, here: Vector, renderer: Renderer, view: FollowerView) -> bool:
         """Set where a hand that is not coupled meets the follower, its own position being here [m]; whether it does."""

@@ -16,6 +16,8 @@ from foretouch.messages import Command, FieldUpdate, FollowerSpace, LeaderSpace,
 from foretouch.models import ContactModel
 from foretouch.rendering import Renderer
 from foretouch.rendering.renderer import ContactFrame
+from foretouch.rendering.surfaces.line import Coordinates
+from foretouch.rendering.whole import Clock
 from foretouch.session.steps import tick as stages
 from foretouch.session.steps.follower_view import FollowerView
 
@@ -25,9 +27,9 @@ if TYPE_CHECKING:
     from foretouch.session.steps.leader import Inputs as LeaderInputs
 
 
-Arrived: TypeAlias = tuple[float, float, float, ContactFrame | None]
-"""Coordinates [m] of the hand, NaN where it is unknown, of its exact position and of its intended one; and the frame of
-the contact, None for that of a line."""
+Arrived: TypeAlias = tuple[Coordinates, ContactFrame | None, float | None]
+"""Coordinates of the hand; the frame of the contact, None for that of a line; and the force for the hand along the
+normal [N], None where the tick is still to be done."""
 
 Told: TypeAlias = tuple[tuple[float, ...], float, LeaderSpace | None]
 """The proxy's place in the world [m], which the follower is to go to, none on an axis, nor while unknown; standard
@@ -48,9 +50,11 @@ class HandOnAxis:
     def take(self, message: Message, renderer: Renderer, view: FollowerView) -> None:
         """Take a message of the follower about the surface, if it is the newest."""
 
-    def come_to(self, inputs: LeaderInputs, renderer: Renderer, view: FollowerView) -> Arrived:
-        """Take the position of the hand, and what is recorded of it."""
-        return inputs.position, inputs.exact_position, inputs.intended_position, None  # type: ignore[return-value]
+    def come_to(
+        self, inputs: LeaderInputs, renderer: Renderer, view: FollowerView, clock: Clock, free: bool, waits: bool
+    ) -> Arrived:
+        """Take the position of the hand, and what is recorded of it; in space, do the tick unless something waits."""
+        return (inputs.position, inputs.exact_position, inputs.intended_position), None, None  # type: ignore[return-value]
 
     def law(self) -> ContactModel | None:
         """The law where the hand is; None where the follower's model is all that is known."""

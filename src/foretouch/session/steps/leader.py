@@ -18,6 +18,7 @@ from foretouch.models import NO_STATE, make_model
 from foretouch.quantities import LARGEST_POSITION
 from foretouch.quantities.pose import Vector
 from foretouch.rendering import EnergyAccount, FrictionRenderer, Proxy, Renderer, SpatialEnergyAccount
+from foretouch.rendering.whole import Clock
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.steps.axis import HandOnAxis
 from foretouch.session.steps.follower_view import FollowerView
@@ -39,18 +40,6 @@ def meeting_place(proxy: Proxy, hand: float, follower: float, *, clutched: bool)
     if clutched or proxy.engaged or not math.isfinite(hand):
         return math.nan
     return follower if math.isnan(proxy.position) else proxy.position
-
-
-def moving_time(period_ns: int, exact_position: float, now_ns: int, newest_ns: int | None) -> float:
-    """Time in which the hand moved to its position in this tick [s].
-
-    A human hand is measured when a tick really begins, `period_ns` after the last one. A simulated one, whose exact
-    position is known, is evaluated at the tick's nominal time, on an even grid. Timed by the real starts of ticks, a
-    motion of many milliseconds would count as one of one millisecond, and widen the bound of energy.
-    """
-    if newest_ns is None or not math.isfinite(exact_position):
-        return period_ns * 1e-9
-    return (now_ns - newest_ns) * 1e-9
 
 
 SAME_SURFACE = 1e-3  # Largest distance of surfaces found by two processes that count as the same surface [m]
@@ -173,25 +162,26 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     latched, or the follower obeys another leader, it is let go and feels nothing. Where another follower process has
     started the model stays, for the material is the same, until that process knows as much (`FollowerView`).
     """
-    if state.start_ns is None:
-        state.start_ns = now_ns
     renderer, view, hand = state.renderer, state.follower_view, state.hand
     ours, came = _take(state, inputs.arrived)
     renewed = view.take_renewed()
     if renewed:
         _renew(state)
-    at, exact, intended, frame = hand.come_to(inputs, renderer, view)
-    for model in ours:
-        _adopt(state, model)
-    if not came:
-        hand.go_on(renderer)
     free = inputs.stopping or view.stopped or not view.in_control
-    if renderer.closed_loop and not free and not renewed:  # let go for a tick, so that the force leaves as models do
-        _couple(state, at, clutched=inputs.clutched)
-    period = moving_time(inputs.period_ns, exact, now_ns, state.newest_ns)
-    state.newest_ns = now_ns
-    time = (now_ns - state.start_ns) * 1e-9
-    rendered = renderer.update(time, at, period, free=free, frame=frame)
+    # A renewed hand is let go for a tick, so that the force leaves as models do.
+    couples = renderer.closed_loop and not (free or renewed) and (inputs.clutched or not renderer.proxy.engaged)
+    clock = _clock(state, inputs.period_ns, now_ns)
+    coordinates, frame, rendered = hand.come_to(inputs, renderer, view, clock, free, came or couples)
+    at, exact, intended = coordinates
+    if rendered is None:
+        for model in ours:
+            _adopt(state, model)
+        if not came:
+            hand.go_on(renderer)
+        if couples:
+            _couple(state, at, clutched=inputs.clutched)
+        time, measured, even = clock
+        rendered = renderer.update(time, at, even if math.isfinite(exact) else measured, free=free, frame=frame)
     position, engaged, clipped, mediated, step_by_models, share = renderer.shown
     energy, energy_bound, late_energy = renderer.booked
     velocity, predicted, jump, _ = renderer.predicted
@@ -258,10 +248,22 @@ def _take(state: State, arrived: Sequence[Message]) -> tuple[list[ModelUpdate], 
     return ours, came  # type: ignore[return-value]
 
 
+def _clock(state: State, period_ns: int, now_ns: int) -> Clock:
+    """Time of the tick, and the two times since the last one.
+
+    A human hand is measured when a tick really begins, `period_ns` after the last one. A simulated one, whose exact
+    position is known, is evaluated at the tick's nominal time, on an even grid. Timed by the real starts of ticks, a
+    motion of many milliseconds would count as one of one millisecond, and widen the bound of energy.
+    """
+    if state.start_ns is None:
+        state.start_ns = now_ns
+    even_ns = period_ns if state.newest_ns is None else now_ns - state.newest_ns
+    state.newest_ns = now_ns
+    return (now_ns - state.start_ns) * 1e-9, period_ns * 1e-9, even_ns * 1e-9
+
+
 def _couple(state: State, hand: float, *, clutched: bool) -> None:
     renderer = state.renderer
-    if renderer.proxy.engaged and not clutched:
-        return
     position = meeting_place(renderer.proxy, hand, state.follower_view.position, clutched=clutched)
     if math.isfinite(position):
         renderer.engage(hand, position)

@@ -1,0 +1,135 @@
+"""A tick of `foretouch.rendering.renderer.Renderer` in one compiled call; `foretouch.rendering.tick` has its stages."""
+
+from __future__ import annotations
+
+import math
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.core import compiled, kernel
+from foretouch.models import predictor_kernel as prediction
+from foretouch.models.law_kernel import NOTHING
+from foretouch.models.predictor_kernel import Prediction
+from foretouch.quantities.pose import Vector
+from foretouch.rendering import proxy, tick
+from foretouch.rendering.energy import Account
+from foretouch.rendering.surfaces.geometry import Triangle
+from foretouch.rendering.surfaces.god_object import MESH, Mesh
+from foretouch.rendering.surfaces.line import Coordinates, Line, Places, arrive, is_known, place_at
+from foretouch.rendering.tick import Rendering, Shown
+
+FAR_FROM_LAW = 1e-3  # Displacement over the surface after which its material is looked up again [m]
+NEAR = 5e-3  # Distance from the surface within which its material is looked up [m]
+
+Predicted = tuple[float, float, float, float]
+"""Of a tick: velocity of the proxy [m/s], force of the model there, its change by a new model, and its standard
+deviation [N]."""
+
+Touched = tuple[Vector, float]
+"""In space: place of the proxy on the normal [m], and local stiffness there [N/m], NaN without a model."""
+
+Ticked: TypeAlias = tuple[float, Vector, Shown, tuple[float, float, float], Predicted, Touched]
+"""The force for the hand along the normal and in all directions [N]; what is shown, booked, predicted and touched."""
+
+Clock = tuple[float, float, float]
+"""Time [s], and that since the previous tick: as it began, and on the even grid of a simulated hand [s]."""
+
+OverSurface: TypeAlias = tuple[NDArray[np.void], Mesh, Places, float, tuple[bool, bool], tuple[bool, float]]
+"""What a hand in space is followed on: an array of one `Line`, shape, places, scale of its motion, whether it is known
+and somewhere; and whether there is a field of materials, and the line's offset where a law was taken from it [m]."""
+
+
+@compiled(error_model="numpy")
+def _render(
+    r: Rendering,
+    account: Account,
+    p: Prediction,
+    time: float,
+    hand: float,
+    period: float,
+    free: bool,
+    place: Vector,
+    line: Line,
+) -> Ticked:
+    """See `whole`."""
+    position, booked = tick.move(r, account, hand, place, period, free)
+    if p.surface != r.surface and p.law.kind != NOTHING:
+        prediction.shift(p, -tick.meet_surface(r, p.surface))
+        position = r.proxy.position
+    force = prediction.predict(p, time, position, math.nan)
+    wanted, offset = tick.want(r, force, p.jump, p.velocity)
+    scale, largest = r.setup.force_scale, r.limiter.largest_force
+    work = way = 0.0
+    if wanted > 0.0:
+        work, way = prediction.leaving_work(p, offset / scale, largest / scale)
+    velocity, depth = p.velocity, p.depth
+    rendered, reach, back = tick.render(r, account, work, way, force, velocity, depth, period)
+    if p.law.kind == NOTHING:
+        back = tick.NOTHING_BACK
+    if back == tick.BACK_IN_AIR:
+        prediction.shift(p, proxy.return_freely(r.proxy, depth, r.setup.period))
+    elif back == tick.BACK_IN_CONTACT:
+        work, way = prediction.leaving_work(p, 0.0, largest / scale)
+        stiffness = prediction.local_slopes(p, tick.SHORTEST_REACH)[0]
+        prediction.shift(p, tick.return_in_contact(r, account, work, way, force, stiffness))
+    stiffness = damping = 0.0
+    if reach > 0.0:
+        stiffness, damping = prediction.local_slopes(p, reach)
+    shown = tick.carry(r, stiffness, damping, reach, force, depth)
+    given, stiffness = tick.give(r, account, rendered, line, period), math.nan
+    if is_known(line) and p.law.kind != NOTHING:
+        stiffness = prediction.local_slopes(p, tick.SHOWN_REACH)[0]
+    predicted = p.velocity, p.force, p.jump, p.standard_deviation
+    return rendered, given, shown, booked, predicted, (place_at(line, r.proxy.position), stiffness)
+
+
+@kernel("(Rendering[::1], Account[::1], Prediction[::1], f8, f8, f8, b1, Tuple((UniTuple(f8, 3), Line[::1])))")
+def whole(
+    renderings: NDArray[np.void],
+    accounts: NDArray[np.void],
+    predictions: NDArray[np.void],
+    time: float,
+    hand: float,
+    period: float,
+    free: bool,
+    frame: tuple[Vector, NDArray[np.void]],
+) -> Ticked:
+    """One tick with a law that is compiled; see `Renderer.update`, which has the same stages for others."""
+    place, lines = frame
+    return _render(renderings[0], accounts[0], predictions[0], time, hand, period, free, place, lines[0])
+
+
+@kernel(
+    f"(Rendering[::1], Account[::1], Prediction[::1], UniTuple(f8, 3), Tuple((Line[::1], {MESH}, "
+    "UniTuple(UniTuple(f8, 3), 6), f8, UniTuple(b1, 2), Tuple((b1, f8)))), b1, b1)",
+    Triangle,
+)
+def whole_over_surface(
+    renderings: NDArray[np.void],
+    accounts: NDArray[np.void],
+    predictions: NDArray[np.void],
+    clock: Clock,
+    hand: OverSurface,
+    free: bool,
+    waits: bool,
+) -> tuple[Coordinates, bool, bool, Ticked]:
+    """Follow a hand over a surface, and do the tick there, unless something waits for Python to do it first.
+
+    That may be known before, or be that the material has to be looked up: the line's offset is another than where its
+    law was taken, for the surface let go over an edge, or the hand has gone far from there.
+
+    Returns:
+        The hand's coordinates; whether it is far from where the law was taken; whether the tick was done; what it is.
+    """
+    lines, mesh, places, scale, (known, somewhere), (has_field, offset) = hand
+    (time, measured, even), line = clock, lines[0]
+    r, account, p = renderings[0], accounts[0], predictions[0]
+    coordinates, away = arrive(line, mesh, places, scale, known, somewhere)
+    far = has_field and line.closest.depth >= -NEAR and not away <= FAR_FROM_LAW
+    if waits or line.offset != offset or (far and p.law.kind != NOTHING):
+        nothing = 0.0, 0.0, 0.0
+        return coordinates, far, False, (0.0, nothing, tick.show(r), nothing, (0.0, 0.0, 0.0, 0.0), (nothing, 0.0))
+    period = even if math.isfinite(coordinates[1]) else measured
+    return coordinates, far, True, _render(r, account, p, time, coordinates[0], period, free, places[0], line)
