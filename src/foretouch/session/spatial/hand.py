@@ -39,17 +39,17 @@ class TouchedMaterial:
 
     Attributes:
         known: Whether there is a field.
-        at: Where a law was taken last, in the fixture's frame [m]; NaN before the first.
+        at: Where it was looked up last, in the fixture's frame [m]; NaN where there may be news.
         uncertainty: sigma_K / K of the law that was taken last; NaN before the first.
         refused: Number of fields that could not be used.
     """
 
-    __slots__ = ("_field", "_run", "_sequence", "at", "known", "refused", "uncertainty")
+    __slots__ = ("_field", "_is_known_here", "_run", "_sequence", "at", "known", "refused", "uncertainty")
 
     def __init__(self) -> None:
         self._field: MaterialField | None = None
         self._sequence = self._run = 0
-        self.known = False
+        self.known = self._is_known_here = False
         self.at: Vector = NOWHERE
         self.uncertainty = math.nan
         self.refused = 0
@@ -65,18 +65,18 @@ class TouchedMaterial:
             self.refused += 1
         else:
             self.known = True
+            if not self._is_known_here:
+                self.at = NOWHERE
 
     def law(self, point: Vector, depth: float) -> ContactModel | None:
         """The law at a point, in the fixture's frame, for a hand at this depth [m]; None where unknown."""
         if self._field is None or depth < -NEAR:
             return None
-        law, deviation, known = self._field.law_at(point)
+        law, deviation, self._is_known_here = self._field.law_at(point)
         stiffness = law.stiffness + 2.0 * FIELD_DEPTH * law.stiffening
         self.uncertainty = deviation / stiffness if stiffness > 0.0 else math.nan
-        if not known:
-            return None
         self.at = point
-        return law
+        return law if self._is_known_here else None
 
 
 class HandInSpace(HandOnAxis):
