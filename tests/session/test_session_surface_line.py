@@ -12,9 +12,11 @@ from hypothesis import strategies as st
 
 from foretouch.messages import VERSION, Command, FixtureBelief
 from foretouch.quantities.pose import RigidMotion, Vector, norm, scaled, subtract
+from foretouch.rendering import Renderer
 from foretouch.rendering.surfaces import HeightField, Plane, Surface, SurfaceContact, SurfaceProxy, TriangleMesh
+from foretouch.rendering.whole import Now, OverSurface
 from foretouch.robot import RobotSample, SpatialSample
-from foretouch.session import SessionSettings
+from foretouch.session import SessionSettings, simulate
 from foretouch.session.runners.warm_up import SPECIFICATION
 from foretouch.session.spatial import make_scene
 from foretouch.session.spatial.course import ClosestPoint, SurfaceLine
@@ -215,3 +217,40 @@ def test_a_tick_as_a_whole_is_its_stages_one_by_one(scene: str, model: str, seed
         here = here + 0.3 * (went - here) if np.isfinite(went).all() else here
     assert felt > 1.0
     assert states[0].learner.estimator.updates > 100
+
+
+AT_ONCE = [
+    {
+        "scene": "hill",
+        "material": "hunt-crossley",
+        "fusion": "contact",
+        "loss": 0.2,
+        "jitter": 0.03,
+        "position_delay": 0.0,
+    },
+    {"scene": "phantom", "fusion": "contact", "grip": "normal", "clutch": "3:3.2", "bump": 4.0, "position_scale": 0.5},
+    {"scene": "plane", "model": "kelvin-voigt", "fusion": "none", "grip": "soft"},
+]
+
+
+@pytest.mark.parametrize("changes", AT_ONCE, ids=lambda changes: changes["scene"])
+def test_a_leaders_tick_at_once_is_that_which_waits_for_python(changes: dict, monkeypatch: pytest.MonkeyPatch) -> None:
+    at_once, settings, done = Renderer.go_over, SessionSettings(force_delay=0.1, **changes), []
+
+    def counted(renderer: Renderer, hand: OverSurface, now: Now) -> tuple:
+        said = at_once(renderer, hand, now)
+        if hand[0]["closest"]["depth"][0] > 0.0:
+            done.append(said[2] is not None)
+        return said
+
+    monkeypatch.setattr(Renderer, "go_over", counted)
+    whole = simulate(settings, duration=5.0).log
+    assert len(done) > 100
+    assert np.mean(done) > 0.85  # the others had a message, or came to another place of the material
+    monkeypatch.setattr(Renderer, "go_over", lambda renderer, hand, now: at_once(renderer, hand, (*now[:4], True)))
+    parts = simulate(settings, duration=5.0).log
+    for name in ("leader", "leader_space", "follower_space"):
+        one, other = getattr(whole, name), getattr(parts, name)
+        for column in one.dtype.names:
+            if column != "compute_ns":
+                np.testing.assert_array_equal(one[column], other[column], err_msg=f"{name}.{column}")

@@ -31,14 +31,6 @@ def test_poses_are_a_group(first: np.ndarray, second: np.ndarray, third: np.ndar
     assert (a @ a.inverse()).apply(point) == pytest.approx(point, abs=1e-9)
 
 
-@given(twists, twists)
-def test_the_adjoint_carries_a_twist_from_right_to_left(first: np.ndarray, second: np.ndarray) -> None:
-    pose = Pose.exp(first)
-    right, left = pose @ Pose.exp(second), Pose.exp(pose.adjoint() @ second) @ pose
-    assert right.translation == pytest.approx(left.translation, abs=1e-8)
-    assert right.rotation == pytest.approx(left.rotation, abs=1e-8)
-
-
 @pytest.mark.parametrize(
     ("rotation", "translation"),
     [(np.eye(3) * 1.1, np.zeros(3)), (np.diag([1.0, 1.0, -1.0]), np.zeros(3)), (np.eye(3), np.array([0, 0, np.nan]))],

@@ -253,9 +253,9 @@ class Predictor(Held):
         return (self._update_outside if self.foreign else self._update)(self.records, time, position, velocity)
 
     @property
-    def waits(self) -> bool:
-        """Whether a model waits until past motion was run through its memory."""
-        return self._waiting is not None
+    def is_of_python(self) -> bool:
+        """Whether Python comes before the next sample: a law of its own, or past motion that is run again."""
+        return self._foreign or self._waiting is not None
 
     @property
     def foreign(self) -> bool:

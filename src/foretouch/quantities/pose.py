@@ -205,13 +205,6 @@ class Pose:
         """Points of the body's frame [m], (3,) or (n, 3), in the frame it is seen from."""
         return np.asarray(points, float) @ self.rotation.T + self.translation
 
-    def adjoint(self) -> Array:
-        r"""Ad with T exp(xi) = exp(Ad xi) T, (6, 6), for twists with the translation first."""
-        matrix = np.zeros((6, 6))
-        matrix[:3, :3] = matrix[3:, 3:] = self.rotation
-        matrix[:3, 3:] = cross_matrix(self.translation) @ self.rotation
-        return matrix
-
     def distance(self, other: Pose) -> tuple[float, float]:
         """Distance to the other pose: between the origins [m], and the angle between them [rad]."""
         between = self.inverse() @ other

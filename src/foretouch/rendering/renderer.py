@@ -96,6 +96,7 @@ class Renderer:
         self.limiter = ForceLimiter(largest, limiters=limiters)
         self.account: EnergyAccount | SpatialEnergyAccount
         self.account = EnergyAccount.of(device, sample_period) if account is None else account
+        self._records = self._rendering, self.account.records, self.predictor.records
         setup = Held(self._rendering["setup"])
         setup.guarded = guarded
         setup.closed_loop, setup.period = device is not None, sample_period
@@ -147,27 +148,16 @@ class Renderer:
         friction = self._rendering["friction"]
         friction["coefficient"], friction["viscous"], self.coefficient = coefficient, viscous, coefficient
 
-    def go_over(
-        self, hand: whole.OverSurface, clock: whole.Clock, free: bool, waits: bool
-    ) -> tuple[Coordinates, bool, float | None]:
-        """Follow a hand over a surface, and do the tick there at once: `whole_over_surface`.
-
-        Args:
-            hand: Its place, and what it is followed on.
-            clock: As `update` takes it.
-            free: Whether the hand is uncoupled and given no force.
-            waits: Whether something has to be done before the tick: then, and where the law is one in Python or another
-                model is being caught up with, `update` is called after that.
+    def go_over(self, hand: whole.OverSurface, now: whole.Now) -> tuple[Coordinates, bool, float | None]:
+        """Follow a hand over a surface, and do the tick there: `foretouch.rendering.whole.whole_over_surface`.
 
         Returns:
             The hand's coordinates; whether it is far from where its law was taken; the force for the hand along the
-            normal [N], None where the tick was not done.
+            normal [N], None where `update` has to be called for it, after what the tick waits for.
         """
-        predictor, time = self.predictor, clock[0]
-        waits = waits or predictor.foreign or predictor.waits or not time > self._time
-        coordinates, far, done, ticked = self._over_surface(
-            self._rendering, self.account.records, predictor.records, clock, hand, free, waits
-        )
+        time, measured, even, free, waits = now
+        waits = waits or self.predictor.is_of_python or not time > self._time
+        coordinates, far, done, ticked = self._over_surface(self._records, hand, (time, measured, even, free, waits))
         if not done:
             return coordinates, far, None
         self._time = time
@@ -196,13 +186,12 @@ class Renderer:
         if not time > self._time:  # no time has passed: nothing to do
             return self.limiter.force
         self._time = time
-        predictor, r, account = self.predictor, self._rendering, self.account.records
         frame = frame_of(hand) if frame is None else frame
-        predictor.catch_up()
-        if predictor.foreign:
+        self.predictor.catch_up()
+        if self.predictor.foreign:
             return self._update_by_stages(time, hand, period, free, frame)
         force, self.force, self.shown, self.booked, self.predicted, self.touched = self._whole(
-            r, account, predictor.records, time, hand, period, free, frame
+            self._records, time, hand, period, free, frame
         )
         return force
 

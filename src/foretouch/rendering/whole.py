@@ -33,8 +33,12 @@ Touched = tuple[Vector, float]
 Ticked: TypeAlias = tuple[float, Vector, Shown, tuple[float, float, float], Predicted, Touched]
 """The force for the hand along the normal and in all directions [N]; what is shown, booked, predicted and touched."""
 
-Clock = tuple[float, float, float]
-"""Time [s], and that since the previous tick: as it began, and on the even grid of a simulated hand [s]."""
+Records: TypeAlias = tuple[NDArray[np.void], NDArray[np.void], NDArray[np.void]]
+"""Arrays of one `Rendering`, one `Account` and one `Prediction`."""
+
+Now = tuple[float, float, float, bool, bool]
+"""Time of the tick [s]; that since the previous one as it began, and on the even grid of a simulated hand [s]; whether
+the hand is uncoupled and given no force; whether something has to be done in Python before the tick."""
 
 OverSurface: TypeAlias = tuple[NDArray[np.void], Mesh, Places, float, tuple[bool, bool], tuple[bool, float]]
 """What a hand in space is followed on: an array of one `Line`, shape, places, scale of its motion, whether it is known
@@ -85,36 +89,24 @@ def _render(
     return rendered, given, shown, booked, predicted, (place_at(line, r.proxy.position), stiffness)
 
 
-@kernel("(Rendering[::1], Account[::1], Prediction[::1], f8, f8, f8, b1, Tuple((UniTuple(f8, 3), Line[::1])))")
+RECORDS = "Tuple((Rendering[::1], Account[::1], Prediction[::1]))"
+
+
+@kernel(f"({RECORDS}, f8, f8, f8, b1, Tuple((UniTuple(f8, 3), Line[::1])))")
 def whole(
-    renderings: NDArray[np.void],
-    accounts: NDArray[np.void],
-    predictions: NDArray[np.void],
-    time: float,
-    hand: float,
-    period: float,
-    free: bool,
-    frame: tuple[Vector, NDArray[np.void]],
+    records: Records, time: float, hand: float, period: float, free: bool, frame: tuple[Vector, NDArray[np.void]]
 ) -> Ticked:
     """One tick with a law that is compiled; see `Renderer.update`, which has the same stages for others."""
-    place, lines = frame
+    (renderings, accounts, predictions), (place, lines) = records, frame
     return _render(renderings[0], accounts[0], predictions[0], time, hand, period, free, place, lines[0])
 
 
 @kernel(
-    f"(Rendering[::1], Account[::1], Prediction[::1], UniTuple(f8, 3), Tuple((Line[::1], {MESH}, "
-    "UniTuple(UniTuple(f8, 3), 6), f8, UniTuple(b1, 2), Tuple((b1, f8)))), b1, b1)",
+    f"({RECORDS}, Tuple((Line[::1], {MESH}, UniTuple(UniTuple(f8, 3), 6), f8, UniTuple(b1, 2), Tuple((b1, f8)))), "
+    "Tuple((f8, f8, f8, b1, b1)))",
     Triangle,
 )
-def whole_over_surface(
-    renderings: NDArray[np.void],
-    accounts: NDArray[np.void],
-    predictions: NDArray[np.void],
-    clock: Clock,
-    hand: OverSurface,
-    free: bool,
-    waits: bool,
-) -> tuple[Coordinates, bool, bool, Ticked]:
+def whole_over_surface(records: Records, hand: OverSurface, now: Now) -> tuple[Coordinates, bool, bool, Ticked]:
     """Follow a hand over a surface, and do the tick there, unless something waits for Python to do it first.
 
     That may be known before, or be that the material has to be looked up: the line's offset is another than where its
@@ -124,8 +116,8 @@ def whole_over_surface(
         The hand's coordinates; whether it is far from where the law was taken; whether the tick was done; what it is.
     """
     lines, mesh, places, scale, (known, somewhere), (has_field, offset) = hand
-    (time, measured, even), line = clock, lines[0]
-    r, account, p = renderings[0], accounts[0], predictions[0]
+    (renderings, accounts, predictions), (time, measured, even, free, waits) = records, now
+    r, account, p, line = renderings[0], accounts[0], predictions[0], lines[0]
     coordinates, away = arrive(line, mesh, places, scale, known, somewhere)
     far = has_field and line.closest.depth >= -NEAR and not away <= FAR_FROM_LAW
     if waits or line.offset != offset or (far and p.law.kind != NOTHING):

@@ -8,7 +8,7 @@ all cores is slower on one.
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
 from numba import prange
@@ -74,11 +74,17 @@ def begin(buffers: NDArray[np.void], options: Packed) -> None:
         set_first(lanes, options, lane)
 
 
+Samples: TypeAlias = tuple[Array, Array, Array, NDArray[np.bool_]]
+"""Depth [m], velocity [m/s], force [N] and contact of n recordings, shape (m, n) each."""
+
+Regressors: TypeAlias = tuple[Array, Array, Array, Array, Array]
+"""ln x, v, v / x and ln F, in one unit, and forgetting factors mu of n recordings, shape (m, n) each."""
+
+
 @compiled(error_model="numpy")
-def load(
-    lanes: Lanes, depth: Array, velocity: Array, force: Array, in_contact: NDArray[np.bool_], row: int, first: int
-) -> None:
+def load(lanes: Lanes, samples: Samples, row: int, first: int) -> None:
     """One sample of each recording of a block; lanes beyond the last recording stay in free air."""
+    depth, velocity, force, in_contact = samples
     for lane in range(min(LANES, depth.shape[1] - first)):
         lanes.depth[lane] = depth[row, first + lane]
         lanes.velocity[lane] = velocity[row, first + lane]
@@ -202,10 +208,9 @@ def step(lanes: Lanes, options: Packed) -> None:
 
 
 @compiled(error_model="numpy")
-def load_regressors(
-    lanes: Lanes, log_depth: Array, velocity: Array, rate: Array, log_force: Array, memory: Array, row: int, first: int
-) -> None:
+def load_regressors(lanes: Lanes, regressors: Regressors, row: int, first: int) -> None:
     """Regressors, target and forgetting factor of one sample of each recording of a block; taken where finite."""
+    log_depth, velocity, rate, log_force, memory = regressors
     for lane in range(min(LANES, memory.shape[1] - first)):
         a, b, c = log_depth[row, first + lane], velocity[row, first + lane], rate[row, first + lane]
         target, mu = log_force[row, first + lane], memory[row, first + lane]
@@ -224,22 +229,14 @@ def load_regressors(
 
 @compiled(error_model="numpy")
 def block(
-    buffers: NDArray[np.void],
-    depth: Array,
-    velocity: Array,
-    force: Array,
-    in_contact: NDArray[np.bool_],
-    options: Packed,
-    first: int,
-    result: Array,
-    every: Array,
+    buffers: NDArray[np.void], samples: Samples, options: Packed, first: int, result: Array, every: Array
 ) -> None:
     """All samples of the recordings from `first` on, `LANES` at most."""
     begin(buffers, options)
     lanes = buffers[0]
-    width = min(LANES, depth.shape[1] - first)
-    for row in range(depth.shape[0]):
-        load(lanes, depth, velocity, force, in_contact, row, first)
+    width = min(LANES, samples[0].shape[1] - first)
+    for row in range(samples[0].shape[0]):
+        load(lanes, samples, row, first)
         if options.weight == 0.0:
             _features_equal(lanes, options)
         else:
@@ -254,106 +251,53 @@ def block(
 
 @compiled(error_model="numpy")
 def block_of_regressors(
-    buffers: NDArray[np.void],
-    log_depth: Array,
-    velocity: Array,
-    rate: Array,
-    log_force: Array,
-    memory: Array,
-    options: Packed,
-    first: int,
-    result: Array,
+    buffers: NDArray[np.void], regressors: Regressors, options: Packed, first: int, result: Array
 ) -> None:
     """`block` of regressors that are known."""
     begin(buffers, options)
     lanes = buffers[0]
-    width = min(LANES, memory.shape[1] - first)
-    for row in range(memory.shape[0]):
-        load_regressors(lanes, log_depth, velocity, rate, log_force, memory, row, first)
+    width = min(LANES, regressors[0].shape[1] - first)
+    for row in range(regressors[0].shape[0]):
+        load_regressors(lanes, regressors, row, first)
         step(lanes, options)
     for i in range(RESULT_SIZE):
         result[i, first : first + width] = lanes.numbers[i * LANES : i * LANES + width]
 
 
 @entry_point
-def run_serial(
-    depth: Array,
-    velocity: Array,
-    force: Array,
-    in_contact: NDArray[np.bool_],
-    options: NDArray[np.void],
-    result: Array,
-    every: Array,
-) -> None:
+def run_serial(samples: Samples, options: NDArray[np.void], result: Array, every: Array) -> None:
     """All samples of n recordings, each from the beginning.
 
     Args:
-        depth: [m], shape (m, n).
-        velocity: [m/s], shape (m, n).
-        force: [N], shape (m, n).
-        in_contact: Shape (m, n).
+        samples: Of all.
         options: Of all, an array of one `Packed`.
         result: Filled, shape (RESULT_SIZE, n); see `COUNTS`.
         every: Theta after each sample, filled, shape (m, 4, n); or left alone, shape (0, 4, n).
     """
     buffers = np.empty(1, _LANES)
-    for first in range(0, depth.shape[1], LANES):
-        block(buffers, depth, velocity, force, in_contact, options[0], first, result, every)
+    for first in range(0, samples[0].shape[1], LANES):
+        block(buffers, samples, options[0], first, result, every)
 
 
 @entry_point(parallel=True)
-def run_parallel(
-    depth: Array,
-    velocity: Array,
-    force: Array,
-    in_contact: NDArray[np.bool_],
-    options: NDArray[np.void],
-    result: Array,
-    every: Array,
-) -> None:
+def run_parallel(samples: Samples, options: NDArray[np.void], result: Array, every: Array) -> None:
     """The same on all cores."""
-    for number in prange((depth.shape[1] + LANES - 1) // LANES):
+    for number in prange((samples[0].shape[1] + LANES - 1) // LANES):
         buffers = np.empty(1, _LANES)
-        block(buffers, depth, velocity, force, in_contact, options[0], number * LANES, result, every)
+        block(buffers, samples, options[0], number * LANES, result, every)
 
 
 @entry_point
-def regressors_serial(
-    log_depth: Array,
-    velocity: Array,
-    rate: Array,
-    log_force: Array,
-    memory: Array,
-    options: NDArray[np.void],
-    result: Array,
-) -> None:
-    """As `run_serial`, of regressors that are known.
-
-    Args:
-        log_depth: ln x, in the unit of the regressors as all of these, shape (m, n).
-        velocity: v, shape (m, n).
-        rate: v / x, shape (m, n).
-        log_force: ln F, shape (m, n).
-        memory: Forgetting factors mu, shape (m, n).
-        options: Of all, an array of one `Packed`.
-        result: Filled, shape (RESULT_SIZE, n).
-    """
+def regressors_serial(regressors: Regressors, options: NDArray[np.void], result: Array) -> None:
+    """As `run_serial`, of regressors that are known."""
     buffers = np.empty(1, _LANES)
-    for first in range(0, memory.shape[1], LANES):
-        block_of_regressors(buffers, log_depth, velocity, rate, log_force, memory, options[0], first, result)
+    for first in range(0, regressors[0].shape[1], LANES):
+        block_of_regressors(buffers, regressors, options[0], first, result)
 
 
 @entry_point(parallel=True)
-def regressors_parallel(
-    log_depth: Array,
-    velocity: Array,
-    rate: Array,
-    log_force: Array,
-    memory: Array,
-    options: NDArray[np.void],
-    result: Array,
-) -> None:
+def regressors_parallel(regressors: Regressors, options: NDArray[np.void], result: Array) -> None:
     """The same on all cores."""
-    for number in prange((memory.shape[1] + LANES - 1) // LANES):
+    for number in prange((regressors[0].shape[1] + LANES - 1) // LANES):
         buffers = np.empty(1, _LANES)
-        block_of_regressors(buffers, log_depth, velocity, rate, log_force, memory, options[0], number * LANES, result)
+        block_of_regressors(buffers, regressors, options[0], number * LANES, result)

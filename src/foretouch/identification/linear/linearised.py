@@ -15,6 +15,7 @@ from foretouch.identification.estimator import FEWEST_UPDATES, Estimator, Status
 from foretouch.identification.linear.lanes import (
     COUNTS,
     RESULT_SIZE,
+    Samples,
     regressors_parallel,
     regressors_serial,
     run_parallel,
@@ -39,7 +40,6 @@ from foretouch.models import LinearisedContinuousSwitching
 from foretouch.quantities import ByValue
 
 Array = NDArray[np.float64]
-Samples = tuple[Array, Array, Array, NDArray[np.bool_]]
 
 STATUSES = (Status.LEARNT, Status.FREE_AIR, Status.UNUSABLE, Status.GATED, Status.RESTARTED, Status.LEARNT)
 """By what the kernel answers; the last is a sample that also tripped the self-perturbing test."""
@@ -124,7 +124,7 @@ def run_columns(
     rows, columns = samples[0].shape
     result = np.empty((RESULT_SIZE, columns))
     trace = np.empty((rows if every else 0, 4, columns))
-    (run_parallel if parallel else run_serial)(*samples, packed, result, trace)
+    (run_parallel if parallel else run_serial)(samples, packed, result, trace)
     return _runs(result, scales, np.moveaxis(trace, 1, 2) if every else None)
 
 
@@ -133,9 +133,8 @@ def run_regressors(
 ) -> LinearRuns:
     """The same of ln x, v, v / x, ln F and mu, shape (m, n) each; see `LinearisedEstimator.run_regressors`."""
     log_depth, velocity, rate, log_force, memory = arrays
-    result = np.empty((RESULT_SIZE, memory.shape[1]))
-    recur = regressors_parallel if parallel else regressors_serial
-    recur(log_depth, velocity, rate, log_force, memory, packed, result)
+    result, recur = np.empty((RESULT_SIZE, memory.shape[1])), regressors_parallel if parallel else regressors_serial
+    recur((log_depth, velocity, rate, log_force, memory), packed, result)
     return _runs(result, scales, None)
 
 

@@ -15,7 +15,7 @@ from foretouch.models import FIELD_DEPTH, NO_STATE, ContactModel, MaterialField
 from foretouch.quantities.pose import Vector, norm, subtract
 from foretouch.rendering import Renderer
 from foretouch.rendering.surfaces import Surface
-from foretouch.rendering.whole import NEAR, Clock
+from foretouch.rendering.whole import NEAR, Now
 from foretouch.session.spatial.course import SurfaceLine
 from foretouch.session.steps.axis import Arrived, HandOnAxis, Told
 from foretouch.session.steps.follower_view import FollowerView
@@ -141,9 +141,7 @@ class HandInSpace(HandOnAxis):
         if model.valid and math.isfinite(model.surface):
             self.felt_deeper = model.surface
 
-    def come_to(
-        self, inputs: Inputs, renderer: Renderer, view: FollowerView, clock: Clock, free: bool, waits: bool
-    ) -> Arrived:
+    def come_to(self, inputs: Inputs, renderer: Renderer, view: FollowerView, now: Now) -> Arrived:
         """See `HandOnAxis.come_to`; the follower's position for `view` is that on the normal of the meeting place.
 
         The tick is done at once where nothing waits for it, nor a law has to be taken from the field. The device's own
@@ -163,7 +161,7 @@ class HandInSpace(HandOnAxis):
         intended: Any = tuple(inputs.intended_position)  # type: ignore[arg-type]
         places = (x, y, z), self.place, exact, intended, self.apart, self.material.at
         over = line.records, line.shape, places, scale, (seen, somewhere), (self.material.known, self._offset)
-        coordinates, self._far, rendered = renderer.go_over(over, clock, free, waits)
+        coordinates, self._far, rendered = renderer.go_over(over, now)
         return coordinates, (places[0], line.records), rendered
 
     def _meet(self, here: Vector, renderer: Renderer, view: FollowerView) -> bool:

@@ -77,7 +77,6 @@ class SpatialWorld:
         self._proxy = SurfaceProxy(scene.surface)
         self._pose = self._poses[0]
         self._motion = RigidMotion.from_numbers(self._pose)
-        self._depth_before = math.nan
         self._state = material.model.initial_state()
         self.time = 0.0
         self.depth = -math.inf

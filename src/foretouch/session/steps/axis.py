@@ -17,7 +17,7 @@ from foretouch.models import ContactModel
 from foretouch.rendering import Renderer
 from foretouch.rendering.renderer import ContactFrame
 from foretouch.rendering.surfaces.line import Coordinates
-from foretouch.rendering.whole import Clock
+from foretouch.rendering.whole import Now
 from foretouch.session.steps import tick as stages
 from foretouch.session.steps.follower_view import FollowerView
 
@@ -50,9 +50,7 @@ class HandOnAxis:
     def take(self, message: Message, renderer: Renderer, view: FollowerView) -> None:
         """Take a message of the follower about the surface, if it is the newest."""
 
-    def come_to(
-        self, inputs: LeaderInputs, renderer: Renderer, view: FollowerView, clock: Clock, free: bool, waits: bool
-    ) -> Arrived:
+    def come_to(self, inputs: LeaderInputs, renderer: Renderer, view: FollowerView, now: Now) -> Arrived:
         """Take the position of the hand, and what is recorded of it; in space, do the tick unless something waits."""
         return (inputs.position, inputs.exact_position, inputs.intended_position), None, None  # type: ignore[return-value]
 

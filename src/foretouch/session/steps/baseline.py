@@ -38,7 +38,7 @@ from foretouch.rendering import Renderer, tick
 from foretouch.rendering.passivity_control import PassivityController
 from foretouch.rendering.renderer import ContactFrame, frame_of
 from foretouch.rendering.surfaces.line import PLACE_AT, Coordinates
-from foretouch.rendering.whole import Clock, OverSurface
+from foretouch.rendering.whole import Now, OverSurface
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.steps import leader
 from foretouch.session.steps.axis import HandOnAxis
@@ -82,11 +82,9 @@ class DelayedForce(Renderer):
     ) -> None:
         """Use no model."""
 
-    def go_over(
-        self, hand: OverSurface, clock: Clock, free: bool, waits: bool
-    ) -> tuple[Coordinates, bool, float | None]:
+    def go_over(self, hand: OverSurface, now: Now) -> tuple[Coordinates, bool, float | None]:
         """Follow the hand alone."""
-        return super().go_over(hand, clock, free, True)
+        return super().go_over(hand, (*now[:4], True))
 
     def update(
         self, time: float, hand: float, period: float, *, free: bool = False, frame: ContactFrame | None = None

@@ -17,8 +17,7 @@ from foretouch.messages import VERSION, Command, LeaderState, Message, ModelUpda
 from foretouch.models import NO_STATE, make_model
 from foretouch.quantities import LARGEST_POSITION
 from foretouch.quantities.pose import Vector
-from foretouch.rendering import EnergyAccount, FrictionRenderer, Proxy, Renderer, SpatialEnergyAccount
-from foretouch.rendering.whole import Clock
+from foretouch.rendering import EnergyAccount, FrictionRenderer, Renderer, SpatialEnergyAccount
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.steps.axis import HandOnAxis
 from foretouch.session.steps.follower_view import FollowerView
@@ -27,19 +26,6 @@ from foretouch.settings import NO_GRIP
 ACCOUNTS: dict[int, type[Any]] = {account.axes: account for account in (EnergyAccount, SpatialEnergyAccount)}
 
 Position: TypeAlias = float | Vector
-
-
-def meeting_place(proxy: Proxy, hand: float, follower: float, *, clutched: bool) -> float:
-    """Position at which a hand and a proxy that are apart are coupled in this tick [m]; NaN where they are not.
-
-    They meet where the follower is, NaN while unknown, and after a clutch where the proxy was left; a pressed clutch
-    lets the hand go.
-    """
-    if clutched:
-        proxy.release()
-    if clutched or proxy.engaged or not math.isfinite(hand):
-        return math.nan
-    return follower if math.isnan(proxy.position) else proxy.position
 
 
 SAME_SURFACE = 1e-3  # Largest distance of surfaces found by two processes that count as the same surface [m]
@@ -161,7 +147,13 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     the clutch is released, without a jump of either; until then commands carry no position. While an emergency stop is
     latched, or the follower obeys another leader, it is let go and feels nothing. Where another follower process has
     started the model stays, for the material is the same, until that process knows as much (`FollowerView`).
+
+    A human hand is measured when a tick really begins, `period_ns` after the last one. A simulated one, whose exact
+    position is known, is evaluated at the tick's nominal time, on an even grid. Timed by the real starts of ticks, a
+    motion of many milliseconds would count as one of one millisecond, and widen the bound of energy.
     """
+    if state.start_ns is None:
+        state.start_ns = now_ns
     renderer, view, hand = state.renderer, state.follower_view, state.hand
     ours, came = _take(state, inputs.arrived)
     renewed = view.take_renewed()
@@ -170,9 +162,11 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     free = inputs.stopping or view.stopped or not view.in_control
     # A renewed hand is let go for a tick, so that the force leaves as models do.
     couples = renderer.closed_loop and not (free or renewed) and (inputs.clutched or not renderer.proxy.engaged)
-    clock = _clock(state, inputs.period_ns, now_ns)
-    coordinates, frame, rendered = hand.come_to(inputs, renderer, view, clock, free, came or couples)
-    at, exact, intended = coordinates
+    time, measured = (now_ns - state.start_ns) * 1e-9, inputs.period_ns * 1e-9
+    even = measured if state.newest_ns is None else (now_ns - state.newest_ns) * 1e-9
+    state.newest_ns = now_ns
+    now = time, measured, even, free, came or couples
+    (at, exact, intended), frame, rendered = hand.come_to(inputs, renderer, view, now)
     if rendered is None:
         for model in ours:
             _adopt(state, model)
@@ -180,7 +174,6 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
             hand.go_on(renderer)
         if couples:
             _couple(state, at, clutched=inputs.clutched)
-        time, measured, even = clock
         rendered = renderer.update(time, at, even if math.isfinite(exact) else measured, free=free, frame=frame)
     position, engaged, clipped, mediated, step_by_models, share = renderer.shown
     energy, energy_bound, late_energy = renderer.booked
@@ -248,23 +241,13 @@ def _take(state: State, arrived: Sequence[Message]) -> tuple[list[ModelUpdate], 
     return ours, came  # type: ignore[return-value]
 
 
-def _clock(state: State, period_ns: int, now_ns: int) -> Clock:
-    """Time of the tick, and the two times since the last one.
-
-    A human hand is measured when a tick really begins, `period_ns` after the last one. A simulated one, whose exact
-    position is known, is evaluated at the tick's nominal time, on an even grid. Timed by the real starts of ticks, a
-    motion of many milliseconds would count as one of one millisecond, and widen the bound of energy.
-    """
-    if state.start_ns is None:
-        state.start_ns = now_ns
-    even_ns = period_ns if state.newest_ns is None else now_ns - state.newest_ns
-    state.newest_ns = now_ns
-    return (now_ns - state.start_ns) * 1e-9, period_ns * 1e-9, even_ns * 1e-9
-
-
 def _couple(state: State, hand: float, *, clutched: bool) -> None:
-    renderer = state.renderer
-    position = meeting_place(renderer.proxy, hand, state.follower_view.position, clutched=clutched)
+    """Couple a hand [m] where it was left, at first where the follower is; a pressed clutch lets it go."""
+    renderer, proxy = state.renderer, state.renderer.proxy
+    if clutched:
+        proxy.release()
+        return
+    position = state.follower_view.position if math.isnan(proxy.position) else proxy.position
     if math.isfinite(position):
         renderer.engage(hand, position)
 
