@@ -40,7 +40,6 @@ from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.setup import setup_of
 from foretouch.session.spatial import probe
 from foretouch.session.steps import leader as line_leader
-from foretouch.session.steps import tick as stages
 from foretouch.session.workspace import LINE, SPACE
 from foretouch.settings import SIMULATED
 
@@ -52,7 +51,7 @@ START, PRESSED, SLIDE, FRICTION = 2e-3, 4e-3, 0.01, 0.3
 
 SPECIFICATION = RobotSpecification(SAMPLE_PERIOD, 15.0, 0.0, 0.0, 0.0, 0.0, 0.02, 0.0, 200.0, (-1.0, 1.0))
 
-KERNELS = {"map": (200, 0.5), "others": (410, 0.5)}
+KERNELS = {"map": (201, 0.5), "others": (406, 0.5)}
 """Number of functions compiled in each part and its fraction of the time, from which progress is estimated."""
 
 LOOK_PERIOD = 0.2  # Time between two readings of the progress [s]
@@ -192,18 +191,14 @@ def _move_the_simulated(settings: SessionSettings) -> None:
             robot.exchange(motion.way(reach, position, tick))
 
 
-def _recording() -> Recording:
-    """Record the press."""
-    positions, forces = zip(*map(_press, range(TICKS)), strict=True)
-    return Recording(np.linspace(0.0, TICKS * SAMPLE_PERIOD, TICKS), np.array(positions), np.array(forces))
-
-
 def _learn_offline(law: str) -> None:
-    """Run what `identify` and `predict` call, with every estimator of a law."""
+    """Run what `identify` and `predict` call, with every estimator of a law, on a recording of the press."""
+    positions, forces = zip(*map(_press, range(TICKS)), strict=True)
+    press = Recording(np.linspace(0.0, TICKS * SAMPLE_PERIOD, TICKS), np.array(positions), np.array(forces))
     for estimator in ESTIMATORS[law]:
         for use in (identify, lambda recording, learner: predict(recording, learner, delay=0.02)):
             with suppress(ForetouchError):  # an estimator not of one force along a line
-                use(_recording(), Learner(make_estimator(law, estimator)))
+                use(press, Learner(make_estimator(law, estimator)))
 
 
 def _compile_map() -> None:
@@ -214,17 +209,13 @@ def _compile_map() -> None:
         bank.update(ContactSample(tick * SAMPLE_PERIOD, position - SURFACE, 0.0, force, force > 0.0))
     _press_alone(SessionSettings())
     _learn_offline("contact-map")
-    of_map = SessionSettings(grip="normal", scene="plane", model="contact-map")  # and along a line
-    for settings in (of_map, SessionSettings(scene="phantom", material="hunt-crossley")):
-        warm_up(settings)
+    warm_up(SessionSettings(grip="normal", scene="plane", model="contact-map"))  # and along a line
+    warm_up(SessionSettings(scene="phantom", material="hunt-crossley"))
 
 
 def _compile_others() -> None:
     """Compile everything that needs no contact map: at first what the other process needs later."""
-    for common in (
-        *(whole.whole, whole.whole_over_surface, predictor_kernel.update, predictor_kernel.begin),
-        *(probe.tick_with_field, stages.tick_in_field, probe.allow_alone, stages.allow_alone),
-    ):
+    for common in (whole.whole, whole.whole_over_surface, predictor_kernel.begin, probe.tick_with_field):
         common.entry  # noqa: B018  # asked for, it is compiled
     settings = SessionSettings(model="hunt-crossley", estimator="exact", grip="normal")
     warm_up(settings)
