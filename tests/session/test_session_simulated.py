@@ -179,7 +179,6 @@ NEW = """
 import sys
 import foretouch
 from numba.core import event
-from foretouch.session.runners.warm_up import _recording
 
 made = []
 
@@ -192,7 +191,8 @@ foretouch.warm_up(settings)
 event.register("numba:compile", Noted())
 log = foretouch.simulate(settings, duration=4.6 if settings.scene else 2.5).log
 if not settings.scene:
-    foretouch.predict(_recording(), foretouch.Learner(settings.make_estimator()), delay=0.1)
+    press = foretouch.Recording(1e-9 * log.follower["time_ns"], log.follower["position"], log.follower["force"])
+    foretouch.predict(press, foretouch.Learner(settings.make_estimator()), delay=0.1)
 assert log.follower["force"].max() > 1.0, "nothing was touched"
 print(len(made), made)
 """

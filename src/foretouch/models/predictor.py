@@ -253,7 +253,7 @@ class Predictor(Held):
         return (self._update_outside if self.foreign else self._update)(self.records, time, position, velocity)
 
     @property
-    def is_of_python(self) -> bool:
+    def needs_python(self) -> bool:
         """Whether Python comes before the next sample: a law of its own, or past motion that is run again."""
         return self._foreign or self._waiting is not None
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,7 +84,6 @@ class Renderer:
         require("sample_period", sample_period, above=0.0)
         self.closed_loop, self._force_scale = device is not None, force_scale
         self._time, self._whole = -math.inf, whole.whole.entry
-        self._over_surface: Any = whole.whole_over_surface.entry if account is not None else None
         self._rendering = tick.Rendering.new()
         proxies, mediations, limiters = (self._rendering[name] for name in ("proxy", "mediation", "limiter"))
         self._largest_force = largest = LARGEST_FORCE if device is None else min(LARGEST_FORCE, device.force_limit)
@@ -96,7 +95,6 @@ class Renderer:
         self.limiter = ForceLimiter(largest, limiters=limiters)
         self.account: EnergyAccount | SpatialEnergyAccount
         self.account = EnergyAccount.of(device, sample_period) if account is None else account
-        self._records = self._rendering, self.account.records, self.predictor.records
         setup = Held(self._rendering["setup"])
         setup.guarded = guarded
         setup.closed_loop, setup.period = device is not None, sample_period
@@ -139,6 +137,10 @@ class Renderer:
         self.predictor.shift(position - self.predictor.position)
 
     @property
+    def _records(self) -> whole.Records:
+        return self._rendering, self.account.records, self.predictor.records
+
+    @property
     def share(self) -> float:
         """rho, share of the hand's motion that the proxy takes part in until the next tick."""
         return self.shown[5]
@@ -152,17 +154,19 @@ class Renderer:
         """Follow a hand over a surface, and do the tick there: `foretouch.rendering.whole.whole_over_surface`.
 
         Returns:
-            The hand's coordinates; whether it is far from where its law was taken; the force for the hand along the
-            normal [N], None where `update` has to be called for it, after what the tick waits for.
+            The hand's coordinates; whether its material is to be looked up; the force for the hand along the normal
+            [N], None where `update` has to be called for it, after what the tick waits for: as for every `update` of a
+            subclass.
         """
         time, measured, even, free, waits = now
-        waits = waits or self.predictor.is_of_python or not time > self._time
-        coordinates, far, done, ticked = self._over_surface(self._records, hand, (time, measured, even, free, waits))
+        waits = waits or self.predictor.needs_python or type(self).update is not Renderer.update
+        now = time, measured, even, free, waits or not time > self._time
+        coordinates, looks_up, done, ticked = whole.whole_over_surface.entry(self._records, hand, now)
         if not done:
-            return coordinates, far, None
+            return coordinates, looks_up, None
         self._time = time
         force, self.force, self.shown, self.booked, self.predicted, self.touched = ticked
-        return coordinates, far, force
+        return coordinates, looks_up, force
 
     def update(
         self, time: float, hand: float, period: float, *, free: bool = False, frame: ContactFrame | None = None

@@ -20,7 +20,7 @@ from foretouch.rendering.surfaces.god_object import MESH, Mesh
 from foretouch.rendering.surfaces.line import Coordinates, Line, Places, arrive, is_known, place_at
 from foretouch.rendering.tick import Rendering, Shown
 
-FAR_FROM_LAW = 1e-3  # Displacement over the surface after which its material is looked up again [m]
+FAR_FROM_LOOK = 1e-3  # Displacement over the surface after which its material is looked up again [m]
 NEAR = 5e-3  # Distance from the surface within which its material is looked up [m]
 
 Predicted = tuple[float, float, float, float]
@@ -40,9 +40,10 @@ Now = tuple[float, float, float, bool, bool]
 """Time of the tick [s]; that since the previous one as it began, and on the even grid of a simulated hand [s]; whether
 the hand is uncoupled and given no force; whether something has to be done in Python before the tick."""
 
-OverSurface: TypeAlias = tuple[NDArray[np.void], Mesh, Places, float, tuple[bool, bool], tuple[bool, float]]
-"""What a hand in space is followed on: an array of one `Line`, shape, places, scale of its motion, whether it is known
-and somewhere; and whether there is a field of materials, and the line's offset where a law was taken from it [m]."""
+OverSurface: TypeAlias = tuple[NDArray[np.void], Mesh, Vector, Places, float, tuple[bool, bool], tuple[bool, float]]
+"""What a hand in space is followed on: an array of one `Line`, shape, the device's position [m], places of the hand,
+scale of its motion, whether it is known and somewhere; whether there is a field of materials, and the offset that the
+line had in the tick before [m]."""
 
 
 @compiled(error_model="numpy")
@@ -102,26 +103,26 @@ def whole(
 
 
 @kernel(
-    f"({RECORDS}, Tuple((Line[::1], {MESH}, UniTuple(UniTuple(f8, 3), 6), f8, UniTuple(b1, 2), Tuple((b1, f8)))), "
-    "Tuple((f8, f8, f8, b1, b1)))",
+    f"({RECORDS}, Tuple((Line[::1], {MESH}, UniTuple(f8, 3), UniTuple(UniTuple(f8, 3), 5), f8, UniTuple(b1, 2), "
+    "Tuple((b1, f8)))), Tuple((f8, f8, f8, b1, b1)))",
     Triangle,
 )
 def whole_over_surface(records: Records, hand: OverSurface, now: Now) -> tuple[Coordinates, bool, bool, Ticked]:
     """Follow a hand over a surface, and do the tick there, unless something waits for Python to do it first.
 
-    That may be known before, or be that the material has to be looked up: the line's offset is another than where its
-    law was taken, for the surface let go over an edge, or the hand has gone far from there.
+    That may be known before; or be that the line has another offset, for the surface let go over an edge; or that the
+    material is to be looked up, for the hand has gone far from where that was done.
 
     Returns:
-        The hand's coordinates; whether it is far from where the law was taken; whether the tick was done; what it is.
+        The hand's coordinates; whether its material is to be looked up; whether the tick was done; what it is.
     """
-    lines, mesh, places, scale, (known, somewhere), (has_field, offset) = hand
+    lines, mesh, position, places, scale, (known, somewhere), (has_field, offset) = hand
     (renderings, accounts, predictions), (time, measured, even, free, waits) = records, now
     r, account, p, line = renderings[0], accounts[0], predictions[0], lines[0]
     coordinates, away = arrive(line, mesh, places, scale, known, somewhere)
-    far = has_field and line.closest.depth >= -NEAR and not away <= FAR_FROM_LAW
-    if waits or line.offset != offset or (far and p.law.kind != NOTHING):
+    looks_up = has_field and line.closest.depth >= -NEAR and not away <= FAR_FROM_LOOK
+    if waits or line.offset != offset or (looks_up and p.law.kind != NOTHING):
         nothing = 0.0, 0.0, 0.0
-        return coordinates, far, False, (0.0, nothing, tick.show(r), nothing, (0.0, 0.0, 0.0, 0.0), (nothing, 0.0))
-    period = even if math.isfinite(coordinates[1]) else measured
-    return coordinates, far, True, _render(r, account, p, time, coordinates[0], period, free, places[0], line)
+        return coordinates, looks_up, False, (0.0, nothing, tick.show(r), nothing, (0.0, 0.0, 0.0, 0.0), (nothing, 0.0))
+    period = even if math.isfinite(coordinates[1]) else measured  # as the leader's step says
+    return coordinates, looks_up, True, _render(r, account, p, time, coordinates[0], period, free, position, line)

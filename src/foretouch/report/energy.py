@@ -135,7 +135,7 @@ def recorded_account(leader: Rows, recorded: Rows, account: Callable[[Array], Ac
     """The account as the leader kept it, and the time in which the hand moved in each tick [s], as it took that.
 
     A simulated hand is sampled at the nominal time of the tick, a human hand when the tick really began:
-    see `foretouch.session.steps.leader`. Former leaders took the latter for both; their accounts are
+    see `foretouch.session.steps.leader.step`. Former leaders took the latter for both; their accounts are
     summed up in that way.
     """
     began = 1e-9 * leader["period_ns"]

@@ -132,9 +132,8 @@ def run_regressors(
     arrays: list[Array], packed: NDArray[Any], scales: tuple[float, float], *, parallel: bool
 ) -> LinearRuns:
     """The same of ln x, v, v / x, ln F and mu, shape (m, n) each; see `LinearisedEstimator.run_regressors`."""
-    log_depth, velocity, rate, log_force, memory = arrays
-    result, recur = np.empty((RESULT_SIZE, memory.shape[1])), regressors_parallel if parallel else regressors_serial
-    recur((log_depth, velocity, rate, log_force, memory), packed, result)
+    result = np.empty((RESULT_SIZE, arrays[0].shape[1]))
+    (regressors_parallel if parallel else regressors_serial)(tuple(arrays), packed, result)  # type: ignore[arg-type]
     return _runs(result, scales, None)
 
 

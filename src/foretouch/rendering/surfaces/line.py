@@ -145,9 +145,9 @@ def follow(lines: NDArray[np.void], mesh: Mesh, x: float, y: float, z: float) ->
     follow_line(lines[0], mesh, x, y, z)
 
 
-Places = tuple[Vector, Vector, Vector, Vector, Vector, Vector]
-"""Position of the hand, its place in the world, exact and intended position of the hand itself, NaN where unknown, how
-far it is apart from the world, and a point in the fixture's frame [m]."""
+Places = tuple[Vector, Vector, Vector, Vector, Vector]
+"""Place of the hand in the world, exact and intended position of the hand itself, NaN where unknown, how far it is
+apart from the world, and a point in the fixture's frame [m]."""
 
 Coordinates = tuple[float, float, float]
 """Coordinates [m] of the hand, NaN where it is unknown, of its exact position and of its intended one."""
@@ -171,7 +171,7 @@ def arrive(
     Returns:
         Its coordinates, and how far the closest point is from the given one [m].
     """
-    _, place, exact, intended, apart, point = places
+    place, exact, intended, apart, point = places
     x, y, z = place if somewhere else (math.nan, math.nan, math.nan)
     follow_line(line, mesh, x, y, z)
     along = line.closest.along / scale if known and math.isfinite(x) else math.nan

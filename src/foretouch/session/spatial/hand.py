@@ -15,7 +15,7 @@ from foretouch.models import FIELD_DEPTH, NO_STATE, ContactModel, MaterialField
 from foretouch.quantities.pose import Vector, norm, subtract
 from foretouch.rendering import Renderer
 from foretouch.rendering.surfaces import Surface
-from foretouch.rendering.whole import NEAR, Now
+from foretouch.rendering.whole import NEAR, Now, whole_over_surface
 from foretouch.session.spatial.course import SurfaceLine
 from foretouch.session.steps.axis import Arrived, HandOnAxis, Told
 from foretouch.session.steps.follower_view import FollowerView
@@ -38,18 +38,18 @@ class TouchedMaterial:
     .. math:: \sigma_F = F\, \sigma_K / K
 
     Attributes:
-        known: Whether there is a field.
+        field: The newest, None before the first.
         at: Where it was looked up last, in the fixture's frame [m]; NaN where there may be news.
-        uncertainty: sigma_K / K of the law that was taken last; NaN before the first.
+        uncertainty: sigma_K / K as it was looked up last; NaN before the first.
         refused: Number of fields that could not be used.
     """
 
-    __slots__ = ("_field", "_is_known_here", "_run", "_sequence", "at", "known", "refused", "uncertainty")
+    __slots__ = ("_is_known_here", "_run", "_sequence", "at", "field", "refused", "uncertainty")
 
     def __init__(self) -> None:
-        self._field: MaterialField | None = None
+        self.field: MaterialField | None = None
         self._sequence = self._run = 0
-        self.known = self._is_known_here = False
+        self._is_known_here = False
         self.at: Vector = NOWHERE
         self.uncertainty = math.nan
         self.refused = 0
@@ -60,19 +60,18 @@ class TouchedMaterial:
             return
         self._sequence, self._run = update.sequence, update.run
         try:
-            self._field = MaterialField.from_bytes(update.content)
+            self.field = MaterialField.from_bytes(update.content)
         except (InputError, DecodeError):
             self.refused += 1
         else:
-            self.known = True
             if not self._is_known_here:
                 self.at = NOWHERE
 
     def law(self, point: Vector, depth: float) -> ContactModel | None:
         """The law at a point, in the fixture's frame, for a hand at this depth [m]; None where unknown."""
-        if self._field is None or depth < -NEAR:
+        if self.field is None or depth < -NEAR:
             return None
-        law, deviation, self._is_known_here = self._field.law_at(point)
+        law, deviation, self._is_known_here = self.field.law_at(point)
         stiffness = law.stiffness + 2.0 * FIELD_DEPTH * law.stiffening
         self.uncertainty = deviation / stiffness if stiffness > 0.0 else math.nan
         self.at = point
@@ -108,8 +107,9 @@ class HandInSpace(HandOnAxis):
         self._model: ModelUpdate | None = None  # the newest
         self._certainty = math.nan, math.nan, math.inf  # of its fixture: deviations [m, rad] and age [s]
         self._follower: tuple[Vector, int] = NOWHERE, 0  # its newest commanded position, and its run
-        self._offset = 0.0  # of the line, where the law was taken
-        self._far = True  # whether the hand is too far from there for the law to hold
+        self._offset = 0.0  # of the line, in the tick before
+        self._looks_up = True  # whether the material is to be looked up
+        whole_over_surface.entry  # noqa: B018  # asked for, it is loaded
 
     @property
     def offset(self) -> float:  # type: ignore[override]  # it moves
@@ -159,10 +159,11 @@ class HandInSpace(HandOnAxis):
         line.touch(self.place if somewhere else NOWHERE)
         exact: Any = tuple(inputs.exact_position)  # type: ignore[arg-type]
         intended: Any = tuple(inputs.intended_position)  # type: ignore[arg-type]
-        places = (x, y, z), self.place, exact, intended, self.apart, self.material.at
-        over = line.records, line.shape, places, scale, (seen, somewhere), (self.material.known, self._offset)
-        coordinates, self._far, rendered = renderer.go_over(over, now)
-        return coordinates, (places[0], line.records), rendered
+        places, position = (self.place, exact, intended, self.apart, self.material.at), (x, y, z)
+        field = self.material.field is not None, self._offset
+        over = line.records, line.shape, position, places, scale, (seen, somewhere), field
+        coordinates, self._looks_up, rendered = renderer.go_over(over, now)
+        return coordinates, (position, line.records), rendered
 
     def _meet(self, here: Vector, renderer: Renderer, view: FollowerView) -> bool:
         """Set where a hand that is not coupled meets the follower, its own position being here [m]; whether it does."""
@@ -187,7 +188,7 @@ class HandInSpace(HandOnAxis):
         predictor, before, offset = renderer.predictor, self._offset, self.line.offset
         self._offset = offset
         turned = before != offset
-        if predictor.model is None or not (turned or self._far):
+        if predictor.model is None or not (turned or self._looks_up):
             return
         law = self.law() or predictor.model
         if turned or law is not predictor.model:

@@ -37,8 +37,7 @@ from foretouch.quantities.pose import scaled
 from foretouch.rendering import Renderer, tick
 from foretouch.rendering.passivity_control import PassivityController
 from foretouch.rendering.renderer import ContactFrame, frame_of
-from foretouch.rendering.surfaces.line import PLACE_AT, Coordinates
-from foretouch.rendering.whole import Now, OverSurface
+from foretouch.rendering.surfaces.line import PLACE_AT
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.steps import leader
 from foretouch.session.steps.axis import HandOnAxis
@@ -81,10 +80,6 @@ class DelayedForce(Renderer):
         message: int = 0,
     ) -> None:
         """Use no model."""
-
-    def go_over(self, hand: OverSurface, now: Now) -> tuple[Coordinates, bool, float | None]:
-        """Follow the hand alone."""
-        return super().go_over(hand, (*now[:4], True))
 
     def update(
         self, time: float, hand: float, period: float, *, free: bool = False, frame: ContactFrame | None = None

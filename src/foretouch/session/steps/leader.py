@@ -174,7 +174,8 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
             hand.go_on(renderer)
         if couples:
             _couple(state, at, clutched=inputs.clutched)
-        rendered = renderer.update(time, at, even if math.isfinite(exact) else measured, free=free, frame=frame)
+        period = even if math.isfinite(exact) else measured  # the same where the tick is done at once
+        rendered = renderer.update(time, at, period, free=free, frame=frame)
     position, engaged, clipped, mediated, step_by_models, share = renderer.shown
     energy, energy_bound, late_energy = renderer.booked
     velocity, predicted, jump, _ = renderer.predicted
