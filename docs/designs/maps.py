@@ -10,7 +10,7 @@ from designs.basis import LENGTH, Features, alike, knots, smooth, splines
 from designs.presses import Array, Press
 from numba import njit
 
-from foretouch.identification.contact_map.learning import ALARM_FROM, ALARM_SHARE, ALARM_TIME, FADING, PERIOD
+from foretouch.identification.contact_map.learning import FADING, PERIOD
 from foretouch.identification.contact_map.prior import NOISE
 from foretouch.models.contact_map.layout import COARSENESS, REACH, STEEPEST
 
@@ -204,9 +204,13 @@ def _learn(
     return kept, begun
 
 
+ALARM_SHARE, ALARM_TIME, ALARM_FROM = 0.25, 0.05, 0.5
+"""Share of the peak, time over which errors are averaged, and time in contact before the first alarm [-, s, s]."""
+
+
 @njit(cache=True)
 def alarmed(alarm: Array, error: float, force: float) -> bool:
-    """Whether the recent error in contact is too large a share of the peak: the rule of the shipped learner.
+    """Whether the recent error in contact is too large a share of the peak.
 
     `alarm` holds the mean squared error, the peak and the time in contact.
     """

@@ -82,13 +82,18 @@ class ContactMap(Estimator):
 
     .. math:: \pi_i \propto (c_i e_i)^{-8}
 
-    **Change.** Where over 0.05 s no map explains a force at a visited position to a quarter of the peak, the material
-    has changed: the maps begin anew, and until they are scored again the law's weight is largest. Where no force at all
-    is measured instead, the material has gone, and the surface is looked for again.
+    **Standard deviation.** That of a late prediction F, with the peak force so far,
 
-    **Standard deviation.** The variance of a late prediction is a constant and multiples of the squares of force and
-    speed, none of them negative, by least squares on its own squared errors, scaled until one standard deviation holds
+    .. math:: \sigma = \delta \sqrt{F^2 + (0.05\, F_{peak})^2}
+
+    where :math:`\delta` grows by 0.75 % with each error beyond it and falls by 0.25 % with each other, so that it holds
     75 % of them: their tails are heavier than a Gaussian's.
+
+    **Change.** Where late predictions at visited positions are wrong by three standard deviations, and 12 % at least,
+    for 0.12 s of contact without a pause, the material has changed: the maps begin anew, and until they are scored
+    again the law's weight is largest. Where no force at all is measured instead, the material has gone, and the surface
+    is looked for again. The present errors of the maps would not show it: what the material is now like they learn
+    within some samples.
 
     Args:
         horizon: Delay of the predictions that the experts are scored on [s], 0 to 2.

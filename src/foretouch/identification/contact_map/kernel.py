@@ -25,8 +25,7 @@ from foretouch.identification.conditioning.kernel import (
     lose_surface,
     take_lagged,
 )
-from foretouch.identification.contact_map.learning import ALARM_FROM, CHANGED, FAILED, PERIOD, learn, restart
-from foretouch.identification.contact_map.scores import FIRST_UNCERTAINTY
+from foretouch.identification.contact_map.learning import CHANGED, FAILED, PERIOD, learn, restart
 from foretouch.identification.contact_map.state import Bank
 from foretouch.identification.exact.belief import clear as clear_law
 from foretouch.identification.exact.belief import law_numbers
@@ -58,10 +57,6 @@ def begin(bank: Bank) -> None:
     learnt, notes = bank.map[0], bank.notes[0]
     restart(bank)
     learnt.origin = learnt.zero = learnt.felt = 0.0
-    learnt.uncertainty[:] = 0.0
-    learnt.uncertainty[1] = FIRST_UNCERTAINTY**2
-    notes.moments[:], notes.targets[:] = 0.0, 0.0
-    notes.spread = 1.0
     notes.learnt_at = -math.inf
     bank.memory[:] = math.nan
     notes.begun = notes.updates
@@ -74,7 +69,7 @@ def reset(banks: Banks) -> None:
     bank.map.view(np.float64)[:] = 0.0
     bank.notes.view(np.float64)[:] = 0.0
     clear_law(bank.law[0].belief)
-    bank.notes[0].patience, bank.notes[0].time = ALARM_FROM, math.nan
+    bank.notes[0].time = math.nan
     begin(bank)
 
 

@@ -15,7 +15,7 @@ from foretouch.identification.contact_map.regression import (
     forget_fine,
     in_fine_reach,
 )
-from foretouch.identification.contact_map.scores import CONTACT_SHARE, allot, score
+from foretouch.identification.contact_map.scores import FIRST_DOUBT, allot, score
 from foretouch.identification.contact_map.state import RING, Bank
 from foretouch.models.contact_map.kernel import features
 from foretouch.models.contact_map.layout import COARSE, FINE, SIZE
@@ -35,20 +35,19 @@ RING_PERIOD = 0.02  # Time between two snapshots of the map [s]
 SCORED_FROM = 0.1
 """Least time in contact [s] after which a snapshot is scored: an earlier one does not show what can be learnt."""
 
-ALARM_SHARE = 0.25
-ALARM_TIME = 0.05
-ALARM_ROW = 0.01
-ALARM_FROM, LONGEST_PATIENCE = 0.5, 8.0
-"""Time in contact [s] before a change can be detected, and its largest value. A change is detected where no map
-explains the force to a quarter of its peak, over about 0.05 s and for the last 0.01 s without a pause (0.05 s where no
-force is measured). The time doubles after a change that came within less than four times of it, up to the largest."""
+CHANGED_FROM, CHANGED_AFTER = 2.0, 0.12
+"""Time in contact [s] before a change can be detected, and for which late predictions are wrong without a pause where
+the material has changed."""
+
+SPIKE, LONGEST_SPIKE = 2.0, 0.01
+"""Ratio to the peak so far of an unexpected force that is not learnt from, and for how long it is not [s]."""
 
 LARGEST = 1.7976931348623157e308
 
 
 @compiled(error_model="numpy")
 def restart(bank: Bank) -> None:
-    """Forget the maps, their scores and the visited range; the law and the uncertainty stay."""
+    """Forget the maps, their scores and the visited range; the law stays."""
     learnt, notes = bank.map[0], bank.notes[0]
     learnt.coarse.ranges[:], learnt.coarse.weights[:] = 0.0, 0.0
     learnt.fine.ranges[:], learnt.fine.weights[:] = 0.0, 0.0
@@ -56,8 +55,9 @@ def restart(bank: Bank) -> None:
     learnt.lowest, learnt.reached = math.inf, -math.inf
     forget_coarse(bank.coarse)
     forget_fine(bank.fine)
-    notes.peak = notes.contact = notes.scored = notes.faded = notes.in_a_row = 0.0
-    notes.scores[:], notes.alarms[:] = 0.0, 0.0
+    notes.peak = notes.contact = notes.scored = notes.faded = notes.wrong_for = 0.0
+    notes.scores[:], notes.doubt = 0.0, FIRST_DOUBT
+    learnt.uncertainty[0], learnt.uncertainty[1] = 0.0, FIRST_DOUBT**2
     notes.snapshots = 0
 
 
@@ -96,28 +96,6 @@ def widen(bank: Bank, sample: tuple[float, float, float], contact: bool, period:
 
 
 @inlined
-def has_changed(bank: Bank, force: float, contact: bool, period: float, errors: tuple[float, float]) -> bool:
-    """Whether for some time no map has explained the force, by the errors of the coarse and the fine one [N]."""
-    notes, (coarse_error, fine_error) = bank.notes[0], errors
-    # Where a force was expected and none is measured, the material may have gone.
-    if not (contact or force - coarse_error > CONTACT_SHARE * notes.peak):
-        return False
-    alarms, rate = notes.alarms, 1.0 - math.exp(-period / ALARM_TIME)
-    alarms[0] += rate * (coarse_error**2 - alarms[0])
-    if math.isfinite(fine_error):
-        alarms[1] += rate * (fine_error**2 - alarms[1])
-    else:
-        alarms[1] = alarms[0]
-    limit = (ALARM_SHARE * notes.peak) ** 2
-    wrong = min(coarse_error**2, fine_error**2) > limit
-    notes.in_a_row = notes.in_a_row + period if wrong else 0.0
-    unexplained = min(alarms[0], alarms[1]) > limit
-    # A sample or two that the sensor lost are no change; a force that vanishes needs longer to be confirmed.
-    unexplained = unexplained and notes.in_a_row >= (ALARM_ROW if contact else ALARM_TIME)
-    return bool(unexplained and notes.contact > notes.patience)
-
-
-@inlined
 def snap(bank: Bank, time: float) -> None:
     """Keep a snapshot of the map, to be scored later."""
     notes = bank.notes[0]
@@ -139,23 +117,21 @@ def learn(bank: Bank, time: float, position: float, velocity: float, force: floa
     period = PERIOD if math.isinf(period) else min(period, LONGEST_PERIOD)
     notes.learnt_at = time
     features(bank.memory, position, velocity, values)
-    sample = (position, velocity, force)
+    sample, wrong_for = (position, velocity, force), notes.wrong_for
     if notes.snapshots > 0:
         score_late(bank, time, sample, contact, period)
+    is_spike = wrong_for < notes.wrong_for <= LONGEST_SPIKE and force > SPIKE * notes.peak
     visited = position <= learnt.reached
     widen(bank, sample, contact, period)
 
-    code, raw = LEARNT, force + learnt.zero
+    code, raw, spoilt = LEARNT, force + learnt.zero, False
     coarse_weights, fine_weights = learnt.coarse.weights[:], learnt.fine.weights[:]
-    coarse_error = fit_coarse(coarse_weights, bank.coarse, position, values, raw)
-    fine_error = math.inf
-    if in_fine_reach(position):
-        fine_error = fit_fine(fine_weights, bank.fine, position, values, raw)
-    if has_changed(bank, force, contact, period, (coarse_error, fine_error)) and visited:
+    if not is_spike:
+        spoilt = math.isnan(fit_coarse(coarse_weights, bank.coarse, position, values, raw))
+        if in_fine_reach(position):
+            spoilt = math.isnan(fit_fine(fine_weights, bank.fine, position, values, raw)) or spoilt
+    if visited and notes.contact > CHANGED_FROM and notes.wrong_for >= CHANGED_AFTER:
         code = CHANGED
-        # Repeated changes are no change of the material: no map of this kind explains the force.
-        again = notes.contact < 4.0 * notes.patience
-        notes.patience = min(2.0 * notes.patience, LONGEST_PATIENCE) if again else ALARM_FROM
         restart(bank)
         notes.peak = max(force, 0.0)
         learnt.lowest = learnt.reached = position
@@ -168,7 +144,6 @@ def learn(bank: Bank, time: float, position: float, velocity: float, force: floa
     allot(bank)
     snap(bank, time)
 
-    spoilt = math.isnan(coarse_error) or math.isnan(fine_error)
     odd, numbers = 0, bank.map.view(np.float64)
     for k in range(SIZE):  # element by element, for a sum would wait for each number before the next
         odd += 0 if abs(numbers[k]) <= LARGEST else 1

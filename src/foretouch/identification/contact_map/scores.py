@@ -6,8 +6,8 @@ import math
 
 from foretouch.core.compiling import inlined
 from foretouch.identification.contact_map.state import Bank
-from foretouch.models.contact_map.kernel import experts, uncertainty
-from foretouch.models.contact_map.layout import EXPERTS, SPEED, UNCERTAINTIES, Map
+from foretouch.models.contact_map.kernel import experts
+from foretouch.models.contact_map.layout import EXPERTS, Map
 
 SCORE_TIME = 1.0  # Time constant in contact with which scores fade [s]
 FIRST_ERRORS = (0.1, 0.2, 0.3)  # Relative errors of law, coarse and fine map that are assumed at first
@@ -21,21 +21,22 @@ FINE_DEPTH, COARSE_DEPTH = 4e-4, 3e-4
 """Depths [m] beyond which the fine map, and short of which the coarse map, has less weight."""
 
 CONTACT_SHARE = 0.05  # Fraction of the peak above which predictions are scored out of contact too
-UNCERTAINTY_TIME = 5.0  # Time constant with which late errors fade [s]
-LEAST_UNCERTAINTY = 0.01  # Least standard deviation, relative to the peak force
-FIRST_UNCERTAINTY = 0.25  # Standard deviation of a force before any is estimated, relative to the force
-SPREAD_RATE = 0.01
+FIRST_DOUBT = 0.25  # Standard deviation of a late prediction, relative to its force, before any was scored
+DOUBTS = 0.01, 1.0  # Its least and its largest value
+DOUBT_RATE = 0.01  # Its change with each score, on average
 OUTSIDE = 0.25
 """Fraction of errors beyond one standard deviation; less than a Gaussian's 0.32, for their tails are heavier, and two
 standard deviations are to hold 95 % of them."""
 
+WRONG = 3.0  # Standard deviations by which a late prediction is wrong where the material has changed
+LEAST_WRONG = 0.12  # Least such error, relative to the force
 
-_WIDER, _NARROWER = math.exp(SPREAD_RATE * (1.0 - OUTSIDE)), math.exp(-SPREAD_RATE * OUTSIDE)
+_WIDER, _NARROWER = math.exp(DOUBT_RATE * (1.0 - OUTSIDE)), math.exp(-DOUBT_RATE * OUTSIDE)
 
 
 @inlined
 def score(bank: Bank, snapshot: Map, sample: tuple[float, float, float], contact: bool, period: float) -> None:
-    """Score an older map on a sample, expert by expert; the errors determine the weights and the uncertainty.
+    """Score an older map on a sample, expert by expert; the errors determine weights, doubt, and what is a change.
 
     Args:
         bank: The state; its `values` are the features of the sample.
@@ -45,7 +46,7 @@ def score(bank: Bank, snapshot: Map, sample: tuple[float, float, float], contact
         period: Time since the previous sample [s].
     """
     position, velocity, force = sample
-    parts, notes = bank.map[0].uncertainty, bank.notes[0]
+    notes = bank.notes[0]
     law, coarse, fine, mixed = experts(snapshot, bank.values, position, velocity, True)
     if not (contact or mixed > CONTACT_SHARE * notes.peak):
         return
@@ -53,34 +54,14 @@ def score(bank: Bank, snapshot: Map, sample: tuple[float, float, float], contact
     for k in range(EXPERTS):
         notes.scores[k] = notes.scores[k] * fading + period * (forces[k] - force) ** 2
     notes.scored = notes.scored * fading + period
-    # Uncertainty: squared errors as a constant and multiples of the squares of force and speed, by least squares.
-    fading = math.exp(-period / UNCERTAINTY_TIME)
-    squared, variance = (mixed - force) ** 2, uncertainty(bank.map[0], mixed, velocity)
-    spread = notes.spread * (_WIDER if squared > variance else _NARROWER)
-    notes.spread = spread = min(max(spread, 0.1), 10.0)
-    scale_of, peak = spread * spread, notes.peak
-    least = max((LEAST_UNCERTAINTY * peak) ** 2, 1e-12)
-    scale = max(variance / scale_of, least)
-    weight = 1.0 / (scale * scale)  # so that each counts by its information
-    shapes = (1.0, mixed * mixed, (velocity / SPEED) ** 2)
-    moments, targets = notes.moments, notes.targets
-    for i in range(UNCERTAINTIES):
-        fraction = weight * shapes[i]
-        targets[i] = targets[i] * fading + fraction * squared
-        for j in range(UNCERTAINTIES):
-            moments[i, j] = moments[i, j] * fading + fraction * shapes[j]
-    # None may be negative, or more than the peak: coordinate descent from the former values.
-    inverse = 1.0 / scale_of
-    for _ in range(3):
-        for i in range(UNCERTAINTIES):
-            if moments[i, i] > 0.0:
-                rest = targets[i]
-                for j in range(UNCERTAINTIES):
-                    if j != i:
-                        rest -= moments[i, j] * parts[j] * inverse
-                largest = 1.0 if i == 1 else peak * peak
-                parts[i] = min(scale_of * max(rest / moments[i, i], 0.0), largest)
-    parts[0] = max(parts[0], least)
+    # A force is uncertain by a part of itself, and no less than by that of the smallest force that counts.
+    least, squared = CONTACT_SHARE * notes.peak, (mixed - force) ** 2
+    scale = least * least + mixed * mixed
+    wrong = squared > max(WRONG * notes.doubt, LEAST_WRONG) ** 2 * scale
+    notes.wrong_for = notes.wrong_for + period if wrong else 0.0
+    doubt = notes.doubt * (_WIDER if squared > notes.doubt * notes.doubt * scale else _NARROWER)
+    notes.doubt = doubt = min(max(doubt, DOUBTS[0]), DOUBTS[1])
+    bank.map[0].uncertainty[0], bank.map[0].uncertainty[1] = (doubt * least) ** 2, doubt * doubt
 
 
 @inlined

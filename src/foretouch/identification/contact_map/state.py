@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from foretouch.core.records import Record
 from foretouch.identification.contact_map.regression import CoarseRegression, FineRegression
 from foretouch.identification.exact.kernel import Filter
-from foretouch.models.contact_map.layout import EXPERTS, LARGEST_FEATURES, MEMORY, UNCERTAINTIES, Map
+from foretouch.models.contact_map.layout import EXPERTS, LARGEST_FEATURES, MEMORY, Map
 
 Field = NDArray[Any]
 
@@ -24,16 +24,11 @@ class Notes(Record):
     contact: float  # time in contact since the beginning or the last change [s]
     scores: Annotated[Field, float, EXPERTS]  # sum of squared late errors of each expert, fading [N^2 s]
     scored: float  # time over which they were summed, fading [s]
-    alarms: Annotated[Field, float, 2]  # mean squared present errors of coarse and fine map [N^2]
-    moments: Annotated[Field, float, (UNCERTAINTIES, UNCERTAINTIES)]  # sums over late predictions, fading, of products
-    # of what the uncertainty depends on, in pairs
-    targets: Annotated[Field, float, UNCERTAINTIES]  # and their products with the squared error
-    spread: float  # factor on the standard deviation from the moments
+    doubt: float  # standard deviation of a late prediction, relative to its force
+    wrong_for: float  # time in contact for which late predictions have been wrong by far more than that [s]
     faded: float  # time in contact since the covariance faded last [s]
     snapshots: int  # taken so far
     snapped_at: float  # time of the newest snapshot [s]
-    patience: float  # time in contact without a change before the next can be detected [s]
-    in_a_row: float  # time for which no map explained the force [s]
     before: float  # force at the previous sample [N]
     time: float  # of the newest sample [s], NaN before the first
     touched: int  # 1 from the first contact on

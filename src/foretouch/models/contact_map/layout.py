@@ -104,7 +104,10 @@ class Map(Record):
     law_speed: float  # largest in contact so far [m/s]
     lowest: float  # smallest position that was learnt [m], from the origin
     reached: float  # and the largest
-    uncertainty: Annotated[Field, float, UNCERTAINTIES]  # variance: constant [N^2], multiples of force^2 and speed^2
+    uncertainty: Annotated[
+        Field, float, UNCERTAINTIES
+    ]  # variance: constant [N^2], multiples of force^2 and speed^2; the last is
+    # 0 but in older recordings
     shares: Annotated[Field, float, EXPERTS]  # weights of the law, the coarse map and the fine map
     felt: float  # largest force so far [N]
     coarse: CoarseMap
