@@ -19,7 +19,7 @@ from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from time import monotonic
-from typing import Any, get_args
+from typing import Any, NamedTuple, get_args
 
 import numpy as np
 from measured_blocks import chosen, fill
@@ -40,32 +40,81 @@ PAGES = (
 )
 
 
-def datasets() -> dict[str, str]:
-    """Name and kind of every measured recording that the tables are of: those that the design was chosen on."""
+class File(NamedTuple):
+    """A measured recording: what was touched, and whether anything was chosen with it in view."""
+
+    kind: str
+    seen: bool
+
+
+@cache
+def datasets() -> dict[str, File]:
+    """Every measured recording by its name."""
     listed = json.loads(foretouch("datasets list --json"))
-    return {name: entry["kind"] for name, entry in listed.items() if entry["seen"]}
+    return {name: File(entry["kind"], entry["seen"]) for name, entry in listed.items()}
+
+
+def foams() -> list[str]:
+    """Those measured foams that something was chosen on."""
+    return [name for name, file in datasets().items() if file.kind == "foam" and file.seen]
+
+
+@cache
+def predicted(name: str, *, zero_given: bool = False) -> dict[str, Any]:
+    """What `foretouch predict` says of a measured recording, where asked with the zero that scoring takes."""
+    options = CONDITIONS.get(name.split("/")[0], "--delay 0.3")
+    given = f" --force-offset {zero(name):.4f}" if zero_given else ""
+    found: dict[str, Any] = json.loads(foretouch(f"predict --dataset {name} {options}{given} --json"))
+    return found
 
 
 def reach() -> str:
     """`foretouch predict` on every measured file, beside what others make of it, and whether a hand would feel it."""
     rows = []
-    for name, kind in datasets().items():
-        origin = name.split("/")[0]
-        options = CONDITIONS.get(origin, "--delay 0.3")
-        found = json.loads(foretouch(f"predict --dataset {name} {options} --json"))
-        others = [None] * len(RIVALS) if kind == "free" else rivals(name, measured_comparison(origin))[1:]
-        rows.append([f"`{name}`", kind, *measured_row(found), *map(figure, others)])
-        if kind == "spring":
-            given = json.loads(foretouch(f"predict --dataset {name} {options} --force-offset {zero(name):.4f} --json"))
-            rows.append([f"`{name}`, zero given", kind, *measured_row(given), *["–"] * len(RIVALS)])
+    for name, file in datasets().items():
+        known = None if file.kind == "free" else measured_comparison(name.split("/")[0])
+        others = [None] * len(RIVALS) if known is None else rivals(name, known)[1:]
+        first = f"`{name}`", "yes" if file.seen else "no", file.kind
+        rows.append([*first, *measured_row(predicted(name)), *map(figure, others)])
+        if file.kind == "spring":
+            given = measured_row(predicted(name, zero_given=True))
+            rows.append([f"`{name}`, zero given", *first[1:], *given, *["–"] * len(RIVALS)])
     return table(REACH_HEADS, rows)
 
 
 def measured_row(found: dict[str, Any]) -> Row:
     """What `foretouch predict` gives."""
     error = found["prediction_error_percent"]
-    late, force = found["delayed_force_error_percent"], found["contact_force_rms_N"]
-    return [figure(error), felt(error), figure(found["within_jnd_percent"]), figure(force), figure(late)]
+    phantom = found["phantom_force_rms_N"], found["largest_phantom_force_N"]
+    within = found["within_one_deviation_percent"], found["within_two_deviations_percent"]
+    return [
+        figure(error),
+        felt(error),
+        figure(found["within_jnd_percent"]),
+        *(" / ".join(map(figure, pair)) if pair[0] is not None else "–" for pair in (within, phantom)),
+        figure(found["contact_force_rms_N"]),
+        figure(found["delayed_force_error_percent"]),
+    ]
+
+
+def reach_by_kind() -> str:
+    """Median and worst of the same, of the files that something was chosen on and of the others."""
+    rows = []
+    for kind, what in KINDS.items():
+        of_kind = {name: file for name, file in datasets().items() if file.kind == kind}
+        for seen in (True, False):
+            names = [name for name, file in of_kind.items() if file.seen is seen]
+            if names:
+                found = [predicted(name, zero_given=kind == "spring") for name in names]
+                pairs = ([one[key] for one in found] for key in ("prediction_error_percent", "within_jnd_percent"))
+                errors, within = pairs
+                row = [what, "yes" if seen else "no", str(len(names)), middle(errors), max(errors)]
+                rows.append([*row[:3], *map(figure, (*row[3:], middle(within), min(within)))])
+    heads = ("Touched", "Chosen on", "Files", "Error, median [%]", "Worst [%]", "Within JND, median [%]", "Worst [%]")
+    return table(heads, rows)
+
+
+KINDS = {"foam": "foam", "rigid": "rigid", "spring": "spring, zero given", "skin": "skin, 20 ms"}
 
 
 def reach_simulated() -> str:
@@ -125,10 +174,13 @@ FORCE = "Force RMS [N]"
 
 REACH_HEADS = (
     "File",
+    "Chosen on",
     "Touched",
     "Error [%]",
     "Felt",
     "Within JND [%]",
+    "Within σ / 2σ [%]",
+    "In the air, RMS / largest [N]",
     FORCE,
     "Delayed [%]",
     *(f"`{name}` [%]" for _, name in RIVALS[:2]),
@@ -167,7 +219,7 @@ def zero(name: str) -> float:
 @cache
 def measured_comparison(origin: str) -> Results:
     """`foretouch compare` of `CHOSEN` on all files of one origin."""
-    names = [name for name, kind in datasets().items() if name.startswith(origin) and kind != "free"]
+    names = [name for name, file in datasets().items() if name.startswith(origin) and file.kind != "free"]
     chosen_files = " ".join(f"--dataset {name}" for name in names)
     return comparison(f"compare {chosen_files} {CONDITIONS.get(origin, '--delay 0.3')} {CHOSEN} --json")
 
@@ -187,7 +239,7 @@ def comparison(arguments: str) -> Results:
 
 def floors() -> str:
     """What a fit of the paper's law to the whole file leaves of each measured foam."""
-    names = [name for name, kind in datasets().items() if kind == "foam"]
+    names = foams()
     command = "identify --dataset {} --model continuous-switching --estimator offline --json"
     found = (json.loads(foretouch(command.format(name))) for name in names)
     rows = [[f"`{name}`", figure(one["residual_percent"])] for name, one in zip(names, found, strict=True)]
@@ -251,9 +303,7 @@ def session() -> str:
 def mediation() -> str:
     """Error of the predicted and of the mediated force on measured foam, and the largest step of a tick."""
     rows = []
-    for name, kind in datasets().items():
-        if kind != "foam":
-            continue
+    for name in foams():
         recording = read_recording(excerpt(name))
         learner = Learner(contact_floor=recording.contact_floor)
         found = mediate(recording, learner, delay=0.3)
@@ -356,6 +406,7 @@ def replays() -> str:
 
 MEASURE: dict[str, Callable[[], str]] = {
     "reach": reach,
+    "reach-by-kind": reach_by_kind,
     "reach-simulated": reach_simulated,
     "floors": floors,
     "claims": claims,

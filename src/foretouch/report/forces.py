@@ -49,6 +49,15 @@ class Forces(ByValue):
     period: Array | None = None
     skipped: Flags | None = None
 
+    def honesty(self, scores: Scores) -> dict[str, float | None]:
+        """The largest force that is predicted where nothing is touched, and how often the standard deviation holds."""
+        coverage = scores.coverage(self.predicted, self.standard_deviation)
+        return {
+            "largest_phantom_force_N": scores.largest_phantom(self.predicted),
+            "within_one_deviation_percent": coverage["within_one_percent"],
+            "within_two_deviations_percent": coverage["within_two_percent"],
+        }
+
     def perception(self, scores: Scores) -> dict[str, float | None]:
         """Noticeable effects in the scores of all samples: the largest jump by a model, and the time to accuracy."""
         jump = LargestJump(None, None, None)

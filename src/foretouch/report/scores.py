@@ -53,6 +53,7 @@ class Scores(ByValue):
         threshold_N: The measured force above which a sample is in contact; None without contact.
         in_contact: The scoring flag, for every sample, those outside the window too.
         measured_force: Measured force less its zero [N], every sample.
+        window: Which samples are in the window, without those that are skipped.
     """
 
     samples: int
@@ -69,6 +70,24 @@ class Scores(ByValue):
     threshold_N: float | None
     in_contact: Flags
     measured_force: Array
+    window: Flags
+
+    def coverage(self, predicted_force: Array, deviation: Array | None) -> dict[str, float | None]:
+        """Calibration of the predicted force's standard deviation [N]: contact samples within one and two of it."""
+        known = self.in_contact & self.window & np.isfinite(np.nan if deviation is None else deviation)
+        if deviation is None or not known.any():
+            return {"median_N": None, "within_one_percent": None, "within_two_percent": None}
+        error, deviation = np.abs(predicted_force - self.measured_force)[known], deviation[known]
+        return {
+            "median_N": float(np.median(deviation)),
+            "within_one_percent": float(100.0 * np.mean(error <= deviation)),
+            "within_two_percent": float(100.0 * np.mean(error <= 2.0 * deviation)),
+        }
+
+    def largest_phantom(self, predicted_force: Array) -> float | None:
+        """Largest prediction over the window's samples out of contact [N]; None where there are none."""
+        apart = predicted_force[self.window & ~self.in_contact]
+        return finite_or_none(float(np.abs(apart).max())) if apart.size else None
 
 
 def score_prediction(
@@ -141,7 +160,7 @@ def score_prediction(
         (left_out, _) = columns_of(skipped, clock)
         window &= left_out == 0.0
     untouched = np.zeros(clock.size, dtype=np.bool_)
-    nothing = Scores(clock.size, 0, *(None,) * 8, "nothing_to_score", None, untouched, measured)
+    nothing = Scores(clock.size, 0, *(None,) * 8, "nothing_to_score", None, untouched, measured, window)
     if not window.any():
         return nothing
     threshold = max(THRESHOLD_SHARE * float(np.percentile(measured[window], 98.0)), contact_floor)
@@ -179,6 +198,7 @@ def score_prediction(
         threshold_N=threshold,
         in_contact=in_contact,
         measured_force=measured,
+        window=window,
     )
 
 

@@ -11,7 +11,7 @@ from scipy.optimize import minimize_scalar
 from foretouch.errors.checks import require_type
 from foretouch.messages import CHANNELS, SessionLog, encode
 from foretouch.models import ContactMapModel, summarise_map
-from foretouch.quantities import Array, Flags, Rows
+from foretouch.quantities import Array, Rows
 from foretouch.report.numbers import largest, renders_models, setting
 from foretouch.report.perception import time_to_accuracy, update_jumps
 from foretouch.report.rows import Pairs, away, force_at_follower, joining, model_of, not_scored, nowhere, pair
@@ -156,7 +156,7 @@ def session_figures(
         **_learnt(log, pairs),
         "models": _models(log),
         "model_bytes": _model_bytes(log),
-        "standard_deviation": _coverage(pairs, main.in_contact & ~skipped, main),
+        "standard_deviation": main.coverage(pairs.leader["predicted_force"], pairs.leader["standard_deviation"]),
         "messages": _messages(whole),
         "counts": dict(log.counts),
         "timing": {
@@ -192,20 +192,6 @@ def _learnt(log: SessionLog, pairs: Pairs) -> dict[str, Any]:
         "parameters": {name: None if name in untold else value for name, value in numbers},
         "standard_errors": errors,
         "map": summarise_map(model).figures(newest) if isinstance(model, ContactMapModel) else None,
-    }
-
-
-def _coverage(pairs: Pairs, contact: Flags, scores: Scores) -> dict[str, float | None]:
-    """Calibration of the predicted force's standard deviation: fractions of contact rows within one and two of it."""
-    deviation = pairs.leader["standard_deviation"]
-    known = contact & np.isfinite(deviation)
-    if not known.any():
-        return {"median_N": None, "within_one_percent": None, "within_two_percent": None}
-    error = np.abs(pairs.leader["predicted_force"][known] - scores.measured_force[known])
-    return {
-        "median_N": float(np.median(deviation[known])),
-        "within_one_percent": float(100.0 * np.mean(error <= deviation[known])),
-        "within_two_percent": float(100.0 * np.mean(error <= 2.0 * deviation[known])),
     }
 
 

@@ -220,6 +220,7 @@ def predict(
     content = {
         "delay_s": delay,
         **{name: getattr(scores, name) for name in SCORES},
+        **result.honesty(scores),
         **result.perception(scores),
         "status": scores.status,
         "remarks": remarks(result, scores, delay, scored.score_from),

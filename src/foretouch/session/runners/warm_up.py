@@ -51,7 +51,7 @@ START, PRESSED, SLIDE, FRICTION = 2e-3, 4e-3, 0.01, 0.3
 
 SPECIFICATION = RobotSpecification(SAMPLE_PERIOD, 15.0, 0.0, 0.0, 0.0, 0.0, 0.02, 0.0, 200.0, (-1.0, 1.0))
 
-KERNELS = {"map": (201, 0.5), "others": (406, 0.5)}
+KERNELS = {"map": (211, 0.5), "others": (405, 0.5)}
 """Number of functions compiled in each part and its fraction of the time, from which progress is estimated."""
 
 LOOK_PERIOD = 0.2  # Time between two readings of the progress [s]
