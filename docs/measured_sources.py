@@ -56,6 +56,7 @@ _OF_PAGES: dict[str, dict[str, tuple[str, ...]]] = {
     "docs/console.md": {"console": ("measure_console:main", *LIVE, "foretouch.cli.commands.watchers:console")},
     "docs/contact-map.md": {
         "floors": ("measure_results:floors", IDENTIFY, EXCERPT),
+        "changes": ("measure_changes:changes", "measure_changes:noticed"),
         "designs": ("compare_designs:measure", "compare_designs:cells", "compare_designs:shown"),
     },
     "docs/faults.md": {"faults": ("measure_faults:main", "test_session_soak_fire", *LIVE)},
@@ -63,6 +64,7 @@ _OF_PAGES: dict[str, dict[str, tuple[str, ...]]] = {
     "docs/replay.md": {"replays": ("measure_results:replays", SIMULATE, REPLAY)},
     "docs/results.md": {
         "reach": ("measure_results:reach", PREDICT, COMPARE, EXCERPT),
+        "reach-by-kind": ("measure_results:reach_by_kind", PREDICT, EXCERPT),
         "reach-simulated": ("measure_results:reach_simulated", COMPARE),
         "claims": (
             "measure_results:claims",

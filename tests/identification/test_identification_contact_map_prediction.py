@@ -319,7 +319,8 @@ def test_simulated_presses_held_out(simulated: Callable[[str, int], Reached], na
 def test_simulated_is_sound(simulated: Callable[[str, int], Reached], name: str, seed: int) -> None:
     result = simulated(name, seed)
     assert better_than_late(result)
-    assert result.changes == (2 if name == "sudden-change" else 0)
+    # One that changes slowly may be said to have changed once, when the late predictions have become wrong.
+    assert result.changes in {"sudden-change": (2,), "gradual-change": (0, 1)}.get(name, (0,))
     assert np.isfinite(result.forces.predicted).all()
 
 

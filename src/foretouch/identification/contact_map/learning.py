@@ -35,7 +35,7 @@ RING_PERIOD = 0.02  # Time between two snapshots of the map [s]
 SCORED_FROM = 0.1
 """Least time in contact [s] after which a snapshot is scored: an earlier one does not show what can be learnt."""
 
-CHANGED_FROM, CHANGED_AFTER = 2.0, 0.12
+CHANGED_FROM, CHANGED_AFTER = 4.0, 0.12
 """Time in contact [s] before a change can be detected, and for which late predictions are wrong without a pause where
 the material has changed."""
 

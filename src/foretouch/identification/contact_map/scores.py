@@ -24,14 +24,10 @@ CONTACT_SHARE = 0.05  # Fraction of the peak above which predictions are scored 
 FIRST_DOUBT = 0.25  # Standard deviation of a late prediction, relative to its force, before any was scored
 DOUBTS = 0.01, 1.0  # Its least and its largest value
 DOUBT_RATE = 0.01  # Its change with each score, on average
-OUTSIDE = 0.25
-"""Fraction of errors beyond one standard deviation; less than a Gaussian's 0.32, for their tails are heavier, and two
-standard deviations are to hold 95 % of them."""
+OUTSIDE = 0.32  # Fraction of errors beyond one standard deviation, as of a Gaussian
 
-WRONG = 3.0  # Standard deviations by which a late prediction is wrong where the material has changed
-LEAST_WRONG = 0.12  # Least such error, relative to the force
-
-_WIDER, _NARROWER = math.exp(DOUBT_RATE * (1.0 - OUTSIDE)), math.exp(-DOUBT_RATE * OUTSIDE)
+WRONG = 3.5  # Standard deviations by which a late prediction is wrong where the material has changed
+LEAST_WRONG = 0.12  # Least such error, relative to the force: about what a hand can tell
 
 
 @inlined
@@ -59,7 +55,8 @@ def score(bank: Bank, snapshot: Map, sample: tuple[float, float, float], contact
     scale = least * least + mixed * mixed
     wrong = squared > max(WRONG * notes.doubt, LEAST_WRONG) ** 2 * scale
     notes.wrong_for = notes.wrong_for + period if wrong else 0.0
-    doubt = notes.doubt * (_WIDER if squared > notes.doubt * notes.doubt * scale else _NARROWER)
+    beyond = 1.0 if squared > notes.doubt * notes.doubt * scale else 0.0
+    doubt = notes.doubt * math.exp(DOUBT_RATE * (beyond - OUTSIDE))
     notes.doubt = doubt = min(max(doubt, DOUBTS[0]), DOUBTS[1])
     bank.map[0].uncertainty[0], bank.map[0].uncertainty[1] = (doubt * least) ** 2, doubt * doubt
 
