@@ -26,7 +26,7 @@ DOUBTS = 0.01, 1.0  # Its least and its largest value
 DOUBT_RATE = 0.01  # Its change with each score, on average
 OUTSIDE = 0.32  # Fraction of errors beyond one standard deviation, as of a Gaussian
 
-WRONG = 3.5  # Standard deviations by which a late prediction is wrong where the material has changed
+WRONG = 4.0  # Standard deviations by which a late prediction is wrong where the material has changed
 LEAST_WRONG = 0.12  # Least such error, relative to the force: about what a hand can tell
 
 
