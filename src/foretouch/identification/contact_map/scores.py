@@ -26,8 +26,8 @@ DOUBTS = 0.01, 1.0  # Its least and its largest value
 DOUBT_RATE = 0.01  # Its change with each score, on average
 OUTSIDE = 0.32  # Fraction of errors beyond one standard deviation, as of a Gaussian
 
-WRONG = 4.0  # Standard deviations by which a late prediction is wrong where the material has changed
-LEAST_WRONG = 0.12  # Least such error, relative to the force: about what a hand can tell
+WRONG = 3.0  # Standard deviations by which a late prediction is wrong where the material has changed
+LEAST_WRONG = 0.1  # Least such error, relative to the peak: at its foot a press may be a little elsewhere
 
 
 @inlined
@@ -53,7 +53,7 @@ def score(bank: Bank, snapshot: Map, sample: tuple[float, float, float], contact
     # A force is uncertain by a part of itself, and no less than by that of the smallest force that counts.
     least, squared = CONTACT_SHARE * notes.peak, (mixed - force) ** 2
     scale = least * least + mixed * mixed
-    wrong = squared > max(WRONG * notes.doubt, LEAST_WRONG) ** 2 * scale
+    wrong = squared > max((WRONG * notes.doubt) ** 2 * scale, (LEAST_WRONG * notes.peak) ** 2)
     notes.wrong_for = notes.wrong_for + period if wrong else 0.0
     beyond = 1.0 if squared > notes.doubt * notes.doubt * scale else 0.0
     doubt = notes.doubt * math.exp(DOUBT_RATE * (beyond - OUTSIDE))
