@@ -88,7 +88,12 @@ def noticed() -> dict[str, Any]:
     measured = (read_recording(excerpt(dataset.name)) for dataset in list_datasets())
     false = sum(len(said(recording, contact_floor=recording.contact_floor)) for recording in measured)
     simulated = sum(len(said(simulate(name, seed=seed).recording)) for name in UNCHANGED for seed in SEEDS)
-    return {"noticed": len(after), "once": once, "contact": middle(after), "longest": max(after, default=None)} | {
+    return {
+        "noticed": len(after),
+        "once": once,
+        "contact": middle(after) if after else None,
+        "longest": max(after, default=None),
+    } | {
         "measured": false,
         "simulated": simulated,
     }
