@@ -86,11 +86,11 @@ def test_measured_velocities() -> None:
 @pytest.mark.parametrize("scale", [pytest.param(0.0, marks=pytest.mark.long), 3.0])
 def test_a_material_that_changes_or_goes(scale: float) -> None:
     """Where the material goes, the surface is looked for again and the sums of the lag begin anew."""
-    recording = press(noise=0.01, duration=12.0)
-    force = np.where(recording.time < 6.0, recording.force, 0.3 + scale * (recording.force - 0.3))
+    recording = press(noise=0.01, duration=20.0)
+    force = np.where(recording.time < 14.0, recording.force, 0.3 + scale * (recording.force - 0.3))
     learner, _ = both(Recording(recording.time, recording.position, force))
     assert learner.estimator.changes > 0
-    moved = recording.position + np.where(recording.time < 6.0, 0.0, 0.004)
+    moved = recording.position + np.where(recording.time < 14.0, 0.0, 0.004)
     both(Recording(recording.time, moved, recording.force))
 
 

@@ -97,12 +97,12 @@ def test_the_fine_map_is_reached_in_full_at_once() -> None:
 # --- one call a sample, and a recording at once -----------------------------------------------------------------------
 
 
-def pressed(size: int = 6000) -> list[ContactSample]:
+def pressed(size: int = 13000) -> list[ContactSample]:
     """Presses in and out of contact, one sample lost, one of nonsense, and a material that becomes another one."""
     time = 1e-3 * np.arange(size)
     depth = 7e-3 * np.sin(9.0 * time) + 2e-3 * np.sin(4.1 * time)
     velocity = np.gradient(depth, time)
-    stiffness = np.where(time < 3.5, 800.0, 9000.0)
+    stiffness = np.where(time < 10.5, 800.0, 9000.0)
     force = np.maximum(stiffness * np.maximum(depth, 0.0) ** 1.1 * (1.0 + velocity), 0.0)
     force += np.random.default_rng(3).normal(0.0, 0.02, size)
     rows = zip(time.tolist(), depth.tolist(), velocity.tolist(), force.tolist(), (depth > 0.0).tolist(), strict=True)

@@ -146,13 +146,13 @@ def test_a_model_that_flickers_floods_nobody_and_a_large_one_is_sent_less_often(
 
 
 def test_a_change_of_the_material_is_sent_at_once_and_told_for_two_seconds() -> None:
-    pressing = Pressing(ContactMap(), {0: 400.0, 5000: 1600.0})
-    pressing.run(5000)
+    pressing = Pressing(ContactMap(), {0: 400.0, 11_000: 1600.0})
+    pressing.run(11_000)
     before = pressing.state.learner.estimator.changes
     models = []
-    while pressing.state.learner.estimator.changes == before and pressing.tick < 7000:
+    while pressing.state.learner.estimator.changes == before and pressing.tick < 13_000:
         models.append(pressing.step())
-    assert pressing.tick < 6500  # found within a press
+    assert pressing.tick < 12_500  # found within a press
     assert models[-1] is not None
     assert models[-1].reason.startswith("the material changed")
     later = pressing.run(1900)

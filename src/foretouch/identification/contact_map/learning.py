@@ -15,7 +15,7 @@ from foretouch.identification.contact_map.regression import (
     forget_fine,
     in_fine_reach,
 )
-from foretouch.identification.contact_map.scores import FIRST_DOUBT, allot, score
+from foretouch.identification.contact_map.scores import FIRST_DOUBT, allot, score, watch
 from foretouch.identification.contact_map.state import RING, Bank
 from foretouch.models.contact_map.kernel import features
 from foretouch.models.contact_map.layout import COARSE, FINE, SIZE
@@ -38,6 +38,8 @@ SCORED_FROM = 0.1
 CHANGED_FROM, CHANGED_AFTER = 4.0, 0.12
 """Time in contact [s] before a change can be detected, and for which late predictions are wrong without a pause where
 the material has changed."""
+
+WATCHED_AGE = 0.3  # Least age of the predictions that show a change [s]
 
 SPIKE, LONGEST_SPIKE = 2.0, 0.01
 """Ratio to the peak so far of an unexpected force that is not learnt from, and for how long it is not [s]."""
@@ -62,15 +64,28 @@ def restart(bank: Bank) -> None:
 
 
 @inlined
-def score_late(bank: Bank, time: float, sample: tuple[float, float, float], contact: bool, period: float) -> None:
-    """Score the newest snapshot that is old enough on a sample, where the position had been visited by then."""
+def snapshot_before(bank: Bank, time: float, position: float) -> int:
+    """Index of the newest snapshot of a time [s] or before in which a position was visited; -1 where there is none."""
     # The ring is short enough for a linear search.
     age, newest = 0, bank.notes[0].snapshots
     kept = min(newest, RING)
-    while age < kept and bank.times[(newest - 1 - age) % RING] > time - bank.horizon + 1e-7:
+    while age < kept and bank.times[(newest - 1 - age) % RING] > time + 1e-7:
         age += 1
     index = (newest - 1 - age) % RING
-    if age < kept and bank.contacts[index] >= SCORED_FROM and sample[0] <= bank.ring[index].reached:
+    if age < kept and bank.contacts[index] >= SCORED_FROM and position <= bank.ring[index].reached:
+        return int(index)
+    return -1
+
+
+@inlined
+def score_late(bank: Bank, time: float, sample: tuple[float, float, float], contact: bool, period: float) -> None:
+    """Watch a snapshot of long before, and score that of a delay before, on a sample."""
+    # However short the delay is, what was learnt since a change does not hide it.
+    index = snapshot_before(bank, time - max(bank.horizon, WATCHED_AGE), sample[0])
+    if index >= 0:
+        watch(bank, bank.ring[index], sample, contact, period)
+    index = snapshot_before(bank, time - bank.horizon, sample[0])
+    if index >= 0:
         score(bank, bank.ring[index], sample, contact, period)
 
 

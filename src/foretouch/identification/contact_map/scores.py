@@ -32,7 +32,7 @@ LEAST_WRONG = 0.1  # Least such error, relative to the peak: at its foot a press
 
 @inlined
 def score(bank: Bank, snapshot: Map, sample: tuple[float, float, float], contact: bool, period: float) -> None:
-    """Score an older map on a sample, expert by expert; the errors determine weights, doubt, and what is a change.
+    """Score an older map on a sample, expert by expert; the errors determine weights and doubt.
 
     Args:
         bank: The state; its `values` are the features of the sample.
@@ -53,12 +53,24 @@ def score(bank: Bank, snapshot: Map, sample: tuple[float, float, float], contact
     # A force is uncertain by a part of itself, and no less than by that of the smallest force that counts.
     least, squared = CONTACT_SHARE * notes.peak, (mixed - force) ** 2
     scale = least * least + mixed * mixed
-    wrong = squared > max((WRONG * notes.doubt) ** 2 * scale, (LEAST_WRONG * notes.peak) ** 2)
-    notes.wrong_for = notes.wrong_for + period if wrong else 0.0
     beyond = 1.0 if squared > notes.doubt * notes.doubt * scale else 0.0
     doubt = notes.doubt * math.exp(DOUBT_RATE * (beyond - OUTSIDE))
     notes.doubt = doubt = min(max(doubt, DOUBTS[0]), DOUBTS[1])
     bank.map[0].uncertainty[0], bank.map[0].uncertainty[1] = (doubt * least) ** 2, doubt * doubt
+
+
+@inlined
+def watch(bank: Bank, snapshot: Map, sample: tuple[float, float, float], contact: bool, period: float) -> None:
+    """Note for how long the predictions of an older map have been wrong by far more than usual; as `score`."""
+    position, velocity, force = sample
+    notes = bank.notes[0]
+    mixed = experts(snapshot, bank.values, position, velocity, True)[3]
+    if not (contact or mixed > CONTACT_SHARE * notes.peak):
+        return
+    least, squared = CONTACT_SHARE * notes.peak, (mixed - force) ** 2
+    scale = least * least + mixed * mixed
+    wrong = squared > max((WRONG * notes.doubt) ** 2 * scale, (LEAST_WRONG * notes.peak) ** 2)
+    notes.wrong_for = notes.wrong_for + period if wrong else 0.0
 
 
 @inlined
