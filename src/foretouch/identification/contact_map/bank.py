@@ -89,11 +89,11 @@ class ContactMap(Estimator):
     where :math:`\delta` grows by 0.68 % with each error beyond it and falls by 0.32 % with each other, so that it holds
     68 % of them.
 
-    **Change.** Where late predictions at visited positions are wrong by three standard deviations, and by 10 % of the
-    peak, for 0.12 s of contact without a pause, the material has changed: the maps begin anew, and until they are
-    scored again the law's weight is largest. Where no force at all is measured instead, the material has gone, and the
-    surface is looked for again. The present errors of the maps would not show it: what the material is now like they
-    learn within some samples.
+    **Change.** Where predictions of 0.3 s before, or of a longer delay, are wrong at visited positions by three
+    standard deviations, and by 10 % of the peak, for 0.12 s of contact without a pause, the material has changed: the
+    maps begin anew, and until they are scored again the law's weight is largest. Where no force at all is measured
+    instead, the material has gone, and the surface is looked for again. The present errors of the maps would not show
+    it: what the material is now like they learn within some samples.
 
     Args:
         horizon: Delay of the predictions that the experts are scored on [s], 0 to 2.
