@@ -238,7 +238,7 @@ def test_measured_springs(reached: Callable[[str], Reached], name: str) -> None:
 
 @pytest.mark.parametrize("name", RIGID)
 def test_measured_rigid(reached: Callable[[str], Reached], name: str) -> None:
-    assert percent(reached(name)) < 25.0
+    assert percent(reached(name)) < 15.0
     assert better_than_late(reached(name))
     assert reached(name).changes == 0
 
@@ -253,7 +253,7 @@ def test_free_motion_gives_no_force(reached: Callable[[str], Reached], name: str
 
 @pytest.mark.parametrize(
     "name",
-    missed(SKIN, {"aurora/100-mN": "11 to 12 % where half of the delayed force's error is 8.8 %"}),
+    missed(SKIN, dict.fromkeys(SKIN, "11 to 13 %, where half of the delayed force's error is 9 to 12 %: one press alone")),
 )
 def test_measured_skin(reached: Callable[[str], Reached], name: str) -> None:
     result = reached(name)

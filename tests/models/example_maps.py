@@ -18,7 +18,7 @@ def parts(maps):
 def example_numbers(shares=(0.3, 0.5, 0.2), *, seed=0):
     """A map that was visited from 4 mm above to 8 mm below its origin: 400 N/m, with features of up to 0.1 N."""
     made = Map.new(
-        felt=NO_BOUND, law=PARAMETERS, shares=shares, uncertainty=(0.01, 0.0025, 0.0),
+        felt=NO_BOUND, law=PARAMETERS, shares=shares, uncertainty=(0.01, 0.0025),
         law_speed=0.2, lowest=-4e-3, reached=8e-3,
     )  # fmt: skip
     random = np.random.default_rng(seed)

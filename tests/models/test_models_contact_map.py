@@ -152,6 +152,8 @@ def test_force_is_smooth_to_second_order_over_depth(kind: int, seed: int, knot: 
     """Left and right of a knot two cubics agree in value, slope and curvature; in the third derivative they do not."""
     maps, grid = whole_numbers(kind, seed=seed), GRIDS[kind]
     values = np.random.default_rng(seed).uniform(-1.0, 1.0, LARGEST_FEATURES)
+    if kind == 1:  # near its ends the fine map goes over into the coarse one
+        knot = 0.15 + 0.7 * knot
     at = round(knot * (grid.below + grid.above) - grid.below)
     share = np.linspace(0.05, 0.95, 9)
     sides = []

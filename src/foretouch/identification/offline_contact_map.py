@@ -13,7 +13,7 @@ from foretouch.errors import InputError
 from foretouch.identification.conditioning.conditioner import ContactSample
 from foretouch.identification.contact_map.learning import PERIOD
 from foretouch.identification.contact_map.prior import NOISE, prior
-from foretouch.identification.contact_map.scores import SHARPNESS
+from foretouch.identification.contact_map.scores import trust
 from foretouch.identification.estimator import Status
 from foretouch.identification.offline import OfflineFit, StoringEstimator, fit_offline
 from foretouch.models import ContactMapModel, ContactModel, ContactState
@@ -130,7 +130,7 @@ class OfflineContactMap(StoringEstimator):
         squared = np.square(errors[result.in_contact]).mean(axis=0)
         if not learnt.law[0] > 0.0:
             squared[0] = math.inf
-        weights = (squared + 1e-12) ** (-0.5 * SHARPNESS)
+        weights = np.array([trust(square) for square in squared.tolist()])
         learnt.shares = weights / weights.sum()
         learnt.uncertainty[0] = float(np.square(errors[result.in_contact] @ learnt.shares).mean())
         return ContactMapModel.of(maps)

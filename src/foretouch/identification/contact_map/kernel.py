@@ -97,6 +97,8 @@ def move_offset(banks: Banks, change: float) -> None:
 def take(banks: Banks, time: float, depth: float, velocity: float, force: float, in_contact: bool) -> int:
     """Process one sample, in place; returns its result."""
     bank, learnt, notes = banks[0], banks[0].map[0], banks[0].notes[0]
+    if notes.entered == (1 if in_contact else 0):
+        notes.entered += 1
     if in_contact:
         take_law(bank.law[:], time, depth, velocity, force)
     if not (abs(depth) <= LARGEST_DEPTH and abs(velocity) <= LARGEST_SPEED and abs(force) <= LARGEST_FORCE):

@@ -16,9 +16,10 @@ from foretouch.identification.contact_map.regression import (
     in_fine_reach,
 )
 from foretouch.identification.contact_map.scores import FIRST_DOUBT, allot, score, watch
-from foretouch.identification.contact_map.state import RING, Bank
-from foretouch.models.contact_map.kernel import features
-from foretouch.models.contact_map.layout import COARSE, FINE, SIZE
+from foretouch.identification.contact_map.state import LEVELS, RING, Bank, Notes
+from foretouch.models.contact_map.kernel import blend, cubic, features, mapped
+from foretouch.models.contact_map.layout import COARSE, FINE, SIZE, Map
+from foretouch.models.contact_model import LARGEST_DEPTH
 
 PERIOD = 0.004  # Least time between two samples that are learnt [s]
 LONGEST_PERIOD = 0.1  # Largest period between samples [s]; a longer pause counts as this
@@ -44,7 +45,35 @@ WATCHED_AGE = 0.3  # Least age of the predictions that show a change [s]
 SPIKE, LONGEST_SPIKE = 2.0, 0.01
 """Ratio to the peak so far of an unexpected force that is not learnt from, and for how long it is not [s]."""
 
+MISPLACED = 0.25
+"""Error of the coarse map in contact, relative to the peak, from which on the fine map is wanted there."""
+
+FINE_TIME, FINE_ERROR = 0.02, 0.2
+"""Time in contact [s] and error, relative to the peak, that a new fine map is assumed to have, and the coarse one half
+of it: it has to show that it is needed."""
+
+TOUCH_SHARE = 0.1  # Least force, relative to the peak, by which it is known where the material begins
+
 LARGEST = 1.7976931348623157e308
+
+
+@compiled(error_model="numpy")
+def place_fine(bank: Bank, place: float) -> None:
+    """Begin the fine map again, at a place [m from the origin] and with the force of the coarse one there."""
+    learnt = bank.map[0]
+    coarse, fine = learnt.coarse.weights, learnt.fine.weights
+    learnt.place, learnt.fine.ranges[:] = place, 0.0
+    for k in range(FINE.knots):  # a spline's weight is about the value in its middle
+        position = place + (k - FINE.below - 1) * FINE.spacing
+        first, a, b, c, d = cubic(position, COARSE.spacing, COARSE.below, COARSE.knots)
+        fine[k] = blend(coarse, first, a, b, c, d)
+    for k in range(FINE.feature_knots):
+        position = place + (k - FINE.feature_below - 1) * FINE.feature_spacing
+        first, a, b, c, d = cubic(position, COARSE.feature_spacing, COARSE.feature_below, COARSE.feature_knots)
+        fine[FINE.knots + k] = blend(coarse, COARSE.knots + first, a, b, c, d)
+    forget_fine(bank.fine)
+    assumed = FINE_TIME * (FINE_ERROR * bank.notes[0].peak) ** 2
+    bank.notes[0].present[0], bank.notes[0].present[1] = 0.25 * assumed, assumed
 
 
 @compiled(error_model="numpy")
@@ -52,15 +81,16 @@ def restart(bank: Bank) -> None:
     """Forget the maps, their scores and the visited range; the law stays."""
     learnt, notes = bank.map[0], bank.notes[0]
     learnt.coarse.ranges[:], learnt.coarse.weights[:] = 0.0, 0.0
-    learnt.fine.ranges[:], learnt.fine.weights[:] = 0.0, 0.0
     learnt.law_speed = 0.0
     learnt.lowest, learnt.reached = math.inf, -math.inf
     forget_coarse(bank.coarse)
-    forget_fine(bank.fine)
     notes.peak = notes.contact = notes.scored = notes.faded = notes.wrong_for = 0.0
     notes.scores[:], notes.doubt = 0.0, FIRST_DOUBT
     learnt.uncertainty[0], learnt.uncertainty[1] = 0.0, FIRST_DOUBT**2
+    notes.outermost[:], learnt.touch = math.inf, -LARGEST_DEPTH
+    notes.first_force, notes.entered = 0.0, 0
     notes.snapshots = 0
+    place_fine(bank, 0.0)
 
 
 @inlined
@@ -72,8 +102,10 @@ def snapshot_before(bank: Bank, time: float, position: float) -> int:
     while age < kept and bank.times[(newest - 1 - age) % RING] > time + 1e-7:
         age += 1
     index = (newest - 1 - age) % RING
-    if age < kept and bank.contacts[index] >= SCORED_FROM and position <= bank.ring[index].reached:
-        return int(index)
+    if age < kept and bank.contacts[index] >= SCORED_FROM:
+        snapshot = bank.ring[index]
+        if snapshot.lowest <= position <= snapshot.reached:
+            return int(index)
     return -1
 
 
@@ -90,6 +122,27 @@ def score_late(bank: Bank, time: float, sample: tuple[float, float, float], cont
 
 
 @inlined
+def level_of(ratio: float) -> int:
+    """Exponent of the largest power of two up to a ratio of forces, 0 to `LEVELS` - 1."""
+    return min(max(math.frexp(ratio)[1] - 1, 0), LEVELS - 1) if ratio > 0.0 else 0
+
+
+@inlined
+def note_touch(learnt: Map, notes: Notes, position: float, force: float) -> None:
+    """Note where a force in contact was felt, and where a `TOUCH_SHARE` of the largest was felt outermost."""
+    if notes.first_force == 0.0:
+        notes.first_force = max(force, 0.0)
+    if not notes.first_force > 0.0:
+        return
+    for k in range(level_of(force / notes.first_force) + 1):
+        notes.outermost[k] = min(notes.outermost[k], position)
+    level = level_of(TOUCH_SHARE * notes.peak / notes.first_force)
+    # Where contact ends says less: foam is left deeper than it is touched.
+    if notes.entered == 2 and math.isfinite(notes.outermost[level]):
+        learnt.touch, learnt.touch_force = notes.outermost[level], notes.first_force * 2.0**level
+
+
+@inlined
 def widen(bank: Bank, sample: tuple[float, float, float], contact: bool, period: float) -> None:
     """Update the visited range, the peak force and the ranges of the features with this sample."""
     position, velocity, force = sample
@@ -100,6 +153,7 @@ def widen(bank: Bank, sample: tuple[float, float, float], contact: bool, period:
         # A spike is no peak: two samples in a row must have this force.
         notes.peak = max(notes.peak, min(force, notes.before))
         learnt.felt = max(learnt.felt, notes.peak)
+        note_touch(learnt, notes, position, min(force, notes.before))
         learnt.law_speed = max(learnt.law_speed, abs(velocity))
     learnt.lowest, learnt.reached = min(learnt.lowest, position), max(learnt.reached, position)
     coarse, fine = learnt.coarse.ranges, learnt.fine.ranges
@@ -141,17 +195,29 @@ def learn(bank: Bank, time: float, position: float, velocity: float, force: floa
 
     code, raw, spoilt = LEARNT, force + learnt.zero, False
     coarse_weights, fine_weights = learnt.coarse.weights[:], learnt.fine.weights[:]
+    place = position - learnt.place
+    if contact and in_fine_reach(place) and bank.coarse.rows > 0:
+        coarse_error = mapped(learnt.coarse, COARSE, position, values) - raw
+        fine_error = mapped(learnt.fine, FINE, place, values) - raw
+        most = notes.peak * notes.peak  # for a sensor may say anything once
+        notes.present[0] += period * min(coarse_error * coarse_error, most)
+        notes.present[1] += period * min(fine_error * fine_error, most)
     if not is_spike:
-        spoilt = math.isnan(fit_coarse(coarse_weights, bank.coarse, position, values, raw))
-        if in_fine_reach(position):
-            spoilt = math.isnan(fit_fine(fine_weights, bank.fine, position, values, raw)) or spoilt
+        error = fit_coarse(coarse_weights, bank.coarse, position, values, raw)
+        spoilt = math.isnan(error)
+        missed = abs(error) > MISPLACED * notes.peak
+        if contact and missed and not in_fine_reach(place):
+            place_fine(bank, position)
+            place = 0.0
+        spoilt = math.isnan(fit_fine(fine_weights, bank.fine, place, values, raw)) or spoilt
     if visited and notes.contact > CHANGED_FROM and notes.wrong_for >= CHANGED_AFTER:
         code = CHANGED
         restart(bank)
         notes.peak = max(force, 0.0)
         learnt.lowest = learnt.reached = position
         fit_coarse(coarse_weights, bank.coarse, position, values, raw)
-        fit_fine(fine_weights, bank.fine, position, values, raw)
+        place_fine(bank, position)
+        fit_fine(fine_weights, bank.fine, 0.0, values, raw)
     if notes.faded >= 1.0:
         notes.faded = 0.0
         fade(bank.coarse, FADING)

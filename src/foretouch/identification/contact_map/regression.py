@@ -28,7 +28,7 @@ from foretouch.core.compiling import compiled, inlined
 from foretouch.core.records import Record
 from foretouch.identification.contact_map.prior import NOISE, elastic_prior, feature_prior, prior
 from foretouch.models.contact_map.kernel import cubic
-from foretouch.models.contact_map.layout import COARSE, FINE, LARGEST_FEATURES, Grid
+from foretouch.models.contact_map.layout import COARSE, FINE, FINE_FROM, FINE_TO, LARGEST_FEATURES, Grid
 
 Array = NDArray[np.float64]
 Field = NDArray[Any]
@@ -234,8 +234,8 @@ def look(regression: CoarseRegression | FineRegression, grid: Grid, position: fl
 
 @inlined
 def in_fine_reach(position: float) -> bool:
-    """Whether the fine map learns at a position [m from the origin]."""
-    return -FINE.below * FINE.spacing <= position <= FINE.above * FINE.spacing
+    """Whether the fine map has knots at a position [m from its place]."""
+    return FINE_FROM <= position <= FINE_TO
 
 
 @inlined

@@ -10,16 +10,13 @@ from foretouch.models.contact_map.kernel import experts
 from foretouch.models.contact_map.layout import EXPERTS, Map
 
 SCORE_TIME = 1.0  # Time constant in contact with which scores fade [s]
-FIRST_ERRORS = (0.1, 0.2, 0.3)  # Relative errors of law, coarse and fine map that are assumed at first
+FIRST_ERROR = 0.2  # Relative error of law and maps that is assumed at first
 FIRST_TIME = 0.1  # Time in contact for which the assumed first errors count [s]
-PENALTIES = (1.2, 1.0, 1.0)
-"""Factors on the experts' errors: the law has to be clearly better than the map, for it is right nowhere where it is
-not right everywhere."""
-SHARPNESS = 8.0  # Exponent of the inverse error in the weights, the fourth power of its square
-LEAST_SHARE = 1e-3
-FINE_DEPTH, COARSE_DEPTH = 4e-4, 3e-4
-"""Depths [m] beyond which the fine map, and short of which the coarse map, has less weight."""
-
+LAW_PENALTY = 1.2
+"""Factor on the law's error: it has to be clearly better than the maps, for it is right nowhere where it is not right
+everywhere."""
+FINE_PENALTY = 1.2  # The same for the fine map against the coarse one
+LEAST_SHARE = 0.02
 CONTACT_SHARE = 0.05  # Fraction of the peak above which predictions are scored out of contact too
 FIRST_DOUBT = 0.25  # Standard deviation of a late prediction, relative to its force, before any was scored
 DOUBTS = 0.01, 1.0  # Its least and its largest value
@@ -46,9 +43,11 @@ def score(bank: Bank, snapshot: Map, sample: tuple[float, float, float], contact
     law, coarse, fine, mixed = experts(snapshot, bank.values, position, velocity, True)
     if not (contact or mixed > CONTACT_SHARE * notes.peak):
         return
-    fading, forces = math.exp(-period / SCORE_TIME), (law, coarse, fine)
-    for k in range(EXPERTS):
-        notes.scores[k] = notes.scores[k] * fading + period * (forces[k] - force) ** 2
+    fading, shares = math.exp(-period / SCORE_TIME), bank.map[0].shares
+    known = shares[1] + shares[2]
+    maps = coarse + (shares[2] / known * (fine - coarse) if known > 0.0 else 0.0)
+    notes.scores[0] = notes.scores[0] * fading + period * (law - force) ** 2
+    notes.scores[1] = notes.scores[1] * fading + period * (maps - force) ** 2
     notes.scored = notes.scored * fading + period
     # A force is uncertain by a part of itself, and no less than by that of the smallest force that counts.
     least, squared = CONTACT_SHARE * notes.peak, (mixed - force) ** 2
@@ -65,7 +64,7 @@ def watch(bank: Bank, snapshot: Map, sample: tuple[float, float, float], contact
     position, velocity, force = sample
     notes = bank.notes[0]
     mixed = experts(snapshot, bank.values, position, velocity, True)[3]
-    if not (contact or mixed > CONTACT_SHARE * notes.peak):
+    if not (contact or max(mixed, force) > CONTACT_SHARE * notes.peak):
         return
     least, squared = CONTACT_SHARE * notes.peak, (mixed - force) ** 2
     scale = least * least + mixed * mixed
@@ -74,28 +73,37 @@ def watch(bank: Bank, snapshot: Map, sample: tuple[float, float, float], contact
 
 
 @inlined
+def trust(squared: float) -> float:
+    """Weight of an expert before they sum to one, of its mean squared error [N^2]."""
+    fourth = (squared + 1e-12) ** 2
+    return float(1.0 / (fourth * fourth))
+
+
+@inlined
+def fine_share(bank: Bank) -> float:
+    """Weight of the fine map between the two maps: what the coarse one cannot resolve it learns wrong at once."""
+    present = bank.notes[0].present
+    coarse = 0.0 if bank.absent[1] > 0 else trust(present[0])
+    fine = 0.0 if bank.absent[2] > 0 else trust(present[1] * FINE_PENALTY**2)
+    return fine / (coarse + fine) if coarse + fine > 0.0 else 0.0
+
+
+@inlined
 def allot(bank: Bank) -> None:
-    """Set the weights of the experts from their scores, the assumed first errors, and the resolution of their knots."""
-    learnt, notes = bank.map[0], bank.notes[0]
+    """Set the weights of the experts from their scores and the assumed first errors."""
+    learnt, notes, weights = bank.map[0], bank.notes[0], bank.map[0].shares
     first = max(FIRST_TIME * math.exp(-notes.contact / FIRST_TIME), 1e-9)  # for nothing may have been scored yet
-    depth = max(learnt.reached + learnt.origin, 1e-6)
-    weights, total = learnt.shares, 0.0
+    # After a change the law, which has gone on, is a better first guess than at the beginning.
+    law, maps = FIRST_ERROR * (0.5 if bank.changes > 0 else 1.0) * notes.peak, FIRST_ERROR * notes.peak
+    law = trust((notes.scores[0] + first * law * law) / (notes.scored + first) * LAW_PENALTY**2)
+    maps = trust((notes.scores[1] + first * maps * maps) / (notes.scored + first))
+    law = 0.0 if bank.absent[0] > 0 or not learnt.law[0] > 0.0 else law
+    maps = maps if bank.absent[1] == 0 or bank.absent[2] == 0 or law == 0.0 else 0.0
+    fine = maps * fine_share(bank)
+    weights[0], weights[1], weights[2] = law, maps - fine, fine
+    total, kept = law + maps, 0.0
     for k in range(EXPERTS):
-        squared = (notes.scores[k] + first * (FIRST_ERRORS[k] * notes.peak) ** 2) / (notes.scored + first)
-        penalty = PENALTIES[k]
-        if k == 1:
-            penalty *= max(1.0, COARSE_DEPTH / depth)
-        elif k == 2:
-            penalty *= max(1.0, depth / FINE_DEPTH)
-        unknown = bank.absent[k] > 0 or (k == 0 and not learnt.law[0] > 0.0)
-        fourth = (squared * penalty**2 + 1e-12) ** 2
-        weights[k] = 0.0 if unknown else 1.0 / (fourth * fourth)
-        total += weights[k]
-    if not total > 0.0:  # only the law, and it is not known yet
-        weights[1] = total = 1.0
-    kept = 0.0
-    for k in range(EXPERTS):
-        weights[k] = weights[k] / total if weights[k] > LEAST_SHARE * total else 0.0
+        weights[k] = weights[k] if weights[k] > LEAST_SHARE * total else 0.0
         kept += weights[k]
     for k in range(EXPERTS):
         weights[k] /= kept

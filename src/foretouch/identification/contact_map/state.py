@@ -13,6 +13,7 @@ from foretouch.models.contact_map.layout import EXPERTS, LARGEST_FEATURES, MEMOR
 
 Field = NDArray[Any]
 
+LEVELS = 20  # Number of powers of two of the force of first contact whose outermost positions are kept
 RING = 128  # Number of snapshots of the map that are kept to be scored on later samples
 
 
@@ -22,8 +23,9 @@ class Notes(Record):
     learnt_at: float  # time of the newest sample learnt from [s]
     peak: float  # largest force since the beginning or the last change [N]
     contact: float  # time in contact since the beginning or the last change [s]
-    scores: Annotated[Field, float, EXPERTS]  # sum of squared late errors of each expert, fading [N^2 s]
+    scores: Annotated[Field, float, 2]  # sums of squared late errors of the law and of the maps, fading [N^2 s]
     scored: float  # time over which they were summed, fading [s]
+    present: Annotated[Field, float, 2]  # the same of errors of coarse and fine map before learning, not fading
     doubt: float  # standard deviation of a late prediction, relative to its force
     wrong_for: float  # time in contact for which late predictions have been wrong by far more than that [s]
     faded: float  # time in contact since the covariance faded last [s]
@@ -31,6 +33,9 @@ class Notes(Record):
     snapped_at: float  # time of the newest snapshot [s]
     before: float  # force at the previous sample [N]
     time: float  # of the newest sample [s], NaN before the first
+    first_force: float  # when contact was first felt [N]
+    outermost: Annotated[Field, float, LEVELS]  # position at which this force, twice it and so on were felt [m]
+    entered: int  # 1 once no contact was seen, 2 once contact came after that
     touched: int  # 1 from the first contact on
     updates: int  # samples learnt from since the last reset
     begun: int  # value of `updates` when the map began

@@ -163,19 +163,23 @@ def mapped(part: CoarseMap | FineMap, grid: Grid, position: float, values: Value
 
 
 @inlined
-def map_force(learnt: Map, part: CoarseMap | FineMap, grid: Grid, position: float, values: Values) -> float:
-    """Force of a map [N]; outside the visited range it is extrapolated along the slope at its end."""
-    lowest, reached, zero = learnt.lowest, learnt.reached, learnt.zero
+def map_force(
+    learnt: Map, part: CoarseMap | FineMap, grid: Grid, place: float, position: float, values: Values
+) -> float:
+    """Force of a map [N] whose knots count from a place; beyond the visited range it goes on along its last slope."""
+    lowest, reached, zero = learnt.lowest - place, learnt.reached - place, learnt.zero
+    position -= place
     step = 0.25 * grid.spacing
     if position < lowest:
         force = mapped(part, grid, lowest, values)
-        slope = (mapped(part, grid, min(lowest + step, reached), values) - force) / step
+        span = max(min(step, reached - lowest), 1e-6)
+        slope = (mapped(part, grid, lowest + span, values) - force) / span
         force = max(force - zero, 0.0)
         return float(max(force + max(slope, force / layout.LETTING_GO) * (position - lowest), 0.0))
     force = max(mapped(part, grid, min(position, reached), values) - zero, 0.0)
     if position > reached:
         before = max(mapped(part, grid, max(reached - step, lowest), values) - zero, 0.0)
-        chord = force / max(reached + learnt.origin, step, layout.LEAST_DEPTH)
+        chord = force / max(learnt.reached + learnt.origin, step, layout.LEAST_DEPTH)
         force += (position - reached) * min(max((force - before) / step, chord), layout.STEEPEST * chord)
     return float(force)
 
@@ -195,6 +199,26 @@ def law_force(learnt: Map, position: float, velocity: float) -> float:
 
 
 @inlined
+def fine_part(position: float) -> float:
+    """Weight of the fine map against the coarse one at a position from its place [m], by where its knots are."""
+    part = min(position - layout.FINE_FROM, layout.FINE_TO - position) / layout.FINE_EDGE
+    part = min(max(part, 0.0), 1.0)
+    return float(part * part * (3.0 - 2.0 * part))
+
+
+@inlined
+def most_outside(learnt: Map, position: float) -> float:
+    """Largest force [N] that is given outside of where the material was touched so far, where that is known.
+
+    A motion that is new in free air extrapolates what velocity and memory do, and would make a force there.
+    """
+    way = max(layout.TOUCH_WAY, layout.TOUCH_SHARE * (learnt.reached - learnt.touch))
+    if learnt.lowest > learnt.touch - way:  # nobody has been outside yet
+        return layout.LARGEST_FORCE
+    return float(layout.TOUCH_FORCE * learnt.touch_force * max(1.0 - (learnt.touch - position) / way, 0.0))
+
+
+@inlined
 def experts(
     learnt: Map, values: Values, position: float, velocity: float, everything: bool
 ) -> tuple[float, float, float, float]:
@@ -204,16 +228,19 @@ def experts(
     `everything`, an expert is not evaluated where its weight is zero.
     """
     weights = learnt.shares
-    coarse = map_force(learnt, learnt.coarse, COARSE, position, values)
+    coarse = map_force(learnt, learnt.coarse, COARSE, 0.0, position, values)
     # Further out than the visited range the law, which knows one surface, has no weight.
     asked = everything or weights[0] > 0.0
     law = law_force(learnt, position, velocity) if asked and position >= learnt.lowest else coarse
-    # Deeper than its knots the fine map has no weight either.
-    asked = everything or weights[2] > 0.0
-    fine = map_force(learnt, learnt.fine, FINE, position, values) if asked and position < layout.FINE_REACH else coarse
+    # Where the fine map has no knots the coarse one stands for it.
+    fine, inside = coarse, fine_part(position - learnt.place) if everything or weights[2] > 0.0 else 0.0
+    if inside > 0.0:
+        fine += inside * (map_force(learnt, learnt.fine, FINE, learnt.place, position, values) - coarse)
     force = weights[0] * law + weights[1] * coarse + weights[2] * fine
     if position > learnt.reached:
         force = min(force, layout.MOST * learnt.felt)
+    elif position < learnt.touch:
+        force = min(force, most_outside(learnt, position))
     return law, coarse, fine, min(force, layout.LARGEST_FORCE) if force >= 0.0 else 0.0  # 0 where it is no number
 
 
@@ -224,10 +251,9 @@ def force_at(learnt: Map, memory: Memory, position: float, velocity: float) -> f
 
 
 @inlined
-def uncertainty(learnt: Map, force: float, velocity: float) -> float:
+def uncertainty(learnt: Map, force: float) -> float:
     """Variance of a late prediction [N^2]."""
-    speed, parts = velocity / layout.SPEED, learnt.uncertainty
-    return float(parts[0] + parts[1] * force * force + parts[2] * speed * speed)
+    return float(learnt.uncertainty[0] + learnt.uncertainty[1] * force * force)
 
 
 @inlined
@@ -236,7 +262,7 @@ def advanced(learnt: Map, memory: Memory, depth: float, velocity: float, period:
     position = depth - learnt.origin
     memory = moved(memory, position, rate_of(period))
     force = force_at(learnt, memory, position, velocity)
-    variance = uncertainty(learnt, force, velocity)
+    variance = uncertainty(learnt, force)
     if position > learnt.reached:  # extrapolation along the slope is uncertain
         weight = (position - learnt.reached) / max(position + learnt.origin, 1e-9)
         variance += (min(weight, 1.0) * force) ** 2

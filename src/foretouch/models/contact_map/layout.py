@@ -10,6 +10,7 @@ from typing import Annotated, Any, NamedTuple
 from numpy.typing import NDArray
 
 from foretouch.core.records import Record
+from foretouch.models.contact_model import LARGEST_DEPTH
 
 Field = NDArray[Any]
 
@@ -57,7 +58,7 @@ def _grid(spacing: float, below: int, above: int, features: int) -> Grid:
     return Grid(spacing, below, above, features, knots, COARSENESS * spacing, feature_below, feature_knots, size)
 
 
-GRIDS = COARSE, FINE = _grid(1e-3, 10, 40, LARGEST_FEATURES), _grid(3e-5, 50, 60, 1)
+GRIDS = COARSE, FINE = _grid(1e-3, 10, 40, LARGEST_FEATURES), _grid(3e-5, 20, 40, 1)
 """The coarse map reaches 10 mm out and 40 mm in, and has all features; the fine one has velocity only."""
 
 REACH = 1.0  # Factor on the range of the features so far, beyond which they are clamped
@@ -71,13 +72,20 @@ SPEED_REACH = 1.5  # Factor on the largest speed so far, beyond which the law cl
 LARGEST_FORCE = 1e6
 """Largest force of a model [N]."""
 
-FINE_REACH = FINE.above * FINE.spacing  # Depth at which the knots of the fine map end [m]
+FINE_FROM, FINE_TO = -FINE.below * FINE.spacing, FINE.above * FINE.spacing
+"""Where the knots of the fine map begin and end, from its place [m]."""
+
+FINE_EDGE = 1e-4  # Way before both ends over which the fine map goes over into the coarse one [m]
 MOST = 20.0  # Largest ratio of a force beyond the visited depth to the largest that was felt
 LETTING_GO = 5e-3  # Distance outside the visited range after which a force is zero at the latest [m]
+TOUCH_FORCE, TOUCH_WAY, TOUCH_SHARE = 2.0, 1e-4, 0.5
+"""Outside of where the material was touched so far, the largest force that is given: relative to the one felt there;
+and the way over which it falls to zero, at least [m] and as a fraction of the depth visited."""
+
 LEAST_DEPTH = 1e-4  # Least depth to which a law is used [m], also if it was learnt from less
 
 EXPERTS = 3
-UNCERTAINTIES = 3
+UNCERTAINTIES = 2
 
 
 class CoarseMap(Record):
@@ -104,12 +112,12 @@ class Map(Record):
     law_speed: float  # largest in contact so far [m/s]
     lowest: float  # smallest position that was learnt [m], from the origin
     reached: float  # and the largest
-    uncertainty: Annotated[
-        Field, float, UNCERTAINTIES
-    ]  # variance: constant [N^2], multiples of force^2 and speed^2; the last is
-    # 0 but in older recordings
+    uncertainty: Annotated[Field, float, UNCERTAINTIES]  # variance: constant [N^2], multiple of force^2
+    place: float  # of the fine map's knots, from the origin [m]
     shares: Annotated[Field, float, EXPERTS]  # weights of the law, the coarse map and the fine map
     felt: float  # largest force so far [N]
+    touch: float = -LARGEST_DEPTH  # outermost position at which `touch_force` was felt [m], from the origin
+    touch_force: float  # a tenth to a fifth of the largest force [N]
     coarse: CoarseMap
     fine: FineMap
 

@@ -18,11 +18,11 @@ Law = tuple[float, float, float, float]
 
 
 @inlined
-def mark_part(learnt: Map, grid: Grid, begin: int, needed: Flags) -> int:
+def mark_part(learnt: Map, grid: Grid, place: float, begin: int, needed: Flags) -> int:
     """`mark` the part of one grid, which begins at an index, and return where it ends."""
     knots = begin + 2 * grid.features
     needed[begin:knots] = 1
-    first, last = learnt.lowest, learnt.reached
+    first, last = learnt.lowest - place, learnt.reached - place
     low = cubic(first, grid.spacing, grid.below, grid.knots)[0]
     high = cubic(last, grid.spacing, grid.below, grid.knots)[0] + 4
     needed[knots + low : knots + high] = 1
@@ -43,9 +43,9 @@ def mark(maps: NDArray[np.void], needed: Flags) -> None:
     learnt = maps[0]
     needed[:] = 0
     needed[:HEADER] = 1
-    end = mark_part(learnt, COARSE, HEADER, needed)
+    end = mark_part(learnt, COARSE, 0.0, HEADER, needed)
     if learnt.shares[2] > 0.0:
-        mark_part(learnt, FINE, end, needed)
+        mark_part(learnt, FINE, learnt.place, end, needed)
 
 
 @compiled
