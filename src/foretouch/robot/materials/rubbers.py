@@ -28,11 +28,11 @@ from foretouch.robot.materials.spheres import SPHERE_RADIUS, hertz_factor
 class MullinsSphere(ContactModel):
     r"""A sphere on filled rubber, which is softer below the deepest press that it has ever borne.
 
-    Ogden and Roxburgh's pseudo-elastic law, with the whole contact for its one degree of freedom: with Hertz's force
-    F_0 and its energy W,
+    Ogden and Roxburgh's pseudo-elastic law, in the form of Bose and others (beta), with the whole contact for its one
+    degree of freedom: with Hertz's force F_0 and its energy W,
 
     .. math::
-        F = F_0(x) \Big(1 - \frac{1}{r}\, \mathrm{erf}\, \frac{W(x_m) - W(x)}{m}\Big), \quad
+        F = F_0(x) \Big(1 - \frac{1}{r}\, \mathrm{erf}\, \frac{W(x_m) - W(x)}{m + \beta W(x_m)}\Big), \quad
         W(x) = \tfrac{2}{5} x F_0(x)
 
     where x_m is the largest depth so far: a first press is Hertz's, the way back and all presses after it are softer,
@@ -44,7 +44,8 @@ class MullinsSphere(ContactModel):
     Args:
         modulus: E* [Pa], positive.
         softening: r [-], above 1: at most the fraction 1 / r of the force is lost.
-        energy: m [J], positive: of the softening, half of it after about m / 2.
+        energy: m [J], positive: the larger, the more gradually the force falls as the probe turns back.
+        growth: beta [-], 0 or more; 0 in Ogden and Roxburgh's own form.
         radius: R [m], positive.
 
     Raises:
@@ -53,6 +54,8 @@ class MullinsSphere(ContactModel):
     References:
         Ogden and Roxburgh (1999), A pseudo-elastic model for the Mullins effect in filled rubber, Proceedings of the
         Royal Society A 455, 2861-2877.
+        Bose, Hurtado and Murman (2003), Modelling of stress softening in filled elastomers, Constitutive Models for
+        Rubber III, 223-230.
     """
 
     law: ClassVar[str] = "mullins-sphere"
@@ -60,12 +63,14 @@ class MullinsSphere(ContactModel):
     modulus: float
     softening: float
     energy: float
+    growth: float = 0.0
     radius: float = SPHERE_RADIUS
 
     def __post_init__(self) -> None:
         for name in ("modulus", "energy", "radius"):
             require(name, getattr(self, name), above=0.0)
         require("softening", self.softening, above=1.0)
+        require("growth", self.growth, at_least=0.0)
 
     def initial_state(self) -> ContactState:
         """Never pressed."""
@@ -81,7 +86,8 @@ class MullinsSphere(ContactModel):
         first = hertz_factor(self.modulus, self.radius) * depth**1.5
         energy = 0.4 * depth * first
         largest = max(state[0], energy)
-        return (largest,), first * (1.0 - math.erf((largest - energy) / self.energy) / self.softening), math.nan
+        lost = math.erf((largest - energy) / (self.energy + self.growth * largest)) / self.softening
+        return (largest,), first * (1.0 - lost), math.nan
 
 
 def mullins() -> Material:
@@ -90,7 +96,7 @@ def mullins() -> Material:
         name="mullins",
         description="sphere on filled rubber (Mullins): the first press to a depth is the hardest",
         provenance="Ogden and Roxburgh (1999), Proc. R. Soc. A 455, 2861; numbers chosen, of a soft filled rubber",
-        model=MullinsSphere(modulus=1e6, softening=1.6, energy=1.5e-3),
+        model=MullinsSphere(modulus=1e6, softening=1.6, energy=0.5e-3, growth=0.5),
         press_depth=0.002,
     )
 
