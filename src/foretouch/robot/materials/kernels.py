@@ -1,4 +1,4 @@
-"""Compiled steps of the hysteretic and the layered contact law; their equations: `foretouch.robot.materials.contacts`.
+"""Compiled steps of contact laws; their equations: `foretouch.robot.materials.contacts`, and `spheres` beside it.
 
 Springs and branches of the hysteretic law stand in one table, one row each, which keeps the call short: start a [m],
 end b [m], force [N] or stiffness [N/m], and for branches slip force [N] and relaxation time [s].
