@@ -124,6 +124,7 @@ class RcmArm(Robot):
             accelerometer_noise=built.accelerometer_noise,
         )
         self._state: ContactState = self.material.model.initial_state()
+        self._least_force = -LARGEST_CONTACT_FORCE if self.material.pulls else 0.0
         self._contact_force = 0.0
         self._touch(0.0, 0.0)
         tool = built.tool_force(0.0)
@@ -158,7 +159,7 @@ class RcmArm(Robot):
     def _touch(self, position: float, velocity: float) -> None:
         """Advance the material to where the tip is now; its force acts through the next physics step."""
         self._state, force, _ = self.material.model.advance(self._state, position - self.surface, velocity, self._h)
-        self._contact_force = min(force, LARGEST_CONTACT_FORCE) if force >= 0.0 else 0.0
+        self._contact_force = min(force, LARGEST_CONTACT_FORCE) if force >= self._least_force else 0.0
 
     def _measure(self) -> RobotSample:
         noise, exact = self._noise, self._qpos.item()

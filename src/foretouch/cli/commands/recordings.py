@@ -90,7 +90,7 @@ def list_materials() -> Answer:
         name: {"description": one.description, "provenance": one.provenance, "press_depth_m": one.press_depth}
         for name, one in entries.items()
     }
-    lines = (f"{name:<16} to {1e3 * one.press_depth:.1f} mm   {one.description}" for name, one in entries.items())
+    lines = (f"{name:<19} to {1e3 * one.press_depth:4.1f} mm   {one.description}" for name, one in entries.items())
     return Answer(content, lines)
 
 

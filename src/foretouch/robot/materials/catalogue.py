@@ -3,6 +3,7 @@
 A material is a contact law at a place. There are the paper's Kelvin-Voigt and Hunt-Crossley materials; foam fitted to
 measured presses, the default; and independent physics: a sponge, quasi-linear viscoelastic; a foam with plateau and
 densification, from the mechanics of cells; a thenar's skin, fat and muscle over bone; and bare bone, the stress case.
+In `spheres` and `rubbers` there are solutions of contact mechanics, for a sphere as large as the arm's tip.
 """
 
 from __future__ import annotations
@@ -16,39 +17,13 @@ import msgspec
 
 from foretouch.errors import UnknownNameError
 from foretouch.errors.checks import require
-from foretouch.models import ContactModel
 from foretouch.models.classic import HuntCrossley, KelvinVoigt
 from foretouch.plugins import make_plugin, plugin_names
 from foretouch.robot.materials.contacts import ElasticResponse, LayeredContact, RelaxingContact
 from foretouch.robot.materials.foam_fit import FoamFit
-
-DEFAULT_SURFACE = 0.010
-"""Position of the undeformed surface [m]: the probe starts at 0, in free air."""
-
-
-@dataclass(frozen=True)
-class Material:
-    """A material that the simulated robot presses.
-
-    Attributes:
-        name: Name in the registry, for example ``"foam-measured"``.
-        description: One line for the user.
-        provenance: Source of the numbers, one line.
-        model: The contact law with its numbers.
-        press_depth: A typical deepest press [m], positive.
-        surface: Position of the undeformed surface [m], on the probe's path.
-    """
-
-    name: str
-    description: str
-    provenance: str
-    model: ContactModel
-    press_depth: float
-    surface: float = DEFAULT_SURFACE
-
-    def __post_init__(self) -> None:
-        require("press_depth", self.press_depth, above=0.0)
-        require("surface", self.surface)
+from foretouch.robot.materials.material import Material
+from foretouch.robot.materials.rubbers import adhesive, hyperelastic_fe, mullins
+from foretouch.robot.materials.spheres import poroelastic, sphere_viscoelastic, thin_layer
 
 
 def kelvin_voigt() -> Material:
@@ -331,13 +306,19 @@ DEFAULT_MATERIAL = "foam-measured"
 """Material that is pressed by default."""
 
 MATERIALS: dict[str, Callable[[], Material]] = {
+    "adhesive": adhesive,
     "bone": bone,
     "foam": foam,
     "foam-measured": foam_measured,
     "hand": hand,
     "hunt-crossley": hunt_crossley,
+    "hyperelastic-fe": hyperelastic_fe,
     "kelvin-voigt": kelvin_voigt,
+    "mullins": mullins,
+    "poroelastic": poroelastic,
+    "sphere-viscoelastic": sphere_viscoelastic,
     "sponge": sponge,
+    "thin-layer": thin_layer,
 }
 """Every material of the package; others come from `foretouch.plugins`."""
 

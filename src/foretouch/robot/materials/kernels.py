@@ -1,4 +1,4 @@
-"""Compiled steps of the hysteretic and the layered contact law; their equations: `foretouch.robot.materials.contacts`.
+"""Compiled steps of contact laws; their equations: `foretouch.robot.materials.contacts`, and `spheres` beside it.
 
 Springs and branches of the hysteretic law stand in one table, one row each, which keeps the call short: start a [m],
 end b [m], force [N] or stiffness [N/m], and for branches slip force [N] and relaxation time [s].
@@ -152,3 +152,22 @@ def layered_step(state: State, depth: float, h: float, compliance: float, table:
         shifts = (table[0, 1] + first, table[1, 1] + second, table[2, 1] + third, compliance)
         return solve_force(depth, force, shifts, table), first, second, third
     return 0.0, first, second, third
+
+
+@compiled
+def viscoelastic_step(values: Array, depth: float, h: float, rings: Array, relaxation: Array) -> float:
+    """Force of a viscoelastic half-space on a sphere [N]; `values`, its state, is written.
+
+    A row of `rings` is a ring: its depth [m] and stiffness [N/m]; one of `relaxation` a part: g and tau.
+    """
+    count, force = rings.shape[0], 0.0
+    keep = np.exp(-h / relaxation[:, 1])
+    for j in range(count):
+        memory = 0.0
+        for i in range(relaxation.shape[0]):
+            at = (i + 1) * count + j
+            values[at] = keep[i] * values[at] + (1.0 - keep[i]) * relaxation[i, 0] * values[j]
+            memory += values[at]
+        values[j] = max(memory, depth - rings[j, 0]) if depth > 0.0 else memory
+        force += rings[j, 1] * (values[j] - memory)
+    return force

@@ -98,7 +98,7 @@ class SpatialWorld:
         normal = motion.rotate(contact.normal)
         inwards = -dot(velocity, normal)
         self._state, pressed, _ = self._material.model.advance(self._state, contact.depth, inwards, elapsed)
-        if contact.depth <= 0.0:
+        if contact.depth <= 0.0 and not (self._material.pulls and pressed < 0.0):
             return (0.0, 0.0, 0.0)
         if self._scene.inclusion is not None:
             pressed *= self._scene.inclusion.factor(within)
@@ -106,7 +106,7 @@ class SpatialWorld:
         speed = norm(sliding)
         if not speed > 0.0:
             return scaled(normal, pressed)
-        rub = self._scene.friction * pressed * math.tanh(speed / STICTION_SPEED) + self._scene.viscous * speed
+        rub = self._scene.friction * max(pressed, 0.0) * math.tanh(speed / STICTION_SPEED) + self._scene.viscous * speed
         return subtract(scaled(normal, pressed), scaled(sliding, rub / speed))
 
     def _move_fixture(self) -> None:
