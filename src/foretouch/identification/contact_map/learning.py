@@ -52,6 +52,7 @@ FINE_TIME, FINE_ERROR = 0.02, 0.2
 """Time in contact [s] and error, relative to the peak, that a new fine map is assumed to have, and the coarse one half
 of it: it has to show that it is needed."""
 
+TOUCH_WAY = 1e-4
 TOUCH_SHARE = 0.1  # Least force, relative to the peak, by which it is known where the material begins
 
 LARGEST = 1.7976931348623157e308
@@ -87,8 +88,8 @@ def restart(bank: Bank) -> None:
     notes.peak = notes.contact = notes.scored = notes.faded = notes.wrong_for = 0.0
     notes.scores[:], notes.doubt = 0.0, FIRST_DOUBT
     learnt.uncertainty[0], learnt.uncertainty[1] = 0.0, FIRST_DOUBT**2
-    notes.outermost[:], learnt.touch = math.inf, -LARGEST_DEPTH
-    notes.first_force, notes.entered = 0.0, 0
+    notes.outermost[:], learnt.touch, learnt.touch_way = math.inf, -LARGEST_DEPTH, LARGEST_DEPTH
+    notes.touch_unit, notes.entered = 0.0, 0
     notes.snapshots = 0
     place_fine(bank, 0.0)
 
@@ -124,22 +125,23 @@ def score_late(bank: Bank, time: float, sample: tuple[float, float, float], cont
 @inlined
 def level_of(ratio: float) -> int:
     """Exponent of the largest power of two up to a ratio of forces, 0 to `LEVELS` - 1."""
-    return min(max(math.frexp(ratio)[1] - 1, 0), LEVELS - 1) if ratio > 0.0 else 0
+    return min(max(math.frexp(ratio)[1] - 1, 0), LEVELS - 3) if ratio > 0.0 else 0
 
 
 @inlined
 def note_touch(learnt: Map, notes: Notes, position: float, force: float) -> None:
     """Note where a force in contact was felt, and where a `TOUCH_SHARE` of the largest was felt outermost."""
-    if notes.first_force == 0.0:
-        notes.first_force = max(force, 0.0)
-    if not notes.first_force > 0.0:
+    if notes.touch_unit == 0.0:
+        notes.touch_unit = max(force / 16.0, 0.0)
+    if not notes.touch_unit > 0.0:
         return
-    for k in range(level_of(force / notes.first_force) + 1):
+    for k in range(level_of(force / notes.touch_unit) + 1):
         notes.outermost[k] = min(notes.outermost[k], position)
-    level = level_of(TOUCH_SHARE * notes.peak / notes.first_force)
+    level = level_of(TOUCH_SHARE * notes.peak / notes.touch_unit)
     # Where contact ends says less: foam is left deeper than it is touched.
-    if notes.entered == 2 and math.isfinite(notes.outermost[level]):
-        learnt.touch, learnt.touch_force = notes.outermost[level], notes.first_force * 2.0**level
+    if notes.entered == 2 and math.isfinite(notes.outermost[level + 2]):
+        learnt.touch, learnt.touch_force = notes.outermost[level], notes.touch_unit * 2.0**level
+        learnt.touch_way = max(notes.outermost[min(level + 2, LEVELS - 1)] - learnt.touch, TOUCH_WAY)
 
 
 @inlined
@@ -155,6 +157,11 @@ def widen(bank: Bank, sample: tuple[float, float, float], contact: bool, period:
         learnt.felt = max(learnt.felt, notes.peak)
         note_touch(learnt, notes, position, min(force, notes.before))
         learnt.law_speed = max(learnt.law_speed, abs(velocity))
+    elif velocity > 0.0 and position > learnt.touch + learnt.touch_way and force < learnt.touch_force:
+        # The material is no longer where it was touched.
+        learnt.touch = position
+        for k in range(LEVELS):
+            notes.outermost[k] = max(notes.outermost[k], position)
     learnt.lowest, learnt.reached = min(learnt.lowest, position), max(learnt.reached, position)
     coarse, fine = learnt.coarse.ranges, learnt.fine.ranges
     for f in range(COARSE.features):

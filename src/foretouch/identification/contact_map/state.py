@@ -13,7 +13,7 @@ from foretouch.models.contact_map.layout import EXPERTS, LARGEST_FEATURES, MEMOR
 
 Field = NDArray[Any]
 
-LEVELS = 20  # Number of powers of two of the force of first contact whose outermost positions are kept
+LEVELS = 20  # Number of powers of two of a force whose outermost positions are kept
 RING = 128  # Number of snapshots of the map that are kept to be scored on later samples
 
 
@@ -33,7 +33,7 @@ class Notes(Record):
     snapped_at: float  # time of the newest snapshot [s]
     before: float  # force at the previous sample [N]
     time: float  # of the newest sample [s], NaN before the first
-    first_force: float  # when contact was first felt [N]
+    touch_unit: float  # a sixteenth of the first force in contact [N]
     outermost: Annotated[Field, float, LEVELS]  # position at which this force, twice it and so on were felt [m]
     entered: int  # 1 once no contact was seen, 2 once contact came after that
     touched: int  # 1 from the first contact on

@@ -212,10 +212,10 @@ def most_outside(learnt: Map, position: float) -> float:
 
     A motion that is new in free air extrapolates what velocity and memory do, and would make a force there.
     """
-    way = max(layout.TOUCH_WAY, layout.TOUCH_SHARE * (learnt.reached - learnt.touch))
-    if learnt.lowest > learnt.touch - way:  # nobody has been outside yet
+    away = learnt.touch - position
+    if learnt.lowest > learnt.touch - learnt.touch_way:  # nobody has been outside yet
         return layout.LARGEST_FORCE
-    return float(layout.TOUCH_FORCE * learnt.touch_force * max(1.0 - (learnt.touch - position) / way, 0.0))
+    return float(layout.TOUCH_FORCE * learnt.touch_force * max(1.0 - away / learnt.touch_way, 0.0))
 
 
 @inlined

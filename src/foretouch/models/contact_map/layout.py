@@ -78,9 +78,7 @@ FINE_FROM, FINE_TO = -FINE.below * FINE.spacing, FINE.above * FINE.spacing
 FINE_EDGE = 1e-4  # Way before both ends over which the fine map goes over into the coarse one [m]
 MOST = 20.0  # Largest ratio of a force beyond the visited depth to the largest that was felt
 LETTING_GO = 5e-3  # Distance outside the visited range after which a force is zero at the latest [m]
-TOUCH_FORCE, TOUCH_WAY, TOUCH_SHARE = 2.0, 1e-4, 0.5
-"""Outside of where the material was touched so far, the largest force that is given: relative to the one felt there;
-and the way over which it falls to zero, at least [m] and as a fraction of the depth visited."""
+TOUCH_FORCE = 2.0  # Largest force just outside of where the material was touched so far, relative to the one there
 
 LEAST_DEPTH = 1e-4  # Least depth to which a law is used [m], also if it was learnt from less
 
@@ -117,6 +115,7 @@ class Map(Record):
     shares: Annotated[Field, float, EXPERTS]  # weights of the law, the coarse map and the fine map
     felt: float  # largest force so far [N]
     touch: float = -LARGEST_DEPTH  # outermost position at which `touch_force` was felt [m], from the origin
+    touch_way: float = LARGEST_DEPTH  # on which it grows to four times that [m]
     touch_force: float  # a tenth to a fifth of the largest force [N]
     coarse: CoarseMap
     fine: FineMap
