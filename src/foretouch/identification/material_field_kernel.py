@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from foretouch.core.compiling import Kernel, compiled, kernel
 from foretouch.core.records import Record
-from foretouch.identification.conditioning.kernel import Memory, clear, condition, is_full, take_lagged
+from foretouch.identification.conditioning.conditioner import clear, take_lagged
+from foretouch.identification.conditioning.kernel import Memory, condition, is_full
 from foretouch.models.material_field import FIELD_DEPTH, LARGEST_LAW, MOST_NODES
 from foretouch.models.material_field_kernel import CORNERS, NUMBERS, cell_of
 from foretouch.quantities.pose import Vector

@@ -9,27 +9,74 @@ import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from foretouch.core import Kernel
+from foretouch.core import Kernel, Record, compiled
 from foretouch.errors import InputError
 from foretouch.errors.checks import require
 from foretouch.identification.conditioning.kernel import (
     CONTACT_FLOOR,
     Conditioning,
-    Lag,
-    clear,
     grow,
     lose_surface,
     make_memory,
     shift,
     take,
-    take_lagged,
 )
 from foretouch.quantities import ByValue
+
+Array = NDArray[np.float64]
+
+MEMORY = 5.0  # Time in moving contact over which samples are remembered [s]
+SLOWEST = 2e-3  # Least speed [m/s] at which the lag can be estimated
+
+
+class Lag(Record):
+    """State of `SensorLag`."""
+
+    time: float  # in moving contact [s]
+    weight: float  # the same, fading [s]
+    place: float = math.nan  # origin of positions, so that what is squared stays small [m]; NaN before the first sample
+    force: float = math.nan  # origin of forces [N]
+    means: Annotated[Array, float, 3]  # of position, velocity, force
+    products: Annotated[Array, float, 6]  # centred: xx, xv, vv, xF, vF, FF
+
+
+@compiled
+def clear(lags: NDArray[np.void]) -> None:
+    """Forget all samples."""
+    lag = lags[0]
+    lag.time = lag.weight = 0.0
+    lag.place = lag.force = math.nan
+    lag.means[:] = 0.0
+    lag.products[:] = 0.0
+
+
+@compiled(error_model="numpy")
+def take_lagged(lags: NDArray[np.void], position: float, velocity: float, force: float, period: float) -> None:
+    """`SensorLag.update` on its state, in place."""
+    if abs(velocity) < SLOWEST or not 0.0 < period < 1.0:
+        return
+    lag = lags[0]
+    if math.isnan(lag.place):
+        lag.place, lag.force = position, force
+    fading = math.exp(-period / MEMORY)
+    lag.time += period
+    lag.weight = lag.weight * fading + period
+    weight = period / lag.weight
+    kept = 1.0 - weight
+    means, products = lag.means, lag.products
+    x = position - lag.place - means[0]
+    v = velocity - means[1]
+    f = force - lag.force - means[2]
+    for index, away in enumerate((x, v, f)):
+        means[index] += weight * away
+    for index, product in enumerate((x * x, x * v, v * v, x * f, v * f, f * f)):
+        products[index] = kept * (products[index] + weight * product)
+
 
 LONGEST_LAG = 0.05  # Largest lag of a sensor [s]
 LEAST_TIME = 0.2  # Least time of moving contact for an estimate [s]
@@ -109,9 +156,6 @@ class SensorLag:
         if not stiffness > 0.0:
             return None
         return stiffness, slope, max(ff - stiffness * xf - slope * vf, 0.0)
-
-
-Array = NDArray[np.float64]
 
 
 class ContactSample(NamedTuple):

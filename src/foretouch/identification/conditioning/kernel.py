@@ -1,7 +1,4 @@
-"""One raw sample conditioned, and the sums of the sensor's lag, compiled.
-
-The method and its reasons are in `foretouch.identification.Conditioner` and `foretouch.identification.SensorLag`.
-"""
+"""One raw sample conditioned, compiled. The method and its reasons are in `foretouch.identification.Conditioner`."""
 
 from __future__ import annotations
 
@@ -13,57 +10,10 @@ from numpy.typing import NDArray
 
 from foretouch.core import Record, compiled, kernel
 from foretouch.core.compiling import inlined
+from foretouch.identification.conditioning.air import Air, drifted, follow_air, leave_air
 from foretouch.models.predictor import VELOCITY_CUTOFF
 
 Array = NDArray[np.float64]
-
-MEMORY = 5.0  # Time in moving contact over which samples are remembered [s]
-SLOWEST = 2e-3  # Least speed [m/s] at which the lag can be estimated
-
-
-class Lag(Record):
-    """State of `SensorLag`."""
-
-    time: float  # in moving contact [s]
-    weight: float  # the same, fading [s]
-    place: float = math.nan  # origin of positions, so that what is squared stays small [m]; NaN before the first sample
-    force: float = math.nan  # origin of forces [N]
-    means: Annotated[Array, float, 3]  # of position, velocity, force
-    products: Annotated[Array, float, 6]  # centred: xx, xv, vv, xF, vF, FF
-
-
-@compiled
-def clear(lags: NDArray[np.void]) -> None:
-    """Forget all samples."""
-    lag = lags[0]
-    lag.time = lag.weight = 0.0
-    lag.place = lag.force = math.nan
-    lag.means[:] = 0.0
-    lag.products[:] = 0.0
-
-
-@compiled(error_model="numpy")
-def take_lagged(lags: NDArray[np.void], position: float, velocity: float, force: float, period: float) -> None:
-    """`SensorLag.update` on its state, in place."""
-    if abs(velocity) < SLOWEST or not 0.0 < period < 1.0:
-        return
-    lag = lags[0]
-    if math.isnan(lag.place):
-        lag.place, lag.force = position, force
-    fading = math.exp(-period / MEMORY)
-    lag.time += period
-    lag.weight = lag.weight * fading + period
-    weight = period / lag.weight
-    kept = 1.0 - weight
-    means, products = lag.means, lag.products
-    x = position - lag.place - means[0]
-    v = velocity - means[1]
-    f = force - lag.force - means[2]
-    for index, away in enumerate((x, v, f)):
-        means[index] += weight * away
-    for index, product in enumerate((x * x, x * v, v * v, x * f, v * f, f * f)):
-        products[index] = kept * (products[index] + weight * product)
-
 
 OFFSET_WINDOW = 0.05  # Length [s] of the window whose lowest mean so far is taken for the force in free air
 
@@ -126,7 +76,7 @@ class Conditioning(Record):
     offset_given: bool
     surface: float = math.nan  # [m]; NaN while unknown
     surface_error: float = math.nan  # standard error of the surface [m]
-    offset: float  # of the force [N]
+    offset: float  # of the force [N], less its drift since
     in_contact: bool
     motion_time: float = math.nan  # of the newest sample of the low-pass [s]
     motion_place: float = math.nan  # its position [m]
@@ -137,6 +87,7 @@ class Conditioning(Record):
     block: Block
     surface_threshold: float = math.inf  # at which the surface was detected [N]
     free_place: float = math.nan  # last position below the threshold of release [m]
+    air: Air
     late_first: int  # index in the rings of the oldest sample that waits
     late_count: int
 
@@ -255,9 +206,11 @@ def learn_offset(state: Conditioning, rings: Array, time: float, force: float) -
     mean = total / count
     variance = squares / count - mean * mean
     spread = math.sqrt(variance) if variance > 0.0 else 0.0
+    if full and spread < state.quiet.least_spread:
+        state.quiet.least_spread = spread
+    if not math.isnan(state.air.reference):  # what is lower now has drifted
+        return
     if full:
-        if spread < state.quiet.least_spread:
-            state.quiet.least_spread = spread
         limit = QUIET_FACTOR * state.quiet.least_spread
         if mean >= state.quiet.lowest_mean or spread > (limit if limit > SMALLEST_SPREAD else SMALLEST_SPREAD):
             return
@@ -338,7 +291,8 @@ def condition(
     if state.lag > 0.0:
         position, velocity = delay(state, rings, time, position, velocity)
     learn_offset(state, rings, time, force)
-    force -= state.offset
+    raw, air = force, state.air
+    force -= state.offset + drifted(air, time)
     learn_peak(state, time, force)
     threshold = threshold_of(state)
     if state.in_contact:
@@ -350,6 +304,14 @@ def condition(
         if touching and not state.surface_given:
             learn_surface(state, position, threshold)
     state.in_contact = touching
+    if touching:
+        leave_air(air)
+    elif not state.offset_given:
+        before = air.reference
+        quiet = min(max(3.0 * state.quiet.noise, SMALLEST_SPREAD), state.floor)
+        follow_air(air, time, (position, raw), state.surface, state.floor, quiet)
+        if math.isnan(before) != math.isnan(air.reference):
+            state.offset = air.level if math.isnan(air.reference) else air.reference
     if touching and not state.surface_given and position < state.surface:
         state.surface = position
     return position - state.surface, velocity, force, touching

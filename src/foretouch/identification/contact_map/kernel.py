@@ -15,16 +15,8 @@ from numpy.typing import NDArray
 
 from foretouch.core.compiling import compiled, inlined, kernel
 from foretouch.core.records import Record
-from foretouch.identification.conditioning.kernel import (
-    Conditioning,
-    Lag,
-    Memory,
-    clear,
-    condition,
-    is_full,
-    lose_surface,
-    take_lagged,
-)
+from foretouch.identification.conditioning.conditioner import Lag, clear, take_lagged
+from foretouch.identification.conditioning.kernel import Conditioning, Memory, condition, is_full, lose_surface
 from foretouch.identification.contact_map.learning import CHANGED, FAILED, PERIOD, learn, restart
 from foretouch.identification.contact_map.state import Bank
 from foretouch.identification.exact.belief import clear as clear_law

@@ -99,7 +99,8 @@ def allot(bank: Bank) -> None:
     maps = trust((notes.scores[1] + first * maps * maps) / (notes.scored + first))
     law = 0.0 if bank.absent[0] > 0 or not learnt.law[0] > 0.0 else law
     maps = maps if bank.absent[1] == 0 or bank.absent[2] == 0 or law == 0.0 else 0.0
-    fine = maps * fine_share(bank)
+    share = fine_share(bank)
+    law, fine = law * (1.0 - share), maps * share
     weights[0], weights[1], weights[2] = law, maps - fine, fine
     total, kept = law + maps, 0.0
     for k in range(EXPERTS):

@@ -1,0 +1,144 @@
+"""How the force in free air drifts, compiled: followed where the geometry says that nothing is touched.
+
+The method and its reasons are in `foretouch.identification.Conditioner`.
+"""
+
+from __future__ import annotations
+
+import math
+
+from foretouch.core import Record
+from foretouch.core.compiling import inlined
+
+BLOCK = 0.02  # Length of a block whose mean force is taken [s]
+
+LEVEL_WAY = 3e-3
+"""Way [m] over which a force has to be level to be that of free air: a material would give way to it."""
+
+OUTER_SHARE = 0.25  # Fraction of the way out, nearest to its end, that counts: what sticks to the probe lets go before
+
+UNSURE = 0.4
+"""Standard deviation of a block in free air, as a fraction of the contact floor: friction of the mechanism is in it, and
+the blocks of one stay are alike."""
+
+RATE, RATE_TIME = 0.5, 60.0
+"""Standard deviation of the rate of drift, in contact floors per second, and the time in which it changes [s]."""
+
+SURE = 4.0  # Standard deviations beyond which a block is not of the drift that was expected
+
+
+class Air(Record):
+    """What is known of free air: a Kalman filter of the drift and its rate, and the block that is being taken."""
+
+    reference: float = math.nan  # force in free air from which the drift counts [N]; NaN while none is known
+    touched: bool  # whether there was contact since that was found
+    confirmed: bool  # whether the force was the same after it
+    drift: float  # [N]
+    rate: float  # of the drift [N/s]
+    time: float = math.nan  # of these two [s]
+    variance: float  # of the drift [N^2]
+    shared: float  # covariance of drift and rate [N^2/s]
+    rate_variance: float  # [N^2/s^2]
+    begin: float = math.nan  # of the block [s], NaN for none
+    count: int  # of its samples
+    force: float  # their sum [N]
+    place: float  # and that of their positions [m]
+    outermost: float = math.inf  # position of a block since the last contact [m]
+    level: float = math.nan  # force that has been level [N]
+    level_from: float  # position at which that began [m]
+
+
+@inlined
+def drifted(air: Air, time: float) -> float:
+    """Drift expected at a time [N]."""
+    since = time - air.time
+    return air.drift + air.rate * since if since > 0.0 else air.drift
+
+
+@inlined
+def predict_drift(air: Air, time: float, floor: float) -> None:
+    """Take the filter to a time."""
+    since = max(time - air.time, 0.0)
+    air.drift, air.time = drifted(air, time), time
+    air.variance += since * (2.0 * air.shared + since * air.rate_variance)
+    air.shared += since * air.rate_variance
+    most = (RATE * floor) ** 2
+    air.rate_variance = min(air.rate_variance + most * since / RATE_TIME, most)
+
+
+@inlined
+def take_level(air: Air, innovation: float, floor: float) -> None:
+    """Correct the filter by the force of a block in free air, less the one expected [N]."""
+    total = air.variance + (UNSURE * floor) ** 2
+    gain, rate_gain = air.variance / total, air.shared / total
+    air.drift += gain * innovation
+    air.rate += rate_gain * innovation
+    air.rate_variance -= rate_gain * air.shared
+    air.shared *= 1.0 - gain
+    air.variance *= 1.0 - gain
+
+
+@inlined
+def begin_drift(air: Air, time: float, force: float, floor: float) -> None:
+    """Let the drift count from this force [N]; with NaN, from none."""
+    air.reference, air.time, air.rate_variance = force, time, (RATE * floor) ** 2
+    air.drift = air.rate = air.variance = air.shared = 0.0
+    air.touched = air.confirmed = False
+
+
+@inlined
+def take_block(
+    air: Air, time: float, block: tuple[float, float], surface: float, floor: float, quiet: float
+) -> None:
+    """Learn from a block out of contact: its mean position [m] and force [N]."""
+    place, force = block
+    if math.isnan(air.level) or abs(force - air.level) > quiet:
+        air.level, air.level_from = force, place
+    is_level = abs(place - air.level_from) >= LEVEL_WAY
+    air.outermost = min(air.outermost, place)
+    if math.isnan(air.reference):
+        if is_level and not air.touched:
+            begin_drift(air, time, force, floor)
+        return
+    if place > air.outermost + OUTER_SHARE * (surface - air.outermost):  # not where the surface is unknown
+        return
+    predict_drift(air, time, floor)
+    innovation = force - air.reference - air.drift
+    if abs(innovation) <= SURE * math.sqrt(air.variance + (UNSURE * floor) ** 2):
+        take_level(air, innovation, floor)
+        air.confirmed = air.confirmed or air.touched
+    elif not air.confirmed and -innovation > floor:  # it was not free air
+        begin_drift(air, time, math.nan, floor)
+        air.touched = True
+    elif is_level:
+        air.drift, air.variance, air.shared = force - air.reference, 0.0, 0.0
+
+
+@inlined
+def follow_air(
+    air: Air, time: float, sample: tuple[float, float], surface: float, floor: float, quiet: float
+) -> None:
+    """Take one sample out of contact.
+
+    Args:
+        air: Written.
+        time: Of the sample [s].
+        sample: Its position [m], and its force with the offset [N].
+        surface: Position of the surface [m]; NaN where it is not known.
+        floor: Least force that counts as contact [N].
+        quiet: Largest difference of two blocks in free air [N].
+    """
+    if math.isnan(air.begin):
+        air.begin, air.count, air.force, air.place = time, 0, 0.0, 0.0
+    air.count += 1
+    air.place += sample[0]
+    air.force += sample[1]
+    if time - air.begin >= BLOCK:
+        air.begin = math.nan
+        take_block(air, time, (air.place / air.count, air.force / air.count), surface, floor, quiet)
+
+
+@inlined
+def leave_air(air: Air) -> None:
+    """There is contact: what is being taken is none of free air."""
+    air.begin, air.level, air.outermost, air.touched = math.nan, math.nan, math.inf, True
