@@ -123,13 +123,13 @@ class Learner:
                 estimator, *self._learn_raw(estimator.states, conditioner.memory, self.learning, raw, speed, known)
             )
             return self.sample
-        last, before, offset = self._newest["time"].item(), conditioner.surface, conditioner.force_offset
+        last, before, offset = self._newest["time"].item(), conditioner.surface, float(conditioner.state.offset)
         sample = self.sample = conditioner.update(time, position, force, velocity)
         moved = conditioner.surface - before
         if abs(moved) > 0.0:  # not where one of them is unknown
             estimator.move_surface(moved)
-        if conditioner.force_offset != offset:
-            estimator.move_offset(conditioner.force_offset - offset)
+        if conditioner.state.offset != offset:  # what has drifted is none of the material
+            estimator.move_offset(float(conditioner.state.offset) - offset)
         status = self.status = estimator.update(sample)
         if status is Status.CHANGED:
             if not sample.in_contact:

@@ -12,17 +12,19 @@ from foretouch.core.compiling import inlined
 
 BLOCK = 0.02  # Length of a block whose mean force is taken [s]
 
-LEVEL_WAY = 3e-3
-"""Way [m] over which a force has to be level to be that of free air: a material would give way to it."""
+LEVEL_WAY, LEVEL_TIME = 3e-3, 0.15
+"""Way [m] and time [s] for which a force has to be level to be that of free air: a material would give way to it."""
 
 OUTER_SHARE = 0.25  # Fraction of the way out, nearest to its end, that counts: what sticks to the probe lets go before
 
 UNSURE = 0.4
-"""Standard deviation of a block in free air, as a fraction of the contact floor: friction of the mechanism is in it, and
-the blocks of one stay are alike."""
+"""Standard deviation of a block in free air, as a fraction of the contact floor: friction of the mechanism is in it,
+and the blocks of one stay are alike."""
 
-RATE, RATE_TIME = 0.5, 60.0
+RATE, RATE_TIME = 0.25, 60.0
 """Standard deviation of the rate of drift, in contact floors per second, and the time in which it changes [s]."""
+
+LONGEST = 2.0  # Time for which the drift goes on unseen [s]
 
 SURE = 4.0  # Standard deviations beyond which a block is not of the drift that was expected
 
@@ -31,7 +33,8 @@ class Air(Record):
     """What is known of free air: a Kalman filter of the drift and its rate, and the block that is being taken."""
 
     reference: float = math.nan  # force in free air from which the drift counts [N]; NaN while none is known
-    touched: bool  # whether there was contact since that was found
+    reference_at: float  # outermost position at which that was found [m]
+    touched: bool  # whether there was contact since
     confirmed: bool  # whether the force was the same after it
     drift: float  # [N]
     rate: float  # of the drift [N/s]
@@ -46,12 +49,13 @@ class Air(Record):
     outermost: float = math.inf  # position of a block since the last contact [m]
     level: float = math.nan  # force that has been level [N]
     level_from: float  # position at which that began [m]
+    level_since: float  # and when [s]
 
 
 @inlined
 def drifted(air: Air, time: float) -> float:
     """Drift expected at a time [N]."""
-    since = time - air.time
+    since = min(max(time - air.time, 0.0), LONGEST)
     return air.drift + air.rate * since if since > 0.0 else air.drift
 
 
@@ -87,18 +91,17 @@ def begin_drift(air: Air, time: float, force: float, floor: float) -> None:
 
 
 @inlined
-def take_block(
-    air: Air, time: float, block: tuple[float, float], surface: float, floor: float, quiet: float
-) -> None:
+def take_block(air: Air, time: float, block: tuple[float, float], surface: float, floor: float, quiet: float) -> None:
     """Learn from a block out of contact: its mean position [m] and force [N]."""
     place, force = block
     if math.isnan(air.level) or abs(force - air.level) > quiet:
-        air.level, air.level_from = force, place
-    is_level = abs(place - air.level_from) >= LEVEL_WAY
+        air.level, air.level_from, air.level_since = force, place, time
+    is_level = abs(place - air.level_from) >= LEVEL_WAY and time - air.level_since >= LEVEL_TIME
     air.outermost = min(air.outermost, place)
     if math.isnan(air.reference):
         if is_level and not air.touched:
             begin_drift(air, time, force, floor)
+            air.reference_at = min(place, air.level_from)
         return
     if place > air.outermost + OUTER_SHARE * (surface - air.outermost):  # not where the surface is unknown
         return
@@ -107,7 +110,7 @@ def take_block(
     if abs(innovation) <= SURE * math.sqrt(air.variance + (UNSURE * floor) ** 2):
         take_level(air, innovation, floor)
         air.confirmed = air.confirmed or air.touched
-    elif not air.confirmed and -innovation > floor:  # it was not free air
+    elif not air.confirmed and -innovation > floor and place < air.reference_at:  # it was not free air
         begin_drift(air, time, math.nan, floor)
         air.touched = True
     elif is_level:
@@ -115,9 +118,7 @@ def take_block(
 
 
 @inlined
-def follow_air(
-    air: Air, time: float, sample: tuple[float, float], surface: float, floor: float, quiet: float
-) -> None:
+def follow_air(air: Air, time: float, sample: tuple[float, float], surface: float, floor: float, quiet: float) -> None:
     """Take one sample out of contact.
 
     Args:

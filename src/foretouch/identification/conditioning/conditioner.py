@@ -233,7 +233,12 @@ class Conditioner:
     """Estimates force offset, contact and surface as the samples come.
 
     - **Offset**: the lowest mean force over 50 ms so far, of the windows that are not much noisier than the
-      quietest. Where a recording never leaves contact this is a convention; the data cannot determine it.
+      quietest. Where a recording never leaves contact this is a convention; the data cannot determine it. A force that
+      is one number at the beginning and noise after it begins with the noise.
+    - **Drift**: where a recording begins with a force that is level over 3 mm, that is free air, and from then on the
+      force of each stay outside is compared with it, in the outer quarter of the way, by a Kalman filter of drift and
+      rate. So nothing that pulls on the way out is taken for a lower offset. What has drifted is none of the material:
+      forces are less the drift of their time.
     - **Contact** begins when the force rises above a threshold, the largest of the contact floor, six standard
       deviations of the force in the window that gave the offset (at most half as much again as in the quietest window
       so far), and 5 % of the largest force so far; it ends at half of it.
@@ -253,7 +258,6 @@ class Conditioner:
         surface: [m]; NaN before it is known.
         surface_error: Standard error of the surface [m]: contact began somewhere between the last position surely
             without and the first surely with it, and begins elsewhere at another press; 0 for one that was given.
-        force_offset: [N].
         in_contact: The newest judgement.
     """
 
@@ -283,6 +287,11 @@ class Conditioner:
         state: Conditioning = self.memory[0][0]
         return state
 
+    @property
+    def force_offset(self) -> float:
+        """Force in free air at the newest sample [N]."""
+        return float(self.state.zero)
+
     def make_room(self) -> None:
         """Enlarge the memory where 50 ms hold more samples than before."""
         self.memory = grow(self.memory)
@@ -291,7 +300,7 @@ class Conditioner:
         """Take over the state of the memory after compiled code has changed it."""
         state = self.state
         self.surface, self.surface_error = float(state.surface), float(state.surface_error)
-        self.force_offset, self.in_contact = float(state.offset), bool(state.in_contact)
+        self.in_contact = bool(state.in_contact)
 
     def lose_surface(self) -> None:
         """Look for the surface again: the material has gone. One that was given stays."""
@@ -307,7 +316,7 @@ class Conditioner:
         """Take one sample; a sample that is not finite is answered with "no contact" and changes nothing."""
         known = velocity is not None
         result = self._take(self.memory, time, position, force, 0.0 if velocity is None else velocity, known)
-        depth, velocity, force, touching, self.surface, self.surface_error, self.force_offset, full = result
+        depth, velocity, force, touching, self.surface, self.surface_error, full = result
         self.in_contact = touching
         if full:
             self.make_room()

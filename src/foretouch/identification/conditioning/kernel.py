@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +15,8 @@ from foretouch.models.predictor import VELOCITY_CUTOFF
 Array = NDArray[np.float64]
 
 OFFSET_WINDOW = 0.05  # Length [s] of the window whose lowest mean so far is taken for the force in free air
+
+START_WINDOW = 0.02  # Time over which it is seen whether a force that was one number before is noise now [s]
 
 CONTACT_FLOOR = 0.05
 """Least force [N] that counts as contact where nothing better is known of the sensor."""
@@ -40,6 +41,10 @@ with what presses it, and is no contact."""
 
 RELEASE_SHARE = 0.5  # Threshold of leaving contact, as a fraction of the threshold at which it began
 
+WRONG_ZERO = 0.6
+"""Distance of a level force in free air from the offset, as a fraction of the contact floor, from which on the offset
+is wrong; less is the friction of the mechanism."""
+
 UNCERTAINTY_FACTOR = 2.0
 """Ratio of the threshold at which the surface was detected to that of now, from which on it is looked for again."""
 
@@ -57,6 +62,16 @@ class Quiet(Record):
     lowest_mean: float = math.inf  # of a quiet window [N]
     noise: float  # spread of the window that gave the offset [N]
     least_spread: float = math.inf  # of a window [N]
+
+
+class Start(Record):
+    """How the recording began: a driver may say one number until its sensor is there."""
+
+    over: float = math.nan  # when the force first was another than the first one [s]
+    last: float = math.nan  # newest force [N]
+    before: float = math.nan  # the one before it [N]
+    steps: float  # sum of squared first differences since then [N^2]
+    bends: float  # and of second ones [N^2]
 
 
 class Block(Record):
@@ -77,12 +92,14 @@ class Conditioning(Record):
     surface: float = math.nan  # [m]; NaN while unknown
     surface_error: float = math.nan  # standard error of the surface [m]
     offset: float  # of the force [N], less its drift since
+    zero: float  # of the force at the newest sample: with the drift [N]
     in_contact: bool
     motion_time: float = math.nan  # of the newest sample of the low-pass [s]
     motion_place: float = math.nan  # its position [m]
     velocity: float  # low-passed [m/s]
     last_onset: float = math.nan  # where the previous contact began [m]
     quiet: Quiet
+    start: Start
     peak: float  # largest force that lasted [N]
     block: Block
     surface_threshold: float = math.inf  # at which the surface was detected [N]
@@ -103,7 +120,7 @@ FIRST_CAPACITY = 128
 def make_memory(surface: float | None, force_offset: float | None, contact_floor: float, sensor_lag: float) -> Memory:
     """Make the memory of a conditioner without samples: see `Conditioner` for the arguments."""
     given = {} if surface is None else {"surface": surface, "surface_error": 0.0, "surface_given": True}
-    given |= {} if force_offset is None else {"offset": force_offset, "offset_given": True}
+    given |= {} if force_offset is None else {"offset": force_offset, "zero": force_offset, "offset_given": True}
     return Conditioning.new(lag=sensor_lag, floor=contact_floor, **given), np.zeros((5, FIRST_CAPACITY))
 
 
@@ -178,6 +195,42 @@ def delay(state: Conditioning, rings: Array, time: float, position: float, veloc
     weight = 0.0 if weight < 0.0 else (1.0 if weight > 1.0 else weight)
     point, speed = positions[first], speeds[first]
     return point + weight * (positions[second] - point), speed + weight * (speeds[second] - speed)
+
+
+@inlined
+def begins_now(state: Conditioning, time: float, force: float) -> bool:
+    """Whether all samples so far were one number and the newest ones are noise: the sensor has come only now.
+
+    The squares of the second differences of white noise are three times those of the first; those of a contact that
+    begins are small against them.
+    """
+    start = state.start
+    if math.isnan(start.over):
+        if force != state.quiet.reference and not math.isnan(state.quiet.reference):
+            start.over = time
+        return False
+    if time - start.over > OFFSET_WINDOW:
+        return False
+    step, bend = force - start.last, force - 2.0 * start.last + start.before
+    if not math.isnan(bend):
+        start.steps += step * step
+        start.bends += bend * bend
+    start.before, start.last = start.last, force
+    return bool(time - start.over > START_WINDOW and start.bends > start.steps > 0.0)
+
+
+@inlined
+def begin_again(state: Conditioning) -> None:
+    """Forget what the force was."""
+    quiet, block = state.quiet, state.block
+    quiet.count, quiet.reference, quiet.total, quiet.squares = 0, math.nan, 0.0, 0.0
+    quiet.lowest_mean = quiet.least_spread = math.inf
+    block.time, block.lowest, block.before = -math.inf, math.inf, math.inf
+    state.start.over, state.peak = -math.inf, 0.0
+    state.in_contact, state.surface_threshold, state.free_place = False, math.inf, math.nan
+    state.air.begin, state.air.touched = math.nan, False
+    if not state.surface_given:
+        state.surface = state.surface_error = math.nan
 
 
 @inlined
@@ -290,9 +343,12 @@ def condition(
         velocity = move(state, time, position)
     if state.lag > 0.0:
         position, velocity = delay(state, rings, time, position, velocity)
+    if begins_now(state, time, force):
+        begin_again(state)
     learn_offset(state, rings, time, force)
     raw, air = force, state.air
-    force -= state.offset + drifted(air, time)
+    state.zero = state.offset + drifted(air, time)
+    force -= state.zero
     learn_peak(state, time, force)
     threshold = threshold_of(state)
     if state.in_contact:
@@ -307,17 +363,18 @@ def condition(
     if touching:
         leave_air(air)
     elif not state.offset_given:
-        before = air.reference
-        quiet = min(max(3.0 * state.quiet.noise, SMALLEST_SPREAD), state.floor)
+        before, quiet = air.reference, min(max(3.0 * state.quiet.noise, SMALLEST_SPREAD), state.floor)
         follow_air(air, time, (position, raw), state.surface, state.floor, quiet)
-        if math.isnan(before) != math.isnan(air.reference):
-            state.offset = air.level if math.isnan(air.reference) else air.reference
+        if math.isnan(before) and abs(air.reference - state.offset) > WRONG_ZERO * state.floor:
+            state.offset = air.reference
+        elif math.isnan(air.reference) and not math.isnan(before):
+            state.offset = air.level
     if touching and not state.surface_given and position < state.surface:
         state.surface = position
     return position - state.surface, velocity, force, touching
 
 
-Taken = tuple[float, float, float, bool, float, float, float, bool]
+Taken = tuple[float, float, float, bool, float, float, bool]
 
 
 @kernel("(Tuple((Conditioning[::1], f8[:, ::1])), f8, f8, f8, f8, b1)", error_model="numpy")
@@ -325,10 +382,10 @@ def take(memory: Memory, time: float, position: float, force: float, velocity: f
     """`condition` for a loop in Python; its numbers are Python's own, also where nothing is compiled.
 
     Returns:
-        What `condition` returns; then the surface [m], its error [m], the force offset [N], and whether the rings must
-        `grow` before the next sample.
+        What `condition` returns; then the surface [m], its error [m], and whether the rings must `grow` before the next
+        sample.
     """
     depth, velocity, force, touching = condition(memory, time, position, force, velocity, measured)
     state = memory[0][0]
-    surface, error, offset = float(state.surface), float(state.surface_error), float(state.offset)
-    return float(depth), float(velocity), float(force), bool(touching), surface, error, offset, is_full(memory)
+    surface, error = float(state.surface), float(state.surface_error)
+    return float(depth), float(velocity), float(force), bool(touching), surface, error, is_full(memory)
