@@ -49,6 +49,7 @@ PREDICT_KEYS = {
     "prediction_rmse_N",
     "prediction_error_percent",
     "delayed_force_error_percent",
+    "error_up_to_constant_percent",
     "within_jnd_percent",
     "phantom_force_rms_N",
     "largest_phantom_force_N",

@@ -22,9 +22,10 @@ from foretouch.errors import ForetouchError, SettingError
 from foretouch.errors.checks import require
 from foretouch.identification import ContactSample, Learner, LearntModel, identify, make_estimator
 from foretouch.identification.estimator import Estimator
+from foretouch.identification.force_calibration import zero_in_hindsight
 from foretouch.models import Predictor
 from foretouch.quantities import Array, Flags, Recording
-from foretouch.report import Forces, Scores, forces_under_delay, lowest_mean, require_delay_within, score_prediction
+from foretouch.report import Forces, Scores, forces_under_delay, require_delay_within, score_prediction
 
 
 class OnceLearnt(Learner):
@@ -117,6 +118,8 @@ def score_outside(
     kept = np.ones(forces.time.size, dtype=np.bool_) if left_out is None else ~left_out
     time = forces.time[kept]
     moved = float(time[0] - forces.time[0]) if time.size else 0.0
+    whole = forces.time, forces.measured, forces.position, forces.contact_floor
+    zero = zero_in_hindsight(*whole) if forces.time.size else None
     return score_prediction(
         time,
         forces.measured[kept],
@@ -127,7 +130,7 @@ def score_outside(
         score_to=None if score_to is None else score_to - moved,
         delayed_offset=0.0,
         position=forces.position[kept],
-        offset=lowest_mean(forces.time, forces.measured) if forces.time.size else None,
+        offset=zero,
         skipped=None if forces.skipped is None else forces.skipped[kept],
     )
 

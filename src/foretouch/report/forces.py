@@ -10,7 +10,7 @@ import numpy as np
 from foretouch.errors import SettingError
 from foretouch.errors.checks import require
 from foretouch.identification import Learner, predict
-from foretouch.identification.force_calibration import TOUCH, lowest_mean
+from foretouch.identification.force_calibration import TOUCH, lowest_mean, zero_in_hindsight
 from foretouch.messages import SessionLog
 from foretouch.quantities import Array, ByValue, Flags, Recording
 from foretouch.report.perception import LargestJump, largest_jump, time_to_accuracy
@@ -89,7 +89,7 @@ def forces_under_delay(source: Recording | SessionLog, learner: Learner, delay: 
     """
     require_delay_within(source, delay)
     if isinstance(source, Recording):
-        felt = source.force - lowest_mean(source.time, source.force)
+        felt = source.force - zero_in_hindsight(source.time, source.force, source.position, source.contact_floor)
         predicted = predict(source, learner, delay=delay)
         known = np.nan_to_num(delayed_force(source.time, felt, delay), nan=0.0)
         columns = source.time, source.position, source.force, predicted.force, known

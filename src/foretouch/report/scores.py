@@ -16,6 +16,7 @@ from foretouch.identification.force_calibration import (
     lowest_mean,
     median_period,
     never_leaves_contact,
+    zero_in_hindsight,
 )
 from foretouch.quantities import Array, ByValue, Flags
 from foretouch.report.numbers import finite_or_none
@@ -44,6 +45,8 @@ class Scores(ByValue):
         contact_force_rms_N: RMS of the measured force over the contact samples of the window.
         prediction_rmse_N: RMS of predicted less measured force over the scored samples.
         prediction_error_percent: The same as a fraction of `contact_force_rms_N`.
+        error_up_to_constant_percent: The same of the standard deviation of predicted less measured force in place of
+            its RMS, where the zero of the force is not known (``offset_unobservable``); None elsewhere.
         delayed_force_error_percent: The delayed force's RMS error over the contact samples, as the same fraction.
         delayed_force_rmse_N: That RMS error.
         within_jnd_percent: Share of contact samples whose error is at most max(10 % of the force, 0.05 N).
@@ -61,6 +64,7 @@ class Scores(ByValue):
     contact_force_rms_N: float | None
     prediction_rmse_N: float | None
     prediction_error_percent: float | None
+    error_up_to_constant_percent: float | None
     delayed_force_error_percent: float | None
     delayed_force_rmse_N: float | None
     within_jnd_percent: float | None
@@ -106,7 +110,8 @@ def score_prediction(
 ) -> Scores:
     r"""Score a predicted force against the measured one.
 
-    The measured force F is the input less its lowest 50 ms mean over all samples (`lowest_mean`). With the 98th
+    The measured force F is the input less its zero: the one given, or else the lowest 50 ms mean over all samples,
+    or the level of free air where that is told apart (`zero_in_hindsight`). With the 98th
     percentile :math:`F_{98}` over the window, a sample is in contact where
 
     .. math:: F > \theta = \max(0.05\, F_{98},\; \text{contact floor}).
@@ -152,7 +157,7 @@ def score_prediction(
     clock, measured, predicted, known = columns_of(time, measured_force, predicted_force, delayed_force)
     _check(clock, measured, contact_floor, score_from, score_to)
     if clock.size:
-        zero = lowest_mean(clock, measured) if offset is None else offset
+        zero = zero_in_hindsight(clock, measured, position, contact_floor) if offset is None else offset
         measured, known = measured - zero, known - (zero if delayed_offset is None else delayed_offset)
     known = np.where(np.isfinite(known), known, 0.0)
     window = _window(clock, score_from, score_to)
@@ -160,7 +165,7 @@ def score_prediction(
         (left_out, _) = columns_of(skipped, clock)
         window &= left_out == 0.0
     untouched = np.zeros(clock.size, dtype=np.bool_)
-    nothing = Scores(clock.size, 0, *(None,) * 8, "nothing_to_score", None, untouched, measured, window)
+    nothing = Scores(clock.size, 0, *(None,) * 9, "nothing_to_score", None, untouched, measured, window)
     if not window.any():
         return nothing
     threshold = max(THRESHOLD_SHARE * float(np.percentile(measured[window], 98.0)), contact_floor)
@@ -179,8 +184,9 @@ def score_prediction(
     predicted_contact = predicted[contact] >= threshold
     apart = window & ~in_contact
     status = "ok"
+    up_to_constant = None
     if position is not None and never_leaves_contact(position, measured, in_contact):
-        status = "offset_unobservable"
+        status, up_to_constant = "offset_unobservable", float(np.std((predicted - measured)[scored]))
     if not finite[window].all():
         status = "prediction_not_finite"
     return Scores(
@@ -189,6 +195,9 @@ def score_prediction(
         contact_force_rms_N=contact_rms,
         prediction_rmse_N=finite_or_none(rmse),
         prediction_error_percent=finite_or_none(100.0 * rmse / contact_rms),
+        error_up_to_constant_percent=None
+        if up_to_constant is None
+        else finite_or_none(100.0 * up_to_constant / contact_rms),
         delayed_force_error_percent=finite_or_none(100.0 * delayed_rmse / contact_rms),
         delayed_force_rmse_N=finite_or_none(delayed_rmse),
         within_jnd_percent=100.0 * float(near.mean()),

@@ -166,7 +166,13 @@ def identify(
 
 SCORES = (
     *("samples", "scored_samples", "contact_force_rms_N", "prediction_rmse_N", "prediction_error_percent"),
-    *("delayed_force_error_percent", "within_jnd_percent", "phantom_force_rms_N", "missed_contact_percent"),
+    *(
+        "error_up_to_constant_percent",
+        "delayed_force_error_percent",
+        "within_jnd_percent",
+        "phantom_force_rms_N",
+        "missed_contact_percent",
+    ),
 )
 """Scores of a prediction that are printed."""
 

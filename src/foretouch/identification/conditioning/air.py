@@ -47,6 +47,7 @@ class Air(Record):
     force: float  # their sum [N]
     place: float  # and that of their positions [m]
     outermost: float = math.inf  # position of a block since the last contact [m]
+    end_before: float = math.inf  # and before it
     level: float = math.nan  # force that has been level [N]
     level_from: float  # position at which that began [m]
     level_since: float  # and when [s]
@@ -103,7 +104,8 @@ def take_block(air: Air, time: float, block: tuple[float, float], surface: float
             begin_drift(air, time, force, floor)
             air.reference_at = min(place, air.level_from)
         return
-    if place > air.outermost + OUTER_SHARE * (surface - air.outermost):  # not where the surface is unknown
+    end = min(air.outermost, air.end_before)
+    if place > end + OUTER_SHARE * (surface - end):  # not where the surface is unknown
         return
     predict_drift(air, time, floor)
     innovation = force - air.reference - air.drift
@@ -142,4 +144,6 @@ def follow_air(air: Air, time: float, sample: tuple[float, float], surface: floa
 @inlined
 def leave_air(air: Air) -> None:
     """There is contact: what is being taken is none of free air."""
+    if air.outermost < math.inf:
+        air.end_before = air.outermost
     air.begin, air.level, air.outermost, air.touched = math.nan, math.nan, math.inf, True

@@ -1,0 +1,102 @@
+"""The zero of a force that drifts, that comes late, and that a material pulls below itself."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from foretouch.identification import Learner, predict
+from foretouch.quantities import Array, Recording
+from foretouch.report import delayed_force, score_prediction
+
+TIME = np.arange(0.0, 20.0, 1e-3)
+SURFACE, DELAY = 0.010, 0.3
+
+
+def pressed(seed: int) -> tuple[Array, Array]:
+    """Positions of presses of 6 to 10 mm from 3 mm outside of the surface, and the force of a Hunt-Crossley law."""
+    random, begin = np.random.default_rng(seed), 1.0
+    part = np.clip(TIME / 0.6, 0.0, 1.0)
+    position = part**3 * (10.0 - 15.0 * part + 6.0 * part * part) * (SURFACE - 0.003)
+    while begin < TIME[-1]:
+        length, depth = random.uniform(0.96, 1.44), random.uniform(0.006, 0.010)
+        inside = (begin <= TIME) & (begin + length > TIME)
+        position[inside] += 0.5 * (depth + 0.003) * (1.0 - np.cos(2.0 * np.pi * (TIME[inside] - begin) / length))
+        begin += length
+    depth = position - SURFACE
+    force = 3000.0 * np.maximum(depth, 0.0) ** 1.4 * (1.0 + 0.5 * np.gradient(position, TIME))
+    return position, np.maximum(force, 0.0)
+
+
+def pulling(position: Array, force: Array) -> Array:
+    """The same of a material that holds on to the probe with up to 1 N, from 2 mm inside to 2 mm outside."""
+    depth, velocity, result, stuck = position - SURFACE, np.gradient(position, TIME), force.copy(), False
+    for index, here in enumerate(depth.tolist()):
+        stuck = here > 0.002 or (stuck and here >= -0.002)
+        if stuck and velocity[index] < 0.0 and here < 0.002:
+            result[index] = -math.sin(math.pi * (0.002 - here) / 0.004)
+    return result
+
+
+def error(predicted: Array, force: Array) -> float:
+    """RMS error from 3 s on, in contact and where contact is predicted, relative to the RMS of the true force [%]."""
+    least, late = 0.05 * np.percentile(force, 98.0), TIME > 3.0
+    contact, scored = late & (force > least), late & ((force > least) | (predicted > least))
+    return float(100.0 * np.sqrt(np.mean((predicted - force)[scored] ** 2) / np.mean(force[contact] ** 2)))
+
+
+def said(position: Array, sensor: Array, learner: Learner) -> Array:
+    return predict(Recording(TIME, position, sensor), learner, delay=DELAY).force
+
+
+@pytest.mark.parametrize("seed", [3, pytest.param(4, marks=pytest.mark.long), pytest.param(5, marks=pytest.mark.long)])
+@pytest.mark.parametrize("rate", [-0.05, 0.0, 0.02, 0.05])
+def test_a_zero_that_drifts_is_followed(rate: float, seed: int) -> None:
+    position, force = pressed(seed)
+    zero, learner = 0.3 + rate * TIME, Learner()
+    noise = np.random.default_rng(seed).normal(0.0, 0.02, TIME.size)
+    predicted = said(position, force + zero + noise, learner)
+    assert error(predicted, force) < 3.0
+    assert learner.conditioner.force_offset == pytest.approx(zero[-1], abs=0.1)
+    assert predicted[(position < SURFACE - 0.001) & (TIME > 3.0)].max() < 0.1
+    assert learner.estimator.changes == 0
+
+
+@pytest.mark.parametrize("zero", [-0.5, 0.5])
+def test_a_sensor_that_says_one_number_at_first_has_said_nothing(zero: float) -> None:
+    position, force = pressed(6)
+    sensor, learner = force + zero + np.random.default_rng(6).normal(0.0, 0.05, TIME.size), Learner()
+    sensor[:100] = 0.0
+    assert error(said(position, sensor, learner), force) < 3.0
+    assert learner.conditioner.force_offset == pytest.approx(zero, abs=0.05)
+
+
+def test_without_noise_a_number_that_lasts_is_the_zero() -> None:
+    position, force = pressed(6)
+    learner = Learner()
+    assert error(said(position, force, learner), force) < 3.0
+    assert learner.conditioner.force_offset == pytest.approx(0.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("seed", [3, 7])
+def test_what_pulls_is_no_zero_and_the_score_says_so_too(seed: int) -> None:
+    position, force = pressed(seed)
+    true, learner = pulling(position, force), Learner()
+    sensor = true + 0.3 + np.random.default_rng(seed).normal(0.0, 0.02, TIME.size)
+    predicted = said(position, sensor, learner)
+    assert true.min() < -0.9
+    assert error(predicted, true) < 5.0
+    assert learner.conditioner.force_offset == pytest.approx(0.3, abs=0.05)
+    known = delayed_force(TIME, sensor, DELAY)
+    scores = score_prediction(TIME, sensor, predicted, known, contact_floor=0.05, score_from=3.0, position=position)
+    assert scores.measured_force == pytest.approx(sensor - 0.3, abs=0.05)
+    assert scores.prediction_error_percent == pytest.approx(error(predicted, true), abs=1.5)
+
+
+def test_a_zero_that_is_given_stays() -> None:
+    position, force = pressed(3)
+    learner = Learner(force_offset=0.3)
+    said(position, force + 0.3 + 0.02 * TIME, learner)
+    assert learner.conditioner.force_offset == 0.3
