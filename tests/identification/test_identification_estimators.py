@@ -162,8 +162,10 @@ def test_unknown_names_list_the_choices() -> None:
 
 
 def test_history_and_residual_have_a_row_a_sample() -> None:
+    """And its last row is the result, where nothing has to be found in hindsight."""
     recording = press(duration=SHORT)
-    result = identify(recording, Learner(make_estimator("continuous-switching", "fprls")), keep_history=True)
+    learner = Learner(make_estimator("continuous-switching", "fprls"), surface=0.01, force_offset=0.3)
+    result = identify(recording, learner, keep_history=True)
     assert set(result.history) == {"ln_k", "s", "b1", "b2", "stiffness", "damping", "exponent", "switching"}
     for column in (*result.history.values(), result.residual, result.in_contact):
         assert column.shape == recording.time.shape

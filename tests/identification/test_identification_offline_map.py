@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from foretouch.identification import ContactSample, Learner, OfflineContactMap, Status, make_estimator, predict
-from foretouch.identification import offline as room
+from foretouch.identification import estimator as room
 from foretouch.models import ContactMapModel, HuntCrossley, Predictor
 from foretouch.quantities import Recording
 

@@ -16,6 +16,10 @@ from foretouch.quantities import brief_number, brief_text
 
 FEWEST_UPDATES = 20  # No force is rendered from fewer samples; the paper's simulations settle at the 20th
 
+LARGEST_BUFFER = 4096
+"""Largest number of samples that the estimator holds; when it is reached, every second one is dropped and only every
+second one of those to come is taken, so that the buffer always covers the whole recording evenly."""
+
 
 class Status(Enum):
     """Result of an update; the value is the sentence for people."""
@@ -108,6 +112,11 @@ class Estimator(ABC):
         return 0.0
 
     @property
+    def surface_error(self) -> float:
+        """Standard error of the surface that the model counts from [m]; 0 where it is that of the samples."""
+        return 0.0
+
+    @property
     @abstractmethod
     def model(self) -> ContactModel | None:
         """The law as learnt so far, None while there is no usable one."""
@@ -131,9 +140,54 @@ class Estimator(ABC):
     def standard_errors(self) -> dict[str, float | None] | None:
         """Standard error of each of `parameters`, None if undetermined; None where the estimator has none at all."""
 
-    def surface_shifts(self, surface_error: float) -> dict[str, float] | None:
-        """Shift of each of `parameters` for a surface further out or in by this distance [m], the larger of both.
-
-        None where the estimator cannot compute it, as most.
-        """
+    @property
+    def standard_errors_with_surface(self) -> dict[str, float | None] | None:
+        """The same, with the uncertainty of surface and force in free air; None where that is not known, as mostly."""
         return None
+
+    def refit(self, samples: ContactSamples, covariance: NDArray[np.float64]) -> bool:
+        """Fit a whole recording, conditioned in hindsight; False, as mostly, for what learns sample by sample.
+
+        Args:
+            samples: All samples.
+            covariance: Of the surface [m] and the force in free air [N] that they count from, shape (2, 2).
+        """
+        return False
+
+
+class StoringEstimator(Estimator):
+    """Stores samples in a buffer that covers all of them evenly, and fits them when asked, not at every sample."""
+
+    offline: ClassVar[bool] = True
+    refit_share: ClassVar[float]
+    """Fraction of new samples after which the estimator fits again."""
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all samples."""
+        self.updates = 0
+        self._stride = 1
+        self._rows: list[tuple[float, ...]] = []
+        self._next_fit = FEWEST_UPDATES
+
+    def _store(self, row: tuple[float, ...]) -> None:
+        if self.updates % self._stride == 0:
+            self._rows.append(row)
+            if len(self._rows) >= LARGEST_BUFFER:
+                self._rows = self._rows[::2]
+                self._stride *= 2
+        self.updates += 1
+
+    def finish(self) -> None:
+        """Fit to the newest samples too."""
+        if self.updates >= FEWEST_UPDATES:
+            self._next_fit = self.updates
+
+    def _is_fit_due(self) -> bool:
+        """Whether to fit now; the caller does."""
+        due = self.updates >= self._next_fit
+        if due:
+            self._next_fit = self.updates + max(1, round(self.refit_share * self.updates))
+        return due

@@ -13,14 +13,20 @@ from numpy.typing import NDArray
 
 from foretouch.errors import RecordingError, plural
 from foretouch.errors.checks import require
+from foretouch.identification.conditioning.conditioner import ContactSamples
 from foretouch.identification.estimator import Estimator
+from foretouch.identification.exact.recursive import ExactContinuousSwitching
+from foretouch.identification.force_calibration import is_zero_unobservable
 from foretouch.identification.learner import Learner, LearntModel, RawSamples, learner_of, run_by_sample
-from foretouch.models import ContactModel, Predictor
+from foretouch.identification.offline import Foot, find_foot
+from foretouch.models import ContactMapModel, ContactModel, Predictor
 from foretouch.quantities import ByValue, Columns, Recording
 
 Array = NDArray[np.float64]
 
 FEWEST_CONTACT_SAMPLES = 50  # Least number of samples in contact: fewer do not determine four parameters
+HALF_SLOPE = 5e-3  # Time to either side over which a velocity is the slope of the positions [s]
+MOST_SAMPLES = 1 << 18  # Largest number of samples, about, that are looked at in hindsight
 
 
 @dataclass(frozen=True)
@@ -28,22 +34,23 @@ class Identification(Columns):
     """Result of identification from a recording.
 
     Attributes:
-        parameters: The law's numbers by name, after the last sample; None for one that is undetermined.
+        parameters: The law's numbers by name, learnt from `surface` and `force_offset`; None for one that is
+            undetermined. For a contact map those of law (4) by `ExactContinuousSwitching`.
         standard_errors: Standard errors by name, None where the estimator has none; those of the law alone, given
             `surface` and `force_offset`: where the surface is uncertain, the parameters are more so.
-        standard_errors_with_surface: The same, with the shift of each parameter for a surface one `surface_error`
-            further out or in added in quadrature; None where the estimator cannot compute it.
-        surface: Estimated position of the surface [m], as the model counts from it.
-        force_offset: Estimated force in free air [N].
+        standard_errors_with_surface: The same, with the uncertainty of both; None where the estimator cannot say it.
+        surface: Position of the surface [m], as the model counts from it: as given, or as `find_foot` finds it in the
+            whole recording.
+        force_offset: Force in free air [N], given or found likewise.
         in_contact: The conditioner's judgement at every sample, shape (n,).
         residual: Measured force less the force of the model learnt before that sample [N]; NaN outside contact and
             before there was a model, shape (n,).
         contact_force_rms: RMS of the force over the samples that have a residual [N].
-        history: Parameters after every sample by name, NaN before there was a model and where undetermined,
-            shape (n,) each; empty where it was not asked for.
-        model: Model after the last sample.
-        surface_error: Standard error of where contact begins [m], 0 for a surface that was given: the scatter of the
-            onsets, and the distance at which contact may begin unnoticed, see `unnoticed_depth`.
+        history: Parameters after every sample by name, as they were learnt from the surface that was known by then, NaN
+            before there was a model and where undetermined, shape (n,) each; empty where it was not asked for.
+        model: Model that has `parameters`.
+        surface_error: Standard error of where contact begins [m]: 0 for a surface that was given, NaN where the
+            recording does not tell it, as where it never leaves contact; then `surface` is where contact was noticed.
         sensor_lag: Least lag of the force [s], beyond the lag that was given; None where it cannot be estimated.
         sensor_lag_error: Standard error of that lag [s].
         standard_deviation: That of the force at the last sample that has a residual [N], NaN where the model has none.
@@ -81,6 +88,9 @@ def identify(
 ) -> Identification:
     """Feed a recording to a learner, and compare each force with that of the model learnt before it.
 
+    Sample by sample, a surface is noticed late. Once the recording is known, it and the force in free air are found by
+    `find_foot`, unless they were given, and the law is learnt again from there; not where the material has changed.
+
     Args:
         recording: Recording of presses.
         learner: Fresh; or an estimator alone, which finds surface and offset; None for a `ContactMap`.
@@ -101,21 +111,22 @@ def identify(
     else:
         samples, kept = RawSamples(*columns), history
         result = run_by_sample(learner, samples, lambda index: kept.note(index, estimator.parameters))
-    model, surface = estimator.model, learner.conditioner.surface - estimator.surface_correction
     contacts = int(result.in_contact.sum())
     if contacts < FEWEST_CONTACT_SAMPLES:
         raise RecordingError(
             recording.name,
             f"{plural(contacts, 'sample')} in contact, at least {FEWEST_CONTACT_SAMPLES} are needed for a model",
         )
+    estimator.finish()
+    surface_error, law = _learn_in_hindsight(recording, learner)
+    model = estimator.model
     if model is None:
         raise RecordingError(recording.name, f"{estimator.name} found no model: {learner.learnt().reason}")
-    surface_error = _surface_error(recording, learner, surface)
     return Identification(
-        estimator.parameters,
-        estimator.standard_errors,
-        _errors_with_surface(estimator, surface_error),
-        surface,
+        law.parameters,
+        law.standard_errors,
+        law.standard_errors_with_surface or (law.standard_errors if surface_error == 0.0 else None),
+        learner.conditioner.surface - estimator.surface_correction,
         learner.conditioner.force_offset,
         result.in_contact,
         result.residual,
@@ -130,52 +141,67 @@ def identify(
     )
 
 
-def unnoticed_depth(depth: Array, force: Array, threshold: float) -> float:
-    r"""Distance by which contact may begin further out than it was detected [m].
+def _learn_in_hindsight(recording: Recording, learner: Learner) -> tuple[float, Estimator]:
+    """Find what was not given of surface and offset, and learn again from there.
 
-    A law without damping, :math:`F = k (x + u)^n`, goes through the force :math:`F_0` at the depth 0 and through that
-    around the threshold, :math:`F_1` at :math:`x_1`; then :math:`u = x_1 / ((F_1 / F_0)^{1/n} - 1)`. It grows with n,
-    which is not known, and is given for n = 2, the end of the range of (5). Contact certainly begins at the depth 0
-    only where the force there is zero.
-
-    Args:
-        depth: Depth from where contact was detected [m], shape (n,).
-        force: Force less its offset [N], shape (n,).
-        threshold: Threshold at which contact was detected [N].
+    A map needs no surface and stays where it is: its depths count from elsewhere, and the law alone is learnt again.
 
     Returns:
-        The distance [m], 0 where there are no samples to estimate it from.
+        Standard error of the surface [m], and the estimator of the law's numbers.
     """
-    near = (depth > 0.0) & (force > 1.5 * threshold) & (force < 2.5 * threshold)
-    if not near.any():
-        return 0.0
-    further, strong = float(depth[near].mean()), float(force[near].mean())
-    there = force[np.abs(depth) < 0.1 * further]
-    weak = max(float(there.mean()), 0.0) if there.size else 0.5 * threshold
-    return further / (np.sqrt(strong / weak) - 1.0) if 0.0 < weak < strong else 0.0
+    estimator, conditioner, state = learner.estimator, learner.conditioner, learner.conditioner.state
+    given, lag = (bool(state.surface_given), bool(state.offset_given)), float(state.lag)
+    guess = conditioner.surface, conditioner.force_offset
+    time, position, velocity, force = _without_lag(recording, lag)
+
+    def refit(foot: Foot) -> bool:
+        samples = ContactSamples(time, position - foot.surface, velocity, force - foot.offset)
+        return estimator.refit(samples, foot.covariance)
+
+    if all(given):
+        refit(Foot(*guess, np.zeros((2, 2))))
+        return 0.0, estimator
+    tells = estimator.changes == 0 and not is_zero_unobservable(recording)
+    foot = find_foot(position, velocity, force, guess, given) if tells else None
+    if foot is None:
+        return 0.0 if given[0] else math.nan, estimator
+    stays = estimator.model_name == ContactMapModel.law
+    if stays:
+        estimator.move_surface(foot.surface - guess[0])
+        estimator.move_offset(foot.offset - guess[1])
+        stays = estimator.has_model  # a map that was moved far begins anew
+    law = ExactContinuousSwitching() if stays else estimator
+    known = Learner(
+        law,
+        surface=foot.surface,
+        force_offset=foot.offset,
+        contact_floor=float(state.floor),
+        sensor_lag=lag,
+    )
+    law.trust_surface(given[0])
+    if stays or not refit(foot):
+        law.reset()
+        known.run(recording.time, recording.position, recording.force, recording.velocity)
+    learner.conditioner = known.conditioner
+    return estimator.surface_error or math.sqrt(foot.covariance[0, 0]), law
 
 
-def _surface_error(recording: Recording, learner: Learner, surface: float) -> float:
-    """Standard error of the surface from the scatter of the onsets and the unnoticed depth, taken as two of them."""
-    conditioner = learner.conditioner
-    scatter = conditioner.surface_error
-    if scatter == 0.0:  # given
-        return 0.0
-    force = recording.force - conditioner.force_offset
-    threshold = float(conditioner.state.surface_threshold)
-    unnoticed = unnoticed_depth(recording.position - surface, force, threshold)
-    return float(np.hypot(scatter, 0.5 * unnoticed))
+def _without_lag(recording: Recording, lag: float) -> tuple[Array, Array, Array, Array]:
+    """Time, position, velocity and force of evenly chosen samples, neither position nor velocity late or early.
 
-
-def _errors_with_surface(estimator: Estimator, surface_error: float) -> dict[str, float | None] | None:
-    """Standard errors with that of the surface, which is no parameter of these laws: it is moved to see the effect."""
-    errors = estimator.standard_errors
-    if errors is None or surface_error == 0.0:
-        return errors
-    shifts = estimator.surface_shifts(surface_error)
-    if shifts is None:
-        return None
-    return {name: None if error is None else float(np.hypot(error, shifts[name])) for name, error in errors.items()}
+    Args:
+        recording: Its velocity is taken where it was measured, else slopes of the position to both sides.
+        lag: Of the forces behind the positions [s].
+    """
+    clock = recording.time
+    chosen = slice(None, None, 1 + clock.size // MOST_SAMPLES)
+    instants = np.clip(clock[chosen] - lag, clock[0], clock[-1])
+    if recording.velocity is not None:
+        velocity = np.interp(instants, clock, recording.velocity)
+    else:
+        ends = np.clip((instants - HALF_SLOPE, instants + HALF_SLOPE), clock[0], clock[-1])
+        velocity = np.diff(np.interp(ends, clock, recording.position), axis=0)[0] / np.diff(ends, axis=0)[0]
+    return clock[chosen], np.interp(instants, clock, recording.position), velocity, recording.force[chosen]
 
 
 class _History:

@@ -14,8 +14,8 @@ from foretouch.identification.conditioning.conditioner import ContactSample
 from foretouch.identification.contact_map.learning import PERIOD
 from foretouch.identification.contact_map.prior import NOISE, prior
 from foretouch.identification.contact_map.scores import trust
-from foretouch.identification.estimator import Status
-from foretouch.identification.offline import OfflineFit, StoringEstimator, fit_offline
+from foretouch.identification.estimator import Status, StoringEstimator
+from foretouch.identification.offline import OfflineFit, fit_offline
 from foretouch.models import ContactMapModel, ContactModel, ContactState
 from foretouch.models.contact_map.kernel import experts, features, locate, remember
 from foretouch.models.contact_map.layout import GRIDS, LARGEST_FEATURES, MEMORY, Grid, Map

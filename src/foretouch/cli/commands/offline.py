@@ -332,13 +332,15 @@ def _lines(title: str, content: dict[str, Any]) -> Iterator[str]:
         if name == "parameters":
             errors, alone = content["standard_errors_with_surface"], content["standard_errors"]
             text = parameter_text(value, errors or alone)
-            if alone and content["surface_error_m"]:
+            if alone and content["surface_error_m"] != 0.0:
                 holds = "holds that of the surface too" if errors else "takes the surface for right: see surface"
                 text += f"\n  {'':<28} (each ± {holds})"
             if content["map"] is not None and law_is_idle(content["map"]):
                 text += f"\n  {'':<28} ({IDLE_LAW})"
         elif error in content:
             text = measured(value, content[error], unit)
+            if name == "surface_m" and content[error] is None:
+                text += ", where contact was noticed: this recording does not tell where it begins"
         elif value is None:
             text = "-"
         else:

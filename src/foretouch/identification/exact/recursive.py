@@ -179,7 +179,7 @@ class _ExactFilter(Estimator):
 
     @property
     def surface_error(self) -> float:
-        """Standard error of `surface_correction` [m]."""
+        """See `Estimator.surface_error`."""
         return math.sqrt(self._belief.covariance[4, 4]) * float(self._belief.reference)
 
     @property
@@ -238,6 +238,11 @@ class _ExactFilter(Estimator):
         errors = self._errors()
         known = self._determined(model, errors)
         return {name: None if value is None else errors[name] for name, value in known.items()}
+
+    @property
+    def standard_errors_with_surface(self) -> dict[str, float | None] | None:
+        """See `Estimator.standard_errors_with_surface`: the surface is an unknown as the others are."""
+        return self.standard_errors
 
     def _errors(self) -> dict[str, float]:
         """Standard errors of all the law's numbers."""
