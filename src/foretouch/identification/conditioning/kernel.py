@@ -51,6 +51,16 @@ UNCERTAINTY_FACTOR = 2.0
 VELOCITY_RATE = 2.0 * math.pi * VELOCITY_CUTOFF
 
 
+class Start(Record):
+    """How the recording began: a driver may say one number until its sensor is there."""
+
+    over: float = math.nan  # when the force first was another than the first one [s]
+    last: float = math.nan  # newest force [N]
+    before: float = math.nan  # the one before it [N]
+    steps: float  # sum of squared first differences since then [N^2]
+    bends: float  # and of second ones [N^2]
+
+
 class Quiet(Record):
     """Mean and spread of the force over the window of its newest samples, and those of quiet windows."""
 
@@ -62,16 +72,7 @@ class Quiet(Record):
     lowest_mean: float = math.inf  # of a quiet window [N]
     noise: float  # spread of the window that gave the offset [N]
     least_spread: float = math.inf  # of a window [N]
-
-
-class Start(Record):
-    """How the recording began: a driver may say one number until its sensor is there."""
-
-    over: float = math.nan  # when the force first was another than the first one [s]
-    last: float = math.nan  # newest force [N]
-    before: float = math.nan  # the one before it [N]
-    steps: float  # sum of squared first differences since then [N^2]
-    bends: float  # and of second ones [N^2]
+    start: Start
 
 
 class Block(Record):
@@ -80,6 +81,13 @@ class Block(Record):
     time: float = -math.inf  # beginning [s]
     lowest: float = math.inf  # [N]
     before: float = math.inf  # of the previous block [N]
+
+
+class Late(Record):
+    """The samples that wait for a late sensor."""
+
+    first: int  # index in the rings of the oldest
+    count: int
 
 
 class Conditioning(Record):
@@ -99,14 +107,12 @@ class Conditioning(Record):
     velocity: float  # low-passed [m/s]
     last_onset: float = math.nan  # where the previous contact began [m]
     quiet: Quiet
-    start: Start
     peak: float  # largest force that lasted [N]
     block: Block
     surface_threshold: float = math.inf  # at which the surface was detected [N]
     free_place: float = math.nan  # last position below the threshold of release [m]
     air: Air
-    late_first: int  # index in the rings of the oldest sample that waits
-    late_count: int
+    late: Late
 
 
 Memory = tuple[NDArray[np.void], Array]
@@ -128,7 +134,7 @@ def make_memory(surface: float | None, force_offset: float | None, contact_floor
 def is_full(memory: Memory) -> bool:
     """Whether a ring has no room for one more sample."""
     capacity = memory[1].shape[1]
-    return bool(memory[0][0].quiet.count >= capacity or memory[0][0].late_count >= capacity)
+    return bool(memory[0][0].quiet.count >= capacity or memory[0][0].late.count >= capacity)
 
 
 def grow(memory: Memory) -> Memory:
@@ -137,9 +143,9 @@ def grow(memory: Memory) -> Memory:
     if not is_full(memory):
         return memory
     grown = np.zeros((5, 2 * rings.shape[1]))
-    for rows, first in ((WINDOW, state.quiet.first), (LATE, state.late_first)):
+    for rows, first in ((WINDOW, state.quiet.first), (LATE, state.late.first)):
         grown[rows, : rings.shape[1]] = np.roll(rings[rows], -first, axis=1)
-    state.quiet.first = state.late_first = 0
+    state.quiet.first = state.late.first = 0
     return memory[0], grown
 
 
@@ -181,14 +187,14 @@ def move(state: Conditioning, time: float, position: float) -> float:
 def delay(state: Conditioning, rings: Array, time: float, position: float, velocity: float) -> tuple[float, float]:
     """Position and velocity one lag ago, between the samples around that time; the first ones until there are such."""
     capacity, times, positions, speeds = rings.shape[1], rings[2], rings[3], rings[4]
-    first, count, wanted = state.late_first, state.late_count, time - state.lag
+    first, count, wanted = state.late.first, state.late.count, time - state.lag
     index = (first + count) % capacity
     times[index], positions[index], speeds[index] = time, position, velocity
     count += 1
     while count > 2 and times[(first + 1) % capacity] <= wanted:
         first = (first + 1) % capacity
         count -= 1
-    state.late_first, state.late_count = first, count
+    state.late.first, state.late.count = first, count
     second = (first + 1) % capacity if count > 1 else first
     span = times[second] - times[first]
     weight = (wanted - times[first]) / span if span > 0.0 else 0.0
@@ -204,7 +210,7 @@ def begins_now(state: Conditioning, time: float, force: float) -> bool:
     The squares of the second differences of white noise are three times those of the first; those of a contact that
     begins are small against them.
     """
-    start = state.start
+    start = state.quiet.start
     if math.isnan(start.over):
         if force != state.quiet.reference and not math.isnan(state.quiet.reference):
             start.over = time
@@ -226,7 +232,7 @@ def begin_again(state: Conditioning) -> None:
     quiet.count, quiet.reference, quiet.total, quiet.squares = 0, math.nan, 0.0, 0.0
     quiet.lowest_mean = quiet.least_spread = math.inf
     block.time, block.lowest, block.before = -math.inf, math.inf, math.inf
-    state.start.over, state.peak = -math.inf, 0.0
+    state.quiet.start.over, state.peak = -math.inf, 0.0
     state.in_contact, state.surface_threshold, state.free_place = False, math.inf, math.nan
     state.air.begin, state.air.touched = math.nan, False
     if not state.surface_given:
