@@ -16,15 +16,15 @@ from foretouch.identification import ContactSample, Learner, predict
 from foretouch.identification.contact_map.bank import EXPERT_NAMES, ContactMap
 from foretouch.identification.contact_map.learning import PERIOD, SCORED_FROM
 from foretouch.identification.contact_map.scores import (
-    COARSE_DEPTH,
     CONTACT_SHARE,
-    FINE_DEPTH,
-    FIRST_ERRORS,
+    FINE_PENALTY,
+    FIRST_ERROR,
     FIRST_TIME,
-    PENALTIES,
+    LAW_PENALTY,
     SCORE_TIME,
-    SHARPNESS,
 )
+
+SHARPNESS = 8.0  # Power of the inverse error in the shipped weights
 
 
 @dataclass(frozen=True)
@@ -108,20 +108,17 @@ class Shares:
         return used, np.where(used, scored - press.force, 0.0)
 
     def _power(self, press: Press, scored: Array) -> Array:
-        """As the shipped learner: penalties, what is assumed at first, and what knots cannot resolve."""
+        """As the shipped learner weighs law and maps: penalties, and what is assumed at first; the maps alike."""
         used, errors = self._errors(press, scored)
         seconds = np.cumsum(press.in_contact) * press.period
         peak = np.maximum.accumulate(np.where(press.in_contact, press.force, 1e-3))
-        depth = np.where(press.in_contact, press.recording.position - press.surface, 0.0)
-        depth = np.maximum(np.maximum.accumulate(depth), 1e-6)
         first = FIRST_TIME * np.exp(-seconds / FIRST_TIME)
         scored_for = _fading(used * press.period, used, press.period, self.duration)
         worth = np.empty(scored.shape)
-        resolved = (np.ones(peak.size), np.maximum(1.0, COARSE_DEPTH / depth), np.maximum(1.0, depth / FINE_DEPTH))
-        for expert, (assumed, penalty) in enumerate(zip(FIRST_ERRORS, PENALTIES, strict=True)):
+        for expert, penalty in enumerate((LAW_PENALTY, 1.0, FINE_PENALTY)):
             summed = _fading(errors[expert] ** 2 * press.period, used, press.period, self.duration)
-            squared = (summed + first * (assumed * peak) ** 2) / (scored_for + first)
-            worth[expert] = (squared * (penalty * resolved[expert]) ** 2 + 1e-12) ** (-0.5 * self.power)
+            squared = (summed + first * (FIRST_ERROR * peak) ** 2) / (scored_for + first)
+            worth[expert] = (squared * penalty**2 + 1e-12) ** (-0.5 * self.power)
         return np.asarray(worth / worth.sum(axis=0))
 
     def _stacked(self, press: Press, scored: Array) -> Array:
