@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from foretouch.models import ContinuousSwitching, HuntCrossley, KelvinVoigt, advance
+from foretouch.models.contact_map import layout
 from foretouch.models.contact_map.kernel import advance as kernel_advance
 from foretouch.models.contact_map.kernel import experts, locate, run
 from foretouch.models.contact_map.layout import (
@@ -311,3 +312,26 @@ def test_a_model_runs_what_the_kernel_runs() -> None:
         assert (model_force, model_deviation) == pytest.approx((force, deviation), rel=1e-4, abs=1e-5)
     assert model.shares == pytest.approx(tuple(maps[0].shares), rel=1e-6)
     assert maps[0].uncertainty[0] > 0.0
+
+
+@given(seed=st.integers(0, 99), depth=st.floats(-0.01, 0.03), velocity=st.floats(-0.3, 0.3), felt=st.floats(0.1, 10.0))
+def test_no_force_within_the_visited_depth_is_far_above_the_largest_felt(
+    seed: int, depth: float, velocity: float, felt: float
+) -> None:
+    maps = random_numbers(seed)
+    maps[0].felt = felt
+    learnt, position = maps[0], depth - maps[0].origin
+    force = advance(model_of(maps), (0.0,) * 5, depth, velocity, 1e-3)[1]
+    assert (
+        0.0 <= force <= (layout.MOST if position > learnt.reached - 1e-6 else layout.MOST_WITHIN) * felt * (1.0 + 1e-6)
+    )
+
+
+def test_outside_of_where_it_was_touched_the_force_falls_to_nothing() -> None:
+    maps = example_numbers((0.0, 1.0, 0.0))
+    maps["lowest"], maps["touch"], maps["touch_way"], maps["touch_force"] = -4e-3, 2e-3, 1e-3, 0.1
+    forces = [advance(model_of(maps), (0.0,) * 5, depth, 0.0, 1e-3)[1] for depth in (2.1e-3, 1.9e-3, 1.5e-3, 0.9e-3)]
+    assert forces[0] > 0.5
+    assert forces[1:] == pytest.approx([0.18, 0.1, 0.0], abs=1e-6)
+    maps["lowest"] = 1.5e-3  # nobody has been far outside yet
+    assert advance(model_of(maps), (0.0,) * 5, 1.6e-3, 0.0, 1e-3)[1] > 0.3

@@ -49,6 +49,7 @@ class Air(Record):
     outermost: float = math.inf  # position of a block since the last contact [m]
     end_before: float = math.inf  # and before it
     level: float = math.nan  # force that has been level [N]
+    blocks: int  # of which that is the mean
     level_from: float  # position at which that began [m]
     level_since: float  # and when [s]
 
@@ -96,12 +97,14 @@ def take_block(air: Air, time: float, block: tuple[float, float], surface: float
     """Learn from a block out of contact: its mean position [m] and force [N]."""
     place, force = block
     if math.isnan(air.level) or abs(force - air.level) > quiet:
-        air.level, air.level_from, air.level_since = force, place, time
+        air.level, air.blocks, air.level_from, air.level_since = force, 0, place, time
+    air.blocks += 1
+    air.level += (force - air.level) / air.blocks
     is_level = abs(place - air.level_from) >= LEVEL_WAY and time - air.level_since >= LEVEL_TIME
     air.outermost = min(air.outermost, place)
     if math.isnan(air.reference):
         if is_level and not air.touched:
-            begin_drift(air, time, force, floor)
+            begin_drift(air, time, air.level, floor)
             air.reference_at = min(place, air.level_from)
         return
     end = min(air.outermost, air.end_before)

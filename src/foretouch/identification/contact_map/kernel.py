@@ -117,7 +117,6 @@ def take(banks: Banks, time: float, depth: float, velocity: float, force: float,
     notes.updates += 1
     if code != CHANGED:
         return LEARNT if in_contact else LEARNT_IN_AIR
-    bank.changes += 1
     if in_contact:
         return OTHER
     # The material is gone, and nobody knows how far: all waits for the next touch.

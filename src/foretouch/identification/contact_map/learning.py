@@ -45,7 +45,7 @@ WATCHED_AGE = 0.3  # Least age of the predictions that show a change [s]
 SPIKE, LONGEST_SPIKE = 2.0, 0.01
 """Ratio to the peak so far of an unexpected force that is not learnt from, and for how long it is not [s]."""
 
-MISPLACED = 0.25
+MISPLACED = 0.1
 """Error of the coarse map in contact, relative to the peak, from which on the fine map is wanted there."""
 
 FINE_TIME, FINE_ERROR = 0.02, 0.2
@@ -61,7 +61,7 @@ LARGEST = 1.7976931348623157e308
 @compiled(error_model="numpy")
 def place_fine(bank: Bank, place: float) -> None:
     """Begin the fine map again, at a place [m from the origin] and with the force of the coarse one there."""
-    learnt = bank.map[0]
+    learnt, notes = bank.map[0], bank.notes[0]
     coarse, fine = learnt.coarse.weights, learnt.fine.weights
     learnt.place, learnt.fine.ranges[:] = place, 0.0
     for k in range(FINE.knots):  # a spline's weight is about the value in its middle
@@ -73,8 +73,8 @@ def place_fine(bank: Bank, place: float) -> None:
         first, a, b, c, d = cubic(position, COARSE.feature_spacing, COARSE.feature_below, COARSE.feature_knots)
         fine[FINE.knots + k] = blend(coarse, COARSE.knots + first, a, b, c, d)
     forget_fine(bank.fine)
-    assumed = FINE_TIME * (FINE_ERROR * bank.notes[0].peak) ** 2
-    bank.notes[0].present[0], bank.notes[0].present[1] = 0.25 * assumed, assumed
+    assumed = FINE_TIME * (FINE_ERROR * notes.peak) ** 2
+    notes.present[0], notes.present[1], notes.present_time = 0.25 * assumed, assumed, FINE_TIME
 
 
 @compiled(error_model="numpy")
@@ -209,6 +209,7 @@ def learn(bank: Bank, time: float, position: float, velocity: float, force: floa
         most = notes.peak * notes.peak  # for a sensor may say anything once
         notes.present[0] += period * min(coarse_error * coarse_error, most)
         notes.present[1] += period * min(fine_error * fine_error, most)
+        notes.present_time += period
     if not is_spike:
         error = fit_coarse(coarse_weights, bank.coarse, position, values, raw)
         spoilt = math.isnan(error)
@@ -219,6 +220,7 @@ def learn(bank: Bank, time: float, position: float, velocity: float, force: floa
         spoilt = math.isnan(fit_fine(fine_weights, bank.fine, place, values, raw)) or spoilt
     if visited and notes.contact > CHANGED_FROM and notes.wrong_for >= CHANGED_AFTER:
         code = CHANGED
+        bank.changes += 1
         restart(bank)
         notes.peak = max(force, 0.0)
         learnt.lowest = learnt.reached = position

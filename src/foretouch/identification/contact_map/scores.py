@@ -16,7 +16,8 @@ LAW_PENALTY = 1.2
 """Factor on the law's error: it has to be clearly better than the maps, for it is right nowhere where it is not right
 everywhere."""
 FINE_PENALTY = 1.2  # The same for the fine map against the coarse one
-LEAST_SHARE = 0.02
+NEEDED = 0.02  # Least error of the coarse map, relative to the peak, with which the fine one is needed
+LEAST_SHARE = 0.05
 CONTACT_SHARE = 0.05  # Fraction of the peak above which predictions are scored out of contact too
 FIRST_DOUBT = 0.25  # Standard deviation of a late prediction, relative to its force, before any was scored
 DOUBTS = 0.01, 1.0  # Its least and its largest value
@@ -82,7 +83,9 @@ def trust(squared: float) -> float:
 @inlined
 def fine_share(bank: Bank) -> float:
     """Weight of the fine map between the two maps: what the coarse one cannot resolve it learns wrong at once."""
-    present = bank.notes[0].present
+    present, least = bank.notes[0].present, NEEDED * bank.notes[0].peak
+    if bank.absent[1] == 0 and present[0] < least * least * bank.notes[0].present_time:
+        return 0.0
     coarse = 0.0 if bank.absent[1] > 0 else trust(present[0])
     fine = 0.0 if bank.absent[2] > 0 else trust(present[1] * FINE_PENALTY**2)
     return fine / (coarse + fine) if coarse + fine > 0.0 else 0.0

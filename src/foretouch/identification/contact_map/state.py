@@ -26,6 +26,7 @@ class Notes(Record):
     scores: Annotated[Field, float, 2]  # sums of squared late errors of the law and of the maps, fading [N^2 s]
     scored: float  # time over which they were summed, fading [s]
     present: Annotated[Field, float, 2]  # the same of errors of coarse and fine map before learning, not fading
+    present_time: float  # time over which these were summed [s]
     doubt: float  # standard deviation of a late prediction, relative to its force
     wrong_for: float  # time in contact for which late predictions have been wrong by far more than that [s]
     faded: float  # time in contact since the covariance faded last [s]

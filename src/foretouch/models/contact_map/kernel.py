@@ -237,9 +237,8 @@ def experts(
     if inside > 0.0:
         fine += inside * (map_force(learnt, learnt.fine, FINE, learnt.place, position, values) - coarse)
     force = weights[0] * law + weights[1] * coarse + weights[2] * fine
-    if position > learnt.reached:
-        force = min(force, layout.MOST * learnt.felt)
-    elif position < learnt.touch:
+    force = min(force, learnt.felt * (layout.MOST if position > learnt.reached else layout.MOST_WITHIN))
+    if position < learnt.touch:
         force = min(force, most_outside(learnt, position))
     return law, coarse, fine, min(force, layout.LARGEST_FORCE) if force >= 0.0 else 0.0  # 0 where it is no number
 

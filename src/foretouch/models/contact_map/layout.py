@@ -76,7 +76,9 @@ FINE_FROM, FINE_TO = -FINE.below * FINE.spacing, FINE.above * FINE.spacing
 """Where the knots of the fine map begin and end, from its place [m]."""
 
 FINE_EDGE = 1e-4  # Way before both ends over which the fine map goes over into the coarse one [m]
-MOST = 20.0  # Largest ratio of a force beyond the visited depth to the largest that was felt
+MOST, MOST_WITHIN = 20.0, 1.5
+"""Largest ratio of a force beyond the visited depth to the largest that was felt, and of one within it."""
+
 LETTING_GO = 5e-3  # Distance outside the visited range after which a force is zero at the latest [m]
 TOUCH_FORCE = 2.0  # Largest force just outside of where the material was touched so far, relative to the one there
 
