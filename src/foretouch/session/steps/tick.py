@@ -110,7 +110,7 @@ def sense(states: States, sample: Showing, now_ns: int) -> int:
 
     with the encoders' x, and the compliance 1 / k less the offset of the force, if these are known.
     """
-    follower, offset = states[0][0], states[1][0][0].offset
+    follower, offset = states[0][0], states[1][0][0].zero
     position, sensor_force, acceleration, effort = sample[0], sample[1], sample[2], sample[7]
     tool_force, time = follower.tool_mass * (acceleration - follower.gravity), now_ns * 1e-9
     force = sensor_force - tool_force - follower.zero
