@@ -18,7 +18,7 @@ Flags = NDArray[np.bool_]
 
 OFFSET_WINDOW = 0.05  # Length of the window whose lowest mean is the zero of the measured force [s]
 THRESHOLD_SHARE = 0.05  # Contact threshold as a fraction of the 98th percentile of the measured force
-OUTERMOST = 2.0  # Percentage of positions that are certainly out of contact, if any are
+OUTERMOST = 10.0  # Percentage of positions that are out of contact if the force is level there
 TOUCH = 0.01  # Time over which the mean force must be above the threshold [s]; otherwise it is noise, and no contact
 
 REST_SLOPE = 0.25
@@ -62,9 +62,9 @@ def lowest_mean(time: ArrayLike, force: ArrayLike, window: float = OFFSET_WINDOW
 def zero_in_hindsight(time: ArrayLike, force: ArrayLike, position: ArrayLike | None, contact_floor: float) -> float:
     """Zero of the force of a whole recording [N]: `lowest_mean`, unless free air is told apart from it.
 
-    It is told apart where the median force of the outermost 2 % of positions is above the lowest mean by the threshold
-    of contact: then something has pulled, or the sensor was not there at first. One zero holds for the whole recording:
-    a drift of the sensor counts as an error.
+    It is told apart where the force is level over the outermost tenth of positions, and above the lowest mean by the
+    threshold of contact: then something has pulled, or the sensor was not there at first. One zero holds for the whole
+    recording: a drift of the sensor counts as an error.
 
     Args:
         time: Sample times [s], increasing, shape (n,), n of at least 1.
@@ -76,9 +76,11 @@ def zero_in_hindsight(time: ArrayLike, force: ArrayLike, position: ArrayLike | N
     if position is None:
         return lowest
     values, point = columns_of(force, position)
-    outermost = float(np.median(values[point <= np.percentile(point, OUTERMOST)]))
+    if not np.isfinite(point).all():
+        return lowest
+    low, outermost, high = np.percentile(values[point <= np.percentile(point, OUTERMOST)], (10.0, 50.0, 90.0)).tolist()
     threshold = max(THRESHOLD_SHARE * (float(np.percentile(values, 98.0)) - outermost), contact_floor)
-    return outermost if outermost - lowest > threshold else lowest
+    return outermost if outermost - lowest > threshold > high - low else lowest
 
 
 def is_zero_unobservable(recording: Recording) -> bool:

@@ -1,4 +1,4 @@
-"""How the force in free air drifts, compiled: followed where the geometry says that nothing is touched.
+"""The force in free air, compiled: when it begins, and its drift where the geometry says that nothing is touched.
 
 The method and its reasons are in `foretouch.identification.Conditioner`.
 """
@@ -29,11 +29,36 @@ LONGEST = 2.0  # Time for which the drift goes on unseen [s]
 SURE = 4.0  # Standard deviations beyond which a block is not of the drift that was expected
 
 
+START_WINDOW = 0.04  # Time over which it is seen whether a force that was one number before is noise now [s]
+
+
+class Start(Record):
+    """How the recording began: a driver may say one number until its sensor is there."""
+
+    over: float = math.nan  # when the force first was another than the first one [s]
+    last: float = math.nan  # newest force [N]
+    before: float = math.nan  # the one before it [N]
+    first: float  # force at that time [N]
+    count: int  # number of differences since then
+    steps: float  # sum of their squares [N^2]
+    bends: float  # and of second ones [N^2]
+
+
+class Level(Record):
+    """A force that has been level from block to block."""
+
+    force: float = math.nan  # mean of its blocks [N], NaN for none
+    count: int  # of them
+    place: float  # position at which it began [m]
+    since: float  # and when [s]
+
+
 class Air(Record):
     """What is known of free air: a Kalman filter of the drift and its rate, and the block that is being taken."""
 
     reference: float = math.nan  # force in free air from which the drift counts [N]; NaN while none is known
     reference_at: float  # outermost position at which that was found [m]
+    reference_in: float  # and innermost
     touched: bool  # whether there was contact since
     confirmed: bool  # whether the force was the same after it
     drift: float  # [N]
@@ -48,10 +73,7 @@ class Air(Record):
     place: float  # and that of their positions [m]
     outermost: float = math.inf  # position of a block since the last contact [m]
     end_before: float = math.inf  # and before it
-    level: float = math.nan  # force that has been level [N]
-    blocks: int  # of which that is the mean
-    level_from: float  # position at which that began [m]
-    level_since: float  # and when [s]
+    level: Level
 
 
 @inlined
@@ -96,19 +118,20 @@ def begin_drift(air: Air, time: float, force: float, floor: float) -> None:
 def take_block(air: Air, time: float, block: tuple[float, float], surface: float, floor: float, quiet: float) -> None:
     """Learn from a block out of contact: its mean position [m] and force [N]."""
     place, force = block
-    if math.isnan(air.level) or abs(force - air.level) > quiet:
-        air.level, air.blocks, air.level_from, air.level_since = force, 0, place, time
-    air.blocks += 1
-    air.level += (force - air.level) / air.blocks
-    is_level = abs(place - air.level_from) >= LEVEL_WAY and time - air.level_since >= LEVEL_TIME
+    if math.isnan(air.level.force) or abs(force - air.level.force) > quiet:
+        air.level.force, air.level.count, air.level.place, air.level.since = force, 0, place, time
+    air.level.count += 1
+    air.level.force += (force - air.level.force) / air.level.count
+    is_level = abs(place - air.level.place) >= LEVEL_WAY and time - air.level.since >= LEVEL_TIME
     air.outermost = min(air.outermost, place)
     if math.isnan(air.reference):
         if is_level and not air.touched:
-            begin_drift(air, time, air.level, floor)
-            air.reference_at = min(place, air.level_from)
+            begin_drift(air, time, air.level.force, floor)
+            air.reference_at, air.reference_in = min(place, air.level.place), max(place, air.level.place)
         return
     end = min(air.outermost, air.end_before)
-    if place > end + OUTER_SHARE * (surface - end):  # not where the surface is unknown
+    # While no surface is known, further in may be inside a soft material.
+    if place > (air.reference_in if math.isnan(surface) else end + OUTER_SHARE * (surface - end)):
         return
     predict_drift(air, time, floor)
     innovation = force - air.reference - air.drift
@@ -118,7 +141,7 @@ def take_block(air: Air, time: float, block: tuple[float, float], surface: float
     elif not air.confirmed and -innovation > floor and place < air.reference_at:  # it was not free air
         begin_drift(air, time, math.nan, floor)
         air.touched = True
-    elif is_level:
+    elif is_level or (innovation < 0.0 and time - air.level.since >= LEVEL_TIME):  # nothing is lower than free air
         air.drift, air.variance, air.shared = force - air.reference, 0.0, 0.0
 
 
@@ -149,4 +172,29 @@ def leave_air(air: Air) -> None:
     """There is contact: what is being taken is none of free air."""
     if air.outermost < math.inf:
         air.end_before = air.outermost
-    air.begin, air.level, air.outermost, air.touched = math.nan, math.nan, math.inf, True
+    air.begin, air.level.force, air.outermost, air.touched = math.nan, math.nan, math.inf, True
+
+
+@inlined
+def begins_now(start: Start, first: float, time: float, force: float) -> bool:
+    """Whether all samples so far were one number and the newest ones are noise: the sensor has come only now.
+
+    The squares of the second differences of white noise are three times those of the first; those of a contact that
+    begins are small against them, those of a sensor's steps at most twice; and noise leads nowhere.
+    """
+    if math.isnan(start.over):
+        if force != first and not math.isnan(first):
+            start.over, start.first = time, force
+        return False
+    if time - start.over > 2.0 * START_WINDOW:
+        return False
+    step, bend = force - start.last, force - 2.0 * start.last + start.before
+    if not math.isnan(bend):
+        start.count += 1
+        start.steps += step * step
+        start.bends += bend * bend
+    start.before, start.last = start.last, force
+    if time - start.over <= START_WINDOW or not start.bends > 2.5 * start.steps > 0.0:
+        return False
+    rise = force - start.first
+    return bool(rise * rise < 9.0 * start.steps / start.count)

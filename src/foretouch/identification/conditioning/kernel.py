@@ -9,14 +9,20 @@ from numpy.typing import NDArray
 
 from foretouch.core import Record, compiled, kernel
 from foretouch.core.compiling import inlined
-from foretouch.identification.conditioning.air import Air, drifted, follow_air, leave_air
+from foretouch.identification.conditioning.air import (
+    Air,
+    Start,
+    begin_drift,
+    begins_now,
+    drifted,
+    follow_air,
+    leave_air,
+)
 from foretouch.models.predictor import VELOCITY_CUTOFF
 
 Array = NDArray[np.float64]
 
 OFFSET_WINDOW = 0.05  # Length [s] of the window whose lowest mean so far is taken for the force in free air
-
-START_WINDOW = 0.02  # Time over which it is seen whether a force that was one number before is noise now [s]
 
 CONTACT_FLOOR = 0.05
 """Least force [N] that counts as contact where nothing better is known of the sensor."""
@@ -49,16 +55,6 @@ UNCERTAINTY_FACTOR = 2.0
 """Ratio of the threshold at which the surface was detected to that of now, from which on it is looked for again."""
 
 VELOCITY_RATE = 2.0 * math.pi * VELOCITY_CUTOFF
-
-
-class Start(Record):
-    """How the recording began: a driver may say one number until its sensor is there."""
-
-    over: float = math.nan  # when the force first was another than the first one [s]
-    last: float = math.nan  # newest force [N]
-    before: float = math.nan  # the one before it [N]
-    steps: float  # sum of squared first differences since then [N^2]
-    bends: float  # and of second ones [N^2]
 
 
 class Quiet(Record):
@@ -204,28 +200,6 @@ def delay(state: Conditioning, rings: Array, time: float, position: float, veloc
 
 
 @inlined
-def begins_now(state: Conditioning, time: float, force: float) -> bool:
-    """Whether all samples so far were one number and the newest ones are noise: the sensor has come only now.
-
-    The squares of the second differences of white noise are three times those of the first; those of a contact that
-    begins are small against them.
-    """
-    start = state.quiet.start
-    if math.isnan(start.over):
-        if force != state.quiet.reference and not math.isnan(state.quiet.reference):
-            start.over = time
-        return False
-    if time - start.over > OFFSET_WINDOW:
-        return False
-    step, bend = force - start.last, force - 2.0 * start.last + start.before
-    if not math.isnan(bend):
-        start.steps += step * step
-        start.bends += bend * bend
-    start.before, start.last = start.last, force
-    return bool(time - start.over > START_WINDOW and start.bends > start.steps > 0.0)
-
-
-@inlined
 def begin_again(state: Conditioning) -> None:
     """Forget what the force was."""
     quiet, block = state.quiet, state.block
@@ -234,7 +208,9 @@ def begin_again(state: Conditioning) -> None:
     block.time, block.lowest, block.before = -math.inf, math.inf, math.inf
     state.quiet.start.over, state.peak = -math.inf, 0.0
     state.in_contact, state.surface_threshold, state.free_place = False, math.inf, math.nan
-    state.air.begin, state.air.touched = math.nan, False
+    leave_air(state.air)
+    begin_drift(state.air, 0.0, math.nan, state.floor)
+    state.air.end_before = math.inf
     if not state.surface_given:
         state.surface = state.surface_error = math.nan
 
@@ -349,7 +325,7 @@ def condition(
         velocity = move(state, time, position)
     if state.lag > 0.0:
         position, velocity = delay(state, rings, time, position, velocity)
-    if begins_now(state, time, force):
+    if begins_now(state.quiet.start, state.quiet.reference, time, force):
         begin_again(state)
     learn_offset(state, rings, time, force)
     raw, air = force, state.air
@@ -374,7 +350,7 @@ def condition(
         if math.isnan(before) and abs(air.reference - state.offset) > WRONG_ZERO * state.floor:
             state.offset = air.reference
         elif math.isnan(air.reference) and not math.isnan(before):
-            state.offset = air.level
+            state.offset = air.level.force
     if touching and not state.surface_given and position < state.surface:
         state.surface = position
     return position - state.surface, velocity, force, touching

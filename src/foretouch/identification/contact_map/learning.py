@@ -135,6 +135,11 @@ def note_touch(learnt: Map, notes: Notes, position: float, force: float) -> None
         notes.touch_unit = max(force / 16.0, 0.0)
     if not notes.touch_unit > 0.0:
         return
+    while notes.peak > notes.touch_unit * 2.0 ** (LEVELS - 3):  # the first force was hardly one
+        notes.touch_unit *= 2.0
+        for k in range(LEVELS - 1):
+            notes.outermost[k] = notes.outermost[k + 1]
+        notes.outermost[LEVELS - 1] = math.inf
     for k in range(level_of(force / notes.touch_unit) + 1):
         notes.outermost[k] = min(notes.outermost[k], position)
     level = level_of(TOUCH_SHARE * notes.peak / notes.touch_unit)

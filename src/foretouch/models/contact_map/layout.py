@@ -118,7 +118,7 @@ class Map(Record):
     felt: float  # largest force so far [N]
     touch: float = -LARGEST_DEPTH  # outermost position at which `touch_force` was felt [m], from the origin
     touch_way: float = LARGEST_DEPTH  # on which it grows to four times that [m]
-    touch_force: float  # a tenth to a fifth of the largest force [N]
+    touch_force: float  # a twentieth to a tenth of the largest force [N]
     coarse: CoarseMap
     fine: FineMap
 

@@ -55,7 +55,7 @@ def is_sensible(maps: NDArray[np.void]) -> bool:
     for k in range(HEADER):
         if not math.isfinite(numbers[k]):
             return False
-    total, good = 0.0, learnt.law_speed >= 0.0
+    total, good = 0.0, min(learnt.law_speed, learnt.felt, learnt.touch_way, learnt.touch_force) >= 0.0
     for k in range(layout.EXPERTS):
         total += learnt.shares[k]
         good = good and learnt.shares[k] >= 0.0
