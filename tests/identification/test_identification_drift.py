@@ -100,3 +100,33 @@ def test_a_zero_that_is_given_stays() -> None:
     learner = Learner(force_offset=0.3)
     said(position, force + 0.3 + 0.02 * TIME, learner)
     assert learner.conditioner.force_offset == 0.3
+
+
+@pytest.mark.parametrize("fall", [0.3, 1.0])
+def test_a_zero_that_falls_at_once_is_followed_with_little_air(fall: float) -> None:
+    position = 0.008 * np.clip(TIME / 0.6, 0.0, 1.0) + 0.0045 * (
+        1.0 - np.cos(2.0 * np.pi * np.maximum(TIME - 1.0, 0.0) / 1.2)
+    )
+    force = 600.0 * np.maximum(position - SURFACE, 0.0)
+    zero, learner = 0.3 - fall * (TIME > 8.0), Learner()
+    predicted = said(position, force + zero + np.random.default_rng(8).normal(0.0, 0.02, TIME.size), learner)
+    assert learner.conditioner.force_offset == pytest.approx(0.3 - fall, abs=0.05)
+    late = TIME > 12.0
+    assert np.sqrt(np.mean((predicted - force)[late] ** 2)) < 0.05 * np.sqrt(np.mean(force[late] ** 2))
+
+
+def test_a_slow_first_press_of_something_soft_is_no_drift() -> None:
+    position = np.minimum(0.004 + 0.001 * TIME, 0.02)
+    force, learner = 30.0 * np.maximum(position - SURFACE, 0.0), Learner()
+    learner.run(TIME, position, force + 0.3 + np.random.default_rng(9).normal(0.0, 0.01, TIME.size))
+    assert learner.conditioner.in_contact
+    assert learner.conditioner.force_offset == pytest.approx(0.3, abs=0.03)
+
+
+@pytest.mark.parametrize("step", [0.01, 0.1])
+def test_the_steps_of_a_sensor_are_no_noise(step: float) -> None:
+    position = 0.008 + 0.0025 * (1.0 - np.cos(2.0 * np.pi * TIME / 1.2))
+    force, learner = 500.0 * np.maximum(position - SURFACE, 0.0), Learner()
+    learner.run(TIME, position, np.round((force + 0.3) / step) * step)
+    assert learner.conditioner.force_offset == pytest.approx(0.3, abs=1e-6)
+    assert learner.conditioner.surface == pytest.approx(SURFACE, abs=0.4e-3)
