@@ -15,7 +15,7 @@ from foretouch import comparison
 from foretouch.cli.app import app
 from foretouch.comparison.combination import whole_file_force
 from foretouch.comparison.page import MOST_MATRICES
-from foretouch.identification import ESTIMATORS, Learner, identify, make_estimator
+from foretouch.identification import ESTIMATORS, Learner, make_estimator
 from foretouch.models import HuntCrossley
 from foretouch.quantities import Recording
 from foretouch.recordings import read_recording, write_columns
@@ -121,8 +121,9 @@ def test_any_estimator_that_says_it_is_offline_is_a_floor(files: list[Path], mon
 def test_the_whole_file_tells_from_the_first_sample_on(files: list[Path]) -> None:
     recording = read_recording(files[0])
     known = Learner(make_estimator("hunt-crossley", "offline"), contact_floor=recording.contact_floor)
-    identify(recording, known)
-    fit = whole_file_force(recording, known)
+    for time, position, force in zip(recording.time, recording.position, recording.force, strict=True):
+        known.update(float(time), float(position), float(force))
+    fit = whole_file_force(recording, make_estimator("hunt-crossley", "offline"), known)
     true = recording.force - 0.3
     first = slice(0, int(np.searchsorted(recording.time, 1.0)))
     assert true[first].max() > 2.0
@@ -135,7 +136,7 @@ def test_a_file_without_contact_has_no_floor_and_no_fault() -> None:
     time = np.arange(0.0, 1.0, 1e-3)
     recording = Recording(time, np.zeros(time.size), np.zeros(time.size))
     estimator = make_estimator("hunt-crossley", "offline")
-    assert not whole_file_force(recording, Learner(estimator)).any()
+    assert not whole_file_force(recording, estimator, Learner(estimator)).any()
 
 
 # --- the plot ---------------------------------------------------------------------------------------------------------

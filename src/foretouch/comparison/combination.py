@@ -73,11 +73,22 @@ class OnceLearnt(Learner):
         return self.memory[self._place] if self._place >= 0 else super().learnt()
 
 
-def whole_file_force(recording: Recording, learner: Learner) -> Array:
-    """Force [N] along the motion of a recording that has been learnt, shape (n,): without delay, and not causal.
+def whole_file_force(recording: Recording, estimator: Estimator, known: Learner) -> Array:
+    """Force [N] of a fit of the whole recording along its motion, shape (n,): without delay, and not causal.
 
-    It is 0 where nothing was learnt.
+    It is 0 where no fit was possible. The estimator is fresh; `known` has learnt the recording: where the surface
+    is and what the force in free air is.
     """
+    conditioner = known.conditioner
+    learner = Learner(
+        estimator,
+        surface=None if np.isnan(conditioner.surface) else conditioner.surface,
+        force_offset=conditioner.force_offset,
+        contact_floor=recording.contact_floor,
+    )
+    for sample in _samples(recording):
+        learner.update(*sample)
+    estimator.finish()
     learnt, predictor = learner.learnt(), Predictor()
     if learnt.model is not None:
         predictor.adopt(learnt.model, learnt.surface, learnt.model.initial_state())
@@ -258,7 +269,7 @@ def _floor_force(job: Combination, loaded: Loaded, learner: Learner) -> Forces |
     if not learner.estimator.offline:
         return None
     recording = loaded.recording
-    force = whole_file_force(recording, learner)
+    force = whole_file_force(recording, make_estimator(job.model, job.estimator), learner)
     return Forces(recording.time, recording.position, recording.force, force, recording.force, recording.contact_floor)
 
 
