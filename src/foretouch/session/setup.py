@@ -127,7 +127,7 @@ def make_session_robot(settings: SessionSettings) -> Any:
 
 
 def make_moved_robot(settings: SessionSettings, *, say: Say) -> Any:
-    """The robot of a session that only watches: the settings' operator moves a simulated one, somebody a real one.
+    """The robot of a session that only watches. A simulated one is moved by the settings' operator, a real one by hand.
 
     Args:
         settings: Of the session.

@@ -28,7 +28,6 @@ LONGEST = 2.0  # Time for which the drift goes on unseen [s]
 
 SURE = 4.0  # Standard deviations beyond which a block is not of the drift that was expected
 
-
 START_WINDOW = 0.04  # Time over which it is seen whether a force that was one number before is noise now [s]
 
 

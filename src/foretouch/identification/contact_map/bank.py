@@ -76,11 +76,21 @@ class ContactMap(Estimator):
     **Law.** The exact law (4) by `ExactContinuousSwitching`: a first guess from twenty samples, right within 0.1 s
     after a change, and the best where the material is of that kind.
 
-    **Weights.** Every 20 ms a snapshot is kept, and each expert's force from the snapshot of a delay ago is compared
-    with the force measured since, where the position had been visited by then. With e_i the RMS error over about the
-    last second of contact and c_i penalties (1.2 for the law; for each map what its knots cannot resolve),
+    **Place.** The fine map reaches 0.6 mm out and 1.2 mm in. Where the coarse map is wrong in contact by 10 % of the
+    peak beyond that, the fine one begins again there, with the force of the coarse one.
+
+    **Weights.** Every 20 ms a snapshot is kept. The forces of the law, and of both maps together, from that of a delay
+    ago are compared with the force measured since, where the position had been visited by then. With e_i their RMS
+    errors over about the last second of contact, and c_i = 1.2 for the law,
 
     .. math:: \pi_i \propto (c_i e_i)^{-8}
+
+    The fine map's part of the maps follows the same rule, with 1.2 for the fine one, but with the errors of both before
+    they learn a sample: what the coarse map cannot resolve it learns wrong at once. It is 0 while those of the coarse
+    one are below 2 % of the peak, and the law loses the same part: it is at the mercy of the surface there.
+
+    **Touch.** Where a twentieth to a tenth of the peak was felt outermost, and the way over which the force grew to
+    four times that, are part of the model: further out the force falls to zero. Inwards without a force, it moves in.
 
     **Standard deviation.** That of a late prediction F, with the peak force so far,
 

@@ -45,14 +45,12 @@ WATCHED_AGE = 0.3  # Least age of the predictions that show a change [s]
 SPIKE, LONGEST_SPIKE = 2.0, 0.01
 """Ratio to the peak so far of an unexpected force that is not learnt from, and for how long it is not [s]."""
 
-MISPLACED = 0.1
-"""Error of the coarse map in contact, relative to the peak, from which on the fine map is wanted there."""
-
+MISPLACED = 0.1  # Error of the coarse map in contact, relative to the peak, with which the fine one is wanted there
 FINE_TIME, FINE_ERROR = 0.02, 0.2
 """Time in contact [s] and error, relative to the peak, that a new fine map is assumed to have, and the coarse one half
 of it: it has to show that it is needed."""
 
-TOUCH_WAY = 1e-4
+TOUCH_WAY = 1e-4  # Least way outside of where the material begins over which the force falls to zero [m]
 TOUCH_SHARE = 0.1  # Least force, relative to the peak, by which it is known where the material begins
 
 LARGEST = 1.7976931348623157e308
@@ -124,7 +122,7 @@ def score_late(bank: Bank, time: float, sample: tuple[float, float, float], cont
 
 @inlined
 def level_of(ratio: float) -> int:
-    """Exponent of the largest power of two up to a ratio of forces, 0 to `LEVELS` - 1."""
+    """Exponent of the largest power of two up to a ratio of forces, 0 to `LEVELS` - 3: two more are looked at."""
     return min(max(math.frexp(ratio)[1] - 1, 0), LEVELS - 3) if ratio > 0.0 else 0
 
 

@@ -213,7 +213,7 @@ def most_outside(learnt: Map, position: float) -> float:
     A motion that is new in free air extrapolates what velocity and memory do, and would make a force there.
     """
     away = learnt.touch - position
-    if learnt.lowest > learnt.touch - learnt.touch_way:  # nobody has been outside yet
+    if learnt.lowest > learnt.touch - learnt.touch_way:  # the probe was never outside
         return layout.LARGEST_FORCE
     return float(layout.TOUCH_FORCE * learnt.touch_force * max(1.0 - away / learnt.touch_way, 0.0))
 

@@ -33,14 +33,16 @@ class ContactMapModel(Brief, ContactModel):
     g and h are cubic splines. The **coarse map** has knots every millimetre (the h every three), and remembers: z_r are
     play operators of radius r = 0.1 and 0.3 mm (hysteresis), x_T averages over T = 0.05, 0.3 and 1.5 s of the depth
     that is inside (relaxation). The motion alone determines all of this. The **fine map** has knots every 0.03 mm and
-    velocity only, for rigid materials. The **law** is the paper's (4).
+    velocity only, for rigid materials; it lies where the learner placed it, and elsewhere the coarse map stands for it.
+    The **law** is the paper's (4).
 
     Outside the visited range the model extrapolates: features are held to their range so far; beyond the greatest depth
     a map goes on along its last slope, held between the chord from the surface and 1.5 times that, and the law in
     proportion; the law counts speeds up to 1.5 times the largest; and no force there is more than 20 times the largest
-    felt. The standard deviation is that of late predictions so far, from a constant and multiples of force and speed,
-    and grows with the depth that is extrapolated. Slightly above the surface there may be a force: the learnt map shows
-    more precisely where contact begins.
+    felt, as none within the range is more than 1.5 times that. Outside of where the material was touched, the force is
+    held below one that falls to zero over a learnt way. The standard deviation is that of late predictions so far, from
+    a constant and a multiple of the force, and grows with the depth that is extrapolated. Slightly above the surface
+    there may be a force: the learnt map shows more precisely where contact begins.
 
     Args:
         stiffness: k of the law [N/m^(n + alpha)], not negative; 0 while the law is unknown.
