@@ -118,7 +118,7 @@ def score_outside(
     time = forces.time[kept]
     moved = float(time[0] - forces.time[0]) if time.size else 0.0
     whole = forces.time, forces.measured, forces.position, forces.contact_floor
-    zero = zero_in_hindsight(*whole) if forces.time.size else None
+    zero = zero_in_hindsight(*whole)[0] if forces.time.size else None
     return score_prediction(
         time,
         forces.measured[kept],

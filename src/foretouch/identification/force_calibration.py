@@ -21,6 +21,10 @@ THRESHOLD_SHARE = 0.05  # Contact threshold as a fraction of the 98th percentile
 OUTERMOST = 10.0  # Percentage of positions that are out of contact if the force is level there
 TOUCH = 0.01  # Time over which the mean force must be above the threshold [s]; otherwise it is noise, and no contact
 
+LOWEST, AIR = "lowest 50 ms mean", "level of free air"  # What a zero in hindsight is
+
+LEVEL_SLOPE = 0.05  # Ratio of the slope over those positions to the slope in contact, up to which the force is level
+
 REST_SLOPE = 0.25
 """Ratio of the force slope below the contact threshold to the slope above it, from which on a recording counts as never
 out of contact. Measured files: foam and skin at most 0.1, preloaded springs at least 0.8."""
@@ -59,12 +63,15 @@ def lowest_mean(time: ArrayLike, force: ArrayLike, window: float = OFFSET_WINDOW
     return float(((sums[last] - sums[first])[full] / held[full]).min() + middle)
 
 
-def zero_in_hindsight(time: ArrayLike, force: ArrayLike, position: ArrayLike | None, contact_floor: float) -> float:
-    """Zero of the force of a whole recording [N]: `lowest_mean`, unless free air is told apart from it.
+def zero_in_hindsight(
+    time: ArrayLike, force: ArrayLike, position: ArrayLike | None, contact_floor: float
+) -> tuple[float, str]:
+    """Zero of the force of a whole recording [N], and what it is: `lowest_mean`, or the level of free air.
 
-    It is told apart where the force is level over the outermost tenth of positions, and above the lowest mean by the
-    threshold of contact: then something has pulled, or the sensor was not there at first. One zero holds for the whole
-    recording: a drift of the sensor counts as an error.
+    Free air is told apart where the force over the outermost tenth of positions does not follow the position, as it
+    does in contact. Its median is the zero, for the lowest mean may be a pull, the friction of the mechanism on its way
+    out, or a sensor that was not there at first. One zero holds for the whole recording: a drift of the sensor counts
+    as an error.
 
     Args:
         time: Sample times [s], increasing, shape (n,), n of at least 1.
@@ -74,13 +81,16 @@ def zero_in_hindsight(time: ArrayLike, force: ArrayLike, position: ArrayLike | N
     """
     lowest = lowest_mean(time, force)
     if position is None:
-        return lowest
+        return lowest, LOWEST
     values, point = columns_of(force, position)
     if not np.isfinite(point).all():
-        return lowest
-    low, outermost, high = np.percentile(values[point <= np.percentile(point, OUTERMOST)], (10.0, 50.0, 90.0)).tolist()
-    threshold = max(THRESHOLD_SHARE * (float(np.percentile(values, 98.0)) - outermost), contact_floor)
-    return outermost if outermost - lowest > threshold > high - low else lowest
+        return lowest, LOWEST
+    outside = point <= np.percentile(point, OUTERMOST)
+    middle = float(np.median(values[outside]))
+    threshold = max(THRESHOLD_SHARE * (float(np.percentile(values, 98.0)) - middle), contact_floor)
+    contact = _slope(point, values, values > middle + threshold)
+    is_level = abs(_slope(point, values, outside)) <= LEVEL_SLOPE * contact
+    return (middle, AIR) if is_level else (lowest, LOWEST)
 
 
 def is_zero_unobservable(recording: Recording) -> bool:

@@ -150,7 +150,7 @@ def _learn_in_hindsight(recording: Recording, learner: Learner) -> tuple[float, 
         Standard error of the surface [m], and the estimator of the law's numbers.
     """
     estimator, conditioner, state = learner.estimator, learner.conditioner, learner.conditioner.state
-    given, lag = (bool(state.surface_given), bool(state.offset_given)), float(state.lag)
+    given, lag = (bool(state.surface_given), bool(state.offset_error == 0.0)), float(state.lag)
     guess = conditioner.surface, conditioner.force_offset
     time, position, velocity, force = _without_lag(recording, lag)
 

@@ -53,6 +53,7 @@ class Learner:
         estimator: Estimator of the law; None for a fresh `ContactMap`.
         surface: Position of the surface [m], None to estimate it.
         force_offset: Force in free air [N], None to estimate it.
+        offset_error: Standard deviation of a given one [N]; 0 where it is exact and stays.
         contact_floor: Least force that counts as contact [N], by the noise of its origin.
         sensor_lag: Lag of forces behind positions [s]: learning then pairs simultaneous ones, and the predicted force
             is that at the contact, not at the sensor.
@@ -73,6 +74,7 @@ class Learner:
         *,
         surface: float | None = None,
         force_offset: float | None = None,
+        offset_error: float = 0.0,
         contact_floor: float = CONTACT_FLOOR,
         sensor_lag: float = 0.0,
     ) -> None:
@@ -83,7 +85,11 @@ class Learner:
         self.estimator = estimator
         self.estimator.trust_surface(surface is not None)
         self.conditioner = Conditioner(
-            surface=surface, force_offset=force_offset, contact_floor=contact_floor, sensor_lag=sensor_lag
+            surface=surface,
+            force_offset=force_offset,
+            offset_error=offset_error,
+            contact_floor=contact_floor,
+            sensor_lag=sensor_lag,
         )
         self.learning, self._learn_raw = Learning.new(), learn_raw.entry
         self._newest = self.learning["newest"][0]

@@ -81,17 +81,21 @@ def require_delay_within(source: Recording | SessionLog, delay: float) -> None:
         raise SettingError("delay", delay, rule)
 
 
-def forces_under_delay(source: Recording | SessionLog, learner: Learner, delay: float) -> Forces:
+def forces_under_delay(
+    source: Recording | SessionLog, learner: Learner, delay: float, zero: float | None = None
+) -> Forces:
     """Predict a recording's force, or a session's at the leader's own motion, whose forces are known late.
 
-    The learner is fresh. Of a session the longest segment is taken; a RecordingError says that it has one side alone.
-    The delay of the forces [s] is refused as by `require_delay_within`.
+    The learner is fresh, and the zero [N] that of a recording's forces, None to find it in hindsight. Of a session the
+    longest segment is taken; a RecordingError says that it has one side alone. The delay of the forces [s] is refused
+    as by `require_delay_within`.
     """
     require_delay_within(source, delay)
     if isinstance(source, Recording):
-        felt = source.force - zero_in_hindsight(source.time, source.force, source.position, source.contact_floor)
+        if zero is None:
+            zero, _ = zero_in_hindsight(source.time, source.force, source.position, source.contact_floor)
         predicted = predict(source, learner, delay=delay)
-        known = np.nan_to_num(delayed_force(source.time, felt, delay), nan=0.0)
+        known = np.nan_to_num(delayed_force(source.time, source.force - zero, delay), nan=0.0)
         columns = source.time, source.position, source.force, predicted.force, known
         models = predicted.standard_deviation, predicted.jump, np.diff(source.time, prepend=np.nan)
         return Forces(*columns, source.contact_floor, *models)

@@ -57,6 +57,8 @@ class Scores(ByValue):
         in_contact: The scoring flag, for every sample, those outside the window too.
         measured_force: Measured force less its zero [N], every sample.
         window: Which samples are in the window, without those that are skipped.
+        force_zero_N: Zero of the measured force; None without samples.
+        force_zero_from: What that is: given, or as `foretouch.identification.force_calibration.zero_in_hindsight` says.
     """
 
     samples: int
@@ -75,6 +77,8 @@ class Scores(ByValue):
     in_contact: Flags
     measured_force: Array
     window: Flags
+    force_zero_N: float | None
+    force_zero_from: str
 
     def coverage(self, predicted_force: Array, deviation: Array | None) -> dict[str, float | None]:
         """Calibration of the predicted force's standard deviation [N]: contact samples within one and two of it."""
@@ -111,8 +115,8 @@ def score_prediction(
     r"""Score a predicted force against the measured one.
 
     The measured force F is the input less its zero: the one given, or else the lowest 50 ms mean over all samples,
-    or the level of free air where that is told apart (`zero_in_hindsight`). With the 98th
-    percentile :math:`F_{98}` over the window, a sample is in contact where
+    or the level of free air where that is told apart (`zero_in_hindsight`). With the 98th percentile :math:`F_{98}`
+    over the window, a sample is in contact where
 
     .. math:: F > \theta = \max(0.05\, F_{98},\; \text{contact floor}).
 
@@ -156,8 +160,10 @@ def score_prediction(
         require_type(name, given, (*NUMBER, type(None)), "a number, or None")
     clock, measured, predicted, known = columns_of(time, measured_force, predicted_force, delayed_force)
     _check(clock, measured, contact_floor, score_from, score_to)
+    zero, origin = offset, "given"
     if clock.size:
-        zero = zero_in_hindsight(clock, measured, position, contact_floor) if offset is None else offset
+        if zero is None:
+            zero, origin = zero_in_hindsight(clock, measured, position, contact_floor)
         measured, known = measured - zero, known - (zero if delayed_offset is None else delayed_offset)
     known = np.where(np.isfinite(known), known, 0.0)
     window = _window(clock, score_from, score_to)
@@ -165,7 +171,7 @@ def score_prediction(
         (left_out, _) = columns_of(skipped, clock)
         window &= left_out == 0.0
     untouched = np.zeros(clock.size, dtype=np.bool_)
-    nothing = Scores(clock.size, 0, *(None,) * 9, "nothing_to_score", None, untouched, measured, window)
+    nothing = Scores(clock.size, 0, *(None,) * 9, "nothing_to_score", None, untouched, measured, window, zero, origin)
     if not window.any():
         return nothing
     threshold = max(THRESHOLD_SHARE * float(np.percentile(measured[window], 98.0)), contact_floor)
@@ -208,6 +214,8 @@ def score_prediction(
         in_contact=in_contact,
         measured_force=measured,
         window=window,
+        force_zero_N=zero,
+        force_zero_from=origin,
     )
 
 

@@ -35,7 +35,9 @@ class Learning:
         typer.Option("--estimator", help="Estimator; without it the law's own. A wrong name lists them all."),
     ] = None
     surface: Annotated[str, typer.Option(help="Position of the surface [m], or auto.")] = "auto"
-    force_offset: Annotated[str, typer.Option(help="Force in free air [N], or auto.")] = "auto"
+    force_offset: Annotated[
+        str, typer.Option(help="Force in free air [N], its standard deviation too (0.3±0.05), or auto.")
+    ] = "auto"
     sensor_lag: Annotated[float, typer.Option(help="How late forces are against positions [s], where it is known.")] = (
         0.0
     )
@@ -59,11 +61,13 @@ class Learning:
 
         assert self.estimator is not None  # `with_estimator` has been asked
         require("sensor_lag", self.sensor_lag, at_least=0.0, at_most=LONGEST_LAG)
+        offset, error = _with_error("force-offset", self.force_offset)
         return functools.partial(
             identification.Learner,
             identification.make_estimator(self.model, self.estimator),
             surface=_number_or_auto("surface", self.surface),
-            force_offset=_number_or_auto("force-offset", self.force_offset),
+            force_offset=offset,
+            offset_error=error,
             sensor_lag=self.sensor_lag,
         )
 
@@ -81,7 +85,7 @@ class Learning:
             raise SettingError("force-offset", self.force_offset, f"{path} has it too: give one of them")
         if calibration.sensor_lag is not None and self.sensor_lag != 0.0:
             raise SettingError("sensor-lag", self.sensor_lag, f"{path} has it too: give one of them")
-        data = correct_recording(data, calibration, force_offset=_number_or_auto("force-offset", self.force_offset))
+        data = correct_recording(data, calibration, force_offset=_with_error("force-offset", self.force_offset)[0])
         return data, replace(
             self,
             force_offset=self.force_offset if known is None else repr(known),
@@ -172,6 +176,8 @@ SCORES = (
         "within_jnd_percent",
         "phantom_force_rms_N",
         "missed_contact_percent",
+        "force_zero_N",
+        "force_zero_from",
     ),
 )
 """Scores of a prediction that are printed."""
@@ -202,14 +208,15 @@ def predict(
     make_folder(report_directory)
     learning = learning.with_estimator()
     compile_first()
-    learner = learning.learner()
+    learner, (zero, error) = learning.learner(), _with_error("force-offset", learning.force_offset)
+    zero = zero if error == 0.0 else None
     if options.map_file is None and is_session(recording):
         log = read_session(recording)
         result = pulsing("predicting", forces_under_delay, log, learner(), delay)
         say_what_is_left_out(recording, log)
     else:
         data = read_and_say(recording, options)
-        result = pulsing("predicting", forces_under_delay, data, learner(contact_floor=data.contact_floor), delay)
+        result = pulsing("predicting", forces_under_delay, data, learner(contact_floor=data.contact_floor), delay, zero)
     floor = result.contact_floor if scored.contact_floor is None else scored.contact_floor
     scores = score_prediction(
         result.time,
@@ -220,6 +227,7 @@ def predict(
         score_from=scored.score_from,
         score_to=scored.score_to,
         position=result.position,
+        offset=zero,
         delayed_offset=0.0,
         skipped=result.skipped,
     )
@@ -308,6 +316,20 @@ def _number_or_auto(name: str, text: str) -> float | None:
     if not math.isfinite(value):
         raise SettingError(name, text, "must be auto or a number")
     return value
+
+
+def _with_error(name: str, text: str) -> tuple[float | None, float]:
+    """A number and its standard deviation, which is 0 without one."""
+    value, sign, error = text.replace("+-", "±").partition("±")
+    if not sign:
+        return _number_or_auto(name, text), 0.0
+    try:
+        number, deviation = float(value), float(error)
+    except ValueError:
+        number = deviation = math.nan
+    if not (math.isfinite(number) and 0.0 <= deviation < math.inf):
+        raise SettingError(name, text, "must be auto, a number, or two as in 0.3±0.05 (or 0.3+-0.05)")
+    return number, deviation
 
 
 def _lines(title: str, content: dict[str, Any]) -> Iterator[str]:

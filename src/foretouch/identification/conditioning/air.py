@@ -6,29 +6,45 @@ The method and its reasons are in `foretouch.identification.Conditioner`.
 from __future__ import annotations
 
 import math
+from typing import Annotated, Any
+
+from numpy.typing import NDArray
 
 from foretouch.core import Record
 from foretouch.core.compiling import inlined
 
+Field = NDArray[Any]
+
 BLOCK = 0.02  # Length of a block whose mean force is taken [s]
 
-LEVEL_WAY, LEVEL_TIME = 3e-3, 0.15
+LEVEL_WAY, LEVEL_TIME = 2e-3, 0.15
 """Way [m] and time [s] for which a force has to be level to be that of free air: a material would give way to it."""
+
+LEVEL_SHARE, ONSET = 0.15, 1e-3
+"""A force above the threshold of contact that is level is friction: largest difference of its blocks relative to it,
+and how far from where it began it has to become level [m] while free air is not known otherwise."""
 
 OUTER_SHARE = 0.25  # Fraction of the way out, nearest to its end, that counts: what sticks to the probe lets go before
 
-UNSURE = 0.4
-"""Standard deviation of a block in free air, as a fraction of the contact floor: friction of the mechanism is in it,
-and the blocks of one stay are alike."""
+UNSURE = (
+    0.4  # Standard deviation of a block in free air, in contact floors: blocks of a stay are alike
+)
 
 RATE, RATE_TIME = 0.25, 60.0
 """Standard deviation of the rate of drift, in contact floors per second, and the time in which it changes [s]."""
 
+FRICTION = 1.0  # Standard deviation of the mechanism's friction, in contact floors, before it was seen
+SLOW = 5e-4  # Speed at which half of it is there [m/s]: the noise of a velocity
+
 LONGEST = 2.0  # Time for which the drift goes on unseen [s]
 
-SURE = 4.0  # Standard deviations beyond which a block is not of the drift that was expected
+SURE = 4.0  # Standard deviations beyond which a block is not of the free air that was expected
 
 START_WINDOW = 0.04  # Time over which it is seen whether a force that was one number before is noise now [s]
+
+UNKNOWNS = 3
+"""Of free air: drift of the force [N], its rate [N/s], and the friction of the mechanism [N], which goes with the
+direction of motion."""
 
 
 class Start(Record):
@@ -48,130 +64,186 @@ class Level(Record):
 
     force: float = math.nan  # mean of its blocks [N], NaN for none
     count: int  # of them
+    way: float  # mean direction of their motion
     place: float  # position at which it began [m]
     since: float  # and when [s]
 
 
 class Air(Record):
-    """What is known of free air: a Kalman filter of the drift and its rate, and the block that is being taken."""
+    """What is known of free air: a Kalman filter of `UNKNOWNS`, and the block that is being taken."""
 
     reference: float = math.nan  # force in free air from which the drift counts [N]; NaN while none is known
-    reference_at: float  # outermost position at which that was found [m]
-    reference_in: float  # and innermost
-    touched: bool  # whether there was contact since
+    reference_at: float = math.inf  # outermost position at which that was found [m]
+    reference_in: float = -math.inf  # and innermost that is known to be free
+    touching: bool  # whether there is contact
+    onset: float  # position at which it began [m]
+    touched: bool  # whether there was contact since the reference is known
     confirmed: bool  # whether the force was the same after it
-    drift: float  # [N]
-    rate: float  # of the drift [N/s]
-    time: float = math.nan  # of these two [s]
-    variance: float  # of the drift [N^2]
-    shared: float  # covariance of drift and rate [N^2/s]
-    rate_variance: float  # [N^2/s^2]
+    known: Annotated[Field, float, UNKNOWNS]
+    covariance: Annotated[Field, float, (UNKNOWNS, UNKNOWNS)]
+    time: float = math.nan  # of these [s]
     begin: float = math.nan  # of the block [s], NaN for none
     count: int  # of its samples
     force: float  # their sum [N]
-    place: float  # and that of their positions [m]
+    place: float  # that of their positions [m]
+    way: float  # and that of the directions of their motion
     outermost: float = math.inf  # position of a block since the last contact [m]
     end_before: float = math.inf  # and before it
     level: Level
 
 
+Block = tuple[float, float, float]
+"""Means of a block: position [m], force [N], direction of motion."""
+
+
+@inlined
+def direction(velocity: float) -> float:
+    """Direction of a motion, 1 inwards: the sign of the friction."""
+    return float(velocity / (abs(velocity) + SLOW))
+
+
 @inlined
 def drifted(air: Air, time: float) -> float:
     """Drift expected at a time [N]."""
-    since = min(max(time - air.time, 0.0), LONGEST)
-    return air.drift + air.rate * since if since > 0.0 else air.drift
+    since = time - air.time  # NaN before the first
+    return float(air.known[0] + (air.known[1] * min(since, LONGEST) if since > 0.0 else 0.0))
 
 
 @inlined
-def predict_drift(air: Air, time: float, floor: float) -> None:
+def predict_air(air: Air, time: float, floor: float) -> None:
     """Take the filter to a time."""
-    since = max(time - air.time, 0.0)
-    air.drift, air.time = drifted(air, time), time
-    air.variance += since * (2.0 * air.shared + since * air.rate_variance)
-    air.shared += since * air.rate_variance
+    since, covariance = time - air.time if time > air.time else 0.0, air.covariance  # the first is NaN
+    air.known[0], air.time = drifted(air, time), time
+    for k in range(UNKNOWNS):
+        covariance[0, k] += since * covariance[1, k]
+    for k in range(UNKNOWNS):
+        covariance[k, 0] += since * covariance[k, 1]
     most = (RATE * floor) ** 2
-    air.rate_variance = min(air.rate_variance + most * since / RATE_TIME, most)
+    covariance[1, 1] = min(covariance[1, 1] + most * since / RATE_TIME, most)
 
 
 @inlined
-def take_level(air: Air, innovation: float, floor: float) -> None:
-    """Correct the filter by the force of a block in free air, less the one expected [N]."""
-    total = air.variance + (UNSURE * floor) ** 2
-    gain, rate_gain = air.variance / total, air.shared / total
-    air.drift += gain * innovation
-    air.rate += rate_gain * innovation
-    air.rate_variance -= rate_gain * air.shared
-    air.shared *= 1.0 - gain
-    air.variance *= 1.0 - gain
+def variance_of(air: Air, way: float, floor: float) -> float:
+    """Variance of the mean force of a block in free air [N^2]."""
+    p = air.covariance
+    return float(p[0, 0] + 2.0 * way * p[0, 2] + way * way * p[2, 2] + (UNSURE * floor) ** 2)
 
 
 @inlined
-def begin_drift(air: Air, time: float, force: float, floor: float) -> None:
-    """Let the drift count from this force [N]; with NaN, from none."""
-    air.reference, air.time, air.rate_variance = force, time, (RATE * floor) ** 2
-    air.drift = air.rate = air.variance = air.shared = 0.0
+def learn_air(air: Air, way: float, innovation: float, total: float) -> None:
+    """Correct the filter by the force of a block in free air, less the one expected [N], and the variance of it."""
+    p = air.covariance
+    seen = p[0, 0] + way * p[0, 2], p[1, 0] + way * p[1, 2], p[2, 0] + way * p[2, 2]
+    for k in range(UNKNOWNS):
+        air.known[k] += seen[k] / total * innovation
+        for m in range(UNKNOWNS):
+            p[k, m] -= seen[k] * seen[m] / total
+
+
+@inlined
+def begin_air(air: Air, time: float, force: float, way: float, floor: float) -> None:
+    """Let the drift count from this force [N], felt in a direction of motion; with NaN, from none."""
+    air.reference, air.time = force, time
+    air.known[:], air.covariance[:] = 0.0, 0.0
+    p, friction = air.covariance, (FRICTION * floor) ** 2
+    p[0, 0], p[1, 1], p[2, 2] = way * way * friction, (RATE * floor) ** 2, friction
+    p[0, 2] = p[2, 0] = -way * friction  # what is friction in this force is no zero
     air.touched = air.confirmed = False
 
 
 @inlined
-def take_block(air: Air, time: float, block: tuple[float, float], surface: float, floor: float, quiet: float) -> None:
-    """Learn from a block out of contact: its mean position [m] and force [N]."""
-    place, force = block
-    if math.isnan(air.level.force) or abs(force - air.level.force) > quiet:
-        air.level.force, air.level.count, air.level.place, air.level.since = force, 0, place, time
-    air.level.count += 1
-    air.level.force += (force - air.level.force) / air.level.count
-    is_level = abs(place - air.level.place) >= LEVEL_WAY and time - air.level.since >= LEVEL_TIME
-    air.outermost = min(air.outermost, place)
-    if math.isnan(air.reference):
-        if is_level and not air.touched:
-            begin_drift(air, time, air.level.force, floor)
-            air.reference_at, air.reference_in = min(place, air.level.place), max(place, air.level.place)
-        return
-    end = min(air.outermost, air.end_before)
-    # While no surface is known, further in may be inside a soft material.
-    if place > (air.reference_in if math.isnan(surface) else end + OUTER_SHARE * (surface - end)):
-        return
-    predict_drift(air, time, floor)
-    innovation = force - air.reference - air.drift
-    if abs(innovation) <= SURE * math.sqrt(air.variance + (UNSURE * floor) ** 2):
-        take_level(air, innovation, floor)
-        air.confirmed = air.confirmed or air.touched
-    elif not air.confirmed and -innovation > floor and place < air.reference_at:  # it was not free air
-        begin_drift(air, time, math.nan, floor)
-        air.touched = True
-    elif is_level or (innovation < 0.0 and time - air.level.since >= LEVEL_TIME):  # nothing is lower than free air
-        air.drift, air.variance, air.shared = force - air.reference, 0.0, 0.0
+def take_level(level: Level, time: float, block: Block, most: float) -> bool:
+    """Whether the force has been level, up to a difference [N], so far and for so long that this is free air."""
+    place, force, way = block
+    if math.isnan(level.force) or abs(force - level.force) > most:
+        level.force, level.count, level.way, level.place, level.since = force, 0, way, place, time
+    level.count += 1
+    level.force += (force - level.force) / level.count
+    level.way += (way - level.way) / level.count
+    return abs(place - level.place) >= LEVEL_WAY and time - level.since >= LEVEL_TIME
 
 
 @inlined
-def follow_air(air: Air, time: float, sample: tuple[float, float], surface: float, floor: float, quiet: float) -> None:
-    """Take one sample out of contact.
+def follow_block(air: Air, time: float, block: Block, floor: float, is_level: bool) -> None:
+    """Learn from a block in free air."""
+    place, force, way = block
+    predict_air(air, time, floor)
+    innovation, total = force - air.reference - air.known[0] - way * air.known[2], variance_of(air, way, floor)
+    if abs(innovation) <= SURE * math.sqrt(total):
+        learn_air(air, way, innovation, total)
+        air.confirmed = air.confirmed or air.touched
+    elif not air.confirmed and -innovation > floor and place < air.reference_at:  # it was not free air
+        begin_air(air, time, math.nan, 0.0, floor)
+        air.touched = True
+    elif is_level or (innovation < 0.0 and time - air.level.since >= LEVEL_TIME):  # nothing is lower than free air
+        air.covariance[0, 0] += innovation * innovation
+        air.covariance[2, 2] += innovation * innovation
+        learn_air(air, way, innovation, variance_of(air, way, floor))
+
+
+@inlined
+def take_block(air: Air, time: float, block: Block, surface: float, limits: tuple[float, float, float]) -> bool:
+    """Learn from a block if it is in free air; whether it is."""
+    (place, force, _), (floor, quiet, zero) = block, limits
+    if air.touching:
+        quiet = min(quiet, LEVEL_SHARE * abs(force - zero))
+    is_level = take_level(air.level, time, block, quiet)
+    if air.touching:
+        is_first = not air.confirmed and abs(air.level.place - air.onset) <= ONSET
+        if not (is_level and (is_first or place <= air.reference_in)):
+            return False
+    else:
+        air.outermost = min(air.outermost, place)
+    if math.isnan(air.reference):
+        if is_level and (air.touching or not air.touched):
+            begin_air(air, time, air.level.force, air.level.way, floor)
+            air.reference_at, air.reference_in = min(place, air.level.place), max(place, air.level.place)
+        return True
+    if math.isinf(air.reference_in):
+        air.reference_in = place
+    end = min(air.outermost, air.end_before)
+    # While no surface is known, further in may be inside a soft material.
+    inner = air.reference_in if math.isnan(surface) else end + OUTER_SHARE * (surface - end)
+    if air.touching or place <= inner:
+        follow_block(air, time, block, floor, is_level)
+    return True
+
+
+@inlined
+def follow_air(
+    air: Air, time: float, sample: Block, touching: bool, surface: float, limits: tuple[float, float, float]
+) -> bool:
+    """Take one sample; whether there is contact, for a force that is level in free air is none.
 
     Args:
         air: Written.
         time: Of the sample [s].
-        sample: Its position [m], and its force with the offset [N].
+        sample: Its position [m], its force with the offset [N], and its direction of motion.
+        touching: Whether the force alone says so.
         surface: Position of the surface [m]; NaN where it is not known.
-        floor: Least force that counts as contact [N].
-        quiet: Largest difference of two blocks in free air [N].
+        limits: Least force that counts as contact, largest difference of two blocks in free air, and zero of the force
+            as known [N].
     """
+    if touching != air.touching:
+        air.touching, air.begin, air.level.force = touching, math.nan, math.nan
+        if touching:
+            if air.outermost < math.inf:
+                air.end_before = air.outermost
+            if not air.touched:
+                air.reference_in = max(air.reference_in, sample[0])
+            air.outermost, air.onset, air.touched = math.inf, sample[0], True
     if math.isnan(air.begin):
-        air.begin, air.count, air.force, air.place = time, 0, 0.0, 0.0
+        air.begin, air.count, air.place, air.force, air.way = time, 0, 0.0, 0.0, 0.0
     air.count += 1
     air.place += sample[0]
     air.force += sample[1]
+    air.way += sample[2]
     if time - air.begin >= BLOCK:
         air.begin = math.nan
-        take_block(air, time, (air.place / air.count, air.force / air.count), surface, floor, quiet)
-
-
-@inlined
-def leave_air(air: Air) -> None:
-    """There is contact: what is being taken is none of free air."""
-    if air.outermost < math.inf:
-        air.end_before = air.outermost
-    air.begin, air.level.force, air.outermost, air.touched = math.nan, math.nan, math.inf, True
+        block = air.place / air.count, air.force / air.count, air.way / air.count
+        if take_block(air, time, block, surface, limits):
+            air.touching = False
+    return bool(air.touching)
 
 
 @inlined

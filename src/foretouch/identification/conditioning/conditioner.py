@@ -230,15 +230,21 @@ class ContactSamples(ByValue):
 
 
 class Conditioner:
-    """Estimates force offset, contact and surface as the samples come.
+    r"""Estimates force offset, contact and surface as the samples come.
 
     - **Offset**: the lowest mean force over 50 ms so far, of the windows that are not much noisier than the
       quietest. Where a recording never leaves contact this is a convention; the data cannot determine it. A force that
       is one number at the beginning and noise after it begins with the noise.
-    - **Drift**: where a recording begins with a force that is level over 3 mm, that is free air, and from then on the
-      force of each stay outside is compared with it, in the outer quarter of the way, by a Kalman filter of drift and
-      rate. So nothing that pulls on the way out is taken for a lower offset. What has drifted is none of the material:
-      forces are less the drift of their time.
+    - **Free air**: a force that is level over 2 mm at the beginning is that of free air, as is one that was given with
+      an error. From then on the force y of each stay outside, in the outer quarter of the way, is compared with it,
+
+      .. math:: y = F_0 + d + c\, s, \quad \dot d = r
+
+      by a Kalman filter of drift d, its rate r and the friction c of the mechanism, whose sign s goes with the motion.
+      So nothing that pulls on the way out is taken for a lower offset. What has drifted is none of the material: forces
+      are less the drift of their time. Friction is no contact: the thresholds below are for the force less c s, and a
+      force above them that is level over 2 mm, where the first contact began or further out, is none. In contact the
+      friction stays in the force, for the hand feels it.
     - **Contact** begins when the force rises above a threshold, the largest of the contact floor, six standard
       deviations of the force in the window that gave the offset (at most half as much again as in the quietest window
       so far), and 5 % of the largest force so far; it ends at half of it.
@@ -251,6 +257,7 @@ class Conditioner:
     Args:
         surface: Position of the surface [m], or None to find it.
         force_offset: Force in free air [N], or None to find it.
+        offset_error: Standard deviation of a given force in free air [N], not negative; 0 where it is exact and stays.
         contact_floor: Least force that counts as contact [N], by the noise of the origin; positive.
         sensor_lag: How late forces are against positions [s], not negative.
 
@@ -266,12 +273,14 @@ class Conditioner:
         *,
         surface: float | None = None,
         force_offset: float | None = None,
+        offset_error: float = 0.0,
         contact_floor: float = CONTACT_FLOOR,
         sensor_lag: float = 0.0,
     ) -> None:
+        require("offset_error", offset_error, at_least=0.0)
         require("contact_floor", contact_floor, above=0.0)
         require("sensor_lag", sensor_lag, at_least=0.0, at_most=LONGEST_LAG)
-        self._given = (surface, force_offset, contact_floor, sensor_lag)
+        self._given = (surface, force_offset, offset_error, contact_floor, sensor_lag)
         self.reset()
         self._take, self._shift = take.entry, shift.entry
         lose_surface(make_memory(*self._given))

@@ -12,11 +12,11 @@ from foretouch.core.compiling import inlined
 from foretouch.identification.conditioning.air import (
     Air,
     Start,
-    begin_drift,
+    begin_air,
     begins_now,
+    direction,
     drifted,
     follow_air,
-    leave_air,
 )
 from foretouch.models.predictor import VELOCITY_CUTOFF
 
@@ -46,10 +46,6 @@ PEAK_SHARE = 0.05
 with what presses it, and is no contact."""
 
 RELEASE_SHARE = 0.5  # Threshold of leaving contact, as a fraction of the threshold at which it began
-
-WRONG_ZERO = 0.6
-"""Distance of a level force in free air from the offset, as a fraction of the contact floor, from which on the offset
-is wrong; less is the friction of the mechanism."""
 
 UNCERTAINTY_FACTOR = 2.0
 """Ratio of the threshold at which the surface was detected to that of now, from which on it is looked for again."""
@@ -92,10 +88,10 @@ class Conditioning(Record):
     lag: float  # of the force sensor [s]
     floor: float  # least force that counts as contact [N]
     surface_given: bool
-    offset_given: bool
     surface: float = math.nan  # [m]; NaN while unknown
     surface_error: float = math.nan  # standard error of the surface [m]
     offset: float  # of the force [N], less its drift since
+    offset_error: float = math.nan  # standard deviation of the given one [N], 0 if it is exact; NaN if none was given
     zero: float  # of the force at the newest sample: with the drift [N]
     in_contact: bool
     motion_time: float = math.nan  # of the newest sample of the low-pass [s]
@@ -119,11 +115,26 @@ WINDOW, LATE = slice(0, 2), slice(2, 5)
 FIRST_CAPACITY = 128
 
 
-def make_memory(surface: float | None, force_offset: float | None, contact_floor: float, sensor_lag: float) -> Memory:
+def make_memory(
+    surface: float | None, force_offset: float | None, offset_error: float, contact_floor: float, sensor_lag: float
+) -> Memory:
     """Make the memory of a conditioner without samples: see `Conditioner` for the arguments."""
     given = {} if surface is None else {"surface": surface, "surface_error": 0.0, "surface_given": True}
-    given |= {} if force_offset is None else {"offset": force_offset, "zero": force_offset, "offset_given": True}
-    return Conditioning.new(lag=sensor_lag, floor=contact_floor, **given), np.zeros((5, FIRST_CAPACITY))
+    if force_offset is not None:
+        given |= {"offset": force_offset, "zero": force_offset, "offset_error": offset_error}
+    states = Conditioning.new(lag=sensor_lag, floor=contact_floor, **given)
+    expect_zero(states[0])
+    return states, np.zeros((5, FIRST_CAPACITY))
+
+
+@compiled(error_model="numpy")
+def expect_zero(state: Conditioning) -> None:
+    """Begin with what was given of the zero, if it was not given exactly."""
+    is_guess, air = state.offset_error > 0.0, state.air  # not where it is NaN
+    begin_air(air, math.nan, state.offset if is_guess else math.nan, 0.0, state.floor)
+    air.reference_at, air.reference_in = -math.inf if is_guess else math.inf, -math.inf
+    if is_guess:
+        air.covariance[0, 0] = state.offset_error**2
 
 
 @inlined
@@ -208,9 +219,10 @@ def begin_again(state: Conditioning) -> None:
     block.time, block.lowest, block.before = -math.inf, math.inf, math.inf
     state.quiet.start.over, state.peak = -math.inf, 0.0
     state.in_contact, state.surface_threshold, state.free_place = False, math.inf, math.nan
-    leave_air(state.air)
-    begin_drift(state.air, 0.0, math.nan, state.floor)
-    state.air.end_before = math.inf
+    air = state.air
+    expect_zero(state)
+    air.begin = air.level.force = math.nan
+    air.touching, air.outermost, air.end_before = False, math.inf, math.inf
     if not state.surface_given:
         state.surface = state.surface_error = math.nan
 
@@ -243,7 +255,7 @@ def learn_offset(state: Conditioning, rings: Array, time: float, force: float) -
     spread = math.sqrt(variance) if variance > 0.0 else 0.0
     if full and spread < state.quiet.least_spread:
         state.quiet.least_spread = spread
-    if not math.isnan(state.air.reference):  # what is lower now has drifted
+    if not math.isnan(state.air.reference) and state.quiet.lowest_mean < math.inf:  # what is lower now has drifted
         return
     if full:
         limit = QUIET_FACTOR * state.quiet.least_spread
@@ -253,7 +265,7 @@ def learn_offset(state: Conditioning, rings: Array, time: float, force: float) -
     elif state.quiet.lowest_mean < math.inf:
         return
     state.quiet.noise = spread
-    if not state.offset_given:
+    if math.isnan(state.offset_error):
         state.offset = mean + state.quiet.reference
 
 
@@ -333,24 +345,27 @@ def condition(
     force -= state.zero
     learn_peak(state, time, force)
     threshold = threshold_of(state)
+    way = direction(velocity)
+    pushed = force - way * max(air.known[2], 0.0)  # friction of the mechanism is no contact
     if state.in_contact:
-        touching = force > RELEASE_SHARE * threshold
+        touching = pushed > RELEASE_SHARE * threshold
     else:
-        if force <= RELEASE_SHARE * threshold or math.isnan(state.free_place):
+        if pushed <= RELEASE_SHARE * threshold or math.isnan(state.free_place):
             state.free_place = position
-        touching = force > threshold
+        touching = pushed > threshold
         if touching and not state.surface_given:
             learn_surface(state, position, threshold)
-    state.in_contact = touching
-    if touching:
-        leave_air(air)
-    elif not state.offset_given:
+    if state.offset_error != 0.0:
         before, quiet = air.reference, min(max(3.0 * state.quiet.noise, SMALLEST_SPREAD), state.floor)
-        follow_air(air, time, (position, raw), state.surface, state.floor, quiet)
-        if math.isnan(before) and abs(air.reference - state.offset) > WRONG_ZERO * state.floor:
+        limits = state.floor, quiet, state.zero
+        if not follow_air(air, time, (position, raw, way), touching, state.surface, limits) and touching:
+            # It was no contact, and the surface is where the next one begins.
+            state.surface_threshold, state.free_place, touching = 0.0, position, False
+        if math.isnan(before) and not math.isnan(air.reference):
             state.offset = air.reference
         elif math.isnan(air.reference) and not math.isnan(before):
             state.offset = air.level.force
+    state.in_contact = touching
     if touching and not state.surface_given and position < state.surface:
         state.surface = position
     return position - state.surface, velocity, force, touching

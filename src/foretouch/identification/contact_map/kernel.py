@@ -243,6 +243,7 @@ def learn_conditioned(
     if code in (OTHER, GONE):
         if not touching:
             lose_surface(conditioner)
+            told = True
         clear(lag)
     if touching:
         take_lagged(lag, depth + conditioned.surface, velocity, raw, time - before)
