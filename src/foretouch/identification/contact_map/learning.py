@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from foretouch.core.compiling import compiled, inlined
 from foretouch.identification.contact_map.regression import (
@@ -15,11 +16,13 @@ from foretouch.identification.contact_map.regression import (
     forget_fine,
     in_fine_reach,
 )
-from foretouch.identification.contact_map.scores import FIRST_DOUBT, allot, score, watch
+from foretouch.identification.contact_map.scores import FIRST_DOUBT, SCORE_TIME, allot, score, watch
 from foretouch.identification.contact_map.state import LEVELS, RING, Bank, Notes
-from foretouch.models.contact_map.kernel import blend, cubic, features, mapped
+from foretouch.models.contact_map.kernel import blend, cubic, features, law_force, mapped
 from foretouch.models.contact_map.layout import COARSE, FINE, SIZE, Map
 from foretouch.models.contact_model import LARGEST_DEPTH
+
+Array = NDArray[np.float64]
 
 PERIOD = 0.004  # Least time between two samples that are learnt [s]
 LONGEST_PERIOD = 0.1  # Largest period between samples [s]; a longer pause counts as this
@@ -50,6 +53,8 @@ FINE_TIME, FINE_ERROR = 0.02, 0.2
 """Time in contact [s] and error, relative to the peak, that a new fine map is assumed to have, and the coarse one half
 of it: it has to show that it is needed."""
 
+LARGEST_FACTOR = 20.0
+
 TOUCH_WAY = 1e-4  # Least way outside of where the material begins over which the force falls to zero [m]
 TOUCH_SHARE = 0.1  # Least force, relative to the peak, by which it is known where the material begins
 
@@ -75,20 +80,55 @@ def place_fine(bank: Bank, place: float) -> None:
     notes.present[0], notes.present[1], notes.present_time = 0.25 * assumed, assumed, FINE_TIME
 
 
+@inlined
+def scale_part(weights: Array, zero: float, knots: int, factor: float) -> None:
+    """Multiply the force of a map by a factor; `zero` is what it gives without contact."""
+    for k in range(weights.size):
+        raised = zero if k < knots else 0.0
+        weights[k] = raised + factor * (weights[k] - raised)
+
+
+@compiled(error_model="numpy")
+def doubt_map(bank: Bank, index: int, factor: float) -> None:
+    """Keep what was learnt, times a factor, as the mean of a new beginning: nothing of it is certain any more."""
+    learnt, notes, before = bank.map[0], bank.notes[0], bank.ring[index]
+    learnt.coarse.weights[:], learnt.fine.weights[:] = before.coarse.weights, before.fine.weights
+    scale_part(learnt.coarse.weights[:], learnt.zero, COARSE.knots, factor)
+    if learnt.place == before.place:
+        scale_part(learnt.fine.weights[:], learnt.zero, FINE.knots, factor)
+    else:
+        place_fine(bank, learnt.place)
+    fade(bank.coarse, 1.0)
+    fade(bank.fine, 1.0)
+    learnt.felt = notes.peak = before.felt * factor
+    learnt.touch_force *= factor
+    notes.touch_unit *= factor
+    begin_scores(bank)
+
+
+@compiled(error_model="numpy")
+def begin_scores(bank: Bank) -> None:
+    """Forget how well was predicted."""
+    learnt, notes = bank.map[0], bank.notes[0]
+    notes.contact = notes.scored = notes.faded = notes.wrong_for = 0.0
+    notes.law_missed = notes.law_time = 0.0
+    notes.lowest, learnt.law_reached, learnt.law_speed = math.inf, -math.inf, 0.0
+    notes.scores[:], notes.likeness[:], notes.doubt = 0.0, 0.0, FIRST_DOUBT
+    learnt.uncertainty[0], learnt.uncertainty[1] = 0.0, FIRST_DOUBT**2
+    notes.snapshots = 0
+
+
 @compiled(error_model="numpy")
 def restart(bank: Bank) -> None:
     """Forget the maps, their scores and the visited range; the law stays."""
     learnt, notes = bank.map[0], bank.notes[0]
     learnt.coarse.ranges[:], learnt.coarse.weights[:] = 0.0, 0.0
-    learnt.law_speed = 0.0
     learnt.lowest, learnt.reached = math.inf, -math.inf
     forget_coarse(bank.coarse)
-    notes.peak = notes.contact = notes.scored = notes.faded = notes.wrong_for = 0.0
-    notes.scores[:], notes.doubt = 0.0, FIRST_DOUBT
-    learnt.uncertainty[0], learnt.uncertainty[1] = 0.0, FIRST_DOUBT**2
+    notes.peak = 0.0
+    begin_scores(bank)
     notes.outermost[:], learnt.touch, learnt.touch_way = math.inf, -LARGEST_DEPTH, LARGEST_DEPTH
     notes.touch_unit, notes.entered = 0.0, 0
-    notes.snapshots = 0
     place_fine(bank, 0.0)
 
 
@@ -102,8 +142,7 @@ def snapshot_before(bank: Bank, time: float, position: float) -> int:
         age += 1
     index = (newest - 1 - age) % RING
     if age < kept and bank.contacts[index] >= SCORED_FROM:
-        snapshot = bank.ring[index]
-        if snapshot.lowest <= position <= snapshot.reached:
+        if bank.ranges[index, 0] <= position <= bank.ranges[index, 1]:
             return int(index)
     return -1
 
@@ -166,6 +205,7 @@ def widen(bank: Bank, sample: tuple[float, float, float], contact: bool, period:
         for k in range(LEVELS):
             notes.outermost[k] = max(notes.outermost[k], position)
     learnt.lowest, learnt.reached = min(learnt.lowest, position), max(learnt.reached, position)
+    notes.lowest, learnt.law_reached = min(notes.lowest, position), max(learnt.law_reached, position)
     coarse, fine = learnt.coarse.ranges, learnt.fine.ranges
     for f in range(COARSE.features):
         coarse[f, 0], coarse[f, 1] = min(coarse[f, 0], values[f]), max(coarse[f, 1], values[f])
@@ -185,6 +225,7 @@ def snap(bank: Bank, time: float) -> None:
         for k in range(SIZE):  # a slice of an array into another takes seconds to compile
             ring[index * SIZE + k] = numbers[k]
         bank.contacts[index], bank.times[index] = notes.contact, time
+        bank.ranges[index, 0], bank.ranges[index, 1] = notes.lowest, bank.map[0].law_reached
         notes.snapshots += 1
 
 
@@ -213,6 +254,11 @@ def learn(bank: Bank, time: float, position: float, velocity: float, force: floa
         notes.present[0] += period * min(coarse_error * coarse_error, most)
         notes.present[1] += period * min(fine_error * fine_error, most)
         notes.present_time += period
+    if contact:
+        fading = math.exp(-period / SCORE_TIME)
+        law = law_force(learnt, position, velocity)
+        notes.law_missed = fading * notes.law_missed + period * (law - force) ** 2
+        notes.law_time = fading * notes.law_time + period
     if not is_spike:
         error = fit_coarse(coarse_weights, bank.coarse, position, values, raw)
         spoilt = math.isnan(error)
@@ -224,12 +270,12 @@ def learn(bank: Bank, time: float, position: float, velocity: float, force: floa
     if visited and notes.contact > CHANGED_FROM and notes.wrong_for >= CHANGED_AFTER:
         code = CHANGED
         bank.changes += 1
-        restart(bank)
-        notes.peak = max(force, 0.0)
-        learnt.lowest = learnt.reached = position
+        likeness = notes.likeness[0] / notes.likeness[1] if notes.likeness[1] > 0.0 else 1.0
+        index = snapshot_before(bank, time - max(bank.horizon, WATCHED_AGE), position)
+        doubt_map(bank, index, min(max(likeness, 1.0 / LARGEST_FACTOR), LARGEST_FACTOR))
+        notes.lowest = learnt.law_reached = position
         fit_coarse(coarse_weights, bank.coarse, position, values, raw)
-        place_fine(bank, position)
-        fit_fine(fine_weights, bank.fine, 0.0, values, raw)
+        fit_fine(fine_weights, bank.fine, position - learnt.place, values, raw)
     if notes.faded >= 1.0:
         notes.faded = 0.0
         fade(bank.coarse, FADING)

@@ -18,6 +18,7 @@ everywhere."""
 FINE_PENALTY = 1.2  # The same for the fine map against the coarse one
 NEEDED = 0.02  # Least error of the coarse map, relative to the peak, with which the fine one is needed
 LEAST_SHARE = 0.05
+EARLY = True
 CONTACT_SHARE = 0.05  # Fraction of the peak above which predictions are scored out of contact too
 FIRST_DOUBT = 0.25  # Standard deviation of a late prediction, relative to its force, before any was scored
 DOUBTS = 0.01, 1.0  # Its least and its largest value
@@ -70,7 +71,12 @@ def watch(bank: Bank, snapshot: Map, sample: tuple[float, float, float], contact
     least, squared = CONTACT_SHARE * notes.peak, (mixed - force) ** 2
     scale = least * least + mixed * mixed
     wrong = squared > max((WRONG * notes.doubt) ** 2 * scale, (LEAST_WRONG * notes.peak) ** 2)
-    notes.wrong_for = notes.wrong_for + period if wrong else 0.0
+    if not wrong:
+        notes.wrong_for, notes.likeness[:] = 0.0, 0.0
+        return
+    notes.wrong_for += period
+    notes.likeness[0] += period * mixed * force
+    notes.likeness[1] += period * mixed * mixed
 
 
 @inlined
@@ -97,9 +103,12 @@ def allot(bank: Bank) -> None:
     learnt, notes, weights = bank.map[0], bank.notes[0], bank.map[0].shares
     first = max(FIRST_TIME * math.exp(-notes.contact / FIRST_TIME), 1e-9)  # for nothing may have been scored yet
     # After a change the law, which has gone on, is a better first guess than at the beginning.
-    law, maps = FIRST_ERROR * (0.5 if bank.changes > 0 else 1.0) * notes.peak, FIRST_ERROR * notes.peak
-    law = trust((notes.scores[0] + first * law * law) / (notes.scored + first) * LAW_PENALTY**2)
-    maps = trust((notes.scores[1] + first * maps * maps) / (notes.scored + first))
+    assumed = (FIRST_ERROR * notes.peak) ** 2
+    law, maps = assumed, assumed * (0.25 if bank.changes > 0 else 1.0)
+    if bank.changes > 0 or EARLY:
+        law = (notes.law_missed + 0.02 * assumed) / (notes.law_time + 0.02)
+    law = trust((notes.scores[0] + first * law) / (notes.scored + first) * LAW_PENALTY**2)
+    maps = trust((notes.scores[1] + first * maps) / (notes.scored + first))
     law = 0.0 if bank.absent[0] > 0 or not learnt.law[0] > 0.0 else law
     maps = maps if bank.absent[1] == 0 or bank.absent[2] == 0 or law == 0.0 else 0.0
     share = fine_share(bank)

@@ -22,13 +22,17 @@ class Notes(Record):
 
     learnt_at: float  # time of the newest sample learnt from [s]
     peak: float  # largest force since the beginning or the last change [N]
+    lowest: float  # least position since the beginning or the last change [m]
     contact: float  # time in contact since the beginning or the last change [s]
     scores: Annotated[Field, float, 2]  # sums of squared late errors of the law and of the maps, fading [N^2 s]
     scored: float  # time over which they were summed, fading [s]
     present: Annotated[Field, float, 2]  # the same of errors of coarse and fine map before learning, not fading
     present_time: float  # time over which these were summed [s]
+    law_missed: float  # sum of squared errors of the law before it learns, fading [N^2 s]
+    law_time: float  # time over which these were summed, fading [s]
     doubt: float  # standard deviation of a late prediction, relative to its force
     wrong_for: float  # time in contact for which late predictions have been wrong by far more than that [s]
+    likeness: Annotated[Field, float, 2]  # sums of what is predicted times what is measured, and its square, since then
     faded: float  # time in contact since the covariance faded last [s]
     snapshots: int  # taken so far
     snapped_at: float  # time of the newest snapshot [s]
@@ -54,6 +58,7 @@ class Bank(Record):
     law: Annotated[Field, Filter, 1]  # the exact estimator
     times: Annotated[Field, float, RING]  # of the snapshots [s], together for the search
     contacts: Annotated[Field, float, RING]  # their times in contact [s]
+    ranges: Annotated[Field, float, (RING, 2)]  # least and largest position since the beginning or the last change [m]
     ring: Annotated[Field, Map, RING]  # the snapshots
     coarse: CoarseRegression
     fine: FineRegression

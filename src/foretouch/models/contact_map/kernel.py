@@ -192,7 +192,7 @@ def law_force(learnt: Map, position: float, velocity: float) -> float:
     k, damping, n, alpha = learnt.law[0], learnt.law[1], learnt.law[2], learnt.law[3]
     if not (depth > 0.0 and k > 0.0):
         return 0.0
-    known = min(depth, max(learnt.reached + shift, layout.LEAST_DEPTH))
+    known = min(depth, max(learnt.law_reached + shift, layout.LEAST_DEPTH))
     speed = layout.SPEED_REACH * learnt.law_speed
     velocity = min(max(velocity, -speed), speed)
     return float(max(known**n * (k * known**alpha * depth / known + damping * velocity), 0.0))

@@ -110,6 +110,7 @@ class Map(Record):
     law: Annotated[Field, float, 4]  # k, lambda, n, alpha
     law_surface: float  # height of the law's surface above the published one [m]
     law_speed: float  # largest in contact so far [m/s]
+    law_reached: float  # largest position since the beginning or the last change [m], from the origin
     lowest: float  # smallest position that was learnt [m], from the origin
     reached: float  # and the largest
     uncertainty: Annotated[Field, float, UNCERTAINTIES]  # variance: constant [N^2], multiple of force^2
