@@ -13,21 +13,30 @@ TIME = np.arange(0.0, 24.0, 1e-3)
 WALL, MOVED = 0.010, 12.0
 
 
-def touched(moved: float, seed: int) -> tuple[Recording, Array]:
-    """Touches of 0.4 mm by a hand that follows a wall of 20 kN/m, which moves after 12 s; and the true force [N]."""
+def pressed(depths: tuple[float, float], seed: int, varied: float) -> Array:
+    """Depth [m] of touches from 4 mm outside, up to so much that varies by a fraction, another one after 12 s."""
     random, begin = np.random.default_rng(seed), 1.0
     part = np.clip(TIME / 0.6, 0.0, 1.0)
-    position = part**3 * (10.0 - 15.0 * part + 6.0 * part * part) * (WALL - 0.004)
+    depth = part**3 * (10.0 - 15.0 * part + 6.0 * part * part) * (WALL - 0.004) - WALL
     while begin < TIME[-1]:
-        length, depth = 1.2 * random.uniform(0.8, 1.2), 0.0004 * random.uniform(0.75, 1.25)
+        length = 1.2 * random.uniform(0.8, 1.2)
+        deepest = depths[int(begin >= MOVED)] * random.uniform(1.0 - varied, 1.0 + varied)
         inside = (begin <= TIME) & (begin + length > TIME)
-        position[inside] += 0.5 * (depth + 0.004) * (1.0 - np.cos(2.0 * np.pi * (TIME[inside] - begin) / length))
+        depth[inside] += 0.5 * (deepest + 0.004) * (1.0 - np.cos(2.0 * np.pi * (TIME[inside] - begin) / length))
         begin += length
-    depth = position - WALL
+    return depth
+
+
+def felt(position: Array, force: Array, seed: int) -> Recording:
+    noise = np.random.default_rng(seed + 1).normal(0.0, 0.02, TIME.size)
+    return Recording(TIME, np.round(position, 6), force + 0.3 + noise)
+
+
+def touched(moved: float, seed: int) -> tuple[Recording, Array]:
+    """Touches of 0.4 mm by a hand that follows a wall of 20 kN/m, which moves after 12 s; and the true force [N]."""
+    depth = pressed((0.0004, 0.0004), seed, 0.25)
     force = np.maximum(2e4 * np.maximum(depth, 0.0) * (1.0 + 2.0 * np.gradient(depth, TIME)), 0.0)
-    position[TIME >= MOVED] += moved
-    noise = random.normal(0.0, 0.02, TIME.size)
-    return Recording(TIME, np.round(position, 6), force + 0.3 + noise), force
+    return felt(WALL + depth + moved * (TIME >= MOVED), force, seed), force
 
 
 @pytest.mark.parametrize(
@@ -63,3 +72,13 @@ def test_nothing_is_felt_outside_of_where_the_wall_was_touched(velocity: float) 
     for away in (0.4e-3, 1e-3, 3e-3):
         assert advance(model, learner.learnt().state, WALL - away - surface, velocity, 1e-3)[1] == 0.0
     assert advance(model, learner.learnt().state, WALL + 0.3e-3 - surface, 0.0, 1e-3)[1] > 4.0
+
+
+@pytest.mark.parametrize(("hardness", "deepest"), [(10.0, 0.0056), (66.0, 0.0053)])
+def test_a_hard_layer_takes_nothing_from_what_is_known_above_it(hardness: float, deepest: float) -> None:
+    """Soft tissue of 400 N/m; a layer so many times as stiff 5 mm below its surface is reached from 12 s on."""
+    depth = pressed((0.004, deepest), 30, 0.05)
+    force = 400.0 * (np.maximum(depth, 0.0) + (hardness - 1.0) * np.maximum(depth - 0.005, 0.0))
+    predicted = predict(felt(WALL + depth, force, 30), Learner(), delay=0.3).force
+    above = (TIME[depth > 0.005][0] < TIME) & (depth > 0.0005) & (depth < 0.0048)
+    assert np.sqrt(np.mean((predicted - force)[above] ** 2)) < 0.03 * np.sqrt(np.mean(force[above] ** 2))

@@ -19,7 +19,7 @@ def example_numbers(shares=(0.3, 0.5, 0.2), *, seed=0):
     """A map that was visited from 4 mm above to 8 mm below its origin: 400 N/m, with features of up to 0.1 N."""
     made = Map.new(
         felt=NO_BOUND, law=PARAMETERS, shares=shares, uncertainty=(0.01, 0.0025),
-        law_speed=0.2, lowest=-4e-3, reached=8e-3,
+        law_speed=0.2, law_reached=8e-3, lowest=-4e-3, reached=8e-3,
     )  # fmt: skip
     random = np.random.default_rng(seed)
     for grid, part in parts(made):
@@ -48,6 +48,7 @@ def random_numbers(seed, *, fine=True):
     learnt.law[:] = random.uniform(100.0, 9000.0), random.uniform(0.0, 2000.0), *random.uniform(0.0, 1.5, 2)
     learnt.law_surface, learnt.law_speed = random.uniform(-1e-3, 1e-3), random.uniform(0.0, 0.3)
     learnt.lowest, learnt.reached = random.uniform(-9e-3, 0.0), random.uniform(1e-4, 30e-3)
+    learnt.law_reached = learnt.reached
     learnt.uncertainty[:2] = random.uniform(0.0, 0.1, 2)
     shares = random.dirichlet((1.0, 1.0, 1.0)) * (1.0, 1.0, float(fine))
     learnt.shares[:] = shares / shares.sum()

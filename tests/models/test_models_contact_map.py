@@ -246,7 +246,7 @@ def test_the_law_goes_on_in_proportion(depth: float, velocity: float, alpha: flo
     maps = example_numbers((1.0, 0.0, 0.0))
     maps[0].law[:] = 3000.0, 500.0, n, alpha
     maps[0].origin, maps[0].law_surface = 1e-3, -2e-3
-    known = min(depth, maps[0].reached - 1e-3)
+    known = min(depth, maps[0].law_reached - 1e-3)
     speed = float(np.clip(velocity, -SPEED_REACH * maps[0].law_speed, SPEED_REACH * maps[0].law_speed))
     law = 3000.0 * known ** (n + alpha) * (depth / known if known > 0.0 else 0.0) + 500.0 * known**n * speed
     expected = max(law, 0.0) if depth > 0.0 else 0.0
@@ -255,7 +255,7 @@ def test_the_law_goes_on_in_proportion(depth: float, velocity: float, alpha: flo
 
 def test_a_law_that_was_hardly_pressed_is_believed_a_little_further() -> None:
     maps = example_numbers((1.0, 0.0, 0.0))
-    maps[0].reached = 1e-6
+    maps[0].law_reached = 1e-6
     assert said(maps, LEAST_DEPTH)[0] == pytest.approx(3000.0 * LEAST_DEPTH**1.4)
     assert said(maps, 2.0 * LEAST_DEPTH)[0] == pytest.approx(2.0 * 3000.0 * LEAST_DEPTH**1.4)
 

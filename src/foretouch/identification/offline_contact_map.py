@@ -121,6 +121,7 @@ class OfflineContactMap(StoringEstimator):
             return None
         maps = Map.new(origin=self._origin, zero=self._zero, lowest=result.place.min(), reached=result.place.max())
         learnt = maps[0]
+        learnt.law_reached = learnt.reached
         learnt.law_speed = np.abs(result.velocity[result.in_contact]).max()
         learnt.felt = max(float((result.force - learnt.zero).max()), 0.0)
         for kind, part in enumerate((learnt.coarse, learnt.fine)):

@@ -26,9 +26,7 @@ and how far from where it began it has to become level [m] while free air is not
 
 OUTER_SHARE = 0.25  # Fraction of the way out, nearest to its end, that counts: what sticks to the probe lets go before
 
-UNSURE = (
-    0.4  # Standard deviation of a block in free air, in contact floors: blocks of a stay are alike
-)
+UNSURE = 0.4  # Standard deviation of a block in free air, in contact floors: blocks of a stay are alike
 
 RATE, RATE_TIME = 0.25, 60.0
 """Standard deviation of the rate of drift, in contact floors per second, and the time in which it changes [s]."""

@@ -77,7 +77,9 @@ class ContactMap(Estimator):
     after a change, and the best where the material is of that kind.
 
     **Place.** The fine map reaches 0.6 mm out and 1.2 mm in. Where the coarse map is wrong in contact by 10 % of the
-    peak beyond that, the fine one begins again there, with the force of the coarse one.
+    peak beyond that, the fine one begins again there, with the force of the coarse one. What the coarse one misses by
+    as much, and the fine one by less than half of that, the fine one learns alone where it has most of the weight and
+    reaches to the greatest depth: a coarse map would smear a hard layer over what is soft above it.
 
     **Weights.** Every 20 ms a snapshot is kept. The forces of the law, and of both maps together, from that of a delay
     ago are compared with the force measured since, where the position had been visited by then. With e_i their RMS
@@ -87,7 +89,9 @@ class ContactMap(Estimator):
 
     The fine map's part of the maps follows the same rule, with 1.2 for the fine one, but with the errors of both before
     they learn a sample: what the coarse map cannot resolve it learns wrong at once. It is 0 while those of the coarse
-    one are below 2 % of the peak, and the law loses the same part: it is at the mercy of the surface there.
+    one are below 2 % of the peak, and the law loses the same part: it is at the mercy of the surface there. Before
+    anything is scored, the law counts as wrong as it was before it learnt the newest samples, and the maps by 20 % of
+    the peak.
 
     **Touch.** Where a twentieth to a tenth of the peak was felt outermost, and the way over which the force grew to
     four times that, are part of the model: further out the force falls to zero. Inwards without a force, it moves in.
@@ -101,9 +105,13 @@ class ContactMap(Estimator):
 
     **Change.** Where predictions of 0.3 s before, or of a longer delay, are wrong at visited positions by three
     standard deviations, and by 10 % of the peak, for 0.12 s of contact without a pause, the material has changed: the
-    maps begin anew, and until they are scored again the law's weight is largest. Where no force at all is measured
-    instead, the material has gone, and the surface is looked for again. The present errors of the maps would not show
-    it: what the material is now like they learn within some samples.
+    maps begin anew around those predictions, times the factor by which the forces F since then have changed,
+
+    .. math:: w \leftarrow \frac{\sum F \hat F}{\sum \hat F^2}\, w, \quad P \leftarrow Q
+
+    with the prior Q. So what is as it was, or in proportion to it, has not to be learnt again, and all of it can be.
+    Where no force at all is measured instead, the material has gone, and the surface is looked for again. The present
+    errors of the maps would not show it: what the material is now like they learn within some samples.
 
     Args:
         horizon: Delay of the predictions that the experts are scored on [s], 0 to 2.

@@ -16,10 +16,18 @@ from foretouch.identification.contact_map.regression import (
     forget_fine,
     in_fine_reach,
 )
-from foretouch.identification.contact_map.scores import FIRST_DOUBT, SCORE_TIME, allot, score, watch
+from foretouch.identification.contact_map.scores import (
+    ASSUMED_TIME,
+    FIRST_DOUBT,
+    FIRST_ERROR,
+    SCORE_TIME,
+    allot,
+    score,
+    watch,
+)
 from foretouch.identification.contact_map.state import LEVELS, RING, Bank, Notes
 from foretouch.models.contact_map.kernel import blend, cubic, features, law_force, mapped
-from foretouch.models.contact_map.layout import COARSE, FINE, SIZE, Map
+from foretouch.models.contact_map.layout import COARSE, FINE, FINE_EDGE, FINE_TO, MOST, SIZE, Map
 from foretouch.models.contact_model import LARGEST_DEPTH
 
 Array = NDArray[np.float64]
@@ -49,11 +57,9 @@ SPIKE, LONGEST_SPIKE = 2.0, 0.01
 """Ratio to the peak so far of an unexpected force that is not learnt from, and for how long it is not [s]."""
 
 MISPLACED = 0.1  # Error of the coarse map in contact, relative to the peak, with which the fine one is wanted there
-FINE_TIME, FINE_ERROR = 0.02, 0.2
-"""Time in contact [s] and error, relative to the peak, that a new fine map is assumed to have, and the coarse one half
-of it: it has to show that it is needed."""
-
-LARGEST_FACTOR = 20.0
+FINE_ALONE = 0.5
+"""Least weight of the fine map, and largest ratio of its error to that of the coarse one, with which a sample that the
+coarse one misses is learnt by the fine one alone: it would smear what is hard over what is soft above it."""
 
 TOUCH_WAY = 1e-4  # Least way outside of where the material begins over which the force falls to zero [m]
 TOUCH_SHARE = 0.1  # Least force, relative to the peak, by which it is known where the material begins
@@ -76,8 +82,9 @@ def place_fine(bank: Bank, place: float) -> None:
         first, a, b, c, d = cubic(position, COARSE.feature_spacing, COARSE.feature_below, COARSE.feature_knots)
         fine[FINE.knots + k] = blend(coarse, COARSE.knots + first, a, b, c, d)
     forget_fine(bank.fine)
-    assumed = FINE_TIME * (FINE_ERROR * notes.peak) ** 2
-    notes.present[0], notes.present[1], notes.present_time = 0.25 * assumed, assumed, FINE_TIME
+    assumed = ASSUMED_TIME * (FIRST_ERROR * notes.peak) ** 2
+    # The fine map has to show that it is needed.
+    notes.present[0], notes.present[1], notes.present_time = 0.25 * assumed, assumed, ASSUMED_TIME
 
 
 @inlined
@@ -89,9 +96,10 @@ def scale_part(weights: Array, zero: float, knots: int, factor: float) -> None:
 
 
 @compiled(error_model="numpy")
-def doubt_map(bank: Bank, index: int, factor: float) -> None:
-    """Keep what was learnt, times a factor, as the mean of a new beginning: nothing of it is certain any more."""
+def begin_changed(bank: Bank, index: int, position: float) -> None:
+    """Begin anew around the map of this snapshot, scaled as the forces since have changed: all of it is a guess now."""
     learnt, notes, before = bank.map[0], bank.notes[0], bank.ring[index]
+    factor = min(max(notes.likeness[0] / max(notes.likeness[1], 1e-12), 1.0 / MOST), MOST)
     learnt.coarse.weights[:], learnt.fine.weights[:] = before.coarse.weights, before.fine.weights
     scale_part(learnt.coarse.weights[:], learnt.zero, COARSE.knots, factor)
     if learnt.place == before.place:
@@ -104,6 +112,7 @@ def doubt_map(bank: Bank, index: int, factor: float) -> None:
     learnt.touch_force *= factor
     notes.touch_unit *= factor
     begin_scores(bank)
+    notes.lowest = learnt.law_reached = position
 
 
 @compiled(error_model="numpy")
@@ -141,10 +150,9 @@ def snapshot_before(bank: Bank, time: float, position: float) -> int:
     while age < kept and bank.times[(newest - 1 - age) % RING] > time + 1e-7:
         age += 1
     index = (newest - 1 - age) % RING
-    if age < kept and bank.contacts[index] >= SCORED_FROM:
-        if bank.ranges[index, 0] <= position <= bank.ranges[index, 1]:
-            return int(index)
-    return -1
+    lowest, reached = bank.ranges[index, 0], bank.ranges[index, 1]
+    is_known = age < kept and bank.contacts[index] >= SCORED_FROM and lowest <= position <= reached
+    return int(index) if is_known else -1
 
 
 @inlined
@@ -230,6 +238,28 @@ def snap(bank: Bank, time: float) -> None:
 
 
 @inlined
+def note_present(bank: Bank, sample: tuple[float, float, float], period: float) -> bool:
+    """Note the errors before a sample in contact is learnt; whether it is the fine map's alone."""
+    position, velocity, force = sample
+    learnt, notes, values = bank.map[0], bank.notes[0], bank.values[:]
+    fading, law = math.exp(-period / SCORE_TIME), law_force(learnt, position, velocity)
+    notes.law_missed = fading * notes.law_missed + period * (law - force) ** 2
+    notes.law_time = fading * notes.law_time + period
+    place, raw = position - learnt.place, force + learnt.zero
+    if not in_fine_reach(place) or bank.coarse.rows == 0:
+        return False
+    coarse = abs(mapped(learnt.coarse, COARSE, position, values) - raw)
+    fine = abs(mapped(learnt.fine, FINE, place, values) - raw)
+    most = notes.peak * notes.peak  # for a sensor may say anything once
+    notes.present[0] += period * min(coarse * coarse, most)
+    notes.present[1] += period * min(fine * fine, most)
+    notes.present_time += period
+    is_better = learnt.shares[2] > FINE_ALONE and fine < FINE_ALONE * coarse
+    # What is deeper than the fine map reaches goes on from the coarse one.
+    return bool(is_better and coarse > MISPLACED * notes.peak and learnt.reached - learnt.place < FINE_TO - FINE_EDGE)
+
+
+@inlined
 def learn(bank: Bank, time: float, position: float, velocity: float, force: float, contact: bool) -> int:
     """Learn one sample, in place; return the result."""
     learnt, notes, values = bank.map[0], bank.notes[0], bank.values[:]
@@ -246,36 +276,22 @@ def learn(bank: Bank, time: float, position: float, velocity: float, force: floa
 
     code, raw, spoilt = LEARNT, force + learnt.zero, False
     coarse_weights, fine_weights = learnt.coarse.weights[:], learnt.fine.weights[:]
-    place = position - learnt.place
-    if contact and in_fine_reach(place) and bank.coarse.rows > 0:
-        coarse_error = mapped(learnt.coarse, COARSE, position, values) - raw
-        fine_error = mapped(learnt.fine, FINE, place, values) - raw
-        most = notes.peak * notes.peak  # for a sensor may say anything once
-        notes.present[0] += period * min(coarse_error * coarse_error, most)
-        notes.present[1] += period * min(fine_error * fine_error, most)
-        notes.present_time += period
-    if contact:
-        fading = math.exp(-period / SCORE_TIME)
-        law = law_force(learnt, position, velocity)
-        notes.law_missed = fading * notes.law_missed + period * (law - force) ** 2
-        notes.law_time = fading * notes.law_time + period
+    fines_alone = contact and note_present(bank, sample, period)
     if not is_spike:
-        error = fit_coarse(coarse_weights, bank.coarse, position, values, raw)
-        spoilt = math.isnan(error)
-        missed = abs(error) > MISPLACED * notes.peak
-        if contact and missed and not in_fine_reach(place):
-            place_fine(bank, position)
-            place = 0.0
-        spoilt = math.isnan(fit_fine(fine_weights, bank.fine, place, values, raw)) or spoilt
+        if not fines_alone:
+            error = fit_coarse(coarse_weights, bank.coarse, position, values, raw)
+            spoilt = math.isnan(error)
+            if contact and abs(error) > MISPLACED * notes.peak and not in_fine_reach(position - learnt.place):
+                place_fine(bank, position)
+        spoilt = math.isnan(fit_fine(fine_weights, bank.fine, position - learnt.place, values, raw)) or spoilt
     if visited and notes.contact > CHANGED_FROM and notes.wrong_for >= CHANGED_AFTER:
-        code = CHANGED
-        bank.changes += 1
-        likeness = notes.likeness[0] / notes.likeness[1] if notes.likeness[1] > 0.0 else 1.0
         index = snapshot_before(bank, time - max(bank.horizon, WATCHED_AGE), position)
-        doubt_map(bank, index, min(max(likeness, 1.0 / LARGEST_FACTOR), LARGEST_FACTOR))
-        notes.lowest = learnt.law_reached = position
-        fit_coarse(coarse_weights, bank.coarse, position, values, raw)
-        fit_fine(fine_weights, bank.fine, position - learnt.place, values, raw)
+        if index >= 0:
+            code = CHANGED
+            bank.changes += 1
+            begin_changed(bank, index, position)
+            fit_coarse(coarse_weights, bank.coarse, position, values, raw)
+            fit_fine(fine_weights, bank.fine, position - learnt.place, values, raw)
     if notes.faded >= 1.0:
         notes.faded = 0.0
         fade(bank.coarse, FADING)

@@ -10,15 +10,15 @@ from foretouch.models.contact_map.kernel import experts
 from foretouch.models.contact_map.layout import EXPERTS, Map
 
 SCORE_TIME = 1.0  # Time constant in contact with which scores fade [s]
-FIRST_ERROR = 0.2  # Relative error of law and maps that is assumed at first
-FIRST_TIME = 0.1  # Time in contact for which the assumed first errors count [s]
+FIRST_ERROR = 0.2  # Relative error that is assumed at first, of maps half of it after a change: they go on
+FIRST_TIME = 0.1  # Time in contact for which the assumed first late errors count [s]
+ASSUMED_TIME = 0.02  # The same of errors before a sample is learnt [s]
 LAW_PENALTY = 1.2
 """Factor on the law's error: it has to be clearly better than the maps, for it is right nowhere where it is not right
 everywhere."""
 FINE_PENALTY = 1.2  # The same for the fine map against the coarse one
 NEEDED = 0.02  # Least error of the coarse map, relative to the peak, with which the fine one is needed
 LEAST_SHARE = 0.05
-EARLY = True
 CONTACT_SHARE = 0.05  # Fraction of the peak above which predictions are scored out of contact too
 FIRST_DOUBT = 0.25  # Standard deviation of a late prediction, relative to its force, before any was scored
 DOUBTS = 0.01, 1.0  # Its least and its largest value
@@ -102,11 +102,10 @@ def allot(bank: Bank) -> None:
     """Set the weights of the experts from their scores and the assumed first errors."""
     learnt, notes, weights = bank.map[0], bank.notes[0], bank.map[0].shares
     first = max(FIRST_TIME * math.exp(-notes.contact / FIRST_TIME), 1e-9)  # for nothing may have been scored yet
-    # After a change the law, which has gone on, is a better first guess than at the beginning.
     assumed = (FIRST_ERROR * notes.peak) ** 2
-    law, maps = assumed, assumed * (0.25 if bank.changes > 0 else 1.0)
-    if bank.changes > 0 or EARLY:
-        law = (notes.law_missed + 0.02 * assumed) / (notes.law_time + 0.02)
+    # A law that is right describes what it learns at once, which a map does whether it is right or not.
+    law = (notes.law_missed + ASSUMED_TIME * assumed) / (notes.law_time + ASSUMED_TIME)
+    maps = assumed * (0.25 if bank.changes > 0 else 1.0)
     law = trust((notes.scores[0] + first * law) / (notes.scored + first) * LAW_PENALTY**2)
     maps = trust((notes.scores[1] + first * maps) / (notes.scored + first))
     law = 0.0 if bank.absent[0] > 0 or not learnt.law[0] > 0.0 else law

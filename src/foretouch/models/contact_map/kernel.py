@@ -233,7 +233,10 @@ def experts(
     asked = everything or weights[0] > 0.0
     law = law_force(learnt, position, velocity) if asked and position >= learnt.lowest else coarse
     # Where the fine map has no knots the coarse one stands for it.
-    fine, inside = coarse, fine_part(position - learnt.place) if everything or weights[2] > 0.0 else 0.0
+    fine, inside = (
+        coarse,
+        fine_part(min(position, learnt.reached) - learnt.place) if everything or weights[2] > 0.0 else 0.0,
+    )
     if inside > 0.0:
         fine += inside * (map_force(learnt, learnt.fine, FINE, learnt.place, position, values) - coarse)
     force = weights[0] * law + weights[1] * coarse + weights[2] * fine
