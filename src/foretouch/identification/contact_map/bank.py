@@ -238,14 +238,15 @@ class ContactMap(Estimator):
     @property
     def _published(self) -> NDArray[np.void]:
         """The map that is rendered, an array of one."""
-        return self._state.remembered.shown if self._state.coarse.traced > 0 else self._map
+        shown: NDArray[np.void] = self._state.remembered.shown
+        return shown if self._state.coarse.traced > 0 else self._map
 
     def recall(self, model: ContactMapModel) -> None:
         """Begin with a map of the same material from before (`remembered`); all samples are forgotten.
 
         It is placed where the force of the first tenth of a second in contact is its own, and dropped for good where it
         is nowhere: their errors are, as an RMS, more than 10 % of the peak. From then on it is the prior mean of the
-        coarse weights, and is dropped where the fine map is needed, or as soon as late predictions are worse with it than without (Page's
+        coarse weights. It is dropped again as soon as late predictions are worse with it than without (Page's
         cumulative sum, by errors and times as large as those that show a change), and what is left is what would have
         been learnt without it.
         """
@@ -257,6 +258,11 @@ class ContactMap(Estimator):
     def remembered(self) -> ContactMapModel | None:
         """The map to begin with next time, its positions counting from the surface; None before there is a model."""
         return None if self.model is None else ContactMapModel.of(from_the_surface(self._published))
+
+    @property
+    def contact_time(self) -> float:
+        """Time in contact since the beginning or the last change [s]."""
+        return float(self._state.notes[0].contact)
 
     @property
     def recalls(self) -> str:

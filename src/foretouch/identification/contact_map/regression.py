@@ -88,6 +88,8 @@ class FineRegression(Record):
     share: Annotated[Field, float, FINE.size]
     regressor: Annotated[Field, float, ACTIVE]
     active: Annotated[Field, int, ACTIVE]
+    traced: int
+    trace: Annotated[Field, float, FINE.size]
 
 
 def begin_regressions(coarse: CoarseRegression, fine: FineRegression) -> None:
@@ -114,6 +116,7 @@ def forget_fine(regression: FineRegression) -> None:
     """Begin again without samples."""
     covariance, elastic, feature = regression.covariance, regression.elastic_prior, regression.feature_prior
     covariance[:] = 0.0
+    regression.traced = 0
     for i in range(FINE.knots):  # a slice of an array into another takes seconds to compile
         for j in range(FINE.knots):
             covariance[i, j] = elastic[i, j]
@@ -296,7 +299,7 @@ def weigh(regression: CoarseRegression, part: Elastic | Feature, begin: int, mea
 
 @compiled(error_model="numpy")
 def expect_mean(regression: CoarseRegression, mean: Array) -> None:
-    r"""Write what is left of a prior mean m after the samples so far, :math:`t = P Q^{-1} m`, in the reached weights."""
+    r"""Write what is left of a prior mean m in the weights after the samples so far, :math:`t = P Q^{-1} m`."""
     trace, covariance, weighed = regression.trace, regression.covariance, regression.gain
     weigh(regression, regression.elastic, 0, mean)
     for f in range(COARSE.features):
@@ -311,7 +314,7 @@ def expect_mean(regression: CoarseRegression, mean: Array) -> None:
 
 
 @compiled(error_model="numpy")
-def overwrite_mean(regression: CoarseRegression, count: int) -> None:
+def overwrite_mean(regression: CoarseRegression | FineRegression, count: int) -> None:
     """Take from what is left of a prior mean what the sample that `learn_rows` has just learnt says: t - K h' t."""
     trace, gain, regressor, active = regression.trace, regression.gain, regression.regressor, regression.active
     weight_at, left, variance = regression.weight_at, 0.0, NOISE * NOISE
@@ -351,7 +354,11 @@ def fit_fine(weights: Array, regression: FineRegression, position: float, values
     """The same with the fine map; inf outside its range."""
     if not in_fine_reach(position):
         return math.inf
-    return float(learn_rows(weights, regression, look(regression, FINE, position, values), force))
+    count = look(regression, FINE, position, values)
+    error = learn_rows(weights, regression, count, force)
+    if regression.traced > 0:
+        overwrite_mean(regression, count)
+    return float(error)
 
 
 @compiled(error_model="numpy")

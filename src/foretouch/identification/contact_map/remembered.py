@@ -1,4 +1,4 @@
-r"""A contact map from before as prior mean of the one that is learnt; use: `foretouch.identification.ContactMap.recall`.
+r"""A contact map from before as prior mean of the one that is learnt: `foretouch.identification.ContactMap.recall`.
 
 With a prior mean m instead of 0, recursive least squares gives the weights w + t, where w are those that are learnt
 without it, and
@@ -7,7 +7,8 @@ without it, and
 
 with the prior covariance Q, and P and K of that moment, for none of them depends on a force. So the map without memory
 is learnt as ever, t is kept beside it from the time on at which it is known where m belongs, and both maps are compared
-on every sample. That is for the coarse map: where the fine one is needed, nothing is remembered.
+on every sample. The fine map has no m of its own, but takes over t of the coarse one where it begins: what was mostly
+fine is not recalled.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.core.compiling import compiled, inlined
-from foretouch.identification.contact_map.learning import CHANGED_AFTER, SCORED_FROM
+from foretouch.identification.contact_map.learning import CHANGED_AFTER, SCORED_FROM, refine
 from foretouch.identification.contact_map.regression import expect_mean, reach
 from foretouch.identification.contact_map.scores import CONTACT_SHARE, LEAST_WRONG, SCORE_TIME
 from foretouch.identification.contact_map.state import DROPPED, EARLY, RING, Bank
@@ -94,14 +95,14 @@ def best_change(bank: Bank) -> float:
 def drop(bank: Bank) -> None:
     """From now on the map is what is learnt without the one from before."""
     bank.remembered.state = DROPPED
-    bank.coarse.traced = 0
+    bank.coarse.traced = bank.fine.traced = 0
 
 
 @compiled(error_model="numpy")
 def recall(bank: Bank, time: float) -> None:
     """Give the map from before as the mean, where it fits the first samples best; drop it where it does not."""
     kept, coarse, change = bank.remembered, bank.coarse, best_change(bank)
-    if kept.given[0].shares[2] > 0.0 or misfit(bank, change) > (LEAST_WRONG * bank.notes[0].peak) ** 2:
+    if kept.given[0].shares[2] > 0.5 or misfit(bank, change) > (LEAST_WRONG * bank.notes[0].peak) ** 2:
         drop(bank)
         return
     kept.since, kept.against = time, 0.0
@@ -115,6 +116,8 @@ def recall(bank: Bank, time: float) -> None:
         feature = cubic(position, COARSE.feature_spacing, COARSE.feature_below, COARSE.feature_knots)[0]
         reach(bank.map[0].coarse.weights[:], coarse, knot, feature)
     expect_mean(coarse, given.coarse.weights[:])
+    refine(coarse.trace[:], bank.fine.trace[:], bank.map[0].place)
+    bank.fine.traced = 1
 
 
 @compiled(error_model="numpy")
@@ -126,6 +129,8 @@ def show(bank: Bank) -> None:
         written[k] = numbers[k]
     for k in range(COARSE.size):
         shown.coarse.weights[k] += bank.coarse.trace[k]
+    for k in range(FINE.size):
+        shown.fine.weights[k] += bank.fine.trace[k]
     shown.lowest, shown.reached = min(learnt.lowest, given.lowest), max(learnt.reached, given.reached)
     shown.felt, shown.law_speed = max(learnt.felt, given.felt), max(learnt.law_speed, given.law_speed)
     for f in range(COARSE.features):
@@ -180,7 +185,7 @@ def judge(bank: Bank, time: float, sample: tuple[float, float, float], contact: 
         counts = contact
     if counts:
         kept.against = max(kept.against + period * ((known - force) ** 2 - allowed), 0.0)
-    if bank.map[0].shares[2] > 0.0 or kept.against > CONTRADICTED * notes.peak * notes.peak:
+    if kept.against > CONTRADICTED * notes.peak * notes.peak:
         drop(bank)
 
 
