@@ -105,9 +105,8 @@ def begin_regressions(coarse: CoarseRegression, fine: FineRegression) -> None:
 @compiled
 def forget_coarse(regression: CoarseRegression) -> None:
     """Begin again without samples."""
-    regression.rows = regression.elastic.count = regression.feature.count = 0
+    regression.rows = regression.elastic.count = regression.feature.count = regression.traced = 0
     regression.row_of[:] = -1
-    regression.traced = 0
     regression.trace[:] = 0.0
 
 
@@ -304,7 +303,6 @@ def expect_mean(regression: CoarseRegression, mean: Array) -> None:
     weigh(regression, regression.elastic, 0, mean)
     for f in range(COARSE.features):
         weigh(regression, regression.feature, COARSE.knots + f * COARSE.feature_knots, mean)
-    trace[:] = 0.0
     for i in range(regression.rows):
         value = 0.0
         for k in range(regression.rows):
