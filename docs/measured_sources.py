@@ -57,6 +57,7 @@ _OF_PAGES: dict[str, dict[str, tuple[str, ...]]] = {
     "docs/contact-map.md": {
         "floors": ("measure_results:floors", IDENTIFY, EXCERPT),
         "changes": ("measure_changes:changes", "measure_changes:noticed"),
+        "memory": ("measure_memory:memory",),
         "designs": ("compare_designs:measure", "compare_designs:cells", "compare_designs:shown"),
     },
     "docs/faults.md": {"faults": ("measure_faults:main", "test_session_soak_fire", *LIVE)},

@@ -107,6 +107,7 @@ class Declared:
     model_rate: float = _pressed(
         50.0, "Models a second while nothing changes [1/s], up to 1000.", above=0.0, at_most=1000.0
     )
+    remembered: str = _pressed("", "A contact map of this material from before, as --remember writes it in recordings.")
     seed: int = _pressed(0, "Seed of all that is random: sensors, operator and network.", at_least=0)
     operator: str = _hand(
         "scripted", "Who moves the robot: scripted, recorded, browser, gamepad, force-dimension, or a plug-in."

@@ -22,6 +22,7 @@ from foretouch.identification.conditioning.conditioner import Conditioner, Conta
 from foretouch.identification.conditioning.fault_kernels import SensorState
 from foretouch.identification.conditioning.watch import SENSOR_SENTENCES, TRANSIENT_STATES, SensorWatch
 from foretouch.identification.contact_map.bank import EXPERT_NAMES, ContactMap
+from foretouch.identification.contact_map.remembered import from_the_surface
 from foretouch.identification.estimator import Estimator, Status
 from foretouch.identification.exact.recursive import (
     ExactContinuousSwitching,
@@ -130,6 +131,7 @@ __all__ = [
     "fit_offline",
     "fit_series_compliance",
     "fit_tool_weight",
+    "from_the_surface",
     "identify",
     "load_estimator",
     "make_estimator",

@@ -18,6 +18,7 @@ from foretouch.recordings.datasets import (
 )
 from foretouch.recordings.formats.published import read_leader_motion
 from foretouch.recordings.inspection import Contents, inspect_recording
+from foretouch.recordings.material_memory import memory_path, read_memory, write_memory
 from foretouch.recordings.meaning.mapped import falls_with_depth
 from foretouch.recordings.meaning.mapping import Mapping, Signal, TimeSource, Velocity, read_mapping, write_mapping
 from foretouch.recordings.meaning.names import FORCE_CHANNELS, FORCE_UNITS, POSITION_UNITS, RecordingOptions
@@ -60,11 +61,13 @@ __all__ = [
     "is_session",
     "is_whole",
     "list_datasets",
+    "memory_path",
     "open_source",
     "read_calibration",
     "read_follower_samples",
     "read_leader_motion",
     "read_mapping",
+    "read_memory",
     "read_poses",
     "read_recording",
     "read_session",
@@ -73,5 +76,6 @@ __all__ = [
     "write_calibration",
     "write_columns",
     "write_mapping",
+    "write_memory",
     "write_recording",
 ]

@@ -12,10 +12,11 @@ from foretouch.devices import GRIPS, HARDWARE_OPERATORS, OPERATORS, DeviceSpecif
 from foretouch.devices.device import COUNT_FORCE, LEAST_DAMPING
 from foretouch.errors import ArgumentTypeError, SettingError, UnknownNameError
 from foretouch.errors.checks import NUMBER, require
-from foretouch.identification import DEFAULT_ESTIMATORS, ESTIMATORS, Estimator, make_estimator
+from foretouch.identification import DEFAULT_ESTIMATORS, ESTIMATORS, ContactMap, Estimator, make_estimator
 from foretouch.identification.conditioning.kernel import CONTACT_FLOOR
 from foretouch.link import Faults
 from foretouch.messages import Choice, Settings
+from foretouch.models import ContactMapModel
 from foretouch.plugins import load_plugin, plugin_names
 from foretouch.quantities import Brief, Frame, SpatialFrame, shortest
 from foretouch.robot import MATERIALS, SensorFault, make_material, material_names
@@ -91,6 +92,8 @@ class SessionSettings(Declared, Brief):
             object.__setattr__(self, "estimator", DEFAULT_ESTIMATORS.get(self.model, ""))
         if self.estimator not in ESTIMATORS.get(self.model, ()):  # one of ours is not made here: that compiles
             make_estimator(self.model, self.estimator)
+        if self.remembered:
+            ContactMapModel.from_text(self.remembered)
         if self.model not in ESTIMATORS:
             rule = "is the law of another package, which the other side may not have: identify and predict take it"
             raise SettingError("model", self.model, rule)
@@ -171,8 +174,11 @@ class SessionSettings(Declared, Brief):
             raise SettingError("sensor_fault", str(self.sensor_fault), rule)
 
     def make_estimator(self) -> Estimator:
-        """A fresh estimator."""
-        return make_estimator(self.model, self.estimator)
+        """A fresh estimator, which begins with what is remembered of the material."""
+        estimator = make_estimator(self.model, self.estimator)
+        if self.remembered and isinstance(estimator, ContactMap):
+            estimator.recall(ContactMapModel.from_text(self.remembered))
+        return estimator
 
     def guards(self, *, simulated: bool = True) -> bool:
         """Whether the first touch is guarded: as chosen, or by itself where a hand feels it or the robot is real.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -14,6 +14,7 @@ import typer
 from foretouch.cli.options import Answer, ReportDirectory, command, made_by, make_folder, require_elsewhere, say
 from foretouch.cli.progress import compile_first, pulsing
 from foretouch.cli.reading import Scored, Source, read_and_say, recording_options, say_what_is_left_out
+from foretouch.cli.remembering import Remember, begin_as, begin_with, keep
 from foretouch.errors import SettingError, plural
 from foretouch.settings import LAWS_HELP
 
@@ -42,6 +43,8 @@ class Learning:
         0.0
     )
 
+    remember: Remember = None
+
     @property
     def title(self) -> str:
         """Law and estimator, for people."""
@@ -53,7 +56,7 @@ class Learning:
 
         return self if self.estimator is not None else replace(self, estimator=default_estimator(self.model))
 
-    def learner(self) -> Callable[..., Learner]:
+    def learner(self) -> functools.partial[Learner]:
         """Makes the learner, once the recording's contact floor is known."""
         from foretouch import identification
         from foretouch.errors.checks import require
@@ -62,9 +65,11 @@ class Learning:
         assert self.estimator is not None  # `with_estimator` has been asked
         require("sensor_lag", self.sensor_lag, at_least=0.0, at_most=LONGEST_LAG)
         offset, error = _with_error("force-offset", self.force_offset)
+        estimator = identification.make_estimator(self.model, self.estimator)
+        begin_with(estimator, self.remember)
         return functools.partial(
             identification.Learner,
-            identification.make_estimator(self.model, self.estimator),
+            estimator,
             surface=_number_or_auto("surface", self.surface),
             force_offset=offset,
             offset_error=error,
@@ -140,6 +145,7 @@ def identify(
         learner(contact_floor=data.contact_floor),
         keep_history=out is not None,
     )
+    memory = keep(learner.args[0], learning.remember)
     residual, contact = result.residual_rms, result.contact_force_rms
     percent = finite_or_none(100.0 * residual / contact) if contact > 0.0 else None
     status, hint = _verdict(data, percent)
@@ -160,6 +166,7 @@ def identify(
         "contact_samples": int(result.in_contact.sum()),
         "residual_rms_N": finite_or_none(residual),
         "residual_percent": percent,
+        **({} if memory is None else {"memory": memory}),
         "status": status if math.isfinite(residual) else "no_residual",
         "hint": hint,
     }
@@ -212,11 +219,14 @@ def predict(
     zero = zero if error == 0.0 else None
     if options.map_file is None and is_session(recording):
         log = read_session(recording)
+        if learning.remember is None:
+            begin_as(learner.args[0], log)
         result = pulsing("predicting", forces_under_delay, log, learner(), delay)
         say_what_is_left_out(recording, log)
     else:
         data = read_and_say(recording, options)
         result = pulsing("predicting", forces_under_delay, data, learner(contact_floor=data.contact_floor), delay, zero)
+    memory = keep(learner.args[0], learning.remember)
     floor = result.contact_floor if scored.contact_floor is None else scored.contact_floor
     scores = score_prediction(
         result.time,
@@ -236,6 +246,7 @@ def predict(
         **{name: getattr(scores, name) for name in SCORES},
         **result.honesty(scores),
         **result.perception(scores),
+        **({} if memory is None else {"memory": memory}),
         "status": scores.status,
         "remarks": remarks(result, scores, delay, scored.score_from),
     }

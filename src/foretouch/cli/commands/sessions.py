@@ -31,6 +31,7 @@ from foretouch.cli.options import (
 )
 from foretouch.cli.progress import compile_first, progress_bar, pulsing
 from foretouch.cli.reading import say_if_cut
+from foretouch.cli.remembering import Remember, keep_of, settings_with
 from foretouch.errors import MissingExtraError, RecordingError, SettingError
 from foretouch.settings import FAULTS
 
@@ -61,6 +62,7 @@ def teleop(
     port: Annotated[int, typer.Option(help="Of the console, on 127.0.0.1.")] = 8080,
     recording: RecordingFile = None,
     report: ReportDirectory = None,
+    remember: Remember = None,
     json_output: bool,
     settings: SessionSettings,
 ) -> Answer:
@@ -72,6 +74,7 @@ def teleop(
     from foretouch.session import StopFlag, run_processes, session_calibration
 
     require_duration(duration)
+    settings = settings_with(settings, remember)
     require_extras("sim", "link", *(() if headless else ("console",)), "recordings")
     make_material(settings.material)
     session_calibration(settings)  # the follower reads it again; here, the user gets the error before anything starts
@@ -92,7 +95,7 @@ def teleop(
         stop=StopFlag().on_signals(),
         say=say,
     )
-    return _recorded(path, report, json_output, code)
+    return _recorded(path, report, json_output, code, remember)
 
 
 @command(settings=session_settings())
@@ -101,6 +104,7 @@ def simulate(
     duration: Annotated[float, typer.Option(help="Simulated time [s].")] = 20.0,
     recording: RecordingFile = None,
     report: ReportDirectory = None,
+    remember: Remember = None,
     settings: SessionSettings,
 ) -> Answer:
     """The same session in simulated time: one process, seeded network, the same result every time.
@@ -114,6 +118,7 @@ def simulate(
     from foretouch.session import simulate as run
 
     require_duration(duration)
+    settings = settings_with(settings, remember)
     require_simulated_operator(settings)
     require_recording(recording)
     make_folder(report)
@@ -125,6 +130,7 @@ def simulate(
         session = run(settings, duration=duration, record=record, **shown)
         if recording is not None:
             writer().close(session.log.counts)
+    keep_of(session.log, remember)
     return report_of(session.log, recording, report, elapsed=session.elapsed)
 
 
@@ -132,7 +138,7 @@ RECORDED = "session.mcap"  # Name of the recording in the folder of its report
 LARGE = 5.0  # Reading a larger recording takes more than a second [MB]
 
 
-def _recorded(path: Path, directory: Path | None, json_output: bool, code: int) -> Answer:
+def _recorded(path: Path, directory: Path | None, json_output: bool, code: int, remember: str | None) -> Answer:
     """The report of a session that was recorded, as far as it was; says what was kept where it was not."""
     from foretouch.recordings import read_session
     from foretouch.session import RECORDING_INCOMPLETE
@@ -149,6 +155,7 @@ def _recorded(path: Path, directory: Path | None, json_output: bool, code: int) 
         why = "the session failed for what stands above" if code == 1 else "the session never began"
         say(f"no report: {why}, and {path} holds no tick of a leader")
         return Answer(None, code=code)
+    keep_of(log, remember)
     if code == RECORDING_INCOMPLETE:
         ticks = [table["time_ns"] for table in (log.leader, log.follower) if table.size]
         kept = max((float(times[-1] - times[0]) * 1e-9 for times in ticks), default=0.0)

@@ -30,7 +30,8 @@ from foretouch.identification.contact_map.kernel import (
     take,
 )
 from foretouch.identification.contact_map.regression import begin_regressions, whole_covariance
-from foretouch.identification.contact_map.state import Bank
+from foretouch.identification.contact_map.remembered import from_the_surface
+from foretouch.identification.contact_map.state import HELD, Bank
 from foretouch.identification.estimator import Estimator, Status, status_indices
 from foretouch.identification.exact.recursive import ExactContinuousSwitching, ExactOptions
 from foretouch.models import ContactMapModel, ContactModel, ContactState
@@ -239,8 +240,42 @@ class ContactMap(Estimator):
         if self.updates - self._begun.item() < FEWEST_UPDATES:
             return None
         if self._model is None:
-            self._model = ContactMapModel.of(self._map)
+            self._model = ContactMapModel.of(self._published)
         return self._model
+
+    @property
+    def _published(self) -> NDArray[np.void]:
+        """The map that is rendered, an array of one."""
+        shown: NDArray[np.void] = self._state.remembered.shown
+        return shown if self._state.coarse.traced > 0 else self._map
+
+    def recall(self, model: ContactMapModel) -> None:
+        """Begin with a map of the same material from before (`remembered`); all samples are forgotten.
+
+        It is placed where the force of the first tenth of a second in contact is its own, and dropped for good where it
+        is nowhere: their errors are, as an RMS, more than 10 % of the peak. From then on it is the prior mean of the
+        coarse weights. It is dropped again as soon as late predictions are worse with it than without (Page's
+        cumulative sum, by errors and times as large as those that show a change), and what is left is what would have
+        been learnt without it.
+        """
+        remembered = self._state.remembered
+        remembered.given, remembered.state = model.record, HELD
+        self.reset()
+
+    @property
+    def remembered(self) -> ContactMapModel | None:
+        """The map to begin with next time, its positions counting from the surface; None before there is a model."""
+        return None if self.model is None else ContactMapModel.of(from_the_surface(self._published))
+
+    @property
+    def contact_time(self) -> float:
+        """Time in contact since the beginning or the last change [s]."""
+        return float(self._state.notes[0].contact)
+
+    @property
+    def recalls(self) -> str:
+        """Whether a map from before is ``held``, was ``dropped``, or ``none`` was given."""
+        return ("none", "held", "dropped")[int(self._state.remembered.state)]
 
     @property
     def state(self) -> ContactState:

@@ -17,8 +17,9 @@ from foretouch.core.compiling import compiled, inlined, kernel
 from foretouch.core.records import Record
 from foretouch.identification.conditioning.conditioner import Lag, clear, take_lagged
 from foretouch.identification.conditioning.kernel import Conditioning, Memory, condition, is_full, lose_surface
-from foretouch.identification.contact_map.learning import CHANGED, FAILED, PERIOD, learn, restart
-from foretouch.identification.contact_map.state import Bank
+from foretouch.identification.contact_map.learning import CHANGED, FAILED, LONGEST_PERIOD, PERIOD, learn, restart
+from foretouch.identification.contact_map.remembered import attend, drop
+from foretouch.identification.contact_map.state import HELD, NOT_GIVEN, Bank
 from foretouch.identification.exact.belief import clear as clear_law
 from foretouch.identification.exact.belief import law_numbers
 from foretouch.identification.exact.kernel import move_surface as move_law
@@ -52,6 +53,7 @@ def begin(bank: Bank) -> None:
     notes.learnt_at = -math.inf
     bank.memory[:] = math.nan
     notes.begun = notes.updates
+    bank.remembered.count = 0
 
 
 @compiled(error_model="numpy")
@@ -62,6 +64,8 @@ def reset(banks: Banks) -> None:
     bank.notes.view(np.float64)[:] = 0.0
     clear_law(bank.law[0].belief)
     bank.notes[0].time = math.nan
+    if bank.remembered.state != NOT_GIVEN:
+        bank.remembered.state = HELD
     begin(bank)
 
 
@@ -110,7 +114,13 @@ def take(banks: Banks, time: float, depth: float, velocity: float, force: float,
     belief = bank.law[0].belief[0]
     if law_numbers(belief, learnt.law):
         learnt.law_surface = belief.theta[4] * belief.reference
+    period = time - notes.learnt_at
     code = learn(bank, time, position, velocity, force, in_contact)
+    if bank.remembered.state == HELD:
+        if code == CHANGED:
+            drop(bank)
+        else:
+            attend(bank, time, (position, velocity, force), in_contact, min(period, LONGEST_PERIOD))
     if code == FAILED:
         reset(banks)
         return RESTARTED
@@ -199,7 +209,11 @@ def expect(run: Run, bank: Bank, depth: float, velocity: float, period: float) -
     """Force of the model at a sample, `foretouch.models.advance` from the state before it [N]; NaN without a model."""
     if run.stale:
         notes = bank.notes[0]
-        run.known = notes.updates - notes.begun >= FEWEST_UPDATES and adopt(bank.map, run)
+        run.known = notes.updates - notes.begun >= FEWEST_UPDATES
+        if run.known and bank.coarse.traced > 0:
+            run.known = adopt(bank.remembered.shown, run)
+        elif run.known:
+            run.known = adopt(bank.map, run)
         run.stale = False
     if not run.known:
         return math.nan

@@ -68,11 +68,8 @@ LARGEST = 1.7976931348623157e308
 
 
 @compiled(error_model="numpy")
-def place_fine(bank: Bank, place: float) -> None:
-    """Begin the fine map again, at a place [m from the origin] and with the force of the coarse one there."""
-    learnt, notes = bank.map[0], bank.notes[0]
-    coarse, fine = learnt.coarse.weights, learnt.fine.weights
-    learnt.place, learnt.fine.ranges[:] = place, 0.0
+def refine(coarse: Array, fine: Array, place: float) -> None:
+    """Write the weights of a fine map at a place [m from the origin] that has the force of a coarse one there."""
     for k in range(FINE.knots):  # a spline's weight is about the value in its middle
         position = place + (k - FINE.below - 1) * FINE.spacing
         first, a, b, c, d = cubic(position, COARSE.spacing, COARSE.below, COARSE.knots)
@@ -81,7 +78,18 @@ def place_fine(bank: Bank, place: float) -> None:
         position = place + (k - FINE.feature_below - 1) * FINE.feature_spacing
         first, a, b, c, d = cubic(position, COARSE.feature_spacing, COARSE.feature_below, COARSE.feature_knots)
         fine[FINE.knots + k] = blend(coarse, COARSE.knots + first, a, b, c, d)
+
+
+@compiled(error_model="numpy")
+def place_fine(bank: Bank, place: float) -> None:
+    """Begin the fine map again, at a place [m from the origin] and with the force of the coarse one there."""
+    learnt, notes = bank.map[0], bank.notes[0]
+    learnt.place, learnt.fine.ranges[:] = place, 0.0
+    refine(learnt.coarse.weights[:], learnt.fine.weights[:], place)
     forget_fine(bank.fine)
+    if bank.coarse.traced > 0:
+        refine(bank.coarse.trace[:], bank.fine.trace[:], place)
+        bank.fine.traced = 1
     assumed = ASSUMED_TIME * (FIRST_ERROR * notes.peak) ** 2
     # The fine map has to show that it is needed.
     notes.present[0], notes.present[1], notes.present_time = 0.25 * assumed, assumed, ASSUMED_TIME

@@ -71,6 +71,8 @@ class CoarseRegression(Record):
     share: Annotated[Field, float, COARSE.size]  # scratch: c of a new knot, or a row of the prior
     regressor: Annotated[Field, float, ACTIVE]  # splines of the newest sample
     active: Annotated[Field, int, ACTIVE]  # and their rows
+    traced: int  # 1 where a mean was given before the first sample
+    trace: Annotated[Field, float, COARSE.size]  # what is left of it in each weight
 
 
 class FineRegression(Record):
@@ -86,6 +88,8 @@ class FineRegression(Record):
     share: Annotated[Field, float, FINE.size]
     regressor: Annotated[Field, float, ACTIVE]
     active: Annotated[Field, int, ACTIVE]
+    traced: int
+    trace: Annotated[Field, float, FINE.size]
 
 
 def begin_regressions(coarse: CoarseRegression, fine: FineRegression) -> None:
@@ -101,8 +105,9 @@ def begin_regressions(coarse: CoarseRegression, fine: FineRegression) -> None:
 @compiled
 def forget_coarse(regression: CoarseRegression) -> None:
     """Begin again without samples."""
-    regression.rows = regression.elastic.count = regression.feature.count = 0
+    regression.rows = regression.elastic.count = regression.feature.count = regression.traced = 0
     regression.row_of[:] = -1
+    regression.trace[:] = 0.0
 
 
 @compiled
@@ -110,6 +115,7 @@ def forget_fine(regression: FineRegression) -> None:
     """Begin again without samples."""
     covariance, elastic, feature = regression.covariance, regression.elastic_prior, regression.feature_prior
     covariance[:] = 0.0
+    regression.traced = 0
     for i in range(FINE.knots):  # a slice of an array into another takes seconds to compile
         for j in range(FINE.knots):
             covariance[i, j] = elastic[i, j]
@@ -150,11 +156,12 @@ def append(weights: Array, regression: CoarseRegression, begin: int, part: Elast
     covariance, new, fraction, row_of = regression.covariance, regression.gain, regression.share, regression.row_of
     order, count, rows = part.order, part.count, regression.rows
     new[:rows] = 0.0
-    value = 0.0
+    value = trace = 0.0
     for i in range(count):
         c, known = fraction[i], begin + order[i]
         row = row_of[known]
         value += c * weights[known]
+        trace += c * regression.trace[known]
         for k in range(rows):
             new[k] += c * covariance[row, k]
     for i in range(count):
@@ -165,6 +172,7 @@ def append(weights: Array, regression: CoarseRegression, begin: int, part: Elast
     weight = begin + order[count]
     covariance[rows, rows] = rest
     weights[weight] = value
+    regression.trace[weight] = trace
     regression.weight_at[rows] = weight
     row_of[weight] = rows
     regression.rows = rows + 1
@@ -271,6 +279,51 @@ def learn_rows(weights: Array, regression: CoarseRegression | FineRegression, co
 
 
 @compiled(error_model="numpy")
+def weigh(regression: CoarseRegression, part: Elastic | Feature, begin: int, mean: Array) -> None:
+    """Write the inverse of the prior times a mean, for one part, in the order of its rows, into `gain`."""
+    factor, order, count, row_of = part.factor, part.order, part.count, regression.row_of
+    share, weighed = regression.share, regression.gain
+    for i in range(count):
+        value = mean[begin + order[i]]
+        for k in range(i):
+            value -= factor[i, k] * share[k]
+        share[i] = value / factor[i, i]
+    for i in range(count - 1, -1, -1):
+        value = share[i]
+        for k in range(i + 1, count):
+            value -= factor[k, i] * share[k]
+        share[i] = value / factor[i, i]
+        weighed[row_of[begin + order[i]]] = share[i]
+
+
+@compiled(error_model="numpy")
+def expect_mean(regression: CoarseRegression, mean: Array) -> None:
+    r"""Write what is left of a prior mean m in the weights after the samples so far, :math:`t = P Q^{-1} m`."""
+    trace, covariance, weighed = regression.trace, regression.covariance, regression.gain
+    weigh(regression, regression.elastic, 0, mean)
+    for f in range(COARSE.features):
+        weigh(regression, regression.feature, COARSE.knots + f * COARSE.feature_knots, mean)
+    for i in range(regression.rows):
+        value = 0.0
+        for k in range(regression.rows):
+            value += covariance[i, k] * weighed[k]
+        trace[regression.weight_at[i]] = value
+    regression.traced = 1
+
+
+@compiled(error_model="numpy")
+def overwrite_mean(regression: CoarseRegression | FineRegression, count: int) -> None:
+    """Take from what is left of a prior mean what the sample that `learn_rows` has just learnt says: t - K h' t."""
+    trace, gain, regressor, active = regression.trace, regression.gain, regression.regressor, regression.active
+    weight_at, left, variance = regression.weight_at, 0.0, NOISE * NOISE
+    for a in range(count):
+        left += regressor[a] * trace[weight_at[active[a]]]
+        variance += regressor[a] * gain[active[a]]
+    for i in range(regression.rows):
+        trace[weight_at[i]] -= gain[i] / variance * left
+
+
+@compiled(error_model="numpy")
 def fit_coarse(weights: Array, regression: CoarseRegression, position: float, values: Array, force: float) -> float:
     """Learn one sample and return the error before [N].
 
@@ -287,7 +340,11 @@ def fit_coarse(weights: Array, regression: CoarseRegression, position: float, va
     new = regression.rows == 0 or knot < elastic.first or knot + 4 > elastic.end
     if new or feature_knot < feature.first or feature_knot + 4 > feature.end:
         reach(weights, regression, knot, feature_knot)
-    return float(learn_rows(weights, regression, look(regression, COARSE, position, values), force))
+    count = look(regression, COARSE, position, values)
+    error = learn_rows(weights, regression, count, force)
+    if regression.traced > 0:
+        overwrite_mean(regression, count)
+    return float(error)
 
 
 @compiled(error_model="numpy")
@@ -295,7 +352,11 @@ def fit_fine(weights: Array, regression: FineRegression, position: float, values
     """The same with the fine map; inf outside its range."""
     if not in_fine_reach(position):
         return math.inf
-    return float(learn_rows(weights, regression, look(regression, FINE, position, values), force))
+    count = look(regression, FINE, position, values)
+    error = learn_rows(weights, regression, count, force)
+    if regression.traced > 0:
+        overwrite_mean(regression, count)
+    return float(error)
 
 
 @compiled(error_model="numpy")

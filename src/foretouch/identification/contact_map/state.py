@@ -16,6 +16,11 @@ Field = NDArray[Any]
 LEVELS = 20  # Number of powers of two of a force whose outermost positions are kept
 RING = 128  # Number of snapshots of the map that are kept to be scored on later samples
 
+EARLY = 64  # Largest number of samples by which a map from before is placed
+
+NOT_GIVEN, HELD, DROPPED = range(3)
+"""State of a map from before: there is none; it is part of what is published; it was contradicted."""
+
 
 class Notes(Record):
     """What is noted beside the map; a reset sets all to 0. Only 64-bit numbers, so that it is one flat array, too."""
@@ -46,6 +51,29 @@ class Notes(Record):
     begun: int  # value of `updates` when the map began
 
 
+class Early(Record):
+    """A sample from the time in which it is found where a map from before lies."""
+
+    position: float  # from the origin [m]
+    velocity: float  # [m/s]
+    force: float  # less the offset [N]
+    values: Annotated[Field, float, LARGEST_FEATURES]  # the features
+
+
+class Remembered(Record):
+    """A map of the same material from before, and what it adds to the one that is learnt."""
+
+    state: int  # NOT_GIVEN, HELD or DROPPED
+    given: Annotated[Field, Map, 1]  # as it came; its positions count from the surface
+    placed: Annotated[Field, Map, 1]  # the same, moved to where the material was touched now
+    shown: Annotated[Field, Map, 1]  # the map that is learnt and what is left of the one from before
+    ring: Annotated[Field, Map, RING]  # that at each snapshot
+    since: float  # time from which on it is part of what is published [s]
+    count: int  # number of samples below
+    first: Annotated[Field, Early, EARLY]  # the first ones in contact
+    against: float  # cumulative sum of how much worse late predictions are with it than without [N^2 s]
+
+
 class Bank(Record):
     """The map as it is learnt, its regressions, the law's estimator, and snapshots of the map."""
 
@@ -63,3 +91,4 @@ class Bank(Record):
     coarse: CoarseRegression
     fine: FineRegression
     absent: Annotated[Field, int, EXPERTS]  # 1 for the experts that are not used
+    remembered: Remembered

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import base64
 import math
+import struct
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cache
@@ -17,6 +19,8 @@ from foretouch.errors import SettingError
 from foretouch.errors.checks import require
 from foretouch.models.contact_model import NO_STATE, ContactModel, ContactState, advance
 from foretouch.quantities import Brief
+
+_LAW = struct.Struct("<4d")
 
 UNTOUCHED: ContactState = (math.nan,) * 5
 """Memory of a material before the first sample: positions of the two plays, then the three averages [m]."""
@@ -93,6 +97,24 @@ class ContactMapModel(Brief, ContactModel):
         for name, value in known.items():
             object.__setattr__(model, name, value)
         return model
+
+    @classmethod
+    def from_text(cls, text: str) -> ContactMapModel:
+        """The model of `to_text`.
+
+        Raises:
+            SettingError: It is none.
+        """
+        try:
+            content = base64.b64decode(text, validate=True)
+            stiffness, damping, exponent, switching = _LAW.unpack_from(content)
+            return cls(stiffness, damping, exponent, switching, content[_LAW.size :])
+        except (ValueError, struct.error, SettingError):
+            raise SettingError("map", f"{text[:16]}...", "is no text of a contact map") from None
+
+    def to_text(self) -> str:
+        """The model in base64: the law's four numbers as 64-bit floats, little-endian, and the map."""
+        return base64.b64encode(_LAW.pack(*self.parameters) + self.map).decode()
 
     @property
     def parameters(self) -> tuple[float, float, float, float]:

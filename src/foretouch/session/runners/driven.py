@@ -130,7 +130,12 @@ class DrivenFollower(Driven):
             "step_failures": self.state.failures.count,
             "held_ticks": self.state.held_ticks,
             "faulty_ticks": self.state.faulty_ticks,
-        }
+        } | self._recalled()
+
+    def _recalled(self) -> dict[str, int]:
+        """Whether what was remembered of the material has been dropped; nothing where nothing was."""
+        recalls = getattr(self.state.learner.estimator, "recalls", "none")
+        return {} if recalls == "none" else {"memory_dropped": int(recalls == "dropped")}
 
     def pass_time(self, periods: int) -> None:
         """See `Driven.pass_time`."""

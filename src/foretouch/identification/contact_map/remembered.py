@@ -1,0 +1,232 @@
+r"""A contact map from before as prior mean of the one that is learnt: `foretouch.identification.ContactMap.recall`.
+
+With a prior mean m instead of 0, recursive least squares gives the weights w + t, where w are those that are learnt
+without it, and
+
+.. math:: t = P Q^{-1} m, \quad t \leftarrow t - K h^T t
+
+with the prior covariance Q, and P and K of that moment, for none of them depends on a force. So the map without memory
+is learnt as ever, t is kept beside it from the time on at which it is known where m belongs, and both maps are compared
+on every sample. The fine map has no m of its own, but takes over t of the coarse one where it begins: what was mostly
+fine is not recalled.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.core.compiling import compiled, inlined
+from foretouch.identification.contact_map.learning import CHANGED_AFTER, SCORED_FROM, refine
+from foretouch.identification.contact_map.regression import expect_mean, reach
+from foretouch.identification.contact_map.scores import CONTACT_SHARE, LEAST_WRONG, SCORE_TIME
+from foretouch.identification.contact_map.state import DROPPED, EARLY, RING, Bank
+from foretouch.models.contact_map.kernel import blend, cubic, experts
+from foretouch.models.contact_map.layout import COARSE, EXPERTS, FINE, SIZE, Map
+from foretouch.models.contact_model import LARGEST_DEPTH
+
+Array = NDArray[np.float64]
+
+CONTRADICTED = LEAST_WRONG * LEAST_WRONG * CHANGED_AFTER
+"""Cumulative sum, relative to the square of the peak, with which a map from before is dropped [s]: late predictions
+that are wrong with it and right without it by as much and as long as those that show a change."""
+
+REFINEMENTS = 6  # Halvings of the step of a place
+
+
+@compiled(error_model="numpy")
+def shift_part(weights: Array, begin: int, knots: int, spacing: float, below: int, change: float) -> None:
+    """Move a cubic spline on even knots inwards by a change [m]; exact for cubics (de Boor and Fix 1973)."""
+    values = np.empty(knots + 2)
+    for k in range(knots + 2):
+        first, a, b, c, d = cubic((k - below - 2) * spacing - change, spacing, below, knots)
+        values[k] = blend(weights, begin + first, a, b, c, d)
+    for k in range(knots):
+        weights[begin + k] = (8.0 * values[k + 1] - values[k] - values[k + 2]) / 6.0
+
+
+@compiled(error_model="numpy")
+def shift(learnt: Map, change: float) -> None:
+    """Move a map inwards by a change [m]."""
+    coarse = learnt.coarse.weights[:]
+    shift_part(coarse, 0, COARSE.knots, COARSE.spacing, COARSE.below, change)
+    for f in range(COARSE.features):
+        begin = COARSE.knots + f * COARSE.feature_knots
+        shift_part(coarse, begin, COARSE.feature_knots, COARSE.feature_spacing, COARSE.feature_below, change)
+    learnt.lowest += change
+    learnt.reached += change
+    learnt.law_reached += change
+    learnt.place += change
+    learnt.touch += change
+    learnt.law_surface -= change
+
+
+@inlined
+def misfit(bank: Bank, change: float) -> float:
+    """Mean squared error of the map from before on the first samples, were it moved inwards by a change [m]."""
+    kept, total = bank.remembered, 0.0
+    for i in range(kept.count):
+        one = kept.first[i]
+        force = experts(kept.given[0], one.values, one.position - change, one.velocity, True)[3]
+        total += (force - one.force) ** 2
+    return total / kept.count
+
+
+@compiled(error_model="numpy")
+def best_change(bank: Bank) -> float:
+    """How far inwards the map from before has to be moved to fit the first samples best [m]."""
+    given, first = bank.remembered.given[0], bank.remembered.first[0]
+    step = 0.25 * COARSE.spacing
+    change, best = 0.0, misfit(bank, 0.0)
+    for k in range(1, int((given.reached - given.lowest) / step)):
+        error = misfit(bank, first.position - given.lowest - k * step)
+        if error < best:
+            change, best = first.position - given.lowest - k * step, error
+    for _ in range(REFINEMENTS):
+        step *= 0.5
+        for side in (-step, step):
+            error = misfit(bank, change + side)
+            if error < best:
+                change, best = change + side, error
+                break
+    return change
+
+
+@compiled(error_model="numpy")
+def drop(bank: Bank) -> None:
+    """From now on the map is what is learnt without the one from before."""
+    bank.remembered.state = DROPPED
+    bank.coarse.traced = bank.fine.traced = 0
+
+
+@compiled(error_model="numpy")
+def recall(bank: Bank, time: float) -> None:
+    """Give the map from before as the mean, where it fits the first samples best; drop it where it does not."""
+    kept, coarse, change = bank.remembered, bank.coarse, best_change(bank)
+    if kept.given[0].shares[2] > 0.5 or misfit(bank, change) > (LEAST_WRONG * bank.notes[0].peak) ** 2:
+        drop(bank)
+        return
+    kept.since, kept.against = time, 0.0
+    numbers, placed = kept.given.view(np.float64), kept.placed.view(np.float64)
+    for k in range(SIZE):
+        placed[k] = numbers[k]
+    given = kept.placed[0]
+    shift(given, change)
+    for position in (given.lowest, given.reached):
+        knot = cubic(position, COARSE.spacing, COARSE.below, COARSE.knots)[0]
+        feature = cubic(position, COARSE.feature_spacing, COARSE.feature_below, COARSE.feature_knots)[0]
+        reach(bank.map[0].coarse.weights[:], coarse, knot, feature)
+    expect_mean(coarse, given.coarse.weights[:])
+    refine(coarse.trace[:], bank.fine.trace[:], bank.map[0].place)
+    bank.fine.traced = 1
+
+
+@compiled(error_model="numpy")
+def show(bank: Bank) -> None:
+    """Write the map with what is left of the one from before."""
+    learnt, given, shown = bank.map[0], bank.remembered.placed[0], bank.remembered.shown[0]
+    numbers, written = bank.map.view(np.float64), bank.remembered.shown.view(np.float64)
+    for k in range(SIZE):
+        written[k] = numbers[k]
+    for k in range(COARSE.size):
+        shown.coarse.weights[k] += bank.coarse.trace[k]
+    for k in range(FINE.size):
+        shown.fine.weights[k] += bank.fine.trace[k]
+    shown.lowest, shown.reached = min(learnt.lowest, given.lowest), max(learnt.reached, given.reached)
+    shown.felt, shown.law_speed = max(learnt.felt, given.felt), max(learnt.law_speed, given.law_speed)
+    shown.law_reached = max(learnt.law_reached, given.law_reached)
+    for f in range(COARSE.features):
+        shown.coarse.ranges[f, 0] = min(learnt.coarse.ranges[f, 0], given.coarse.ranges[f, 0])
+        shown.coarse.ranges[f, 1] = max(learnt.coarse.ranges[f, 1], given.coarse.ranges[f, 1])
+    if not learnt.touch > -LARGEST_DEPTH:
+        shown.touch, shown.touch_way, shown.touch_force = given.touch, given.touch_way, given.touch_force
+    if bank.notes[0].contact < SCORE_TIME:  # the weights of the experts are not known yet
+        for k in range(4):
+            shown.law[k] = given.law[k]
+        shown.law_surface = given.law_surface - learnt.origin
+        for k in range(EXPERTS):
+            shown.shares[k] = given.shares[k]
+
+
+@inlined
+def snapshot_at(bank: Bank, time: float) -> int:
+    """Index of the newest snapshot of a time [s] or before; -1 where there is none."""
+    age, newest = 0, bank.notes[0].snapshots
+    kept = min(newest, RING)
+    while age < kept and bank.times[(newest - 1 - age) % RING] > time + 1e-7:
+        age += 1
+    return int((newest - 1 - age) % RING) if age < kept else -1
+
+
+@compiled(error_model="numpy")
+def judge(bank: Bank, time: float, sample: tuple[float, float, float], contact: bool, period: float) -> None:
+    """Compare late predictions with and without the map from before on a sample, and drop it where it does harm.
+
+    The cumulative sum is that of Page (1954): how much worse the squared errors are, but never below 0, so that what
+    was good before does not outweigh what is wrong now. Before there are predictions so late, the map from before
+    itself is compared, and allowed `LEAST_WRONG` of the peak.
+
+    Args:
+        bank: The state; its `values` are the features of the sample.
+        time: Of the sample [s].
+        sample: Position from the origin [m], velocity [m/s], force [N].
+        contact: The conditioner's judgement.
+        period: Time since the previous sample [s].
+    """
+    position, velocity, force = sample
+    kept, notes = bank.remembered, bank.notes[0]
+    index = snapshot_at(bank, time - bank.horizon)
+    if index >= 0 and bank.times[index] >= kept.since:
+        known = experts(kept.ring[index], bank.values, position, velocity, True)[3]
+        without = experts(bank.ring[index], bank.values, position, velocity, True)[3]
+        allowed = (without - force) ** 2
+        counts = contact or max(known, without) > CONTACT_SHARE * notes.peak
+    else:
+        known = experts(kept.placed[0], bank.values, position, velocity, True)[3]
+        allowed = (LEAST_WRONG * notes.peak) ** 2
+        counts = contact
+    if counts:
+        kept.against = max(kept.against + period * ((known - force) ** 2 - allowed), 0.0)
+    if kept.against > CONTRADICTED * notes.peak * notes.peak:
+        drop(bank)
+
+
+@compiled(error_model="numpy")
+def attend(bank: Bank, time: float, sample: tuple[float, float, float], contact: bool, period: float) -> None:
+    """What a sample that was learnt means for the map from before; as `judge`."""
+    kept = bank.remembered
+    if bank.coarse.traced > 0:
+        judge(bank, time, sample, contact, period)
+    elif contact and kept.count < EARLY:
+        early = kept.first[kept.count]
+        early.position, early.velocity, early.force = sample
+        early.values[:] = bank.values[:]
+        kept.count += 1
+        if bank.notes[0].contact >= SCORED_FROM:
+            recall(bank, time)
+    if bank.coarse.traced == 0:
+        return
+    show(bank)
+    notes = bank.notes[0]
+    if notes.snapped_at == time:
+        index = (notes.snapshots - 1) % RING
+        numbers, ring = bank.remembered.shown.view(np.float64), bank.remembered.ring.view(np.float64)
+        for k in range(SIZE):
+            ring[index * SIZE + k] = numbers[k]
+
+
+def from_the_surface(maps: NDArray[np.void]) -> NDArray[np.void]:
+    """The same map with positions that count from the published surface, and forces from none.
+
+    Args:
+        maps: An array of one map; left as it is.
+    """
+    result = maps.copy()
+    learnt = result[0]
+    learnt.coarse.weights[: COARSE.knots] -= learnt.zero
+    learnt.fine.weights[: FINE.knots] -= learnt.zero
+    origin = float(learnt.origin)
+    shift(learnt, origin)
+    learnt.law_surface += origin
+    learnt.origin = learnt.zero = 0.0
+    return result
