@@ -46,7 +46,7 @@ def histories(depth: list[float], period: float | list[float] = 1e-3, *, origin:
 
 def said(maps: np.ndarray, place: float, velocity: float = 0.0, values: np.ndarray | None = None) -> np.ndarray:
     """Forces of law, coarse and fine map, and the one that they agree on, shape (4,)."""
-    return np.array(experts(maps[0], np.zeros(LARGEST_FEATURES) if values is None else values, place, velocity, True))
+    return np.array(experts(maps[0], np.zeros(LARGEST_FEATURES) if values is None else values, place, velocity, 0.0, True))
 
 
 # --- memory -----------------------------------------------------------------------------------------------------------

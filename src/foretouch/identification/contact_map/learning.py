@@ -18,7 +18,7 @@ from foretouch.identification.contact_map.regression import (
 from foretouch.identification.contact_map.scores import FIRST_DOUBT, allot, score, watch
 from foretouch.identification.contact_map.state import LEVELS, RING, Bank, Notes
 from foretouch.models.contact_map.kernel import blend, cubic, features, mapped
-from foretouch.models.contact_map.layout import COARSE, FINE, SIZE, Map
+from foretouch.models.contact_map.layout import COARSE, FINE, LETTING_GO, MEMORY, SIZE, Map
 from foretouch.models.contact_model import LARGEST_DEPTH
 
 PERIOD = 0.004  # Least time between two samples that are learnt [s]
@@ -52,6 +52,10 @@ of it: it has to show that it is needed."""
 
 TOUCH_WAY = 1e-4  # Least way outside of where the material begins over which the force falls to zero [m]
 TOUCH_SHARE = 0.1  # Least force, relative to the peak, by which it is known where the material begins
+
+PULL_SHARE = 0.1  # Least pull that is one, relative to the peak: friction of the mechanism is less
+GONE_SHARE = 0.2  # Force that is left where it has let go, relative to the pull
+GONE_WAY = 5e-4  # How far beyond the last half of a pull it has let go [m]; friction goes on until the probe turns
 
 LARGEST = 1.7976931348623157e308
 
@@ -88,6 +92,7 @@ def restart(bank: Bank) -> None:
     learnt.uncertainty[0], learnt.uncertainty[1] = 0.0, FIRST_DOUBT**2
     notes.outermost[:], learnt.touch, learnt.touch_way = math.inf, -LARGEST_DEPTH, LARGEST_DEPTH
     notes.touch_unit, notes.entered = 0.0, 0
+    learnt.pull = learnt.catch = learnt.hold = notes.pulling = 0.0
     notes.snapshots = 0
     place_fine(bank, 0.0)
 
@@ -148,6 +153,37 @@ def note_touch(learnt: Map, notes: Notes, position: float, force: float) -> None
 
 
 @inlined
+def note_pull(learnt: Map, notes: Notes, position: float, force: float, contact: bool) -> None:
+    """Note how much pulls after a contact, and how far out, once it has let go further out.
+
+    Args:
+        learnt: Written.
+        notes: Written.
+        position: [m from the origin].
+        force: The larger of the two newest ones [N].
+        contact: The conditioner's judgement.
+    """
+    before, notes.place, least = notes.place, position, max(PULL_SHARE * notes.peak, 16.0 * notes.touch_unit)
+    if contact:
+        notes.left, notes.pulling = position, 0.0
+        return
+    if learnt.pull > 0.0 and -force > least and position > before:
+        learnt.catch = max(min(learnt.catch, before), learnt.hold)
+    if notes.left - position > LETTING_GO:
+        notes.pulling = 0.0
+        return
+    notes.pulling = max(notes.pulling, -force)
+    if -force > 0.5 * notes.pulling:
+        notes.holding = position
+    gone = -force < GONE_SHARE * notes.pulling and position < notes.holding - GONE_WAY
+    if gone and notes.pulling > least:
+        known = learnt.pull > 0.0
+        learnt.hold = min(learnt.hold, notes.holding) if known else notes.holding
+        learnt.catch = max(learnt.catch if known else 0.0, learnt.hold)
+        learnt.pull, notes.pulling = max(learnt.pull, notes.pulling), 0.0
+
+
+@inlined
 def widen(bank: Bank, sample: tuple[float, float, float], contact: bool, period: float) -> None:
     """Update the visited range, the peak force and the ranges of the features with this sample."""
     position, velocity, force = sample
@@ -165,6 +201,8 @@ def widen(bank: Bank, sample: tuple[float, float, float], contact: bool, period:
         learnt.touch = position
         for k in range(LEVELS):
             notes.outermost[k] = max(notes.outermost[k], position)
+    if notes.peak > 0.0:
+        note_pull(learnt, notes, position, max(force, notes.before), contact)
     learnt.lowest, learnt.reached = min(learnt.lowest, position), max(learnt.reached, position)
     coarse, fine = learnt.coarse.ranges, learnt.fine.ranges
     for f in range(COARSE.features):
@@ -213,7 +251,9 @@ def learn(bank: Bank, time: float, position: float, velocity: float, force: floa
         notes.present[0] += period * min(coarse_error * coarse_error, most)
         notes.present[1] += period * min(fine_error * fine_error, most)
         notes.present_time += period
-    if not is_spike:
+    # What sticks pulls only once it was touched: the maps learn how, not where nothing is touched yet.
+    is_apart = learnt.pull > 0.0 and not contact and bank.memory[MEMORY - 1] == 0.0 and position < learnt.touch
+    if not (is_spike or is_apart):
         error = fit_coarse(coarse_weights, bank.coarse, position, values, raw)
         spoilt = math.isnan(error)
         missed = abs(error) > MISPLACED * notes.peak

@@ -36,6 +36,10 @@ class Notes(Record):
     time: float  # of the newest sample [s], NaN before the first
     touch_unit: float  # a sixteenth of the first force in contact [N]
     outermost: Annotated[Field, float, LEVELS]  # position at which this force, twice it and so on were felt [m]
+    place: float  # position of the newest sample [m from the origin]
+    left: float  # position of the newest contact [m from the origin]
+    pulling: float  # largest pull since then [N], 0 once it was too far away
+    holding: float  # outermost position with half of that [m]
     entered: int  # 1 once no contact was seen, 2 once contact came after that
     touched: int  # 1 from the first contact on
     updates: int  # samples learnt from since the last reset

@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 
 from foretouch.errors import SettingError
 from foretouch.errors.checks import require
+from foretouch.models.contact_map.layout import MEMORY
 from foretouch.models.contact_model import NO_STATE, ContactModel, ContactState, advance
 from foretouch.quantities import Brief
 
-UNTOUCHED: ContactState = (math.nan,) * 5
+UNTOUCHED: ContactState = (math.nan,) * MEMORY
 """Memory of a material before the first sample: positions of the two plays, then the three averages [m]."""
 
 
