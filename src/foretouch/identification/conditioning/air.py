@@ -117,6 +117,7 @@ def begin_drift(air: Air, time: float, force: float, floor: float) -> None:
 def take_block(air: Air, time: float, block: tuple[float, float], surface: float, floor: float, quiet: float) -> None:
     """Learn from a block out of contact: its mean position [m] and force [N]."""
     place, force = block
+    has_risen = force > air.level.force + quiet
     if math.isnan(air.level.force) or abs(force - air.level.force) > quiet:
         air.level.force, air.level.count, air.level.place, air.level.since = force, 0, place, time
     air.level.count += 1
@@ -134,6 +135,8 @@ def take_block(air: Air, time: float, block: tuple[float, float], surface: float
         return
     predict_drift(air, time, floor)
     innovation = force - air.reference - air.drift
+    if has_risen and innovation < 0.0:  # something has let go within the block
+        return
     if abs(innovation) <= SURE * math.sqrt(air.variance + (UNSURE * floor) ** 2):
         take_level(air, innovation, floor)
         air.confirmed = air.confirmed or air.touched
