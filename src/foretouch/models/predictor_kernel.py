@@ -124,7 +124,7 @@ def shift(p: Prediction, distance: float) -> None:
 @compiled
 def asked_at(p: Prediction) -> tuple[float, float]:
     """Depth [m] and velocity [m/s] at which local slopes are asked: outside the surface, those at the surface."""
-    depth = 0.0 if p.depth < 0.0 and not p.force > 0.0 else p.depth
+    depth = 0.0 if p.depth < 0.0 and not abs(p.force) > 0.0 else p.depth
     return depth, min(max(p.velocity, -LARGEST_SPEED), LARGEST_SPEED)
 
 
