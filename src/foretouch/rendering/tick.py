@@ -101,7 +101,7 @@ step by models [N], and the share of the motion until the next tick."""
 @compiled
 def show(r: Rendering) -> Shown:
     """What a `Renderer` shows of its newest tick."""
-    return r.proxy.position, r.proxy.engaged, r.limiter.clipped, r.mediation.force, r.mediation.step, r.share
+    return r.proxy.position, r.proxy.engaged, r.limiter.clipped, r.mediation.force + r.pull, r.mediation.step, r.share
 
 
 @compiled(error_model="numpy")
