@@ -72,6 +72,8 @@ class Air(Record):
     place: float  # and that of their positions [m]
     outermost: float = math.inf  # position of a block since the last contact [m]
     end_before: float = math.inf  # and before it
+    is_low: bool  # whether the force was below that of free air since the last contact
+    held_to: float = math.inf  # position at which something that held the probe had let go [m]
     level: Level
 
 
@@ -129,6 +131,10 @@ def take_block(air: Air, time: float, block: tuple[float, float], surface: float
             begin_drift(air, time, air.level.force, floor)
             air.reference_at, air.reference_in = min(place, air.level.place), max(place, air.level.place)
         return
+    if force - air.reference - drifted(air, time) < -floor:
+        air.is_low = True
+    elif air.is_low and not has_risen:
+        air.is_low, air.held_to = False, place
     end = min(air.outermost, air.end_before)
     # While no surface is known, further in may be inside a soft material.
     if place > (air.reference_in if math.isnan(surface) else end + OUTER_SHARE * (surface - end)):
@@ -143,7 +149,9 @@ def take_block(air: Air, time: float, block: tuple[float, float], surface: float
     elif not air.confirmed and -innovation > floor and place < air.reference_at:  # it was not free air
         begin_drift(air, time, math.nan, floor)
         air.touched = True
-    elif is_level or (innovation < 0.0 and time - air.level.since >= LEVEL_TIME):  # nothing is lower than free air
+    elif is_level or (innovation < 0.0 and time - air.level.since >= LEVEL_TIME and not place > air.held_to):
+        # Nothing is lower than free air but what holds the probe.
+        air.is_low = False
         air.drift, air.variance, air.shared = force - air.reference, 0.0, 0.0
 
 
@@ -175,6 +183,7 @@ def leave_air(air: Air) -> None:
     if air.outermost < math.inf:
         air.end_before = air.outermost
     air.begin, air.level.force, air.outermost, air.touched = math.nan, math.nan, math.inf, True
+    air.is_low = False
 
 
 @inlined
