@@ -141,7 +141,8 @@ def take_block(air: Air, time: float, block: tuple[float, float], surface: float
         return
     predict_drift(air, time, floor)
     innovation = force - air.reference - air.drift
-    if has_risen and innovation < 0.0:  # something has let go within the block
+    # Something lets go within the block, or holds the probe where it has done so before.
+    if innovation < 0.0 and (has_risen or (innovation < -floor and place > air.held_to)):
         return
     if abs(innovation) <= SURE * math.sqrt(air.variance + (UNSURE * floor) ** 2):
         take_level(air, innovation, floor)
@@ -149,8 +150,7 @@ def take_block(air: Air, time: float, block: tuple[float, float], surface: float
     elif not air.confirmed and -innovation > floor and place < air.reference_at:  # it was not free air
         begin_drift(air, time, math.nan, floor)
         air.touched = True
-    elif is_level or (innovation < 0.0 and time - air.level.since >= LEVEL_TIME and not place > air.held_to):
-        # Nothing is lower than free air but what holds the probe.
+    elif is_level or (innovation < 0.0 and time - air.level.since >= LEVEL_TIME):  # nothing is lower than free air
         air.is_low = False
         air.drift, air.variance, air.shared = force - air.reference, 0.0, 0.0
 
