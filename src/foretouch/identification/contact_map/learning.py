@@ -18,7 +18,17 @@ from foretouch.identification.contact_map.regression import (
 from foretouch.identification.contact_map.scores import FIRST_DOUBT, allot, score, watch
 from foretouch.identification.contact_map.state import LEVELS, RING, Bank, Notes
 from foretouch.models.contact_map.kernel import blend, cubic, features, mapped
-from foretouch.models.contact_map.layout import COARSE, FINE, LETTING_GO, MEMORY, SIZE, Map
+from foretouch.models.contact_map.layout import (
+    COARSE,
+    FINE,
+    GONE_SHARE,
+    GONE_WAY,
+    LETTING_GO,
+    MEMORY,
+    PULL_SHARE,
+    SIZE,
+    Map,
+)
 from foretouch.models.contact_model import LARGEST_DEPTH
 
 PERIOD = 0.004  # Least time between two samples that are learnt [s]
@@ -52,10 +62,6 @@ of it: it has to show that it is needed."""
 
 TOUCH_WAY = 1e-4  # Least way outside of where the material begins over which the force falls to zero [m]
 TOUCH_SHARE = 0.1  # Least force, relative to the peak, by which it is known where the material begins
-
-PULL_SHARE = 0.1  # Least pull that is one, relative to the peak: friction of the mechanism is less
-GONE_SHARE = 0.2  # Force that is left where it has let go, relative to the pull
-GONE_WAY = 5e-4  # How far beyond the last half of a pull it has let go [m]; friction goes on until the probe turns
 
 LARGEST = 1.7976931348623157e308
 

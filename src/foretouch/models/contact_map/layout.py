@@ -83,6 +83,10 @@ MOST, MOST_WITHIN = 20.0, 1.5
 LETTING_GO = 5e-3  # Distance outside the visited range after which a force is zero at the latest [m]
 TOUCH_FORCE = 2.0  # Largest force just outside of where the material was touched so far, relative to the one there
 
+PULL_SHARE = 0.1  # Least pull that is one, relative to the largest force: friction of the mechanism is less
+GONE_SHARE = 0.2  # Force that is left where it has let go, relative to the pull
+GONE_WAY = 5e-4  # How far beyond the last half of a pull it has let go [m]; friction goes on until the probe turns
+
 LEAST_DEPTH = 1e-4  # Least depth to which a law is used [m], also if it was learnt from less
 
 EXPERTS = 3
