@@ -287,8 +287,8 @@ def _something_pulls(position: Array, force: Array, pressed: Flags, threshold: f
 
 def _lets_go(position: Array, pull: Array, left: float, least: float) -> bool:
     """Whether what pulls in a stay out of contact, which was left at a position, has ended before the probe turned."""
-    far = np.flatnonzero(left - position > LETTING_GO)
-    position, pull = position[: far[0] if far.size else None], pull[: far[0] if far.size else None]
+    out = int(np.argmin(np.maximum(position, left - LETTING_GO))) + 1  # until it turns, or is too far away
+    position, pull = position[:out], pull[:out]
     if pull.size < 2:
         return False
     largest = np.minimum(pull[1:], pull[:-1]).max()  # one sample alone may be anything
