@@ -43,7 +43,7 @@ def pulling(position: Array, force: Array) -> Array:
 def error(predicted: Array, force: Array) -> float:
     """RMS error from 3 s on, in contact and where contact is predicted, relative to the RMS of the true force [%]."""
     least, late = 0.05 * np.percentile(force, 98.0), TIME > 3.0
-    contact, scored = late & (force > least), late & ((force > least) | (predicted > least))
+    contact, scored = (late & (abs(force) > least), late & ((abs(force) > least) | (abs(predicted) > least)))
     return float(100.0 * np.sqrt(np.mean((predicted - force)[scored] ** 2) / np.mean(force[contact] ** 2)))
 
 
