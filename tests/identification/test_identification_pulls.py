@@ -99,12 +99,13 @@ def test_nothing_else_is_a_pull(unlike) -> None:  # type: ignore[no-untyped-def]
 
 
 def test_a_probe_that_is_held_for_long_is_in_no_free_air() -> None:
-    """For 12 s it stays half a millimetre outside of where it was touched, and is pulled by 1 N."""
+    """For 11 s it stays half a millimetre outside of the surface, where it is pulled by 1 N, as it was before."""
     position, stay = pressed(4), (TIME > 3.0) & (TIME < 15.0)
     before, there = position[TIME <= 3.0][-1], SURFACE - 0.5e-3
     way = np.clip((TIME - 3.0) / 0.4, 0.0, 1.0)
     inside = before + (SURFACE + 0.004 - before) * np.sin(0.5 * np.pi * way)
-    position[stay] = np.where(TIME < 3.4, inside, SURFACE + 0.004 + (there - SURFACE - 0.004) * np.clip(TIME - 3.4, 0, 1))[stay]
+    outwards = SURFACE + 0.004 + (there - SURFACE - 0.004) * np.clip(TIME - 3.4, 0.0, 1.0)
+    position[stay] = np.where(TIME < 3.4, inside, outwards)[stay]
     position[TIME >= 15.0] = there
     learner = Learner()
     true = sticky(position)

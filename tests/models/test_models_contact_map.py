@@ -332,7 +332,8 @@ def test_no_force_within_the_visited_depth_is_far_above_the_largest_felt(
 def test_outside_of_where_it_was_touched_the_force_falls_to_nothing() -> None:
     maps = example_numbers((0.0, 1.0, 0.0))
     maps["lowest"], maps["touch"], maps["touch_way"], maps["touch_force"] = -4e-3, 2e-3, 1e-3, 0.1
-    forces = [advance(model_of(maps), (0.0,) * MEMORY, depth, 0.0, 1e-3)[1] for depth in (2.1e-3, 1.9e-3, 1.5e-3, 0.9e-3)]
+    untouched, depths = (0.0,) * MEMORY, (2.1e-3, 1.9e-3, 1.5e-3, 0.9e-3)
+    forces = [advance(model_of(maps), untouched, depth, 0.0, 1e-3)[1] for depth in depths]
     assert forces[0] > 0.5
     assert forces[1:] == pytest.approx([0.18, 0.1, 0.0], abs=1e-6)
     maps["lowest"] = 1.5e-3  # nobody has been far outside yet
@@ -371,5 +372,6 @@ def test_whether_it_sticks_is_known_by_where_it_was(depth: list[float]) -> None:
 def test_further_out_than_it_was_learnt_a_pull_fades() -> None:
     maps = sticky()
     maps["lowest"], maps["hold"], maps["catch"] = -1e-3, -1.0, -1.0
-    forces = [advance(model_of(maps), (0.0,) * MEMORY, 1e-3 * place, 0.0, 1e-3)[1] for place in (-1.0, -3.5, -6.0, -9.0)]
+    untouched, depths = (0.0,) * MEMORY, (-1e-3, -3.5e-3, -6e-3, -9e-3)
+    forces = [advance(model_of(maps), untouched, depth, 0.0, 1e-3)[1] for depth in depths]
     assert forces == pytest.approx([-0.5, -0.25, 0.0, 0.0], abs=1e-6)

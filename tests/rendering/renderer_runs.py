@@ -37,7 +37,6 @@ ROUNDING = 1e-12
 NOTHING, NOWHERE = (0.0, 0.0, 0.0), (math.nan, math.nan, math.nan)
 
 
-
 def sticky_numbers(seed: int) -> np.ndarray:
     """Any map that pulls: by some newtons, from where it catches until some way further out."""
     maps, random = random_numbers(seed), np.random.default_rng(seed)

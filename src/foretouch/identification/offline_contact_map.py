@@ -190,5 +190,5 @@ def _fit_law(learnt: Map, result: _Samples) -> OfflineFit | None:
 def _errors(learnt: Map, result: _Samples) -> Array:
     """Force of each expert less the measured force [N], shape (n, 3)."""
     columns = zip(result.features, result.place.tolist(), result.velocity.tolist(), strict=True)
-    forces = np.array([experts(learnt, values, position, velocity, 0.0, True)[:3] for values, position, velocity in columns])
+    forces = np.array([experts(learnt, *column, 0.0, True)[:3] for column in columns])
     return np.asarray(forces - (result.force - learnt.zero)[:, None])

@@ -186,7 +186,7 @@ class Renderer:
             frame: In space, the place of the hand [m], and the line that has followed it; None on a line.
 
         Returns:
-            The force for the hand along the normal [N], below zero where it draws the hand in; `force` is that in all directions.
+            The force for the hand along the normal [N], negative where it draws it in; `force`: in all directions.
         """
         if not time > self._time:  # no time has passed: nothing to do
             return self.limiter.force

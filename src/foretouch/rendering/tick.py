@@ -74,13 +74,11 @@ class Rendering(Record):
     surface: float = math.nan  # of the newest model [m]
     hand: float = math.nan  # newest valid position of the hand [m]
     there: bool  # whether there is one in this tick
-    leaves: bool  # whether the hand moved outwards in this tick, and is felt
-    goes_out: bool  # whether it moved outwards
+    leaves: bool  # whether the hand moved outwards in this tick
     missing: int  # positions in a row
     was_felt: bool
     fades_from: float  # [N]
     wanted: float  # force of the model in this tick [N]
-    pull: float  # the part of it that pulls, as it is let in: 0 or less [N]
     jump: float  # its change by a new model [N]
     surplus: float  # its growth that a hand that leaves is not to feel [N]
     wanted_before: float  # [N]
@@ -101,7 +99,8 @@ step by models [N], and the share of the motion until the next tick."""
 @compiled
 def show(r: Rendering) -> Shown:
     """What a `Renderer` shows of its newest tick."""
-    return r.proxy.position, r.proxy.engaged, r.limiter.clipped, r.mediation.force + r.pull, r.mediation.step, r.share
+    let_in = r.mediation.force + r.mediation.pull
+    return r.proxy.position, r.proxy.engaged, r.limiter.clipped, let_in, r.mediation.step, r.share
 
 
 @compiled(error_model="numpy")
@@ -123,8 +122,7 @@ def move(
         proxy.leave(r.proxy)
     elif not r.setup.closed_loop and r.there and math.isnan(r.proxy.position):
         proxy.engage(r.proxy, hand, r.proxy.scale * hand)
-    r.goes_out = r.there and hand < r.hand
-    r.leaves = r.setup.closed_loop and r.goes_out
+    r.leaves = r.there and hand < r.hand
     if r.there:
         r.hand = hand
         proxy.follow(r.proxy, hand, r.share, r.free)
@@ -144,14 +142,14 @@ def want(r: Rendering, predicted: float, jump: float, velocity: float) -> tuple[
     largest = r.limiter.largest_force
     force = min(r.setup.force_scale * predicted if felt else 0.0, largest)
     # What pulls is paid as it is given: it needs no offset, and comes as fast as models may change a force.
-    r.pull = min(max(force, r.limiter.least_force, r.pull - LARGEST_STEP), 0.0)
+    r.mediation.pull = min(max(force, r.limiter.least_force, r.mediation.pull - LARGEST_STEP), 0.0)
     wanted = max(force, 0.0)
     r.jump = 0.0
     if jump != 0.0 or felt != was_felt:  # a new model, the clutch, or a hand that is lost or seen again
         before = min(r.setup.force_scale * (predicted - jump), largest) if was_felt else 0.0
         r.jump = wanted - max(before, 0.0)
     r.wanted = wanted
-    r.surplus = _surplus(r, wanted - r.jump, velocity) if r.leaves else 0.0
+    r.surplus = _surplus(r, wanted - r.jump, velocity) if r.leaves and r.setup.closed_loop else 0.0
     return wanted, r.mediation.offset - r.jump - r.surplus
 
 
@@ -208,7 +206,7 @@ NOTHING_BACK, BACK_IN_AIR, BACK_IN_CONTACT = range(3)
 def _way_back(r: Rendering, depth: float) -> int:
     if not r.proxy.engaged or (r.proxy.indexed == 0.0 and r.proxy.yielded == 0.0):
         return NOTHING_BACK
-    if r.wanted <= PHANTOM and r.pull == 0.0 and depth < 0.0:
+    if r.wanted <= PHANTOM and r.mediation.pull == 0.0 and depth < 0.0:
         return BACK_IN_AIR
     paid = r.proxy.indexed > 0.0 and not r.mediation.offset < 0.0 and r.wanted > 0.0
     return BACK_IN_CONTACT if paid else NOTHING_BACK
@@ -228,18 +226,18 @@ def render(
     if wanted > 0.0:
         work, way = _leaving_work(r, work, way, r.mediation.offset - r.jump - r.surplus, force)
     bound = MEDIATED_SHARE * energy.bound_with(account, wanted)
-    mediated = mediate(r.mediation, wanted, r.jump, period, r.leaves, r.surplus, account.energy, bound, work, way)
+    leaves = r.leaves and r.setup.closed_loop
+    mediated = mediate(r.mediation, wanted, r.jump, period, leaves, r.surplus, account.energy, bound, work, way)
     # A late tick is no reason for a larger step of force; nor may the limit of its rate push a hand that leaves
     # with more force than the model has.
-    ceiling = min(energy.ceiling_of(account), _fade(r))
-    if not r.goes_out:  # a hand that is drawn in has paid for it before: no debt is made for a pull
-        r.pull = max(r.pull, -max(account.energy, 0.0) / account.largest_step)
-    held, given = period if period < r.setup.period else r.setup.period, mediated + r.pull
-    top, bottom = min(max(given, 0.0), ceiling), max(min(given, 0.0), -ceiling)
-    rendered = limit(r.limiter, given, held, top, bottom)
-    mediation.wind_down(r.mediation, rendered - r.pull)
-    r.pull = min(max(r.pull, rendered - mediated), 0.0)  # what was cut comes back as it came
-    if r.there and abs(rendered) <= PHANTOM and wanted - r.pull <= PHANTOM:  # unknown while the hand is missing
+    ceiling, pull = min(energy.ceiling_of(account), _fade(r)), r.mediation.pull
+    if not r.leaves:  # a hand that is drawn in has paid for it before: no debt is made for a pull
+        pull = max(pull, -max(account.energy, 0.0) / account.largest_step)
+    held, given = period if period < r.setup.period else r.setup.period, mediated + pull
+    rendered = limit(r.limiter, given, held, min(max(given, 0.0), ceiling), max(min(given, 0.0), -ceiling))
+    mediation.wind_down(r.mediation, rendered - pull)
+    r.mediation.pull = pull = min(max(pull, rendered - mediated), 0.0)  # what was cut comes back as it came
+    if r.there and abs(rendered) <= PHANTOM and wanted - pull <= PHANTOM:  # unknown while the hand is missing
         energy.close(account)
         r.mediation.lowest = account.energy
     r.wanted_before, r.velocity = wanted, velocity

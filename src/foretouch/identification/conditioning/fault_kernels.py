@@ -23,8 +23,8 @@ A force that changes without contact is a step of the sensor's offset. It is a f
 
 The zero is the force in free air, not known at first. It is the lowest level of such a motion; levels up to 0.15 N
 above it raise it slowly, in 60 s. A soft foam can be as level as free air, but not where there was free air; and what
-holds a probe that leaves can be level and lower, so no level counts that is 0.3 N below a zero that is told. A step from
-below up to the zero is something that lets go.
+holds a probe that leaves can be level and lower, so no level counts that is 0.3 N below a zero that is told. A step
+from below up to the zero is something that lets go.
 
 Two samples that span more than 3 ms, and smaller steps, are not judged.
 """

@@ -98,7 +98,7 @@ def restart(bank: Bank) -> None:
     learnt.uncertainty[0], learnt.uncertainty[1] = 0.0, FIRST_DOUBT**2
     notes.outermost[:], learnt.touch, learnt.touch_way = math.inf, -LARGEST_DEPTH, LARGEST_DEPTH
     notes.touch_unit, notes.entered = 0.0, 0
-    learnt.pull = learnt.catch = learnt.hold = notes.pulling = 0.0
+    learnt.pull = learnt.catch = learnt.hold = notes.stay.pull = 0.0
     notes.snapshots = 0
     place_fine(bank, 0.0)
 
@@ -169,24 +169,25 @@ def note_pull(learnt: Map, notes: Notes, position: float, force: float, contact:
         force: The larger of the two newest ones [N].
         contact: The conditioner's judgement.
     """
-    before, notes.place, least = notes.place, position, max(PULL_SHARE * notes.peak, 16.0 * notes.touch_unit)
+    stay, least = notes.stay, max(PULL_SHARE * notes.peak, 16.0 * notes.touch_unit)
+    before, stay.place = stay.place, position
     if contact:
-        notes.left, notes.pulling = position, 0.0
+        stay.left, stay.pull = position, 0.0
         return
     if learnt.pull > 0.0 and -force > least and position > before:
         learnt.catch = max(min(learnt.catch, before), learnt.hold)
-    if notes.left - position > LETTING_GO:
-        notes.pulling = 0.0
+    if stay.left - position > LETTING_GO:
+        stay.pull = 0.0
         return
-    notes.pulling = max(notes.pulling, -force)
-    if -force > 0.5 * notes.pulling:
-        notes.holding = position
-    gone = -force < GONE_SHARE * notes.pulling and position < notes.holding - GONE_WAY
-    if gone and notes.pulling > least:
+    stay.pull = max(stay.pull, -force)
+    if -force > 0.5 * stay.pull:
+        stay.held = position
+    gone = -force < GONE_SHARE * stay.pull and position < stay.held - GONE_WAY
+    if gone and stay.pull > least:
         known = learnt.pull > 0.0
-        learnt.hold = min(learnt.hold, notes.holding) if known else notes.holding
+        learnt.hold = min(learnt.hold, stay.held) if known else stay.held
         learnt.catch = max(learnt.catch if known else 0.0, learnt.hold)
-        learnt.pull, notes.pulling = max(learnt.pull, notes.pulling), 0.0
+        learnt.pull, stay.pull = max(learnt.pull, stay.pull), 0.0
 
 
 @inlined
@@ -198,9 +199,9 @@ def widen(bank: Bank, sample: tuple[float, float, float], contact: bool, period:
         notes.contact += period
         notes.faded += period
         # A spike is no peak: two samples in a row must have this force.
-        notes.peak = max(notes.peak, min(force, notes.before))
+        notes.peak = max(notes.peak, min(force, notes.stay.force))
         learnt.felt = max(learnt.felt, notes.peak)
-        note_touch(learnt, notes, position, min(force, notes.before))
+        note_touch(learnt, notes, position, min(force, notes.stay.force))
         learnt.law_speed = max(learnt.law_speed, abs(velocity))
     elif velocity > 0.0 and position > learnt.touch + learnt.touch_way and force < learnt.touch_force:
         # The material is no longer where it was touched.
@@ -208,14 +209,14 @@ def widen(bank: Bank, sample: tuple[float, float, float], contact: bool, period:
         for k in range(LEVELS):
             notes.outermost[k] = max(notes.outermost[k], position)
     if notes.peak > 0.0:
-        note_pull(learnt, notes, position, max(force, notes.before), contact)
+        note_pull(learnt, notes, position, max(force, notes.stay.force), contact)
     learnt.lowest, learnt.reached = min(learnt.lowest, position), max(learnt.reached, position)
     coarse, fine = learnt.coarse.ranges, learnt.fine.ranges
     for f in range(COARSE.features):
         coarse[f, 0], coarse[f, 1] = min(coarse[f, 0], values[f]), max(coarse[f, 1], values[f])
     for f in range(FINE.features):
         fine[f, 0], fine[f, 1] = min(fine[f, 0], values[f]), max(fine[f, 1], values[f])
-    notes.before = force
+    notes.stay.force = force
 
 
 @inlined

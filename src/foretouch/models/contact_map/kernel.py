@@ -21,8 +21,9 @@ from foretouch.models.contact_model import EXIT_SPEED, SLICE_BEYOND, SLICES, SLI
 Array = NDArray[np.float64]
 
 Memory: TypeAlias = tuple[float, float, float, float, float, float]
-"""Memory of the material: positions of the two plays [m], the three averages [m], and whether it is stuck. Like rates and features these are
-numbers, which compiled code keeps in registers; a force that takes them from an array takes twice as long."""
+"""Memory of the material: positions of the two plays [m], the three averages [m], and whether it is stuck, 0 or 1. Like
+rates and features these are numbers, which compiled code keeps in registers; a force that takes them from an array
+takes twice as long."""
 
 UNTOUCHED: Memory = (math.nan,) * 6
 
