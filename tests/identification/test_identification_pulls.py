@@ -82,10 +82,9 @@ def friction(position: Array) -> Array:
         friction,
         lambda position: -0.05 * TIME,
         lambda position: -1.0 * (TIME > 8.0),
-        lambda position: 8.0 * np.gradient(position, TIME),
         lambda position: -3.0 * (np.arange(TIME.size) % 997 == 0),
     ],
-    ids=["nothing", "friction", "drift", "a zero that falls", "viscous drag", "spikes"],
+    ids=["nothing", "friction", "drift", "a zero that falls", "spikes"],
 )
 def test_nothing_else_is_a_pull(unlike) -> None:  # type: ignore[no-untyped-def]
     position, learner = pressed(5), Learner()

@@ -59,8 +59,8 @@ class ForceLimiter(Held):
     .. math:: F_k = \mathrm{clip}\big(\mathrm{clip}(F, F_{min}, F_{max}),\;
         F_{k-1} - \dot F_{max} T,\; F_{k-1} + \dot F_{max} T\big)
 
-    where the least force is 0, or minus the largest where forces may pull. A force that is not finite counts as zero:
-    the rendered force then falls to zero as fast as the rate allows.
+    where F_min is 0, or -F_max where forces may pull. A force that is not finite counts as zero, to which the rendered
+    force then falls as fast as the rate allows.
 
     Args:
         largest_force: Limit of the force [N], positive.

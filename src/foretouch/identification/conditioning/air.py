@@ -28,6 +28,8 @@ LONGEST = 2.0  # Time for which the drift goes on unseen [s]
 
 SURE = 4.0  # Standard deviations beyond which a block is not of the drift that was expected
 
+LET_GO = 3e-4  # Least way beyond a force below that of free air after which something has let go [m]
+
 START_WINDOW = 0.04  # Time over which it is seen whether a force that was one number before is noise now [s]
 
 
@@ -72,7 +74,7 @@ class Air(Record):
     place: float  # and that of their positions [m]
     outermost: float = math.inf  # position of a block since the last contact [m]
     end_before: float = math.inf  # and before it
-    is_low: bool  # whether the force was below that of free air since the last contact
+    low_at: float = math.inf  # outermost position since the last contact with a force below that of free air [m]
     held_to: float = math.inf  # position at which something that held the probe had let go [m]
     level: Level
 
@@ -131,19 +133,19 @@ def take_block(air: Air, time: float, block: tuple[float, float], surface: float
             begin_drift(air, time, air.level.force, floor)
             air.reference_at, air.reference_in = min(place, air.level.place), max(place, air.level.place)
         return
-    if force - air.reference - drifted(air, time) < -floor:
-        air.is_low = True
-    elif air.is_low and not has_risen:
-        air.is_low, air.held_to = False, place
+    low = air.reference + drifted(air, time) - force
+    if low > floor:
+        air.low_at = min(air.low_at, place)
+    elif place < air.low_at - LET_GO < math.inf and not has_risen:  # friction lasts until the probe turns
+        air.low_at, air.held_to = math.inf, place
+    if low > floor and (has_risen or place > air.held_to):
+        return  # something lets go within the block, or holds the probe where it has done so before
     end = min(air.outermost, air.end_before)
     # While no surface is known, further in may be inside a soft material.
     if place > (air.reference_in if math.isnan(surface) else end + OUTER_SHARE * (surface - end)):
         return
     predict_drift(air, time, floor)
     innovation = force - air.reference - air.drift
-    # Something lets go within the block, or holds the probe where it has done so before.
-    if innovation < 0.0 and (has_risen or (innovation < -floor and place > air.held_to)):
-        return
     if abs(innovation) <= SURE * math.sqrt(air.variance + (UNSURE * floor) ** 2):
         take_level(air, innovation, floor)
         air.confirmed = air.confirmed or air.touched
@@ -151,7 +153,7 @@ def take_block(air: Air, time: float, block: tuple[float, float], surface: float
         begin_drift(air, time, math.nan, floor)
         air.touched = True
     elif is_level or (innovation < 0.0 and time - air.level.since >= LEVEL_TIME):  # nothing is lower than free air
-        air.is_low = False
+        air.low_at = math.inf
         air.drift, air.variance, air.shared = force - air.reference, 0.0, 0.0
 
 
@@ -183,7 +185,7 @@ def leave_air(air: Air) -> None:
     if air.outermost < math.inf:
         air.end_before = air.outermost
     air.begin, air.level.force, air.outermost, air.touched = math.nan, math.nan, math.inf, True
-    air.is_low = False
+    air.low_at = math.inf
 
 
 @inlined
