@@ -39,12 +39,9 @@ class Limiter(Record):
 def limit(limiter: Limiter, wanted: float, period: float, ceiling: float, floor: float) -> float:
     """See `ForceLimiter.update`; the floor [N], 0 or less, is the same as the ceiling for a pull."""
     step = limiter.largest_rate * (period if period > 0.0 else 0.0)
-    lowest, highest = limiter.force - step, limiter.force + step
     force = max(min(wanted, limiter.largest_force), limiter.least_force) if math.isfinite(wanted) else 0.0
-    force = lowest if force < lowest else force
-    force = highest if force > highest else force
-    force = ceiling if force > ceiling else force
-    force = floor if force < floor else force
+    force = min(max(force, limiter.force - step), limiter.force + step)
+    force = max(min(force, ceiling), floor)
     limiter.force = force
     limiter.clipped = not -NOTICED <= force - wanted <= NOTICED
     return force
@@ -59,8 +56,7 @@ class ForceLimiter(Held):
     .. math:: F_k = \mathrm{clip}\big(\mathrm{clip}(F, F_{min}, F_{max}),\;
         F_{k-1} - \dot F_{max} T,\; F_{k-1} + \dot F_{max} T\big)
 
-    where F_min is 0, or -F_max where forces may pull. A force that is not finite counts as zero, to which the rendered
-    force then falls as fast as the rate allows.
+    where F_min is 0, or -F_max where forces may pull. A force that is not finite counts as zero.
 
     Args:
         largest_force: Limit of the force [N], positive.
