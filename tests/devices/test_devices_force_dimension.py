@@ -97,8 +97,8 @@ def test_pressing_down_grows_into_the_material_from_where_it_was_opened(
 def test_force_pushes_the_hand_up_and_out(binding: Binding, device: ForceDimension) -> None:
     assert device.render(2.5) == 2.5
     assert binding.force == [0.0, 0.0, 2.5]
-    assert device.render(-1.0) == 0.0
-    assert binding.force == [0.0, 0.0, 0.0]
+    assert device.render(-1.0) == -1.0  # draws the hand in
+    assert binding.force == [0.0, 0.0, -1.0]
 
 
 def test_the_limit_is_kept_here_and_in_the_sdk(binding: Binding, device: ForceDimension) -> None:

@@ -124,15 +124,15 @@ def test_the_prior_is_a_doubly_integrated_noise_and_a_smooth_process() -> None:
 
 
 def history(time: Array, depth: Array) -> Array:
-    """Plays, then averages, after each sample; written out from the definitions."""
-    result = np.zeros((time.size, len(PLAYS) + len(TIMES)))
+    """Plays, averages and whether it is inside, after each sample; written out from the definitions."""
+    result = np.zeros((time.size, len(PLAYS) + len(TIMES) + 1))
     plays, averages = np.full(len(PLAYS), depth[0]), np.full(len(TIMES), max(depth[0], 0.0))
     for index, place in enumerate(depth):
         plays = np.clip(plays, place - np.array(PLAYS), place + np.array(PLAYS))
         if index:
             kept = np.exp(-(time[index] - time[index - 1]) / np.array(TIMES))
             averages = kept * averages + (1.0 - kept) * max(place, 0.0)
-        result[index] = [*plays, *averages]
+        result[index] = [*plays, *averages, float(place >= 0.0)]
     return result
 
 

@@ -92,7 +92,8 @@ def test_what_pulls_is_no_zero_and_the_score_says_so_too(seed: int) -> None:
     known = delayed_force(TIME, sensor, DELAY)
     scores = score_prediction(TIME, sensor, predicted, known, contact_floor=0.05, score_from=3.0, position=position)
     assert scores.measured_force == pytest.approx(sensor - 0.3, abs=0.05)
-    assert scores.prediction_error_percent == pytest.approx(error(predicted, true), abs=1.5)
+    assert scores.prediction_error_percent < 5.0  # of what pulls, too
+    assert scores.in_contact[(true < -0.5) & (TIME > 3.0)].all()
 
 
 @pytest.mark.parametrize(("friction", "floor"), [(0.1, 0.05), (0.2, 0.05), (0.2, 0.3), (0.3, 0.3)])

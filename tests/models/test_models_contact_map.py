@@ -45,8 +45,9 @@ def histories(depth: list[float], period: float | list[float] = 1e-3, *, origin:
 
 
 def said(maps: np.ndarray, place: float, velocity: float = 0.0, values: np.ndarray | None = None) -> np.ndarray:
-    """Forces of law, coarse and fine map, and the one that they agree on, shape (4,)."""
-    return np.array(experts(maps[0], np.zeros(LARGEST_FEATURES) if values is None else values, place, velocity, True))
+    """Forces of law, coarse and fine map, and the one that they agree on, of what sticks, shape (4,)."""
+    values = np.zeros(LARGEST_FEATURES) if values is None else values
+    return np.array(experts(maps[0], values, place, velocity, 1.0, True))
 
 
 # --- memory -----------------------------------------------------------------------------------------------------------
@@ -92,7 +93,7 @@ def test_plays_do_not_know_how_fast_it_was(depth: list[float]) -> None:
 def test_averages_follow_a_step_as_first_order_lags_do(period: list[float], depth: float) -> None:
     """x (1 - exp(-t / T)) after a step from outside, exp(-t / T) of it after the step back, whatever the periods."""
     inside = [1e-3, *period]
-    result = histories([-2e-3] + [depth] * len(period) + [-1e-3] * len(period), [*inside, *period])[:, len(PLAYS) :]
+    result = histories([-2e-3] + [depth] * len(period) + [-1e-3] * len(period), [*inside, *period])[:, len(PLAYS) : -1]
     since = np.cumsum(period)[:, None]
     risen = depth * (1.0 - np.exp(-since / TIMES))
     np.testing.assert_array_equal(result[0], 0.0)  # outside counts as no depth
@@ -113,7 +114,7 @@ def test_remembering_at_once_is_advancing_sample_by_sample(samples: list[tuple[f
 
 
 def test_no_motion_changes_no_memory() -> None:
-    state = (1e-3, 2e-3, 3e-3, 4e-3, 5e-3)
+    state = (1e-3, 2e-3, 3e-3, 4e-3, 5e-3, 1.0)
     assert example_map().remember(state, np.empty(0), np.empty(0)) == state
 
 
@@ -288,14 +289,15 @@ states = st.just(()) | st.tuples(*[numbers] * MEMORY)
 
 @settings(max_examples=120)
 @given(st.integers(0, 30), states, numbers, numbers, st.floats(0.0, 10.0) | st.floats())
-def test_any_motion_of_any_map_gives_a_finite_force_that_never_pulls(
+def test_any_motion_of_any_map_gives_a_finite_force_that_pulls_no_more_than_it_says(
     seed: int, state: tuple[float, ...], depth: float, velocity: float, period: float
 ) -> None:
     maps = random_numbers(seed)
+    maps["pull"] = 0.25 * (seed % 4)
     model = model_of(maps)
     after, force, deviation = advance(model, state, depth, velocity, period)
     assert math.isfinite(force)
-    assert force >= 0.0
+    assert force >= -maps["pull"][0]
     assert math.isfinite(deviation)
     assert deviation >= 0.0
     assert len(after) == MEMORY
@@ -321,7 +323,7 @@ def test_no_force_within_the_visited_depth_is_far_above_the_largest_felt(
     maps = random_numbers(seed)
     maps[0].felt = felt
     learnt, position = maps[0], depth - maps[0].origin
-    force = advance(model_of(maps), (0.0,) * 5, depth, velocity, 1e-3)[1]
+    force = advance(model_of(maps), (0.0,) * MEMORY, depth, velocity, 1e-3)[1]
     assert (
         0.0 <= force <= (layout.MOST if position > learnt.reached - 1e-6 else layout.MOST_WITHIN) * felt * (1.0 + 1e-6)
     )
@@ -330,8 +332,46 @@ def test_no_force_within_the_visited_depth_is_far_above_the_largest_felt(
 def test_outside_of_where_it_was_touched_the_force_falls_to_nothing() -> None:
     maps = example_numbers((0.0, 1.0, 0.0))
     maps["lowest"], maps["touch"], maps["touch_way"], maps["touch_force"] = -4e-3, 2e-3, 1e-3, 0.1
-    forces = [advance(model_of(maps), (0.0,) * 5, depth, 0.0, 1e-3)[1] for depth in (2.1e-3, 1.9e-3, 1.5e-3, 0.9e-3)]
+    untouched, depths = (0.0,) * MEMORY, (2.1e-3, 1.9e-3, 1.5e-3, 0.9e-3)
+    forces = [advance(model_of(maps), untouched, depth, 0.0, 1e-3)[1] for depth in depths]
     assert forces[0] > 0.5
     assert forces[1:] == pytest.approx([0.18, 0.1, 0.0], abs=1e-6)
     maps["lowest"] = 1.5e-3  # nobody has been far outside yet
-    assert advance(model_of(maps), (0.0,) * 5, 1.6e-3, 0.0, 1e-3)[1] > 0.3
+    assert advance(model_of(maps), (0.0,) * MEMORY, 1.6e-3, 0.0, 1e-3)[1] > 0.3
+
+
+def sticky() -> np.ndarray:
+    """A map that gives -0.7 N outside of its origin, and less further in; it catches 1 mm and holds 3 mm outside."""
+    maps = example_numbers((0.0, 1.0, 0.0))
+    maps[0].coarse.weights[GRIDS[0].knots :] = 0.0
+    maps["zero"], maps["pull"], maps["catch"], maps["hold"] = 0.7, 0.5, -1e-3, -3e-3
+    return maps
+
+
+def test_what_sticks_pulls_from_where_it_catches_to_where_it_lets_go() -> None:
+    model, state, forces = model_of(sticky()), (), {}
+    for place in (-3.5, -2.0, -0.9, -2.0, -2.9, -3.1, -2.0, 1.0, 3.0, 1.0, -2.0):
+        state, force, _ = advance(model, state, 1e-3 * place, 0.0, 1e-3)
+        forces.setdefault(place, []).append(force)
+    assert forces[-3.5] == forces[-3.1] == [0.0]
+    assert forces[-2.0] == [0.0, pytest.approx(-0.5), 0.0, pytest.approx(-0.5)]  # before it was caught, and after
+    assert forces[-0.9] == forces[-2.9] == [pytest.approx(-0.5)]  # no more than was felt
+    assert forces[1.0] == pytest.approx([-0.3, -0.3], abs=1e-6)
+    assert forces[3.0] == pytest.approx([0.5], abs=1e-6)
+
+
+@given(places)
+def test_whether_it_sticks_is_known_by_where_it_was(depth: list[float]) -> None:
+    maps, memory, sticks = sticky(), np.full(MEMORY, math.nan), False
+    for place in depth:
+        run(maps, memory, np.array([place]), np.array([1e-3]))
+        sticks = place >= -1e-3 or (sticks and place >= -3e-3)
+        assert memory[-1] == float(sticks)
+
+
+def test_further_out_than_it_was_learnt_a_pull_fades() -> None:
+    maps = sticky()
+    maps["lowest"], maps["hold"], maps["catch"] = -1e-3, -1.0, -1.0
+    untouched, depths = (0.0,) * MEMORY, (-1e-3, -3.5e-3, -6e-3, -9e-3)
+    forces = [advance(model_of(maps), untouched, depth, 0.0, 1e-3)[1] for depth in depths]
+    assert forces == pytest.approx([-0.5, -0.25, 0.0, 0.0], abs=1e-6)

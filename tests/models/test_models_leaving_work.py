@@ -115,7 +115,7 @@ KINDS = (float, np.float64) if config.DISABLE_JIT else (float,)
 @pytest.mark.parametrize("at", range(MEMORY))
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
 def test_a_memory_with_a_number_that_is_none_is_none(call, at, bad) -> None:
-    model, state = example_map(), [1e-3, 2e-3, 1e-3, 1e-3, 1e-3]
+    model, state = example_map(), [1e-3, 2e-3, 1e-3, 1e-3, 1e-3, 1.0]
     state[at] = bad
     arguments = 4e-3, 0.05, 1e-3
     result = call(model._maps, tuple(state), *arguments)

@@ -22,6 +22,7 @@ from foretouch.models import (
     LinearisedContinuousSwitching,
     ThresholdSwitching,
 )
+from foretouch.models.contact_map.layout import MEMORY
 from foretouch.quantities.pose import Vector, add, dot, scaled, subtract
 from foretouch.rendering import Renderer
 
@@ -35,7 +36,19 @@ SMALLEST_COUNT = 1e-6
 ROUNDING = 1e-12
 NOTHING, NOWHERE = (0.0, 0.0, 0.0), (math.nan, math.nan, math.nan)
 
+
+def sticky_numbers(seed: int) -> np.ndarray:
+    """Any map that pulls: by some newtons, from where it catches until some way further out."""
+    maps, random = random_numbers(seed), np.random.default_rng(seed)
+    learnt = maps[0]
+    learnt.pull, learnt.catch = random.uniform(0.1, 8.0), random.uniform(-1e-3, 3e-3)
+    learnt.hold = learnt.catch - random.uniform(0.0, 5e-3)
+    learnt.zero = random.uniform(0.0, 3.0)  # of what it gives
+    return maps
+
+
 MAPS = [example_map(), example_map((0.0, 0.0, 1.0)), *(model_of(random_numbers(seed)) for seed in range(8))]
+MAPS += [model_of(sticky_numbers(seed)) for seed in range(8, 14)]
 
 
 def powers(lowest: float, largest: float) -> st.SearchStrategy[float]:
@@ -56,6 +69,15 @@ class OnlyOut(KelvinVoigt):
 
     def advance(self, state, depth, velocity, sample_period):  # type: ignore[no-untyped-def]
         return state, (self.stiffness * 1e-3 if velocity < -1e-3 and depth > -0.01 else 0.0), math.nan
+
+
+class Sticky(KelvinVoigt):
+    """A model that pulls with its damping as a force [N]: from the first touch on until 2 mm outside."""
+
+    def advance(self, state, depth, velocity, sample_period):  # type: ignore[no-untyped-def]
+        sticks = depth > 0.0 or (depth > -2e-3 and state == (1.0,))
+        force = self.stiffness * max(depth, 0.0) - self.damping if sticks else 0.0
+        return (1.0,) if sticks else (), force, math.nan
 
 
 CATCHES = 1e-3
@@ -79,6 +101,7 @@ laws: st.SearchStrategy[ContactModel] = st.one_of(
     st.builds(StifferOut, stiffness, damping),
     st.builds(OnlyOut, stiffness, damping),
     st.builds(Latch, stiffness, damping),
+    st.builds(Sticky, stiffness, damping),
     st.builds(HuntCrossley, stiffness, damping, st.floats(0.5, 2.5)),
     st.builds(ContinuousSwitching, stiffness, damping, st.floats(0.0, 1.5), st.floats(0.01, 1.0)),
     st.builds(
@@ -87,7 +110,7 @@ laws: st.SearchStrategy[ContactModel] = st.one_of(
     st.builds(ThresholdSwitching, stiffness, damping, stiffness, damping, st.floats(0.5, 2.5), st.just(4000.0)),
     st.sampled_from(MAPS),
 )
-memories = st.just(()) | st.tuples(*[st.floats(-0.02, 0.02)] * 5) | st.just((math.nan,) * 5)
+memories = st.just(()) | st.tuples(*[st.floats(-0.02, 0.02)] * MEMORY) | st.just((math.nan,) * MEMORY)
 
 
 @dataclass(frozen=True)
@@ -157,6 +180,7 @@ renderers = st.fixed_dictionaries(
             resolution=st.sampled_from((0.0, 1e-6, 1e-5, 3e-4)),
             delay=st.sampled_from((0.0, 5e-4, 1e-3)),
             watchdog=st.sampled_from((0.0, 0.02)),
+            pulls=st.booleans(),
         ),
         "position_scale": st.sampled_from((0.2, 1.0, 3.0)),
         "force_scale": st.sampled_from((0.1, 1.0, 10.0)),
@@ -272,7 +296,7 @@ class Run:
         self.time = self.hand = 0.0
         self.place = math.nan
         self.messages = self.ticks = 0
-        self.largest_step = self.largest_debt = 0.0
+        self.largest_step = self.largest_debt = self.largest_pull = self.force_before = 0.0
         self.lowest_share = 1.0
         if device is not None:
             self.renderer.engage(0.0, -0.002)
@@ -327,7 +351,7 @@ class Run:
 
     def felt(self, force: float) -> float:
         """What of a model's force the hand may be given [N]."""
-        return min(self.scale * force, self.limit)
+        return min(max(self.scale * force, 0.0), self.limit)
 
     def _check_leaving(self, hand: float, before: float, velocity: float) -> None:
         """A hand that goes out is not pushed by more than its change of speed, against the device's damping."""
@@ -340,13 +364,19 @@ class Run:
 
     def _check_force(self, force: float) -> None:
         assert math.isfinite(force)
-        assert 0.0 <= force <= self.limit
+        assert abs(force) <= self.limit
+        if force < 0.0:  # a hand is drawn in only by what pulls, and only on a device that does
+            assert self.device is None or self.device.pulls
+            assert self.scale * self.renderer.predictor.force <= force
+            assert force >= self.force_before - 0.08 - ROUNDING
+        self.force_before = min(force, 0.0)
+        self.largest_pull = max(self.largest_pull, -force)
 
     def _check_missing(self, hand: float, force: float) -> None:
         """Without a position no force rises, and from the third on it fades to nothing in five ticks."""
         self.missing = 0 if abs(hand) <= FARTHEST else self.missing + 1
         if self.missing:
-            assert force <= -self.books.force[0]
+            assert abs(force) <= abs(self.books.force[0])
         if self.missing >= LONGEST_GAP + FADING - 1:
             assert force == 0.0
 

@@ -9,7 +9,7 @@ import random
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from renderer_runs import NEVER, Latch, Part, Run, parts, renderers
+from renderer_runs import NEVER, Latch, Part, Run, Sticky, parts, renderers
 
 from foretouch.devices import DeviceSpecification
 from foretouch.models import HuntCrossley, KelvinVoigt
@@ -57,6 +57,39 @@ def test_a_hand_that_goes_in_before_it_catches_and_out_after_it_takes_no_more_th
         ran = max(ran, run.renderer.mediation.force)
     assert ran > 1.0
     assert 0.8 < run.largest_debt <= 1.0
+
+
+STICKY = DeviceSpecification(damping=2.0, delay=5e-4, pulls=True)
+
+
+def test_a_hand_that_leaves_is_held_and_drawn_in_by_what_it_has_paid():
+    """4 mm in and out of what pulls with 2 N and holds for ever: nobody has paid for the first way in."""
+    run = Run(STICKY)
+    run.adopt(Sticky(1000.0, 2.0), -2e-3)
+    forces = [run.tick(2e-3 * (1.0 - math.cos(0.005 * math.pi * number))) for number in range(800)]
+    first_in, out, again = forces[:100], forces[300:401], forces[400:500]
+    assert min(first_in) == 0.0
+    assert min(out) == pytest.approx(-2.0)
+    assert min(again) == pytest.approx(-2.0)
+    assert run.largest_debt <= 1.0
+
+
+def test_a_hand_that_goes_to_and_fro_before_something_sticky_is_never_drawn_in_for_nothing():
+    """25 times a second in where it catches, and out where it has let go."""
+    run = Run(STICKY)
+    run.adopt(Sticky(10.0, 5.0), -2e-3)
+    for number in range(1000):
+        run.tick(3e-3 * (1.0 - math.cos(0.157 * number)) - 4e-3)
+    assert run.largest_pull > 0.05
+    assert run.largest_debt <= 1.0
+
+
+@pytest.mark.parametrize("model", [Sticky(1000.0, 2.0), Sticky(0.1, 9.0)])
+def test_a_device_that_does_not_pull_is_given_none(model):
+    run = Run(DEVICE)
+    run.adopt(model, -2e-3)
+    forces = [run.tick(2e-3 * (1.0 - math.cos(0.0157 * number))) for number in range(800)]
+    assert min(forces) == 0.0
 
 
 @pytest.mark.parametrize("closed", [True, False])

@@ -51,6 +51,7 @@ class DeviceSpecification:
         resolution: One encoder count [m], 0 (none) to 0.001.
         delay: d [s], 0 to 0.001; without a value one tick, the longest.
         watchdog: [s], 0.002 to 10, or 0 for none.
+        pulls: Whether it can draw the hand in, as what sticks does. One that does not say so gets no force below zero.
 
     Raises:
         SettingError: A number out of range.
@@ -71,6 +72,7 @@ class DeviceSpecification:
     resolution: float = 1e-5
     delay: float = LONGEST_DELAY
     watchdog: float = 0.0
+    pulls: bool = False
 
     def __post_init__(self) -> None:
         require("mass", self.mass, at_least=1e-3, at_most=10.0)
@@ -254,8 +256,9 @@ class Device(AnyDevice):
 
     @abstractmethod
     def render(self, force: float) -> float:
-        """Give the hand a force [N], 0 or more, and return what it was really given after the device's own limits.
+        """Give the hand a force [N], and return what it was really given after the device's own limits.
 
+        Below zero it draws the hand in; a device whose specification does not say that it pulls gives none then.
         A force that is not a number is rendered as none.
         """
 
@@ -301,8 +304,10 @@ class Operator(Device):
         return limit_force(force)
 
 
-def limit_force(force: float, limit: float = FORCE_LIMIT) -> float:
-    """The force [N] within 0 and `limit` [N]; 0 where it is not a number."""
-    if not force > 0.0:
+def limit_force(force: float, limit: float = FORCE_LIMIT, *, pulls: bool = False) -> float:
+    """The force [N] within 0, or minus `limit` for what pulls, and `limit` [N]; 0 where it is not a number."""
+    if force > 0.0:
+        return force if force < limit else limit
+    if not (pulls and force < 0.0):
         return 0.0
-    return force if force < limit else limit
+    return force if force > -limit else -limit

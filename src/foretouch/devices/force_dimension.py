@@ -119,7 +119,7 @@ class ForceDimension(Device):
 
     def render(self, force: float) -> float:
         """Give the hand a force [N], and return the force that it really got."""
-        force = limit_force(force, self._specification.force_limit)
+        force = limit_force(force, self._specification.force_limit, pulls=True)
         self._rendered += 1
         if self._closed or self.dead:
             return 0.0
@@ -143,7 +143,7 @@ class ForceDimension(Device):
         self._origin = self._direction * self._place[self._axis]
         own = watchdog is not None and watchdog(WATCHDOG_TICKS, self._id) in SUCCESS  # not every device has one
         ends = WATCHDOG_TICKS * 125e-6 if own else 2.0 * PATIENCE
-        self._specification = dataclasses.replace(self._specification, watchdog=ends)
+        self._specification = dataclasses.replace(self._specification, watchdog=ends, pulls=True)
         if binding.setMaxForce(limit, self._id) not in SUCCESS or binding.enableForce(True, self._id) not in SUCCESS:
             raise SettingError("operator", NAME, f"the device takes no force: {binding.errorGetLastStr()}")
         if not self._set(0.0):

@@ -269,6 +269,6 @@ class Hand(Held, Device):
 
     def render(self, force: float) -> float:
         """Hold a force [N] from a delay after the newest `read` on; returns what is given, at most the limit."""
-        given = limit_force(force, self._specification.force_limit)
+        given = limit_force(force, self._specification.force_limit, pulls=self._specification.pulls)
         self._forces.render(given, self._now_ns)
         return given

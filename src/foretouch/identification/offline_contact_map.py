@@ -22,6 +22,8 @@ from foretouch.models.contact_map.layout import GRIDS, LARGEST_FEATURES, MEMORY,
 
 Array = NDArray[np.float64]
 
+UNKNOWN = Map.new()[0]  # a map that does not pull: what is remembered of a motion depends on nothing else of a map
+
 
 class _Samples(NamedTuple):
     """Measured samples, one row for each 4 ms; columns of shape (n,), features of shape (n, f)."""
@@ -74,7 +76,7 @@ class OfflineContactMap(StoringEstimator):
         if not time > self._time and not math.isnan(self._time):
             return Status.UNUSABLE
         position = depth - self._origin
-        remember(self._memory, position, 0.0 if math.isnan(self._time) else time - self._time)
+        remember(UNKNOWN, self._memory, position, 0.0 if math.isnan(self._time) else time - self._time)
         self._time = time
         self._touched = self._touched or in_contact
         if not self._touched:
@@ -189,5 +191,5 @@ def _fit_law(learnt: Map, result: _Samples) -> OfflineFit | None:
 def _errors(learnt: Map, result: _Samples) -> Array:
     """Force of each expert less the measured force [N], shape (n, 3)."""
     columns = zip(result.features, result.place.tolist(), result.velocity.tolist(), strict=True)
-    forces = np.array([experts(learnt, values, position, velocity, True)[:3] for values, position, velocity in columns])
+    forces = np.array([experts(learnt, *column, 0.0, True)[:3] for column in columns])
     return np.asarray(forces - (result.force - learnt.zero)[:, None])

@@ -137,7 +137,7 @@ def advance(
 
     Returns:
         The state after this sample; the force on the probe along the outward normal [N], finite, never negative,
-        zero outside, both but for a simulated material that pulls; and its standard deviation [N], NaN where the model
+        zero outside, both but for what pulls; and its standard deviation [N], NaN where the model
         has none.
     """
     if not (-LARGEST_DEPTH <= depth <= LARGEST_DEPTH and -LARGEST_SPEED <= velocity <= LARGEST_SPEED):

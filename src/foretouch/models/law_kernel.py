@@ -103,7 +103,7 @@ def advance(law: Law, memory: Memory, depth: float, velocity: float, period: flo
         velocity = 0.0 if math.isnan(velocity) else min(max(velocity, -LARGEST_SPEED), LARGEST_SPEED)
     if law.kind == MAP:
         return contact_map.advanced(law.map, memory, depth, velocity, period)
-    return (math.nan, math.nan, math.nan, math.nan, math.nan), _pressed(law, depth, velocity), math.nan
+    return contact_map.UNTOUCHED, _pressed(law, depth, velocity), math.nan
 
 
 @compiled(error_model="numpy")

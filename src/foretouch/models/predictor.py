@@ -246,7 +246,7 @@ class Predictor(Held):
             velocity: Measured velocity [m/s]; None, or not a number, estimates it causally from the positions.
 
         Returns:
-            The predicted force [N]: finite, never negative, 0 without a model or outside the material.
+            The predicted force [N]: finite, 0 without a model or outside the material, negative where that pulls.
         """
         self.catch_up()
         velocity = math.nan if velocity is None else velocity

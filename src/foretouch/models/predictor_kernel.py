@@ -124,7 +124,7 @@ def shift(p: Prediction, distance: float) -> None:
 @compiled
 def asked_at(p: Prediction) -> tuple[float, float]:
     """Depth [m] and velocity [m/s] at which local slopes are asked: outside the surface, those at the surface."""
-    depth = 0.0 if p.depth < 0.0 and not p.force > 0.0 else p.depth
+    depth = 0.0 if p.depth < 0.0 and not abs(p.force) > 0.0 else p.depth
     return depth, min(max(p.velocity, -LARGEST_SPEED), LARGEST_SPEED)
 
 
@@ -147,7 +147,7 @@ ONE_LAW = Prediction.layout.fields["former_law"][1] // 8  # type: ignore[index]
 AT_MAP = Law.layout.fields["map"][1] // 8  # type: ignore[index]  # of them before the map
 
 
-@kernel("b1(Prediction[::1], i8, UniTuple(f8, 4), Map[::1], UniTuple(f8, 5), f8)", Map)
+@kernel("b1(Prediction[::1], i8, UniTuple(f8, 4), Map[::1], UniTuple(f8, 6), f8)", Map)
 def begin(
     predictions: NDArray[np.void],
     kind: int,
@@ -174,7 +174,7 @@ def begin(
     return bool(first)
 
 
-@kernel("b1(Prediction[::1], UniTuple(f8, 5), i8)")
+@kernel("b1(Prediction[::1], UniTuple(f8, 6), i8)")
 def agrees(predictions: NDArray[np.void], state: Memory, tick: int) -> bool:
     """Whether an arrived state is that of the contact map here after the sample of this number, within a tolerance."""
     p = predictions[0]
@@ -185,19 +185,19 @@ def agrees(predictions: NDArray[np.void], state: Memory, tick: int) -> bool:
     return bool(alike)
 
 
-@kernel("UniTuple(f8, 5)(Prediction[::1], Map[::1], UniTuple(f8, 5), f8, i8, i8)", Map)
+@kernel("UniTuple(f8, 6)(Prediction[::1], Map[::1], UniTuple(f8, 6), f8, i8, i8)", Map)
 def run_again(
     predictions: NDArray[np.void], maps: NDArray[np.void], state: Memory, surface: float, tick: int, last: int
 ) -> Memory:
     """State of a contact map's material after the sample `last`, where this one is that after the sample `tick`."""
-    p, now, period, origin = predictions[0], memory_of(state), -1.0, maps[0].origin
+    p, now, period, learnt = predictions[0], memory_of(state), -1.0, maps[0]
     rates = rate_of(period)
     for sample in range(tick + 1, last + 1):
         index = sample % HISTORY
         if p.periods[index] != period:
             period = p.periods[index]
             rates = rate_of(period)
-        now = moved(now, p.positions[index] - surface - origin, rates)
+        now = moved(learnt, now, p.positions[index] - surface - learnt.origin, rates)
     return now
 
 

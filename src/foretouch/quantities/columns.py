@@ -44,7 +44,7 @@ QUANTITIES: tuple[Quantity, ...] = (
     Quantity("surface", "", "m", "position at which the undeformed surface is first touched"),
     Quantity("depth", "x", "m", "position less surface; positive inside the material"),
     Quantity("velocity", "ẋ", "m/s", "rate of depth; positive while deepening"),
-    Quantity("force", "F", "N", "on the probe along the outward normal; never negative"),
+    Quantity("force", "F", "N", "on the probe along the outward normal; negative where it pulls"),
     Quantity("force_offset", "", "N", "what the sensor shows in free air"),
     Quantity("stiffness", "k", "N/m^s", "of the power law; comparable only at equal exponent s = n + alpha"),
     Quantity("damping", "λ", "N s/m^(n+1)", "of the contact law; N s/m for Kelvin-Voigt"),

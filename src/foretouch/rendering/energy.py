@@ -41,6 +41,10 @@ class RenderingDevice(Protocol):
     def stiffness_by_encoder(self) -> float:
         """Stiffness that one count of the encoder allows [N/m], infinite without one."""
 
+    @property
+    def pulls(self) -> bool:
+        """Whether it can draw the hand in; else no force below zero is rendered."""
+
     def largest_stiffness(self, sample_period: float) -> float:
         """The stiffest spring that it renders passively at this period [s], by its damping and its encoder [N/m]."""
 
@@ -320,7 +324,7 @@ class EnergyAccount(Ledger):
         _observe.entry(self.records[0], position, 0.0, 0.0, period)
 
     def hold(self, force: float) -> None:
-        """Hold this force from now on [N], 0 or more."""
+        """Hold this force from now on [N], below 0 where it draws the hand in."""
         self.hold_force((-force, 0.0, 0.0))
 
 

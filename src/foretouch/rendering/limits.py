@@ -30,43 +30,43 @@ class Limiter(Record):
 
     largest_force: float = LARGEST_FORCE  # [N]
     largest_rate: float = LARGEST_FORCE_RATE  # [N/s]
+    least_force: float  # 0, or minus the largest for a device that pulls [N]
     force: float  # the newest limited force [N]
     clipped: bool
 
 
 @compiled
-def limit(limiter: Limiter, wanted: float, period: float, ceiling: float) -> float:
-    """See `ForceLimiter.update`."""
+def limit(limiter: Limiter, wanted: float, period: float, ceiling: float, floor: float) -> float:
+    """See `ForceLimiter.update`; the floor [N], 0 or less, is the same as the ceiling for a pull."""
     step = limiter.largest_rate * (period if period > 0.0 else 0.0)
-    lowest, highest = limiter.force - step, limiter.force + step
-    force = min(wanted if 0.0 <= wanted < math.inf else 0.0, limiter.largest_force)
-    force = lowest if force < lowest else force
-    force = highest if force > highest else force
-    force = ceiling if force > ceiling else force
+    force = max(min(wanted, limiter.largest_force), limiter.least_force) if math.isfinite(wanted) else 0.0
+    force = min(max(force, limiter.force - step), limiter.force + step)
+    force = max(min(force, ceiling), floor)
     limiter.force = force
     limiter.clipped = not -NOTICED <= force - wanted <= NOTICED
     return force
 
 
-_limit = Kernel(limit, "(Limiter, f8, f8, f8)")
+_limit = Kernel(limit, "(Limiter, f8, f8, f8, f8)")
 
 
 class ForceLimiter(Held):
     r"""Clamps a force and its rate.
 
-    .. math:: F_k = \mathrm{clip}\big(\mathrm{clip}(F, 0, F_{max}),\;
+    .. math:: F_k = \mathrm{clip}\big(\mathrm{clip}(F, F_{min}, F_{max}),\;
         F_{k-1} - \dot F_{max} T,\; F_{k-1} + \dot F_{max} T\big)
 
-    A force that is not finite counts as zero: the rendered force then falls to zero as fast as the rate allows.
+    where F_min is 0, or -F_max where forces may pull. A force that is not finite counts as zero.
 
     Args:
         largest_force: Limit of the force [N], positive.
         largest_rate: Limit of the rate [N/s], positive.
+        pulls: Whether forces may be negative.
         limiters: Array of one `Limiter` that this one takes, part of another record; None for one of its own.
 
     Attributes:
         largest_force: Limit of the force [N].
-        force: The newest limited force [N], from 0 to `largest_force`.
+        force: The newest limited force [N], of at most `largest_force`.
         clipped: Whether a limit changed the newest force, by more than 1 mN.
     """
 
@@ -81,16 +81,18 @@ class ForceLimiter(Held):
         largest_force: float = LARGEST_FORCE,
         largest_rate: float = LARGEST_FORCE_RATE,
         *,
+        pulls: bool = False,
         limiters: NDArray[np.void] | None = None,
     ) -> None:
         require("largest_force", largest_force, above=0.0)
         require("largest_rate", largest_rate, above=0.0)
         super().__init__(Limiter.new() if limiters is None else limiters)
-        self.records[:] = Limiter.new(largest_force=largest_force, largest_rate=largest_rate)
+        least = -largest_force if pulls else 0.0
+        self.records[:] = Limiter.new(largest_force=largest_force, largest_rate=largest_rate, least_force=least)
 
     def update(self, wanted: float, period: float, ceiling: float = math.inf) -> float:
-        """Limit one tick's force [N], this time after the last [s]; the ceiling [N] holds whatever the rate."""
-        return _limit.entry(self.records[0], wanted, period, ceiling)
+        """Limit one tick's force [N], this time after the last [s]; the ceiling of its size [N] holds at any rate."""
+        return _limit.entry(self.records[0], wanted, period, ceiling, -ceiling)
 
 
 COSINES = 4001  # Number of frequencies of the search for kappa, even in the cosine: its maximum is found to six digits

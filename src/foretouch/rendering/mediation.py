@@ -30,6 +30,7 @@ class MediationState(Record):
     surplus: float  # [N]
     held_back: bool
     lowest: float = math.inf  # least E of this contact [J]
+    pull: float  # what pulls, as it is let in beside m: 0 or less [N]
 
 
 @compiled

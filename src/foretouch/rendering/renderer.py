@@ -92,7 +92,8 @@ class Renderer:
         self.coefficient: float = self._rendering["friction"]["coefficient"].item()
         self.proxy = Proxy(position_scale, proxies=proxies)
         self.mediation = Mediation(mediations=mediations)
-        self.limiter = ForceLimiter(largest, limiters=limiters)
+        pulls = device is None or device.pulls
+        self.limiter = ForceLimiter(largest, pulls=pulls, limiters=limiters)
         self.account: EnergyAccount | SpatialEnergyAccount
         self.account = EnergyAccount.of(device, sample_period) if account is None else account
         setup = Held(self._rendering["setup"])
@@ -185,7 +186,7 @@ class Renderer:
             frame: In space, the place of the hand [m], and the line that has followed it; None on a line.
 
         Returns:
-            The force for the hand along the normal [N]; `force` is that in all directions.
+            The force for the hand along the normal [N], negative where it draws it in; `force`: in all directions.
         """
         if not time > self._time:  # no time has passed: nothing to do
             return self.limiter.force

@@ -15,7 +15,7 @@ from foretouch.rendering import energy, mediation, proxy
 from foretouch.rendering.energy import Account
 from foretouch.rendering.friction import Friction, rub
 from foretouch.rendering.limits import Limiter, carried, limit
-from foretouch.rendering.mediation import MediationState, mediate
+from foretouch.rendering.mediation import LARGEST_STEP, MediationState, mediate
 from foretouch.rendering.proxy import RETURN_SPEED, ProxyState
 from foretouch.rendering.surfaces.geometry import add, norm, scaled, vector
 from foretouch.rendering.surfaces.line import Line
@@ -99,7 +99,8 @@ step by models [N], and the share of the motion until the next tick."""
 @compiled
 def show(r: Rendering) -> Shown:
     """What a `Renderer` shows of its newest tick."""
-    return r.proxy.position, r.proxy.engaged, r.limiter.clipped, r.mediation.force, r.mediation.step, r.share
+    let_in = r.mediation.force + r.mediation.pull
+    return r.proxy.position, r.proxy.engaged, r.limiter.clipped, let_in, r.mediation.step, r.share
 
 
 @compiled(error_model="numpy")
@@ -121,7 +122,7 @@ def move(
         proxy.leave(r.proxy)
     elif not r.setup.closed_loop and r.there and math.isnan(r.proxy.position):
         proxy.engage(r.proxy, hand, r.proxy.scale * hand)
-    r.leaves = r.setup.closed_loop and r.there and hand < r.hand
+    r.leaves = r.there and hand < r.hand
     if r.there:
         r.hand = hand
         proxy.follow(r.proxy, hand, r.share, r.free)
@@ -139,12 +140,16 @@ def want(r: Rendering, predicted: float, jump: float, velocity: float) -> tuple[
     r.was_felt = felt
     # Force beyond the limit is never rendered: mediated, it would take minutes to come down.
     largest = r.limiter.largest_force
-    wanted = min(r.setup.force_scale * predicted if felt else 0.0, largest)
+    force = min(r.setup.force_scale * predicted if felt else 0.0, largest)
+    # What pulls is paid as it is given: it needs no offset, and comes as fast as models may change a force.
+    r.mediation.pull = min(max(force, r.limiter.least_force, r.mediation.pull - LARGEST_STEP), 0.0)
+    wanted = max(force, 0.0)
     r.jump = 0.0
     if jump != 0.0 or felt != was_felt:  # a new model, the clutch, or a hand that is lost or seen again
-        r.jump = wanted - (min(r.setup.force_scale * (predicted - jump), largest) if was_felt else 0.0)
+        before = min(r.setup.force_scale * (predicted - jump), largest) if was_felt else 0.0
+        r.jump = wanted - max(before, 0.0)
     r.wanted = wanted
-    r.surplus = _surplus(r, wanted - r.jump, velocity) if r.leaves else 0.0
+    r.surplus = _surplus(r, wanted - r.jump, velocity) if r.leaves and r.setup.closed_loop else 0.0
     return wanted, r.mediation.offset - r.jump - r.surplus
 
 
@@ -188,7 +193,7 @@ def _leaving_work(r: Rendering, work: float, way: float, offset: float, force: f
 def _fade(r: Rendering) -> float:
     """Largest force while the position of the hand is missing [N]."""
     if r.missing < MISSING:
-        r.fades_from = r.limiter.force
+        r.fades_from = abs(r.limiter.force)
         return math.inf
     return float(r.fades_from * max(1.0 - (r.missing - MISSING + 1) / FADING, 0.0))
 
@@ -201,7 +206,7 @@ NOTHING_BACK, BACK_IN_AIR, BACK_IN_CONTACT = range(3)
 def _way_back(r: Rendering, depth: float) -> int:
     if not r.proxy.engaged or (r.proxy.indexed == 0.0 and r.proxy.yielded == 0.0):
         return NOTHING_BACK
-    if r.wanted <= PHANTOM and depth < 0.0:
+    if r.wanted <= PHANTOM and r.mediation.pull == 0.0 and depth < 0.0:
         return BACK_IN_AIR
     paid = r.proxy.indexed > 0.0 and not r.mediation.offset < 0.0 and r.wanted > 0.0
     return BACK_IN_CONTACT if paid else NOTHING_BACK
@@ -221,20 +226,24 @@ def render(
     if wanted > 0.0:
         work, way = _leaving_work(r, work, way, r.mediation.offset - r.jump - r.surplus, force)
     bound = MEDIATED_SHARE * energy.bound_with(account, wanted)
-    mediated = mediate(r.mediation, wanted, r.jump, period, r.leaves, r.surplus, account.energy, bound, work, way)
+    leaves = r.leaves and r.setup.closed_loop
+    mediated = mediate(r.mediation, wanted, r.jump, period, leaves, r.surplus, account.energy, bound, work, way)
     # A late tick is no reason for a larger step of force; nor may the limit of its rate push a hand that leaves
     # with more force than the model has.
-    ceiling = min(energy.ceiling_of(account), _fade(r))
-    held = period if period < r.setup.period else r.setup.period
-    rendered = limit(r.limiter, mediated, held, mediated if mediated < ceiling else ceiling)
-    mediation.wind_down(r.mediation, rendered)
-    if r.there and rendered <= PHANTOM and wanted <= PHANTOM:  # unknown while the hand is missing
+    ceiling, pull = min(energy.ceiling_of(account), _fade(r)), r.mediation.pull
+    if not r.leaves:  # a hand that is drawn in has paid for it before: no debt is made for a pull
+        pull = max(pull, -max(account.energy, 0.0) / account.largest_step)
+    held, given = period if period < r.setup.period else r.setup.period, mediated + pull
+    rendered = limit(r.limiter, given, held, min(max(given, 0.0), ceiling), max(min(given, 0.0), -ceiling))
+    mediation.wind_down(r.mediation, rendered - pull)
+    r.mediation.pull = pull = min(max(pull, rendered - mediated), 0.0)  # what was cut comes back as it came
+    if r.there and abs(rendered) <= PHANTOM and wanted - pull <= PHANTOM:  # unknown while the hand is missing
         energy.close(account)
         r.mediation.lowest = account.energy
     r.wanted_before, r.velocity = wanted, velocity
     reach = max(1.5 * abs(velocity) * r.setup.period, SHORTEST_REACH)
     if not (r.setup.closed_loop and r.proxy.engaged) or (
-        depth < -2.0 * reach and not r.setup.force_scale * force > 0.0
+        depth < -2.0 * reach and not abs(r.setup.force_scale * force) > 0.0
     ):
         reach = 0.0
     return rendered, reach, _way_back(r, depth)
@@ -260,7 +269,7 @@ def _carried(r: Rendering, stiffness: float, damping: float, reach: float, force
     if not reach > 0.0:
         return 1.0
     s = r.setup
-    outside, force = depth < -2.0 * reach, s.force_scale * force
+    outside, force = depth < -2.0 * reach, s.force_scale * abs(force)
     scale = s.force_scale * s.position_scale
     stiffness, damping = scale * stiffness, scale * damping
     light = outside and force <= FORCE_IN_AIR
@@ -280,7 +289,7 @@ def carry(r: Rendering, stiffness: float, damping: float, reach: float, force: f
         return show(r)
     risen = fraction + SHARE_RATE * (target - fraction)
     r.share = fraction = risen if risen < target - SHARE_ROUNDING else target
-    r.free = 0.0 if force > 0.0 else max(-depth, 0.0)
+    r.free = 0.0 if abs(force) > 0.0 else max(-depth, 0.0)
     r.yielding += YIELDING_RATE * (1.0 / max(fraction, 1e-3) - r.yielding)
     return show(r)
 

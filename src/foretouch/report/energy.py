@@ -126,7 +126,7 @@ def _summed_again(leader: Rows, device: BookedDevice) -> tuple[Account, Array]:
 
     def account(period: Array) -> Account:
         booked = book(-pressing[:, None], position, period, device)
-        return summed_account(leader, booked, pressing, pressing, lost, device)
+        return summed_account(leader, booked, np.abs(pressing), pressing, lost, device)
 
     return recorded_account(leader, leader, account)
 
@@ -158,14 +158,14 @@ def summed_account(
 ) -> Account:
     """The account of the booked work, beside ``energy``, ``energy_bound`` and ``late_energy`` as recorded.
 
-    The size of the force [N] is held from each row on; above 0.05 N of its part along the normal, without friction, no
-    surplus is forgiven. A row is lost where the one before is missing or unusable.
+    The size of the force [N] is held from each row on; above 0.05 N of its part along the normal, either way and
+    without friction, no surplus is forgiven. A row is lost where the one before is missing or unusable.
     """
     largest = np.maximum.accumulate(_before(force))
     farthest = np.maximum.accumulate(booked.reach)
     bound = (1.0 + 2.0 * device.delay / SAMPLE_PERIOD) * largest * farthest
     bound = np.where(np.logical_or.accumulate(lost), recorded["energy_bound"], bound)
-    begins = _begins(recorded["energy"], booked.work, _before(pressing) > PHANTOM, lost)
+    begins = _begins(recorded["energy"], booked.work, _before(np.abs(pressing)) > PHANTOM, lost)
     late = _owed(np.where(lost, 0.0, booked.late), recorded["late_energy"], lost)
     return Account(_summed(recorded["energy"], booked.work, begins, lost), bound, late)
 
@@ -248,7 +248,7 @@ def exact_energy(leader: Rows, device: BookedDevice | None = NO_DEVICE) -> Array
         return np.full(force.size, np.nan)
     period, lost = _summed_again(leader, device)[1], lost_rows(leader, np.isfinite(leader["hand_position"]))
     shown, exact = (book(-force[:, None], x, period, device) for x in (leader["hand_position"][:, None], position))
-    begins = _begins(leader["energy"], shown.work, _before(force) > PHANTOM, lost)
+    begins = _begins(leader["energy"], shown.work, _before(np.abs(force)) > PHANTOM, lost)
     return np.where(np.isfinite(position[:, 0]), _summed(leader["energy"], exact.work, begins, lost), np.nan)
 
 

@@ -18,8 +18,9 @@ from foretouch.identification.force_calibration import (
     never_leaves_contact,
     zero_in_hindsight,
 )
+from foretouch.models.contact_map.layout import GONE_SHARE, GONE_WAY, LETTING_GO, PULL_SHARE
 from foretouch.quantities import Array, ByValue, Flags
-from foretouch.report.numbers import finite_or_none
+from foretouch.report.numbers import finite_or_none, runs
 
 JND_SHARE = 0.10  # Just noticeable difference of force, as a fraction of the force
 JND_FORCE = 0.05  # The smallest just noticeable difference that is asked for [N]
@@ -127,6 +128,10 @@ def score_prediction(
         \qquad
         d = 100\,\sqrt{\operatorname{mean}_C (D - F)^2} \,\Big/\, \sqrt{\operatorname{mean}_C F^2}.
 
+    Where something pulls, a sample with :math:`F < -\theta` is in contact too, and the absolute force counts in place
+    of the force. It does where, after a contact and within 5 mm outside of it, the force falls below zero by a tenth of
+    :math:`F_{98}` and comes back while the probe still goes out: friction lasts until the probe turns.
+
     So a recording and a delay have one d, whatever predicts, and what is predicted in free air counts against the
     prediction alone. There is contact in it if some mean over 10 ms is above
     :math:`\theta` too: single samples may be noise. A prediction that is not finite counts as above the threshold, as
@@ -175,23 +180,27 @@ def score_prediction(
     if not window.any():
         return nothing
     threshold = max(THRESHOLD_SHARE * float(np.percentile(measured[window], 98.0)), contact_floor)
-    in_contact = measured > threshold
+    pressed = in_contact = measured > threshold
+    force, guess = measured, predicted
+    if position is not None and _something_pulls(columns_of(position)[0], measured, pressed, threshold):
+        force, guess = np.abs(measured), np.abs(predicted)
+        in_contact = force > threshold
     contact = in_contact & window
     # The highest mean is the lowest one of the force turned over.
     if not contact.any() or -lowest_mean(clock[window], -measured[window], TOUCH) <= threshold:
         return replace(nothing, status="no_contact")
     finite = np.isfinite(predicted)
-    scored = window & (in_contact | ~finite | (predicted > threshold))
+    scored = window & (in_contact | ~finite | (guess > threshold))
     contact_rms = _rms(measured[contact])
     rmse = _rms((predicted - measured)[scored])
     delayed_rmse = _rms((known - measured)[contact])
-    tolerance = np.maximum(JND_SHARE * measured[contact], JND_FORCE)
+    tolerance = np.maximum(JND_SHARE * force[contact], JND_FORCE)
     near = np.abs(predicted[contact] - measured[contact]) <= tolerance * (1.0 + 1e-9)
-    predicted_contact = predicted[contact] >= threshold
+    predicted_contact = guess[contact] >= threshold
     apart = window & ~in_contact
     status = "ok"
     up_to_constant = None
-    if position is not None and never_leaves_contact(position, measured, in_contact):
+    if position is not None and never_leaves_contact(position, measured, pressed):
         status, up_to_constant = "offset_unobservable", float(np.std((predicted - measured)[scored]))
     if not finite[window].all():
         status = "prediction_not_finite"
@@ -272,6 +281,30 @@ def _window(clock: Array, score_from: float, score_to: float | None) -> Flags:
     if score_to is not None:
         inside &= since <= score_to + tolerance
     return inside
+
+
+def _something_pulls(position: Array, force: Array, pressed: Flags, threshold: float) -> bool:
+    """Whether something holds the probe after some contact, and lets go further out."""
+    least = threshold * PULL_SHARE / THRESHOLD_SHARE
+    return any(
+        _lets_go(position[begin:end], -force[begin:end], position[begin - 1], least)
+        for begin, end in runs(~pressed)
+        if begin > 0
+    )
+
+
+def _lets_go(position: Array, pull: Array, left: float, least: float) -> bool:
+    """Whether what pulls in a stay out of contact, which was left at a position, has ended before the probe turned."""
+    out = int(np.argmin(np.maximum(position, left - LETTING_GO))) + 1  # until it turns, or is too far away
+    position, pull = position[:out], pull[:out]
+    if pull.size < 2:
+        return False
+    largest = np.minimum(pull[1:], pull[:-1]).max()  # one sample alone may be anything
+    if not largest > least:
+        return False
+    held = np.flatnonzero(pull > 0.5 * largest)[-1]
+    gone = (pull < GONE_SHARE * largest) & (position < position[held] - GONE_WAY)
+    return bool(gone[held:].any())
 
 
 def _rms(values: Array) -> float:

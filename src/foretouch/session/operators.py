@@ -226,6 +226,9 @@ def foreign_operator(settings: SessionSettings, reach: Reach, say: Callable[[str
     """A hardware device, or one of another package, where no grip is in the way also in a hand; see `make_operator`."""
     made = _with_grip(settings, _foreign(settings, reach))
     _say_assumed(made, settings, say)
+    device, simulated = felt_device(made, settings), settings.robot == SIMULATED and settings.material
+    if simulated and make_material(settings.material).pulls and not (device is not None and device.pulls):
+        say(f"operator: {settings.material} pulls, and {made.name} draws no hand in: what pulls is predicted, not felt")
     return made
 
 

@@ -220,6 +220,7 @@ class SessionSettings(Declared, Brief):
                 resolution=self.device_resolution,
                 delay=late if self.device_delay is None else self.device_delay,
                 watchdog=self.device_watchdog,
+                pulls=self.grip != NO_GRIP,
             )
         except SettingError as error:
             error.args = (f"device_{error}",)  # the name of the setting

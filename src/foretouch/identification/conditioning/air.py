@@ -38,6 +38,8 @@ LONGEST = 2.0  # Time for which the drift goes on unseen [s]
 
 SURE = 4.0  # Standard deviations beyond which a block is not of the free air that was expected
 
+LET_GO = 3e-4  # Least way beyond a force below that of free air after which something has let go [m]
+
 START_WINDOW = 0.04  # Time over which it is seen whether a force that was one number before is noise now [s]
 
 UNKNOWNS = 3
@@ -87,6 +89,8 @@ class Air(Record):
     way: float  # and that of the directions of their motion
     outermost: float = math.inf  # position of a block since the last contact [m]
     end_before: float = math.inf  # and before it
+    low_at: float = math.inf  # outermost position since the last contact with a force below that of free air [m]
+    held_to: float = math.inf  # position at which something that held the probe had let go [m]
     level: Level
 
 
@@ -174,6 +178,7 @@ def follow_block(air: Air, time: float, block: Block, floor: float, is_level: bo
         begin_air(air, time, math.nan, 0.0, floor)
         air.touched = True
     elif is_level or (innovation < 0.0 and time - air.level.since >= LEVEL_TIME):  # nothing is lower than free air
+        air.low_at = math.inf
         air.covariance[0, 0] += innovation * innovation
         air.covariance[2, 2] += innovation * innovation
         learn_air(air, way, innovation, variance_of(air, way, floor))
@@ -185,6 +190,7 @@ def take_block(air: Air, time: float, block: Block, surface: float, limits: tupl
     (place, force, _), (floor, quiet, zero) = block, limits
     if air.touching:
         quiet = min(quiet, LEVEL_SHARE * abs(force - zero))
+    has_risen = force > air.level.force + quiet
     is_level = take_level(air.level, time, block, quiet)
     if air.touching:
         is_first = not air.confirmed and abs(air.level.place - air.onset) <= ONSET
@@ -199,6 +205,13 @@ def take_block(air: Air, time: float, block: Block, surface: float, limits: tupl
         return True
     if math.isinf(air.reference_in):
         air.reference_in = place
+    low = air.reference + drifted(air, time) + block[2] * air.known[2] - force
+    if low > floor:
+        air.low_at = min(air.low_at, place)
+    elif place < air.low_at - LET_GO < math.inf and not has_risen:  # friction lasts until the probe turns
+        air.low_at, air.held_to = math.inf, place
+    if low > floor and (has_risen or place > air.held_to):
+        return True  # something lets go within the block, or holds the probe where it has done so before
     end = min(air.outermost, air.end_before)
     # While no surface is known, further in may be inside a soft material.
     inner = air.reference_in if math.isnan(surface) else end + OUTER_SHARE * (surface - end)
@@ -224,6 +237,7 @@ def follow_air(
     """
     if touching != air.touching:
         air.touching, air.begin, air.level.force = touching, math.nan, math.nan
+        air.low_at = math.inf if touching else air.low_at
         if touching:
             if air.outermost < math.inf:
                 air.end_before = air.outermost

@@ -16,12 +16,15 @@ A force that changes without contact is a step of the sensor's offset. It is a f
 
 - **still**: the force steps within two samples, by at least 0.3 N and fifteen standard deviations of the force before
   (fading mean and variance, 10 ms), and for 50 ms it stays level and the probe stays within 50 um;
-- **pulling**: the force steps like that and stays for 50 ms 0.3 N below the zero; a contact never pulls;
+- **pulling**: the force steps like that and stays for 50 ms 0.3 N below the zero. What sticks begins to pull like that,
+  by 2 N at most, a probe that comes nearer; then it is a fault only where the force is still as level 5 mm further;
 - **free motion**: the probe goes outwards by 1 mm for at least 50 ms, the force stays level (within 0.3 N) and is 0.6 N
   above the zero, where the last motion outwards was free.
 
 The zero is the force in free air, not known at first. It is the lowest level of such a motion; levels up to 0.15 N
-above it raise it slowly, in 60 s. A soft foam can be as level as free air, but not where there was free air.
+above it raise it slowly, in 60 s. A soft foam can be as level as free air, but not where there was free air; and what
+holds a probe that leaves can be level and lower, so no level counts that is 0.3 N below a zero that is told. A step
+from below up to the zero is something that lets go.
 
 Two samples that span more than 3 ms, and smaller steps, are not judged.
 """
@@ -206,6 +209,9 @@ FREE_FACTOR = 2.0
 FREE_SHARE = 0.5
 """A motion outwards was certainly free where its level is above the zero by at most this fraction of the least step."""
 
+LARGEST_PULL = 2.0  # Largest step below the zero that may be something that sticks [N]
+CATCH_WAY = 5e-3  # Way after which a force below the zero that is as level as before is none that sticks [m]
+
 DRIFT_TIME = 60.0  # Time constant in which the zero follows what free air shows [s of free motion]
 
 
@@ -236,6 +242,8 @@ class Step(Record):
     age: float = math.inf  # of the step that is being judged [s], infinite for none
     before: float  # level before it [N]
     rise: float  # [N]
+    place: float  # position at which it came [m]
+    catches: bool  # whether it may be something that begins to stick
     confirmed: int  # samples that have confirmed it
     level_after: float  # of these samples [N]
     low: float  # innermost position since [m]
@@ -289,7 +297,8 @@ def _judge(step: Step, force: float) -> None:
     step.before, step.rise = step.level, force - step.second_force
     step.age, step.confirmed, step.level_after = 0.0, 0, force
     _sets_out(step, -math.inf, 0.0, False)
-    step.low = step.high = step.second
+    step.low = step.high = step.place = step.second
+    step.catches = -LARGEST_PULL <= step.rise < 0.0 and not step.before > step.zero + step.least
     step.quiet = 0.0
 
 
@@ -310,13 +319,18 @@ def _has_stayed(step: Step, position: float, force: float, period: float) -> boo
         step.age = math.inf
     if not HOLD <= step.age < math.inf:
         return False
+    is_still, is_below = step.high - step.low <= STILL, step.level_after < step.zero - step.least
+    comes_nearer = step.high - step.place > STILL and max(step.high - step.place, step.place - step.low) < CATCH_WAY
+    if is_below and not is_still and step.catches and comes_nearer:
+        return False
     step.age = math.inf
-    return bool(step.high - step.low <= STILL or step.level_after < step.zero - step.least)
+    lets_go = step.before < step.zero - step.least and abs(step.level_after - step.zero) < step.least
+    return is_below or (is_still and not lets_go)
 
 
 @compiled
-def _is_free(step: Step, position: float, force: float, period: float) -> bool:
-    """Whether free air shows that the zero is wrong."""
+def _is_free(step: Step, position: float, force: float, period: float, told: float) -> bool:
+    """Whether free air shows that the zero is wrong; `told` is what is known of it otherwise [N], or NaN."""
     least = step.least
     low, high = min(step.free.low, force), max(step.free.high, force)
     if position > step.free.outermost + TURN or high - low > least:
@@ -332,6 +346,9 @@ def _is_free(step: Step, position: float, force: float, period: float) -> bool:
     if level >= step.zero + FREE_FACTOR * least:
         _sets_out(step, position, force, False)
         return bool(begin <= step.edge)
+    if level < told - least:  # something holds the probe
+        _sets_out(step, position, force, False)
+        return False
     if not level >= step.zero - least:  # the first, or the earlier level was not free air
         step.zero, step.edge = level, begin
     elif level > step.zero + FREE_SHARE * least:  # neither certainly free air nor a wrong zero
@@ -345,12 +362,15 @@ def _is_free(step: Step, position: float, force: float, period: float) -> bool:
 
 
 @compiled
-def find_step(step: Step, position: float, force: float, period: float) -> bool:
-    """Take one finite sample, with the time since the previous one; whether a step of the offset is detected now."""
+def find_step(step: Step, position: float, force: float, period: float, told: float) -> bool:
+    """Take one finite sample, with the time since the previous one; whether a step of the offset is detected now.
+
+    What is known of the zero otherwise is `told` [N], NaN for nothing.
+    """
     if step.age < math.inf:  # no zero is learnt from a step that is being judged
         result = _has_stayed(step, position, force, period)
     else:
-        result = _is_free(step, position, force, period)
+        result = _is_free(step, position, force, period, told)
     if not math.isnan(step.second):
         if 2.0 * period <= LONGEST_RISE and _has_stepped(step, force):
             _judge(step, force)

@@ -19,6 +19,7 @@ from foretouch.identification.conditioning.fault_kernels import (
     DROPOUT,
     ENCODER_JUMP,
     GOOD,
+    HOLD,
     NOT_FINITE,
     OFFSET_STEP,
     SATURATED,
@@ -183,13 +184,13 @@ def _is_spike(watch: Watch, position: float, force: float, period: float) -> boo
 
 
 @compiled
-def _compare(watch: Watch, position: float, force: float, contact: float, period: float) -> int:
+def _compare(watch: Watch, position: float, force: float, contact: float, period: float, zero: float) -> int:
     """Compare a sample with those before it."""
     if watch.known == 0:
         return GOOD
     since = period + watch.repeats.both  # a value that is new
     repeated = _repeats(watch, position, force, period)
-    stepped = find_step(watch.step, position, contact, period)
+    stepped = find_step(watch.step, position, contact, period, zero)
     was_near, near = watch.near_end, not watch.lowest < force < watch.highest
     watch.near_end = near
     if near and was_near:
@@ -235,7 +236,7 @@ def look(
     if period > LONGEST_GAP:
         _restart(watch)
     else:
-        result = _compare(watch, position, force, contact, period)
+        result = _compare(watch, position, force, contact, period, zero)
     zero = zero if math.isfinite(zero) else 0.0
     lost = find_loss(loss, time, position, contact, zero, effort, slid if slid > 0.0 else 0.0)
     result = lost if result == GOOD else result
@@ -244,7 +245,7 @@ def look(
         past[2], past[1], past[0] = past[1], past[0], newest
     watch.known = min(watch.known + 1, 3)
     # An operator who presses deeper would not feel how hard: the step being judged lowers the force, or it is too low.
-    loss.uncertain = (step.age < math.inf and step.rise < 0.0) or loss.low > 0
+    loss.uncertain = (step.age < HOLD and step.rise < 0.0 and not step.catches) or loss.low > 0
     return _judge(watch, result, time)
 
 
@@ -343,7 +344,7 @@ class SensorWatch:
         force: float,
         tool_force: float = 0.0,
         *,
-        zero: float = 0.0,
+        zero: float = math.nan,
         effort: float = math.nan,
         slid: float = 0.0,
     ) -> SensorState:
@@ -355,7 +356,7 @@ class SensorWatch:
             force: As the sensor gives it [N]: what is computed from it no longer repeats when the sensor does.
             tool_force: The part of it that the tool's weight and inertia make [N], where that is known: without it, a
                 jerked tool can look like a fault.
-            zero: What is left of it in free air [N], as far as that is known.
+            zero: What is left of it in free air [N]; NaN where that is not known.
             effort: What the drive pushes inwards with, beyond weight and inertia [N]; NaN where it is not measured.
             slid: By how much the probe has moved across the surface since the sample before [m].
         """

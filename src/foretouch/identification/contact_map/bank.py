@@ -97,6 +97,12 @@ class ContactMap(Estimator):
     **Touch.** Where a twentieth to a tenth of the peak was felt outermost, and the way over which the force grew to
     four times that, are part of the model: further out the force falls to zero. Inwards without a force, it moves in.
 
+    **Pull.** A force below zero after a contact is a pull once it has let go: where it falls, in two samples in a row
+    and within 5 mm of where contact was left, below a tenth of the peak, and is back to a fifth of that half a
+    millimetre further out than it was last half of it. Friction lasts until the probe turns, and a wrong zero stays.
+    The largest pull, how far out it was held, and where a probe that comes nearer is caught, are part of the model;
+    what was felt before is learnt already. Where nothing sticks yet, the maps do not learn that there is no force.
+
     **Standard deviation.** That of a late prediction F, with the peak force so far,
 
     .. math:: \sigma = \delta \sqrt{F^2 + (0.05\, F_{peak})^2}

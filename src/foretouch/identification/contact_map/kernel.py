@@ -108,7 +108,7 @@ def take(banks: Banks, time: float, depth: float, velocity: float, force: float,
         return UNUSABLE
     notes.time = time
     position = depth - learnt.origin
-    remember(bank.memory, position, 0.0 if math.isnan(before) else time - before)
+    remember(learnt, bank.memory, position, 0.0 if math.isnan(before) else time - before)
     if time - notes.learnt_at < PERIOD - 1e-7:
         return WAITING
     belief = bank.law[0].belief[0]

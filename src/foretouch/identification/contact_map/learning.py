@@ -27,7 +27,20 @@ from foretouch.identification.contact_map.scores import (
 )
 from foretouch.identification.contact_map.state import LEVELS, RING, Bank, Notes
 from foretouch.models.contact_map.kernel import blend, cubic, features, law_force, mapped
-from foretouch.models.contact_map.layout import COARSE, FINE, FINE_EDGE, FINE_TO, MOST, SIZE, Map
+from foretouch.models.contact_map.layout import (
+    COARSE,
+    FINE,
+    FINE_EDGE,
+    FINE_TO,
+    GONE_SHARE,
+    GONE_WAY,
+    LETTING_GO,
+    MOST,
+    PULL_SHARE,
+    SIZE,
+    STUCK,
+    Map,
+)
 from foretouch.models.contact_model import LARGEST_DEPTH
 
 Array = NDArray[np.float64]
@@ -118,6 +131,7 @@ def begin_changed(bank: Bank, index: int, position: float) -> None:
     fade(bank.fine, 1.0)
     learnt.felt = notes.peak = before.felt * factor
     learnt.touch_force *= factor
+    learnt.pull *= factor
     notes.touch_unit *= factor
     begin_scores(bank)
     notes.lowest = learnt.law_reached = position
@@ -146,6 +160,7 @@ def restart(bank: Bank) -> None:
     begin_scores(bank)
     notes.outermost[:], learnt.touch, learnt.touch_way = math.inf, -LARGEST_DEPTH, LARGEST_DEPTH
     notes.touch_unit, notes.entered = 0.0, 0
+    learnt.pull = learnt.catch = learnt.hold = notes.stay.pull = 0.0
     place_fine(bank, 0.0)
 
 
@@ -203,6 +218,38 @@ def note_touch(learnt: Map, notes: Notes, position: float, force: float) -> None
 
 
 @inlined
+def note_pull(learnt: Map, notes: Notes, position: float, force: float, contact: bool) -> None:
+    """Note how much pulls after a contact, and how far out, once it has let go further out.
+
+    Args:
+        learnt: Written.
+        notes: Written.
+        position: [m from the origin].
+        force: The larger of the two newest ones [N].
+        contact: The conditioner's judgement.
+    """
+    stay, least = notes.stay, max(PULL_SHARE * notes.peak, 16.0 * notes.touch_unit)
+    before, stay.place = stay.place, position
+    if contact:
+        stay.left, stay.pull = position, 0.0
+        return
+    if learnt.pull > 0.0 and -force > least and position > before:
+        learnt.catch = max(min(learnt.catch, before), learnt.hold)
+    if stay.left - position > LETTING_GO:
+        stay.pull = 0.0
+        return
+    stay.pull = max(stay.pull, -force)
+    if -force > 0.5 * stay.pull:
+        stay.held = position
+    gone = -force < GONE_SHARE * stay.pull and position < stay.held - GONE_WAY
+    if gone and stay.pull > least:
+        known = learnt.pull > 0.0
+        learnt.hold = min(learnt.hold, stay.held) if known else stay.held
+        learnt.catch = max(learnt.catch if known else 0.0, learnt.hold)
+        learnt.pull, stay.pull = max(learnt.pull, stay.pull), 0.0
+
+
+@inlined
 def widen(bank: Bank, sample: tuple[float, float, float], contact: bool, period: float) -> None:
     """Update the visited range, the peak force and the ranges of the features with this sample."""
     position, velocity, force = sample
@@ -211,15 +258,17 @@ def widen(bank: Bank, sample: tuple[float, float, float], contact: bool, period:
         notes.contact += period
         notes.faded += period
         # A spike is no peak: two samples in a row must have this force.
-        notes.peak = max(notes.peak, min(force, notes.before))
+        notes.peak = max(notes.peak, min(force, notes.stay.force))
         learnt.felt = max(learnt.felt, notes.peak)
-        note_touch(learnt, notes, position, min(force, notes.before))
+        note_touch(learnt, notes, position, min(force, notes.stay.force))
         learnt.law_speed = max(learnt.law_speed, abs(velocity))
     elif velocity > 0.0 and position > learnt.touch + learnt.touch_way and force < learnt.touch_force:
         # The material is no longer where it was touched.
         learnt.touch = position
         for k in range(LEVELS):
             notes.outermost[k] = max(notes.outermost[k], position)
+    if notes.peak > 0.0:
+        note_pull(learnt, notes, position, max(force, notes.stay.force), contact)
     learnt.lowest, learnt.reached = min(learnt.lowest, position), max(learnt.reached, position)
     notes.lowest, learnt.law_reached = min(notes.lowest, position), max(learnt.law_reached, position)
     coarse, fine = learnt.coarse.ranges, learnt.fine.ranges
@@ -227,7 +276,7 @@ def widen(bank: Bank, sample: tuple[float, float, float], contact: bool, period:
         coarse[f, 0], coarse[f, 1] = min(coarse[f, 0], values[f]), max(coarse[f, 1], values[f])
     for f in range(FINE.features):
         fine[f, 0], fine[f, 1] = min(fine[f, 0], values[f]), max(fine[f, 1], values[f])
-    notes.before = force
+    notes.stay.force = force
 
 
 @inlined
@@ -285,7 +334,9 @@ def learn(bank: Bank, time: float, position: float, velocity: float, force: floa
     code, raw, spoilt = LEARNT, force + learnt.zero, False
     coarse_weights, fine_weights = learnt.coarse.weights[:], learnt.fine.weights[:]
     fines_alone = contact and note_present(bank, sample, period)
-    if not is_spike:
+    # What sticks pulls only once it was touched: the maps learn how, not where nothing is touched yet.
+    is_apart = learnt.pull > 0.0 and not contact and bank.memory[STUCK] == 0.0 and position < learnt.touch
+    if not (is_spike or is_apart):
         if not fines_alone:
             error = fit_coarse(coarse_weights, bank.coarse, position, values, raw)
             spoilt = math.isnan(error)

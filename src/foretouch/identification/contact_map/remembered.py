@@ -22,7 +22,7 @@ from foretouch.identification.contact_map.regression import expect_mean, reach
 from foretouch.identification.contact_map.scores import CONTACT_SHARE, LEAST_WRONG, SCORE_TIME
 from foretouch.identification.contact_map.state import DROPPED, EARLY, RING, Bank
 from foretouch.models.contact_map.kernel import blend, cubic, experts
-from foretouch.models.contact_map.layout import COARSE, EXPERTS, FINE, SIZE, Map
+from foretouch.models.contact_map.layout import COARSE, EXPERTS, FINE, SIZE, STUCK, Map
 from foretouch.models.contact_model import LARGEST_DEPTH
 
 Array = NDArray[np.float64]
@@ -58,6 +58,8 @@ def shift(learnt: Map, change: float) -> None:
     learnt.law_reached += change
     learnt.place += change
     learnt.touch += change
+    learnt.catch += change
+    learnt.hold += change
     learnt.law_surface -= change
 
 
@@ -67,7 +69,7 @@ def misfit(bank: Bank, change: float) -> float:
     kept, total = bank.remembered, 0.0
     for i in range(kept.count):
         one = kept.first[i]
-        force = experts(kept.given[0], one.values, one.position - change, one.velocity, True)[3]
+        force = experts(kept.given[0], one.values, one.position - change, one.velocity, 1.0, True)[3]
         total += (force - one.force) ** 2
     return total / kept.count
 
@@ -140,6 +142,8 @@ def show(bank: Bank) -> None:
         shown.coarse.ranges[f, 1] = max(learnt.coarse.ranges[f, 1], given.coarse.ranges[f, 1])
     if not learnt.touch > -LARGEST_DEPTH:
         shown.touch, shown.touch_way, shown.touch_force = given.touch, given.touch_way, given.touch_force
+    if not learnt.pull > 0.0:
+        shown.pull, shown.catch, shown.hold = given.pull, given.catch, given.hold
     if bank.notes[0].contact < SCORE_TIME:  # the weights of the experts are not known yet
         for k in range(4):
             shown.law[k] = given.law[k]
@@ -177,12 +181,12 @@ def judge(bank: Bank, time: float, sample: tuple[float, float, float], contact: 
     kept, notes = bank.remembered, bank.notes[0]
     index = snapshot_at(bank, time - bank.horizon)
     if index >= 0 and bank.times[index] >= kept.since:
-        known = experts(kept.ring[index], bank.values, position, velocity, True)[3]
-        without = experts(bank.ring[index], bank.values, position, velocity, True)[3]
+        known = experts(kept.ring[index], bank.values, position, velocity, bank.memory[STUCK], True)[3]
+        without = experts(bank.ring[index], bank.values, position, velocity, bank.memory[STUCK], True)[3]
         allowed = (without - force) ** 2
         counts = contact or max(known, without) > CONTACT_SHARE * notes.peak
     else:
-        known = experts(kept.placed[0], bank.values, position, velocity, True)[3]
+        known = experts(kept.placed[0], bank.values, position, velocity, bank.memory[STUCK], True)[3]
         allowed = (LEAST_WRONG * notes.peak) ** 2
         counts = contact
     if counts:

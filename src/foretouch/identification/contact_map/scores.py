@@ -7,7 +7,7 @@ import math
 from foretouch.core.compiling import inlined
 from foretouch.identification.contact_map.state import Bank
 from foretouch.models.contact_map.kernel import experts
-from foretouch.models.contact_map.layout import EXPERTS, Map
+from foretouch.models.contact_map.layout import EXPERTS, STUCK, Map
 
 SCORE_TIME = 1.0  # Time constant in contact with which scores fade [s]
 FIRST_ERROR = 0.2  # Relative error that is assumed at first, of maps half of it after a change: they go on
@@ -42,8 +42,9 @@ def score(bank: Bank, snapshot: Map, sample: tuple[float, float, float], contact
     """
     position, velocity, force = sample
     notes = bank.notes[0]
-    law, coarse, fine, mixed = experts(snapshot, bank.values, position, velocity, True)
-    if not (contact or mixed > CONTACT_SHARE * notes.peak):
+    law, coarse, fine, mixed = experts(snapshot, bank.values, position, velocity, bank.memory[STUCK], True)
+    pulls = snapshot.pull > 0.0 and min(mixed, force) < -CONTACT_SHARE * notes.peak
+    if not (contact or pulls or mixed > CONTACT_SHARE * notes.peak):
         return
     fading, shares = math.exp(-period / SCORE_TIME), bank.map[0].shares
     known = shares[1] + shares[2]
@@ -65,7 +66,7 @@ def watch(bank: Bank, snapshot: Map, sample: tuple[float, float, float], contact
     """Note for how long the predictions of an older map have been wrong by far more than usual; as `score`."""
     position, velocity, force = sample
     notes = bank.notes[0]
-    mixed = experts(snapshot, bank.values, position, velocity, True)[3]
+    mixed = experts(snapshot, bank.values, position, velocity, bank.memory[STUCK], True)[3]
     if not (contact or max(mixed, force) > CONTACT_SHARE * notes.peak):
         return
     least, squared = CONTACT_SHARE * notes.peak, (mixed - force) ** 2

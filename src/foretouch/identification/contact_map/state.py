@@ -22,6 +22,16 @@ NOT_GIVEN, HELD, DROPPED = range(3)
 """State of a map from before: there is none; it is part of what is published; it was contradicted."""
 
 
+class Stay(Record):
+    """A stay out of contact, in which something may pull; positions are from the origin [m]."""
+
+    place: float  # of the newest sample, in contact too
+    force: float  # of that sample [N]
+    left: float  # where contact was left
+    pull: float  # largest so far [N], 0 once it was too far away
+    held: float  # outermost position with half of that
+
+
 class Notes(Record):
     """What is noted beside the map; a reset sets all to 0. Only 64-bit numbers, so that it is one flat array, too."""
 
@@ -41,10 +51,10 @@ class Notes(Record):
     faded: float  # time in contact since the covariance faded last [s]
     snapshots: int  # taken so far
     snapped_at: float  # time of the newest snapshot [s]
-    before: float  # force at the previous sample [N]
     time: float  # of the newest sample [s], NaN before the first
     touch_unit: float  # a sixteenth of the first force in contact [N]
     outermost: Annotated[Field, float, LEVELS]  # position at which this force, twice it and so on were felt [m]
+    stay: Stay
     entered: int  # 1 once no contact was seen, 2 once contact came after that
     touched: int  # 1 from the first contact on
     updates: int  # samples learnt from since the last reset

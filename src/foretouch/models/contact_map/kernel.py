@@ -20,9 +20,12 @@ from foretouch.models.contact_model import EXIT_SPEED, SLICE_BEYOND, SLICES, SLI
 
 Array = NDArray[np.float64]
 
-Memory: TypeAlias = tuple[float, float, float, float, float]
-"""Memory of the material [m]: positions of the two plays, then the three averages. Like rates and features these are
-numbers, which compiled code keeps in registers; a force that takes them from an array takes twice as long."""
+Memory: TypeAlias = tuple[float, float, float, float, float, float]
+"""Memory of the material: positions of the two plays [m], the three averages [m], and whether it is stuck, 0 or 1. Like
+rates and features these are numbers, which compiled code keeps in registers; a force that takes them from an array
+takes twice as long."""
+
+UNTOUCHED: Memory = (math.nan,) * 6
 
 Rates: TypeAlias = tuple[float, float, float]
 Features: TypeAlias = tuple[float, float, float, float, float, float]
@@ -72,56 +75,61 @@ def rate_of(period: float) -> Rates:
 
 
 @inlined
-def moved(memory: Memory, position: float, rates: Rates) -> Memory:
-    """Memory after one sample at a position [m from the origin]: plays follow where pushed, averages in their time."""
-    near, far, short, middle, long = memory
+def moved(learnt: Map, memory: Memory, position: float, rates: Rates) -> Memory:
+    """Memory after one sample at a position [m from the origin]: plays follow where pushed, averages in their time.
+
+    What sticks to the probe does so from where it catches it until where it can hold it no longer.
+    """
+    near, far, short, middle, long, stuck = memory
     inside = max(position, 0.0)
+    stuck = 1.0 if position >= learnt.catch else stuck if position >= learnt.hold else 0.0
     if math.isnan(near):
-        return position, position, inside, inside, inside
+        return position, position, inside, inside, inside, 1.0 if stuck > 0.0 else 0.0
     return (
         min(max(near, position - layout.PLAYS[0]), position + layout.PLAYS[0]),
         min(max(far, position - layout.PLAYS[1]), position + layout.PLAYS[1]),
         short + rates[0] * (inside - short),
         middle + rates[1] * (inside - middle),
         long + rates[2] * (inside - long),
+        stuck,
     )
 
 
 @inlined
 def numbers_of(memory: Array) -> Memory:
     """Memory as numbers, of an array of shape (`MEMORY`,)."""
-    return memory[0], memory[1], memory[2], memory[3], memory[4]
+    return memory[0], memory[1], memory[2], memory[3], memory[4], memory[5]
 
 
 @inlined
 def write(numbers: Memory, memory: Array) -> None:
     """The reverse of `numbers_of`."""
-    memory[0], memory[1], memory[2], memory[3], memory[4] = numbers
+    memory[0], memory[1], memory[2], memory[3], memory[4], memory[5] = numbers
 
 
 @inlined
-def remember(memory: Array, position: float, period: float) -> None:
+def remember(learnt: Map, memory: Array, position: float, period: float) -> None:
     """Update a memory in an array by `moved`, in place."""
-    write(moved(numbers_of(memory), position, rate_of(period)), memory)
+    write(moved(learnt, numbers_of(memory), position, rate_of(period)), memory)
 
 
 @compiled(error_model="numpy")
 def run(maps: NDArray[np.void], memory: Array, depths: Array, periods: Array) -> None:
     """Update the memory by `moved` for one sample after the other, in place."""
-    now, period, origin = numbers_of(memory), -1.0, maps[0].origin
+    now, period, learnt = numbers_of(memory), -1.0, maps[0]
     rates = rate_of(period)
     for index in range(depths.size):
         if periods[index] != period:
             period = periods[index]
             rates = rate_of(period)
-        now = moved(now, depths[index] - origin, rates)
+        now = moved(learnt, now, depths[index] - learnt.origin, rates)
     write(now, memory)
 
 
 @inlined
 def features_of(memory: Memory, position: float, velocity: float) -> Features:
     """What the force depends on besides depth, each about one in a press by hand: velocity, plays, averages."""
-    near, far, short, middle, long = memory
+    near, far, short, middle, long = memory[0], memory[1], memory[2], memory[3], memory[4]
     inside = max(position, 0.0)
     return (
         velocity / layout.SPEED,
@@ -169,15 +177,17 @@ def map_force(
     """Force of a map [N] whose knots count from a place; beyond the visited range it goes on along its last slope."""
     lowest, reached, zero = learnt.lowest - place, learnt.reached - place, learnt.zero
     position -= place
-    step = 0.25 * grid.spacing
+    step, least = 0.25 * grid.spacing, 0.0 - learnt.pull
     if position < lowest:
         force = mapped(part, grid, lowest, values)
         span = max(min(step, reached - lowest), 1e-6)
         slope = (mapped(part, grid, lowest + span, values) - force) / span
-        force = max(force - zero, 0.0)
+        force = max(force - zero, least)
+        if force < 0.0:
+            return float(force * max(1.0 + (position - lowest) / layout.LETTING_GO, 0.0))
         return float(max(force + max(slope, force / layout.LETTING_GO) * (position - lowest), 0.0))
-    force = max(mapped(part, grid, min(position, reached), values) - zero, 0.0)
-    if position > reached:
+    force = max(mapped(part, grid, min(position, reached), values) - zero, least)
+    if position > reached and force >= 0.0:
         before = max(mapped(part, grid, max(reached - step, lowest), values) - zero, 0.0)
         chord = force / max(learnt.reached + learnt.origin, step, layout.LEAST_DEPTH)
         force += (position - reached) * min(max((force - before) / step, chord), layout.STEEPEST * chord)
@@ -220,7 +230,7 @@ def most_outside(learnt: Map, position: float) -> float:
 
 @inlined
 def experts(
-    learnt: Map, values: Values, position: float, velocity: float, everything: bool
+    learnt: Map, values: Values, position: float, velocity: float, stuck: float, everything: bool
 ) -> tuple[float, float, float, float]:
     """Force of law, coarse and fine map, and their weighted mean [N], of the features of this sample.
 
@@ -243,13 +253,16 @@ def experts(
     force = min(force, learnt.felt * (layout.MOST if position > learnt.reached else layout.MOST_WITHIN))
     if position < learnt.touch:
         force = min(force, most_outside(learnt, position))
-    return law, coarse, fine, min(force, layout.LARGEST_FORCE) if force >= 0.0 else 0.0  # 0 where it is no number
+    if not (stuck > 0.0 and position >= learnt.hold):
+        force = max(force, 0.0)
+    force = min(max(force, 0.0 - learnt.pull), layout.LARGEST_FORCE) if not math.isnan(force) else 0.0
+    return law, coarse, fine, force
 
 
 @inlined
 def force_at(learnt: Map, memory: Memory, position: float, velocity: float) -> float:
     """Force for this state of the memory [N]."""
-    return experts(learnt, features_of(memory, position, velocity), position, velocity, False)[3]
+    return experts(learnt, features_of(memory, position, velocity), position, velocity, memory[layout.STUCK], False)[3]
 
 
 @inlined
@@ -262,7 +275,7 @@ def uncertainty(learnt: Map, force: float) -> float:
 def advanced(learnt: Map, memory: Memory, depth: float, velocity: float, period: float) -> tuple[Memory, float, float]:
     """One sample of motion: the memory after it, the force and its standard deviation [N]."""
     position = depth - learnt.origin
-    memory = moved(memory, position, rate_of(period))
+    memory = moved(learnt, memory, position, rate_of(period))
     force = force_at(learnt, memory, position, velocity)
     variance = uncertainty(learnt, force)
     if position > learnt.reached:  # extrapolation along the slope is uncertain
@@ -276,8 +289,8 @@ def memory_of(state: ContactState) -> Memory:
     """A state of `MEMORY` numbers; one with a number that is not finite counts as untouched."""
     for number in state:
         if not math.isfinite(number):
-            return math.nan, math.nan, math.nan, math.nan, math.nan
-    return state[0], state[1], state[2], state[3], state[4]
+            return UNTOUCHED
+    return state[0], state[1], state[2], state[3], state[4], state[5]
 
 
 @inlined
@@ -308,7 +321,7 @@ def work_at(learnt: Map, memory: Memory, depth: float, offset: float, largest: f
             if beyond and not before > 0.0:
                 break
             position -= length
-            memory = moved(memory, position, rates)
+            memory = moved(learnt, memory, position, rates)
             after = max(min(force_at(learnt, memory, position, 0.0), largest) + offset, 0.0)
             energy += 0.5 * (before + after) * length
             distance += length
@@ -316,7 +329,7 @@ def work_at(learnt: Map, memory: Memory, depth: float, offset: float, largest: f
     return energy, distance
 
 
-@kernel("(Map[::1], UniTuple(f8, 5), f8, f8, f8)")
+@kernel("(Map[::1], UniTuple(f8, 6), f8, f8, f8)")
 def advance(
     maps: NDArray[np.void], state: ContactState, depth: float, velocity: float, period: float
 ) -> tuple[ContactState, float, float]:
@@ -324,7 +337,7 @@ def advance(
     return advanced(maps[0], memory_of(state), depth, velocity, period)
 
 
-@kernel("(Map[::1], UniTuple(f8, 5), f8, f8, f8)")
+@kernel("(Map[::1], UniTuple(f8, 6), f8, f8, f8)")
 def local_slopes(
     maps: NDArray[np.void], state: ContactState, depth: float, velocity: float, reach: float
 ) -> tuple[float, float]:
@@ -332,7 +345,7 @@ def local_slopes(
     return slopes_at(maps[0], memory_of(state), depth, velocity, reach)
 
 
-@kernel("(Map[::1], UniTuple(f8, 5), f8, f8, f8)")
+@kernel("(Map[::1], UniTuple(f8, 6), f8, f8, f8)")
 def leaving_work(
     maps: NDArray[np.void], state: ContactState, depth: float, offset: float, largest: float
 ) -> tuple[float, float]:

@@ -19,10 +19,12 @@ PLAYS = (1e-4, 3e-4)  # Radii of the play operators [m]
 TIMES = (0.05, 0.3, 1.5)  # Time constants of the averages of depth [s]
 SPEED = 0.05  # Unit of speed [m/s]
 
-MEMORY = len(PLAYS) + len(TIMES)
-"""Number of values of memory: positions of the plays, then the averages [m]; all NaN before the first sample."""
+MEMORY = len(PLAYS) + len(TIMES) + 1
+"""Number of values of memory: positions of the plays, the averages [m], and whether it is stuck to the probe, 0 or 1;
+all NaN before the first sample."""
+STUCK = MEMORY - 1  # Index of the last of them
 
-LARGEST_FEATURES = 1 + MEMORY  # Number of features of the coarse map: velocity, plays, averages
+LARGEST_FEATURES = 1 + len(PLAYS) + len(TIMES)  # Number of features of the coarse map: velocity, plays, averages
 
 
 class Grid(NamedTuple):
@@ -82,6 +84,10 @@ MOST, MOST_WITHIN = 20.0, 1.5
 LETTING_GO = 5e-3  # Distance outside the visited range after which a force is zero at the latest [m]
 TOUCH_FORCE = 2.0  # Largest force just outside of where the material was touched so far, relative to the one there
 
+PULL_SHARE = 0.1  # Least pull that is one, relative to the largest force: friction of the mechanism is less
+GONE_SHARE = 0.2  # Force that is left where it has let go, relative to the pull
+GONE_WAY = 5e-4  # How far beyond the last half of a pull it has let go [m]; friction goes on until the probe turns
+
 LEAST_DEPTH = 1e-4  # Least depth to which a law is used [m], also if it was learnt from less
 
 EXPERTS = 3
@@ -120,6 +126,9 @@ class Map(Record):
     touch: float = -LARGEST_DEPTH  # outermost position at which `touch_force` was felt [m], from the origin
     touch_way: float = LARGEST_DEPTH  # on which it grows to four times that [m]
     touch_force: float  # a twentieth to a tenth of the largest force [N]
+    pull: float  # largest pull so far [N]: the force is no further below zero
+    catch: float  # outermost position at which it pulled a probe that came from outside [m], from the origin
+    hold: float  # and one that went outwards
     coarse: CoarseMap
     fine: FineMap
 

@@ -17,12 +17,13 @@ from numpy.typing import NDArray
 
 from foretouch.errors import SettingError
 from foretouch.errors.checks import require
+from foretouch.models.contact_map.layout import MEMORY
 from foretouch.models.contact_model import NO_STATE, ContactModel, ContactState, advance
 from foretouch.quantities import Brief
 
 _LAW = struct.Struct("<4d")
 
-UNTOUCHED: ContactState = (math.nan,) * 5
+UNTOUCHED: ContactState = (math.nan,) * MEMORY
 """Memory of a material before the first sample: positions of the two plays, then the three averages [m]."""
 
 
@@ -31,7 +32,7 @@ class ContactMapModel(Brief, ContactModel):
     r"""Model of a material that follows none of the laws: a weighted mean of three experts.
 
     .. math::
-        F &= \sum_i \pi_i F_i, \quad F_i = \max(0,\; g_i(x) + \sum_j h_{ij}(x)\, \phi_j) \\
+        F &= \sum_i \pi_i F_i, \quad F_i = \max(-s P,\; g_i(x) + \sum_j h_{ij}(x)\, \phi_j) \\
         \phi &= \left(\frac{\dot x}{v_0},\; \frac{x - z_r}{r},\; \frac{x_+ - \bar x_T}{2\,\mathrm{mm}}\right)
 
     g and h are cubic splines. The **coarse map** has knots every millimetre (the h every three), and remembers: z_r are
@@ -39,6 +40,10 @@ class ContactMapModel(Brief, ContactModel):
     that is inside (relaxation). The motion alone determines all of this. The **fine map** has knots every 0.03 mm and
     velocity only, for rigid materials; it lies where the learner placed it, and elsewhere the coarse map stands for it.
     The **law** is the paper's (4).
+
+    What **pulls** does so by P at most, the largest pull that was felt, 0 for most materials, and while it sticks to
+    the probe: s is 1 from where the probe comes further in than it was caught so far, and 0 from where it goes further
+    out than it was held so far; between the two it is what it was before.
 
     Outside the visited range the model extrapolates: features are held to their range so far; beyond the greatest depth
     a map goes on along its last slope, held between the chord from the surface and 1.5 times that, the fine one where

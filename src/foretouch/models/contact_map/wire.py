@@ -55,7 +55,7 @@ def is_sensible(maps: NDArray[np.void]) -> bool:
     for k in range(HEADER):
         if not math.isfinite(numbers[k]):
             return False
-    total, good = 0.0, min(learnt.law_speed, learnt.felt, learnt.touch_way, learnt.touch_force) >= 0.0
+    total, good = 0.0, min(learnt.law_speed, learnt.felt, learnt.touch_way, learnt.touch_force, learnt.pull) >= 0.0
     for k in range(layout.EXPERTS):
         total += learnt.shares[k]
         good = good and learnt.shares[k] >= 0.0
@@ -63,7 +63,7 @@ def is_sensible(maps: NDArray[np.void]) -> bool:
         good = good and learnt.law[k] >= 0.0
     for k in range(layout.UNCERTAINTIES):
         good = good and learnt.uncertainty[k] >= 0.0
-    return good and abs(total - 1.0) < 1e-3 and learnt.lowest <= learnt.reached
+    return good and learnt.hold <= learnt.catch and abs(total - 1.0) < 1e-3 and learnt.lowest <= learnt.reached
 
 
 @kernel("i8(Map[::1], Map[::1], f4[::1])")

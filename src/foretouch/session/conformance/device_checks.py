@@ -191,10 +191,14 @@ def _limit(it: Subject) -> Result:
     return kept, f"{max(given):.4g} N of 1e6 N", f"render returns what was really given, at most {limit:g} N"
 
 
-@checked("no force asked, none given", "a force of 0 or less is rendered as 0: nothing pulls a hand in")
+@checked("no force asked, none given")
 def _nothing(it: Subject) -> Result:
-    given = _given(it.device, 0.0, -3.0, -math.inf)
-    return given == [0.0] * 3, f"{given} N of 0, -3 and -inf N"
+    own, given = it.device.specification, _given(it.device, 0.0, -3.0, -math.inf)
+    text = f"{given} N of 0, -3 and -inf N"
+    if own is None or not own.pulls:
+        return given == [0.0] * 3, text, "a force of 0 or less is rendered as 0: nothing pulls a hand in"
+    kept = given[0] == 0.0 and all(-own.force_limit * (1.0 + 1e-9) <= force <= 0.0 for force in given)
+    return kept, text, f"it pulls: what is below 0 is rendered as that, and by at most {own.force_limit:g} N"
 
 
 @checked("no number, no force", "a force that is no number is rendered as 0")
