@@ -56,6 +56,8 @@ PREDICT_KEYS = {
     "within_one_deviation_percent",
     "within_two_deviations_percent",
     "missed_contact_percent",
+    "force_zero_N",
+    "force_zero_from",
     "largest_update_jump_N",
     "largest_update_jump_N_per_s",
     "largest_update_jump_at_s",

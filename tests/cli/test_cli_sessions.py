@@ -230,5 +230,5 @@ def test_a_session_without_a_tick_of_its_leader_has_no_report_and_says_why(
     path = tmp_path / "s.mcap"
     with SessionWriter(path) as writer:
         writer.write(Hello.of("follower", 1, 1, {"material": "sponge"}), 1)
-    assert sessions._recorded(path, None, json_output=False, code=int(failed)).code == int(failed)
+    assert sessions._recorded(path, None, json_output=False, code=int(failed), remember=None).code == int(failed)
     assert capsys.readouterr().err == f"no report: the session {why}, and {path} holds no tick of a leader\n"

@@ -105,7 +105,7 @@ def place_fine(bank: Bank, place: float) -> None:
         bank.fine.traced = 1
     assumed = ASSUMED_TIME * (FIRST_ERROR * notes.peak) ** 2
     # The fine map has to show that it is needed.
-    notes.present[0], notes.present[1], notes.present_time = 0.25 * assumed, assumed, ASSUMED_TIME
+    notes.present.coarse, notes.present.fine, notes.present.time = 0.25 * assumed, assumed, ASSUMED_TIME
 
 
 @inlined
@@ -120,7 +120,7 @@ def scale_part(weights: Array, zero: float, knots: int, factor: float) -> None:
 def begin_changed(bank: Bank, index: int, position: float) -> None:
     """Begin anew around the map of this snapshot, scaled as the forces since have changed: all of it is a guess now."""
     learnt, notes, before = bank.map[0], bank.notes[0], bank.ring[index]
-    factor = min(max(notes.likeness[0] / max(notes.likeness[1], 1e-12), 1.0 / MOST), MOST)
+    factor = min(max(notes.wrong.product / max(notes.wrong.square, 1e-12), 1.0 / MOST), MOST)
     learnt.coarse.weights[:], learnt.fine.weights[:] = before.coarse.weights, before.fine.weights
     scale_part(learnt.coarse.weights[:], learnt.zero, COARSE.knots, factor)
     if learnt.place == before.place:
@@ -141,10 +141,11 @@ def begin_changed(bank: Bank, index: int, position: float) -> None:
 def begin_scores(bank: Bank) -> None:
     """Forget how well was predicted."""
     learnt, notes = bank.map[0], bank.notes[0]
-    notes.contact = notes.scored = notes.faded = notes.wrong_for = 0.0
-    notes.law_missed = notes.law_time = 0.0
+    notes.contact = notes.scored = notes.faded = 0.0
+    notes.wrong.time = notes.wrong.product = notes.wrong.square = 0.0
+    notes.present.law = notes.present.law_time = 0.0
     notes.lowest, learnt.law_reached, learnt.law_speed = math.inf, -math.inf, 0.0
-    notes.scores[:], notes.likeness[:], notes.doubt = 0.0, 0.0, FIRST_DOUBT
+    notes.scores[:], notes.doubt = 0.0, FIRST_DOUBT
     learnt.uncertainty[0], learnt.uncertainty[1] = 0.0, FIRST_DOUBT**2
     notes.snapshots = 0
 
@@ -214,7 +215,7 @@ def note_touch(learnt: Map, notes: Notes, position: float, force: float) -> None
     # Where contact ends says less: foam is left deeper than it is touched.
     if notes.entered == 2 and math.isfinite(notes.outermost[level + 2]):
         learnt.touch, learnt.touch_force = notes.outermost[level], notes.touch_unit * 2.0**level
-        learnt.touch_way = max(notes.outermost[min(level + 2, LEVELS - 1)] - learnt.touch, TOUCH_WAY)
+        learnt.touch_way = max(notes.outermost[level + 2] - learnt.touch, TOUCH_WAY)
 
 
 @inlined
@@ -300,17 +301,18 @@ def note_present(bank: Bank, sample: tuple[float, float, float], period: float) 
     position, velocity, force = sample
     learnt, notes, values = bank.map[0], bank.notes[0], bank.values[:]
     fading, law = math.exp(-period / SCORE_TIME), law_force(learnt, position, velocity)
-    notes.law_missed = fading * notes.law_missed + period * (law - force) ** 2
-    notes.law_time = fading * notes.law_time + period
+    present = notes.present
+    present.law = fading * present.law + period * (law - force) ** 2
+    present.law_time = fading * present.law_time + period
     place, raw = position - learnt.place, force + learnt.zero
     if not in_fine_reach(place) or bank.coarse.rows == 0:
         return False
     coarse = abs(mapped(learnt.coarse, COARSE, position, values) - raw)
     fine = abs(mapped(learnt.fine, FINE, place, values) - raw)
     most = notes.peak * notes.peak  # for a sensor may say anything once
-    notes.present[0] += period * min(coarse * coarse, most)
-    notes.present[1] += period * min(fine * fine, most)
-    notes.present_time += period
+    present.coarse += period * min(coarse * coarse, most)
+    present.fine += period * min(fine * fine, most)
+    present.time += period
     is_better = learnt.shares[2] > FINE_ALONE and fine < FINE_ALONE * coarse
     # What is deeper than the fine map reaches goes on from the coarse one.
     return bool(is_better and coarse > MISPLACED * notes.peak and learnt.reached - learnt.place < FINE_TO - FINE_EDGE)
@@ -324,10 +326,10 @@ def learn(bank: Bank, time: float, position: float, velocity: float, force: floa
     period = PERIOD if math.isinf(period) else min(period, LONGEST_PERIOD)
     notes.learnt_at = time
     features(bank.memory, position, velocity, values)
-    sample, wrong_for = (position, velocity, force), notes.wrong_for
+    sample, wrong_for = (position, velocity, force), notes.wrong.time
     if notes.snapshots > 0:
         score_late(bank, time, sample, contact, period)
-    is_spike = wrong_for < notes.wrong_for <= LONGEST_SPIKE and force > SPIKE * notes.peak
+    is_spike = wrong_for < notes.wrong.time <= LONGEST_SPIKE and force > SPIKE * notes.peak
     visited = position <= learnt.reached
     widen(bank, sample, contact, period)
 
@@ -343,7 +345,7 @@ def learn(bank: Bank, time: float, position: float, velocity: float, force: floa
             if contact and abs(error) > MISPLACED * notes.peak and not in_fine_reach(position - learnt.place):
                 place_fine(bank, position)
         spoilt = math.isnan(fit_fine(fine_weights, bank.fine, position - learnt.place, values, raw)) or spoilt
-    if visited and notes.contact > CHANGED_FROM and notes.wrong_for >= CHANGED_AFTER:
+    if visited and notes.contact > CHANGED_FROM and notes.wrong.time >= CHANGED_AFTER:
         index = snapshot_before(bank, time - max(bank.horizon, WATCHED_AGE), position)
         if index >= 0:
             code = CHANGED

@@ -73,11 +73,11 @@ def watch(bank: Bank, snapshot: Map, sample: tuple[float, float, float], contact
     scale = least * least + mixed * mixed
     wrong = squared > max((WRONG * notes.doubt) ** 2 * scale, (LEAST_WRONG * notes.peak) ** 2)
     if not wrong:
-        notes.wrong_for, notes.likeness[:] = 0.0, 0.0
+        notes.wrong.time = notes.wrong.product = notes.wrong.square = 0.0
         return
-    notes.wrong_for += period
-    notes.likeness[0] += period * mixed * force
-    notes.likeness[1] += period * mixed * mixed
+    notes.wrong.time += period
+    notes.wrong.product += period * mixed * force
+    notes.wrong.square += period * mixed * mixed
 
 
 @inlined
@@ -91,10 +91,10 @@ def trust(squared: float) -> float:
 def fine_share(bank: Bank) -> float:
     """Weight of the fine map between the two maps: what the coarse one cannot resolve it learns wrong at once."""
     present, least = bank.notes[0].present, NEEDED * bank.notes[0].peak
-    if bank.absent[1] == 0 and present[0] < least * least * bank.notes[0].present_time:
+    if bank.absent[1] == 0 and present.coarse < least * least * present.time:
         return 0.0
-    coarse = 0.0 if bank.absent[1] > 0 else trust(present[0])
-    fine = 0.0 if bank.absent[2] > 0 else trust(present[1] * FINE_PENALTY**2)
+    coarse = 0.0 if bank.absent[1] > 0 else trust(present.coarse)
+    fine = 0.0 if bank.absent[2] > 0 else trust(present.fine * FINE_PENALTY**2)
     return fine / (coarse + fine) if coarse + fine > 0.0 else 0.0
 
 
@@ -105,7 +105,7 @@ def allot(bank: Bank) -> None:
     first = max(FIRST_TIME * math.exp(-notes.contact / FIRST_TIME), 1e-9)  # for nothing may have been scored yet
     assumed = (FIRST_ERROR * notes.peak) ** 2
     # A law that is right describes what it learns at once, which a map does whether it is right or not.
-    law = (notes.law_missed + ASSUMED_TIME * assumed) / (notes.law_time + ASSUMED_TIME)
+    law = (notes.present.law + ASSUMED_TIME * assumed) / (notes.present.law_time + ASSUMED_TIME)
     maps = assumed * (0.25 if bank.changes > 0 else 1.0)
     law = trust((notes.scores[0] + first * law) / (notes.scored + first) * LAW_PENALTY**2)
     maps = trust((notes.scores[1] + first * maps) / (notes.scored + first))

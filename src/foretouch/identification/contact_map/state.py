@@ -32,6 +32,24 @@ class Stay(Record):
     held: float  # outermost position with half of that
 
 
+class Present(Record):
+    """Sums of squared errors before samples in contact are learnt [N^2 s]."""
+
+    coarse: float  # of the coarse map, where the fine one has knots
+    fine: float  # and of the fine one
+    time: float  # over which these were summed [s]
+    law: float  # of the law, fading
+    law_time: float  # over which that was summed, fading [s]
+
+
+class Wrong(Record):
+    """Late predictions that have been wrong by far more than expected without a pause."""
+
+    time: float  # for which they have, in contact [s]
+    product: float  # sum of what was predicted times what was measured [N^2 s]
+    square: float  # and of its square
+
+
 class Notes(Record):
     """What is noted beside the map; a reset sets all to 0. Only 64-bit numbers, so that it is one flat array, too."""
 
@@ -41,13 +59,9 @@ class Notes(Record):
     contact: float  # time in contact since the beginning or the last change [s]
     scores: Annotated[Field, float, 2]  # sums of squared late errors of the law and of the maps, fading [N^2 s]
     scored: float  # time over which they were summed, fading [s]
-    present: Annotated[Field, float, 2]  # the same of errors of coarse and fine map before learning, not fading
-    present_time: float  # time over which these were summed [s]
-    law_missed: float  # sum of squared errors of the law before it learns, fading [N^2 s]
-    law_time: float  # time over which these were summed, fading [s]
+    present: Present
     doubt: float  # standard deviation of a late prediction, relative to its force
-    wrong_for: float  # time in contact for which late predictions have been wrong by far more than that [s]
-    likeness: Annotated[Field, float, 2]  # sums of what is predicted times what is measured, and its square, since then
+    wrong: Wrong
     faded: float  # time in contact since the covariance faded last [s]
     snapshots: int  # taken so far
     snapped_at: float  # time of the newest snapshot [s]
