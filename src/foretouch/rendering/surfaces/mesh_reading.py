@@ -141,9 +141,8 @@ def first_hit_from_above(mesh: TriangleMesh, x: float, y: float) -> int:
     )
     if not about.size:
         return -1
-    part = _trimesh().Trimesh(mesh.vertices, mesh.faces[about], process=False)
-    above = float(corners[about, :, 2].max()) + 1.0
-    (hit,) = part.ray.intersects_first([[x, y, above]], [[0.0, 0.0, -1.0]])
+    part, above = _trimesh().Trimesh(mesh.vertices, mesh.faces[about], process=False), corners[about, :, 2].max() + 1.0
+    (hit,) = part.ray.intersects_first([[x, y, float(above)]], [[0.0, 0.0, -1.0]])
     return -1 if hit < 0 else int(about[hit])
 
 
