@@ -34,7 +34,7 @@ from foretouch.identification import (
     SelfPerturbingRLS,
     Status,
 )
-from foretouch.identification.linear.linearised import LinearisedEstimator, LinearRuns
+from foretouch.identification.linear.linearised import LinearisedEstimator, LinearRuns, residual_variance
 from foretouch.identification.linear.sample import update
 
 Array = NDArray[np.float64]
@@ -107,7 +107,7 @@ def test_many_recordings_are_each_by_itself(name: str) -> None:
         output = run(estimator, recording)
         np.testing.assert_array_equal(many.theta[index], estimator.linear_parameters)
         np.testing.assert_array_equal(many.unscaled_covariance[index], estimator.unscaled_covariance)
-        variance = np.nan if estimator._variance is None else estimator._variance
+        variance = residual_variance(*estimator._state.numbers[14:])
         np.testing.assert_array_equal(many.residual_variance[index], variance)
         assert many.updates[index] == estimator.updates
         assert many.restarts[index] == output.count(Status.RESTARTED)
@@ -270,7 +270,7 @@ def test_the_histogram_of_depths_is_that_of_the_summary() -> None:
     estimator, summary = FPRLS(FPRLSOptions(perturbation=0.0, forgetting_rate=3.0)), CountedDepths()
     run(estimator, (depth, velocity, force))
     for index, (x, v) in enumerate(zip(depth.tolist(), velocity.tolist(), strict=True)):
-        summary.add(x, v, estimator.forgetting_factor(x - depth[index - 1] if index else 0.0))
+        summary.add(x, v, estimator.forgetting.factor(x - depth[index - 1] if index else 0.0))
     for ours, expected in zip(estimator._depths.seen, summary.seen, strict=True):
         np.testing.assert_allclose(ours, expected, rtol=1e-9)
 

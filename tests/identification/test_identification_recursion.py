@@ -24,6 +24,7 @@ from foretouch.identification import (
     Status,
 )
 from foretouch.identification.linear import recursion
+from foretouch.identification.linear.kernel import bounded_rate
 from foretouch.identification.linear.recursion import PERTURBED, Recursion
 
 Array = NDArray[np.float64]
@@ -67,7 +68,7 @@ def test_the_interpreted_step_is_the_compiled_one(form: bool, monkeypatch: pytes
     plain = np.zeros(4), 1e3 * np.eye(4), np.zeros(2)
     answers = set()
     for row, target in zip(phi, y, strict=True):
-        arguments = (row, target, 2.0, 0.99, 4.0, 50.0, form, 5e3)
+        arguments = (row, target, 2.0, 0.99, (4.0, 50.0, form, 5e3))
         answer = recursion._step(*compiled, *arguments)
         with monkeypatch.context() as patch:
             patch.setattr(recursion, "_perturb", interpreted(recursion._perturb))
@@ -206,10 +207,10 @@ def test_what_is_forgotten_is_forgotten_by_distance_moved() -> None:
     """The same path in a hundred times as many samples forgets as much; held still, nothing is forgotten."""
     estimator = FPRLS()
     path = 0.02
-    slow, fast = (estimator.forgetting_factor(path / steps) ** steps for steps in (20_000, 2_000))
+    slow, fast = (estimator.forgetting.factor(path / steps) ** steps for steps in (20_000, 2_000))
     assert slow == pytest.approx(math.exp(-1.0), rel=0.01)
     assert fast == pytest.approx(slow, rel=0.01)
-    assert estimator.forgetting_factor(0.0) == 1.0
+    assert estimator.forgetting.factor(0.0) == 1.0
 
 
 def test_standard_errors_are_the_spread_of_the_estimates() -> None:
@@ -231,10 +232,10 @@ def test_gates_clamp_and_weights() -> None:
     assert estimator.update(ContactSample(0.0, 0.01, 0.0, 0.4, True)) is Status.GATED
     assert estimator.update(ContactSample(0.0, 5e-4, 0.0, 4.0, True)) is Status.GATED
     assert estimator.update(ContactSample(0.0, 0.01, 0.0, 4.0, True)) is Status.LEARNT
-    assert (robust.bounded_rate(1.0, 0.01), robust.bounded_rate(-1.0, 0.01)) == (10.0, -10.0)
-    assert robust.bounded_rate(0.05, 0.01) == 5.0
+    assert (bounded_rate(0.01, 1.0, 10.0), bounded_rate(0.01, -1.0, 10.0)) == (10.0, -10.0)
+    assert bounded_rate(0.01, 0.05, 10.0) == 5.0
     assert robust.weight(4.0) == 4.0
-    assert (RobustOptions().bounded_rate(1.0, 1e-4), RobustOptions().weight(4.0)) == (1e4, 1.0)
+    assert (bounded_rate(1e-4, 1.0, math.inf), RobustOptions().weight(4.0)) == (1e4, 1.0)
 
 
 @pytest.mark.parametrize(

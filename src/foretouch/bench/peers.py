@@ -52,7 +52,7 @@ from foretouch.bench.timing import Array
 from foretouch.core.compiling import compiled
 from foretouch.errors import install_command
 from foretouch.identification import ContactSample, FPRLSOptions
-from foretouch.identification.linear.estimators import forgetting_by_distance
+from foretouch.identification.linear.estimators import by_distance
 
 PERIOD, SPEED, SHALLOWEST, DEEPEST = 1e-3, 0.02, 2e-3, 10e-3
 """Time between samples [s], speed of the probe [m/s], and its depths [m]."""
@@ -65,7 +65,7 @@ INITIAL_COVARIANCE = 1e6  # P_0 = this times I, the paper's, for ours and for th
 OPTIONS = FPRLSOptions(initial_covariance=INITIAL_COVARIANCE, perturbation=0.0)
 """Options without the self-perturbing test, which no peer has."""
 
-FORGETTING_FACTOR = forgetting_by_distance(OPTIONS.forgetting_rate, SPEED * PERIOD)  # The paper's mu at this speed
+FORGETTING_FACTOR = by_distance(OPTIONS.forgetting_rate).factor(SPEED * PERIOD)  # The paper's mu at this speed
 
 
 class Press(NamedTuple):

@@ -36,6 +36,12 @@ def require(
     raise SettingError(name, value, " and ".join(["must be finite", *rules]))
 
 
+def require_fields(owner: object, *names: str, **bounds: float) -> None:
+    """`require` each of these attributes of an object to be within the same bounds."""
+    for name in names:
+        require(name, getattr(owner, name), **bounds)
+
+
 def require_type(name: str, value: object, kind: type | tuple[type, ...], wanted: str) -> None:
     """Raise `ArgumentTypeError` unless the value is of this kind.
 

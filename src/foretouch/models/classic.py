@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 from foretouch.errors import SettingError
-from foretouch.errors.checks import require
+from foretouch.errors.checks import require, require_fields
 from foretouch.models.memoryless_law import MemorylessLaw
 
 
@@ -174,9 +174,7 @@ class ContinuousSwitching(MemorylessLaw):
 
     def __post_init__(self) -> None:
         require("stiffness", self.stiffness, above=0.0)
-        require("damping", self.damping, at_least=0.0)
-        require("exponent", self.exponent, at_least=0.0)
-        require("switching", self.switching, at_least=0.0)
+        require_fields(self, "damping", "exponent", "switching", at_least=0.0)
         if self.exponent + self.switching == 0.0:
             raise SettingError("switching", self.switching, "must be above 0 where exponent is 0: force needs depth")
 

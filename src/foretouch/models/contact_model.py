@@ -26,6 +26,9 @@ SLICES_BEYOND, SLICE_BEYOND = 20, 2.5e-4
 ContactState: TypeAlias = tuple[float, ...]
 """What the material remembers (hysteresis, relaxation), as plain numbers; empty for the paper's laws."""
 
+Advanced: TypeAlias = tuple[ContactState, float, float]
+"""State after a sample, force [N], and its standard deviation [N], NaN where the model has none: see `advance`."""
+
 NO_STATE: ContactState = ()
 """State of a law without memory."""
 
@@ -35,12 +38,12 @@ class ContactModel(ABC):
 
     Attributes:
         law: Name of the law, unique.
-        parameter_names: Names of the parameters, in the order of `parameters`.
+        parameter_names: Names of the parameters, in the order of `parameters`; a law without does not cross the wire.
     """
 
     __slots__ = ()
     law: ClassVar[str]
-    parameter_names: ClassVar[tuple[str, ...]]
+    parameter_names: ClassVar[tuple[str, ...]] = ()
 
     @property
     def parameters(self) -> tuple[float, ...]:
@@ -117,15 +120,11 @@ class ContactModel(ABC):
         return energy, way
 
     @abstractmethod
-    def advance(
-        self, state: ContactState, depth: float, velocity: float, sample_period: float
-    ) -> tuple[ContactState, float, float]:
+    def advance(self, state: ContactState, depth: float, velocity: float, sample_period: float) -> Advanced:
         """One step: see `advance`."""
 
 
-def advance(
-    model: ContactModel, state: ContactState, depth: float, velocity: float, sample_period: float
-) -> tuple[ContactState, float, float]:
+def advance(model: ContactModel, state: ContactState, depth: float, velocity: float, sample_period: float) -> Advanced:
     """Advance a contact model by one sample; follower and leader both call this and nothing else.
 
     Args:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from foretouch.errors.checks import require
-from foretouch.models.contact_model import NO_STATE, ContactModel, ContactState
+from foretouch.models.contact_model import NO_STATE, Advanced, ContactModel, ContactState
 
 Array = NDArray[np.float64]
 
@@ -43,9 +43,7 @@ class MemorylessLaw(ContactModel):
     def general_form(self) -> tuple[float, float, float, float]:
         """The same law as numbers of (4): k [N/m^(n + alpha)], lambda [N s/m^(n+1)], n [-], alpha [-]."""
 
-    def advance(
-        self, state: ContactState, depth: float, velocity: float, sample_period: float
-    ) -> tuple[ContactState, float, float]:
+    def advance(self, state: ContactState, depth: float, velocity: float, sample_period: float) -> Advanced:
         """One step: see `foretouch.models.advance`."""
         if depth <= 0.0:
             return NO_STATE, 0.0, math.nan
@@ -204,9 +202,7 @@ class LinearisedContinuousSwitching(ContactModel):
         for name in self.parameter_names:
             require(name, getattr(self, name))
 
-    def advance(
-        self, state: ContactState, depth: float, velocity: float, sample_period: float
-    ) -> tuple[ContactState, float, float]:
+    def advance(self, state: ContactState, depth: float, velocity: float, sample_period: float) -> Advanced:
         """One step: see `foretouch.models.advance`."""
         if depth <= 0.0:
             return NO_STATE, 0.0, float("nan")
@@ -244,9 +240,7 @@ class QuadraticContact(ContactModel):
         for name in self.parameter_names:
             require(name, getattr(self, name), at_least=0.0)
 
-    def advance(
-        self, state: ContactState, depth: float, velocity: float, sample_period: float
-    ) -> tuple[ContactState, float, float]:
+    def advance(self, state: ContactState, depth: float, velocity: float, sample_period: float) -> Advanced:
         """One step: see `foretouch.models.advance`."""
         if depth <= 0.0:
             return NO_STATE, 0.0, math.nan

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from foretouch.core.records import Held
 from foretouch.errors.checks import require
 from foretouch.models.contact_map.model import UNTOUCHED, ContactMapModel
-from foretouch.models.contact_model import NO_STATE, ContactModel, ContactState, advance
+from foretouch.models.contact_model import NO_STATE, Advanced, ContactModel, ContactState, advance
 from foretouch.quantities import brief_number, brief_text
 
 VELOCITY_CUTOFF = 80.0
@@ -332,9 +332,7 @@ def _is_foreign(model: ContactModel | None) -> bool:
     return model is not None and type(model) not in _compiled().law_kernel.KINDS
 
 
-def _run(
-    model: ContactModel | None, state: ContactState, depth: float, velocity: float, period: float
-) -> tuple[ContactState, float, float]:
+def _run(model: ContactModel | None, state: ContactState, depth: float, velocity: float, period: float) -> Advanced:
     """Call `advance`; no model gives no force."""
     return (state, 0.0, math.nan) if model is None else advance(model, state, depth, velocity, period)
 

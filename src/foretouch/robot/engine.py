@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from foretouch.errors import MissingExtraError, SettingError
-from foretouch.errors.checks import require
+from foretouch.errors.checks import require, require_fields
 from foretouch.robot.robot import RobotSpecification
 
 CHOICE, NOTHING = "MUJOCO_GL", "disable"  # The variable that names what draws, and its value for nothing
@@ -98,10 +98,8 @@ class ArmSettings:
     def __post_init__(self) -> None:
         require("sample_period", self.sample_period, above=0.0, at_most=0.01)
         require("substeps", self.substeps, at_least=1)
-        require("force_limit", self.force_limit, above=0.0)
-        for name in ("encoder_resolution", "encoder_noise", "sensor_noise"):
-            require(name, getattr(self, name), at_least=0.0)
-        require("sensor_bandwidth", self.sensor_bandwidth, above=0.0)
+        require_fields(self, "force_limit", "sensor_bandwidth", above=0.0)
+        require_fields(self, "encoder_resolution", "encoder_noise", "sensor_noise", at_least=0.0)
         if self.step > LONGEST_STEP:
             message = "the physics step (sample_period / substeps) is at most 0.6 ms"
             raise SettingError("substeps", self.substeps, message)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.errors import SettingError
-from foretouch.errors.checks import require
+from foretouch.errors.checks import require, require_fields
 from foretouch.identification.conditioning.conditioner import ContactSample
 from foretouch.identification.estimator import FEWEST_UPDATES, Estimator, Status
 from foretouch.identification.linear.options import REFERENCE_DEPTH, REFERENCE_VELOCITY, RobustOptions
@@ -306,8 +306,7 @@ class TwoStageOptions:
 
     def __post_init__(self) -> None:
         require("initial_exponent", self.initial_exponent, above=0.0, at_most=LARGEST_EXPONENT)
-        require("initial_covariance", self.initial_covariance, above=0.0)
-        require("initial_exponent_covariance", self.initial_exponent_covariance, above=0.0)
+        require_fields(self, "initial_covariance", "initial_exponent_covariance", above=0.0)
         require("forgetting_factor", self.forgetting_factor, above=0.0, at_most=1.0)
 
 

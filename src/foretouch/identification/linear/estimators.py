@@ -73,11 +73,6 @@ def by_distance(rate: float) -> Forgetting:
     return Forgetting(0.95, 0.05, rate)
 
 
-def forgetting_by_distance(rate: float, depth_change: float) -> float:
-    """The paper's mu, `0.95 + 0.05 exp(-rho |dx|)`, of a rate rho [1/m] and a change of depth [m]."""
-    return by_distance(rate).factor(depth_change)
-
-
 class FPRLS(LinearisedEstimator):
     r"""Identifies (ln k, s, b1, b2) of the linearised law (18) by equation (20), as printed.
 

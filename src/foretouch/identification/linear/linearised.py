@@ -194,10 +194,6 @@ class LinearisedEstimator(Estimator):
         begin(self._recordings)
         self.updates = self.perturbations = 0
 
-    def forgetting_factor(self, depth_change: float) -> float:
-        """Mu of a sample whose depth differs by so much [m] from that of the one before."""
-        return self.forgetting.factor(depth_change)
-
     def update(self, sample: ContactSample) -> Status:
         """One step; see `Estimator.update`."""
         _, depth, velocity, force, in_contact = sample
@@ -222,7 +218,7 @@ class LinearisedEstimator(Estimator):
     def _run(self, samples: ContactSamples, trace: Array) -> NDArray[np.int8]:
         """What the kernel did with each sample; theta after each goes into the trace, if that has rows."""
         codes = np.empty(len(samples), np.int8)
-        run(self._recordings, *samples.columns[1:], codes, trace)
+        run(self._recordings, samples.columns[1:], codes, trace)
         self.perturbations += int(np.count_nonzero(codes == PERTURBED))
         restarts = np.flatnonzero(codes == RESTARTED)
         learnt = (codes == LEARNT) | (codes == PERTURBED)
@@ -294,7 +290,7 @@ class LinearisedEstimator(Estimator):
     @property
     def linear_parameters(self) -> tuple[float, float, float, float]:
         """(ln k, s, b1, b2) as they are now, depth in metres; theta_0 before the first sample."""
-        return self._linear()
+        return _tuple(to_metres(self._state.numbers[:4], *self.options.scales))
 
     @property
     def unscaled_covariance(self) -> Array:
@@ -309,7 +305,7 @@ class LinearisedEstimator(Estimator):
     @property
     def model(self) -> LinearisedContinuousSwitching | None:
         """The law (18), None before 20 samples or while a parameter is not finite."""
-        values = self._linear()
+        values = self.linear_parameters
         if self.updates < FEWEST_UPDATES or not all(map(math.isfinite, values)):
             return None
         return LinearisedContinuousSwitching(*values)
@@ -321,7 +317,7 @@ class LinearisedEstimator(Estimator):
         if model is None:
             return {}
         linear = dict(zip(model.parameter_names, model.parameters, strict=True))
-        return {**linear, **recover(self._linear(), self._covariance(), self._depths)._asdict()}
+        return {**linear, **recover(self.linear_parameters, self._covariance(), self._depths)._asdict()}
 
     @property
     def standard_errors(self) -> dict[str, float | None] | None:
@@ -338,9 +334,9 @@ class LinearisedEstimator(Estimator):
         return errors | self._recovered_errors(covariance)
 
     def _recovered_errors(self, covariance: Array) -> dict[str, float | None]:
-        centre = np.array(self._linear())
+        centre = np.array(self.linear_parameters)
         steps = 1e-3 * np.sqrt(np.maximum(0.0, np.diag(covariance)))
-        middle = recover(self._linear(), covariance, self._depths)
+        middle = recover(self.linear_parameters, covariance, self._depths)
         moved = [
             [recover(_tuple(centre + sign * side), covariance, self._depths) for sign in (1.0, -1.0)]
             for side in np.diag(steps)
@@ -355,19 +351,10 @@ class LinearisedEstimator(Estimator):
             errors[name] = error_along(slope, covariance)
         return errors
 
-    def _linear(self) -> tuple[float, float, float, float]:
-        """Theta in metres."""
-        return _tuple(to_metres(self._state.numbers[:4], *self.options.scales))
-
-    @property
-    def _variance(self) -> float | None:
-        variance = float(residual_variance(*self._state.numbers[14:]))
-        return None if math.isnan(variance) else variance
-
     def _covariance(self) -> Array | None:
         """Covariance of theta in metres by the residuals; only an indication where forgetting or perturbation act."""
-        variance, covariance = self._variance, self.unscaled_covariance
-        if variance is None or not variance * float(np.trace(covariance)) < LARGEST_TRACE:
+        variance, covariance = float(residual_variance(*self._state.numbers[14:])), self.unscaled_covariance
+        if not variance * float(np.trace(covariance)) < LARGEST_TRACE:  # nor where the variance is not known: NaN
             return None
         return self._to_metres @ (variance * covariance) @ self._to_metres.T
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from foretouch.core.records import Record
 from foretouch.errors import SettingError
-from foretouch.errors.checks import require
+from foretouch.errors.checks import require, require_fields
 from foretouch.identification.conditioning.conditioner import ContactSample
 from foretouch.identification.estimator import Status
 from foretouch.identification.linear.recovery import BINS_PER_DECADE, DECADES
@@ -57,8 +57,7 @@ class RobustOptions:
     covariance_limit: float | None = None
 
     def __post_init__(self) -> None:
-        require("gate_force", self.gate_force, at_least=0.0)
-        require("gate_depth", self.gate_depth, at_least=0.0)
+        require_fields(self, "gate_force", "gate_depth", at_least=0.0)
         for name in ("largest_rate", "weight_force", "covariance_limit"):
             value = getattr(self, name)
             if value is not None:
@@ -91,11 +90,6 @@ class RobustOptions:
             return 1.0
         weight = force / self.weight_force
         return min(max(weight * weight, 1e-12), 1e12)
-
-    def bounded_rate(self, velocity: float, depth: float) -> float:
-        """Velocity over depth, v / x [1/s], within its bound."""
-        rate = velocity / depth
-        return rate if self.largest_rate is None else min(max(rate, -self.largest_rate), self.largest_rate)
 
 
 def require_choice(name: str, value: object, choices: tuple[str, ...]) -> None:
@@ -206,9 +200,7 @@ class FPRLSOptions:
 
     def __post_init__(self) -> None:
         require("initial_covariance", self.initial_covariance, above=0.0)
-        require("perturbation", self.perturbation, at_least=0.0)
-        require("sensitivity", self.sensitivity, at_least=0.0)
-        require("forgetting_rate", self.forgetting_rate, at_least=0.0)
+        require_fields(self, "perturbation", "sensitivity", "forgetting_rate", at_least=0.0)
         if len(self.initial_parameters) != 4:
             raise SettingError("initial_parameters", self.initial_parameters, "takes ln_k, s, b1, b2")
         for value in self.initial_parameters:

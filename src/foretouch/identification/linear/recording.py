@@ -6,7 +6,7 @@ loops that become vector instructions, then the recursion with theta and P in re
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,9 @@ from foretouch.identification.linear.recursion import logarithm
 from foretouch.identification.linear.sample import count_depth, forget_depths, restart
 
 Array = NDArray[np.float64]
+
+Samples: TypeAlias = tuple[Array, Array, Array, NDArray[np.bool_]]
+"""Depth [m], velocity [m/s], force [N] and contact of a recording, shape (n,) each."""
 
 BLOCK = 1024
 
@@ -73,16 +76,10 @@ def take_all(
 
 @compiled(error_model="numpy")
 def gather(
-    depth: Array,
-    velocity: Array,
-    force: Array,
-    in_contact: NDArray[np.bool_],
-    options: Packed,
-    last_depth: float,
-    blocks: NDArray[np.void],
-    status: NDArray[np.int8],
+    samples: Samples, options: Packed, last_depth: float, blocks: NDArray[np.void], status: NDArray[np.int8]
 ) -> tuple[int, float]:
     """Select the samples to learn from; returns their number, and the depth that the next one moves from."""
+    depth, velocity, force, in_contact = samples
     block, gate_depth, gate_force = blocks[0], options.gate_depth, options.gate_force
     refused = 0
     for i in range(depth.size):
@@ -180,30 +177,15 @@ def recur(
 
 
 @entry_point
-def run(
-    recordings: NDArray[np.void],
-    depth: Array,
-    velocity: Array,
-    force: Array,
-    in_contact: NDArray[np.bool_],
-    status: NDArray[np.int8],
-    every: Array,
-) -> None:
+def run(recordings: NDArray[np.void], samples: Samples, status: NDArray[np.int8], every: Array) -> None:
     """Process all samples of a recording, as `foretouch.identification.linear.sample.update` one after the other."""
     blocks = np.empty(1, _BLOCK)
     state, options = recordings[0].state, recordings[0].options
+    depth, velocity, force, in_contact = samples
     for start in range(0, depth.size, BLOCK):
         end = min(start + BLOCK, depth.size)
-        count, last_depth = gather(
-            depth[start:end],
-            velocity[start:end],
-            force[start:end],
-            in_contact[start:end],
-            options,
-            state.last_depth,
-            blocks,
-            status[start:end],
-        )
+        part = depth[start:end], velocity[start:end], force[start:end], in_contact[start:end]
+        count, last_depth = gather(part, options, state.last_depth, blocks, status[start:end])
         features(blocks, count, options)
         restarted = recur(state, options, blocks, count, status[start:end], every[start:end])
         # A restart forgets the last depth; so does free air after it.

@@ -148,16 +148,14 @@ def _step(
     target: float,
     weight: float,
     forgetting_factor: float,
-    sensitivity: float,
-    perturbation: float,
-    resetting: bool,
-    trace_limit: float,
+    rules: tuple[float, float, bool, float],
 ) -> int:
     """One step in place: see `Recursion.learn`.
 
     Returns 0 when P was no longer a covariance (then the caller begins again), 1 otherwise, 2 when the
     self-perturbing test tripped. P is kept symmetric by computing one triangle.
     """
+    sensitivity, perturbation, resetting, trace_limit = rules
     size = theta.size
     innovation = target
     for i in range(size):
@@ -224,8 +222,7 @@ class Recursion:
         self._initial = initial
         # Compiled here, before any loop: the first call would otherwise cost a second inside it.
         self._initial_covariance = initial_covariance
-        self._choices = (sensitivity, perturbation, form == "reset")
-        self._trace_limit = trace_limit
+        self._rules = (sensitivity, perturbation, form == "reset", trace_limit)
         self._regressor = np.zeros(initial.size)
         self.reset()
         self.learn((0.0,) * initial.size, 0.0)
@@ -261,19 +258,8 @@ class Recursion:
         """
         for index, value in enumerate(regressor):
             self._regressor[index] = value
-        return int(
-            _step(
-                self.theta,
-                self.covariance,
-                self._residuals,
-                self._regressor,
-                target,
-                weight,
-                forgetting_factor,
-                *self._choices,
-                self._trace_limit,
-            )
-        )
+        known = self.theta, self.covariance, self._residuals
+        return int(_step(*known, self._regressor, target, weight, forgetting_factor, self._rules))
 
     @property
     def residual_variance(self) -> float | None:

@@ -16,7 +16,7 @@ from importlib.resources import files
 import msgspec
 
 from foretouch.errors import UnknownNameError
-from foretouch.errors.checks import require
+from foretouch.errors.checks import require, require_fields
 from foretouch.models.classic import HuntCrossley, KelvinVoigt
 from foretouch.plugins import make_plugin, plugin_names
 from foretouch.robot.materials.contacts import ElasticResponse, LayeredContact, RelaxingContact
@@ -233,11 +233,8 @@ class PlateauResponse(ElasticResponse):
     thickness: float
 
     def __post_init__(self) -> None:
-        require("plateau_force", self.plateau_force, above=0.0)
-        require("buckling_strain", self.buckling_strain, above=0.0)
+        require_fields(self, "plateau_force", "buckling_strain", "densification", "thickness", above=0.0)
         require("densification_strain", self.densification_strain, above=0.0, at_most=1.0)
-        require("densification", self.densification, above=0.0)
-        require("thickness", self.thickness, above=0.0)
 
     def force(self, deflection: float) -> float:
         """E(y) [N]: see `ElasticResponse`."""

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from foretouch.errors import SettingError
 from foretouch.errors.checks import require
 from foretouch.models import ContactModel, ContactState
-from foretouch.models.contact_model import LARGEST_DEPTH
+from foretouch.models.contact_model import LARGEST_DEPTH, Advanced
 
 Layer = tuple[float, float, float, float]
 """One layer: thickness h [m], force p that halves it [N], relaxing fraction g [-], relaxation time tau [s]."""
@@ -58,7 +58,6 @@ class LayeredContact(ContactModel):
     """
 
     law: ClassVar[str] = "layered-contact"
-    parameter_names: ClassVar[tuple[str, ...]] = ()  # it does not travel on the wire
     layers: tuple[Layer, Layer, Layer]
     base_stiffness: float
 
@@ -75,9 +74,7 @@ class LayeredContact(ContactModel):
         """No force, nothing relaxed."""
         return (0.0, 0.0, 0.0, 0.0)
 
-    def advance(
-        self, state: ContactState, depth: float, velocity: float, sample_period: float
-    ) -> tuple[ContactState, float, float]:
+    def advance(self, state: ContactState, depth: float, velocity: float, sample_period: float) -> Advanced:
         """One step: see `foretouch.models.advance`. A depth that is no number counts as free air."""
         layered_step, table = self._compiled
         after = layered_step(state, min(depth, LARGEST_DEPTH), sample_period, 1.0 / self.base_stiffness, table)
@@ -92,6 +89,16 @@ class LayeredContact(ContactModel):
 
 Relaxation = tuple[float, float]
 """One part of the memory: fraction g of the response [-], relaxation time tau [s]."""
+
+
+def check_relaxation(relaxation: tuple[Relaxation, ...]) -> None:
+    """Refuse fractions and times that no relaxation has."""
+    for row in relaxation:
+        if not (row[0] > 0.0 and 0.0 < row[1] < math.inf):
+            raise SettingError("relaxation", row, "fractions and times must be above 0")
+    if not sum(fraction for fraction, _ in relaxation) < 1.0:
+        raise SettingError("relaxation", relaxation, "the fractions must be below 1 together")
+
 
 USUAL_PERIOD = 5e-4  # of the arm's physics [s]: what it needs of exponentials is kept
 SMALLEST_RATIO = 1e-6  # of stress to flow force: below it sinh(z) / z is 1
@@ -163,17 +170,12 @@ class RelaxingContact(ContactModel):
     """
 
     law: ClassVar[str] = "relaxing-contact"
-    parameter_names: ClassVar[tuple[str, ...]] = ()  # it does not travel on the wire
     elastic: ElasticResponse
     relaxation: tuple[Relaxation, ...]
     flow_force: float = math.inf
 
     def __post_init__(self) -> None:
-        for row in self.relaxation:
-            if not (row[0] > 0.0 and 0.0 < row[1] < math.inf):
-                raise SettingError("relaxation", row, "shares and times must be above 0")
-        if not sum(fraction for fraction, _ in self.relaxation) < 1.0:
-            raise SettingError("relaxation", self.relaxation, "the shares must be below 1 together")
+        check_relaxation(self.relaxation)
         if not self.flow_force > 0.0:
             raise SettingError("flow_force", self.flow_force, "must be above 0")
 
@@ -181,9 +183,7 @@ class RelaxingContact(ContactModel):
         """Not deflected, nothing relaxed."""
         return (0.0,) * (1 + len(self.relaxation))
 
-    def advance(
-        self, state: ContactState, depth: float, velocity: float, sample_period: float
-    ) -> tuple[ContactState, float, float]:
+    def advance(self, state: ContactState, depth: float, velocity: float, sample_period: float) -> Advanced:
         """One step: see `foretouch.models.advance`. A depth that is no number counts as free air."""
         stress, *parts = state
         if self.flow_force == math.inf:
@@ -279,7 +279,6 @@ class HystereticContact(ContactModel):
     """
 
     law: ClassVar[str] = "hysteretic-contact"
-    parameter_names: ClassVar[tuple[str, ...]] = ()  # tables, not named numbers: it does not travel on the wire
     springs: tuple[Spring, ...]
     branches: tuple[Branch, ...] = ()
 
@@ -304,9 +303,7 @@ class HystereticContact(ContactModel):
         rows = [(*spring, math.inf, math.inf) for spring in self.springs]
         return hysteretic_step, np.array([*rows, *self.branches], dtype=np.float64).reshape(-1, 5), len(rows)
 
-    def advance(
-        self, state: ContactState, depth: float, velocity: float, sample_period: float
-    ) -> tuple[ContactState, float, float]:
+    def advance(self, state: ContactState, depth: float, velocity: float, sample_period: float) -> Advanced:
         """One step: see `foretouch.models.advance`. A depth that is not finite gives no force and moves nothing."""
         hysteretic_step, table, springs = self._compiled
         values = hysteretic_step(state, depth, sample_period, table, springs).tolist()

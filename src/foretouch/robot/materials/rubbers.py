@@ -17,9 +17,9 @@ from typing import ClassVar
 import msgspec
 
 from foretouch.errors import SettingError
-from foretouch.errors.checks import require
+from foretouch.errors.checks import require, require_fields
 from foretouch.models import ContactModel, ContactState
-from foretouch.models.contact_model import LARGEST_DEPTH
+from foretouch.models.contact_model import LARGEST_DEPTH, Advanced
 from foretouch.robot.materials.material import Material
 from foretouch.robot.materials.spheres import SPHERE_RADIUS, hertz_factor
 
@@ -59,7 +59,6 @@ class MullinsSphere(ContactModel):
     """
 
     law: ClassVar[str] = "mullins-sphere"
-    parameter_names: ClassVar[tuple[str, ...]] = ()  # it does not travel on the wire
     modulus: float
     softening: float
     energy: float
@@ -67,8 +66,7 @@ class MullinsSphere(ContactModel):
     radius: float = SPHERE_RADIUS
 
     def __post_init__(self) -> None:
-        for name in ("modulus", "energy", "radius"):
-            require(name, getattr(self, name), above=0.0)
+        require_fields(self, "modulus", "energy", "radius", above=0.0)
         require("softening", self.softening, above=1.0)
         require("growth", self.growth, at_least=0.0)
 
@@ -76,9 +74,7 @@ class MullinsSphere(ContactModel):
         """Never pressed."""
         return (0.0,)
 
-    def advance(
-        self, state: ContactState, depth: float, velocity: float, sample_period: float
-    ) -> tuple[ContactState, float, float]:
+    def advance(self, state: ContactState, depth: float, velocity: float, sample_period: float) -> Advanced:
         """One step: see `foretouch.models.advance`. A depth that is no number counts as free air."""
         if not depth > 0.0:
             return state, 0.0, math.nan
@@ -136,14 +132,12 @@ class AdhesiveSphere(ContactModel):
     """
 
     law: ClassVar[str] = "adhesive-sphere"
-    parameter_names: ClassVar[tuple[str, ...]] = ()  # it does not travel on the wire
     modulus: float
     adhesion: float
     radius: float = SPHERE_RADIUS
 
     def __post_init__(self) -> None:
-        for name in ("modulus", "adhesion", "radius"):
-            require(name, getattr(self, name), above=0.0)
+        require_fields(self, "modulus", "adhesion", "radius", above=0.0)
 
     def initial_state(self) -> ContactState:
         """Free."""
@@ -183,9 +177,7 @@ class AdhesiveSphere(ContactModel):
                 break
         return max(root, self.least_root)
 
-    def advance(
-        self, state: ContactState, depth: float, velocity: float, sample_period: float
-    ) -> tuple[ContactState, float, float]:
+    def advance(self, state: ContactState, depth: float, velocity: float, sample_period: float) -> Advanced:
         """One step: see `foretouch.models.advance`. A depth that is no number counts as free air; it may pull."""
         held = state[0] > 0.0
         if not (depth > 0.0 or (held and depth >= self.release_depth)):
@@ -236,7 +228,6 @@ class TabulatedContact(ContactModel):
     """
 
     law: ClassVar[str] = "tabulated-contact"
-    parameter_names: ClassVar[tuple[str, ...]] = ()  # it does not travel on the wire
     depth: tuple[float, ...]
     force: tuple[float, ...]
 
@@ -260,9 +251,7 @@ class TabulatedContact(ContactModel):
         slopes.append(min(max(1.5 * rises[-1] - 0.5 * slopes[-1], 0.0), 3.0 * rises[-1]))
         return roots, slopes
 
-    def advance(
-        self, state: ContactState, depth: float, velocity: float, sample_period: float
-    ) -> tuple[ContactState, float, float]:
+    def advance(self, state: ContactState, depth: float, velocity: float, sample_period: float) -> Advanced:
         """One step: see `foretouch.models.advance`. A depth that is no number counts as free air."""
         if not depth > 0.0:
             return state, 0.0, math.nan

@@ -16,10 +16,10 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.errors import SettingError
-from foretouch.errors.checks import require
+from foretouch.errors.checks import require, require_fields
 from foretouch.models import ContactModel, ContactState
-from foretouch.models.contact_model import LARGEST_DEPTH
+from foretouch.models.contact_model import LARGEST_DEPTH, Advanced
+from foretouch.robot.materials.contacts import Relaxation, check_relaxation
 from foretouch.robot.materials.material import Material
 
 Array = NDArray[np.float64]
@@ -76,16 +76,14 @@ class ViscoelasticSphere(ContactModel):
     """
 
     law: ClassVar[str] = "viscoelastic-sphere"
-    parameter_names: ClassVar[tuple[str, ...]] = ()  # it does not travel on the wire
     modulus: float
-    relaxation: tuple[tuple[float, float], ...]
+    relaxation: tuple[Relaxation, ...]
     radius: float = SPHERE_RADIUS
     deepest: float = SPHERE_RADIUS
     rings: int = 64
 
     def __post_init__(self) -> None:
-        for name in ("modulus", "radius", "deepest"):
-            require(name, getattr(self, name), above=0.0)
+        require_fields(self, "modulus", "radius", "deepest", above=0.0)
         require("rings", self.rings, at_least=2)
         check_relaxation(self.relaxation)
 
@@ -93,9 +91,7 @@ class ViscoelasticSphere(ContactModel):
         """Flat, and nothing relaxed."""
         return (0.0,) * (self.rings * (1 + len(self.relaxation)))
 
-    def advance(
-        self, state: ContactState, depth: float, velocity: float, sample_period: float
-    ) -> tuple[ContactState, float, float]:
+    def advance(self, state: ContactState, depth: float, velocity: float, sample_period: float) -> Advanced:
         """One step: see `foretouch.models.advance`. A depth that is no number counts as free air."""
         step, rings, relaxation = self._compiled
         values = np.array(state)
@@ -110,15 +106,6 @@ class ViscoelasticSphere(ContactModel):
         slopes = np.diff(hertz_factor(self.modulus, self.radius) * depths**1.5) / np.diff(depths)
         rings = np.column_stack((depths[:-1], np.diff(slopes, prepend=0.0)))
         return viscoelastic_step, rings, np.array(self.relaxation, dtype=np.float64).reshape(-1, 2)
-
-
-def check_relaxation(relaxation: tuple[tuple[float, float], ...]) -> None:
-    """Refuse fractions and times that no relaxation has."""
-    for row in relaxation:
-        if not (row[0] > 0.0 and 0.0 < row[1] < math.inf):
-            raise SettingError("relaxation", row, "fractions and times must be above 0")
-    if not sum(fraction for fraction, _ in relaxation) < 1.0:
-        raise SettingError("relaxation", relaxation, "the fractions must be below 1 together")
 
 
 def sphere_viscoelastic() -> Material:
@@ -178,24 +165,20 @@ class PoroelasticSphere(ContactModel):
     """
 
     law: ClassVar[str] = "poroelastic-sphere"
-    parameter_names: ClassVar[tuple[str, ...]] = ()  # it does not travel on the wire
     shear_modulus: float
     poisson_ratio: float
     diffusivity: float
     radius: float = SPHERE_RADIUS
 
     def __post_init__(self) -> None:
-        for name in ("shear_modulus", "diffusivity", "radius"):
-            require(name, getattr(self, name), above=0.0)
+        require_fields(self, "shear_modulus", "diffusivity", "radius", above=0.0)
         require("poisson_ratio", self.poisson_ratio, at_least=0.0, at_most=0.5)
 
     def initial_state(self) -> ContactState:
         """Flat, and nothing drained."""
         return (0.0,) * (1 + len(DRAINAGE))
 
-    def advance(
-        self, state: ContactState, depth: float, velocity: float, sample_period: float
-    ) -> tuple[ContactState, float, float]:
+    def advance(self, state: ContactState, depth: float, velocity: float, sample_period: float) -> Advanced:
         """One step: see `foretouch.models.advance`. A depth that is no number counts as free air."""
         stress, *parts = state
         factor = hertz_factor(4.0 * self.shear_modulus, self.radius)
@@ -267,15 +250,13 @@ class ThinLayer(ContactModel):
     """
 
     law: ClassVar[str] = "thin-layer"
-    parameter_names: ClassVar[tuple[str, ...]] = ()  # it does not travel on the wire
     modulus: float
     thickness: float
     retardation: float
     radius: float = SPHERE_RADIUS
 
     def __post_init__(self) -> None:
-        for name in ("modulus", "thickness", "retardation", "radius"):
-            require(name, getattr(self, name), above=0.0)
+        require_fields(self, "modulus", "thickness", "retardation", "radius", above=0.0)
 
     def initial_state(self) -> ContactState:
         """Flat."""
@@ -288,9 +269,7 @@ class ThinLayer(ContactModel):
             factor = factor * ratio + coefficient
         return float(hertz_factor(self.modulus / 0.75, self.radius) * depth**1.5 * factor)
 
-    def advance(
-        self, state: ContactState, depth: float, velocity: float, sample_period: float
-    ) -> tuple[ContactState, float, float]:
+    def advance(self, state: ContactState, depth: float, velocity: float, sample_period: float) -> Advanced:
         """One step: see `foretouch.models.advance`. A depth that is no number counts as free air."""
         ratio = self.retardation / sample_period
         free = state[0] * ratio / (1.0 + ratio)

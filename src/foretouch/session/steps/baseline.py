@@ -31,8 +31,7 @@ from __future__ import annotations
 import math
 
 from foretouch.devices import DeviceSpecification
-from foretouch.models import ContactModel, ContactState, MotionFilter
-from foretouch.models.contact_model import NO_STATE
+from foretouch.models import MotionFilter
 from foretouch.quantities.pose import scaled
 from foretouch.rendering import Renderer, tick
 from foretouch.rendering.passivity_control import PassivityController
@@ -71,15 +70,8 @@ class DelayedForce(Renderer):
         self._controller = PassivityController(device.damping) if settings.baseline == "delayed-tdpa" else None
         self._hand_motion, self._proxy_motion = MotionFilter(), MotionFilter()
 
-    def adopt(
-        self,
-        model: ContactModel | None,
-        surface: float,
-        state: ContactState = NO_STATE,
-        tick: int | None = None,
-        message: int = 0,
-    ) -> None:
-        """Use no model."""
+    def adopt(self, *_arrived: object, **_named: object) -> None:
+        """Use no model, whichever comes."""
 
     def update(
         self, time: float, hand: float, period: float, *, free: bool = False, frame: ContactFrame | None = None
