@@ -109,13 +109,13 @@ def conditioned(recording: Recording, truth: Truth | None, delay: float, given: 
     """A recording, conditioned sample by sample; the zero of its force is given or found."""
     zero = lowest_mean(recording.time, recording.force)
     conditioner = Conditioner(force_offset=zero if given else None, contact_floor=recording.contact_floor)
-    motion, count = MotionFilter(), len(recording)
+    motion, change, count = MotionFilter(), MotionFilter(velocity_cutoff=40.0), len(recording)
     columns, touching = np.empty((4, count)), np.zeros(count, np.bool_)
     samples = zip(recording.time.tolist(), recording.position.tolist(), recording.force.tolist(), strict=True)
     for index, (time, position, force) in enumerate(samples):
-        motion.update(time, position)
+        acceleration = change.update(time, motion.update(time, position))
         touching[index] = conditioner.update(time, position, force, motion.velocity).in_contact
-        columns[:, index] = motion.velocity, motion.acceleration, conditioner.surface, conditioner.force_offset
+        columns[:, index] = motion.velocity, acceleration, conditioner.surface, conditioner.force_offset
     return Press(
         recording,
         truth,

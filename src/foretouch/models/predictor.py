@@ -1,6 +1,6 @@
 """The newest contact model at the operator's own motion, which leader and offline prediction both run.
 
-Velocity and acceleration are taken from positions causally, the same at both ends.
+The velocity is taken from positions causally, the same at both ends.
 """
 
 from __future__ import annotations
@@ -24,43 +24,34 @@ from foretouch.quantities import brief_number, brief_text
 VELOCITY_CUTOFF = 80.0
 """Cut-off of the velocity low-pass [Hz]: a 5 um encoder at 1 kHz leaves 0.5 mm/s of noise, and it lags by 2 ms."""
 
-ACCELERATION_CUTOFF = 40.0  # Cut-off of the acceleration low-pass [Hz]
-
 
 class MotionFilter(Held):
-    r"""Differences of position through first-order low-passes that allow for uneven sample times.
+    r"""Differences of position through a first-order low-pass that allows for uneven sample times.
 
     .. math::
         v_k = v_{k-1} + \left(1 - e^{-2 \pi f_c T}\right)\left(\frac{x_k - x_{k-1}}{T} - v_{k-1}\right)
 
-    and the same once more, with its own cut-off, from velocity to acceleration. Positions themselves are not
-    filtered: that would smear impacts.
+    Positions themselves are not filtered: that would smear impacts. Another one, of the velocity, is an acceleration.
 
     Args:
-        velocity_cutoff: f_c of the velocity [Hz], positive.
-        acceleration_cutoff: f_c of the acceleration [Hz], positive.
+        velocity_cutoff: f_c [Hz], positive.
 
     Attributes:
         velocity: Newest estimate [m/s]; 0 before the second sample.
-        acceleration: Newest estimate [m/s^2]; 0 before the second sample.
     """
 
     __slots__ = ()
 
     velocity: float
-    acceleration: float
 
-    def __init__(
-        self, velocity_cutoff: float = VELOCITY_CUTOFF, acceleration_cutoff: float = ACCELERATION_CUTOFF
-    ) -> None:
+    def __init__(self, velocity_cutoff: float = VELOCITY_CUTOFF) -> None:
         require("velocity_cutoff", velocity_cutoff, above=0.0)
-        require("acceleration_cutoff", acceleration_cutoff, above=0.0)
-        super().__init__(_compiled().Motion.new(**_rates(velocity_cutoff, acceleration_cutoff)))
+        super().__init__(_compiled().Motion.new(velocity_rate=2.0 * math.pi * velocity_cutoff))
 
     def reset(self) -> None:
         """Forget all samples."""
         self.time = self.position = math.nan
-        self.velocity = self.acceleration = 0.0
+        self.velocity = 0.0
 
     def update(self, time: float, position: float) -> float:
         """Take one sample and return the velocity [m/s].
@@ -81,12 +72,6 @@ STATE_TOLERANCE = 2e-4
 exactly where the operator was, and every state of the laws is a position."""
 
 SLICE = 1000  # Number of samples of past motion that are run again in one tick, so that it stays short
-
-
-def _rates(velocity_cutoff: float, acceleration_cutoff: float) -> dict[str, float]:
-    """Cut-offs [Hz] as a `MotionFilter` has them."""
-    rate = 2.0 * math.pi
-    return {"velocity_rate": rate * velocity_cutoff, "acceleration_rate": rate * acceleration_cutoff}
 
 
 _Arrived: TypeAlias = tuple[ContactModel, float, ContactState, int, int]
@@ -144,7 +129,6 @@ class Predictor(Held):
     def __init__(self) -> None:
         kernel = _compiled()
         super().__init__(kernel.Prediction.new())
-        self.records["motion"] = kernel.Motion.new(**_rates(VELOCITY_CUTOFF, ACCELERATION_CUTOFF))
         self._update = kernel.update.entry
         self._former: tuple[ContactModel | None, ContactState] = None, NO_STATE  # what predicted before
         self._foreign = False  # whether a law that is not compiled is asked at the next sample

@@ -14,7 +14,7 @@ from foretouch.models.contact_map.kernel import Memory, memory_of, moved, number
 from foretouch.models.contact_map.layout import MEMORY, SIZE, Map
 from foretouch.models.contact_model import LARGEST_DEPTH, LARGEST_SPEED
 from foretouch.models.law_kernel import Law
-from foretouch.models.predictor import HISTORY, STATE_TOLERANCE
+from foretouch.models.predictor import HISTORY, STATE_TOLERANCE, VELOCITY_CUTOFF
 
 Numbers = NDArray[Any]
 
@@ -22,12 +22,10 @@ Numbers = NDArray[Any]
 class Motion(Record):
     """State of a `foretouch.models.MotionFilter`."""
 
-    velocity_rate: float  # 2 pi f_c [1/s]
-    acceleration_rate: float
+    velocity_rate: float = 2.0 * math.pi * VELOCITY_CUTOFF  # 2 pi f_c [1/s]
     time: float = math.nan  # of the newest sample [s], NaN before the first
     position: float = math.nan  # [m]
     velocity: float  # [m/s]
-    acceleration: float  # [m/s^2]
 
 
 @compiled(error_model="numpy")
@@ -38,11 +36,9 @@ def move(motion: Motion, time: float, position: float) -> float:
         if math.isnan(motion.time) and math.isfinite(position) and math.isfinite(time):
             motion.time, motion.position = time, position
         return float(motion.velocity)
-    before, acceleration = motion.velocity, motion.acceleration
+    before = motion.velocity
     slope = (position - motion.position) / period
     velocity = before + (1.0 - math.exp(-motion.velocity_rate * period)) * (slope - before)
-    change = (velocity - before) / period
-    motion.acceleration = acceleration + (1.0 - math.exp(-motion.acceleration_rate * period)) * (change - acceleration)
     motion.velocity, motion.time, motion.position = velocity, time, position
     return float(velocity)
 
