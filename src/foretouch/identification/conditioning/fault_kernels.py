@@ -192,6 +192,7 @@ def find_loss(loss: Loss, time: float, position: float, force: float, zero: floa
     return FORCE_DISAGREES if _disagrees(loss, force - zero, effort, period) else GOOD
 
 
+LEAST_STEP = 0.3  # Smaller steps of the offset than this [N] are not looked for
 NOISE_FACTOR = 15.0  # Least step, as a multiple of the standard deviation of the force before it
 LEVEL_SHARE = 0.3  # Largest deviation after a step, as a fraction of its size: 4.5 standard deviations of the smallest
 LONGEST_RISE = 3e-3  # Longest time between the two samples of a step [s]: in more time a stiff contact rises as much
@@ -229,7 +230,6 @@ class FreeMotion(Record):
 class Step(Record):
     """State of the watch for a step of the offset."""
 
-    least: float  # step that is detected [N]
     zero: float = math.nan  # [N], NaN before it is known
     edge: float = -math.inf  # innermost position of the newest free motion [m]
     newest: float = math.nan  # position of the last sample [m], NaN for none
@@ -273,9 +273,9 @@ def restart_steps(step: Step) -> None:
 def _has_stepped(step: Step, force: float) -> bool:
     """Whether the force has stepped since the sample before the previous one."""
     second, spread = step.second_force, math.sqrt(step.variance)
-    if step.quiet < QUIET_BEFORE or abs(force - second) < max(step.least, NOISE_FACTOR * spread):
+    if step.quiet < QUIET_BEFORE or abs(force - second) < max(LEAST_STEP, NOISE_FACTOR * spread):
         return False
-    return bool(abs(second - step.level) <= 4.0 * spread + 0.1 * step.least)
+    return bool(abs(second - step.level) <= 4.0 * spread + 0.1 * LEAST_STEP)
 
 
 @compiled
@@ -298,7 +298,7 @@ def _judge(step: Step, force: float) -> None:
     step.age, step.confirmed, step.level_after = 0.0, 0, force
     _sets_out(step, -math.inf, 0.0, False)
     step.low = step.high = step.place = step.second
-    step.catches = -LARGEST_PULL <= step.rise < 0.0 and not step.before > step.zero + step.least
+    step.catches = -LARGEST_PULL <= step.rise < 0.0 and not step.before > step.zero + LEAST_STEP
     step.quiet = 0.0
 
 
@@ -315,25 +315,24 @@ def _has_stayed(step: Step, position: float, force: float, period: float) -> boo
         step.confirmed += 1
         step.level_after += (force - step.level_after) / step.confirmed
         return False
-    if size < step.least or abs(step.rise) < 0.8 * size:
+    if size < LEAST_STEP or abs(step.rise) < 0.8 * size:
         step.age = math.inf
     if not HOLD <= step.age < math.inf:
         return False
-    is_still, is_below = step.high - step.low <= STILL, step.level_after < step.zero - step.least
+    is_still, is_below = step.high - step.low <= STILL, step.level_after < step.zero - LEAST_STEP
     comes_nearer = step.high - step.place > STILL and max(step.high - step.place, step.place - step.low) < CATCH_WAY
     if is_below and not is_still and step.catches and comes_nearer:
         return False
     step.age = math.inf
-    lets_go = step.before < step.zero - step.least and abs(step.level_after - step.zero) < step.least
+    lets_go = step.before < step.zero - LEAST_STEP and abs(step.level_after - step.zero) < LEAST_STEP
     return is_below or (is_still and not lets_go)
 
 
 @compiled
 def _is_free(step: Step, position: float, force: float, period: float, told: float) -> bool:
     """Whether free air shows that the zero is wrong; `told` is what is known of it otherwise [N], or NaN."""
-    least = step.least
     low, high = min(step.free.low, force), max(step.free.high, force)
-    if position > step.free.outermost + TURN or high - low > least:
+    if position > step.free.outermost + TURN or high - low > LEAST_STEP:
         _sets_out(step, position, force, False)
         return False
     step.free.low, step.free.high = low, high
@@ -343,15 +342,15 @@ def _is_free(step: Step, position: float, force: float, period: float, told: flo
     if begin - position < FREE_WAY or age < HOLD:
         return False
     level = 0.5 * (low + high)
-    if level >= step.zero + FREE_FACTOR * least:
+    if level >= step.zero + FREE_FACTOR * LEAST_STEP:
         _sets_out(step, position, force, False)
         return bool(begin <= step.edge)
-    if level < told - least:  # something holds the probe
+    if level < told - LEAST_STEP:  # something holds the probe
         _sets_out(step, position, force, False)
         return False
-    if not level >= step.zero - least:  # the first, or the earlier level was not free air
+    if not level >= step.zero - LEAST_STEP:  # the first, or the earlier level was not free air
         step.zero, step.edge = level, begin
-    elif level > step.zero + FREE_SHARE * least:  # neither certainly free air nor a wrong zero
+    elif level > step.zero + FREE_SHARE * LEAST_STEP:  # neither certainly free air nor a wrong zero
         _sets_out(step, position, force, False)
         return False
     elif not step.free.goes_on:

@@ -34,7 +34,6 @@ from foretouch.identification.conditioning.fault_kernels import (
     restart_steps,
 )
 
-LEAST_STEP = 0.3  # Smaller steps of the offset than this [N] are not looked for
 LEAST_SPIKE = 0.5  # Smaller spikes than this [N] are not looked for
 END_RATIO = 0.02  # Distance from an end of the range that counts as at it, as a fraction of it
 
@@ -103,7 +102,6 @@ class Watch(Record):
     lowest: float  # end of the range [N]
     highest: float  # end of the range [N]
     largest_speed: float  # [m/s]
-    least_spike: float  # [N]
     mass: float  # [kg]
     step: Step
     loss: Loss
@@ -172,7 +170,7 @@ def _is_spike(watch: Watch, position: float, force: float, period: float) -> boo
     peak, before, earlier = watch.contacts[0], watch.contacts[1], watch.contacts[2]
     up, down = peak - before, peak - force
     size = min(abs(up), abs(down)) if up * down > 0.0 else 0.0
-    threshold = max(watch.least_spike, SPIKE_FACTOR * watch.activity)
+    threshold = max(LEAST_SPIKE, SPIKE_FACTOR * watch.activity)
     result = size > threshold and abs(force - before) < 0.5 * size and abs(before - earlier) < 0.5 * size
     if result and up > 0.0:
         speed = (further - furthest) / period
@@ -284,8 +282,6 @@ class SensorWatch:
         force_range: Smallest and largest force that the sensor can show [N]; infinite for an end that is not known, or
             at which the sensor may rest; None for both.
         largest_speed: No motion is faster [m/s], positive; an encoder's count is allowed on top.
-        least_step: Smallest offset step that is looked for [N], positive.
-        least_spike: Smallest spike that is looked for [N], positive.
         moving_mass: The most that an impact slows: carriage and tool [kg], positive.
         memory: Array of one `Watch` for the state, part of another record; None for one of its own.
 
@@ -303,8 +299,6 @@ class SensorWatch:
         force_range: tuple[float, float] | None = None,
         *,
         largest_speed: float = 1.0,
-        least_step: float = LEAST_STEP,
-        least_spike: float = LEAST_SPIKE,
         moving_mass: float = 1.0,
         memory: NDArray[np.void] | None = None,
     ) -> None:
@@ -312,17 +306,13 @@ class SensorWatch:
         if not low < high:
             raise SettingError("force_range", force_range, "the largest force must be above the smallest")
         require("largest_speed", largest_speed, above=0.0)
-        require("least_step", least_step, above=0.0)
-        require("least_spike", least_spike, above=0.0)
         require("moving_mass", moving_mass, above=0.0)
         near = [0.0 if math.isinf(end) else END_RATIO * abs(end) for end in (low, high)]
         self._settings = {
             "lowest": low + near[0],
             "highest": high - near[1],
             "largest_speed": largest_speed,
-            "least_spike": least_spike,
             "mass": moving_mass,
-            "step": Step.new(least=least_step)[0],
         }
         self._look, self._memory = look.entry, Watch.new() if memory is None else memory
         self.reset()
