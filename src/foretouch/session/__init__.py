@@ -9,7 +9,6 @@ from foretouch.session.operators import (
     felt_texts,
     make_operator,
     require_simulated_operator,
-    require_simulated_time,
 )
 from foretouch.session.processes.processes import run_processes
 from foretouch.session.processes.recorder import RECORDER_CHANNELS, RECORDING_INCOMPLETE, Recorder, run_recorder
@@ -66,7 +65,6 @@ __all__ = [
     "replay_notes",
     "replay_under",
     "require_simulated_operator",
-    "require_simulated_time",
     "run_follower",
     "run_leader",
     "run_processes",
