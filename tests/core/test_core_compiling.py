@@ -12,23 +12,28 @@ import numpy as np
 import pytest
 from numba import config
 from numba.core import caching
+from numpy.typing import NDArray
 
 from foretouch.core import compiling
-from foretouch.core.compiling import interpreted
+from foretouch.core.compiling import interpreted, kernel
 from foretouch.session.safety import kernel as safety_kernel
-from foretouch.session.safety.force_guard import ForceGuard, guarded_speed
+from foretouch.session.safety.force_guard import ForceGuard, allowed_speed
 
 PACKAGE = compiling.PACKAGE
 
 SPEED = """
-from foretouch.core.compiling import complete_mark
-from foretouch.session.safety import force_guard as force_guard_kernel
-from foretouch.session.safety.force_guard import ForceGuard
+from foretouch.core.compiling import Kernel, complete_mark
+from foretouch.session.safety.force_guard import ForceGuard, allowed_speed
 
-speed = force_guard_kernel.guarded_speed(ForceGuard.new(), 0.0, 1.0, False, 15.0, 0.0)
-print(speed, sum(force_guard_kernel.guarded_speed.function.stats.cache_hits.values()), complete_mark())
+speed = Kernel(allowed_speed, "f8(ForceGuard, f8, f8)")(ForceGuard.new(force=1.0)[0], 15.0, 0.0)
+print(speed, sum(allowed_speed.stats.cache_hits.values()), complete_mark())
 """
 """The guard's speed far from anything: a force over 50 N/m times 10 ms, the latter a constant of another file."""
+
+
+@kernel("f8(ForceGuard[::1], f8, f8)")
+def speed_of(guards: NDArray[np.void], limit: float, damping: float) -> float:
+    return allowed_speed(guards[0], limit, damping)
 
 
 def half(number: float) -> float:
@@ -176,11 +181,11 @@ def test_what_others_may_have_written_is_not_loaded(
 
 
 def test_a_kernel_takes_integers_as_numbers_and_refuses_what_is_no_array_of_records() -> None:
-    guards = ForceGuard.new()
-    as_floats = guarded_speed(guards, 0.0, 1.0, False, 15.0, 0.0)
-    assert guarded_speed.entry(guards, 0, 1, False, 15, 0) == as_floats
+    guards = ForceGuard.new(force=1.0)
+    as_floats = speed_of(guards, 15.0, 0.0)
+    assert speed_of.entry(guards, 15, 0) == as_floats
     if not config.DISABLE_JIT:
-        assert len(guarded_speed.function.overloads) == 1  # type: ignore[attr-defined]
+        assert len(speed_of.function.overloads) == 1  # type: ignore[attr-defined]
         with pytest.raises(TypeError):
-            guarded_speed(np.zeros(3), 0.0, 1.0, False, 15.0, 0.0)
-    assert interpreted(guarded_speed)(guards, 0.0, 1.0, False, 15.0, 0.0) == as_floats  # type: ignore[arg-type]
+            speed_of(np.zeros(3), 15.0, 0.0)
+    assert interpreted(speed_of)(guards, 15.0, 0.0) == as_floats  # type: ignore[arg-type]

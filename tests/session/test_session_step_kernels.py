@@ -8,21 +8,34 @@ import random
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 from motion_limits import UNBOUNDED, MotionLimits
+from numpy.typing import NDArray
 from pressed import keep_safe
 
+from foretouch.core import kernel
 from foretouch.identification import SensorWatch
 from foretouch.identification.conditioning import watch as sensor_watch_kernel
-from foretouch.session.safety import force_guard as force_guard_kernel
 from foretouch.session.safety import kernel as safety_kernel
 from foretouch.session.safety import motion as motion_limits_kernel
-from foretouch.session.safety.force_guard import PATIENCE, SOFTEST, ForceGuard, guarded_speed
+from foretouch.session.safety.force_guard import PATIENCE, SOFTEST, ForceGuard, allowed_speed, observe
 from foretouch.session.safety.safety import Safety, SafetyLimits
 
 TICK = 1e-3
+
+
+@kernel("f8(ForceGuard[::1], f8, f8, b1, f8, f8)")
+def guarded_speed(
+    guards: NDArray[np.void], position: float, force: float, in_contact: bool, limit: float, damping: float
+) -> float:
+    """What a tick asks a guard: to take a sample, and how fast the robot may go deeper after it."""
+    observe(guards[0], position, force, in_contact)
+    return allowed_speed(guards[0], limit, damping)
+
+
 KERNELS = (
-    force_guard_kernel.guarded_speed,
+    guarded_speed,
     motion_limits_kernel.begin,
     motion_limits_kernel.limited,
     motion_limits_kernel.go_on,

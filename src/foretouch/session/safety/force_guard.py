@@ -105,16 +105,6 @@ def allowed_speed(guard: ForceGuard, limit: float, damping: float) -> float:
     return float(missing / (guard.stiffness * PATIENCE + (damping if missing > 0.0 else 0.0)))
 
 
-@kernel("f8(ForceGuard[::1], f8, f8, b1, f8, f8)")
-def guarded_speed(
-    guards: NDArray[np.void], position: float, force: float, in_contact: bool, limit: float, damping: float
-) -> float:
-    """`observe`, and the `allowed_speed` after it, of one guard."""
-    guard = guards[0]
-    observe(guard, position, force, in_contact)
-    return allowed_speed(guard, limit, damping)
-
-
 UNKNOWN_FROM = 1e-3  # Distance outside the surface known to the leader above which a contact is with something else [m]
 
 
