@@ -4,8 +4,8 @@
 `children` runs processes of our own, of which none is left behind.
 """
 
-from foretouch.files.budget import Budget, budget_for
-from foretouch.files.toml import decode_toml, read_toml
+from foretouch.files.budget import VARIABLE, Budget, budget_for
+from foretouch.files.toml import LARGEST_TOML, decode_toml, read_toml
 from foretouch.files.within import within_budget
 
-__all__ = ["Budget", "budget_for", "decode_toml", "read_toml", "within_budget"]
+__all__ = ["LARGEST_TOML", "VARIABLE", "Budget", "budget_for", "decode_toml", "read_toml", "within_budget"]

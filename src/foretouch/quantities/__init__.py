@@ -15,11 +15,12 @@ from foretouch.quantities.columns import (
 )
 from foretouch.quantities.pose import Pose, cross_matrix
 from foretouch.quantities.recording import LARGEST_POSITION, Frame, Recording, SpatialFrame, numbers_of
-from foretouch.quantities.sensor_calibration import SensorCalibration
+from foretouch.quantities.sensor_calibration import STANDARD_GRAVITY, SensorCalibration
 
 __all__ = [
     "LARGEST_POSITION",
     "QUANTITIES",
+    "STANDARD_GRAVITY",
     "Array",
     "Brief",
     "ByValue",

@@ -21,10 +21,10 @@ from foretouch.recordings.inspection import Contents, inspect_recording
 from foretouch.recordings.material_memory import memory_path, read_memory, write_memory
 from foretouch.recordings.meaning.mapped import falls_with_depth
 from foretouch.recordings.meaning.mapping import Mapping, Signal, TimeSource, Velocity, read_mapping, write_mapping
-from foretouch.recordings.meaning.names import FORCE_CHANNELS, RecordingOptions
+from foretouch.recordings.meaning.names import FORCE_CHANNELS, FORCE_UNITS, POSITION_UNITS, RecordingOptions
 from foretouch.recordings.output import atomic_path, read_calibration, write_calibration, write_columns
-from foretouch.recordings.pose_table import StaticPoses, read_poses
-from foretouch.recordings.reading import Read, is_session, open_source, read_recording, read_with_notes
+from foretouch.recordings.pose_table import POSE_COLUMNS, StaticPoses, read_poses
+from foretouch.recordings.reading import SUFFIXES, Read, is_session, open_source, read_recording, read_with_notes
 from foretouch.recordings.session.reader import FollowerSamples, follower_samples, read_follower_samples, read_session
 from foretouch.recordings.session.repair import Repair, is_whole, repair_session
 from foretouch.recordings.session.writer import SessionWriter
@@ -33,7 +33,11 @@ __all__ = [
     "DATASETS",
     "DATA_DIR",
     "FORCE_CHANNELS",
+    "FORCE_UNITS",
     "OUTPUTS",
+    "POSE_COLUMNS",
+    "POSITION_UNITS",
+    "SUFFIXES",
     "Contents",
     "Dataset",
     "FollowerSamples",

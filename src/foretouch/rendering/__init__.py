@@ -2,7 +2,7 @@
 
 from foretouch.rendering.energy import EnergyAccount, RenderingDevice, SpatialEnergyAccount
 from foretouch.rendering.friction import FrictionRenderer
-from foretouch.rendering.limits import ForceLimiter, rendered_share
+from foretouch.rendering.limits import LARGEST_FORCE, LARGEST_FORCE_RATE, ForceLimiter, rendered_share
 from foretouch.rendering.mediation import LARGEST_STEP, Mediation
 from foretouch.rendering.proxy import Proxy
 from foretouch.rendering.renderer import Renderer
@@ -17,6 +17,8 @@ from foretouch.rendering.surfaces import (
 )
 
 __all__ = [
+    "LARGEST_FORCE",
+    "LARGEST_FORCE_RATE",
     "LARGEST_STEP",
     "EnergyAccount",
     "ForceLimiter",

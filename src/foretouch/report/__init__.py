@@ -3,7 +3,7 @@
 from foretouch.identification.force_calibration import lowest_mean
 from foretouch.quantities import new_figure
 from foretouch.report.drawing import COLOURS, finished, legend
-from foretouch.report.energy import energy_figures, exact_energy
+from foretouch.report.energy import energy_account, energy_figures, exact_energy
 from foretouch.report.forces import Forces, forces_under_delay, remarks, require_delay_within
 from foretouch.report.perception import (
     LargestJump,
@@ -16,8 +16,8 @@ from foretouch.report.perception import (
     turning_points,
     update_jumps,
 )
-from foretouch.report.rows import Pairs, force_at_follower, pair
-from foretouch.report.scene import SceneFindings, look_at_scene
+from foretouch.report.rows import Pairs, force_at_follower, guarded_runs, pair
+from foretouch.report.scene import SceneFindings, look_at_scene, scene_figures
 from foretouch.report.scores import STATUSES, Scores, delayed_force, score_prediction
 from foretouch.report.sections.hand import hand_figures
 from foretouch.report.sections.model import IDLE_LAW, law_is_idle, map_lines
@@ -26,6 +26,7 @@ from foretouch.report.sections.session import left_out
 from foretouch.report.session import CONTACT_FLOOR, session_figures
 from foretouch.report.writing.pages import (
     embedded,
+    named_values,
     table,
     tiles,
     write_calibration_page,
@@ -60,6 +61,7 @@ __all__ = [
     "contacts",
     "delayed_force",
     "embedded",
+    "energy_account",
     "energy_figures",
     "exact_energy",
     "findings",
@@ -67,6 +69,7 @@ __all__ = [
     "force_at_follower",
     "forces_under_delay",
     "free_hand",
+    "guarded_runs",
     "hand_figures",
     "largest_jump",
     "law_is_idle",
@@ -76,6 +79,7 @@ __all__ = [
     "lowest_mean",
     "map_figure",
     "map_lines",
+    "named_values",
     "new_figure",
     "oscillation",
     "pair",
@@ -86,6 +90,7 @@ __all__ = [
     "rendered_jump",
     "replay_figure",
     "require_delay_within",
+    "scene_figures",
     "score_prediction",
     "session_figures",
     "session_report",

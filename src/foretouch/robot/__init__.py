@@ -1,6 +1,7 @@
 """The follower robot and the materials it presses."""
 
-from foretouch.robot.camera_scene import CameraScene, MissingGraphicsError, graphics_library
+from foretouch.robot.camera_scene import MESA_PACKAGES, CameraScene, MissingGraphicsError, graphics_library
+from foretouch.robot.engine import REMOTE_CENTRE_HEIGHT, ROD_LENGTH, ROD_RADIUS, TIP_RADIUS
 from foretouch.robot.gantry_arm import GantryArm, TouchedWorld
 from foretouch.robot.materials import (
     DEFAULT_MATERIAL,
@@ -32,7 +33,12 @@ __all__ = [
     "DEFAULT_MATERIAL",
     "FOAM_DATASETS",
     "MATERIALS",
+    "MESA_PACKAGES",
+    "REMOTE_CENTRE_HEIGHT",
+    "ROD_LENGTH",
+    "ROD_RADIUS",
     "SENSOR_FAULTS",
+    "TIP_RADIUS",
     "AnyRobot",
     "CameraScene",
     "FaultySensor",

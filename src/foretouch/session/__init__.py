@@ -9,6 +9,7 @@ from foretouch.session.operators import (
     felt_texts,
     make_operator,
     require_simulated_operator,
+    require_simulated_time,
 )
 from foretouch.session.processes.processes import run_processes
 from foretouch.session.processes.recorder import RECORDER_CHANNELS, RECORDING_INCOMPLETE, Recorder, run_recorder
@@ -65,6 +66,7 @@ __all__ = [
     "replay_notes",
     "replay_under",
     "require_simulated_operator",
+    "require_simulated_time",
     "run_follower",
     "run_leader",
     "run_processes",

@@ -16,12 +16,13 @@ from foretouch.robot.materials.contacts import (
     RelaxingContact,
 )
 from foretouch.robot.materials.foam_fit import FOAM_DATASETS, FoamFit, fit_foam, foam_fit_json
-from foretouch.robot.materials.material import Material
+from foretouch.robot.materials.material import DEFAULT_SURFACE, Material
 from foretouch.robot.materials.rubbers import AdhesiveSphere, MullinsSphere, TabulatedContact
 from foretouch.robot.materials.spheres import PoroelasticSphere, ThinLayer, ViscoelasticSphere
 
 __all__ = [
     "DEFAULT_MATERIAL",
+    "DEFAULT_SURFACE",
     "FOAM_DATASETS",
     "MATERIALS",
     "AdhesiveSphere",

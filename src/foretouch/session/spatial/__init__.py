@@ -3,8 +3,10 @@
 from foretouch.session.spatial.camera import SimulatedCamera
 from foretouch.session.spatial.making import make_camera, make_spatial_operator, make_spatial_robot
 from foretouch.session.spatial.scenes import Inclusion, Scene, make_scene
+from foretouch.settings import SCENES
 
 __all__ = [
+    "SCENES",
     "Inclusion",
     "Scene",
     "SimulatedCamera",
