@@ -1,0 +1,289 @@
+"""The tuned numbers of the learner, and what each file's error is with one of them halved or doubled.
+
+They are read from the modules where they stand: every number, alone or in a tuple, that is assigned at the margin.
+Compiled code has such numbers in it, and to compile it for each of them would take hours. So these modules are loaded
+with numbers of a class of their own, which Numba is told to read from a fixed address of memory: one compilation serves
+all variants. Those that set the size or the place of the knots are compiled anew.
+
+As a script it predicts all recordings with one number times a factor.
+"""
+
+from __future__ import annotations
+
+import ast
+import ctypes
+import hashlib
+import importlib.util
+import json
+import os
+import pickle
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from functools import cache
+from importlib.abc import MetaPathFinder
+from importlib.machinery import ModuleSpec, SourceFileLoader
+from pathlib import Path
+from types import CodeType
+from typing import Any
+
+SOURCES = Path(__file__).resolve().parents[2] / "src"
+ROOM = "foretouch.identification"
+MODULES = (
+    *(f"{ROOM}.contact_map.{name}" for name in ("bank", "kernel", "learning", "prior", "regression", "scores")),
+    "foretouch.models.contact_map.layout",
+    *(f"{ROOM}.conditioning.{name}" for name in ("air", "kernel")),
+)
+
+LAYOUT = "foretouch.models.contact_map.layout"
+
+NOT_TUNED = {
+    f"{ROOM}.contact_map.learning:LARGEST": "the largest number there is",
+    f"{ROOM}.contact_map.learning:LONGEST_PERIOD": "no recording has such pauses",
+    f"{LAYOUT}:LARGEST_FORCE": "a bound of what is sent",
+    f"{LAYOUT}:UNCERTAINTIES": "a size",
+    f"{LAYOUT}:EXPERTS": "a size",
+    f"{ROOM}.conditioning.air:UNKNOWNS": "a size",
+    f"{ROOM}.conditioning.kernel:FIRST_CAPACITY": "a size",
+    f"{ROOM}.conditioning.kernel:CONTACT_FLOOR": "of the sensor: each recording has its own",
+}
+"""Numbers at the margin that nobody chose by an error, and why."""
+
+COMPILED = (f"{LAYOUT}:COARSENESS", f"{LAYOUT}:GRIDS:0", f"{LAYOUT}:GRIDS:1", f"{ROOM}.contact_map.kernel:FEWEST_UPDATES")
+"""Those that make the compiled code another one: whole numbers, and the distances of the knots."""
+
+KEPT = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "foretouch" / "tuned"
+ADDRESS, PAGE = 0x5F0000000000, 4096
+SEEDS = (100, 101)
+"""Of the simulated recordings; nothing was chosen on them."""
+
+
+def numbers(module: str) -> Iterator[tuple[str, ast.expr]]:
+    """Every tuned number of a module by its key, and where it stands in the module's tree."""
+    yield from _numbers(module, ast.parse(_path(module).read_text()))
+
+
+def _path(module: str) -> Path:
+    return SOURCES.joinpath(*module.split(".")).with_suffix(".py")
+
+
+def _numbers(module: str, tree: ast.Module) -> Iterator[tuple[str, ast.expr]]:
+    for statement in tree.body:
+        if not isinstance(statement, ast.Assign):
+            continue
+        target, value = statement.targets[0], statement.value
+        values = value.elts if isinstance(value, ast.Tuple) else [value]
+        names = [one.id for one in target.elts] if isinstance(target, ast.Tuple) else [target.id]  # type: ignore
+        for index, one in enumerate(values):
+            alone = len(names) == len(values)
+            key = f"{module}:{names[index]}" if alone else f"{module}:{names[0]}:{index}"
+            if isinstance(one, ast.Call) and isinstance(one.func, ast.Name) and one.func.id == "_grid":
+                yield key, one.args[0]
+            elif _is_number(one) and key not in NOT_TUNED:
+                yield key, one
+
+
+def _is_number(value: ast.expr) -> bool:
+    allowed = (ast.Constant, ast.BinOp, ast.UnaryOp, ast.operator, ast.unaryop)
+    if not all(isinstance(node, allowed) for node in ast.walk(value)):
+        return False
+    constants = [node.value for node in ast.walk(value) if isinstance(node, ast.Constant)]
+    return all(type(one) is float for one in constants) or (len(constants) == 1 and type(constants[0]) is int)
+
+
+def keys() -> list[str]:
+    """Of all tuned numbers: module, name and, in a tuple, place. Whole numbers only where they are of `COMPILED`."""
+    found = [(key, node) for module in MODULES for key, node in numbers(module)]
+    whole = [isinstance(node, ast.Constant) and type(node.value) is int for _, node in found]
+    return [key for (key, _), integer in zip(found, whole, strict=True) if not integer or key in COMPILED]
+
+
+class Tuned(float):
+    """A number that compiled code reads from memory."""
+
+    slot: int
+
+
+class Loader(SourceFileLoader):
+    """Loads a module with its tuned numbers replaced; never from or to what Python keeps of modules."""
+
+    factors: dict[str, float]
+
+    def get_code(self, fullname: str) -> CodeType:
+        tree = ast.parse(self.get_data(self.path))
+        for key, node in list(_numbers(fullname, tree)):
+            if key not in _slots():
+                continue
+            value = eval(compile(ast.Expression(node), self.path, "eval"))
+            call = ast.parse(f"__import__('foretouch_tuned').tuned({key!r}, {value!r})", mode="eval").body
+            _replace(tree, node, ast.copy_location(call, node))
+        return compile(ast.fix_missing_locations(tree), self.path, "exec")
+
+
+def _replace(tree: ast.AST, old: ast.expr, new: ast.expr) -> None:
+    class Put(ast.NodeTransformer):
+        def visit(self, node: ast.AST) -> Any:
+            return new if node is old else self.generic_visit(node)
+
+    Put().visit(tree)
+
+
+@cache
+def _slots() -> dict[str, int]:
+    return {key: slot for slot, key in enumerate(keys())}
+
+
+class Finder(MetaPathFinder):
+    """Finds the modules that have tuned numbers."""
+
+    def find_spec(self, fullname: str, path: Sequence[str] | None, target: Any = None) -> ModuleSpec | None:
+        if fullname not in MODULES:
+            return None
+        return importlib.util.spec_from_file_location(fullname, _path(fullname), loader=Loader(fullname, str(_path(fullname))))
+
+
+_factors: dict[str, float] = {}
+
+
+def tuned(key: str, value: float) -> Any:
+    """What a module gets in place of a number."""
+    value = type(value)(value * _factors.get(key, 1.0) + (0.5 if isinstance(value, int) else 0.0))
+    if key in COMPILED:
+        return value
+    number = Tuned(value)
+    number.slot = _slots()[key]
+    ctypes.c_double.from_address(ADDRESS + 8 * number.slot).value = value
+    return number
+
+
+def install(factors: dict[str, float]) -> None:
+    """Before anything of the package is imported: let its modules have numbers times these factors."""
+    assert not any(module in sys.modules for module in MODULES)
+    libc = ctypes.CDLL(None)
+    libc.mmap.restype, libc.mmap.argtypes = ctypes.c_void_p, [ctypes.c_void_p, ctypes.c_size_t, *[ctypes.c_int] * 3, ctypes.c_long]
+    private, anonymous, fixed = 0x02, 0x20, 0x100000
+    if libc.mmap(ADDRESS, PAGE, 3, private | anonymous | fixed, -1, 0) != ADDRESS:
+        raise SystemExit("the memory for the tuned numbers is taken")
+    _factors.update(factors)
+    sys.modules["foretouch_tuned"] = sys.modules[__name__]
+    sys.meta_path.insert(0, Finder())
+
+    from llvmlite import ir
+    from numba.core.base import BaseContext
+
+    plain = BaseContext.get_constant_generic
+
+    def constant(self: Any, builder: Any, kind: Any, value: Any) -> Any:
+        if type(value) is not Tuned:
+            return plain(self, builder, kind, value)
+        address = ir.Constant(ir.IntType(64), ADDRESS + 8 * value.slot)
+        return builder.load(builder.inttoptr(address, ir.DoubleType().as_pointer()))
+
+    BaseContext.get_constant_generic = constant
+
+
+@cache
+def digest() -> str:
+    """Of all sources that a variant can depend on."""
+    found = hashlib.sha256()
+    for path in (*sorted((SOURCES / "foretouch").rglob("*.py")), Path(__file__)):
+        found.update(path.read_bytes())
+    return found.hexdigest()[:10]
+
+
+def prepare() -> Path:
+    """Write down the recordings and their zeros, once, with the numbers as they are; and where that is."""
+    path = KEPT / digest() / "recordings"
+    if path.is_file():
+        return path
+    from foretouch.comparison import SIMULATED, simulate, unforeseeable
+    from foretouch.identification.force_calibration import zero_in_hindsight
+    from foretouch.recordings import excerpt, list_datasets, read_recording
+
+    found = []
+    for dataset in list_datasets():
+        if dataset.kind != "free":
+            found.append((dataset.name, dataset.kind, read_recording(excerpt(dataset.name)), None))
+    for seed in SEEDS:
+        for name in SIMULATED:
+            one = simulate(name, seed=seed)
+            hidden = unforeseeable(one.recording.time, one.truth.depth, 0.3, one.truth.changes)
+            found.append((f"{name} {seed}", "simulated", one.recording, hidden))
+    rows = [
+        (*row, zero_in_hindsight(row[2].time, row[2].force, row[2].position, row[2].contact_floor)[0]) for row in found
+    ]
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as file:
+        pickle.dump(rows, file)
+    Path(file.name).replace(path)
+    return path
+
+
+def recordings() -> list[Any]:
+    """Name, kind, recording, what is left out and zero of each."""
+    found: list[Any] = pickle.loads(prepare().read_bytes())
+    return found
+
+
+def predicted() -> dict[str, Any]:
+    """The late prediction of each recording [N], with the numbers as they are in this process."""
+    from foretouch.identification import Learner, predict
+
+    found = {}
+    for name, kind, recording, _, zero in recordings():
+        learner = Learner(force_offset=zero if kind == "spring" else None, contact_floor=recording.contact_floor)
+        found[name] = predict(recording, learner, delay=DELAYS.get(kind, 0.3)).force
+    return found
+
+
+def scored(forces: dict[str, Any]) -> dict[str, float | None]:
+    """Error [%] of each, as `foretouch predict` and `foretouch compare --simulated` score it."""
+    from foretouch.report import delayed_force, score_prediction
+
+    found = {}
+    for name, kind, recording, hidden, zero in recordings():
+        time, force = recording.time, recording.force
+        known = delayed_force(time, force - zero, DELAYS.get(kind, 0.3))
+        kept = slice(None) if hidden is None else ~hidden
+        scores = score_prediction(
+            time[kept],
+            force[kept],
+            forces[name][kept],
+            known[kept],
+            contact_floor=recording.contact_floor,
+            score_from=BEGINS.get(kind, 1.5) - (time[kept][0] - time[0]),
+            score_to=1.6 if kind == "skin" else None,
+            delayed_offset=0.0,
+            position=recording.position[kept],
+            offset=zero,
+        )
+        found[name] = scores.prediction_error_percent
+    return found
+
+
+DELAYS, BEGINS = {"skin": 0.02}, {"skin": 0.5, "simulated": 3.0}
+"""Delay of the forces, and where scoring begins [s], by kind; of the others 0.3 and 1.5."""
+
+
+def variant(key: str, factor: float) -> dict[str, float | None]:
+    """Errors with one number times a factor, predicted by a process of its own; kept until a source changes."""
+    prepare()
+    path = KEPT / digest() / f"{key}-{factor:g}.json"
+    if not path.is_file():
+        with tempfile.TemporaryDirectory() as own:
+            apart = key in COMPILED and factor != 1.0
+            folder, forces = own if apart else str(KEPT / digest() / "compiled"), Path(own, "forces")
+            environment = os.environ | {"NUMBA_CACHE_DIR": folder, "NUMBA_OPT": "1"}
+            command = [sys.executable, __file__, key, str(factor), str(forces)]
+            done = subprocess.run(command, env=environment, capture_output=True, text=True)
+            if done.returncode:
+                raise SystemExit(f"{key} times {factor:g}: {done.stderr.strip()}")
+            path.write_text(json.dumps(scored(pickle.loads(forces.read_bytes()))))
+    found: dict[str, float | None] = json.loads(path.read_text())
+    return found
+
+
+if __name__ == "__main__":
+    install({sys.argv[1]: float(sys.argv[2])})
+    Path(sys.argv[3]).write_bytes(pickle.dumps(predicted()))
