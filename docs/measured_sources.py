@@ -66,7 +66,7 @@ _OF_PAGES: dict[str, dict[str, tuple[str, ...]]] = {
     "docs/results.md": {
         "reach": ("measure_results:reach", PREDICT, COMPARE, EXCERPT),
         "reach-by-kind": ("measure_results:reach_by_kind", PREDICT, EXCERPT),
-        "reach-simulated": ("measure_results:reach_simulated", COMPARE),
+        "reach-simulated": ("beyond_files:beyond", "beyond_files:ASKED"),
         "claims": (
             "measure_results:claims",
             *(f"foretouch.reproduction.{part}.*" for part in ("figures", "questions")),
@@ -122,7 +122,7 @@ BLOCKS: dict[Key, tuple[str, ...]] = {
 
 def sources_of() -> Sources:
     """Of the package, of the scripts of the documentation, and of the parts of the tests that these use."""
-    return Sources([ROOT / folder for folder in ("src", "docs", "tests/session", "tests/console")], IGNORED)
+    return Sources([ROOT / folder for folder in ("src", "docs", "tests/session", "tests/console", "tests/identification")], IGNORED)
 
 
 def reached_by(key: Key, sources: Sources) -> dict[Definition, str]:
