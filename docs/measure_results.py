@@ -24,7 +24,7 @@ from typing import Any, NamedTuple, get_args
 import numpy as np
 from beyond_files import beyond
 from measured_blocks import chosen, fill
-from measuring import Row, console, figure, foretouch, middle, table, two_at_a_time, worst
+from measuring import Row, console, figure, foretouch, middle, table, two_at_a_time
 from numpy.typing import NDArray
 
 from foretouch.identification import Learner

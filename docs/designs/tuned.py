@@ -1,25 +1,20 @@
-"""The tuned numbers of the learner, and what each file's error is with one of them halved or doubled.
+"""The tuned numbers of the learner, and the errors with one of them halved or doubled.
 
 They are read from the modules where they stand: every number, alone or in a tuple, that is assigned at the margin.
 Compiled code has such numbers in it, and to compile it for each of them would take hours. So these modules are loaded
 with numbers of a class of their own, which Numba is told to read from a fixed address of memory: one compilation serves
 all variants. Those that set the size or the place of the knots are compiled anew.
 
-As a script it predicts all recordings with one number times a factor.
+As a script, of `docs/sensitivities.py`, it predicts recordings with one number times a factor.
 """
 
 from __future__ import annotations
 
 import ast
 import ctypes
-import hashlib
 import importlib.util
-import json
-import os
 import pickle
-import subprocess
 import sys
-import tempfile
 from collections.abc import Iterator, Sequence
 from functools import cache
 from importlib.abc import MetaPathFinder
@@ -50,13 +45,16 @@ NOT_TUNED = {
 }
 """Numbers at the margin that nobody chose by an error, and why."""
 
-COMPILED = (f"{LAYOUT}:COARSENESS", f"{LAYOUT}:GRIDS:0", f"{LAYOUT}:GRIDS:1", f"{ROOM}.contact_map.kernel:FEWEST_UPDATES")
+COMPILED = (
+    f"{LAYOUT}:COARSENESS",
+    f"{LAYOUT}:GRIDS:0",
+    f"{LAYOUT}:GRIDS:1",
+    f"{ROOM}.contact_map.kernel:FEWEST_UPDATES",
+)
 """Those that make the compiled code another one: whole numbers, and the distances of the knots."""
 
-KEPT = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "foretouch" / "tuned"
 ADDRESS, PAGE = 0x5F0000000000, 4096
-SEEDS = (100, 101)
-"""Of the simulated recordings; nothing was chosen on them."""
+"""Where the numbers lie for compiled code, and how many bytes there are."""
 
 
 def numbers(module: str) -> Iterator[tuple[str, ast.expr]]:
@@ -108,8 +106,6 @@ class Tuned(float):
 class Loader(SourceFileLoader):
     """Loads a module with its tuned numbers replaced; never from or to what Python keeps of modules."""
 
-    factors: dict[str, float]
-
     def get_code(self, fullname: str) -> CodeType:
         tree = ast.parse(self.get_data(self.path))
         for key, node in list(_numbers(fullname, tree)):
@@ -140,7 +136,9 @@ class Finder(MetaPathFinder):
     def find_spec(self, fullname: str, path: Sequence[str] | None, target: Any = None) -> ModuleSpec | None:
         if fullname not in MODULES:
             return None
-        return importlib.util.spec_from_file_location(fullname, _path(fullname), loader=Loader(fullname, str(_path(fullname))))
+        return importlib.util.spec_from_file_location(
+            fullname, _path(fullname), loader=Loader(fullname, str(_path(fullname)))
+        )
 
 
 _factors: dict[str, float] = {}
@@ -161,7 +159,10 @@ def install(factors: dict[str, float]) -> None:
     """Before anything of the package is imported: let its modules have numbers times these factors."""
     assert not any(module in sys.modules for module in MODULES)
     libc = ctypes.CDLL(None)
-    libc.mmap.restype, libc.mmap.argtypes = ctypes.c_void_p, [ctypes.c_void_p, ctypes.c_size_t, *[ctypes.c_int] * 3, ctypes.c_long]
+    libc.mmap.restype, libc.mmap.argtypes = (
+        ctypes.c_void_p,
+        [ctypes.c_void_p, ctypes.c_size_t, *[ctypes.c_int] * 3, ctypes.c_long],
+    )
     private, anonymous, fixed = 0x02, 0x20, 0x100000
     if libc.mmap(ADDRESS, PAGE, 3, private | anonymous | fixed, -1, 0) != ADDRESS:
         raise SystemExit("the memory for the tuned numbers is taken")
@@ -183,107 +184,17 @@ def install(factors: dict[str, float]) -> None:
     BaseContext.get_constant_generic = constant
 
 
-@cache
-def digest() -> str:
-    """Of all sources that a variant can depend on."""
-    found = hashlib.sha256()
-    for path in (*sorted((SOURCES / "foretouch").rglob("*.py")), Path(__file__)):
-        found.update(path.read_bytes())
-    return found.hexdigest()[:10]
-
-
-def prepare() -> Path:
-    """Write down the recordings and their zeros, once, with the numbers as they are; and where that is."""
-    path = KEPT / digest() / "recordings"
-    if path.is_file():
-        return path
-    from foretouch.comparison import SIMULATED, simulate, unforeseeable
-    from foretouch.identification.force_calibration import zero_in_hindsight
-    from foretouch.recordings import excerpt, list_datasets, read_recording
-
-    found = []
-    for dataset in list_datasets():
-        if dataset.kind != "free":
-            found.append((dataset.name, dataset.kind, read_recording(excerpt(dataset.name)), None))
-    for seed in SEEDS:
-        for name in SIMULATED:
-            one = simulate(name, seed=seed)
-            hidden = unforeseeable(one.recording.time, one.truth.depth, 0.3, one.truth.changes)
-            found.append((f"{name} {seed}", "simulated", one.recording, hidden))
-    rows = [
-        (*row, zero_in_hindsight(row[2].time, row[2].force, row[2].position, row[2].contact_floor)[0]) for row in found
-    ]
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as file:
-        pickle.dump(rows, file)
-    Path(file.name).replace(path)
-    return path
-
-
-def recordings() -> list[Any]:
-    """Name, kind, recording, what is left out and zero of each."""
-    found: list[Any] = pickle.loads(prepare().read_bytes())
-    return found
-
-
-def predicted() -> dict[str, Any]:
-    """The late prediction of each recording [N], with the numbers as they are in this process."""
+def predict_all(given: Path, forces: Path) -> None:
+    """Write the late prediction of each recording [N], with the numbers as they are in this process."""
     from foretouch.identification import Learner, predict
 
     found = {}
-    for name, kind, recording, _, zero in recordings():
-        learner = Learner(force_offset=zero if kind == "spring" else None, contact_floor=recording.contact_floor)
-        found[name] = predict(recording, learner, delay=DELAYS.get(kind, 0.3)).force
-    return found
-
-
-def scored(forces: dict[str, Any]) -> dict[str, float | None]:
-    """Error [%] of each, as `foretouch predict` and `foretouch compare --simulated` score it."""
-    from foretouch.report import delayed_force, score_prediction
-
-    found = {}
-    for name, kind, recording, hidden, zero in recordings():
-        time, force = recording.time, recording.force
-        known = delayed_force(time, force - zero, DELAYS.get(kind, 0.3))
-        kept = slice(None) if hidden is None else ~hidden
-        scores = score_prediction(
-            time[kept],
-            force[kept],
-            forces[name][kept],
-            known[kept],
-            contact_floor=recording.contact_floor,
-            score_from=BEGINS.get(kind, 1.5) - (time[kept][0] - time[0]),
-            score_to=1.6 if kind == "skin" else None,
-            delayed_offset=0.0,
-            position=recording.position[kept],
-            offset=zero,
-        )
-        found[name] = scores.prediction_error_percent
-    return found
-
-
-DELAYS, BEGINS = {"skin": 0.02}, {"skin": 0.5, "simulated": 3.0}
-"""Delay of the forces, and where scoring begins [s], by kind; of the others 0.3 and 1.5."""
-
-
-def variant(key: str, factor: float) -> dict[str, float | None]:
-    """Errors with one number times a factor, predicted by a process of its own; kept until a source changes."""
-    prepare()
-    path = KEPT / digest() / f"{key}-{factor:g}.json"
-    if not path.is_file():
-        with tempfile.TemporaryDirectory() as own:
-            apart = key in COMPILED and factor != 1.0
-            folder, forces = own if apart else str(KEPT / digest() / "compiled"), Path(own, "forces")
-            environment = os.environ | {"NUMBA_CACHE_DIR": folder, "NUMBA_OPT": "1"}
-            command = [sys.executable, __file__, key, str(factor), str(forces)]
-            done = subprocess.run(command, env=environment, capture_output=True, text=True)
-            if done.returncode:
-                raise SystemExit(f"{key} times {factor:g}: {done.stderr.strip()}")
-            path.write_text(json.dumps(scored(pickle.loads(forces.read_bytes()))))
-    found: dict[str, float | None] = json.loads(path.read_text())
-    return found
+    for name, (recording, delay, zero) in pickle.loads(given.read_bytes()).items():
+        learner = Learner(force_offset=zero, contact_floor=recording.contact_floor)
+        found[name] = predict(recording, learner, delay=delay).force
+    forces.write_bytes(pickle.dumps(found))
 
 
 if __name__ == "__main__":
     install({sys.argv[1]: float(sys.argv[2])})
-    Path(sys.argv[3]).write_bytes(pickle.dumps(predicted()))
+    predict_all(Path(sys.argv[3]), Path(sys.argv[4]))
