@@ -268,7 +268,11 @@ def row(asked: Asked, found: list[float]) -> Row:
     )
     words = f" [{asked.unit}]" if asked.unit else ""
     shown = [figure(value) if math.isfinite(value) else "never" for value in (middle, most)]
-    asked_for = limit(asked.middle) if asked.middle == asked.most else f"{limit(asked.middle)} / {limit(asked.most)}"
+    asked_for = (
+        limit(asked.middle)
+        if asked.middle == asked.most or math.isnan(asked.most)
+        else f"{limit(asked.middle)} / {limit(asked.most)}"
+    )
     return [f"{asked.what}{words}", str(len(found)), asked_for, *shown, met]
 
 
@@ -276,7 +280,7 @@ def counted(found: list[list[float]]) -> Row:
     """Of how many laws each parameter lies inside two standard errors, of that which does least."""
     inside = [sum(error <= 2.0 for error in errors) for errors in zip(*found, strict=True)]
     met = "yes" if min(inside) >= 19 else "no"
-    head = "`identify`, exponent 1.35: seeds with a parameter inside two standard errors"
+    head = "`identify`, exponent 1.35: seeds with each parameter inside two standard errors"
     return [head, str(len(found)), "at least 19", figure(median(inside)), f"{min(inside)}", met]
 
 
