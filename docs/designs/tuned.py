@@ -5,7 +5,7 @@ Compiled code has such numbers in it, and to compile it for each of them would t
 with numbers of a class of their own, which Numba is told to read from a fixed address of memory: one compilation serves
 all variants. Those that set the size or the place of the knots are compiled anew.
 
-As a script, of `docs/sensitivities.py`, it predicts recordings with one number times a factor.
+As a script, of `docs/sensitivities.py`, it predicts recordings with one number times a factor after another.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from __future__ import annotations
 import ast
 import ctypes
 import importlib.util
+import os
 import pickle
 import sys
 from collections.abc import Iterator, Sequence
@@ -44,6 +45,9 @@ NOT_TUNED = {
     f"{ROOM}.conditioning.kernel:CONTACT_FLOOR": "of the sensor: each recording has its own",
 }
 """Numbers at the margin that nobody chose by an error, and why."""
+
+APART = (f"{ROOM}.contact_map.bank:LONGEST_HORIZON",)
+"""Those that are the default of an argument, which is taken while the module is loaded."""
 
 COMPILED = (
     f"{LAYOUT}:COARSENESS",
@@ -100,7 +104,7 @@ def keys() -> list[str]:
 class Tuned(float):
     """A number that compiled code reads from memory."""
 
-    slot: int
+    key: str
 
 
 class Loader(SourceFileLoader):
@@ -123,6 +127,11 @@ def _replace(tree: ast.AST, old: ast.expr, new: ast.expr) -> None:
             return new if node is old else self.generic_visit(node)
 
     Put().visit(tree)
+
+
+def address_of(key: str) -> int:
+    """Where a number lies."""
+    return ADDRESS + 8 * _slots()[key]
 
 
 @cache
@@ -150,8 +159,8 @@ def tuned(key: str, value: float) -> Any:
     if key in COMPILED:
         return value
     number = Tuned(value)
-    number.slot = _slots()[key]
-    ctypes.c_double.from_address(ADDRESS + 8 * number.slot).value = value
+    number.key = key
+    ctypes.c_double.from_address(address_of(key)).value = value
     return number
 
 
@@ -178,23 +187,50 @@ def install(factors: dict[str, float]) -> None:
     def constant(self: Any, builder: Any, kind: Any, value: Any) -> Any:
         if type(value) is not Tuned:
             return plain(self, builder, kind, value)
-        address = ir.Constant(ir.IntType(64), ADDRESS + 8 * value.slot)
+        address = ir.Constant(ir.IntType(64), address_of(value.key))
         return builder.load(builder.inttoptr(address, ir.DoubleType().as_pointer()))
 
     BaseContext.get_constant_generic = constant
 
 
-def predict_all(given: Path, forces: Path) -> None:
+def change(key: str, factor: float) -> None:
+    """Multiply a number wherever a module has it, and forget what was computed of it."""
+    for module in [one for name, one in sys.modules.items() if name.startswith("foretouch.")]:
+        for name, value in list(vars(module).items()):
+            if hasattr(value, "cache_clear"):
+                value.cache_clear()
+            elif type(value) is Tuned and value.key == key:
+                setattr(module, name, tuned(key, value * factor))
+            elif type(value) is tuple and any(type(one) is Tuned and one.key == key for one in value):
+                parts = [tuned(key, one * factor) if getattr(one, "key", None) == key else one for one in value]
+                setattr(module, name, tuple(parts))
+
+
+def predict_all(recordings: dict[str, Any], forces: Path) -> None:
     """Write the late prediction of each recording [N], with the numbers as they are in this process."""
     from foretouch.identification import Learner, predict
 
     found = {}
-    for name, (recording, delay, zero) in pickle.loads(given.read_bytes()).items():
+    for name, (recording, delay, zero) in recordings.items():
         learner = Learner(force_offset=zero, contact_floor=recording.contact_floor)
         found[name] = predict(recording, learner, delay=delay).force
     forces.write_bytes(pickle.dumps(found))
 
 
+def serve(recordings: dict[str, Any]) -> None:
+    """For each line, a key, a factor and a file: change the number and predict, in a copy of this process."""
+    name = next(iter(recordings))
+    predict_all({name: recordings[name]}, Path(os.devnull))  # all is compiled before there are copies
+    for line in sys.stdin:
+        key, factor, forces = line.rstrip("\n").split(" ", 2)
+        copy = os.fork()
+        if copy == 0:
+            change(key, float(factor))
+            predict_all(recordings, Path(forces))
+            os._exit(0)
+        print(os.waitpid(copy, 0)[1], flush=True)
+
+
 if __name__ == "__main__":
-    install({sys.argv[1]: float(sys.argv[2])})
-    predict_all(Path(sys.argv[3]), Path(sys.argv[4]))
+    install(dict([(sys.argv[2], float(sys.argv[3]))] if sys.argv[2:] else ()))
+    serve(pickle.loads(Path(sys.argv[1]).read_bytes()))
