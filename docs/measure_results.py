@@ -5,7 +5,7 @@
 prints its figures; this script runs those commands, two at a time, and puts what they print into the blocks.
 
 Usage: `.venv/bin/python docs/measure_results.py [NAME ...]`, without names for all blocks. On two cores that do nothing
-else `reach` takes some two minutes; `reach-simulated`, of eight seeds, took half an hour on two that did much else.
+else `reach` takes some two minutes, and so does `reach-simulated`, the table of `docs/beyond_files.py`.
 """
 
 from __future__ import annotations
