@@ -2,7 +2,7 @@
 
 Usage: `.venv/bin/python docs/sensitivities.py [MODULE ...]`, such as `scores`, without names for all. What was measured
 of these sources is kept, so that it goes on where it stopped; the page is written where all is there. All of it takes
-some MINUTES minutes on two cores.
+some 20 minutes on two cores.
 """
 
 from __future__ import annotations
