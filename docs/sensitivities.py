@@ -225,7 +225,7 @@ def loser(found: tuple[Errors, ...], shipped: Errors) -> str:
 
 def named(recording: str) -> str:
     """A measured file as code, for its name is typed."""
-    return f"`{recording}`" if "/" in recording and "," not in recording else recording
+    return f"`{recording}`" if recording.startswith(("tue/", "aurora/")) else recording
 
 
 def title(key: str) -> str:
