@@ -50,7 +50,7 @@ UNCHANGED, SEEDS = (
 PERIOD = 1e-3  # [s]
 
 
-def pressed(material: str, factor: float, at: float) -> tuple[Recording, np.ndarray]:
+def pressed(material: str, factor: float, at: float, seed: int = 0) -> tuple[Recording, np.ndarray]:
     """Presses of a material whose force is so many times as large from a moment [s] on; and the true force [N]."""
     law, time = make_material(material).model, np.arange(0.0, 13.0, PERIOD)
     size = 0.0055 * (0.8 + 0.2 * np.sin(2.0 * np.pi * 0.11 * time))
@@ -59,7 +59,7 @@ def pressed(material: str, factor: float, at: float) -> tuple[Recording, np.ndar
     for index, (x, v) in enumerate(zip(depth.tolist(), np.gradient(depth, time).tolist(), strict=True)):
         state, force[index], _ = advance(law, state, x, v, PERIOD)
     force[time >= at] *= factor
-    noise = np.random.default_rng(0).normal(0.0, 0.02, time.size)
+    noise = np.random.default_rng(seed).normal(0.0, 0.02, time.size)
     return Recording(time, np.round((0.01 + depth) / 5e-6) * 5e-6, force + 0.3 + noise), force
 
 

@@ -5,7 +5,7 @@
 prints its figures; this script runs those commands, two at a time, and puts what they print into the blocks.
 
 Usage: `.venv/bin/python docs/measure_results.py [NAME ...]`, without names for all blocks. On two cores that do nothing
-else `reach` takes some two minutes; `reach-simulated`, of eight seeds, took half an hour on two that did much else.
+else `reach` takes some two minutes, and so does `reach-simulated`, the table of `docs/beyond_files.py`.
 """
 
 from __future__ import annotations
@@ -22,8 +22,9 @@ from time import monotonic
 from typing import Any, NamedTuple, get_args
 
 import numpy as np
+from beyond_files import beyond
 from measured_blocks import chosen, fill
-from measuring import Row, console, figure, foretouch, middle, table, two_at_a_time, worst
+from measuring import Row, console, figure, foretouch, middle, table, two_at_a_time
 from numpy.typing import NDArray
 
 from foretouch.identification import Learner
@@ -117,40 +118,6 @@ def reach_by_kind() -> str:
 KINDS = {"foam": "foam", "rigid": "rigid", "spring": "spring, zero given", "skin": "skin, 20 ms"}
 
 
-def reach_simulated() -> str:
-    """The same on the simulated recordings, without what nothing before t - delay could tell: over eight seeds.
-
-    What failed, or was never reached, counts as worse than every number.
-    """
-    found = [simulated_comparison(seed) for seed in SEEDS]
-    rows = []
-    for name in found[0]:
-        banks = [results[name]["contact-map", "bank"]["predictions"] for results in found]
-        said = [of_one[0] if of_one else {} for of_one in banks]
-        errors = [one.get("foreseeable_prediction_error_percent") for one in said]
-        error, by_seed = middle(errors), [felt(one) for one in errors]
-        keys = ("within_jnd_percent", "largest_update_jump_N")
-        others = zip(*(rivals(name, results, "foreseeable_") for results in found), strict=True)
-        rows.append(
-            [
-                f"`{name}`",
-                figure(middle([one.get("prediction_error_percent") for one in said])),
-                figure(error),
-                figure(worst(errors)),
-                felt(error),
-                ", ".join(f"{by_seed.count(word)} {word}" for word in FELT if word in by_seed),
-                *(figure(middle([one.get(key) for one in said])) for key in keys),
-                *(figure(middle(of_one)) for of_one in others),
-            ]
-        )
-    first = ("Recording", "All samples [%]", "Error [%]", "Worst seed [%]", "Felt", "By seed")
-    return table((*first, "Within JND [%]", "Largest jump [N]", *REACH_HEADS[REACH_HEADS.index(FORCE) + 1 :]), rows)
-
-
-SEEDS = range(101, 109)
-"""Of the simulated recordings; nothing was chosen on them."""
-
-
 FELT = {"no": 7.0, "perhaps": 10.0, "yes": math.inf}
 """Whether a hand tells an error from none, up to which error [%]: the studies are named on the page."""
 
@@ -222,11 +189,6 @@ def measured_comparison(origin: str) -> Results:
     names = [name for name, file in datasets().items() if name.startswith(origin) and file.kind != "free"]
     chosen_files = " ".join(f"--dataset {name}" for name in names)
     return comparison(f"compare {chosen_files} {CONDITIONS.get(origin, '--delay 0.3')} {CHOSEN} --json")
-
-
-def simulated_comparison(seed: int) -> Results:
-    """`foretouch compare --simulated` of `CHOSEN`."""
-    return comparison(f"compare --simulated --seed {seed} {CHOSEN} --json")
 
 
 def comparison(arguments: str) -> Results:
@@ -407,7 +369,7 @@ def replays() -> str:
 MEASURE: dict[str, Callable[[], str]] = {
     "reach": reach,
     "reach-by-kind": reach_by_kind,
-    "reach-simulated": reach_simulated,
+    "reach-simulated": beyond,
     "floors": floors,
     "claims": claims,
     "sessions": sessions,

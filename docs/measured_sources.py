@@ -50,6 +50,9 @@ LIVE = (
 REPLAY = "foretouch.cli.commands.sessions:replay"
 SIMULATE = "foretouch.cli.commands.sessions:simulate"
 
+TUNED = ("designs.tuned:predict_all", "designs.tuned:install", "designs.tuned:Finder")
+"""What a process of its own does with one number changed."""
+
 _OF_PAGES: dict[str, dict[str, tuple[str, ...]]] = {
     "README.md": {"session": ("measure_results:session", SIMULATE)},
     "docs/baselines.md": {"compared": ("compare_baselines:compared",)},
@@ -58,6 +61,7 @@ _OF_PAGES: dict[str, dict[str, tuple[str, ...]]] = {
         "floors": ("measure_results:floors", IDENTIFY, EXCERPT),
         "changes": ("measure_changes:changes", "measure_changes:noticed"),
         "memory": ("measure_memory:memory",),
+        "leave-rig-out": ("sensitivities:leave_rig_out", *TUNED),
         "designs": ("compare_designs:measure", "compare_designs:cells", "compare_designs:shown"),
     },
     "docs/faults.md": {"faults": ("measure_faults:main", "test_session_soak_fire", *LIVE)},
@@ -66,7 +70,7 @@ _OF_PAGES: dict[str, dict[str, tuple[str, ...]]] = {
     "docs/results.md": {
         "reach": ("measure_results:reach", PREDICT, COMPARE, EXCERPT),
         "reach-by-kind": ("measure_results:reach_by_kind", PREDICT, EXCERPT),
-        "reach-simulated": ("measure_results:reach_simulated", COMPARE),
+        "reach-simulated": ("beyond_files:beyond", "beyond_files:ASKED"),
         "claims": (
             "measure_results:claims",
             *(f"foretouch.reproduction.{part}.*" for part in ("figures", "questions")),
@@ -82,6 +86,7 @@ _OF_PAGES: dict[str, dict[str, tuple[str, ...]]] = {
     | {"blind-sensors": ("measure_sensor_faults:blind_sensors",)},
     "docs/scale.md": {"costs": ("measure_scale:costs", "foretouch.recordings.session.writer", *LIVE)},
     "docs/scenes.md": {name: (f"measure_scenes:{name}",) for name in ("fusion", "images", "palpation", "hand")},
+    "docs/sensitivities.md": {"sensitivities": ("sensitivities:sensitivities", *TUNED)},
     "docs/speed.md": {
         "machine": ("measure_speed:machine",),
         **{
@@ -122,7 +127,9 @@ BLOCKS: dict[Key, tuple[str, ...]] = {
 
 def sources_of() -> Sources:
     """Of the package, of the scripts of the documentation, and of the parts of the tests that these use."""
-    return Sources([ROOT / folder for folder in ("src", "docs", "tests/session", "tests/console")], IGNORED)
+    return Sources(
+        [ROOT / folder for folder in ("src", "docs", "tests/session", "tests/console", "tests/identification")], IGNORED
+    )
 
 
 def reached_by(key: Key, sources: Sources) -> dict[Definition, str]:

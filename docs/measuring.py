@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from statistics import median
 
-__all__ = ["Row", "console", "figure", "foretouch", "middle", "table", "two_at_a_time", "worst"]
+__all__ = ["Row", "console", "figure", "foretouch", "middle", "table", "two_at_a_time"]
 
 SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
@@ -43,12 +43,6 @@ def middle(values: Iterable[float | None]) -> float | None:
     known = [float("inf") if value is None else value for value in values]
     found = median(known)
     return found if found < float("inf") else None
-
-
-def worst(values: Iterable[float | None]) -> float | None:
-    """The largest; None where one of them is None."""
-    known = list(values)
-    return None if None in known else max(value for value in known if value is not None)
 
 
 def figure(value: float | None) -> str:

