@@ -64,6 +64,15 @@ def test_a_zero_that_drifts_is_followed(rate: float, seed: int) -> None:
     assert learner.estimator.changes == 0
 
 
+def test_a_spike_before_the_first_press_is_no_surface_from_which_all_is_contact() -> None:
+    position, force = pressed(109)
+    zero, learner = 0.3 + 0.05 * TIME, Learner()
+    sensor = force + zero + np.random.default_rng(109).normal(0.0, 0.02, TIME.size)
+    sensor[980:983] += 0.1
+    assert error(said(position, sensor, learner), force) < 5.0
+    assert learner.conditioner.force_offset == pytest.approx(zero[-1], abs=0.1)
+
+
 @pytest.mark.parametrize("zero", [-0.5, 0.5])
 def test_a_sensor_that_says_one_number_at_first_has_said_nothing(zero: float) -> None:
     position, force = pressed(6)

@@ -193,6 +193,8 @@ def take_block(air: Air, time: float, block: Block, surface: float, limits: tupl
     has_risen = force > air.level.force + quiet
     is_level = take_level(air.level, time, block, quiet)
     if air.touching:
+        if not air.touched:  # by now it is no spike of the sensor
+            air.touched, air.reference_in = True, max(air.reference_in, air.onset)
         is_first = not air.confirmed and abs(air.level.place - air.onset) <= ONSET
         if not (is_level and (is_first or place <= air.reference_in)):
             return False
@@ -241,9 +243,7 @@ def follow_air(
         if touching:
             if air.outermost < math.inf:
                 air.end_before = air.outermost
-            if not air.touched:
-                air.reference_in = max(air.reference_in, sample[0])
-            air.outermost, air.onset, air.touched = math.inf, sample[0], True
+            air.outermost, air.onset = math.inf, sample[0]
     if math.isnan(air.begin):
         air.begin, air.count, air.place, air.force, air.way = time, 0, 0.0, 0.0, 0.0
     air.count += 1

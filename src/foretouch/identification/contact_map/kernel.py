@@ -209,11 +209,8 @@ def expect(run: Run, bank: Bank, depth: float, velocity: float, period: float) -
     """Force of the model at a sample, `foretouch.models.advance` from the state before it [N]; NaN without a model."""
     if run.stale:
         notes = bank.notes[0]
-        run.known = notes.updates - notes.begun >= FEWEST_UPDATES
-        if run.known and bank.coarse.traced > 0:
-            run.known = adopt(bank.remembered.shown, run)
-        elif run.known:
-            run.known = adopt(bank.map, run)
+        maps = bank.remembered.shown if bank.coarse.traced > 0 else bank.map
+        run.known = notes.updates - notes.begun >= FEWEST_UPDATES and adopt(maps, run)
         run.stale = False
     if not run.known:
         return math.nan

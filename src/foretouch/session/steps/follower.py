@@ -145,7 +145,7 @@ def start(
     learner = Learner(
         settings.make_estimator() if estimator is None else estimator,
         force_offset=None if known.zero is None else 0.0,
-        offset_error=known.contact_floor,
+        offset_error=known.contact_floor,  # it may have drifted since it was calibrated
         contact_floor=known.contact_floor,
         sensor_lag=known.sensor_lag,
     )
