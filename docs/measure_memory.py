@@ -3,7 +3,7 @@
 Sessions of 15 s over simulated materials, and the measured recordings; every map is one that was learnt from another
 press. The error is that of forces 0.3 s late, from 1.5 s on.
 
-Usage: `.venv/bin/python docs/measure_memory.py`; it takes some three minutes.
+Usage: `.venv/bin/python docs/measure_memory.py`; it takes some two minutes.
 """
 
 from __future__ import annotations
@@ -89,7 +89,9 @@ def memory() -> str:
         first = float(np.median([value for (name, _), (value, _) in alone.items() if name == pressed_name]))
         middle, best, worst = float(np.median(changes)), min(changes), max(changes)
         dropped = f"{sum(gone for _, gone in found)} of {len(found)}"
-        rows.append([pressed_name, remembered, dropped, *map(figure, (first, middle, best, worst))])
+        rows.append(
+            [pressed_name, remembered, dropped, figure(first), *(f"{change:.2f}" for change in (middle, best, worst))]
+        )
     head = ("Pressed", "Remembered", "Dropped", "Error without [%]", "Change, median [points]", "best", "worst")
     return table(head, rows)
 
