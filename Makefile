@@ -85,7 +85,7 @@ docs: setup  ## build the documentation site into docs/_build, warnings as error
 	@$(BIN)/sphinx-build -q -W --keep-going -b html docs docs/_build
 
 gallery: setup  ## draw the figures of the documentation again that take seconds each
-	@for script in identifiability contact_map predictions rendering; do $(BIN)/python docs/draw_$$script.py; done
+	@for script in identifiability contact_map predictions hidden_layer rendering; do $(BIN)/python docs/draw_$$script.py; done
 	@$(BIN)/python docs/measure_surfaces.py
 	@$(BIN)/python docs/measure_speed.py plots
 
