@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from foretouch.errors import InputError, SettingError
 from foretouch.errors.checks import NUMBER, require_type
+from foretouch.identification.conditioning.air import LET_GO
 from foretouch.identification.force_calibration import (
     THRESHOLD_SHARE,
     TOUCH,
@@ -18,7 +19,7 @@ from foretouch.identification.force_calibration import (
     never_leaves_contact,
     zero_in_hindsight,
 )
-from foretouch.models.contact_map.layout import GONE_SHARE, GONE_WAY, LETTING_GO, PULL_SHARE
+from foretouch.models.contact_map.layout import CLEAR, LETTING_GO
 from foretouch.quantities import Array, ByValue, Flags
 from foretouch.report.numbers import finite_or_none, runs
 
@@ -285,7 +286,7 @@ def _window(clock: Array, score_from: float, score_to: float | None) -> Flags:
 
 def _something_pulls(position: Array, force: Array, pressed: Flags, threshold: float) -> bool:
     """Whether something holds the probe after some contact, and lets go further out."""
-    least = threshold * PULL_SHARE / THRESHOLD_SHARE
+    least = threshold * CLEAR / THRESHOLD_SHARE
     return any(
         _lets_go(position[begin:end], -force[begin:end], position[begin - 1], least)
         for begin, end in runs(~pressed)
@@ -303,7 +304,7 @@ def _lets_go(position: Array, pull: Array, left: float, least: float) -> bool:
     if not largest > least:
         return False
     held = np.flatnonzero(pull > 0.5 * largest)[-1]
-    gone = (pull < GONE_SHARE * largest) & (position < position[held] - GONE_WAY)
+    gone = (pull < CLEAR * largest) & (position < position[held] - LET_GO)
     return bool(gone[held:].any())
 
 

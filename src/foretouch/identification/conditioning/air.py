@@ -20,9 +20,9 @@ BLOCK = 0.02  # Length of a block whose mean force is taken [s]
 LEVEL_WAY, LEVEL_TIME = 2e-3, 0.15
 """Way [m] and time [s] for which a force has to be level to be that of free air: a material would give way to it."""
 
-LEVEL_SHARE, ONSET = 0.15, 1e-3
-"""A force above the threshold of contact that is level is friction: largest difference of its blocks relative to it,
-and how far from where it began it has to become level [m] while free air is not known otherwise."""
+LEVEL_SHARE = 0.15
+"""A force above the threshold of contact that is level is friction: largest difference of its blocks relative to it.
+While free air is not known otherwise it has to become level within `LEVEL_WAY` of where it began."""
 
 OUTER_SHARE = 0.25  # Fraction of the way out, nearest to its end, that counts: what sticks to the probe lets go before
 
@@ -31,7 +31,6 @@ UNSURE = 0.4  # Standard deviation of a block in free air, in contact floors: bl
 RATE, RATE_TIME = 0.25, 60.0
 """Standard deviation of the rate of drift, in contact floors per second, and the time in which it changes [s]."""
 
-FRICTION = 1.0  # Standard deviation of the mechanism's friction, in contact floors, before it was seen
 SLOW = 5e-4  # Speed at which half of it is there [m/s]: the noise of a velocity
 
 LONGEST = 2.0  # Time for which the drift goes on unseen [s]
@@ -40,7 +39,7 @@ SURE = 4.0  # Standard deviations beyond which a block is not of the free air th
 
 LET_GO = 3e-4  # Least way beyond a force below that of free air after which something has let go [m]
 
-START_WINDOW = 0.04  # Time over which it is seen whether a force that was one number before is noise now [s]
+START_WINDOW = 0.05  # Time over which it is seen whether a force that was one number before is noise now [s]
 
 UNKNOWNS = 3
 """Of free air: drift of the force [N], its rate [N/s], and the friction of the mechanism [N], which goes with the
@@ -50,6 +49,7 @@ direction of motion."""
 class Start(Record):
     """How the recording began: a driver may say one number until its sensor is there."""
 
+    since: float = math.nan  # time of the first sample [s]
     over: float = math.nan  # when the force first was another than the first one [s]
     last: float = math.nan  # newest force [N]
     before: float = math.nan  # the one before it [N]
@@ -147,7 +147,7 @@ def begin_air(air: Air, time: float, force: float, way: float, floor: float) -> 
     """Let the drift count from this force [N], felt in a direction of motion; with NaN, from none."""
     air.reference, air.time = force, time
     air.known[:], air.covariance[:] = 0.0, 0.0
-    p, friction = air.covariance, (FRICTION * floor) ** 2
+    p, friction = air.covariance, floor * floor  # it is of the size of a contact floor
     p[0, 0], p[1, 1], p[2, 2] = way * way * friction, (RATE * floor) ** 2, friction
     p[0, 2] = p[2, 0] = -way * friction  # what is friction in this force is no zero
     air.touched = air.confirmed = False
@@ -195,7 +195,7 @@ def take_block(air: Air, time: float, block: Block, surface: float, limits: tupl
     if air.touching:
         if not air.touched:  # by now it is no spike of the sensor
             air.touched, air.reference_in = True, max(air.reference_in, air.onset)
-        is_first = not air.confirmed and abs(air.level.place - air.onset) <= ONSET
+        is_first = not air.confirmed and abs(air.level.place - air.onset) <= LEVEL_WAY
         if not (is_level and (is_first or place <= air.reference_in)):
             return False
     else:
@@ -266,8 +266,10 @@ def begins_now(start: Start, first: float, time: float, force: float) -> bool:
     begins are small against them, those of a sensor's steps at most twice; and noise leads nowhere.
     """
     if math.isnan(start.over):
-        if force != first and not math.isnan(first):
-            start.over, start.first = time, force
+        if math.isnan(first):
+            start.since = time
+        elif force != first:  # a number that did not last is one of the noise
+            start.over, start.first = (time if time - start.since >= START_WINDOW else -math.inf), force
         return False
     if time - start.over > 2.0 * START_WINDOW:
         return False

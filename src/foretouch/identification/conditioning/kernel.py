@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from foretouch.core import Record, compiled, kernel
 from foretouch.core.compiling import inlined
 from foretouch.identification.conditioning.air import (
+    START_WINDOW,
+    SURE,
     Air,
     Start,
     begin_air,
@@ -22,16 +24,10 @@ from foretouch.models.predictor import VELOCITY_CUTOFF
 
 Array = NDArray[np.float64]
 
-OFFSET_WINDOW = 0.05  # Length [s] of the window whose lowest mean so far is taken for the force in free air
+OFFSET_WINDOW = START_WINDOW  # Length [s] of the window whose lowest mean so far is taken for the force in free air
 
 CONTACT_FLOOR = 0.05
 """Least force [N] that counts as contact where nothing better is known of the sensor."""
-
-SMALLEST_SPREAD = 0.005  # Windows with less spread than this [N] are quiet, however quiet the quietest was
-
-QUIET_FACTOR = 4.0
-"""A window shows the force in free air only if its spread is at most this many times that of the quietest so far: when
-the tool is jerked, the sensor may show less than nothing for a moment."""
 
 NOISE_FACTOR = 6.0  # Threshold of contact above the free-air force, in standard deviations of that force
 
@@ -46,9 +42,6 @@ PEAK_SHARE = 0.05
 with what presses it, and is no contact."""
 
 RELEASE_SHARE = 0.5  # Threshold of leaving contact, as a fraction of the threshold at which it began
-
-UNCERTAINTY_FACTOR = 2.0
-"""Ratio of the threshold at which the surface was detected to that of now, from which on it is looked for again."""
 
 VELOCITY_RATE = 2.0 * math.pi * VELOCITY_CUTOFF
 
@@ -258,8 +251,9 @@ def learn_offset(state: Conditioning, rings: Array, time: float, force: float) -
     if not math.isnan(state.air.reference) and state.quiet.lowest_mean < math.inf:  # what is lower now has drifted
         return
     if full:
-        limit = QUIET_FACTOR * state.quiet.least_spread
-        if mean >= state.quiet.lowest_mean or spread > (limit if limit > SMALLEST_SPREAD else SMALLEST_SPREAD):
+        # When the tool is jerked, the sensor may show less than nothing for a moment. Noise that makes the threshold no
+        # larger than the floor is quiet, however quiet the quietest window was.
+        if mean >= state.quiet.lowest_mean or spread > max(SURE * state.quiet.least_spread, state.floor / NOISE_FACTOR):
             return
         state.quiet.lowest_mean = mean
     elif state.quiet.lowest_mean < math.inf:
@@ -301,7 +295,8 @@ def learn_surface(state: Conditioning, position: float, threshold: float) -> Non
     and certain, the one further out is right.
     """
     point = state.free_place
-    if math.isnan(state.surface) or threshold > UNCERTAINTY_FACTOR * state.surface_threshold:
+    # It is looked for again where the threshold of release is above that at which it was detected.
+    if math.isnan(state.surface) or RELEASE_SHARE * threshold > state.surface_threshold:
         state.surface = point
         state.surface_threshold = threshold
     elif point < state.surface:
@@ -356,7 +351,7 @@ def condition(
         if touching and not state.surface_given:
             learn_surface(state, position, threshold)
     if state.offset_error != 0.0:
-        before, quiet = air.reference, min(max(3.0 * state.quiet.noise, SMALLEST_SPREAD), state.floor)
+        before, quiet = air.reference, min(max(3.0 * state.quiet.noise, state.floor / NOISE_FACTOR), state.floor)
         limits = state.floor, quiet, state.zero
         if not follow_air(air, time, (position, raw, way), touching, state.surface, limits) and touching:
             # It was no contact, and the surface is where the next one begins.

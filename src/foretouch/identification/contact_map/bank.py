@@ -29,6 +29,7 @@ from foretouch.identification.contact_map.kernel import (
     run,
     take,
 )
+from foretouch.identification.contact_map.learning import LONGEST_HORIZON
 from foretouch.identification.contact_map.regression import begin_regressions, whole_covariance
 from foretouch.identification.contact_map.remembered import from_the_surface
 from foretouch.identification.contact_map.state import HELD, Bank
@@ -38,9 +39,6 @@ from foretouch.models import ContactMapModel, ContactModel, ContactState
 
 EXPERT_NAMES = ("law", "coarse", "fine")
 """Names of the experts, in the order of their weights."""
-
-LONGEST_HORIZON = 0.3
-"""Largest delay of the predictions on which experts are scored [s]: over longer ones they are too much alike."""
 
 
 Array = NDArray[np.float64]

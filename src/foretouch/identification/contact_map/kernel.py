@@ -17,7 +17,15 @@ from foretouch.core.compiling import compiled, inlined, kernel
 from foretouch.core.records import Record
 from foretouch.identification.conditioning.conditioner import Lag, clear, take_lagged
 from foretouch.identification.conditioning.kernel import Conditioning, Memory, condition, is_full, lose_surface
-from foretouch.identification.contact_map.learning import CHANGED, FAILED, LONGEST_PERIOD, PERIOD, learn, restart
+from foretouch.identification.contact_map.learning import (
+    CHANGED,
+    FAILED,
+    LONGEST_HORIZON,
+    LONGEST_PERIOD,
+    PERIOD,
+    learn,
+    restart,
+)
 from foretouch.identification.contact_map.remembered import attend, drop
 from foretouch.identification.contact_map.state import HELD, NOT_GIVEN, Bank
 from foretouch.identification.exact.belief import clear as clear_law
@@ -25,7 +33,7 @@ from foretouch.identification.exact.belief import law_numbers
 from foretouch.identification.exact.kernel import move_surface as move_law
 from foretouch.identification.exact.kernel import take as take_law
 from foretouch.models.contact_map.kernel import advanced, memory_of, numbers_of, remember
-from foretouch.models.contact_map.layout import LARGEST_FORCE, SIZE, Map
+from foretouch.models.contact_map.layout import COARSE, LARGEST_FORCE, SIZE, Map
 from foretouch.models.contact_map.wire import is_sensible, mark
 from foretouch.models.contact_model import LARGEST_DEPTH, LARGEST_SPEED
 
@@ -35,9 +43,9 @@ Banks = NDArray[np.void]
 
 FEWEST_UPDATES = 8  # Least number of samples from which a force is rendered
 
-LARGEST_SHIFT, LARGEST_SHIFT_IN_YOUTH, YOUTH = 9e-3, 1e-3, 0.3
-"""Largest shift of the surface from where the map began [m], after which the map begins anew; a smaller one in its
-first time in contact [s], for then the first contact was false and little is lost."""
+LARGEST_SHIFT = (COARSE.below - 1) * COARSE.spacing
+"""Largest shift of the surface from where the map began [m], after which it begins anew, for it has no more knots; in
+its first `LONGEST_HORIZON` in contact one of a knot is enough: the first contact was false, and little is lost."""
 
 FREE_AIR, UNUSABLE, WAITING, LEARNT, LEARNT_IN_AIR, OTHER, GONE, RESTARTED = range(8)
 """Result of a sample: all from LEARNT on have changed the model. OTHER is a material that has changed, and GONE one
@@ -78,7 +86,7 @@ def move_surface(banks: Banks, change: float) -> None:
     move_law(bank.law[:], change)
     learnt.origin -= change
     learnt.law_surface += change
-    if abs(learnt.origin) > (LARGEST_SHIFT_IN_YOUTH if bank.notes[0].contact < YOUTH else LARGEST_SHIFT):
+    if abs(learnt.origin) > (COARSE.spacing if bank.notes[0].contact < LONGEST_HORIZON else LARGEST_SHIFT):
         begin(bank)
 
 

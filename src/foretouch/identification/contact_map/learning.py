@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.core.compiling import compiled, inlined
+from foretouch.identification.conditioning.air import LET_GO
+from foretouch.identification.conditioning.kernel import PEAK_TIME
 from foretouch.identification.contact_map.regression import (
     fade,
     fit_coarse,
@@ -18,25 +20,25 @@ from foretouch.identification.contact_map.regression import (
 )
 from foretouch.identification.contact_map.scores import (
     ASSUMED_TIME,
-    FIRST_DOUBT,
     FIRST_ERROR,
     SCORE_TIME,
+    YOUNG,
     allot,
     score,
+    set_doubt,
     watch,
 )
 from foretouch.identification.contact_map.state import LEVELS, RING, Bank, Notes
 from foretouch.models.contact_map.kernel import blend, cubic, features, law_force, mapped
 from foretouch.models.contact_map.layout import (
+    BEYOND,
+    CLEAR,
     COARSE,
     FINE,
-    FINE_EDGE,
     FINE_TO,
-    GONE_SHARE,
-    GONE_WAY,
     LETTING_GO,
     MOST,
-    PULL_SHARE,
+    PLAYS,
     SIZE,
     STUCK,
     Map,
@@ -55,27 +57,19 @@ FADING = 1.0 / 3000.0
 """Fraction by which the covariance goes back towards the prior in each second in contact [1/s]: what was learnt long
 ago can be learnt again."""
 
-RING_PERIOD = 0.02  # Time between two snapshots of the map [s]
+LONGEST_HORIZON = 0.3
+"""Largest delay of the predictions on which experts are scored [s]: over longer ones they are too much alike. Changes
+are looked for in predictions of this age."""
 
-SCORED_FROM = 0.1
-"""Least time in contact [s] after which a snapshot is scored: an earlier one does not show what can be learnt."""
+RING_PERIOD = LONGEST_HORIZON / 15.0  # Time between two snapshots of the map [s]
 
-CHANGED_FROM, CHANGED_AFTER = 4.0, 0.12
-"""Time in contact [s] before a change can be detected, and for which late predictions are wrong without a pause where
-the material has changed."""
+CHANGED_FROM = 4.0  # Time in contact [s] before a change can be detected
 
-WATCHED_AGE = 0.3  # Least age of the predictions that show a change [s]
+LONGEST_SPIKE = 2.0 * PEAK_TIME  # For how long an unexpected force is taken for one of the sensor's [s]
 
-SPIKE, LONGEST_SPIKE = 2.0, 0.01
-"""Ratio to the peak so far of an unexpected force that is not learnt from, and for how long it is not [s]."""
-
-MISPLACED = 0.1  # Error of the coarse map in contact, relative to the peak, with which the fine one is wanted there
 FINE_ALONE = 0.5
 """Least weight of the fine map, and largest ratio of its error to that of the coarse one, with which a sample that the
 coarse one misses is learnt by the fine one alone: it would smear what is hard over what is soft above it."""
-
-TOUCH_WAY = 1e-4  # Least way outside of where the material begins over which the force falls to zero [m]
-TOUCH_SHARE = 0.1  # Least force, relative to the peak, by which it is known where the material begins
 
 LARGEST = 1.7976931348623157e308
 
@@ -145,8 +139,8 @@ def begin_scores(bank: Bank) -> None:
     notes.wrong.time = notes.wrong.product = notes.wrong.square = 0.0
     notes.present.law = notes.present.law_time = 0.0
     notes.lowest, learnt.law_reached, learnt.law_speed = math.inf, -math.inf, 0.0
-    notes.scores[:], notes.doubt = 0.0, FIRST_DOUBT
-    learnt.uncertainty[0], learnt.uncertainty[1] = 0.0, FIRST_DOUBT**2
+    notes.scores[:], notes.errors = 0.0, 0.0
+    set_doubt(learnt, FIRST_ERROR, 0.0)
     notes.snapshots = 0
 
 
@@ -175,7 +169,7 @@ def snapshot_before(bank: Bank, time: float, position: float) -> int:
         age += 1
     index = (newest - 1 - age) % RING
     lowest, reached = bank.ranges[index, 0], bank.ranges[index, 1]
-    is_known = age < kept and bank.contacts[index] >= SCORED_FROM and lowest <= position <= reached
+    is_known = age < kept and bank.contacts[index] >= YOUNG and lowest <= position <= reached
     return int(index) if is_known else -1
 
 
@@ -183,7 +177,7 @@ def snapshot_before(bank: Bank, time: float, position: float) -> int:
 def score_late(bank: Bank, time: float, sample: tuple[float, float, float], contact: bool, period: float) -> None:
     """Watch a snapshot of long before, and score that of a delay before, on a sample."""
     # However short the delay is, what was learnt since a change does not hide it.
-    index = snapshot_before(bank, time - max(bank.horizon, WATCHED_AGE), sample[0])
+    index = snapshot_before(bank, time - max(bank.horizon, LONGEST_HORIZON), sample[0])
     if index >= 0:
         watch(bank, bank.ring[index], sample, contact, period)
     index = snapshot_before(bank, time - bank.horizon, sample[0])
@@ -199,7 +193,7 @@ def level_of(ratio: float) -> int:
 
 @inlined
 def note_touch(learnt: Map, notes: Notes, position: float, force: float) -> None:
-    """Note where a force in contact was felt, and where a `TOUCH_SHARE` of the largest was felt outermost."""
+    """Note where a force in contact was felt, and where a `CLEAR` of the largest was felt outermost."""
     if notes.touch_unit == 0.0:
         notes.touch_unit = max(force / 16.0, 0.0)
     if not notes.touch_unit > 0.0:
@@ -211,11 +205,11 @@ def note_touch(learnt: Map, notes: Notes, position: float, force: float) -> None
         notes.outermost[LEVELS - 1] = math.inf
     for k in range(level_of(force / notes.touch_unit) + 1):
         notes.outermost[k] = min(notes.outermost[k], position)
-    level = level_of(TOUCH_SHARE * notes.peak / notes.touch_unit)
+    level = level_of(CLEAR * notes.peak / notes.touch_unit)
     # Where contact ends says less: foam is left deeper than it is touched.
     if notes.entered == 2 and math.isfinite(notes.outermost[level + 2]):
         learnt.touch, learnt.touch_force = notes.outermost[level], notes.touch_unit * 2.0**level
-        learnt.touch_way = max(notes.outermost[level + 2] - learnt.touch, TOUCH_WAY)
+        learnt.touch_way = max(notes.outermost[level + 2] - learnt.touch, PLAYS[0])
 
 
 @inlined
@@ -229,7 +223,7 @@ def note_pull(learnt: Map, notes: Notes, position: float, force: float, contact:
         force: The larger of the two newest ones [N].
         contact: The conditioner's judgement.
     """
-    stay, least = notes.stay, max(PULL_SHARE * notes.peak, 16.0 * notes.touch_unit)
+    stay, least = notes.stay, max(CLEAR * notes.peak, 16.0 * notes.touch_unit)
     before, stay.place = stay.place, position
     if contact:
         stay.left, stay.pull = position, 0.0
@@ -242,7 +236,7 @@ def note_pull(learnt: Map, notes: Notes, position: float, force: float, contact:
     stay.pull = max(stay.pull, -force)
     if -force > 0.5 * stay.pull:
         stay.held = position
-    gone = -force < GONE_SHARE * stay.pull and position < stay.held - GONE_WAY
+    gone = -force < CLEAR * stay.pull and position < stay.held - LET_GO
     if gone and stay.pull > least:
         known = learnt.pull > 0.0
         learnt.hold = min(learnt.hold, stay.held) if known else stay.held
@@ -315,7 +309,7 @@ def note_present(bank: Bank, sample: tuple[float, float, float], period: float) 
     present.time += period
     is_better = learnt.shares[2] > FINE_ALONE and fine < FINE_ALONE * coarse
     # What is deeper than the fine map reaches goes on from the coarse one.
-    return bool(is_better and coarse > MISPLACED * notes.peak and learnt.reached - learnt.place < FINE_TO - FINE_EDGE)
+    return bool(is_better and coarse > CLEAR * notes.peak and learnt.reached - learnt.place < FINE_TO - PLAYS[0])
 
 
 @inlined
@@ -329,7 +323,7 @@ def learn(bank: Bank, time: float, position: float, velocity: float, force: floa
     sample, wrong_for = (position, velocity, force), notes.wrong.time
     if notes.snapshots > 0:
         score_late(bank, time, sample, contact, period)
-    is_spike = wrong_for < notes.wrong.time <= LONGEST_SPIKE and force > SPIKE * notes.peak
+    is_spike = wrong_for < notes.wrong.time <= LONGEST_SPIKE and force > BEYOND * notes.peak
     visited = position <= learnt.reached
     widen(bank, sample, contact, period)
 
@@ -342,11 +336,11 @@ def learn(bank: Bank, time: float, position: float, velocity: float, force: floa
         if not fines_alone:
             error = fit_coarse(coarse_weights, bank.coarse, position, values, raw)
             spoilt = math.isnan(error)
-            if contact and abs(error) > MISPLACED * notes.peak and not in_fine_reach(position - learnt.place):
+            if contact and abs(error) > CLEAR * notes.peak and not in_fine_reach(position - learnt.place):
                 place_fine(bank, position)
         spoilt = math.isnan(fit_fine(fine_weights, bank.fine, position - learnt.place, values, raw)) or spoilt
-    if visited and notes.contact > CHANGED_FROM and notes.wrong.time >= CHANGED_AFTER:
-        index = snapshot_before(bank, time - max(bank.horizon, WATCHED_AGE), position)
+    if visited and notes.contact > CHANGED_FROM and notes.wrong.time >= YOUNG:
+        index = snapshot_before(bank, time - max(bank.horizon, LONGEST_HORIZON), position)
         if index >= 0:
             code = CHANGED
             bank.changes += 1

@@ -17,17 +17,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.core.compiling import compiled, inlined
-from foretouch.identification.contact_map.learning import CHANGED_AFTER, SCORED_FROM, refine
+from foretouch.identification.conditioning.kernel import PEAK_SHARE
+from foretouch.identification.contact_map.learning import refine
 from foretouch.identification.contact_map.regression import expect_mean, reach
-from foretouch.identification.contact_map.scores import CONTACT_SHARE, LEAST_WRONG, SCORE_TIME
+from foretouch.identification.contact_map.scores import SCORE_TIME, YOUNG
 from foretouch.identification.contact_map.state import DROPPED, EARLY, RING, Bank
 from foretouch.models.contact_map.kernel import blend, cubic, experts
-from foretouch.models.contact_map.layout import COARSE, EXPERTS, FINE, SIZE, STUCK, Map
+from foretouch.models.contact_map.layout import CLEAR, COARSE, EXPERTS, FINE, SIZE, STUCK, Map
 from foretouch.models.contact_model import LARGEST_DEPTH
 
 Array = NDArray[np.float64]
 
-CONTRADICTED = LEAST_WRONG * LEAST_WRONG * CHANGED_AFTER
+CONTRADICTED = CLEAR * CLEAR * YOUNG
 """Cumulative sum, relative to the square of the peak, with which a map from before is dropped [s]: late predictions
 that are wrong with it and right without it by as much and as long as those that show a change."""
 
@@ -105,7 +106,7 @@ def drop(bank: Bank) -> None:
 def recall(bank: Bank, time: float) -> None:
     """Give the map from before as the mean, where it fits the first samples best; drop it where it does not."""
     kept, coarse, change = bank.remembered, bank.coarse, best_change(bank)
-    if kept.given[0].shares[2] > 0.5 or misfit(bank, change) > (LEAST_WRONG * bank.notes[0].peak) ** 2:
+    if kept.given[0].shares[2] > 0.5 or misfit(bank, change) > (CLEAR * bank.notes[0].peak) ** 2:
         drop(bank)
         return
     kept.since, kept.against = time, 0.0
@@ -168,7 +169,7 @@ def judge(bank: Bank, time: float, sample: tuple[float, float, float], contact: 
 
     The cumulative sum is that of Page (1954): how much worse the squared errors are, but never below 0, so that what
     was good before does not outweigh what is wrong now. Before there are predictions so late, the map from before
-    itself is compared, and allowed `LEAST_WRONG` of the peak.
+    itself is compared, and allowed `CLEAR` of the peak.
 
     Args:
         bank: The state; its `values` are the features of the sample.
@@ -184,10 +185,10 @@ def judge(bank: Bank, time: float, sample: tuple[float, float, float], contact: 
         known = experts(kept.ring[index], bank.values, position, velocity, bank.memory[STUCK], True)[3]
         without = experts(bank.ring[index], bank.values, position, velocity, bank.memory[STUCK], True)[3]
         allowed = (without - force) ** 2
-        counts = contact or max(known, without) > CONTACT_SHARE * notes.peak
+        counts = contact or max(known, without) > PEAK_SHARE * notes.peak
     else:
         known = experts(kept.placed[0], bank.values, position, velocity, bank.memory[STUCK], True)[3]
-        allowed = (LEAST_WRONG * notes.peak) ** 2
+        allowed = (CLEAR * notes.peak) ** 2
         counts = contact
     if counts:
         kept.against = max(kept.against + period * ((known - force) ** 2 - allowed), 0.0)
@@ -206,7 +207,7 @@ def attend(bank: Bank, time: float, sample: tuple[float, float, float], contact:
         early.position, early.velocity, early.force = sample
         early.values[:] = bank.values[:]
         kept.count += 1
-        if bank.notes[0].contact >= SCORED_FROM:
+        if bank.notes[0].contact >= YOUNG:
             recall(bank, time)
     if bank.coarse.traced == 0:
         return

@@ -60,7 +60,7 @@ class Notes(Record):
     scores: Annotated[Field, float, 2]  # sums of squared late errors of the law and of the maps, fading [N^2 s]
     scored: float  # time over which they were summed, fading [s]
     present: Present
-    doubt: float  # standard deviation of a late prediction, relative to its force
+    errors: float  # sum of absolute late errors, relative to the forces, fading [s]
     wrong: Wrong
     faded: float  # time in contact since the covariance faded last [s]
     snapshots: int  # taken so far

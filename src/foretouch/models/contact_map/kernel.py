@@ -164,7 +164,7 @@ def mapped(part: CoarseMap | FineMap, grid: Grid, position: float, values: Value
     first, a, b, c, d = cubic(position, grid.feature_spacing, grid.feature_below, grid.feature_knots)
     at = grid.knots + first
     for f in range(grid.features):
-        value = min(max(values[f], layout.REACH * ranges[f, 0]), layout.REACH * ranges[f, 1])
+        value = min(max(values[f], ranges[f, 0]), ranges[f, 1])
         force += value * blend(weights, at, a, b, c, d)
         at += grid.feature_knots
     return float(force)
@@ -189,8 +189,8 @@ def map_force(
     force = max(mapped(part, grid, min(position, reached), values) - zero, least)
     if position > reached and force >= 0.0:
         before = max(mapped(part, grid, max(reached - step, lowest), values) - zero, 0.0)
-        chord = force / max(learnt.reached + learnt.origin, step, layout.LEAST_DEPTH)
-        force += (position - reached) * min(max((force - before) / step, chord), layout.STEEPEST * chord)
+        chord = force / max(learnt.reached + learnt.origin, step, layout.PLAYS[0])
+        force += (position - reached) * min(max((force - before) / step, chord), layout.BEYOND * chord)
     return float(force)
 
 
@@ -202,8 +202,8 @@ def law_force(learnt: Map, position: float, velocity: float) -> float:
     k, damping, n, alpha = learnt.law[0], learnt.law[1], learnt.law[2], learnt.law[3]
     if not (depth > 0.0 and k > 0.0):
         return 0.0
-    known = min(depth, max(learnt.law_reached + shift, layout.LEAST_DEPTH))
-    speed = layout.SPEED_REACH * learnt.law_speed
+    known = min(depth, max(learnt.law_reached + shift, layout.PLAYS[0]))
+    speed = layout.BEYOND * learnt.law_speed
     velocity = min(max(velocity, -speed), speed)
     return float(max(known**n * (k * known**alpha * depth / known + damping * velocity), 0.0))
 
@@ -211,7 +211,7 @@ def law_force(learnt: Map, position: float, velocity: float) -> float:
 @inlined
 def fine_part(position: float) -> float:
     """Weight of the fine map against the coarse one at a position from its place [m], by where its knots are."""
-    part = min(position - layout.FINE_FROM, layout.FINE_TO - position) / layout.FINE_EDGE
+    part = min(position - layout.FINE_FROM, layout.FINE_TO - position) / layout.PLAYS[0]
     part = min(max(part, 0.0), 1.0)
     return float(part * part * (3.0 - 2.0 * part))
 
@@ -225,7 +225,8 @@ def most_outside(learnt: Map, position: float) -> float:
     away = learnt.touch - position
     if learnt.lowest > learnt.touch - learnt.touch_way:  # the probe was never outside
         return layout.LARGEST_FORCE
-    return float(layout.TOUCH_FORCE * learnt.touch_force * max(1.0 - away / learnt.touch_way, 0.0))
+    # The force there is known up to the next power of two.
+    return float(2.0 * learnt.touch_force * max(1.0 - away / learnt.touch_way, 0.0))
 
 
 @inlined
@@ -250,7 +251,7 @@ def experts(
     if inside > 0.0:
         fine += inside * (map_force(learnt, learnt.fine, FINE, learnt.place, position, values) - coarse)
     force = weights[0] * law + weights[1] * coarse + weights[2] * fine
-    force = min(force, learnt.felt * (layout.MOST if position > learnt.reached else layout.MOST_WITHIN))
+    force = min(force, learnt.felt * (layout.MOST if position > learnt.reached else layout.BEYOND))
     if position < learnt.touch:
         force = min(force, most_outside(learnt, position))
     if not (stuck > 0.0 and position >= learnt.hold):

@@ -15,7 +15,7 @@ from foretouch.models.contact_model import LARGEST_DEPTH
 Field = NDArray[Any]
 
 COARSENESS = 3  # Ratio of the knots' distances of features and elastic part: features vary more slowly over depth
-PLAYS = (1e-4, 3e-4)  # Radii of the play operators [m]
+PLAYS = (1e-4, 3e-4)  # Radii of the play operators [m]; places are alike within the smaller one
 TIMES = (0.05, 0.3, 1.5)  # Time constants of the averages of depth [s]
 SPEED = 0.05  # Unit of speed [m/s]
 
@@ -63,13 +63,13 @@ def _grid(spacing: float, below: int, above: int, features: int) -> Grid:
 GRIDS = COARSE, FINE = _grid(1e-3, 10, 40, LARGEST_FEATURES), _grid(3e-5, 20, 40, 1)
 """The coarse map reaches 10 mm out and 40 mm in, and has all features; the fine one has velocity only."""
 
-REACH = 1.0  # Factor on the range of the features so far, beyond which they are clamped
+BEYOND = 1.5
+"""How far beyond what was seen is believed: largest ratio of the slope beyond the visited depth to that of the chord
+from the surface, which is also its least value; of a speed of the law to the largest so far; and of a force within the
+visited depth to the largest that was felt. A larger one that comes unexpectedly is not learnt from."""
 
-STEEPEST = 1.5
-"""Largest ratio of the slope beyond the visited depth, which is the last one, to that of the chord from the surface,
-which is also its least value."""
-
-SPEED_REACH = 1.5  # Factor on the largest speed so far, beyond which the law clamps speeds
+CLEAR = 0.1
+"""Part of the largest force by which an error, a touch or a pull is clear; less may be the mechanism's friction."""
 
 LARGEST_FORCE = 1e6
 """Largest force of a model [N]."""
@@ -77,18 +77,9 @@ LARGEST_FORCE = 1e6
 FINE_FROM, FINE_TO = -FINE.below * FINE.spacing, FINE.above * FINE.spacing
 """Where the knots of the fine map begin and end, from its place [m]."""
 
-FINE_EDGE = 1e-4  # Way before both ends over which the fine map goes over into the coarse one [m]
-MOST, MOST_WITHIN = 20.0, 1.5
-"""Largest ratio of a force beyond the visited depth to the largest that was felt, and of one within it."""
+MOST = 20.0  # Largest ratio of a force beyond the visited depth to the largest that was felt
 
 LETTING_GO = 5e-3  # Distance outside the visited range after which a force is zero at the latest [m]
-TOUCH_FORCE = 2.0  # Largest force just outside of where the material was touched so far, relative to the one there
-
-PULL_SHARE = 0.1  # Least pull that is one, relative to the largest force: friction of the mechanism is less
-GONE_SHARE = 0.2  # Force that is left where it has let go, relative to the pull
-GONE_WAY = 5e-4  # How far beyond the last half of a pull it has let go [m]; friction goes on until the probe turns
-
-LEAST_DEPTH = 1e-4  # Least depth to which a law is used [m], also if it was learnt from less
 
 EXPERTS = 3
 UNCERTAINTIES = 2
