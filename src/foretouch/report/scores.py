@@ -9,7 +9,6 @@ from numpy.typing import ArrayLike
 
 from foretouch.errors import InputError, SettingError
 from foretouch.errors.checks import NUMBER, require_type
-from foretouch.identification.conditioning.air import LET_GO
 from foretouch.identification.force_calibration import (
     THRESHOLD_SHARE,
     TOUCH,
@@ -19,7 +18,7 @@ from foretouch.identification.force_calibration import (
     never_leaves_contact,
     zero_in_hindsight,
 )
-from foretouch.models.contact_map.layout import CLEAR, LETTING_GO
+from foretouch.models.contact_map.layout import CLEAR, LETTING_GO, PLAYS
 from foretouch.quantities import Array, ByValue, Flags
 from foretouch.report.numbers import finite_or_none, runs
 
@@ -304,7 +303,7 @@ def _lets_go(position: Array, pull: Array, left: float, least: float) -> bool:
     if not largest > least:
         return False
     held = np.flatnonzero(pull > 0.5 * largest)[-1]
-    gone = (pull < CLEAR * largest) & (position < position[held] - LET_GO)
+    gone = (pull < CLEAR * largest) & (position < position[held] - PLAYS[1])
     return bool(gone[held:].any())
 
 

@@ -12,19 +12,21 @@ from numpy.typing import NDArray
 
 from foretouch.core import Record
 from foretouch.core.compiling import inlined
+from foretouch.models.contact_map.layout import PLAYS
 
 Field = NDArray[Any]
 
+START_WINDOW = 0.05  # Time over which it is seen whether a force that was one number before is noise now [s]
+
 BLOCK = 0.02  # Length of a block whose mean force is taken [s]
 
-LEVEL_WAY, LEVEL_TIME = 2e-3, 0.15
+LEVEL_WAY, LEVEL_TIME = 2e-3, 3.0 * START_WINDOW
 """Way [m] and time [s] for which a force has to be level to be that of free air: a material would give way to it."""
 
-LEVEL_SHARE = 0.15
-"""A force above the threshold of contact that is level is friction: largest difference of its blocks relative to it.
-While free air is not known otherwise it has to become level within `LEVEL_WAY` of where it began."""
-
-OUTER_SHARE = 0.25  # Fraction of the way out, nearest to its end, that counts: what sticks to the probe lets go before
+OUTER_SHARE = 0.25
+"""Fraction of the way out, nearest to its end, that counts: what sticks to the probe lets go before. And the largest
+difference of blocks of a force above the threshold of contact, relative to it, with which it is level: it is friction
+then. While free air is not known otherwise, it has to become level within `LEVEL_WAY` of where it began."""
 
 UNSURE = 0.4  # Standard deviation of a block in free air, in contact floors: blocks of a stay are alike
 
@@ -37,9 +39,6 @@ LONGEST = 2.0  # Time for which the drift goes on unseen [s]
 
 SURE = 4.0  # Standard deviations beyond which a block is not of the free air that was expected
 
-LET_GO = 3e-4  # Least way beyond a force below that of free air after which something has let go [m]
-
-START_WINDOW = 0.05  # Time over which it is seen whether a force that was one number before is noise now [s]
 
 UNKNOWNS = 3
 """Of free air: drift of the force [N], its rate [N/s], and the friction of the mechanism [N], which goes with the
@@ -189,7 +188,7 @@ def take_block(air: Air, time: float, block: Block, surface: float, limits: tupl
     """Learn from a block if it is in free air; whether it is."""
     (place, force, _), (floor, quiet, zero) = block, limits
     if air.touching:
-        quiet = min(quiet, LEVEL_SHARE * abs(force - zero))
+        quiet = min(quiet, OUTER_SHARE * abs(force - zero))
     has_risen = force > air.level.force + quiet
     is_level = take_level(air.level, time, block, quiet)
     if air.touching:
@@ -210,7 +209,7 @@ def take_block(air: Air, time: float, block: Block, surface: float, limits: tupl
     low = air.reference + drifted(air, time) + block[2] * air.known[2] - force
     if low > floor:
         air.low_at = min(air.low_at, place)
-    elif place < air.low_at - LET_GO < math.inf and not has_risen:  # friction lasts until the probe turns
+    elif place < air.low_at - PLAYS[1] < math.inf and not has_risen:  # friction lasts until the probe turns
         air.low_at, air.held_to = math.inf, place
     if low > floor and (has_risen or place > air.held_to):
         return True  # something lets go within the block, or holds the probe where it has done so before

@@ -35,7 +35,7 @@ QUIET_SPREAD = 1.5
 """Largest ratio of the noise to the spread of the quietest window so far: what chatters in free air is not the sensor's
 noise."""
 
-PEAK_TIME = 0.005  # Length of a block [s]; the largest force is the lowest in two of them
+PEAK_TIME = OFFSET_WINDOW / 10.0  # Length of a block [s]; the largest force is the lowest in two of them
 
 PEAK_SHARE = 0.05
 """Least threshold of contact above free air, as a fraction of the largest force so far: friction of the mechanism grows

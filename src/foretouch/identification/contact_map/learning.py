@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.core.compiling import compiled, inlined
-from foretouch.identification.conditioning.air import LET_GO
 from foretouch.identification.conditioning.kernel import PEAK_TIME
 from foretouch.identification.contact_map.regression import (
     fade,
@@ -236,7 +235,7 @@ def note_pull(learnt: Map, notes: Notes, position: float, force: float, contact:
     stay.pull = max(stay.pull, -force)
     if -force > 0.5 * stay.pull:
         stay.held = position
-    gone = -force < CLEAR * stay.pull and position < stay.held - LET_GO
+    gone = -force < CLEAR * stay.pull and position < stay.held - PLAYS[1]
     if gone and stay.pull > least:
         known = learnt.pull > 0.0
         learnt.hold = min(learnt.hold, stay.held) if known else stay.held

@@ -17,8 +17,9 @@ NOISE = 0.3
 LEVEL, SLOPE, CURVATURE = 1.5, 0.5, 0.6
 """Elastic part at the origin, its slope there, and the density of the noise that is its curvature; per knot."""
 
-FEATURE_SIZE, FEATURE_REACH = 0.4, 6.0
-"""Standard deviation of a feature's part, and over how many knots of the elastic part it resembles itself."""
+FEATURE_SIZE, FEATURE_REACH = 0.4, 2.0 * COARSENESS
+"""Standard deviation of a feature's part, and over how many knots of the elastic part it resembles itself: two of its
+own."""
 
 
 @cache
