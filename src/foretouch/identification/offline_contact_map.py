@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from foretouch.errors import InputError
 from foretouch.identification.conditioning.conditioner import ContactSample
 from foretouch.identification.contact_map.learning import PERIOD
-from foretouch.identification.contact_map.prior import NOISE, prior
+from foretouch.identification.contact_map.prior import prior
 from foretouch.identification.contact_map.scores import trust
 from foretouch.identification.estimator import Status, StoringEstimator
 from foretouch.identification.offline import OfflineFit, fit_offline
@@ -152,7 +152,7 @@ def _fit_map(part: np.void, kind: int, result: _Samples, weight: int) -> None:
     regressor = _regressors(grid, result.place[inside], values[inside])
     root = _root(kind)
     reduced = regressor @ root
-    information = weight * (reduced.T @ reduced) + NOISE**2 * np.eye(root.shape[0])
+    information = weight * (reduced.T @ reduced) + np.eye(root.shape[0])
     part["weights"] = root @ np.linalg.solve(information, weight * (reduced.T @ result.force[inside]))
 
 

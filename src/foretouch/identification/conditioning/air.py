@@ -37,7 +37,7 @@ SLOW = 5e-4  # Speed at which half of it is there [m/s]: the noise of a velocity
 
 LONGEST = 2.0  # Time for which the drift goes on unseen [s]
 
-SURE = 4.0  # Standard deviations beyond which a block is not of the free air that was expected
+SURE = 3.0  # Standard deviations beyond which a block is not of the free air that was expected
 
 
 UNKNOWNS = 3

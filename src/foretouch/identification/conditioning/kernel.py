@@ -29,11 +29,9 @@ OFFSET_WINDOW = START_WINDOW  # Length [s] of the window whose lowest mean so fa
 CONTACT_FLOOR = 0.05
 """Least force [N] that counts as contact where nothing better is known of the sensor."""
 
-NOISE_FACTOR = 6.0  # Threshold of contact above the free-air force, in standard deviations of that force
-
-QUIET_SPREAD = 1.5
-"""Largest ratio of the noise to the spread of the quietest window so far: what chatters in free air is not the sensor's
-noise."""
+NOISE_FACTOR = 8.0
+"""Threshold of contact above the force in free air, in spreads of the quietest window: what chatters in free air is not
+the sensor's noise."""
 
 PEAK_TIME = OFFSET_WINDOW / 10.0  # Length of a block [s]; the largest force is the lowest in two of them
 
@@ -280,8 +278,7 @@ def learn_peak(state: Conditioning, time: float, force: float) -> None:
 @inlined
 def threshold_of(state: Conditioning) -> float:
     """Threshold of contact [N]."""
-    noise, largest = state.quiet.noise, QUIET_SPREAD * state.quiet.least_spread
-    noise = NOISE_FACTOR * (largest if largest < noise else noise)
+    noise = NOISE_FACTOR * min(state.quiet.least_spread, state.quiet.noise)
     result, weight = state.floor, PEAK_SHARE * state.peak
     result = noise if noise > result else result
     return float(weight if weight > result else result)

@@ -204,7 +204,7 @@ class ContactMap(Estimator):
         """Covariance P of the weights of the ``coarse`` or the ``fine`` map, including those without samples.
 
         Returns:
-            Shape (n, n), in the unit in which the noise is 0.3.
+            Shape (n, n), in the unit in which the noise of a force is 1.
 
         Raises:
             SettingError: The expert has no weights.

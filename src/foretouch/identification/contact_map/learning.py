@@ -36,7 +36,6 @@ from foretouch.models.contact_map.layout import (
     FINE,
     FINE_TO,
     LETTING_GO,
-    MOST,
     PLAYS,
     SIZE,
     STUCK,
@@ -113,7 +112,7 @@ def scale_part(weights: Array, zero: float, knots: int, factor: float) -> None:
 def begin_changed(bank: Bank, index: int, position: float) -> None:
     """Begin anew around the map of this snapshot, scaled as the forces since have changed: all of it is a guess now."""
     learnt, notes, before = bank.map[0], bank.notes[0], bank.ring[index]
-    factor = min(max(notes.wrong.product / max(notes.wrong.square, 1e-12), 1.0 / MOST), MOST)
+    factor = min(max(notes.wrong.product / max(notes.wrong.square, 1e-12), CLEAR), 1.0 / CLEAR)
     learnt.coarse.weights[:], learnt.fine.weights[:] = before.coarse.weights, before.fine.weights
     scale_part(learnt.coarse.weights[:], learnt.zero, COARSE.knots, factor)
     if learnt.place == before.place:

@@ -11,15 +11,11 @@ from foretouch.models.contact_map.layout import COARSENESS, GRIDS
 
 Array = NDArray[np.float64]
 
-NOISE = 0.3
-"""Standard deviation of a force. Only its ratio to the prior matters, so force has no unit here."""
+LEVEL, SIZE = 5.0, 2.0
+"""Standard deviations, in that of a sample's force, so that force has no unit: the elastic part's at the origin; and
+its slope's and its change of slope's, per knot, and each feature's part."""
 
-LEVEL, SLOPE, CURVATURE = 1.5, 0.5, 0.6
-"""Elastic part at the origin, its slope there, and the density of the noise that is its curvature; per knot."""
-
-FEATURE_SIZE, FEATURE_REACH = 0.4, 2.0 * COARSENESS
-"""Standard deviation of a feature's part, and over how many knots of the elastic part it resembles itself: two of its
-own."""
+FEATURE_REACH = 2.0 * COARSENESS  # Over how many knots of the elastic part a feature's part resembles itself
 
 
 @cache
@@ -37,9 +33,9 @@ def elastic_prior(kind: int) -> Array:
     near, far = np.minimum.outer(size, size), np.maximum.outer(size, size)
     same_side = np.sign(knots)[:, None] == np.sign(knots)[None, :]
     result: Array = (
-        CURVATURE**2 * np.where(same_side, near * near * (3.0 * far - near) / 6.0, 0.0)
+        SIZE**2 * np.where(same_side, near * near * (3.0 * far - near) / 6.0, 0.0)
         + LEVEL**2
-        + SLOPE**2 * np.outer(knots, knots)
+        + SIZE**2 * np.outer(knots, knots)
     )
     return result
 
@@ -53,7 +49,7 @@ def feature_prior(kind: int) -> Array:
     """
     knots = np.arange(GRIDS[kind].feature_knots)
     distance = COARSENESS * np.subtract.outer(knots, knots) / FEATURE_REACH
-    result: Array = FEATURE_SIZE**2 * np.exp(-0.5 * distance**2) + 1e-9 * np.eye(knots.size)
+    result: Array = SIZE**2 * np.exp(-0.5 * distance**2) + 1e-9 * np.eye(knots.size)
     return result
 
 

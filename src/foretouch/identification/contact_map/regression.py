@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from foretouch.core.compiling import compiled, inlined
 from foretouch.core.records import Record
-from foretouch.identification.contact_map.prior import NOISE, elastic_prior, feature_prior, prior
+from foretouch.identification.contact_map.prior import elastic_prior, feature_prior, prior
 from foretouch.models.contact_map.kernel import cubic
 from foretouch.models.contact_map.layout import COARSE, FINE, FINE_FROM, FINE_TO, LARGEST_FEATURES, Grid
 
@@ -255,7 +255,7 @@ def learn_rows(weights: Array, regression: CoarseRegression | FineRegression, co
     """
     covariance, rows, weight_at = regression.covariance, regression.rows, regression.weight_at
     gain, regressor, active = regression.gain, regression.regressor, regression.active
-    error, variance = force, NOISE * NOISE
+    error, variance = force, 1.0
     for k in range(rows):
         gain[k] = 0.0
     for a in range(0, count, 4):
@@ -268,7 +268,7 @@ def learn_rows(weights: Array, regression: CoarseRegression | FineRegression, co
             gain[k] = value + i * covariance[three, k] + j * covariance[four, k]
     for a in range(count):
         variance += regressor[a] * gain[active[a]]
-    if not variance >= NOISE * NOISE:  # the covariance is lost to rounding
+    if not variance >= 1.0:  # the covariance is lost to rounding
         return math.nan
     for i in range(rows):
         weight = gain[i] / variance
@@ -315,7 +315,7 @@ def expect_mean(regression: CoarseRegression, mean: Array) -> None:
 def overwrite_mean(regression: CoarseRegression | FineRegression, count: int) -> None:
     """Take from what is left of a prior mean what the sample that `learn_rows` has just learnt says: t - K h' t."""
     trace, gain, regressor, active = regression.trace, regression.gain, regression.regressor, regression.active
-    weight_at, left, variance = regression.weight_at, 0.0, NOISE * NOISE
+    weight_at, left, variance = regression.weight_at, 0.0, 1.0
     for a in range(count):
         left += regressor[a] * trace[weight_at[active[a]]]
         variance += regressor[a] * gain[active[a]]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from foretouch.core.compiling import inlined
-from foretouch.identification.conditioning.kernel import PEAK_SHARE
+from foretouch.identification.conditioning.kernel import PEAK_SHARE, SURE
 from foretouch.identification.contact_map.state import Bank
 from foretouch.models.contact_map.kernel import experts
 from foretouch.models.contact_map.layout import CLEAR, EXPERTS, STUCK, Map
@@ -20,7 +20,7 @@ PENALTY = 1.2
 """Factor on the error of the law, and of the fine map against the coarse one: each has to be clearly better, for where
 it is not right it is far off."""
 NEEDED = 0.02  # Least error of the coarse map, relative to the peak, with which the fine one is needed
-WRONG = 3.0  # Standard deviations by which a late prediction is wrong where the material has changed
+WRONG = SURE  # Standard deviations by which a late prediction is wrong where the material has changed
 
 
 @inlined

@@ -77,7 +77,6 @@ LARGEST_FORCE = 1e6
 FINE_FROM, FINE_TO = -FINE.below * FINE.spacing, FINE.above * FINE.spacing
 """Where the knots of the fine map begin and end, from its place [m]."""
 
-MOST = 20.0  # Largest ratio of a force beyond the visited depth to the largest that was felt
 
 LETTING_GO = 5e-3  # Distance outside the visited range after which a force is zero at the latest [m]
 
