@@ -30,12 +30,10 @@ then. While free air is not known otherwise, it has to become level within `LEVE
 
 UNSURE = 0.4  # Standard deviation of a block in free air, in contact floors: blocks of a stay are alike
 
-RATE, RATE_TIME = 0.25, 60.0
-"""Standard deviation of the rate of drift, in contact floors per second, and the time in which it changes [s]."""
+RATE, RATE_TIME = 0.25, 4.0
+"""Standard deviation of the rate of drift, in contact floors per second, and how long one lasts [s]."""
 
 SLOW = 5e-4  # Speed at which half of it is there [m/s]: the noise of a velocity
-
-LONGEST = 2.0  # Time for which the drift goes on unseen [s]
 
 SURE = 3.0  # Standard deviations beyond which a block is not of the free air that was expected
 
@@ -107,7 +105,7 @@ def direction(velocity: float) -> float:
 def drifted(air: Air, time: float) -> float:
     """Drift expected at a time [N]."""
     since = time - air.time  # NaN before the first
-    return float(air.known[0] + (air.known[1] * min(since, LONGEST) if since > 0.0 else 0.0))
+    return float(air.known[0] + (air.known[1] * min(since, RATE_TIME) if since > 0.0 else 0.0))
 
 
 @inlined

@@ -14,7 +14,6 @@ from foretouch.errors import SettingError
 from foretouch.errors.checks import require
 from foretouch.identification.conditioning.conditioner import ContactSample, ContactSamples
 from foretouch.identification.contact_map.kernel import (
-    FEWEST_UPDATES,
     FREE_AIR,
     GONE,
     LEARNT,
@@ -29,11 +28,12 @@ from foretouch.identification.contact_map.kernel import (
     run,
     take,
 )
-from foretouch.identification.contact_map.learning import LONGEST_HORIZON
 from foretouch.identification.contact_map.regression import begin_regressions, whole_covariance
 from foretouch.identification.contact_map.remembered import from_the_surface
+from foretouch.identification.contact_map.scores import LONGEST_HORIZON
 from foretouch.identification.contact_map.state import HELD, Bank
 from foretouch.identification.estimator import Estimator, Status, status_indices
+from foretouch.identification.exact.belief import FEWEST_UPDATES
 from foretouch.identification.exact.recursive import ExactContinuousSwitching, ExactOptions
 from foretouch.models import ContactMapModel, ContactModel, ContactState
 

@@ -20,16 +20,16 @@ from foretouch.identification.conditioning.kernel import Conditioning, Memory, c
 from foretouch.identification.contact_map.learning import (
     CHANGED,
     FAILED,
-    LONGEST_HORIZON,
     LONGEST_PERIOD,
     PERIOD,
     learn,
     restart,
 )
 from foretouch.identification.contact_map.remembered import attend, drop
+from foretouch.identification.contact_map.scores import LONGEST_HORIZON
 from foretouch.identification.contact_map.state import HELD, NOT_GIVEN, Bank
+from foretouch.identification.exact.belief import FEWEST_UPDATES, law_numbers
 from foretouch.identification.exact.belief import clear as clear_law
-from foretouch.identification.exact.belief import law_numbers
 from foretouch.identification.exact.kernel import move_surface as move_law
 from foretouch.identification.exact.kernel import take as take_law
 from foretouch.models.contact_map.kernel import advanced, memory_of, numbers_of, remember
@@ -40,8 +40,6 @@ from foretouch.models.contact_model import LARGEST_DEPTH, LARGEST_SPEED
 Array = NDArray[np.float64]
 Banks = NDArray[np.void]
 
-
-FEWEST_UPDATES = 8  # Least number of samples from which a force is rendered
 
 LARGEST_SHIFT = (COARSE.below - 1) * COARSE.spacing
 """Largest shift of the surface from where the map began [m], after which it begins anew, for it has no more knots; in

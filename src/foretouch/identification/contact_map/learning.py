@@ -18,8 +18,9 @@ from foretouch.identification.contact_map.regression import (
     in_fine_reach,
 )
 from foretouch.identification.contact_map.scores import (
-    ASSUMED_TIME,
     FIRST_ERROR,
+    LONGEST_HORIZON,
+    RING_PERIOD,
     SCORE_TIME,
     YOUNG,
     allot,
@@ -55,12 +56,6 @@ FADING = 1.0 / 3000.0
 """Fraction by which the covariance goes back towards the prior in each second in contact [1/s]: what was learnt long
 ago can be learnt again."""
 
-LONGEST_HORIZON = 0.3
-"""Largest delay of the predictions on which experts are scored [s]: over longer ones they are too much alike. Changes
-are looked for in predictions of this age."""
-
-RING_PERIOD = LONGEST_HORIZON / 15.0  # Time between two snapshots of the map [s]
-
 CHANGED_FROM = 4.0  # Time in contact [s] before a change can be detected
 
 LONGEST_SPIKE = 2.0 * PEAK_TIME  # For how long an unexpected force is taken for one of the sensor's [s]
@@ -95,9 +90,9 @@ def place_fine(bank: Bank, place: float) -> None:
     if bank.coarse.traced > 0:
         refine(bank.coarse.trace[:], bank.fine.trace[:], place)
         bank.fine.traced = 1
-    assumed = ASSUMED_TIME * (FIRST_ERROR * notes.peak) ** 2
+    assumed = RING_PERIOD * (FIRST_ERROR * notes.peak) ** 2
     # The fine map has to show that it is needed.
-    notes.present.coarse, notes.present.fine, notes.present.time = 0.25 * assumed, assumed, ASSUMED_TIME
+    notes.present.coarse, notes.present.fine, notes.present.time = 0.25 * assumed, assumed, RING_PERIOD
 
 
 @inlined

@@ -12,10 +12,14 @@ from foretouch.models.contact_map.layout import CLEAR, EXPERTS, STUCK, Map
 
 SCORE_TIME = 1.0  # Time constant in contact with which scores fade [s]
 FIRST_ERROR = 0.2  # Relative error that is assumed at first, of maps half of it after a change: they go on
+LONGEST_HORIZON = 0.3
+"""Largest delay of the predictions on which experts are scored [s]: over longer ones they are too much alike. Changes
+are looked for in predictions of this age."""
+RING_PERIOD = LONGEST_HORIZON / 15.0
+"""Time between two snapshots of the map, and for which assumed errors before a sample is learnt count [s]."""
 YOUNG = 0.1
 """Time in contact [s] after which something can be told: for so long assumed errors count, no snapshot is scored, and
 what is wrong may be chance."""
-ASSUMED_TIME = 0.02  # Time for which assumed errors before a sample is learnt count [s]
 PENALTY = 1.2
 """Factor on the error of the law, and of the fine map against the coarse one: each has to be clearly better, for where
 it is not right it is far off."""
@@ -110,7 +114,7 @@ def allot(bank: Bank) -> None:
     first = max(YOUNG * math.exp(-notes.contact / YOUNG), 1e-9)  # for nothing may have been scored yet
     assumed = (FIRST_ERROR * notes.peak) ** 2
     # A law that is right describes what it learns at once, which a map does whether it is right or not.
-    law = (notes.present.law + ASSUMED_TIME * assumed) / (notes.present.law_time + ASSUMED_TIME)
+    law = (notes.present.law + RING_PERIOD * assumed) / (notes.present.law_time + RING_PERIOD)
     maps = assumed * (0.25 if bank.changes > 0 else 1.0)
     law = trust((notes.scores[0] + first * law) / (notes.scored + first) * PENALTY**2)
     maps = trust((notes.scores[1] + first * maps) / (notes.scored + first))
