@@ -33,7 +33,6 @@ class Settings(Record):
     alpha_bounds: Annotated[Field, float, 2]
     drift: float
     least_noise: float
-    first_noise: float
     largest_noise: float
     ignorance_time: float
     noise_memory: float
@@ -144,7 +143,7 @@ def begin(beliefs: NDArray[np.void], settings: Settings, time: float, depth: flo
     belief.last_time = belief.anchor_time = time
     belief.log_depth = belief.log_reference = math.log(depth)
     belief.power = force * force
-    belief.share_noise = settings.first_noise**2
+    belief.share_noise = settings.largest_noise**2
     belief.excess = 1.0
     s_bounds, alpha_bounds = settings.s_bounds, settings.alpha_bounds
     belief.theta[0] = force

@@ -30,15 +30,12 @@ Array = NDArray[np.float64]
 LEARNT, CHANGED, HELD, UNUSABLE, FAILED, FREE_AIR = range(6)
 """Result of a step."""
 
-ALARM_SAMPLES = 10.0
+ALARM_SAMPLES = 10.0  # Over which squared innovations are averaged; for five times as many there is no other alarm
 ALARM_CLIP = 36.0
 """Largest squared innovation in the alarm: with the gate at 16, six samples in a row at it are a change, one is not."""
-
-ALARM_PAUSE = 50.0
 ALARM_DEPTH = 0.3
 """Least depth for alarms, as a fraction of x0: nearer to the surface a wrong surface looks like a change."""
 
-SMALLEST_DEPTH = 0.02  # Least depth that is learnt, as a fraction of x0
 REFERENCE_STEP = 0.4  # Least change of ln x by which x0 follows the mean depth
 
 FADE_TIME = 0.1
@@ -158,7 +155,7 @@ def update(
         move_reference(belief, settings, math.exp(log_ratio))
     drift(belief, settings, since)
     u = depth / belief.reference + belief.theta[4]
-    if u < SMALLEST_DEPTH:
+    if u < settings.surface_noise:  # the surface is not known better
         return UNUSABLE
 
     expected, per_strength = expect(belief, u, velocity)
@@ -170,7 +167,7 @@ def update(
     size = max(math.sqrt(abs(expected * force)), 0.1 * math.sqrt(belief.power), SMALLEST_FORCE)
     ignorance = math.exp(-belief.moving_time / settings.ignorance_time)
     weight = max(belief.share_noise, settings.least_noise**2)
-    weight += ignorance * (settings.first_noise**2 - weight)
+    weight += ignorance * (settings.largest_noise**2 - weight)
     variance = belief.constant_noise + weight * size * size + (settings.surface_noise * belief.slope[4]) ** 2
     normalised = innovation * innovation / (variance + uncertainty)
 
@@ -181,7 +178,7 @@ def update(
         belief.alarm += (min(normalised, ALARM_CLIP) - belief.alarm) / ALARM_SAMPLES
     if belief.alarm > settings.gate and belief.pause == 0.0:
         code = CHANGED
-        belief.alarm, belief.pause, belief.excess = 0.0, ALARM_PAUSE, 1.0
+        belief.alarm, belief.pause, belief.excess = 0.0, 5.0 * ALARM_SAMPLES, 1.0
         scale = max(belief.theta[0], math.sqrt(belief.power))
         restart(belief, settings, max(scale, min(abs(innovation) / per_strength, 10.0 * scale)))
         belief.power = max(belief.power, force * force)

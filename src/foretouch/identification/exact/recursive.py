@@ -42,14 +42,11 @@ class ExactOptions:
     """One set of defaults for all materials; lengths are relative to the depths pressed, forces to those felt.
 
     Args:
-        strength_prior: Standard deviation of F0 and of D at the beginning and after a change, in F0.
-        s_prior: Standard deviation of s.
-        alpha_prior: Standard deviation of alpha.
+        exponent_prior: Standard deviation of s and of alpha at the beginning and after a change; F0 and D have F0.
         surface_prior: That of the surface, relative to the reference depth; 0 trusts the surface that is given.
         drift: Random walk of the law in one second, in the priors.
         least_noise: Least standard deviation of a force, in that force.
-        first_noise: The same before it is estimated.
-        largest_noise: Largest estimate of it.
+        largest_noise: Largest estimate of it, which is also the one before there is any.
         ignorance_time: Time for which the first noise is remembered [s of motion in contact].
         noise_memory: Number of samples over which the noise is learnt.
         correlation_time: Longest time over which residuals count as correlated [s].
@@ -61,13 +58,10 @@ class ExactOptions:
         surface_noise: Standard deviation of each depth, relative to the reference depth.
     """
 
-    strength_prior: float = 1.0
-    s_prior: float = 0.4
-    alpha_prior: float = 0.4
+    exponent_prior: float = 0.4
     surface_prior: float = 0.2
     drift: float = 0.03
     least_noise: float = 1e-3
-    first_noise: float = 0.25
     largest_noise: float = 0.25
     ignorance_time: float = 0.5
     noise_memory: float = 2000.0
@@ -118,10 +112,10 @@ class _ExactFilter(Estimator):
         self.options = ExactOptions() if options is None else options
         self._law = EXACT_LAWS[self.model_name]
         options, s_bounds, alpha_bounds = self.options, self._law.s_bounds, self._law.alpha_bounds
-        strength, fixed = options.strength_prior, (s_bounds[0] == s_bounds[1], alpha_bounds[0] == alpha_bounds[1])
-        s_prior, alpha_prior = 0.0 if fixed[0] else options.s_prior, 0.0 if fixed[1] else options.alpha_prior
+        fixed = (s_bounds[0] == s_bounds[1], alpha_bounds[0] == alpha_bounds[1])
+        s_prior, alpha_prior = (0.0 if one else options.exponent_prior for one in fixed)
         same = {name: getattr(options, name) for name in Settings.layout.names or () if hasattr(options, name)}
-        priors = (strength, strength, s_prior, alpha_prior, options.surface_prior)
+        priors = (1.0, 1.0, s_prior, alpha_prior, options.surface_prior)
         settings = Settings.new(**same, priors=priors, s_bounds=s_bounds, alpha_bounds=alpha_bounds)
         self._filters = Filter.new(settings=settings[0])
         self.place_in(self._filters)
