@@ -25,7 +25,6 @@ from designs.shares import Shares, Shipped  # noqa: E402
 from measured_blocks import chosen, fill  # noqa: E402
 
 from foretouch.identification.contact_map.learning import PERIOD  # noqa: E402
-from foretouch.identification.contact_map.prior import NOISE  # noqa: E402
 
 PAGE = HERE / "contact-map.md"
 
@@ -85,8 +84,8 @@ TABLES: dict[str, dict[str, Design]] = {
         "towards the prior, 30 s": Map(inflation=1.0 / 30.0),
         "towards the prior, 3 s": Map(inflation=1.0 / 3.0),
         "output multiplied by a gain": Map(gain=True),
-        "a third of the noise": Map(noise=NOISE / 3.0),
-        "three times the noise": Map(noise=3.0 * NOISE),
+        "a third of the noise": Map(noise=1.0 / 3.0),
+        "three times the noise": Map(noise=3.0),
     },
     "shares": {
         "shipped": Shipped(),

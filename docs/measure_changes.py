@@ -33,10 +33,9 @@ PAGE = Path(__file__).parent / "contact-map.md"
 
 CONSTANTS = {
     "WRONG": scores,
-    "LEAST_WRONG": scores,
-    "DOUBT_RATE": scores,
-    "OUTSIDE": scores,
-    "CHANGED_AFTER": learning,
+    "CLEAR": scores,
+    "YOUNG": learning,
+    "SCORE_TIME": scores,
     "CHANGED_FROM": learning,
 }
 """Where they stand."""

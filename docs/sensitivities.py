@@ -26,7 +26,7 @@ from typing import NamedTuple
 
 from beyond_files import CASES, MATERIALS, harder
 from designs import tuned
-from designs.tuned import APART, COMPILED, MODULES, SOURCES, keys
+from designs.tuned import COMPILED, MODULES, SOURCES, keys
 from measured_blocks import chosen, fill
 from measuring import figure, table
 
@@ -167,7 +167,7 @@ def variant(key: str, factor: float) -> Errors:
     path = KEPT / digest() / f"{key}-{factor:g}.json"
     path.parent.mkdir(parents=True, exist_ok=True)
     if not path.is_file():
-        if key in (*APART, *COMPILED) and factor != 1.0:
+        if key in COMPILED and factor != 1.0:
             server = Server(key, factor)
             errors = server.errors("none", 1.0)
             server.close()

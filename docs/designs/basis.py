@@ -13,7 +13,7 @@ import numpy as np
 from designs.presses import Array, Press
 from numba import njit
 
-from foretouch.identification.contact_map.prior import CURVATURE, FEATURE_REACH, FEATURE_SIZE, LEVEL, SLOPE
+from foretouch.identification.contact_map.prior import FEATURE_REACH, LEVEL, SIZE
 from foretouch.models.contact_map.layout import COARSE, PLAYS, SPEED, TIMES
 
 LENGTH = COARSE.spacing
@@ -91,9 +91,9 @@ def smooth(one: Array, other: Array) -> Array:
     near, far = np.minimum(a, b), np.maximum(a, b)
     same_side = np.sign(one)[:, None] == np.sign(other)[None]
     bent = np.where(same_side, near * near * (3.0 * far - near) / 6.0, 0.0)
-    return CURVATURE**2 * bent + LEVEL**2 + SLOPE**2 * one[:, None] * other[None]
+    return SIZE**2 * bent + LEVEL**2 + SIZE**2 * one[:, None] * other[None]
 
 
 def alike(one: Array, other: Array) -> Array:
     """Covariance of a feature's part over depth [LENGTH]: a Gaussian process with a squared exponential."""
-    return FEATURE_SIZE**2 * np.exp(-0.5 * ((one[:, None] - other[None]) / FEATURE_REACH) ** 2)
+    return SIZE**2 * np.exp(-0.5 * ((one[:, None] - other[None]) / FEATURE_REACH) ** 2)

@@ -12,8 +12,8 @@ from designs.maps import alarmed, frame, ranges
 from designs.presses import Array, Press
 from numba import njit
 
-from foretouch.identification.contact_map.prior import CURVATURE, FEATURE_REACH, FEATURE_SIZE, LEVEL, NOISE, SLOPE
-from foretouch.models.contact_map.layout import REACH, STEEPEST
+from foretouch.identification.contact_map.prior import FEATURE_REACH, LEVEL, SIZE
+from foretouch.models.contact_map.layout import BEYOND
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Kernel:
 
     budget: int
     features: Features = field(default_factory=Features)
-    noise: float = NOISE
+    noise: float = 1.0
     new: float = 0.1
 
     def predict(self, press: Press) -> tuple[Array, float]:
@@ -51,7 +51,7 @@ class Kernel:
         newest = np.searchsorted(learnt_at, late, "right") - 1
         seen = np.maximum(newest, 0)
         deepest, low, high = (column[seen].T for column in ranges(place[learnt_at], values[:, learnt_at].T, begun))
-        held = np.clip(values, REACH * low, REACH * high)
+        held = np.clip(values, low, high)
         zero = (press.offset - press.offset[press.begin])[np.maximum(late, press.begin)]
         surface = (press.surface - press.surface[press.begin])[np.maximum(late, press.begin)]
         step = 0.25 * LENGTH
@@ -62,7 +62,7 @@ class Kernel:
 
         predicted = at(np.minimum(place, deepest))
         chord = predicted / np.maximum(deepest - surface, step)
-        slope = np.clip((predicted - at(np.minimum(place, deepest - step))) / step, chord, STEEPEST * chord)
+        slope = np.clip((predicted - at(np.minimum(place, deepest - step))) / step, chord, BEYOND * chord)
         predicted = predicted + np.maximum(place - deepest, 0.0) * slope
         return np.where(newest >= 1, predicted, 0.0), cost
 
@@ -71,14 +71,14 @@ class Kernel:
 def _covariance(one: Array, other: Array) -> float:
     """Of the forces at two samples: depth, then features."""
     x, y = one[0], other[0]
-    value = LEVEL**2 + SLOPE**2 * x * y
+    value = LEVEL**2 + SIZE**2 * x * y
     if x * y > 0.0:
         near, far = min(abs(x), abs(y)), max(abs(x), abs(y))
-        value += CURVATURE**2 * near * near * (3.0 * far - near) / 6.0
+        value += SIZE**2 * near * near * (3.0 * far - near) / 6.0
     products = 0.0
     for k in range(1, one.size):
         products += one[k] * other[k]
-    return value + FEATURE_SIZE**2 * products * math.exp(-0.5 * ((x - y) / FEATURE_REACH) ** 2)
+    return value + SIZE**2 * products * math.exp(-0.5 * ((x - y) / FEATURE_REACH) ** 2)
 
 
 @njit(cache=True)

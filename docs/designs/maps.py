@@ -11,8 +11,7 @@ from designs.presses import Array, Press
 from numba import njit
 
 from foretouch.identification.contact_map.learning import FADING, PERIOD
-from foretouch.identification.contact_map.prior import NOISE
-from foretouch.models.contact_map.layout import COARSENESS, REACH, STEEPEST
+from foretouch.models.contact_map.layout import BEYOND, COARSENESS
 
 FADE_EVERY = 0.1
 """Time in contact after which the covariance goes back towards the prior [s]."""
@@ -31,10 +30,10 @@ class Map:
         forgetting: Factor of the exponential forgetting, each update.
         inflation: Each second in contact the covariance goes so far back towards the prior.
         restart: Whether to begin anew where the error is too large for too long (`alarmed`).
-        beyond: Deeper than ever: "held" (along the last slope, held between the chord from the surface and STEEPEST
+        beyond: Deeper than ever: "held" (along the last slope, held between the chord from the surface and BEYOND
             times that), "tangent" (along the last slope), "chord" (in proportion), "clamp" (as at the deepest), "prior"
             (as the weights say).
-        clamp_features: Whether features count up to REACH times their range so far.
+        clamp_features: Whether features count within their range so far.
         gain: Whether the output is multiplied by what the late predictions of the last second lacked.
         whole: Predict everything from what is known at the end: not causal, a floor.
     """
@@ -43,7 +42,7 @@ class Map:
     length: float = LENGTH
     spacing: float = 1.0
     ridge: float | None = None
-    noise: float = NOISE
+    noise: float = 1.0
     forgetting: float = 1.0
     inflation: float = FADING
     restart: bool = True
@@ -78,7 +77,7 @@ class Map:
         newest, late = np.maximum(newest, 0), np.maximum(late, press.begin)
         deepest, low, high = (column[newest].T for column in ranges(place[learnt_at], values[:, learnt_at].T, begun))
         if self.clamp_features:
-            values = np.clip(values, REACH * low, REACH * high)
+            values = np.clip(values, low, high)
         zero = (press.offset - press.offset[press.begin])[late]
 
         def at(where: Array) -> Array:
@@ -126,7 +125,7 @@ class Map:
             slope = chord
         else:
             slope = (force - at(np.minimum(place, deepest - step))) / step
-            slope = np.maximum(slope, 0.0) if self.beyond == "tangent" else np.clip(slope, chord, STEEPEST * chord)
+            slope = np.maximum(slope, 0.0) if self.beyond == "tangent" else np.clip(slope, chord, BEYOND * chord)
         return np.asarray(force + np.maximum(place - deepest, 0.0) * slope)
 
 

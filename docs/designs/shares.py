@@ -13,16 +13,10 @@ from designs.presses import Array, Press
 from scipy.optimize import nnls
 
 from foretouch.identification import ContactSample, Learner, predict
+from foretouch.identification.conditioning.kernel import PEAK_SHARE
 from foretouch.identification.contact_map.bank import EXPERT_NAMES, ContactMap
-from foretouch.identification.contact_map.learning import PERIOD, SCORED_FROM
-from foretouch.identification.contact_map.scores import (
-    CONTACT_SHARE,
-    FINE_PENALTY,
-    FIRST_ERROR,
-    FIRST_TIME,
-    LAW_PENALTY,
-    SCORE_TIME,
-)
+from foretouch.identification.contact_map.learning import PERIOD
+from foretouch.identification.contact_map.scores import FIRST_ERROR, PENALTY, SCORE_TIME, YOUNG
 
 SHARPNESS = 8.0  # Power of the inverse error in the shipped weights
 
@@ -103,8 +97,8 @@ class Shares:
         late, seconds = np.maximum(press.late, 0), np.cumsum(press.in_contact) * press.period
         deepest = np.fmax.accumulate(np.where(np.isnan(press.surface), np.nan, press.recording.position))
         peak = np.maximum.accumulate(np.where(press.in_contact, press.force, 1e-3))
-        used = press.in_contact | (scored.max(axis=0) > CONTACT_SHARE * peak)
-        used &= (seconds[late] >= SCORED_FROM) & (press.recording.position <= deepest[late])
+        used = press.in_contact | (scored.max(axis=0) > PEAK_SHARE * peak)
+        used &= (seconds[late] >= YOUNG) & (press.recording.position <= deepest[late])
         return used, np.where(used, scored - press.force, 0.0)
 
     def _power(self, press: Press, scored: Array) -> Array:
@@ -112,10 +106,10 @@ class Shares:
         used, errors = self._errors(press, scored)
         seconds = np.cumsum(press.in_contact) * press.period
         peak = np.maximum.accumulate(np.where(press.in_contact, press.force, 1e-3))
-        first = FIRST_TIME * np.exp(-seconds / FIRST_TIME)
+        first = YOUNG * np.exp(-seconds / YOUNG)
         scored_for = _fading(used * press.period, used, press.period, self.duration)
         worth = np.empty(scored.shape)
-        for expert, penalty in enumerate((LAW_PENALTY, 1.0, FINE_PENALTY)):
+        for expert, penalty in enumerate((PENALTY, 1.0, PENALTY)):
             summed = _fading(errors[expert] ** 2 * press.period, used, press.period, self.duration)
             squared = (summed + first * (FIRST_ERROR * peak) ** 2) / (scored_for + first)
             worth[expert] = (squared * penalty**2 + 1e-12) ** (-0.5 * self.power)

@@ -46,16 +46,15 @@ NOT_TUNED = {
 }
 """Numbers at the margin that nobody chose by an error, and why."""
 
-APART = (f"{ROOM}.contact_map.bank:LONGEST_HORIZON",)
-"""Those that are the default of an argument, which is taken while the module is loaded."""
-
 COMPILED = (
     f"{LAYOUT}:COARSENESS",
     f"{LAYOUT}:GRIDS:0",
     f"{LAYOUT}:GRIDS:1",
-    f"{ROOM}.contact_map.kernel:FEWEST_UPDATES",
+    f"{ROOM}.contact_map.scores:LONGEST_HORIZON",
+    f"{ROOM}.conditioning.air:START_WINDOW",
 )
-"""Those that make the compiled code another one: whole numbers, and the distances of the knots."""
+"""Those that make the compiled code another one: whole numbers, the distances of the knots, and those that others are
+computed from."""
 
 ADDRESS, PAGE = 0x5F0000000000, 4096
 """Where the numbers lie for compiled code, and how many bytes there are."""

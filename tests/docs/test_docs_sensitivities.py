@@ -43,18 +43,17 @@ def test_every_number_is_found_once_and_stands_in_its_module(docs: SimpleNamespa
             assert number(importlib.import_module(key.split(":")[0]), key) > 0.0, key
     names = {key.split(":")[1] for key in keys}
     assert {
-        "MISPLACED",
+        "CLEAR",
         "NEEDED",
-        "LAW_PENALTY",
-        "DOUBTS",
-        "PULL_SHARE",
+        "PENALTY",
+        "SURE",
         "TIMES",
         "UNSURE",
         "RATE",
         "PEAK_SHARE",
     } <= names
     assert not {"LARGEST_FORCE", "EXPERTS", "CONTACT_FLOOR", "MEMORY"} & names
-    assert set(docs.tuned.COMPILED + docs.tuned.APART) <= set(keys)
+    assert set(docs.tuned.COMPILED) <= set(keys)
 
 
 CHANGED = f"""
@@ -68,23 +67,23 @@ from foretouch.models.contact_map import layout
 
 @numba.njit
 def compiled(index):
-    return scores.WRONG, layout.TIMES[index], scores.SCORE_TIME
+    return scores.PENALTY, layout.TIMES[index], scores.SCORE_TIME
 
 print(*compiled(1))
-tuned.change("{SCORES}:WRONG", 0.5)
+tuned.change("{SCORES}:PENALTY", 0.5)
 tuned.change("{LAYOUT}:TIMES:1", 2.0)
 tuned.change("{SCORES}:SCORE_TIME", 2.0)
 print(*compiled(1))
-print(scores.WRONG, layout.TIMES[1], learning.SCORE_TIME)
+print(scores.PENALTY, layout.TIMES[1], learning.SCORE_TIME)
 """
 
 
 def test_a_changed_number_is_changed_in_compiled_code_and_wherever_it_was_imported() -> None:
     done = subprocess.run([sys.executable, "-c", CHANGED], capture_output=True, text=True, check=True)
     assert [list(map(float, line.split())) for line in done.stdout.splitlines()] == [
-        [3.0, 0.3, 1.0],
-        [1.5, 0.6, 2.0],
-        [1.5, 0.6, 2.0],
+        [1.2, 0.3, 1.0],
+        [0.6, 0.6, 2.0],
+        [0.6, 0.6, 2.0],
     ]
 
 
@@ -95,12 +94,12 @@ def test_what_is_chosen_by_some_files_is_scored_on_others(
     better = {"tue/a-foam": 8.0, "tue/b-foam": 8.0, "tue/d-foam": 7.0, "tue/e-foam": 5.0, "tue/m1-d-foam": 10.0}
 
     def variant(key: str, factor: float) -> dict[str, float]:
-        return better if key.endswith(":WRONG") and factor == 2.0 else shipped
+        return better if key.endswith(":PENALTY") and factor == 2.0 else shipped
 
     monkeypatch.setattr(docs.sensitivities, "variant", variant)
     text = docs.sensitivities.leave_rig_out()
     assert text.startswith(f"1 of {len(docs.tuned.keys())} numbers would be others.")
-    assert "| `scores.WRONG` | doubled | 0.889 | 1.200 | 0.500 |" in text
+    assert "| `scores.PENALTY` | doubled | 0.889 | 1.200 | 0.500 |" in text
     assert text.count("\n| `") == 1
 
 

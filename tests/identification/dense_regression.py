@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.identification.contact_map.prior import NOISE, prior
+from foretouch.identification.contact_map.prior import prior
 from foretouch.identification.contact_map.regression import (
     CoarseRegression,
     FineRegression,
@@ -62,7 +62,7 @@ class DenseRegression:
         regressor = self.regressor(place, values)
         error = force - float(regressor @ self.weights)
         gain = self.covariance @ regressor
-        share = gain / (NOISE * NOISE + float(regressor @ gain))
+        share = gain / (1.0 + float(regressor @ gain))
         self.weights += share * error
         self.covariance -= np.outer(share, gain)
         return error

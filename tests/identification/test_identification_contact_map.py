@@ -24,7 +24,6 @@ from foretouch.identification.contact_map.prior import (
     FEATURE_REACH,
     FEATURE_SIZE,
     LEVEL,
-    NOISE,
     SLOPE,
     prior,
 )
@@ -77,7 +76,7 @@ def regressors(kind: int, places: Array, values: Array) -> Array:
 
 def batch(rows: Array, forces: Array, covariance: Array) -> tuple[Array, Array]:
     """Weights and their covariance by regularised least squares on all samples at once."""
-    gain = np.linalg.solve(rows @ covariance @ rows.T + NOISE**2 * np.eye(forces.size), rows @ covariance).T
+    gain = np.linalg.solve(rows @ covariance @ rows.T + np.eye(forces.size), rows @ covariance).T
     return gain @ forces, covariance - gain @ rows @ covariance
 
 

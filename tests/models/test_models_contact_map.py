@@ -18,13 +18,11 @@ from foretouch.models.contact_map.layout import (
     COARSE,
     GRIDS,
     LARGEST_FEATURES,
-    LEAST_DEPTH,
     LETTING_GO,
     MEMORY,
     PLAYS,
     REACH,
     SPEED_REACH,
-    STEEPEST,
     TIMES,
 )
 
@@ -203,7 +201,7 @@ def curve(function: object, *, origin: float = 0.0) -> np.ndarray:
 CURVES = {
     "flatter than the chord": (lambda x: 2.0 + 0.0 * x, 1.0),
     "as steep as the chord and a quarter": (lambda x: 100.0 * x + 33.333 / 8e-3 * x * np.abs(x), None),
-    "much steeper": (lambda x: 2e8 * np.maximum(x, 0.0) ** 4, STEEPEST),
+    "much steeper": (lambda x: 2e8 * np.maximum(x, 0.0) ** 4, layout.BEYOND),
 }
 
 
@@ -216,7 +214,7 @@ def test_deeper_than_ever_the_force_goes_straight_on(name: str, origin: float) -
     force = said(maps, reached)[1]
     chord = force / (reached + origin)
     slope = (force - said(maps, reached - behind)[1]) / behind
-    expected = slope if bound is None and origin == 0.0 else min(max(slope, chord), STEEPEST * chord)
+    expected = slope if bound is None and origin == 0.0 else min(max(slope, chord), layout.BEYOND * chord)
     if bound is not None:
         assert expected == pytest.approx(bound * chord)
     for further in (1e-5, 1e-3, 20e-3):
@@ -257,8 +255,8 @@ def test_the_law_goes_on_in_proportion(depth: float, velocity: float, alpha: flo
 def test_a_law_that_was_hardly_pressed_is_believed_a_little_further() -> None:
     maps = example_numbers((1.0, 0.0, 0.0))
     maps[0].law_reached = 1e-6
-    assert said(maps, LEAST_DEPTH)[0] == pytest.approx(3000.0 * LEAST_DEPTH**1.4)
-    assert said(maps, 2.0 * LEAST_DEPTH)[0] == pytest.approx(2.0 * 3000.0 * LEAST_DEPTH**1.4)
+    assert said(maps, layout.PLAYS[0])[0] == pytest.approx(3000.0 * layout.PLAYS[0] ** 1.4)
+    assert said(maps, 2.0 * layout.PLAYS[0])[0] == pytest.approx(2.0 * 3000.0 * layout.PLAYS[0] ** 1.4)
 
 
 def test_without_a_law_its_share_gives_nothing() -> None:
@@ -322,11 +320,9 @@ def test_no_force_within_the_visited_depth_is_far_above_the_largest_felt(
 ) -> None:
     maps = random_numbers(seed)
     maps[0].felt = felt
-    learnt, position = maps[0], depth - maps[0].origin
+    depth = min(depth, maps[0].reached + maps[0].origin - 1e-6)
     force = advance(model_of(maps), (0.0,) * MEMORY, depth, velocity, 1e-3)[1]
-    assert (
-        0.0 <= force <= (layout.MOST if position > learnt.reached - 1e-6 else layout.MOST_WITHIN) * felt * (1.0 + 1e-6)
-    )
+    assert 0.0 <= force <= layout.BEYOND * felt * (1.0 + 1e-6)
 
 
 def test_outside_of_where_it_was_touched_the_force_falls_to_nothing() -> None:
