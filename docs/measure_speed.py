@@ -7,9 +7,6 @@ some quarter of an hour. Each block says when, at which commit and under which l
 from __future__ import annotations
 
 import os
-
-os.environ["NUMBA_NUM_THREADS"] = "1"  # before anything imports Numba: plots are measured on one core
-
 import platform
 import shutil
 import subprocess

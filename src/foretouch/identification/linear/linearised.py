@@ -117,10 +117,8 @@ class LinearisedEstimator(Estimator):
     def __init__(self, options: FPRLSOptions, forgetting: Forgetting = NOTHING_FORGOTTEN) -> None:
         self.options = options
         self.forgetting = forgetting
-        depth, velocity = options.scales
         # theta in metres is this matrix times theta of the regressors in use
-        self._to_metres = np.diag([1.0, 1.0, 1.0 / velocity, depth / velocity])
-        self._to_metres[0, 1] = -math.log(depth)
+        self._to_metres = to_metres(np.eye(4), *options.scales).T.copy()
         theta = np.asarray(np.linalg.solve(self._to_metres, options.initial_parameters), np.float64)
         self._packed = pack(options, forgetting, theta)
         self._recordings = Recording.new(options=self._packed)
