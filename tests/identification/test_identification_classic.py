@@ -203,7 +203,7 @@ def test_no_law_without_a_positive_stiffness(estimator: Estimator) -> None:
     [
         (KelvinVoigtOptions, {"initial_covariance": 0.0}),
         (KelvinVoigtOptions, {"forgetting_factor": 0.0}),
-        (KelvinVoigtOptions, {"initial_parameters": (1.0,)}),
+        (HuntCrossleyLogOptions, {"initial_parameters": (1.0,)}),
         (HuntCrossleyLogOptions, {"forgetting_factor": 1.01}),
         (HuntCrossleyLogOptions, {"initial_parameters": (1.0, math.nan, 0.0)}),
         (TwoStageOptions, {"initial_exponent": 0.0}),
