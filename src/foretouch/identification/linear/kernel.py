@@ -196,7 +196,7 @@ def restart(state: State, options: Packed) -> None:
 
 @inlined
 def count_depth(state: State, log_depth: float, velocity: float, inverse_mu: float, weight: float) -> None:
-    """One sample more in the histogram of depths; see `recovery.DepthSummary`."""
+    """One sample more in the histogram of depths; see `recovery.recover`."""
     index = int(log_depth * BINS_PER_LOG + BINS)
     index = min(max(index, 0), BINS - 1)
     square = velocity * velocity

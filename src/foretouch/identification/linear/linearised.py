@@ -23,7 +23,7 @@ from foretouch.identification.linear.options import (
     full_covariance,
     pack,
 )
-from foretouch.identification.linear.recovery import DepthSummary, Recovered, recover
+from foretouch.identification.linear.recovery import Recovered, recover
 from foretouch.identification.linear.recursion import LARGEST_TRACE, error_along
 from foretouch.models import LinearisedContinuousSwitching
 from foretouch.quantities import ByValue
@@ -123,7 +123,6 @@ class LinearisedEstimator(Estimator):
         self._packed = pack(options, forgetting, theta)
         self._recordings = Recording.new(options=self._packed)
         self._state = self._recordings[0].state
-        self._depths = DepthSummary(self._state.bins)
         self.reset()
         self._update = update.entry
 
@@ -248,7 +247,7 @@ class LinearisedEstimator(Estimator):
         if model is None:
             return {}
         linear = dict(zip(model.parameter_names, model.parameters, strict=True))
-        return {**linear, **recover(self.linear_parameters, self._covariance(), self._depths)._asdict()}
+        return {**linear, **recover(self.linear_parameters, self._covariance(), self._state.bins)._asdict()}
 
     @property
     def standard_errors(self) -> dict[str, float | None] | None:
@@ -267,9 +266,9 @@ class LinearisedEstimator(Estimator):
     def _recovered_errors(self, covariance: Array) -> dict[str, float | None]:
         centre = np.array(self.linear_parameters)
         steps = 1e-3 * np.sqrt(np.maximum(0.0, np.diag(covariance)))
-        middle = recover(self.linear_parameters, covariance, self._depths)
+        middle = recover(self.linear_parameters, covariance, self._state.bins)
         moved = [
-            [recover(_tuple(centre + sign * side), covariance, self._depths) for sign in (1.0, -1.0)]
+            [recover(_tuple(centre + sign * side), covariance, self._state.bins) for sign in (1.0, -1.0)]
             for side in np.diag(steps)
         ]
         errors: dict[str, float | None] = {}
