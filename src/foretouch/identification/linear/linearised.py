@@ -122,7 +122,7 @@ class LinearisedEstimator(Estimator):
         theta = np.asarray(np.linalg.solve(self._to_metres, options.initial_parameters), np.float64)
         self._packed = pack(options, forgetting, theta)
         self._recordings = Recording.new(options=self._packed)
-        self._state = self._recordings[0].state
+        self._state, self._updates = self._recordings[0].state, self._recordings["state"]["updates"]
         self.reset()
         self._update = update.entry
 
@@ -137,7 +137,7 @@ class LinearisedEstimator(Estimator):
     @property
     def updates(self) -> int:  # type: ignore[override]
         """Samples learnt from since the last reset or restart."""
-        return int(self._state.updates)
+        return int(self._updates.item())
 
     @property
     def perturbations(self) -> int:
