@@ -7,9 +7,6 @@ some quarter of an hour. Each block says when, at which commit and under which l
 from __future__ import annotations
 
 import os
-
-os.environ["NUMBA_NUM_THREADS"] = "1"  # before anything imports Numba: plots are measured on one core
-
 import platform
 import shutil
 import subprocess
@@ -34,7 +31,7 @@ from foretouch.bench.timing import cells, interleave
 
 DOCS = Path(__file__).parent
 PAGE = DOCS / "speed.md"
-BLUE, VERMILLION, GREEN = "#0072B2", "#D55E00", "#009E73"  # Okabe and Ito's
+BLUE, VERMILLION = "#0072B2", "#D55E00"  # Okabe and Ito's
 COLOURS = ("#0072B2", "#E69F00", "#009E73", "#56B4E9", "#D55E00", "#CC79A7", "#F0E442")
 """Of Okabe and Ito, for the parts of a step in turn; the second time hatched."""
 
@@ -173,10 +170,9 @@ def over_samples(axes: Axes) -> None:
 def over_streams(axes: Axes) -> None:
     """Many recordings at once: cost of a sample."""
     measured = {number: interleave(streams.contestants(number), ROUNDS) for number in STREAMS}
-    styles = (("with features", BLUE, "o-"), ("without features", GREEN, "s-"), ("NumPy", VERMILLION, "^--"))
-    for name, colour, style in styles:
+    for name, label, colour, style in (("ours", "FPRLS", BLUE, "o-"), ("NumPy", "NumPy", VERMILLION, "^--")):
         costs = [1e9 * np.median(measured[number][name]) for number in STREAMS]
-        axes.loglog(STREAMS, costs, style, color=colour, label=f"FPRLS, {name}" if name != "NumPy" else "NumPy")
+        axes.loglog(STREAMS, costs, style, color=colour, label=label)
     axes.set(title="Many recordings at once, one core", xlabel="recordings", ylabel="ns a sample")
 
 

@@ -13,11 +13,11 @@ from pathlib import Path
 import grimp
 
 SOURCE = Path(__file__).resolve().parents[1] / "src" / "foretouch"
-FILES, LINES = 362, 71_589
+FILES, LINES = 359, 70_837
 RAISE = "a new law, estimator or device raises FILES and LINES: see the rules in CONTRIBUTING.md"
 FLAT, LARGEST, MEDIAN = 12, 400, range(120, 226)
 PARAMETERS, LONG_SIGNATURES = 8, 1
-COMPILED = ("compiled", "entry_point", "inlined", "kernel")
+COMPILED = ("compiled", "inlined", "kernel")
 """Decorators of compiled functions."""
 FIELDS, LARGE_CLASSES = 20, 3
 RECORDS = ("sweep.outcome.Outcome", "report.writing.session_report.SessionReport")

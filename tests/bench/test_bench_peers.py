@@ -75,8 +75,7 @@ def test_a_peer_that_is_not_there_is_said_in_one_line(problem: Problem, monkeypa
 
 def test_many_recordings_at_once_are_each_as_one() -> None:
     streams = Streams.of(5, 400)
-    assert streams.with_features() == pytest.approx(streams.in_numpy(), rel=1e-6, abs=1e-8)
-    assert streams.without_features() == pytest.approx(streams.in_numpy(), rel=1e-6, abs=1e-8)
-    for place, theta in enumerate(streams.with_features()):
+    assert streams.in_ours() == pytest.approx(streams.in_numpy(), rel=1e-6, abs=1e-8)
+    for place, theta in enumerate(streams.in_ours()):
         one = Press(*(column[:, place] for column in streams.pressed))
         assert np.array_equal(theta, theta_of(one))

@@ -19,7 +19,6 @@ from foretouch.identification import (
     KelvinVoigtRLS,
     RobustOptions,
     Status,
-    SwitchingOptions,
     ThresholdSwitching,
     TwoStageOptions,
 )
@@ -157,21 +156,19 @@ def test_the_threshold_chooses_the_law() -> None:
 
 
 @pytest.mark.parametrize("threshold", [700.0, 900.0])
-@pytest.mark.parametrize("method", ["log-rls", "two-stage"])
+@pytest.mark.parametrize("method", [HuntCrossleyLogRLS, HuntCrossleyTwoStage])
 def test_the_threshold_and_the_method_are_options(threshold: float, method: Any) -> None:
-    options = SwitchingOptions(threshold=threshold, hunt_crossley=method)
-    model = fed(ThresholdSwitching(options), samples(KelvinVoigt(800.0, 5.0))).model
+    estimator = ThresholdSwitching(threshold, soft=method())
+    model = fed(estimator, samples(KelvinVoigt(800.0, 5.0))).model
     assert isinstance(model, KelvinVoigt if threshold == 700.0 else HuntCrossley)
 
 
 def test_it_switches_with_a_jump_of_the_force() -> None:
     """A stiffness that grows through the threshold: at one sample the law changes, and the force jumps."""
     estimator = ThresholdSwitching(
-        SwitchingOptions(
-            threshold=800.0,
-            kelvin_voigt_options=KelvinVoigtOptions(forgetting_factor=0.99),
-            log_options=HuntCrossleyLogOptions(forgetting_factor=0.99),
-        )
+        800.0,
+        KelvinVoigtRLS(KelvinVoigtOptions(forgetting_factor=0.99)),
+        HuntCrossleyLogRLS(HuntCrossleyLogOptions(forgetting_factor=0.99)),
     )
     law = HuntCrossley(3000.0, 1500.0, 1.4)
     before = None
@@ -203,13 +200,12 @@ def test_no_law_without_a_positive_stiffness(estimator: Estimator) -> None:
     [
         (KelvinVoigtOptions, {"initial_covariance": 0.0}),
         (KelvinVoigtOptions, {"forgetting_factor": 0.0}),
-        (KelvinVoigtOptions, {"initial_parameters": (1.0,)}),
+        (HuntCrossleyLogOptions, {"initial_parameters": (1.0,)}),
         (HuntCrossleyLogOptions, {"forgetting_factor": 1.01}),
         (HuntCrossleyLogOptions, {"initial_parameters": (1.0, math.nan, 0.0)}),
         (TwoStageOptions, {"initial_exponent": 0.0}),
         (TwoStageOptions, {"initial_exponent_covariance": -1.0}),
-        (SwitchingOptions, {"threshold": 0.0}),
-        (SwitchingOptions, {"hunt_crossley": "guess"}),
+        (ThresholdSwitching, {"threshold": 0.0}),
     ],
 )
 def test_options_out_of_range_are_refused(make: Any, options: dict[str, Any]) -> None:

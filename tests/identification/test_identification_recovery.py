@@ -10,17 +10,17 @@ from counted_depths import CountedDepths
 from hypothesis import given
 from hypothesis import strategies as st
 
-from foretouch.identification import RLS, ContactSample, FPRLSOptions, RobustOptions
-from foretouch.identification.linear.recovery import recover
+from foretouch.identification import RLS, ContactSample, ContactSamples, ForgettingRLS, FPRLSOptions, RobustOptions
+from foretouch.identification.linear.recovery import INVERSE_DEPTH, recover
 
 SURE = 1e-12 * np.eye(4)
 
 
-def summary(depths: np.ndarray, velocities: np.ndarray) -> CountedDepths:
+def summary(depths: np.ndarray, velocities: np.ndarray) -> np.ndarray:
     seen = CountedDepths()
     for depth, velocity in zip(depths.tolist(), velocities.tolist(), strict=True):
         seen.add(depth, velocity)
-    return seen
+    return seen.weights
 
 
 def motion(low: float = 0.002, high: float = 0.012, count: int = 4000) -> tuple[np.ndarray, np.ndarray]:
@@ -82,10 +82,8 @@ def test_no_numbers_make_it_raise_or_answer_with_none_such(
     linear: tuple[float, float, float, float], variance: float, rows: list[tuple[float, float]]
 ) -> None:
     """Warnings of overflow count as failures here."""
-    seen = summary(*motion(count=50))
-    for depth, velocity in rows:
-        seen.add(depth, velocity)
-    result = recover(linear, variance * np.eye(4), seen)
+    seen = np.concatenate((np.column_stack(motion(count=50)), np.array(rows).reshape(-1, 2)))
+    result = recover(linear, variance * np.eye(4), summary(*seen.T))
     assert all(value is None or math.isfinite(value) for value in result)
     assert result.switching is None or 0.0 <= result.switching <= 1.0
 
@@ -147,11 +145,8 @@ def test_noise_makes_it_uncertainty_then_give_up() -> None:
 
 
 def test_old_depths_fade_with_what_was_learnt_there() -> None:
-    seen = CountedDepths()
-    for _ in range(1000):
-        seen.add(0.002, 0.01, 0.99)
-    for _ in range(100_000):
-        seen.add(0.01, 0.01, 0.99)
-    inverse_depth, weights = seen.seen
-    assert float(weights @ (1 / inverse_depth)) == pytest.approx(0.01, rel=0.05)
-    assert weights.sum() == pytest.approx(1.0)
+    depth = np.repeat([0.002, 0.01], [1000, 100_000])
+    estimator = ForgettingRLS(forgetting_factor=0.99)
+    estimator.run(ContactSamples(1e-3 * np.arange(depth.size), depth, np.full(depth.size, 0.01), 1000.0 * depth))
+    weights = estimator._state.bins / estimator._state.bins.sum()
+    assert float(weights @ (1 / INVERSE_DEPTH)) == pytest.approx(0.01, rel=0.05)

@@ -16,7 +16,7 @@ from foretouch.identification import FPRLS, ContactSample, RobustFPRLS
 from foretouch.identification.linear.recursion import PerturbationForm
 from foretouch.models import HuntCrossley, KelvinVoigt, MotionFilter
 from foretouch.reproduction import Section, make_section
-from foretouch.reproduction.figures.fig8 import FORGETTING, RATES, fprls_grid, switching_grid, switching_options
+from foretouch.reproduction.figures.fig8 import FORGETTING, RATES, fprls_grid, switching, switching_grid
 from foretouch.reproduction.figures.simulations import FIRST, SECOND, covariance_at_steps, log_errors
 from foretouch.reproduction.presses import MATERIALS, WAVES, Press, Trace, follow, press, true_parameters
 from foretouch.reproduction.questions.arguments import SETS, exponent_effects, stiff_fits, two_stage_errors
@@ -217,7 +217,7 @@ def test_covariance_after_a_change() -> None:
 
 def test_threshold_switching_is_chosen_by_least_squares_in_a_window() -> None:
     pressed = press("continuous")
-    error, stiff = errors_of_threshold(pressed, switching_options(0.9, "log-rls"))
+    error, stiff = errors_of_threshold(pressed, switching(0.9, "log-rls"))
     weights = 0.9 ** np.arange(249, -1, -1)
     for end in (200, 240, 241, 250):
         w = np.sqrt(weights[-end:])

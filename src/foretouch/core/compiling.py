@@ -39,7 +39,7 @@ PACKAGE = Path(__file__).resolve().parents[1]
 IMPORT = re.compile(r"^(?:from|import) +(foretouch[\w.]*)(?: +import +(\([^)]*\)|[^\n]*))?", re.MULTILINE)
 """An import at the margin: a kernel has no other, for it cannot import while it runs."""
 
-DECORATED = re.compile(r"^@(compiled|inlined|entry_point|kernel)\b", re.MULTILINE)
+DECORATED = re.compile(r"^@(compiled|inlined|kernel)\b", re.MULTILINE)
 """A function that is compiled where it is defined."""
 
 KEPT = 8
@@ -300,23 +300,3 @@ class _KeptByDigest(caching._CacheLocator):  # type: ignore[misc]  # Numba is no
 
 
 caching.CacheImpl._locator_classes.insert(0, _KeptByDigest)
-
-
-@overload
-def entry_point(function: Function, /) -> Function: ...
-@overload
-def entry_point(*, parallel: bool) -> Callable[[Function], Function]: ...
-def entry_point(function: Any = None, /, *, parallel: bool = False) -> Any:
-    """A compiled function whose arithmetic is that of IEEE 754: infinities and NaN are numbers, and nothing warns.
-
-    With ``NUMBA_DISABLE_JIT=1`` the function itself, in which NumPy would else warn of both.
-
-    Args:
-        function: Function compiled at its first call, or loaded where it was compiled before; without it, a decorator.
-        parallel: Whether its `prange` loops run on all cores.
-    """
-    if function is None:
-        return partial(entry_point, parallel=parallel)
-    if config.DISABLE_JIT:
-        return np.errstate(all="ignore")(function)
-    return compiled(error_model="numpy", parallel=parallel)(function)

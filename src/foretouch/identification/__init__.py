@@ -17,7 +17,7 @@ from foretouch.identification.classic.steepest_descent import (
     SteepestDescentKelvinVoigt,
     SteepestDescentOptions,
 )
-from foretouch.identification.classic.threshold_switching import SwitchingOptions, ThresholdSwitching
+from foretouch.identification.classic.threshold_switching import ThresholdSwitching
 from foretouch.identification.conditioning.conditioner import Conditioner, ContactSample, ContactSamples, SensorLag
 from foretouch.identification.conditioning.fault_kernels import SensorState
 from foretouch.identification.conditioning.watch import SENSOR_SENTENCES, TRANSIENT_STATES, SensorWatch
@@ -120,7 +120,6 @@ __all__ = [
     "SteepestDescentHuntCrossley",
     "SteepestDescentKelvinVoigt",
     "SteepestDescentOptions",
-    "SwitchingOptions",
     "ThresholdSwitching",
     "ToolWeight",
     "TwoStageOptions",

@@ -231,11 +231,8 @@ def fit_tool_weight(
             raise InputError(f"{name} must be finite in every pose")
     poses = _count_poses(d)
     spread = _require_directions(d, poses)
-    weight = gravity * d
-    design = np.zeros((d.size, 4))
-    design[:, :3] = np.tile(np.eye(3), (len(d), 1))
-    design[:, 3] = weight.ravel()
-    result, errors, residual = _least_squares(design, forces.ravel())
+    weight, biases = gravity * d, np.tile(np.eye(3), (len(d), 1))
+    result, errors, residual = _least_squares(np.column_stack((biases, weight.ravel())), forces.ravel())
     mass, mass_error = float(result[3]), float(errors[3])
     if not mass > 0.0:
         raise InputError(
@@ -245,10 +242,8 @@ def fit_tool_weight(
     first = (result[:3], errors[:3], mass, mass_error)
     if torques is None:
         return ToolWeight(*first, None, None, None, None, residual.reshape(-1, 3), None, spread, poses)
-    design = np.zeros((d.size, 6))
-    design[:, :3] = np.tile(np.eye(3), (len(d), 1))
-    design[:, 3:] = -_cross_matrices(weight).reshape(-1, 3)
-    moment, moment_errors, torque_residual = _least_squares(design, torques.ravel())
+    moments = -_cross_matrices(weight).reshape(-1, 3)
+    moment, moment_errors, torque_residual = _least_squares(np.column_stack((biases, moments)), torques.ravel())
     centre = moment[3:] / mass
     centre_error = np.hypot(moment_errors[3:], np.abs(centre) * mass_error) / mass
     return ToolWeight(

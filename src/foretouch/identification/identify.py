@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import repeat
 from typing import Any
@@ -104,13 +105,14 @@ def identify(
     learner = learner_of(recording, learner)
     learner.require_fresh()
     estimator = learner.estimator
-    history = _History(len(recording)) if keep_history else None
+    history = defaultdict[str, Array](lambda: np.full(len(recording), math.nan))  # columns as names turn up
     columns = recording.time, recording.position, recording.force, recording.velocity
-    if history is None:
-        result = learner.run(*columns)
-    else:
-        samples, kept = RawSamples(*columns), history
-        result = run_by_sample(learner, samples, lambda index: kept.note(index, estimator.parameters))
+
+    def note(index: int) -> None:
+        for name, value in estimator.parameters.items():
+            history[name][index] = math.nan if value is None else value
+
+    result = run_by_sample(learner, RawSamples(*columns), note) if keep_history else learner.run(*columns)
     contacts = int(result.in_contact.sum())
     if contacts < FEWEST_CONTACT_SAMPLES:
         raise RecordingError(
@@ -131,7 +133,7 @@ def identify(
         result.in_contact,
         result.residual,
         result.contact_force_rms,
-        {} if history is None else history.columns,
+        dict(history),
         model,
         surface_error,
         learner.lag.lag,
@@ -202,21 +204,6 @@ def _without_lag(recording: Recording, lag: float) -> tuple[Array, Array, Array,
         ends = np.clip((instants - HALF_SLOPE, instants + HALF_SLOPE), clock[0], clock[-1])
         velocity = np.diff(np.interp(ends, clock, recording.position), axis=0)[0] / np.diff(ends, axis=0)[0]
     return clock[chosen], np.interp(instants, clock, recording.position), velocity, recording.force[chosen]
-
-
-class _History:
-    """Columns by name, added as names turn up."""
-
-    def __init__(self, size: int) -> None:
-        self._size = size
-        self.columns: dict[str, Array] = {}
-
-    def note(self, index: int, parameters: Mapping[str, float | None]) -> None:
-        for name, value in parameters.items():
-            if name not in self.columns:
-                self.columns[name] = np.full(self._size, np.nan)
-            if value is not None:
-                self.columns[name][index] = value
 
 
 def _rms(values: Array) -> float:

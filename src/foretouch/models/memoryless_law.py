@@ -65,28 +65,6 @@ class MemorylessLaw(ContactModel):
         force = np.where(x <= 0.0, 0.0, inside**n * (k * inside**alpha + damping * v))
         return _plain(force if allow_tension else np.maximum(force, 0.0))
 
-    def local_stiffness(self, depth: ArrayLike, velocity: ArrayLike = 0.0, *, allow_tension: bool = False) -> Array:
-        r"""Slope of the force over depth at constant velocity [N/m].
-
-        .. math:: \partial F / \partial x = s k x^{s - 1} + n \lambda x^{n - 1} \dot x, \quad s = n + \alpha
-
-        0 outside, and where the force is held at zero. Without bound towards the surface where an exponent is
-        between 0 and 1. This is what laws of different exponents can be compared by, at one depth; k is not.
-
-        Args:
-            depth: x [m].
-            velocity: [m/s].
-            allow_tension: True gives the slope of the equation where it pulls.
-        """
-        k, damping, n, alpha = self.general_form
-        s = n + alpha
-        x, v = np.asarray(depth, dtype=np.float64), np.asarray(velocity, dtype=np.float64)
-        inside = np.where(x <= 0.0, 1.0, x)
-        with np.errstate(over="ignore"):  # x^(n - 1) at depths of 1e-300 m
-            slope = s * k * inside ** (s - 1.0) + (n * damping * inside ** (n - 1.0) * v if n > 0.0 else 0.0 * v)
-        pulls = np.less(self.force(x, v, allow_tension=True), 0.0) & (not allow_tension)
-        return _plain(np.where((x <= 0.0) | pulls, 0.0, slope))
-
     def stored_energy(self, depth: ArrayLike) -> Array:
         r"""Energy in the spring [J].
 
@@ -98,16 +76,6 @@ class MemorylessLaw(ContactModel):
         k, _, n, alpha = self.general_form
         s = n + alpha
         return _plain(k * np.maximum(np.asarray(depth, dtype=np.float64), 0.0) ** (s + 1.0) / (s + 1.0))
-
-    def power(self, depth: ArrayLike, velocity: ArrayLike, *, allow_tension: bool = False) -> Array:
-        """Power into the material [W]: force times velocity, negative where the material gives energy back.
-
-        Args:
-            depth: x [m].
-            velocity: [m/s].
-            allow_tension: As in `force`.
-        """
-        return _plain(self.force(depth, velocity, allow_tension=allow_tension) * np.asarray(velocity, np.float64))
 
     def dissipated_power(self, depth: ArrayLike, velocity: ArrayLike, *, allow_tension: bool = False) -> Array:
         r"""Power that does not come back [W], never negative: all power less what goes into the spring.

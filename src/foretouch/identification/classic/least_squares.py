@@ -24,25 +24,6 @@ from foretouch.models import HuntCrossley, KelvinVoigt
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
-class _Options:
-    """Choices of an estimator with one recursion."""
-
-    unknowns: ClassVar[tuple[str, ...]]
-    initial_covariance: float
-    forgetting_factor: float
-    initial_parameters: tuple[float, ...]
-    robust: RobustOptions
-
-    def __post_init__(self) -> None:
-        require("initial_covariance", self.initial_covariance, above=0.0)
-        require("forgetting_factor", self.forgetting_factor, above=0.0, at_most=1.0)
-        if len(self.initial_parameters) != len(self.unknowns):
-            raise SettingError("initial_parameters", self.initial_parameters, f"takes {', '.join(self.unknowns)}")
-        for value in self.initial_parameters:
-            require("initial_parameters", value)
-
-
 class _LeastSquares(Estimator):
     """Recursions that a leaf feeds with each usable sample."""
 
@@ -96,25 +77,26 @@ def at_least_zero(theta: Array, covariance: Array, index: int) -> Array:
 
 
 @dataclass(frozen=True, slots=True)
-class KelvinVoigtOptions(_Options):
+class KelvinVoigtOptions:
     """Choices of `KelvinVoigtRLS`.
 
     Args:
         initial_covariance: P_0 = this times I, of (K, B) in N/m and N s/m and a force noise of 1 N: 10^10 lets a
             stiffness of 10^5 N/m be found at once.
         forgetting_factor: mu at each sample, above 0 and at most 1; 1 forgets nothing.
-        initial_parameters: theta_0 = (K, B) [N/m, N s/m].
         robust: `weight_force` and `largest_rate` do nothing here: the target is a force, and nothing is divided by x.
 
     Raises:
         SettingError: A value out of range.
     """
 
-    unknowns: ClassVar[tuple[str, ...]] = ("stiffness", "damping")
     initial_covariance: float = 1e10
     forgetting_factor: float = 1.0
-    initial_parameters: tuple[float, ...] = (0.0, 0.0)
     robust: RobustOptions = field(default_factory=RobustOptions)
+
+    def __post_init__(self) -> None:
+        require("initial_covariance", self.initial_covariance, above=0.0)
+        require("forgetting_factor", self.forgetting_factor, above=0.0, at_most=1.0)
 
 
 class KelvinVoigtRLS(_LeastSquares):
@@ -136,8 +118,7 @@ class KelvinVoigtRLS(_LeastSquares):
     def __init__(self, options: KelvinVoigtOptions | None = None) -> None:
         self.options = KelvinVoigtOptions() if options is None else options
         self._robust = self.options.robust
-        first = np.array(self.options.initial_parameters) * self._scales
-        self._recursion = Recursion(first, self.options.initial_covariance, trace_limit=self._robust.trace_limit)
+        self._recursion = Recursion(np.zeros(2), self.options.initial_covariance, trace_limit=self._robust.trace_limit)
         self._recursions = (self._recursion,)
         self.reset()
 
@@ -174,7 +155,7 @@ class KelvinVoigtRLS(_LeastSquares):
 
 
 @dataclass(frozen=True, slots=True)
-class HuntCrossleyLogOptions(_Options):
+class HuntCrossleyLogOptions:
     """Choices of `HuntCrossleyLogRLS`.
 
     Args:
@@ -188,11 +169,18 @@ class HuntCrossleyLogOptions(_Options):
         SettingError: A value out of range.
     """
 
-    unknowns: ClassVar[tuple[str, ...]] = ("ln k", "lambda / k", "n")
     initial_covariance: float = 1e6
     forgetting_factor: float = 1.0
-    initial_parameters: tuple[float, ...] = (0.0, 0.0, 0.0)
+    initial_parameters: tuple[float, float, float] = (0.0, 0.0, 0.0)
     robust: RobustOptions = field(default_factory=RobustOptions)
+
+    def __post_init__(self) -> None:
+        require("initial_covariance", self.initial_covariance, above=0.0)
+        require("forgetting_factor", self.forgetting_factor, above=0.0, at_most=1.0)
+        if len(self.initial_parameters) != 3:
+            raise SettingError("initial_parameters", self.initial_parameters, "takes ln k, lambda / k, n")
+        for value in self.initial_parameters:
+            require("initial_parameters", value)
 
 
 class HuntCrossleyLogRLS(_LeastSquares):

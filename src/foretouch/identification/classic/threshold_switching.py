@@ -2,51 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.errors.checks import require
-from foretouch.identification.classic.least_squares import (
-    HuntCrossleyLogOptions,
-    HuntCrossleyLogRLS,
-    HuntCrossleyTwoStage,
-    KelvinVoigtOptions,
-    KelvinVoigtRLS,
-    TwoStageOptions,
-)
+from foretouch.identification.classic.least_squares import HuntCrossleyLogRLS, HuntCrossleyTwoStage, KelvinVoigtRLS
 from foretouch.identification.conditioning.conditioner import ContactSample
 from foretouch.identification.estimator import Estimator, Status
-from foretouch.identification.linear.options import require_choice
 from foretouch.models import HuntCrossley, KelvinVoigt
-
-
-@dataclass(frozen=True, slots=True)
-class SwitchingOptions:
-    """Choices of `ThresholdSwitching`.
-
-    Args:
-        threshold: k_th [N/m]; the paper's simulation takes 4000.
-        hunt_crossley: Method for the Hunt-Crossley law, `log-rls` or `two-stage`; the paper leaves it open.
-        kelvin_voigt_options: Of the Kelvin-Voigt estimator.
-        log_options: Of the Hunt-Crossley estimator if it is `log-rls`.
-        two_stage_options: Of the Hunt-Crossley estimator if it is `two-stage`.
-
-    Raises:
-        SettingError: A value out of range.
-    """
-
-    threshold: float = 4000.0
-    hunt_crossley: Literal["log-rls", "two-stage"] = "log-rls"
-    kelvin_voigt_options: KelvinVoigtOptions = field(default_factory=KelvinVoigtOptions)
-    log_options: HuntCrossleyLogOptions = field(default_factory=HuntCrossleyLogOptions)
-    two_stage_options: TwoStageOptions = field(default_factory=TwoStageOptions)
-
-    def __post_init__(self) -> None:
-        require("threshold", self.threshold, above=0.0)
-        require_choice("hunt_crossley", self.hunt_crossley, ("log-rls", "two-stage"))
 
 
 class ThresholdSwitching(Estimator):
@@ -58,7 +23,12 @@ class ThresholdSwitching(Estimator):
     two laws. `parameters` are those of the law that is chosen now; `exponent` is None while it is Kelvin-Voigt.
 
     Args:
-        options: Its choices.
+        threshold: k_th [N/m]; the paper's simulation takes 4000.
+        stiff: Fresh estimator of the Kelvin-Voigt law, None for one with its defaults.
+        soft: Fresh estimator of the Hunt-Crossley law, None for a `HuntCrossleyLogRLS`; the paper leaves it open.
+
+    Raises:
+        SettingError: threshold is not positive.
 
     References:
         Achhammer, Weber, Peer and Buss (2010), Improvement of model-mediated teleoperation using a new hybrid
@@ -68,14 +38,16 @@ class ThresholdSwitching(Estimator):
     name: ClassVar[str] = "switching"
     model_name: ClassVar[str] = "threshold-switching"
 
-    def __init__(self, options: SwitchingOptions | None = None) -> None:
-        self.options = SwitchingOptions() if options is None else options
-        self._stiff = KelvinVoigtRLS(self.options.kelvin_voigt_options)
-        self._soft: HuntCrossleyLogRLS | HuntCrossleyTwoStage = (
-            HuntCrossleyLogRLS(self.options.log_options)
-            if self.options.hunt_crossley == "log-rls"
-            else HuntCrossleyTwoStage(self.options.two_stage_options)
-        )
+    def __init__(
+        self,
+        threshold: float = 4000.0,
+        stiff: KelvinVoigtRLS | None = None,
+        soft: HuntCrossleyLogRLS | HuntCrossleyTwoStage | None = None,
+    ) -> None:
+        require("threshold", threshold, above=0.0)
+        self.threshold = threshold
+        self._stiff = KelvinVoigtRLS() if stiff is None else stiff
+        self._soft = HuntCrossleyLogRLS() if soft is None else soft
         self.reset()
 
     def reset(self) -> None:
@@ -103,7 +75,7 @@ class ThresholdSwitching(Estimator):
     def model(self) -> KelvinVoigt | HuntCrossley | None:
         """The law that (3) chooses now, None while that one has none."""
         stiff = self._stiff.model
-        return stiff if stiff is not None and stiff.stiffness >= self.options.threshold else self._soft.model
+        return stiff if stiff is not None and stiff.stiffness >= self.threshold else self._soft.model
 
     @property
     def parameters(self) -> dict[str, float | None]:

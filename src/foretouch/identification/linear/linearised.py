@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import os
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,30 +14,17 @@ from numpy.typing import ArrayLike, NDArray
 from foretouch.errors import SettingError
 from foretouch.identification.conditioning.conditioner import ContactSample, ContactSamples
 from foretouch.identification.estimator import FEWEST_UPDATES, Estimator, Status, status_indices
-from foretouch.identification.linear.lanes import (
-    COUNTS,
-    RESULT_SIZE,
-    Samples,
-    regressors_parallel,
-    regressors_serial,
-    run_parallel,
-    run_serial,
-)
+from foretouch.identification.linear.kernel import Samples, begin, run, update
 from foretouch.identification.linear.options import (
-    LEARNT,
     NOTHING_FORGOTTEN,
-    PERTURBED,
-    RESTARTED,
     Forgetting,
     FPRLSOptions,
     Recording,
     full_covariance,
     pack,
 )
-from foretouch.identification.linear.recording import run
-from foretouch.identification.linear.recovery import DepthSummary, Recovered, recover
+from foretouch.identification.linear.recovery import Recovered, recover
 from foretouch.identification.linear.recursion import LARGEST_TRACE, error_along
-from foretouch.identification.linear.sample import begin, update
 from foretouch.models import LinearisedContinuousSwitching
 from foretouch.quantities import ByValue
 
@@ -44,8 +33,9 @@ Array = NDArray[np.float64]
 STATUSES = (Status.LEARNT, Status.FREE_AIR, Status.UNUSABLE, Status.GATED, Status.RESTARTED, Status.LEARNT)
 """By what the kernel answers; the last is a sample that also tripped the self-perturbing test."""
 
-LEARNT_FROM = (LEARNT, PERTURBED)
 _INDICES = status_indices(STATUSES)
+
+SIDE_BY_SIDE = 64  # Recordings whose samples are brought into order at once: they stay in the cache
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -87,67 +77,20 @@ def to_metres(theta: Array, depth_scale: float, velocity_scale: float) -> Array:
     return in_metres
 
 
-def as_arrays(**arrays: ArrayLike) -> list[Array]:
-    """The arrays as the compiled loops take them, all of the shape of the first.
-
-    Raises:
-        SettingError: One has another shape than the first, or that is not of two dimensions.
-    """
-    numbers = {name: np.ascontiguousarray(values, np.float64) for name, values in arrays.items()}
-    first = next(iter(numbers))
-    shape = np.shape(arrays[first])
-    if len(shape) != 2:
-        raise SettingError(f"shape of {first}", shape, "must be (m, n)")
-    for name, values in numbers.items():
-        if values.shape != shape:
-            raise SettingError(f"shape of {name}", values.shape, f"must be that of {first}, {shape}")
-    return list(numbers.values())
-
-
 def as_recordings(depth: ArrayLike, velocity: ArrayLike, force: ArrayLike, in_contact: ArrayLike | None) -> Samples:
-    """Samples of recordings side by side as the compiled loops take them.
+    """Samples of recordings side by side as arrays of shape (m, n).
 
     Raises:
         SettingError: One of the arrays has another shape than the depth, or the depth is not of two dimensions.
     """
-    x, v, f = as_arrays(depth=depth, velocity=velocity, force=force)
-    touching = np.ones(x.shape, np.bool_) if in_contact is None else np.ascontiguousarray(in_contact, np.bool_)
-    if touching.shape != x.shape:
-        raise SettingError("shape of in_contact", touching.shape, f"must be that of depth, {x.shape}")
+    x, v, f = (np.asarray(column, np.float64) for column in (depth, velocity, force))
+    touching = np.ones(x.shape, np.bool_) if in_contact is None else np.asarray(in_contact, np.bool_)
+    if x.ndim != 2:
+        raise SettingError("shape of depth", x.shape, "must be (m, n)")
+    for name, values in {"velocity": v, "force": f, "in_contact": touching}.items():
+        if values.shape != x.shape:
+            raise SettingError(f"shape of {name}", values.shape, f"must be that of depth, {x.shape}")
     return x, v, f, touching
-
-
-def run_columns(
-    samples: Samples, packed: NDArray[np.void], scales: tuple[float, float], *, every: bool, parallel: bool
-) -> LinearRuns:
-    """Each column from the beginning with the same packed options; see `LinearisedEstimator.run_many`."""
-    rows, columns = samples[0].shape
-    result = np.empty((RESULT_SIZE, columns))
-    trace = np.empty((rows if every else 0, 4, columns))
-    (run_parallel if parallel else run_serial)(samples, packed, result, trace)
-    return _runs(result, scales, np.moveaxis(trace, 1, 2) if every else None)
-
-
-def run_regressors(
-    arrays: list[Array], packed: NDArray[Any], scales: tuple[float, float], *, parallel: bool
-) -> LinearRuns:
-    """The same of ln x, v, v / x, ln F and mu, shape (m, n) each; see `LinearisedEstimator.run_regressors`."""
-    result = np.empty((RESULT_SIZE, arrays[0].shape[1]))
-    (regressors_parallel if parallel else regressors_serial)(tuple(arrays), packed, result)  # type: ignore[arg-type]
-    return _runs(result, scales, None)
-
-
-def _runs(result: Array, scales: tuple[float, float], every: Array | None) -> LinearRuns:
-    updates, restarts, perturbations = result[COUNTS:].astype(np.int64)
-    return LinearRuns(
-        to_metres(result[:4].T, *scales),
-        np.moveaxis(full_covariance(result[4:14]), 2, 0),
-        residual_variance(result[14], result[15]),
-        updates,
-        restarts,
-        perturbations,
-        None if every is None else to_metres(every, *scales),
-    )
 
 
 class LinearisedEstimator(Estimator):
@@ -160,15 +103,12 @@ class LinearisedEstimator(Estimator):
     `parameters` has ln_k, s, b1, b2 and the law (4) that they stand for: stiffness, damping, exponent, switching, where
     they are determined (`foretouch.identification.linear.recovery`).
 
-    `update` takes one sample, `run` a recording, `run_many` many recordings at once; all three are compiled, take all
-    options, and give the same numbers to the last bit (`foretouch.identification.linear.kernel`).
+    `update` takes one sample, `run` a recording, `run_many` many recordings; all three are compiled, take all options,
+    and give the same numbers to the last bit (`foretouch.identification.linear.kernel`).
 
     Args:
         options: The choices that the paper leaves open.
         forgetting: How old samples are forgotten; by default not at all.
-
-    Attributes:
-        perturbations: How often the self-perturbing test tripped since the last reset.
     """
 
     model_name: ClassVar[str] = "continuous-switching"
@@ -177,37 +117,36 @@ class LinearisedEstimator(Estimator):
     def __init__(self, options: FPRLSOptions, forgetting: Forgetting = NOTHING_FORGOTTEN) -> None:
         self.options = options
         self.forgetting = forgetting
-        depth, velocity = options.scales
         # theta in metres is this matrix times theta of the regressors in use
-        self._to_metres = np.diag([1.0, 1.0, 1.0 / velocity, depth / velocity])
-        self._to_metres[0, 1] = -math.log(depth)
+        self._to_metres = to_metres(np.eye(4), *options.scales).T.copy()
         theta = np.asarray(np.linalg.solve(self._to_metres, options.initial_parameters), np.float64)
         self._packed = pack(options, forgetting, theta)
         self._recordings = Recording.new(options=self._packed)
-        self._state = self._recordings[0].state
-        self._depths = DepthSummary(self._state.bins)
+        self._state, self._updates = self._recordings[0].state, self._recordings["state"]["updates"]
         self.reset()
         self._update = update.entry
 
     def reset(self) -> None:
         """Forget all samples."""
         begin(self._recordings)
-        self.updates = self.perturbations = 0
 
     def update(self, sample: ContactSample) -> Status:
         """One step; see `Estimator.update`."""
-        _, depth, velocity, force, in_contact = sample
-        done = self._update(self._recordings, depth, velocity, force, in_contact)
-        if done in LEARNT_FROM:
-            self.updates += 1
-            self.perturbations += done == PERTURBED
-        elif done == RESTARTED:
-            self.updates = 0
-        return STATUSES[done]
+        return STATUSES[self._update(self._recordings, *sample[1:])]
+
+    @property
+    def updates(self) -> int:  # type: ignore[override]
+        """Samples learnt from since the last reset or restart."""
+        return int(self._updates.item())
+
+    @property
+    def perturbations(self) -> int:
+        """How often the self-perturbing test tripped since the last reset."""
+        return int(self._state.perturbations)
 
     def run(self, samples: ContactSamples) -> NDArray[np.int8]:
         """See `Estimator.run`; one compiled loop."""
-        return _INDICES[self._run(samples, np.empty((0, 4)))]
+        return self._run(samples, np.empty((0, 4)))
 
     def trajectory(self, samples: ContactSamples) -> Array:
         """`run`, and (ln k, s, b1, b2) after each sample, depth in metres, shape (n, 4)."""
@@ -216,17 +155,10 @@ class LinearisedEstimator(Estimator):
         return to_metres(trace, *self.options.scales)
 
     def _run(self, samples: ContactSamples, trace: Array) -> NDArray[np.int8]:
-        """What the kernel did with each sample; theta after each goes into the trace, if that has rows."""
+        """What was done with each sample; theta after each goes into the trace, if that has rows."""
         codes = np.empty(len(samples), np.int8)
         run(self._recordings, samples.columns[1:], codes, trace)
-        self.perturbations += int(np.count_nonzero(codes == PERTURBED))
-        restarts = np.flatnonzero(codes == RESTARTED)
-        learnt = (codes == LEARNT) | (codes == PERTURBED)
-        if restarts.size:
-            self.updates = 0
-            learnt = learnt[restarts[-1] + 1 :]
-        self.updates += int(np.count_nonzero(learnt))
-        return codes
+        return _INDICES[codes]
 
     def run_many(
         self,
@@ -238,7 +170,7 @@ class LinearisedEstimator(Estimator):
         every: bool = False,
         parallel: bool = False,
     ) -> LinearRuns:
-        """Many recordings at once, each from theta_0 and P_0; the estimator itself learns nothing.
+        """`run` with many recordings, each from theta_0 and P_0; the estimator itself learns nothing.
 
         The same bits as `run` of a fresh estimator with each column.
 
@@ -256,36 +188,34 @@ class LinearisedEstimator(Estimator):
             SettingError: Arrays that do not fit together.
         """
         samples = as_recordings(depth, velocity, force, in_contact)
-        return run_columns(samples, self._packed, self.options.scales, every=every, parallel=parallel)
+        size, count = samples[0].shape
+        recordings = np.repeat(Recording.new(options=self._packed), count)
+        begin(recordings)
+        trace = np.empty((count, size if every else 0, 4))
 
-    def run_regressors(
-        self,
-        log_depth: ArrayLike,
-        velocity: ArrayLike,
-        rate: ArrayLike,
-        log_force: ArrayLike,
-        forgetting_factor: ArrayLike,
-        *,
-        parallel: bool = False,
-    ) -> LinearRuns:
-        """The recursion of `run_many` alone, on regressors that are known: no gate, bound, weight or own forgetting.
+        def run_some(first: int) -> None:
+            codes = np.empty(size, np.int8)
+            columns = (np.ascontiguousarray(column[:, first : first + SIDE_BY_SIDE].T) for column in samples)
+            for index, (x, v, f, touching) in enumerate(zip(*columns, strict=True), first):
+                run(recordings[index : index + 1], (x, v, f, touching), codes, trace[index])
 
-        Args:
-            log_depth: ln x, x in units of the depth that `options` measures regressors by, shape (m, n).
-            velocity: v in units of the velocity that they are measured by, shape (m, n).
-            rate: v / x of these, shape (m, n).
-            log_force: ln F, F in newtons, shape (m, n).
-            forgetting_factor: mu, above 0 and at most 1, shape (m, n). A sample with another, or with a number that
-                is not finite, is left out.
-            parallel: Whether all cores are used.
-
-        Raises:
-            SettingError: Arrays that do not fit together.
-        """
-        arrays = as_arrays(
-            log_depth=log_depth, velocity=velocity, rate=rate, log_force=log_force, forgetting_factor=forgetting_factor
+        firsts = range(0, count, SIDE_BY_SIDE)
+        if parallel:
+            with ThreadPoolExecutor(os.cpu_count()) as pool:  # a run needs no interpreter
+                list(pool.map(run_some, firsts))
+        else:
+            list(map(run_some, firsts))
+        states, scales = recordings["state"], self.options.scales
+        numbers = states["numbers"]
+        return LinearRuns(
+            to_metres(numbers[:, :4], *scales),
+            np.moveaxis(full_covariance(numbers[:, 4:14].T), 2, 0),
+            residual_variance(numbers[:, 14], numbers[:, 15]),
+            states["updates"],
+            states["restarts"],
+            states["perturbations"],
+            np.moveaxis(to_metres(trace, *scales), 0, 1) if every else None,
         )
-        return run_regressors(arrays, self._packed, self.options.scales, parallel=parallel)
 
     @property
     def linear_parameters(self) -> tuple[float, float, float, float]:
@@ -317,7 +247,7 @@ class LinearisedEstimator(Estimator):
         if model is None:
             return {}
         linear = dict(zip(model.parameter_names, model.parameters, strict=True))
-        return {**linear, **recover(self.linear_parameters, self._covariance(), self._depths)._asdict()}
+        return {**linear, **recover(self.linear_parameters, self._covariance(), self._state.bins)._asdict()}
 
     @property
     def standard_errors(self) -> dict[str, float | None] | None:
@@ -336,9 +266,9 @@ class LinearisedEstimator(Estimator):
     def _recovered_errors(self, covariance: Array) -> dict[str, float | None]:
         centre = np.array(self.linear_parameters)
         steps = 1e-3 * np.sqrt(np.maximum(0.0, np.diag(covariance)))
-        middle = recover(self.linear_parameters, covariance, self._depths)
+        middle = recover(self.linear_parameters, covariance, self._state.bins)
         moved = [
-            [recover(_tuple(centre + sign * side), covariance, self._depths) for sign in (1.0, -1.0)]
+            [recover(_tuple(centre + sign * side), covariance, self._state.bins) for sign in (1.0, -1.0)]
             for side in np.diag(steps)
         ]
         errors: dict[str, float | None] = {}

@@ -113,6 +113,9 @@ class State(Record):
     last_depth: float  # of the newest sample that was not refused [m], NaN after free air
     gain: float  # weight of a new sample in the histogram of depths; grows instead of shrinking all bins
     bins: Annotated[NDArray[Any], float, BINS]
+    updates: int  # samples learnt from since the last restart
+    restarts: int
+    perturbations: int
 
 
 class Packed(Record):

@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 BINS_PER_DECADE = 24
 DECADES = 5
-DEEPEST = 1.0  # Largest depth of the summary [m], which covers 10 um to 1 m
+DEEPEST = 1.0  # Largest depth of the histogram [m], which covers 10 um to 1 m
 
 LEAST_SPREAD = 0.05
 """Least ratio of the spread of 1 / x to its RMS; below it only one depth was seen, and b1 and b2 are not separable."""
@@ -39,27 +39,10 @@ class Recovered(NamedTuple):
     switching: float | None
 
 
-class DepthSummary:
-    """Information on b1 and b2 by depth: a histogram over ln x, bounded and causal.
+_EDGES = DEEPEST * 10.0 ** (-DECADES + np.arange(BINS_PER_DECADE * DECADES + 1) / BINS_PER_DECADE)
 
-    Least squares on (18) fits 1 / x^alpha by a1 + a2 / x with the weight v^2 (its regressors are v and v / x), so each
-    sample adds w v^2 to its bin. Old samples fade as the recursion forgets them.
-
-    Args:
-        weights: Histogram, which the estimator fills, shape (BINS_PER_DECADE DECADES,).
-    """
-
-    def __init__(self, weights: Array) -> None:
-        edges = DEEPEST * 10.0 ** (-DECADES + np.arange(BINS_PER_DECADE * DECADES + 1) / BINS_PER_DECADE)
-        self._inverse_depth = 1.0 / np.sqrt(edges[1:] * edges[:-1])
-        self._weights = weights
-
-    @property
-    def seen(self) -> tuple[Array, Array]:
-        """1 / x [1/m] of the bins that are not empty, and their weights, which sum to 1."""
-        used = self._weights > 0.0
-        weights = self._weights[used]
-        return self._inverse_depth[used], weights / weights.sum() if weights.size else weights
+INVERSE_DEPTH = 1.0 / np.sqrt(_EDGES[1:] * _EDGES[:-1])
+"""1 / x [1/m] of the bins of a histogram of depths, even over ln x."""
 
 
 @compiled
@@ -98,7 +81,7 @@ def _switching_of_share(inverse_depth: Array, weights: Array, reference: float, 
     return 0.5 * (low + high)
 
 
-def recover(linear: tuple[float, float, float, float], covariance: Array | None, depths: DepthSummary) -> Recovered:
+def recover(linear: tuple[float, float, float, float], covariance: Array | None, depths: Array) -> Recovered:
     r"""k, lambda, n, alpha from (ln k, s, b1, b2), over the depths that were seen.
 
     By (17) and (18), b1 = a1 lambda / k and b2 = a2 lambda / k, where a1 and a2 follow from alpha and the depths. The
@@ -116,14 +99,18 @@ def recover(linear: tuple[float, float, float, float], covariance: Array | None,
     Args:
         linear: ln k, s, b1 [s/m], b2 [s], depth in metres.
         covariance: Of `linear`, shape (4, 4), None where there is none.
-        depths: Depths seen so far.
+        depths: Information on b1 and b2 by depth: for each bin of `INVERSE_DEPTH` the sum of w v^2 of its samples, in
+            which old ones fade as the recursion forgets them. Least squares on (18) fits 1 / x^alpha by a1 + a2 / x
+            with the weight v^2, for its regressors are v and v / x.
     """
     ln_k, s, b1, b2 = linear
     stiffness = math.exp(ln_k) if ln_k < 700.0 else None
     unknown = Recovered(stiffness, None, None, None)
-    inverse_depth, weights = depths.seen
+    used = depths > 0.0
+    inverse_depth, weights = INVERSE_DEPTH[used], depths[used]
     if stiffness is None or weights.size < 2:
         return unknown
+    weights = weights / weights.sum()
     mean = float(weights @ inverse_depth)
     if not 1.0 - mean * mean / float(weights @ (inverse_depth * inverse_depth)) >= LEAST_SPREAD**2:
         return unknown

@@ -10,12 +10,9 @@ become vector instructions; interpreted they give the same.
 from __future__ import annotations
 
 import math
-import struct
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
-from numba import types
-from numba.extending import intrinsic, overload
 from numpy.typing import NDArray
 
 from foretouch.core.compiling import compiled, inlined
@@ -32,42 +29,16 @@ INVERSE_LN2 = 1.4426950408889634
 ROUNDER = 6755399441055744.0 + 1023.0  # 1.5 * 2^52 + 1023: adding it rounds, and leaves k + 1023 in the lowest bits
 
 
-@intrinsic  # type: ignore[untyped-decorator]
-def _as_integer(_context: Any, _value: Any) -> Any:  # pragma: no cover - run by the compiler
-    def generate(_context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.bitcast(arguments[0], _context.get_value_type(signature.return_type))
-
-    return types.int64(types.float64), generate
-
-
-@intrinsic  # type: ignore[untyped-decorator]
-def _as_number(_context: Any, _bits: Any) -> Any:  # pragma: no cover - run by the compiler
-    def generate(_context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.bitcast(arguments[0], _context.get_value_type(signature.return_type))
-
-    return types.float64(types.int64), generate
-
-
-def bits_of(value: float) -> int:
+@inlined
+def bits_of(value: float) -> np.int64:
     """The 64 bits of a number as an integer."""
-    bits: int = struct.unpack("<q", struct.pack("<d", value))[0]
-    return bits
+    return np.float64(value).view(np.int64)
 
 
-def number_of(bits: int) -> float:
+@inlined
+def number_of(bits: np.int64) -> float:
     """The number of these 64 bits."""
-    number: float = struct.unpack("<d", struct.pack("<q", bits))[0]
-    return number
-
-
-@overload(bits_of)
-def _bits_of(value):  # type: ignore[no-untyped-def]  # pragma: no cover - run by the compiler
-    return lambda value: _as_integer(value)
-
-
-@overload(number_of)
-def _number_of(bits):  # type: ignore[no-untyped-def]  # pragma: no cover - run by the compiler
-    return lambda bits: _as_number(bits)
+    return np.int64(bits).view(np.float64)
 
 
 @inlined

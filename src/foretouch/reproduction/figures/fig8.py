@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
-from foretouch.identification import HuntCrossleyLogOptions, KelvinVoigtOptions, SwitchingOptions, TwoStageOptions
+from foretouch.identification import (
+    HuntCrossleyLogOptions,
+    HuntCrossleyLogRLS,
+    HuntCrossleyTwoStage,
+    KelvinVoigtOptions,
+    KelvinVoigtRLS,
+    ThresholdSwitching,
+    TwoStageOptions,
+)
 from foretouch.identification.linear.recursion import PerturbationForm
 from foretouch.quantities import Array, Flags
 from foretouch.report import COLOURS, finished, legend, new_figure
@@ -79,15 +87,17 @@ class Switch:
         return self.shock_distance <= 0.5
 
 
-def switching_options(factor: float, method: Literal["log-rls", "two-stage"]) -> SwitchingOptions:
+METHODS: dict[str, Callable[[float], HuntCrossleyLogRLS | HuntCrossleyTwoStage]] = {
+    "log-rls": lambda factor: HuntCrossleyLogRLS(HuntCrossleyLogOptions(forgetting_factor=factor)),
+    "two-stage": lambda factor: HuntCrossleyTwoStage(TwoStageOptions(forgetting_factor=factor)),
+}
+"""Estimators of the Hunt-Crossley law by their names, with a forgetting factor."""
+
+
+def switching(factor: float, method: str) -> ThresholdSwitching:
     """Threshold 4000, and one forgetting factor for all recursions."""
-    return SwitchingOptions(
-        threshold=THRESHOLD,
-        hunt_crossley=method,
-        kelvin_voigt_options=KelvinVoigtOptions(forgetting_factor=factor),
-        log_options=HuntCrossleyLogOptions(forgetting_factor=factor),
-        two_stage_options=TwoStageOptions(forgetting_factor=factor),
-    )
+    stiff = KelvinVoigtRLS(KelvinVoigtOptions(forgetting_factor=factor))
+    return ThresholdSwitching(THRESHOLD, stiff, METHODS[method](factor))
 
 
 def data_of_switching() -> dict[str, Press]:
@@ -101,11 +111,9 @@ def data_of_switching() -> dict[str, Press]:
 
 def switching_grid() -> Iterator[Switch]:
     """Threshold switching by least squares with one forgetting factor, under all its choices."""
-    methods: tuple[Literal["log-rls", "two-stage"], ...] = ("log-rls", "two-stage")
-    for (name, pressed), method, factor in itertools.product(data_of_switching().items(), methods, FORGETTING):
-        yield _switch(
-            f"forgetting {factor:g}, {method}", name, *errors_of_threshold(pressed, switching_options(factor, method))
-        )
+    for (name, pressed), method, factor in itertools.product(data_of_switching().items(), METHODS, FORGETTING):
+        estimator = switching(factor, method)
+        yield _switch(f"forgetting {factor:g}, {method}", name, *errors_of_threshold(pressed, estimator))
 
 
 def fprls_grid() -> Iterator[Switch]:
@@ -133,7 +141,7 @@ def make() -> Section:
     }
     stiff: dict[float | None, Flags] = {}
     for factor in DRAWN:
-        error, chosen = errors_of_threshold(pressed, switching_options(factor, "log-rls"))
+        error, chosen = errors_of_threshold(pressed, switching(factor, "log-rls"))
         errors[f"threshold switching, forgetting {factor:g}"] = error
         stiff[factor] = chosen
     best = errors["continuous switching, best choice"]

@@ -13,7 +13,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from foretouch.comparison.cases import KELVIN_VOIGT
-from foretouch.identification import SwitchingOptions, ThresholdSwitching
+from foretouch.identification import ThresholdSwitching
 from foretouch.identification.linear.estimators import by_distance
 from foretouch.identification.linear.recursion import PerturbationForm, Recursion
 from foretouch.models import ContactModel, KelvinVoigt
@@ -24,12 +24,11 @@ THRESHOLD = 4000.0  # threshold of the paper [N/m]
 FEWEST = 20  # smallest number of samples with a law, as in the estimators
 
 
-def errors_of_threshold(pressed: Press, options: SwitchingOptions | None = None) -> tuple[Array, Flags]:
-    """Threshold switching at each sample: error of the force [N], NaN before there is a law; whether Kelvin-Voigt.
+def errors_of_threshold(pressed: Press, estimator: ThresholdSwitching) -> tuple[Array, Flags]:
+    """A fresh estimator at each sample: error of the force [N], NaN before there is a law; whether it is Kelvin-Voigt.
 
     The law is the one learnt from that sample too.
     """
-    estimator = ThresholdSwitching(options)
     models: list[ContactModel | None] = []
     for sample in pressed.samples:
         estimator.update(sample)
@@ -192,7 +191,7 @@ def _force_after_steps(pressed: Press, trace: Trace) -> Answer:
 
 @lru_cache(maxsize=8)
 def _usual_threshold(pressed: Press) -> Array:
-    return errors_of_threshold(pressed)[0]
+    return errors_of_threshold(pressed, ThresholdSwitching())[0]
 
 
 def _better(pressed: Press, trace: Trace) -> Answer:
