@@ -20,11 +20,9 @@ from foretouch.identification.contact_map.bank import EXPERT_NAMES, ContactMap
 from foretouch.identification.contact_map.kernel import LARGEST_SHIFT
 from foretouch.identification.contact_map.learning import PERIOD
 from foretouch.identification.contact_map.prior import (
-    CURVATURE,
     FEATURE_REACH,
-    FEATURE_SIZE,
     LEVEL,
-    SLOPE,
+    SIZE,
     prior,
 )
 from foretouch.identification.contact_map.regression import fit_fine, whole_covariance
@@ -109,15 +107,15 @@ def test_the_prior_is_a_doubly_integrated_noise_and_a_smooth_process() -> None:
     for kind in (0, 1):
         result, knots = prior(kind), GRIDS[kind].knots
         for s, t in ((3.0, 7.0), (5.0, 5.0), (-2.0, -6.0), (-3.0, 4.0), (0.0, 8.0)):
-            expected = LEVEL**2 + SLOPE**2 * s * t
+            expected = LEVEL**2 + SIZE**2 * s * t
             if s * t > 0.0:
                 u = (np.arange(20_000) + 0.5) / 20_000 * min(abs(s), abs(t))
-                expected += CURVATURE**2 * float(np.mean((abs(s) - u) * (abs(t) - u))) * min(abs(s), abs(t))
+                expected += SIZE**2 * float(np.mean((abs(s) - u) * (abs(t) - u))) * min(abs(s), abs(t))
             row, column = (int(place) + GRIDS[kind].below + 1 for place in (s, t))
             assert result[row, column] == pytest.approx(expected, rel=1e-6)
         apart = result[knots, knots + 2]
         distance = 2.0 * COARSENESS / FEATURE_REACH
-        assert apart == pytest.approx(FEATURE_SIZE**2 * math.exp(-0.5 * distance**2), rel=1e-6)
+        assert apart == pytest.approx(SIZE**2 * math.exp(-0.5 * distance**2), rel=1e-6)
         assert not result[:knots, knots:].any()
         assert np.linalg.eigvalsh(result)[0] > 0.0
 

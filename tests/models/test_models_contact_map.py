@@ -21,8 +21,6 @@ from foretouch.models.contact_map.layout import (
     LETTING_GO,
     MEMORY,
     PLAYS,
-    REACH,
-    SPEED_REACH,
     TIMES,
 )
 
@@ -177,7 +175,7 @@ def test_a_feature_counts_up_to_a_little_more_than_its_range(kind: int) -> None:
     for feature in range(GRIDS[kind].features):
         for sign in (-1.0, 1.0):
             values = np.zeros((3, LARGEST_FEATURES))
-            values[:, feature] = sign * np.array([0.9, REACH, 50.0])
+            values[:, feature] = sign * np.array([0.9, 1.0, 50.0])
             within, edge, beyond = (said(maps, 0.5e-3, values=row)[1 + kind] for row in values)
             assert beyond == edge
             assert within != pytest.approx(edge, abs=1e-6)
@@ -246,7 +244,7 @@ def test_the_law_goes_on_in_proportion(depth: float, velocity: float, alpha: flo
     maps[0].law[:] = 3000.0, 500.0, n, alpha
     maps[0].origin, maps[0].law_surface = 1e-3, -2e-3
     known = min(depth, maps[0].law_reached - 1e-3)
-    speed = float(np.clip(velocity, -SPEED_REACH * maps[0].law_speed, SPEED_REACH * maps[0].law_speed))
+    speed = float(np.clip(velocity, -layout.BEYOND * maps[0].law_speed, layout.BEYOND * maps[0].law_speed))
     law = 3000.0 * known ** (n + alpha) * (depth / known if known > 0.0 else 0.0) + 500.0 * known**n * speed
     expected = max(law, 0.0) if depth > 0.0 else 0.0
     assert said(maps, depth + 1e-3, velocity)[0] == pytest.approx(expected, rel=1e-9, abs=1e-12)
