@@ -113,8 +113,8 @@ def test_friction_in_free_air_is_no_contact(friction: float, floor: float) -> No
     learner = Learner(contact_floor=floor)
     predicted = said(position, sensor, learner)
     air = (position < SURFACE - 0.0005) & (TIME > 3.0)
-    assert error(predicted, force + np.where(force > 0.0, rubbing, 0.0)) < 5.0
-    assert predicted[air].max() < 0.3
+    assert error(predicted, force + np.where(force > 0.0, rubbing, 0.0)) < 6.0
+    assert predicted[air].max() < 0.35
     assert learner.conditioner.force_offset == pytest.approx(0.3, abs=0.02)
     assert learner.conditioner.state.air.known[2] == pytest.approx(friction, rel=0.2)
     assert learner.conditioner.surface == pytest.approx(SURFACE, abs=0.001)

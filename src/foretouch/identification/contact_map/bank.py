@@ -96,20 +96,21 @@ class ContactMap(Estimator):
     four times that, are part of the model: further out the force falls to zero. Inwards without a force, it moves in.
 
     **Pull.** A force below zero after a contact is a pull once it has let go: where it falls, in two samples in a row
-    and within 5 mm of where contact was left, below a tenth of the peak, and is back to a fifth of that half a
-    millimetre further out than it was last half of it. Friction lasts until the probe turns, and a wrong zero stays.
+    and within 5 mm of where contact was left, below a tenth of the peak, and is back to a tenth of that 0.3 mm
+    further out than it was last half of it. Friction lasts until the probe turns, and a wrong zero stays.
     The largest pull, how far out it was held, and where a probe that comes nearer is caught, are part of the model;
     what was felt before is learnt already. Where nothing sticks yet, the maps do not learn that there is no force.
 
     **Standard deviation.** That of a late prediction F, with the peak force so far,
 
-    .. math:: \sigma = \delta \sqrt{F^2 + (0.05\, F_{peak})^2}
+    .. math:: \sigma = \sqrt{\pi / 2}\; \delta\, \sqrt{F^2 + (0.1\, F_{peak})^2}
 
-    where :math:`\delta` grows by 0.68 % with each error beyond it and falls by 0.32 % with each other, so that it holds
-    68 % of them.
+    where :math:`\delta` is the mean of the absolute late errors over about the last second of contact, each relative to
+    that root, with 20 % for the first tenth of a second. A Gaussian error's mean is that much smaller than its standard
+    deviation. A mean of squares would follow the few large errors at the beginning and the end of a press.
 
     **Change.** Where predictions of 0.3 s before, or of a longer delay, are wrong at visited positions by three
-    standard deviations, and by 10 % of the peak, for 0.12 s of contact without a pause, the material has changed: the
+    standard deviations, and by 10 % of the peak, for 0.1 s of contact without a pause, the material has changed: the
     maps begin anew around those predictions, times the factor by which the forces F since then have changed,
 
     .. math:: w \leftarrow \frac{\sum F \hat F}{\sum \hat F^2}\, w, \quad P \leftarrow Q
