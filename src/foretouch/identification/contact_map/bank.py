@@ -88,9 +88,9 @@ class ContactMap(Estimator):
 
     The fine map's part of the maps follows the same rule, with 1.2 for the fine one, but with the errors of both before
     they learn a sample: what the coarse map cannot resolve it learns wrong at once. It is 0 while those of the coarse
-    one are below 2 % of the peak, and the law loses the same part: it is at the mercy of the surface there. Before
-    anything is scored, the law counts as wrong as it was before it learnt the newest samples, and the maps by 20 % of
-    the peak, or 10 % after a change.
+    one are below 2 % of the peak. Else the law loses the same part and counts no more than the maps: it is at the mercy
+    of the surface there. Before anything is scored, the law counts as wrong as it was before it learnt the newest
+    samples, and the maps by 20 % of the peak, or 10 % after a change.
 
     **Touch.** Where a twentieth to a tenth of the peak was felt outermost, and the way over which the force grew to
     four times that, are part of the model: further out the force falls to zero. Inwards without a force, it moves in.

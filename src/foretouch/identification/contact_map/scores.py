@@ -121,11 +121,13 @@ def allot(bank: Bank) -> None:
     law = 0.0 if bank.absent[0] > 0 or not learnt.law[0] > 0.0 else law
     maps = maps if bank.absent[1] == 0 or bank.absent[2] == 0 or law == 0.0 else 0.0
     share = fine_share(bank)
-    law, fine = law * (1.0 - share), maps * share
-    weights[0], weights[1], weights[2] = law, maps - fine, fine
-    total, kept = law + maps, 0.0
+    if share > 0.0:  # a law is at the mercy of the surface there
+        law = min(law * (1.0 - share), maps)
+    law /= law + maps
+    maps, kept = 1.0 - law, 0.0
+    weights[0], weights[1], weights[2] = law, maps * (1.0 - share), maps * share
     for k in range(EXPERTS):
-        weights[k] = weights[k] if weights[k] > PEAK_SHARE * total else 0.0
+        weights[k] = weights[k] if weights[k] > PEAK_SHARE else 0.0
         kept += weights[k]
     for k in range(EXPERTS):
         weights[k] /= kept
