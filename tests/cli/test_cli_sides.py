@@ -176,14 +176,15 @@ def test_it_is_asked_for_until_telemetry_says_so(after: int) -> None:
 
 @pytest.mark.long
 @pytest.mark.network
-def test_a_shadow_that_another_process_records_gives_a_report(tmp_path: Path) -> None:
+def test_a_shadow_that_another_process_records_gives_a_report(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     endpoint, path = free_endpoint(), tmp_path / "shadow.mcap"
 
     def start(*arguments: object) -> subprocess.Popen[str]:
         command = [sys.executable, "-m", "foretouch", *map(str, arguments)]
         return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
-    options = ("--shadow", "--material", "hunt-crossley", "--force-delay", 0.2, "--duration", 5)
+    monkeypatch.setenv("FORETOUCH_MATERIALS", str(tmp_path / "materials"))
+    options = ("--shadow", "--material", "hunt-crossley", "--force-delay", 0.2, "--duration", 5, "--remember", "soft")
     processes = [
         start("follower", "--listen", endpoint, *options, "--insecure"),
         start("record", path, "--connect", endpoint),
@@ -196,6 +197,7 @@ def test_a_shadow_that_another_process_records_gives_a_report(tmp_path: Path) ->
     assert [process.returncode for process in processes] == [0, 0], ends
     output = ends[0][1]
     assert "the scripted operator moves it and nothing is commanded" in output
+    assert f"remember: {tmp_path / 'materials' / 'soft.json'}" in output
     assert "s in contact at" in output.splitlines()[-1]
     report = json.loads(run("report", path, "--json").stdout)
     assert report["status"] == "ok"

@@ -10,6 +10,7 @@ import signal
 import socket
 import time
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -27,6 +28,7 @@ from foretouch.cli.options import (
     session_settings,
     unchecked,
 )
+from foretouch.cli.remembering import Remember, keep, settings_with
 from foretouch.errors import LinkError, SettingError, one_line
 from foretouch.settings import LEADER_SETTINGS
 
@@ -50,6 +52,7 @@ def follower(
     shadow: Annotated[
         bool, typer.Option("--shadow", help="Estimate and predict, command nothing: somebody else moves the robot.")
     ] = False,
+    remember: Remember = None,
     parent: Parent = None,
     settings: SessionSettings,
 ) -> Answer:
@@ -62,12 +65,13 @@ def follower(
     from foretouch.session import StopFlag, be_prompt, prepare, session_calibration
 
     require_duration(duration)
+    settings = settings_with(settings, remember)
     session_calibration(settings)  # errors are raised before anything is opened
     be_prompt()
     stop = StopFlag().on_signals()
     # Before the robot is opened: a driver's watchdog does not wait for the compiler.
     ended = prepare(settings, stop, say, parent)
-    return Answer({"ended": ended} if ended else _follow(settings, endpoints, shadow, stop, duration, parent))
+    return Answer({"ended": ended} if ended else _follow(settings, endpoints, shadow, stop, duration, parent, remember))
 
 
 @command(endpoints=Endpoints, settings=session_settings())
@@ -194,6 +198,7 @@ def _follow(
     stop: StopFlag,
     duration: float | None,
     parent: int | None,
+    remember: str | None,
 ) -> Mapping[str, Any]:
     """The follower's side of a session, or a shadow of it; why it ended, and what it counted."""
     from foretouch.session import (
@@ -225,7 +230,8 @@ def _follow(
             if not shadow and (warning := unchecked(endpoints)):
                 say(f"follower: {warning}")
         description = texts | reach_texts(reach) | insecurity(link)
-        return run(Process(link, stop, say, parent), robot, settings, description=description, duration=duration)
+        process, learnt = Process(link, stop, say, parent), partial(keep, name=remember)
+        return run(process, robot, settings, description=description, duration=duration, keep=learnt)
 
 
 def _operator(settings: SessionSettings, hello: dict[str, str]) -> Device | SpatialDevice:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 
 from foretouch.core.compiling import inlined
-from foretouch.identification.conditioning.kernel import PEAK_SHARE, SURE
+from foretouch.identification.conditioning.air import SURE
+from foretouch.identification.conditioning.kernel import PEAK_SHARE
 from foretouch.identification.contact_map.state import Bank
 from foretouch.models.contact_map.kernel import experts
 from foretouch.models.contact_map.layout import CLEAR, EXPERTS, STUCK, Map

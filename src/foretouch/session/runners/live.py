@@ -12,6 +12,7 @@ from typing import Any
 
 from foretouch.devices import Device, SpatialDevice
 from foretouch.errors import SideError
+from foretouch.identification import Estimator
 from foretouch.link import ASKING_PERIOD_NS, FaultStage, ZenohLink, new_press
 from foretouch.messages import COUNT_PREFIX, PROCESS, SIDES, SINCE, VERSION, EmergencyStop, Message, Status
 from foretouch.robot import Robot, SpatialRobot
@@ -190,6 +191,7 @@ def run_follower(
     *,
     description: dict[str, str],
     duration: float | None = None,
+    keep: Callable[[Estimator], object] | None = None,
 ) -> dict[str, Any]:
     """Run the follower's loop until a `Stop` arrives, the process's `stop` is set, or `duration` [s] is over.
 
@@ -199,6 +201,7 @@ def run_follower(
         settings: Session settings.
         description: Texts for the `Hello` messages.
         duration: Duration [s], None for no end.
+        keep: Called with what has learnt, after an end in order.
 
     Returns:
         Reason for the end, as ``ended``, and the counters, by name.
@@ -243,7 +246,10 @@ def run_follower(
     loop = Loop(process, "follower", driven)
     house = Housekeeper(process, "follower", describe, news, release=robot.close, over=lambda: over(state))
     house.start()
-    return loop.run(house, hear, duration, leave=partial(_leave, driven, house.loop, link.publish, say))
+    ran = loop.run(house, hear, duration, leave=partial(_leave, driven, house.loop, link.publish, say))
+    if keep is not None:
+        keep(state.learner.estimator)
+    return ran
 
 
 def _leave(

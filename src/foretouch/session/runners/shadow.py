@@ -8,10 +8,12 @@ rendered can be seen, recorded and scored.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import msgspec
 
+from foretouch.identification import Estimator
 from foretouch.identification.conditioning.kernel import CONTACT_FLOOR
 from foretouch.messages import PROCESS, LeaderState, Message, Status, Telemetry
 from foretouch.robot import Robot, SpatialRobot
@@ -175,6 +177,7 @@ def run_shadow(
     *,
     description: dict[str, str],
     duration: float | None = None,
+    keep: Callable[[Estimator], object] | None = None,
 ) -> dict[str, Any]:
     """Watch a robot until a `Stop` arrives, a stop is requested, or `duration` [s] is over; then report the score.
 
@@ -187,6 +190,7 @@ def run_shadow(
         settings: Session settings; those of the hand are left out.
         description: Further texts for the `Hello` messages.
         duration: Duration [s], None for no end.
+        keep: Called with what has learnt, after an end in order.
 
     Returns:
         Reason for the end, as ``ended``, the score, and the counters, by name.
@@ -226,6 +230,8 @@ def run_shadow(
     house = Housekeeper(process, "follower", describe, lambda _: news(), release=robot.close)
     house.start()
     ran = loop.run(house, hear, duration)
+    if keep is not None:
+        keep(shadow.follows.state.learner.estimator)
     score, delay = shadow.score, shadow.arriving.delay
     say(f"shadow: {score.sentence(delay)}")
     return ran | {"force_delay_s": delay} | score.figures()
