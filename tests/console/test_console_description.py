@@ -37,7 +37,7 @@ def test_a_map_is_described_beside_the_law() -> None:
     assert "visited 4.0 mm, 8 mm/s" in weights
     assert "at 1.0, 2.0, 3.6 mm" in stiffness
     values = [float(word.rstrip(",")) for word in stiffness.split(" N/m")[0].removeprefix("stiffness: ").split()]
-    assert values == [pytest.approx(500.0, rel=0.1)] * 3
+    assert values == [pytest.approx(500.0, rel=0.15)] * 3
     assert reason == "why it is so"
 
 
