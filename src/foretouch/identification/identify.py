@@ -151,8 +151,8 @@ def _learn_in_hindsight(recording: Recording, learner: Learner) -> tuple[float, 
     Returns:
         Standard error of the surface [m], and the estimator of the law's numbers.
     """
-    estimator, conditioner, state = learner.estimator, learner.conditioner, learner.conditioner.state
-    given, lag = (bool(state.surface_given), bool(state.offset_error == 0.0)), float(state.lag)
+    estimator, conditioner = learner.estimator, learner.conditioner
+    given, lag = (conditioner.surface_given, conditioner.offset_error == 0.0), conditioner.lag
     guess = conditioner.surface, conditioner.force_offset
     time, position, velocity, force = _without_lag(recording, lag)
 
@@ -177,7 +177,7 @@ def _learn_in_hindsight(recording: Recording, learner: Learner) -> tuple[float, 
         law,
         surface=foot.surface,
         force_offset=foot.offset,
-        contact_floor=float(state.floor),
+        contact_floor=conditioner.floor,
         sensor_lag=lag,
     )
     law.trust_surface(given[0])

@@ -188,7 +188,7 @@ def _free_air(recording: Recording) -> float:
     columns = (recording.time.tolist(), recording.position.tolist(), recording.force.tolist())
     for time, position, force in zip(*columns, strict=True):
         conditioner.update(time, position, force)
-    return float(conditioner.state.offset)
+    return float(conditioner.offset)
 
 
 def _in_time(recording: Recording, lag: float) -> Recording:

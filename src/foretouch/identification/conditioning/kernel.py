@@ -363,18 +363,13 @@ def condition(
     return position - state.surface, velocity, force, touching
 
 
-Taken = tuple[float, float, float, bool, float, float, bool]
-
-
 @kernel("(Tuple((Conditioning[::1], f8[:, ::1])), f8, f8, f8, f8, b1)", error_model="numpy")
-def take(memory: Memory, time: float, position: float, force: float, velocity: float, measured: bool) -> Taken:
-    """`condition` for a loop in Python; its numbers are Python's own, also where nothing is compiled.
+def take(
+    memory: Memory, time: float, position: float, force: float, velocity: float, measured: bool
+) -> tuple[float, float, float, bool, bool]:
+    """`condition` for a loop in Python, and whether the rings must `grow` before the next sample.
 
-    Returns:
-        What `condition` returns; then the surface [m], its error [m], and whether the rings must `grow` before the next
-        sample.
+    Its numbers are Python's own, also where nothing is compiled.
     """
     depth, velocity, force, touching = condition(memory, time, position, force, velocity, measured)
-    state = memory[0][0]
-    surface, error = float(state.surface), float(state.surface_error)
-    return float(depth), float(velocity), float(force), bool(touching), surface, error, is_full(memory)
+    return float(depth), float(velocity), float(force), bool(touching), is_full(memory)
