@@ -185,18 +185,17 @@ def move(state: Conditioning, time: float, position: float) -> float:
 def delay(state: Conditioning, rings: Array, time: float, position: float, velocity: float) -> tuple[float, float]:
     """Position and velocity one lag ago, between the samples around that time; the first ones until there are such."""
     capacity, times, positions, speeds = rings.shape[1], rings[2], rings[3], rings[4]
-    first, count, wanted = state.late.first, state.late.count, time - state.lag
-    index = (first + count) % capacity
+    late, wanted = state.late, time - state.lag
+    index = (late.first + late.count) % capacity
     times[index], positions[index], speeds[index] = time, position, velocity
-    count += 1
-    while count > 2 and times[(first + 1) % capacity] <= wanted:
-        first = (first + 1) % capacity
-        count -= 1
-    state.late.first, state.late.count = first, count
-    second = (first + 1) % capacity if count > 1 else first
+    late.count += 1
+    while late.count > 2 and times[(late.first + 1) % capacity] <= wanted:
+        late.first = (late.first + 1) % capacity
+        late.count -= 1
+    first = late.first
+    second = (first + 1) % capacity if late.count > 1 else first
     span = times[second] - times[first]
-    weight = (wanted - times[first]) / span if span > 0.0 else 0.0
-    weight = 0.0 if weight < 0.0 else (1.0 if weight > 1.0 else weight)
+    weight = min(max((wanted - times[first]) / span, 0.0), 1.0) if span > 0.0 else 0.0
     point, speed = positions[first], speeds[first]
     return point + weight * (positions[second] - point), speed + weight * (speeds[second] - speed)
 
@@ -221,67 +220,58 @@ def begin_again(state: Conditioning) -> None:
 @inlined
 def learn_offset(state: Conditioning, rings: Array, time: float, force: float) -> None:
     """Keep mean and spread of the last 50 ms, and those of the quietest 50 ms so far."""
-    if math.isnan(state.quiet.reference):
-        state.quiet.reference = force
+    quiet = state.quiet
+    if math.isnan(quiet.reference):
+        quiet.reference = force
     capacity, times, forces = rings.shape[1], rings[0], rings[1]
-    shifted = force - state.quiet.reference
-    first, count = state.quiet.first, state.quiet.count
-    index = first + count
-    index = index - capacity if index >= capacity else index
+    shifted, index = force - quiet.reference, (quiet.first + quiet.count) % capacity
     times[index], forces[index] = time, shifted
-    count += 1
-    total, squares = state.quiet.total + shifted, state.quiet.squares + shifted * shifted
+    quiet.count += 1
+    quiet.total += shifted
+    quiet.squares += shifted * shifted
     full = False
-    while time - times[first] >= OFFSET_WINDOW:
-        full = True
-        old = forces[first]
-        total -= old
-        squares -= old * old
-        first = first + 1 if first + 1 < capacity else 0
-        count -= 1
-    state.quiet.first, state.quiet.count = first, count
-    state.quiet.total, state.quiet.squares = total, squares
-    mean = total / count
-    variance = squares / count - mean * mean
-    spread = math.sqrt(variance) if variance > 0.0 else 0.0
-    if full and spread < state.quiet.least_spread:
-        state.quiet.least_spread = spread
-    if not math.isnan(state.air.reference) and state.quiet.lowest_mean < math.inf:  # what is lower now has drifted
+    while time - times[quiet.first] >= OFFSET_WINDOW:
+        full, old = True, forces[quiet.first]
+        quiet.total -= old
+        quiet.squares -= old * old
+        quiet.first = (quiet.first + 1) % capacity
+        quiet.count -= 1
+    mean = quiet.total / quiet.count
+    spread = math.sqrt(max(0.0, quiet.squares / quiet.count - mean * mean))
+    if full:
+        quiet.least_spread = min(quiet.least_spread, spread)
+    if not math.isnan(state.air.reference) and quiet.lowest_mean < math.inf:  # what is lower now has drifted
         return
     if full:
         # When the tool is jerked, the sensor may show less than nothing for a moment. Noise that makes the threshold no
         # larger than the floor is quiet, however quiet the quietest window was.
-        if mean >= state.quiet.lowest_mean or spread > max(SURE * state.quiet.least_spread, state.floor / NOISE_FACTOR):
+        if mean >= quiet.lowest_mean or spread > max(SURE * quiet.least_spread, state.floor / NOISE_FACTOR):
             return
-        state.quiet.lowest_mean = mean
-    elif state.quiet.lowest_mean < math.inf:
+        quiet.lowest_mean = mean
+    elif quiet.lowest_mean < math.inf:
         return
-    state.quiet.noise = spread
+    quiet.noise = spread
     if math.isnan(state.offset_error):
-        state.offset = mean + state.quiet.reference
+        state.offset = mean + quiet.reference
 
 
 @inlined
 def learn_peak(state: Conditioning, time: float, force: float) -> None:
     """The largest force that lasted: the lowest in two blocks of time, so that a spike of the sensor does not count."""
-    lowest, before = state.block.lowest, state.block.before
-    if time - state.block.time < PEAK_TIME:
-        if force < lowest:
-            state.block.lowest = force
+    block = state.block
+    if time - block.time < PEAK_TIME:
+        block.lowest = min(block.lowest, force)
         return
-    state.block.time, state.block.lowest, state.block.before = time, force, lowest
-    lasted = before if before < lowest else lowest
-    if before < math.inf and lasted > state.peak:
-        state.peak = lasted
+    if block.before < math.inf:
+        state.peak = max(state.peak, min(block.before, block.lowest))
+    block.time, block.before, block.lowest = time, block.lowest, force
 
 
 @inlined
 def threshold_of(state: Conditioning) -> float:
     """Threshold of contact [N]."""
     noise = NOISE_FACTOR * min(state.quiet.least_spread, state.quiet.noise)
-    result, weight = state.floor, PEAK_SHARE * state.peak
-    result = noise if noise > result else result
-    return float(weight if weight > result else result)
+    return float(max(state.floor, noise, PEAK_SHARE * state.peak))
 
 
 @compiled(error_model="numpy")
