@@ -19,10 +19,12 @@ from foretouch.errors import InputError
 from foretouch.errors.checks import require
 from foretouch.identification.conditioning.kernel import (
     CONTACT_FLOOR,
+    FIRST_CAPACITY,
+    Conditioning,
     Memory,
-    grow,
+    expect_zero,
+    is_full,
     lose_surface,
-    make_memory,
     shift,
     take,
 )
@@ -283,9 +285,13 @@ class Conditioner(Held):
         require("offset_error", offset_error, at_least=0.0)
         require("contact_floor", contact_floor, above=0.0)
         require("sensor_lag", sensor_lag, at_least=0.0, at_most=LONGEST_LAG)
-        memory = make_memory(surface, force_offset, offset_error, contact_floor, sensor_lag)
-        super().__init__(memory[0])
-        self.memory, self._take, self._shift = memory, take.entry, shift.entry
+        given = {} if surface is None else {"surface": surface, "surface_error": 0.0, "surface_given": True}
+        if force_offset is not None:
+            given |= {"offset": force_offset, "zero": force_offset, "offset_error": offset_error}
+        super().__init__(Conditioning.new(lag=sensor_lag, floor=contact_floor, **given))
+        expect_zero(self.records[0])
+        self.memory = self.records, np.zeros((5, FIRST_CAPACITY))
+        self._take, self._shift = take.entry, shift.entry
         self.lose_surface()  # none is known yet: so that it is compiled before any loop
 
     @property
@@ -294,8 +300,15 @@ class Conditioner(Held):
         return self.zero  # type: ignore[no-any-return]
 
     def make_room(self) -> None:
-        """Enlarge the memory where 50 ms hold more samples than before."""
-        self.memory = grow(self.memory)
+        """Take rings of twice the length where 50 ms hold more samples than before."""
+        if not is_full(self.memory):
+            return
+        (state,), rings = self.memory
+        grown = np.zeros((5, 2 * rings.shape[1]))
+        grown[:2, : rings.shape[1]] = np.roll(rings[:2], -state.quiet.first, axis=1)
+        grown[2:, : rings.shape[1]] = np.roll(rings[2:], -state.late.first, axis=1)
+        state.quiet.first = state.late.first = 0
+        self.memory = self.records, grown
 
     def lose_surface(self) -> None:
         """Look for the surface again: the material has gone. One that was given stays."""

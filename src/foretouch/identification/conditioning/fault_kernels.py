@@ -324,17 +324,12 @@ def _is_free(step: Step, position: float, force: float, period: float, told: flo
     if begin - position < FREE_WAY or age < HOLD:
         return False
     level = 0.5 * (low + high)
-    if level >= step.zero + FREE_FACTOR * LEAST_STEP:
+    # Something holds the probe, or this is not certainly free air; where that was known here, the zero may be wrong.
+    if level < told - LEAST_STEP or level > step.zero + FREE_SHARE * LEAST_STEP:
         _sets_out(step, position, force, False)
-        return bool(begin <= step.edge)
-    if level < told - LEAST_STEP:  # something holds the probe
-        _sets_out(step, position, force, False)
-        return False
+        return bool(level >= step.zero + FREE_FACTOR * LEAST_STEP and begin <= step.edge)
     if not level >= step.zero - LEAST_STEP:  # the first, or the earlier level was not free air
         step.zero, step.edge = level, begin
-    elif level > step.zero + FREE_SHARE * LEAST_STEP:  # neither certainly free air nor a wrong zero
-        _sets_out(step, position, force, False)
-        return False
     elif not step.free.goes_on:
         step.edge = begin
     step.zero = min(level, step.zero + (level - step.zero) * min(age / DRIFT_TIME, 1.0))

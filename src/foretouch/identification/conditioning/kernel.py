@@ -102,20 +102,7 @@ Memory = tuple[NDArray[np.void], Array]
 """One `Conditioning`; and the rings, shape (5, capacity): times [s] and forces [N] of the window, and times [s],
 positions [m] and velocities [m/s] of samples that wait for a late sensor."""
 
-WINDOW, LATE = slice(0, 2), slice(2, 5)
 FIRST_CAPACITY = 128
-
-
-def make_memory(
-    surface: float | None, force_offset: float | None, offset_error: float, contact_floor: float, sensor_lag: float
-) -> Memory:
-    """Make the memory of a conditioner without samples: see `Conditioner` for the arguments."""
-    given = {} if surface is None else {"surface": surface, "surface_error": 0.0, "surface_given": True}
-    if force_offset is not None:
-        given |= {"offset": force_offset, "zero": force_offset, "offset_error": offset_error}
-    states = Conditioning.new(lag=sensor_lag, floor=contact_floor, **given)
-    expect_zero(states[0])
-    return states, np.zeros((5, FIRST_CAPACITY))
 
 
 @compiled(error_model="numpy")
@@ -133,18 +120,6 @@ def is_full(memory: Memory) -> bool:
     """Whether a ring has no room for one more sample."""
     capacity = memory[1].shape[1]
     return bool(memory[0][0].quiet.count >= capacity or memory[0][0].late.count >= capacity)
-
-
-def grow(memory: Memory) -> Memory:
-    """The memory; where a ring is full, with rings of twice the length."""
-    (state,), rings = memory
-    if not is_full(memory):
-        return memory
-    grown = np.zeros((5, 2 * rings.shape[1]))
-    for rows, first in ((WINDOW, state.quiet.first), (LATE, state.late.first)):
-        grown[rows, : rings.shape[1]] = np.roll(rings[rows], -first, axis=1)
-    state.quiet.first = state.late.first = 0
-    return memory[0], grown
 
 
 @compiled(error_model="numpy")
@@ -174,11 +149,10 @@ def move(state: Conditioning, time: float, position: float) -> float:
         if math.isnan(state.motion_time):
             state.motion_time, state.motion_place = time, position
         return float(state.velocity)
-    before = state.velocity
     slope = (position - state.motion_place) / period
-    velocity = before + (1.0 - math.exp(-VELOCITY_RATE * period)) * (slope - before)
-    state.velocity, state.motion_time, state.motion_place = velocity, time, position
-    return float(velocity)
+    state.velocity += (1.0 - math.exp(-VELOCITY_RATE * period)) * (slope - state.velocity)
+    state.motion_time, state.motion_place = time, position
+    return float(state.velocity)
 
 
 @compiled(error_model="numpy")
@@ -357,7 +331,7 @@ def condition(
 def take(
     memory: Memory, time: float, position: float, force: float, velocity: float, measured: bool
 ) -> tuple[float, float, float, bool, bool]:
-    """`condition` for a loop in Python, and whether the rings must `grow` before the next sample.
+    """`condition` for a loop in Python, and whether the rings need room before the next sample.
 
     Its numbers are Python's own, also where nothing is compiled.
     """

@@ -291,7 +291,7 @@ class SensorWatch:
         SettingError: A setting out of range.
     """
 
-    __slots__ = ("_look", "_memory", "_settings", "state")
+    __slots__ = ("_first", "_look", "_memory", "state")
 
     def __init__(
         self,
@@ -307,18 +307,14 @@ class SensorWatch:
         require("largest_speed", largest_speed, above=0.0)
         require("moving_mass", moving_mass, above=0.0)
         near = [0.0 if math.isinf(end) else END_RATIO * abs(end) for end in (low, high)]
-        self._settings = {
-            "lowest": low + near[0],
-            "highest": high - near[1],
-            "largest_speed": largest_speed,
-            "mass": moving_mass,
-        }
+        ends = {"lowest": low + near[0], "highest": high - near[1]}
+        self._first = Watch.new(**ends, largest_speed=largest_speed, mass=moving_mass)
         self._look, self._memory = look.entry, Watch.new() if memory is None else memory
         self.reset()
 
     def reset(self) -> None:
         """Believe the sensors again, and forget all samples: say this when they have been looked after."""
-        self._memory[:] = Watch.new(**self._settings)
+        self._memory[:] = self._first
         self.state = SensorState.GOOD
 
     def update(
