@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.errors import RecordingError, plural
+from foretouch.errors import InputError, RecordingError, plural
 from foretouch.errors.checks import require
 from foretouch.identification.conditioning.conditioner import ContactSamples
 from foretouch.identification.estimator import Estimator
@@ -103,7 +103,8 @@ def identify(
         ArgumentTypeError: An argument is not a recording, or not a learner.
     """
     learner = learner_of(recording, learner)
-    learner.require_fresh()
+    if not math.isnan(learner.sample.time):
+        raise InputError("the learner has learnt from samples before: make a fresh one for each recording")
     estimator = learner.estimator
     history = defaultdict[str, Array](lambda: np.full(len(recording), math.nan))  # columns as names turn up
     columns = recording.time, recording.position, recording.force, recording.velocity

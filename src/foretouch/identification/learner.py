@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.errors import InputError
 from foretouch.errors.checks import NUMBER, require_type
 from foretouch.identification.conditioning.conditioner import Conditioner, ContactSample, SensorLag, require_columns
 from foretouch.identification.conditioning.kernel import CONTACT_FLOOR
@@ -110,15 +109,6 @@ class Learner:
         values = {name: brief_number(getattr(self.conditioner, name)) for name in ("surface", "force_offset")}
         return brief_text("Learner", {"estimator": self.estimator, **values, "status": self.status.value}.items())
 
-    def require_fresh(self) -> None:
-        """Refuse to continue after samples of another recording.
-
-        Raises:
-            InputError: Samples have been learnt.
-        """
-        if not math.isnan(self.sample.time):
-            raise InputError("the learner has learnt from samples before: make a fresh one for each recording")
-
     def update(self, time: float, position: float, force: float, velocity: float | None = None) -> ContactSample:
         """Learn from one raw sample (`Conditioner.update`) and return it conditioned."""
         conditioner, estimator = self.conditioner, self.estimator
@@ -173,9 +163,22 @@ class Learner:
             InputError: The columns differ in shape.
         """
         samples = RawSamples(time, position, force, velocity)
-        if isinstance(self.estimator, ContactMap):
-            return run_compiled(self, self.estimator, samples)
-        return run_by_sample(self, samples)
+        if not isinstance(self.estimator, ContactMap):
+            return run_by_sample(self, samples)
+        bank, conditioner, runs = self.estimator, self.conditioner, Run.new()
+        for begin, rows in samples.blocks():
+            taken, count = 0, rows.shape[1]
+            while taken < count:
+                part = slice(begin + taken, begin + count)
+                reported = samples.in_contact[part], samples.forces[taken:count], samples.residual[part]
+                rest = np.ascontiguousarray(rows[:, taken:])
+                more, code = run_raw(
+                    bank.states, conditioner.memory, self.learning, runs, rest, samples.measured, reported
+                )
+                self.status = bank.taken(code, True)
+                taken += more
+                conditioner.make_room()
+        return samples.run(float(runs[0].deviation))
 
     def learnt(self) -> LearntModel:
         """The model as learnt so far."""
@@ -255,24 +258,6 @@ class RawSamples:
         """Results after all blocks."""
         rms = math.sqrt(self._squares / self._count) if self._count else math.nan
         return LearnerRun(self.in_contact, self.residual, rms, deviation)
-
-
-def run_compiled(learner: Learner, bank: ContactMap, samples: RawSamples) -> LearnerRun:
-    """See `Learner.run`."""
-    conditioner, runs = learner.conditioner, Run.new()
-    for begin, rows in samples.blocks():
-        taken, count = 0, rows.shape[1]
-        while taken < count:
-            part = slice(begin + taken, begin + count)
-            reported = samples.in_contact[part], samples.forces[taken:count], samples.residual[part]
-            rest = np.ascontiguousarray(rows[:, taken:])
-            more, code = run_raw(
-                bank.states, conditioner.memory, learner.learning, runs, rest, samples.measured, reported
-            )
-            learner.status = bank.taken(code, True)
-            taken += more
-            conditioner.make_room()
-    return samples.run(float(runs[0].deviation))
 
 
 def run_by_sample(learner: Learner, samples: RawSamples, note: Callable[[int], None] | None = None) -> LearnerRun:

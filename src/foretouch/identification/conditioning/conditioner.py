@@ -139,14 +139,10 @@ class SensorLag(Held):
     def standard_error(self) -> float | None:
         """Standard error of the lag [s], residuals taken as correlated over 20 ms; None while too little is known."""
         slopes = self._slopes()
-        if slopes is None:
-            return None
-        xx, xv, vv = self.records[0].products[:3].tolist()
-        independent = max(self.weight / 0.02, 1.0)
-        return math.sqrt(slopes[2] * xx / (xx * vv - xv * xv) / independent) / slopes[0]
+        return None if slopes is None else slopes[2] / slopes[0]
 
     def _slopes(self) -> tuple[float, float, float] | None:
-        """K [N/m], B - K delta [N s/m] and the variance of the residuals [N^2]."""
+        """K [N/m], B - K delta [N s/m] and the standard error of that."""
         xx, xv, vv, xf, vf, ff = self.records[0].products.tolist()
         determinant = xx * vv - xv * xv
         if self.time < LEAST_TIME or not determinant > 1e-6 * xx * vv:
@@ -154,7 +150,8 @@ class SensorLag(Held):
         stiffness, slope = (xf * vv - vf * xv) / determinant, (vf * xx - xf * xv) / determinant
         if not stiffness > 0.0:
             return None
-        return stiffness, slope, max(ff - stiffness * xf - slope * vf, 0.0)
+        variance, independent = max(ff - stiffness * xf - slope * vf, 0.0), max(self.weight / 0.02, 1.0)
+        return stiffness, slope, math.sqrt(variance * xx / determinant / independent)
 
 
 class ContactSample(NamedTuple):
