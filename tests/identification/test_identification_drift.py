@@ -116,7 +116,7 @@ def test_friction_in_free_air_is_no_contact(friction: float, floor: float) -> No
     assert error(predicted, force + np.where(force > 0.0, rubbing, 0.0)) < 6.0
     assert predicted[air].max() < 0.35
     assert learner.conditioner.force_offset == pytest.approx(0.3, abs=0.02)
-    assert learner.conditioner.state.air.known[2] == pytest.approx(friction, rel=0.2)
+    assert learner.conditioner.records[0].air.known[2] == pytest.approx(friction, rel=0.2)
     assert learner.conditioner.surface == pytest.approx(SURFACE, abs=0.001)
     assert not Learner(contact_floor=floor).run(TIME, position, sensor).in_contact[air].any()
 

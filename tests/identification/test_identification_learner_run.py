@@ -43,7 +43,7 @@ def assert_alike(one: Learner, whole: Learner) -> None:
     assert whole.estimator.states.tobytes() == one.estimator.states.tobytes()
     for mine, its in zip(whole.conditioner.memory, one.conditioner.memory, strict=True):
         assert mine.tobytes() == its.tobytes()
-    assert whole.lag.memory.tobytes() == one.lag.memory.tobytes()
+    assert whole.lag.records.tobytes() == one.lag.records.tobytes()
     np.testing.assert_array_equal(whole.sample, one.sample)
     conditioner, known = one.conditioner, whole.conditioner
     for name in ("surface", "surface_error", "force_offset", "in_contact"):

@@ -102,7 +102,7 @@ def test_what_cannot_be_fitted_is_refused() -> None:
     force = force_of(BETWEEN, depth, velocity)
     with pytest.raises(UnknownNameError, match="unknown exact law 'x': choose one of continuous-switching"):
         fit_offline(depth, velocity, force, "x")
-    with pytest.raises(InputError, match="give equal lengths"):
+    with pytest.raises(InputError, match="columns of one length"):
         fit_offline(depth, velocity[1:], force)
     with pytest.raises(InputError, match="must be finite"):
         fit_offline(depth, velocity, np.where(depth > 0.01, np.nan, force))

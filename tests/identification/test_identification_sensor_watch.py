@@ -141,7 +141,7 @@ def test_an_encoder_that_jumps_is_believed_again_after_a_reset() -> None:
     result = states(off(free_air(), 1000, 2000, position=2e-3), watch)
     assert result.index(SensorState.ENCODER_JUMP) == 1000
     assert result[-1] is SensorState.ENCODER_JUMP
-    assert watch.sentence == SENSOR_SENTENCES[SensorState.ENCODER_JUMP]
+    assert watch.state is SensorState.ENCODER_JUMP
     watch.reset()
     assert watch.state is SensorState.GOOD
     assert set(states(free_air(), watch)) == {SensorState.GOOD}
@@ -210,4 +210,4 @@ def test_a_simulated_sensor_is_good_whatever_it_hits(material: str) -> None:
             sample = robot.exchange(robot.surface + motion(tick, tick * PERIOD))
             tool_force = specification.tool_force(sample.acceleration)
             state = watch.update(tick * PERIOD, sample.position, sample.sensor_force, tool_force)
-            assert state is SensorState.GOOD, f"{name}: {watch.sentence} at {tick * PERIOD:.3f} s"
+            assert state is SensorState.GOOD, f"{name}: {SENSOR_SENTENCES[state]} at {tick * PERIOD:.3f} s"

@@ -20,7 +20,7 @@ from foretouch.identification.classic.steepest_descent import (
 from foretouch.identification.classic.threshold_switching import ThresholdSwitching
 from foretouch.identification.conditioning.conditioner import Conditioner, ContactSample, ContactSamples, SensorLag
 from foretouch.identification.conditioning.fault_kernels import SensorState
-from foretouch.identification.conditioning.watch import SENSOR_SENTENCES, TRANSIENT_STATES, SensorWatch
+from foretouch.identification.conditioning.watch import SENSOR_SENTENCES, SensorWatch
 from foretouch.identification.contact_map.bank import EXPERT_NAMES, ContactMap
 from foretouch.identification.contact_map.remembered import from_the_surface
 from foretouch.identification.estimator import Estimator, Status
@@ -79,7 +79,6 @@ __all__ = [
     "ROBUST",
     "SENSOR_SENTENCES",
     "TIME_TOLERANCE",
-    "TRANSIENT_STATES",
     "Conditioner",
     "ContactMap",
     "ContactSample",

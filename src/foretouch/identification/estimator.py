@@ -182,8 +182,7 @@ class StoringEstimator(Estimator):
 
     def finish(self) -> None:
         """Fit to the newest samples too."""
-        if self.updates >= FEWEST_UPDATES:
-            self._next_fit = self.updates
+        self._next_fit = max(self.updates, FEWEST_UPDATES)
 
     def _is_fit_due(self) -> bool:
         """Whether to fit now; the caller does."""

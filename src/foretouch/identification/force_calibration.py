@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from foretouch.errors import InputError, plural
-from foretouch.quantities import ByValue, Recording, numbers_of
+from foretouch.identification.conditioning.conditioner import require_columns
+from foretouch.quantities import ByValue, Recording, cross_matrix, numbers_of
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -147,9 +148,7 @@ def _slope(position: Array, force: Array, chosen: Flags) -> float:
 def columns_of(*columns: ArrayLike) -> tuple[Array, ...]:
     """Columns as arrays of one shape (n,); `InputError` if their shapes differ or they are not numbers."""
     arrays = tuple(numbers_of("a column", column) for column in columns)
-    shapes = {array.shape for array in arrays}
-    if len(shapes) > 1 or arrays[0].ndim != 1:
-        raise InputError(f"columns of shapes {', '.join(str(array.shape) for array in arrays)}: all must be (n,)")
+    require_columns("the columns", *arrays)
     return arrays
 
 
@@ -175,28 +174,28 @@ class ToolWeight(ByValue):
         force_bias_error: Standard error [N], shape (3,).
         mass: Mass of the tool [kg].
         mass_error: Standard error [kg].
+        force_residual: Residuals of the forces [N], shape (n, 3).
+        spread: Standard deviations of the gravity direction along its principal axes, largest first, shape (3,).
+        poses: Number of different orientations.
         torque_bias: Bias of the torque [N m], shape (3,); None without torques.
         torque_bias_error: Standard error [N m], shape (3,), or None.
         centre_of_mass: From the sensor's origin [m], shape (3,), or None.
         centre_of_mass_error: Standard error [m], shape (3,), or None.
-        force_residual: Residuals of the forces [N], shape (n, 3).
         torque_residual: Residuals of the torques [N m], shape (n, 3), or None.
-        spread: Standard deviations of the gravity direction along its principal axes, largest first, shape (3,).
-        poses: Number of different orientations.
     """
 
     force_bias: Array
     force_bias_error: Array
     mass: float
     mass_error: float
-    torque_bias: Array | None
-    torque_bias_error: Array | None
-    centre_of_mass: Array | None
-    centre_of_mass_error: Array | None
     force_residual: Array
-    torque_residual: Array | None
     spread: Array
     poses: int
+    torque_bias: Array | None = None
+    torque_bias_error: Array | None = None
+    centre_of_mass: Array | None = None
+    centre_of_mass_error: Array | None = None
+    torque_residual: Array | None = None
 
 
 def fit_tool_weight(
@@ -239,32 +238,22 @@ def fit_tool_weight(
             f"the tool's mass comes out as {mass:.4g} kg: forces must be the load on the sensor, positive along its "
             "axes; if yours are the reaction, change the sign of forces and torques"
         )
-    first = (result[:3], errors[:3], mass, mass_error)
+    known = (result[:3], errors[:3], mass, mass_error, residual.reshape(-1, 3), spread, poses)
     if torques is None:
-        return ToolWeight(*first, None, None, None, None, residual.reshape(-1, 3), None, spread, poses)
-    moments = -_cross_matrices(weight).reshape(-1, 3)
+        return ToolWeight(*known)
+    moments = -np.vstack([cross_matrix(row) for row in weight])
     moment, moment_errors, torque_residual = _least_squares(np.column_stack((biases, moments)), torques.ravel())
     centre = moment[3:] / mass
     centre_error = np.hypot(moment_errors[3:], np.abs(centre) * mass_error) / mass
-    return ToolWeight(
-        *first,
-        moment[:3],
-        moment_errors[:3],
-        centre,
-        centre_error,
-        residual.reshape(-1, 3),
-        torque_residual.reshape(-1, 3),
-        spread,
-        poses,
-    )
+    return ToolWeight(*known, moment[:3], moment_errors[:3], centre, centre_error, torque_residual.reshape(-1, 3))
 
 
 def _count_poses(directions: Array) -> int:
     """Number of different orientations, each compared with all that were counted before it."""
-    kept = np.empty((0, 3))
+    kept = list[Array]()
     for direction in directions:
-        if len(kept) == 0 or float(np.linalg.norm(kept - direction, axis=1).min()) > SAME_POSE:
-            kept = np.vstack((kept, direction))
+        if all(np.linalg.norm(one - direction) > SAME_POSE for one in kept):
+            kept.append(direction)
     return len(kept)
 
 
@@ -295,10 +284,3 @@ def _least_squares(design: Array, values: Array) -> tuple[Array, Array, Array]:
     variance = float(residual @ residual) / (values.size - design.shape[1])
     errors = np.sqrt(variance * np.diag(np.linalg.inv(design.T @ design)))
     return solution, np.asarray(errors, dtype=np.float64), residual
-
-
-def _cross_matrices(vectors: Array) -> Array:
-    """Matrices [v] with [v] h = v x h, shape (n, 3, 3)."""
-    x, y, z = vectors.T
-    nothing = np.zeros_like(x)
-    return np.stack([np.stack(row, axis=1) for row in ((nothing, -z, y), (z, nothing, -x), (-y, x, nothing))], axis=1)

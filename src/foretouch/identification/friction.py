@@ -131,10 +131,6 @@ class FrictionEstimator(Held):
         frictions: Array of one `Friction` that this one takes, part of another record; None for one of its own.
 
     Attributes:
-        coefficient: mu [-], 0 to 2.
-        viscous: c [N s/m], not negative.
-        deviations: Standard deviation of each.
-        known: Whether mu is known to 0.1, from 50 samples or more.
         updates: Samples learnt from.
     """
 
@@ -174,12 +170,12 @@ class FrictionEstimator(Held):
 
     @property
     def coefficient(self) -> float:
-        """The coefficient mu [-]."""
+        """The coefficient mu [-], 0 to 2."""
         return self._bounded[0]
 
     @property
     def viscous(self) -> float:
-        """The viscous part c [N s/m]."""
+        """The viscous part c [N s/m], not negative."""
         return self._bounded[1]
 
     @property
@@ -190,5 +186,5 @@ class FrictionEstimator(Held):
 
     @property
     def known(self) -> bool:
-        """Whether mu is certain enough to render."""
+        """Whether mu is certain enough to render: to 0.1, from 50 samples or more."""
         return self.updates >= FEWEST and self.deviations[0] < SURE

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.errors import RecordingError, plural
+from foretouch.errors import InputError, RecordingError, plural
 from foretouch.errors.checks import require
 from foretouch.identification.conditioning.conditioner import ContactSamples
 from foretouch.identification.estimator import Estimator
@@ -103,7 +103,8 @@ def identify(
         ArgumentTypeError: An argument is not a recording, or not a learner.
     """
     learner = learner_of(recording, learner)
-    learner.require_fresh()
+    if not math.isnan(learner.sample.time):
+        raise InputError("the learner has learnt from samples before: make a fresh one for each recording")
     estimator = learner.estimator
     history = defaultdict[str, Array](lambda: np.full(len(recording), math.nan))  # columns as names turn up
     columns = recording.time, recording.position, recording.force, recording.velocity
@@ -151,8 +152,8 @@ def _learn_in_hindsight(recording: Recording, learner: Learner) -> tuple[float, 
     Returns:
         Standard error of the surface [m], and the estimator of the law's numbers.
     """
-    estimator, conditioner, state = learner.estimator, learner.conditioner, learner.conditioner.state
-    given, lag = (bool(state.surface_given), bool(state.offset_error == 0.0)), float(state.lag)
+    estimator, conditioner = learner.estimator, learner.conditioner
+    given, lag = (conditioner.surface_given, conditioner.offset_error == 0.0), conditioner.lag
     guess = conditioner.surface, conditioner.force_offset
     time, position, velocity, force = _without_lag(recording, lag)
 
@@ -177,7 +178,7 @@ def _learn_in_hindsight(recording: Recording, learner: Learner) -> tuple[float, 
         law,
         surface=foot.surface,
         force_offset=foot.offset,
-        contact_floor=float(state.floor),
+        contact_floor=conditioner.floor,
         sensor_lag=lag,
     )
     law.trust_surface(given[0])

@@ -12,9 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.errors import InputError
 from foretouch.errors.checks import NUMBER, require_type
-from foretouch.identification.conditioning.conditioner import Conditioner, ContactSample, SensorLag
+from foretouch.identification.conditioning.conditioner import Conditioner, ContactSample, SensorLag, require_columns
 from foretouch.identification.conditioning.kernel import CONTACT_FLOOR
 from foretouch.identification.contact_map.bank import ContactMap
 from foretouch.identification.contact_map.kernel import Learning, Run, learn_raw, run_raw
@@ -110,15 +109,6 @@ class Learner:
         values = {name: brief_number(getattr(self.conditioner, name)) for name in ("surface", "force_offset")}
         return brief_text("Learner", {"estimator": self.estimator, **values, "status": self.status.value}.items())
 
-    def require_fresh(self) -> None:
-        """Refuse to continue after samples of another recording.
-
-        Raises:
-            InputError: Samples have been learnt.
-        """
-        if not math.isnan(self.sample.time):
-            raise InputError("the learner has learnt from samples before: make a fresh one for each recording")
-
     def update(self, time: float, position: float, force: float, velocity: float | None = None) -> ContactSample:
         """Learn from one raw sample (`Conditioner.update`) and return it conditioned."""
         conditioner, estimator = self.conditioner, self.estimator
@@ -129,13 +119,13 @@ class Learner:
                 estimator, *self._learn_raw(estimator.states, conditioner.memory, self.learning, raw, speed, known)
             )
             return self.sample
-        last, before, offset = self._newest["time"].item(), conditioner.surface, float(conditioner.state.offset)
+        last, before, offset = self._newest["time"].item(), conditioner.surface, conditioner.offset
         sample = self.sample = conditioner.update(time, position, force, velocity)
         moved = conditioner.surface - before
         if abs(moved) > 0.0:  # not where one of them is unknown
             estimator.move_surface(moved)
-        if conditioner.state.offset != offset:  # what has drifted is none of the material
-            estimator.move_offset(float(conditioner.state.offset) - offset)
+        if conditioner.offset != offset:  # what has drifted is none of the material
+            estimator.move_offset(conditioner.offset - offset)
         status = self.status = estimator.update(sample)
         if status is Status.CHANGED:
             if not sample.in_contact:
@@ -151,7 +141,6 @@ class Learner:
         self.status = estimator.taken(code, news)
         if news:
             self.conditioner.make_room()
-            self.conditioner.recall()
 
     def feel(self, time: float, position: float, force: float) -> ContactSample:
         """Condition one raw sample without learning: the force has to be known even where learning is off."""
@@ -174,9 +163,22 @@ class Learner:
             InputError: The columns differ in shape.
         """
         samples = RawSamples(time, position, force, velocity)
-        if isinstance(self.estimator, ContactMap):
-            return run_compiled(self, self.estimator, samples)
-        return run_by_sample(self, samples)
+        if not isinstance(self.estimator, ContactMap):
+            return run_by_sample(self, samples)
+        bank, conditioner, runs = self.estimator, self.conditioner, Run.new()
+        for begin, rows in samples.blocks():
+            taken, count = 0, rows.shape[1]
+            while taken < count:
+                part = slice(begin + taken, begin + count)
+                reported = samples.in_contact[part], samples.forces[taken:count], samples.residual[part]
+                rest = np.ascontiguousarray(rows[:, taken:])
+                more, code = run_raw(
+                    bank.states, conditioner.memory, self.learning, runs, rest, samples.measured, reported
+                )
+                self.status = bank.taken(code, True)
+                taken += more
+                conditioner.make_room()
+        return samples.run(float(runs[0].deviation))
 
     def learnt(self) -> LearntModel:
         """The model as learnt so far."""
@@ -210,15 +212,9 @@ BLOCK = 1 << 15  # Number of samples taken at once: their copies stay small, and
 
 @dataclass(frozen=True, eq=False)
 class LearnerRun(ByValue):
-    """Results of a learner over the samples of a recording.
+    """Results of a learner over the samples of a recording, as of `foretouch.identification.Identification`.
 
-    Attributes:
-        in_contact: The conditioner's judgement, shape (n,).
-        residual: Force less that of the model learnt before the sample [N]; NaN outside contact and before there was a
-            model, shape (n,).
-        contact_force_rms: RMS of the force, less the offset known at that time, over the samples that have a residual
-            [N]; NaN where none has.
-        standard_deviation: That of the force at the last sample that has a residual [N], NaN where the model has none.
+    Forces are less the offset known at that time; `contact_force_rms` is NaN where no sample has a residual.
     """
 
     in_contact: NDArray[np.bool_]
@@ -228,7 +224,9 @@ class LearnerRun(ByValue):
 
 
 class RawSamples:
-    """Columns of raw samples.
+    """Columns of raw samples, and what a learner finds at each.
+
+    Of the forces only those of one block are kept, for those of an hour are as long as the recording.
 
     Raises:
         InputError: The columns differ in shape.
@@ -237,40 +235,24 @@ class RawSamples:
     def __init__(self, time: Array, position: Array, force: Array, velocity: Array | None) -> None:
         given = (time, position, force) if velocity is None else (time, position, force, velocity)
         self._columns = [np.asarray(column, np.float64) for column in given]
-        shapes = [column.shape for column in self._columns]
-        if len(set(shapes)) > 1 or len(shapes[0]) != 1:
-            raise InputError(
-                f"time, position, force, velocity have the shapes {', '.join(map(str, shapes))}: "
-                "they must be columns of one length"
-            )
-        self.measured = velocity is not None
-        self.size = self._columns[0].size
-
-    def blocks(self) -> Iterator[tuple[int, Array]]:
-        """Index and rows of each block, of shape (4, m); invalid once the next is requested."""
-        room = np.zeros((4, min(BLOCK, self.size)))
-        for begin in range(0, self.size, BLOCK):
-            count = min(BLOCK, self.size - begin)
-            rows = room if count == room.shape[1] else np.zeros((4, count))
-            for row, column in zip(rows, self._columns, strict=False):
-                row[:] = column[begin : begin + count]
-            yield begin, rows
-
-
-class _Columns:
-    """Results of a run; of the forces only a block is kept, for those of an hour are as long as the recording."""
-
-    def __init__(self, size: int) -> None:
+        require_columns("time, position, force, velocity", *self._columns)
+        self.measured, size = velocity is not None, self._columns[0].size
         self.in_contact, self.residual = np.zeros(size, np.bool_), np.full(size, math.nan)
         self.forces = np.empty(min(BLOCK, size))
         self._squares, self._count = 0.0, 0
 
-    def close(self, begin: int, count: int) -> None:
-        """Take the results of a complete block."""
-        compared = self.forces[:count][np.isfinite(self.residual[begin : begin + count])]
-        with np.errstate(over="ignore"):
-            self._squares += float(np.square(compared).sum())
-        self._count += compared.size
+    def blocks(self) -> Iterator[tuple[int, Array]]:
+        """Index and rows of each block, of shape (4, m); before the next, what was found in it is added up."""
+        for begin in range(0, self.residual.size, BLOCK):
+            residual = self.residual[begin : begin + BLOCK]
+            rows = np.zeros((4, residual.size))
+            for row, column in zip(rows, self._columns, strict=False):
+                row[:] = column[begin : begin + BLOCK]
+            yield begin, rows
+            compared = self.forces[: residual.size][np.isfinite(residual)]
+            with np.errstate(over="ignore"):
+                self._squares += float(np.square(compared).sum())
+            self._count += compared.size
 
     def run(self, deviation: float) -> LearnerRun:
         """Results after all blocks."""
@@ -278,29 +260,8 @@ class _Columns:
         return LearnerRun(self.in_contact, self.residual, rms, deviation)
 
 
-def run_compiled(learner: Learner, bank: ContactMap, samples: RawSamples) -> LearnerRun:
-    """See `Learner.run`."""
-    conditioner, runs, columns = learner.conditioner, Run.new(), _Columns(samples.size)
-    for begin, rows in samples.blocks():
-        taken, count = 0, rows.shape[1]
-        while taken < count:
-            part = slice(begin + taken, begin + count)
-            reported = columns.in_contact[part], columns.forces[taken:count], columns.residual[part]
-            rest = np.ascontiguousarray(rows[:, taken:])
-            more, code = run_raw(
-                bank.states, conditioner.memory, learner.learning, runs, rest, samples.measured, reported
-            )
-            learner.status = bank.taken(code, True)
-            taken += more
-            conditioner.make_room()
-        columns.close(begin, count)
-    conditioner.recall()
-    return columns.run(float(runs[0].deviation))
-
-
 def run_by_sample(learner: Learner, samples: RawSamples, note: Callable[[int], None] | None = None) -> LearnerRun:
     """See `Learner.run`; `note` is called after each sample from which on there is a model, with its index."""
-    columns = _Columns(samples.size)
     estimator, conditioner = learner.estimator, learner.conditioner
     model, state, deviation = estimator.model, estimator.state, math.nan
     surface, before = conditioner.surface - estimator.surface_correction, learner.sample.time
@@ -308,10 +269,10 @@ def run_by_sample(learner: Learner, samples: RawSamples, note: Callable[[int], N
     for begin, rows in samples.blocks():
         for index, (time, position, raw, speed) in enumerate(zip(*rows.tolist(), strict=True), begin):
             sample = learner.update(time, position, raw, speed if samples.measured else None)
-            columns.in_contact[index], columns.forces[index - begin] = sample.in_contact, sample.force
+            samples.in_contact[index], samples.forces[index - begin] = sample.in_contact, sample.force
             if sample.in_contact and model is not None:
                 _, expected, deviation = advance(model, state, position - surface, sample.velocity, time - before)
-                columns.residual[index] = sample.force - expected
+                samples.residual[index] = sample.force - expected
             before, state = time, estimator.state
             now = (estimator.updates, estimator.changes, conditioner.surface, conditioner.force_offset)
             if now != known:
@@ -319,5 +280,4 @@ def run_by_sample(learner: Learner, samples: RawSamples, note: Callable[[int], N
                 surface = conditioner.surface - estimator.surface_correction
             if note is not None and model is not None:
                 note(index)
-        columns.close(begin, rows.shape[1])
-    return columns.run(deviation)
+    return samples.run(deviation)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from foretouch.errors import InputError, UnknownNameError, plural
-from foretouch.identification.conditioning.conditioner import ContactSample, ContactSamples
+from foretouch.identification.conditioning.conditioner import ContactSample, ContactSamples, require_columns
 from foretouch.identification.estimator import LARGEST_BUFFER, Status, StoringEstimator
 from foretouch.identification.exact.law import EXACT_LAWS, REFERENCE_TIME, ExactLaw
 from foretouch.models import ContactModel
@@ -86,17 +86,15 @@ def fit_offline(
     """
     if law not in EXACT_LAWS:
         raise UnknownNameError("exact law", law, EXACT_LAWS)
-    family = EXACT_LAWS[law]
     x, v, f = (np.asarray(values, dtype=np.float64) for values in (depth, velocity, force))
-    if x.ndim != 1 or not x.shape == v.shape == f.shape:
-        raise InputError(f"depth, velocity and force have shapes {x.shape}, {v.shape}, {f.shape}: give equal lengths")
+    require_columns("depth, velocity, force", x, v, f)
     if not all(np.isfinite(values).all() for values in (x, v, f)):
         raise InputError("depth, velocity and force must be finite: leave the other samples out")
     inside = x > 0.0
     if inside.sum() < FEWEST_SAMPLES or not f[inside].max() > 0.0:
         there = plural(int(inside.sum()), "sample")
         raise InputError(f"{there} inside the surface: at least {FEWEST_SAMPLES}, with force, are needed")
-    return _Problem(family, x[inside], v[inside], f[inside]).fit(inside, f, covariance)
+    return _Problem(EXACT_LAWS[law], x[inside], v[inside], f[inside]).fit(inside, f, covariance)
 
 
 class Foot(NamedTuple):
@@ -165,8 +163,8 @@ class _Problem:
         self, law: ExactLaw, depth: Array, velocity: Array, force: Array, given: tuple[bool, bool] = (True, True)
     ) -> None:
         self.law = law
-        self.reference = float(np.sqrt(np.mean(np.square(depth[depth > 0.0]))))
-        self.scale = float(np.sqrt(np.mean(np.square(force)))) or 1.0
+        self.reference = _rms(depth[depth > 0.0])
+        self.scale = _rms(force) or 1.0
         self.depth = depth / self.reference
         self.speed = velocity * (REFERENCE_TIME / self.reference)
         self.force = force / self.scale
@@ -193,14 +191,7 @@ class _Problem:
             dict(zip(self.law.parameter_names, np.sqrt(np.abs(np.diag(rows @ matrix @ rows.T))).tolist(), strict=True))
             for matrix in (own_covariance, moved)
         )
-        return OfflineFit(
-            self.law.model(*family),
-            alone,
-            both,
-            residual,
-            float(np.sqrt(np.mean(np.square(residual)))),
-            float(np.sqrt(np.mean(np.square(all_force)))),
-        )
+        return OfflineFit(self.law.model(*family), alone, both, residual, _rms(residual), _rms(all_force))
 
     def foot(self) -> Foot | None:
         """Surface and offset, counted from those that were given; None with fewer than 20 samples inside or outside."""
@@ -309,6 +300,10 @@ def _terms(depth: Array, speed: Array, unknowns: Array) -> tuple[Array, Array, A
     deep = np.where(inside, depth + zeta, 1.0)
     log_depth = np.log(deep)
     return deep, np.exp(s * log_depth) * inside, np.exp((s - alpha) * log_depth) * inside * speed
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
 
 
 def likeness_of(residual: Array) -> float:

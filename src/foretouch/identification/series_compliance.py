@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -71,7 +72,9 @@ def fit_series_compliance(recording: Recording, *, sensor_lag: float = 0.0) -> S
         RecordingError: No contact, too little loading or unloading, or a slope that is not distinguishable from noise.
     """
     require("sensor_lag", sensor_lag, at_least=0.0, at_most=LONGEST_LAG)
-    recording = _in_time(recording, sensor_lag)
+    if sensor_lag > 0.0:
+        late = np.interp(recording.time - sensor_lag, recording.time, recording.position)
+        recording = replace(recording, position=late)
     offset = _free_air(recording)
     force = recording.force - offset
     floor = max(recording.contact_floor, FLOOR_SHARE * float(np.quantile(force, 0.999)))
@@ -86,17 +89,6 @@ def fit_series_compliance(recording: Recording, *, sensor_lag: float = 0.0) -> S
                 f"{plural(int(part.sum()), 'sample')} while {name} above {floor:.3g} N, not {FEWEST_SAMPLES} or more: "
                 "press the block slowly, several times, and leave it in between",
             )
-    return _fit(recording, force, taken, loading, floor, offset)
-
-
-def _fit(
-    recording: Recording,
-    force: Array,
-    taken: NDArray[np.bool_],
-    loading: NDArray[np.bool_],
-    floor: float,
-    offset: float,
-) -> SeriesCompliance:
     felt, position, loads = force[taken], recording.position[taken], loading[taken]
     design = np.column_stack((np.ones(felt.size), felt, np.where(loads, -0.5, 0.5)))
     zero = float(position.mean())
@@ -106,7 +98,8 @@ def _fit(
     likeness = likeness_of(residual)
     inverse = np.linalg.inv(design.T @ design)
     errors = np.sqrt(variance * np.diag(inverse) * (1.0 + likeness) / (1.0 - likeness))
-    compliance, error = float(solution[1]), float(errors[1])
+    start, compliance, lost_motion = solution.tolist()
+    _, error, lost_motion_error = errors.tolist()
     if not compliance > 0.0 or error > LARGEST_ERROR * compliance:
         raise RecordingError(
             recording.name,
@@ -116,13 +109,13 @@ def _fit(
     return SeriesCompliance(
         1.0 / compliance,
         error / compliance**2,
-        float(solution[2]),
-        float(errors[2]),
-        zero + float(solution[0]),
+        lost_motion,
+        lost_motion_error,
+        zero + start,
         floor,
         offset,
         felt,
-        position - zero - float(solution[0]),
+        position - zero - start,
         loads,
         residual,
     )
@@ -139,9 +132,7 @@ def find_sensor_lag(recording: Recording) -> tuple[float, float]:
     """
     conditioner, estimate = Conditioner(contact_floor=recording.contact_floor), SensorLag()
     before = float(recording.time[0])
-    for time, position, force in zip(
-        recording.time.tolist(), recording.position.tolist(), recording.force.tolist(), strict=True
-    ):
+    for time, position, force in _samples(recording):
         sample = conditioner.update(time, position, force)
         if sample.in_contact:
             estimate.update(position, sample.velocity, force, time - before)
@@ -185,17 +176,13 @@ def correct_recording(
 def _free_air(recording: Recording) -> float:
     """Force in free air, estimated from the whole recording [N]."""
     conditioner = Conditioner(contact_floor=recording.contact_floor)
-    columns = (recording.time.tolist(), recording.position.tolist(), recording.force.tolist())
-    for time, position, force in zip(*columns, strict=True):
-        conditioner.update(time, position, force)
-    return float(conditioner.state.offset)
+    for sample in _samples(recording):
+        conditioner.update(*sample)
+    return float(conditioner.offset)
 
 
-def _in_time(recording: Recording, lag: float) -> Recording:
-    """Positions at the time of the forces."""
-    if lag == 0.0:
-        return recording
-    return replace(recording, position=np.interp(recording.time - lag, recording.time, recording.position))
+def _samples(recording: Recording) -> Iterable[tuple[float, float, float]]:
+    return zip(recording.time.tolist(), recording.position.tolist(), recording.force.tolist(), strict=True)
 
 
 def _rate(time: Array, force: Array) -> Array:

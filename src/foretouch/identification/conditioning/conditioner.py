@@ -9,20 +9,22 @@ import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from foretouch.core import Kernel, Record, compiled
+from foretouch.core import Held, Kernel, Record, compiled
 from foretouch.errors import InputError
 from foretouch.errors.checks import require
 from foretouch.identification.conditioning.kernel import (
     CONTACT_FLOOR,
+    FIRST_CAPACITY,
     Conditioning,
-    grow,
+    Memory,
+    expect_zero,
+    is_full,
     lose_surface,
-    make_memory,
     shift,
     take,
 )
@@ -85,7 +87,7 @@ LEAST_TIME = 0.2  # Least time of moving contact for an estimate [s]
 _take_lagged = Kernel(take_lagged, "(Lag[::1], f8, f8, f8, f8)")
 
 
-class SensorLag:
+class SensorLag(Held):
     r"""The least lag that a passive material allows, from samples in moving contact.
 
     To first order a force that is felt :math:`\delta` late is
@@ -101,18 +103,20 @@ class SensorLag:
         memory: Array of one `Lag` for the state, part of another record; None for one of its own.
 
     Attributes:
-        memory: State of the estimate, one record.
+        time: Time in moving contact so far [s].
     """
 
-    __slots__ = ("_take", "memory")
+    __slots__ = ("_take",)
+
+    time: float
 
     def __init__(self, memory: NDArray[np.void] | None = None) -> None:
-        self.memory = Lag.new() if memory is None else memory
+        super().__init__(Lag.new() if memory is None else memory)
         self._take = _take_lagged.entry
 
     def reset(self) -> None:
         """Forget all samples."""
-        clear(self.memory)
+        clear(self.records)
 
     def update(self, position: float, velocity: float, force: float, period: float) -> None:
         """Take one sample in contact.
@@ -123,12 +127,7 @@ class SensorLag:
             force: Force [N].
             period: Time since the previous sample [s].
         """
-        self._take(self.memory, position, velocity, force, period)
-
-    @property
-    def time(self) -> float:
-        """Time in moving contact so far [s]."""
-        return float(self.memory[0].time)
+        self._take(self.records, position, velocity, force, period)
 
     @property
     def lag(self) -> float | None:
@@ -140,22 +139,19 @@ class SensorLag:
     def standard_error(self) -> float | None:
         """Standard error of the lag [s], residuals taken as correlated over 20 ms; None while too little is known."""
         slopes = self._slopes()
-        if slopes is None:
-            return None
-        xx, xv, vv = self.memory[0].products[:3].tolist()
-        independent = max(float(self.memory[0].weight) / 0.02, 1.0)
-        return math.sqrt(slopes[2] * xx / (xx * vv - xv * xv) / independent) / slopes[0]
+        return None if slopes is None else slopes[2] / slopes[0]
 
     def _slopes(self) -> tuple[float, float, float] | None:
-        """K [N/m], B - K delta [N s/m] and the variance of the residuals [N^2]."""
-        xx, xv, vv, xf, vf, ff = self.memory[0].products.tolist()
+        """K [N/m], B - K delta [N s/m] and the standard error of that."""
+        xx, xv, vv, xf, vf, ff = self.records[0].products.tolist()
         determinant = xx * vv - xv * xv
         if self.time < LEAST_TIME or not determinant > 1e-6 * xx * vv:
             return None
         stiffness, slope = (xf * vv - vf * xv) / determinant, (vf * xx - xf * xv) / determinant
         if not stiffness > 0.0:
             return None
-        return stiffness, slope, max(ff - stiffness * xf - slope * vf, 0.0)
+        variance, independent = max(ff - stiffness * xf - slope * vf, 0.0), max(self.weight / 0.02, 1.0)
+        return stiffness, slope, math.sqrt(variance * xx / determinant / independent)
 
 
 class ContactSample(NamedTuple):
@@ -176,16 +172,19 @@ class ContactSample(NamedTuple):
     in_contact: bool
 
 
+def require_columns(names: str, *columns: NDArray[Any]) -> None:
+    """Refuse columns of unlike shape, or of another than (n,), with an `InputError`."""
+    shapes = [column.shape for column in columns]
+    if len(set(shapes)) > 1 or len(shapes[0]) != 1:
+        shown = ", ".join(map(str, shapes))
+        raise InputError(f"{names} have the shapes {shown}: they must be columns of one length")
+
+
 @dataclass(frozen=True, eq=False, init=False)
 class ContactSamples(ByValue):
-    """Conditioned samples of a recording, as columns of shape (n,); see `ContactSample`.
+    """Conditioned samples of a recording, as columns of shape (n,): each is that of `ContactSample`.
 
-    Args:
-        time: [s].
-        depth: Below the surface [m]; NaN before the surface is known.
-        velocity: [m/s], positive while deepening.
-        force: Less the offset [N].
-        in_contact: Whether the probe is judged to touch; None for all the time.
+    `in_contact` may be None where the probe touches all the time.
 
     Raises:
         InputError: Columns of unlike shape.
@@ -207,12 +206,7 @@ class ContactSamples(ByValue):
     ) -> None:
         numbers = [np.ascontiguousarray(column, np.float64) for column in (time, depth, velocity, force)]
         touching = np.ones(numbers[0].shape, np.bool_) if in_contact is None else np.ascontiguousarray(in_contact, bool)
-        shapes = [column.shape for column in (*numbers, touching)]
-        if len(set(shapes)) > 1 or len(shapes[0]) != 1:
-            raise InputError(
-                f"time, depth, velocity, force, in_contact have the shapes {', '.join(map(str, shapes))}: "
-                "they must be columns of one length"
-            )
+        require_columns("time, depth, velocity, force, in_contact", *numbers, touching)
         for name, column in zip(ContactSample._fields, (*numbers, touching), strict=True):
             object.__setattr__(self, name, column)
 
@@ -229,7 +223,7 @@ class ContactSamples(ByValue):
         return itertools.starmap(ContactSample, zip(*columns, strict=True))
 
 
-class Conditioner:
+class Conditioner(Held):
     r"""Estimates force offset, contact and surface as the samples come.
 
     - **Offset**: the lowest mean force over 50 ms so far, of the windows that are not much noisier than the
@@ -261,12 +255,20 @@ class Conditioner:
         contact_floor: Least force that counts as contact [N], by the noise of the origin; positive.
         sensor_lag: How late forces are against positions [s], not negative.
 
+    Every number of the state (`foretouch.identification.conditioning.kernel.Conditioning`) is an attribute.
+
     Attributes:
+        memory: The state and the rings of its newest samples, as compiled code takes them.
         surface: [m]; NaN before it is known.
         surface_error: Standard error of the surface [m]: contact began somewhere between the last position surely
             without and the first surely with it, and begins elsewhere at another press; 0 for one that was given.
         in_contact: The newest judgement.
     """
+
+    memory: Memory
+    surface: float
+    surface_error: float
+    in_contact: bool
 
     def __init__(
         self,
@@ -280,53 +282,44 @@ class Conditioner:
         require("offset_error", offset_error, at_least=0.0)
         require("contact_floor", contact_floor, above=0.0)
         require("sensor_lag", sensor_lag, at_least=0.0, at_most=LONGEST_LAG)
-        self._given = (surface, force_offset, offset_error, contact_floor, sensor_lag)
-        self.reset()
+        given = {} if surface is None else {"surface": surface, "surface_error": 0.0, "surface_given": True}
+        if force_offset is not None:
+            given |= {"offset": force_offset, "zero": force_offset, "offset_error": offset_error}
+        super().__init__(Conditioning.new(lag=sensor_lag, floor=contact_floor, **given))
+        expect_zero(self.records[0])
+        self.memory = self.records, np.zeros((5, FIRST_CAPACITY))
         self._take, self._shift = take.entry, shift.entry
-        lose_surface(make_memory(*self._given))
-
-    def reset(self) -> None:
-        """Forget all samples."""
-        self.memory = make_memory(*self._given)
-        self.recall()
-
-    @property
-    def state(self) -> Conditioning:
-        """State of the conditioner, by its names."""
-        state: Conditioning = self.memory[0][0]
-        return state
+        self.lose_surface()  # none is known yet: so that it is compiled before any loop
 
     @property
     def force_offset(self) -> float:
         """Force in free air at the newest sample [N]."""
-        return float(self.state.zero)
+        return self.zero  # type: ignore[no-any-return]
 
     def make_room(self) -> None:
-        """Enlarge the memory where 50 ms hold more samples than before."""
-        self.memory = grow(self.memory)
-
-    def recall(self) -> None:
-        """Take over the state of the memory after compiled code has changed it."""
-        state = self.state
-        self.surface, self.surface_error = float(state.surface), float(state.surface_error)
-        self.in_contact = bool(state.in_contact)
+        """Take rings of twice the length where 50 ms hold more samples than before."""
+        if not is_full(self.memory):
+            return
+        (state,), rings = self.memory
+        grown = np.zeros((5, 2 * rings.shape[1]))
+        grown[:2, : rings.shape[1]] = np.roll(rings[:2], -state.quiet.first, axis=1)
+        grown[2:, : rings.shape[1]] = np.roll(rings[2:], -state.late.first, axis=1)
+        state.quiet.first = state.late.first = 0
+        self.memory = self.records, grown
 
     def lose_surface(self) -> None:
         """Look for the surface again: the material has gone. One that was given stays."""
         lose_surface(self.memory)
-        self.recall()
 
     def shift(self, change: float) -> None:
         """Shift the surface with a material that moved by this [m], positive if deeper; a given surface stays."""
         self._shift(self.memory, change)
-        self.recall()
 
     def update(self, time: float, position: float, force: float, velocity: float | None = None) -> ContactSample:
         """Take one sample; a sample that is not finite is answered with "no contact" and changes nothing."""
         known = velocity is not None
         result = self._take(self.memory, time, position, force, 0.0 if velocity is None else velocity, known)
-        depth, velocity, force, touching, self.surface, self.surface_error, full = result
-        self.in_contact = touching
+        depth, velocity, force, touching, full = result
         if full:
             self.make_room()
         return ContactSample(time, depth, velocity, force, touching)

@@ -104,9 +104,6 @@ def begin_loss(loss: Loss) -> None:
     """Forget all samples."""
     loss.count = loss.at = loss.low = 0
     loss.effort = loss.felt = loss.differs = 0.0
-    loss.times[:] = 0.0
-    loss.positions[:] = 0.0
-    loss.forces[:] = 0.0
 
 
 @compiled
@@ -159,19 +156,10 @@ def _disagrees(loss: Loss, force: float, effort: float, period: float) -> bool:
 
 @compiled
 def find_loss(loss: Loss, time: float, position: float, force: float, zero: float, effort: float, slid: float) -> int:
-    """Take one finite sample.
+    """Take one finite sample, as of `SensorWatch.update`: `GOOD`, `CONTACT_LOST` or `FORCE_DISAGREES`.
 
-    Args:
-        loss: Written.
-        time: Time of the sample [s].
-        position: Position of the probe [m].
-        force: Force of the sensor, less tool weight and inertia [N].
-        zero: Force of the sensor in free air, as far as that is known [N].
-        effort: Inward force of the drive, less weight and inertia [N]; NaN where it is not measured.
-        slid: Distance the probe has moved across the surface since the previous sample [m]: it may have left it.
-
-    Returns:
-        `GOOD`, `CONTACT_LOST` or `FORCE_DISAGREES`.
+    The force is that of the sensor less the tool's [N], and a zero that is not known is 0. A probe that has slid may
+    have left the surface.
     """
     newest, last = loss.at, (loss.at + PLACES - 1) % PLACES
     period = time - loss.times[last]
@@ -232,10 +220,6 @@ class Step(Record):
 
     zero: float = math.nan  # [N], NaN before it is known
     edge: float = -math.inf  # innermost position of the newest free motion [m]
-    newest: float = math.nan  # position of the last sample [m], NaN for none
-    newest_force: float = math.nan  # [N]
-    second: float = math.nan  # position of the last but one [m], NaN for none
-    second_force: float = math.nan  # [N]
     quiet: float  # time without a step [s]
     level: float  # of the force up to two samples ago [N]
     variance: float  # of that force [N^2]
@@ -263,25 +247,23 @@ def _sets_out(step: Step, position: float, force: float, goes_on: bool) -> None:
 @compiled
 def restart_steps(step: Step) -> None:
     """Forget the samples so far, but not the zero."""
-    step.newest = step.newest_force = step.second = step.second_force = math.nan
     step.quiet = step.level = step.variance = 0.0
     step.age = math.inf
     _sets_out(step, -math.inf, 0.0, False)  # the first sample lies further in
 
 
 @compiled
-def _has_stepped(step: Step, force: float) -> bool:
-    """Whether the force has stepped since the sample before the previous one."""
-    second, spread = step.second_force, math.sqrt(step.variance)
+def _has_stepped(step: Step, second: float, force: float) -> bool:
+    """Whether the force has stepped since the sample before the previous one, whose force is `second`."""
+    spread = math.sqrt(step.variance)
     if step.quiet < QUIET_BEFORE or abs(force - second) < max(LEAST_STEP, NOISE_FACTOR * spread):
         return False
     return bool(abs(second - step.level) <= 4.0 * spread + 0.1 * LEAST_STEP)
 
 
 @compiled
-def _learn(step: Step, period: float) -> None:
-    """Update level and variance of the force up to two samples ago."""
-    force = step.second_force
+def _learn(step: Step, force: float, period: float) -> None:
+    """Update level and variance by the force of two samples ago."""
     if step.quiet == 0.0:
         step.level, step.variance = force, 0.0
     step.quiet += period
@@ -292,12 +274,12 @@ def _learn(step: Step, period: float) -> None:
 
 
 @compiled
-def _judge(step: Step, force: float) -> None:
-    """Begin to judge a force that has stepped since the sample before the previous one."""
-    step.before, step.rise = step.level, force - step.second_force
+def _judge(step: Step, second: tuple[float, float], force: float) -> None:
+    """Begin to judge a force that has stepped since the sample before the previous one, `second`."""
+    step.before, step.rise = step.level, force - second[1]
     step.age, step.confirmed, step.level_after = 0.0, 0, force
     _sets_out(step, -math.inf, 0.0, False)
-    step.low = step.high = step.place = step.second
+    step.low = step.high = step.place = second[0]
     step.catches = -LARGEST_PULL <= step.rise < 0.0 and not step.before > step.zero + LEAST_STEP
     step.quiet = 0.0
 
@@ -342,17 +324,12 @@ def _is_free(step: Step, position: float, force: float, period: float, told: flo
     if begin - position < FREE_WAY or age < HOLD:
         return False
     level = 0.5 * (low + high)
-    if level >= step.zero + FREE_FACTOR * LEAST_STEP:
+    # Something holds the probe, or this is not certainly free air; where that was known here, the zero may be wrong.
+    if level < told - LEAST_STEP or level > step.zero + FREE_SHARE * LEAST_STEP:
         _sets_out(step, position, force, False)
-        return bool(begin <= step.edge)
-    if level < told - LEAST_STEP:  # something holds the probe
-        _sets_out(step, position, force, False)
-        return False
+        return bool(level >= step.zero + FREE_FACTOR * LEAST_STEP and begin <= step.edge)
     if not level >= step.zero - LEAST_STEP:  # the first, or the earlier level was not free air
         step.zero, step.edge = level, begin
-    elif level > step.zero + FREE_SHARE * LEAST_STEP:  # neither certainly free air nor a wrong zero
-        _sets_out(step, position, force, False)
-        return False
     elif not step.free.goes_on:
         step.edge = begin
     step.zero = min(level, step.zero + (level - step.zero) * min(age / DRIFT_TIME, 1.0))
@@ -361,20 +338,21 @@ def _is_free(step: Step, position: float, force: float, period: float, told: flo
 
 
 @compiled
-def find_step(step: Step, position: float, force: float, period: float, told: float) -> bool:
+def find_step(
+    step: Step, second: tuple[float, float], position: float, force: float, period: float, told: float
+) -> bool:
     """Take one finite sample, with the time since the previous one; whether a step of the offset is detected now.
 
-    What is known of the zero otherwise is `told` [N], NaN for nothing.
+    Position [m] and force [N] of the sample before the previous one are `second`, NaN for none. What is known of the
+    zero otherwise is `told` [N], NaN for nothing.
     """
     if step.age < math.inf:  # no zero is learnt from a step that is being judged
         result = _has_stayed(step, position, force, period)
     else:
         result = _is_free(step, position, force, period, told)
-    if not math.isnan(step.second):
-        if 2.0 * period <= LONGEST_RISE and _has_stepped(step, force):
-            _judge(step, force)
+    if not math.isnan(second[0]):
+        if 2.0 * period <= LONGEST_RISE and _has_stepped(step, second[1], force):
+            _judge(step, second, force)
         else:
-            _learn(step, period)
-    step.second, step.second_force = step.newest, step.newest_force
-    step.newest, step.newest_force = position, force
+            _learn(step, second[1], period)
     return result

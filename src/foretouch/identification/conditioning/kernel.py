@@ -102,20 +102,7 @@ Memory = tuple[NDArray[np.void], Array]
 """One `Conditioning`; and the rings, shape (5, capacity): times [s] and forces [N] of the window, and times [s],
 positions [m] and velocities [m/s] of samples that wait for a late sensor."""
 
-WINDOW, LATE = slice(0, 2), slice(2, 5)
 FIRST_CAPACITY = 128
-
-
-def make_memory(
-    surface: float | None, force_offset: float | None, offset_error: float, contact_floor: float, sensor_lag: float
-) -> Memory:
-    """Make the memory of a conditioner without samples: see `Conditioner` for the arguments."""
-    given = {} if surface is None else {"surface": surface, "surface_error": 0.0, "surface_given": True}
-    if force_offset is not None:
-        given |= {"offset": force_offset, "zero": force_offset, "offset_error": offset_error}
-    states = Conditioning.new(lag=sensor_lag, floor=contact_floor, **given)
-    expect_zero(states[0])
-    return states, np.zeros((5, FIRST_CAPACITY))
 
 
 @compiled(error_model="numpy")
@@ -133,18 +120,6 @@ def is_full(memory: Memory) -> bool:
     """Whether a ring has no room for one more sample."""
     capacity = memory[1].shape[1]
     return bool(memory[0][0].quiet.count >= capacity or memory[0][0].late.count >= capacity)
-
-
-def grow(memory: Memory) -> Memory:
-    """The memory; where a ring is full, with rings of twice the length."""
-    (state,), rings = memory
-    if not is_full(memory):
-        return memory
-    grown = np.zeros((5, 2 * rings.shape[1]))
-    for rows, first in ((WINDOW, state.quiet.first), (LATE, state.late.first)):
-        grown[rows, : rings.shape[1]] = np.roll(rings[rows], -first, axis=1)
-    state.quiet.first = state.late.first = 0
-    return memory[0], grown
 
 
 @compiled(error_model="numpy")
@@ -174,29 +149,27 @@ def move(state: Conditioning, time: float, position: float) -> float:
         if math.isnan(state.motion_time):
             state.motion_time, state.motion_place = time, position
         return float(state.velocity)
-    before = state.velocity
     slope = (position - state.motion_place) / period
-    velocity = before + (1.0 - math.exp(-VELOCITY_RATE * period)) * (slope - before)
-    state.velocity, state.motion_time, state.motion_place = velocity, time, position
-    return float(velocity)
+    state.velocity += (1.0 - math.exp(-VELOCITY_RATE * period)) * (slope - state.velocity)
+    state.motion_time, state.motion_place = time, position
+    return float(state.velocity)
 
 
 @compiled(error_model="numpy")
 def delay(state: Conditioning, rings: Array, time: float, position: float, velocity: float) -> tuple[float, float]:
     """Position and velocity one lag ago, between the samples around that time; the first ones until there are such."""
     capacity, times, positions, speeds = rings.shape[1], rings[2], rings[3], rings[4]
-    first, count, wanted = state.late.first, state.late.count, time - state.lag
-    index = (first + count) % capacity
+    late, wanted = state.late, time - state.lag
+    index = (late.first + late.count) % capacity
     times[index], positions[index], speeds[index] = time, position, velocity
-    count += 1
-    while count > 2 and times[(first + 1) % capacity] <= wanted:
-        first = (first + 1) % capacity
-        count -= 1
-    state.late.first, state.late.count = first, count
-    second = (first + 1) % capacity if count > 1 else first
+    late.count += 1
+    while late.count > 2 and times[(late.first + 1) % capacity] <= wanted:
+        late.first = (late.first + 1) % capacity
+        late.count -= 1
+    first = late.first
+    second = (first + 1) % capacity if late.count > 1 else first
     span = times[second] - times[first]
-    weight = (wanted - times[first]) / span if span > 0.0 else 0.0
-    weight = 0.0 if weight < 0.0 else (1.0 if weight > 1.0 else weight)
+    weight = min(max((wanted - times[first]) / span, 0.0), 1.0) if span > 0.0 else 0.0
     point, speed = positions[first], speeds[first]
     return point + weight * (positions[second] - point), speed + weight * (speeds[second] - speed)
 
@@ -221,67 +194,58 @@ def begin_again(state: Conditioning) -> None:
 @inlined
 def learn_offset(state: Conditioning, rings: Array, time: float, force: float) -> None:
     """Keep mean and spread of the last 50 ms, and those of the quietest 50 ms so far."""
-    if math.isnan(state.quiet.reference):
-        state.quiet.reference = force
+    quiet = state.quiet
+    if math.isnan(quiet.reference):
+        quiet.reference = force
     capacity, times, forces = rings.shape[1], rings[0], rings[1]
-    shifted = force - state.quiet.reference
-    first, count = state.quiet.first, state.quiet.count
-    index = first + count
-    index = index - capacity if index >= capacity else index
+    shifted, index = force - quiet.reference, (quiet.first + quiet.count) % capacity
     times[index], forces[index] = time, shifted
-    count += 1
-    total, squares = state.quiet.total + shifted, state.quiet.squares + shifted * shifted
+    quiet.count += 1
+    quiet.total += shifted
+    quiet.squares += shifted * shifted
     full = False
-    while time - times[first] >= OFFSET_WINDOW:
-        full = True
-        old = forces[first]
-        total -= old
-        squares -= old * old
-        first = first + 1 if first + 1 < capacity else 0
-        count -= 1
-    state.quiet.first, state.quiet.count = first, count
-    state.quiet.total, state.quiet.squares = total, squares
-    mean = total / count
-    variance = squares / count - mean * mean
-    spread = math.sqrt(variance) if variance > 0.0 else 0.0
-    if full and spread < state.quiet.least_spread:
-        state.quiet.least_spread = spread
-    if not math.isnan(state.air.reference) and state.quiet.lowest_mean < math.inf:  # what is lower now has drifted
+    while time - times[quiet.first] >= OFFSET_WINDOW:
+        full, old = True, forces[quiet.first]
+        quiet.total -= old
+        quiet.squares -= old * old
+        quiet.first = (quiet.first + 1) % capacity
+        quiet.count -= 1
+    mean = quiet.total / quiet.count
+    spread = math.sqrt(max(0.0, quiet.squares / quiet.count - mean * mean))
+    if full:
+        quiet.least_spread = min(quiet.least_spread, spread)
+    if not math.isnan(state.air.reference) and quiet.lowest_mean < math.inf:  # what is lower now has drifted
         return
     if full:
         # When the tool is jerked, the sensor may show less than nothing for a moment. Noise that makes the threshold no
         # larger than the floor is quiet, however quiet the quietest window was.
-        if mean >= state.quiet.lowest_mean or spread > max(SURE * state.quiet.least_spread, state.floor / NOISE_FACTOR):
+        if mean >= quiet.lowest_mean or spread > max(SURE * quiet.least_spread, state.floor / NOISE_FACTOR):
             return
-        state.quiet.lowest_mean = mean
-    elif state.quiet.lowest_mean < math.inf:
+        quiet.lowest_mean = mean
+    elif quiet.lowest_mean < math.inf:
         return
-    state.quiet.noise = spread
+    quiet.noise = spread
     if math.isnan(state.offset_error):
-        state.offset = mean + state.quiet.reference
+        state.offset = mean + quiet.reference
 
 
 @inlined
 def learn_peak(state: Conditioning, time: float, force: float) -> None:
     """The largest force that lasted: the lowest in two blocks of time, so that a spike of the sensor does not count."""
-    lowest, before = state.block.lowest, state.block.before
-    if time - state.block.time < PEAK_TIME:
-        if force < lowest:
-            state.block.lowest = force
+    block = state.block
+    if time - block.time < PEAK_TIME:
+        block.lowest = min(block.lowest, force)
         return
-    state.block.time, state.block.lowest, state.block.before = time, force, lowest
-    lasted = before if before < lowest else lowest
-    if before < math.inf and lasted > state.peak:
-        state.peak = lasted
+    if block.before < math.inf:
+        state.peak = max(state.peak, min(block.before, block.lowest))
+    block.time, block.before, block.lowest = time, block.lowest, force
 
 
 @inlined
 def threshold_of(state: Conditioning) -> float:
     """Threshold of contact [N]."""
     noise = NOISE_FACTOR * min(state.quiet.least_spread, state.quiet.noise)
-    result, weight = state.floor, PEAK_SHARE * state.peak
-    result = noise if noise > result else result
-    return float(weight if weight > result else result)
+    return float(max(state.floor, noise, PEAK_SHARE * state.peak))
 
 
 @compiled(error_model="numpy")
@@ -363,18 +327,13 @@ def condition(
     return position - state.surface, velocity, force, touching
 
 
-Taken = tuple[float, float, float, bool, float, float, bool]
-
-
 @kernel("(Tuple((Conditioning[::1], f8[:, ::1])), f8, f8, f8, f8, b1)", error_model="numpy")
-def take(memory: Memory, time: float, position: float, force: float, velocity: float, measured: bool) -> Taken:
-    """`condition` for a loop in Python; its numbers are Python's own, also where nothing is compiled.
+def take(
+    memory: Memory, time: float, position: float, force: float, velocity: float, measured: bool
+) -> tuple[float, float, float, bool, bool]:
+    """`condition` for a loop in Python, and whether the rings need room before the next sample.
 
-    Returns:
-        What `condition` returns; then the surface [m], its error [m], and whether the rings must `grow` before the next
-        sample.
+    Its numbers are Python's own, also where nothing is compiled.
     """
     depth, velocity, force, touching = condition(memory, time, position, force, velocity, measured)
-    state = memory[0][0]
-    surface, error = float(state.surface), float(state.surface_error)
-    return float(depth), float(velocity), float(force), bool(touching), surface, error, is_full(memory)
+    return float(depth), float(velocity), float(force), bool(touching), is_full(memory)

@@ -51,10 +51,8 @@ SENSOR_SENTENCES: Final[dict[SensorState, str]] = {
 }
 """Sentence of each state."""
 
-TRANSIENT_STATES: Final = frozenset({SensorState.NOT_FINITE, SensorState.DROPOUT, SensorState.SPIKE})
+PASSING = NOT_FINITE, DROPOUT, SPIKE
 """States that pass after `QUIET_TIME` without another finding; the others stay until `SensorWatch.reset`."""
-
-PASSING = tuple(sorted(map(int, TRANSIENT_STATES)))
 
 QUIET_TIME = 0.5  # Time without another finding after which a transient fault is over [s]
 DROPOUT_TIME = 0.02  # Time after which force and position that both repeat exactly are not new values [s]
@@ -74,13 +72,11 @@ LARGEST_VALUE = 1e6  # Largest magnitude of a valid measurement [m, N, s: times 
 Array = NDArray[np.float64]
 
 
-class Repeats(Record):
-    """Times for which values repeat exactly [s]."""
+class Repetition(Record):
+    """How long values have repeated exactly [s]."""
 
-    both: float  # force and position, now
-    longest_both: float  # so far
-    force: float  # the force alone, now
-    longest_force: float  # so far
+    now: float
+    longest: float  # so far
 
 
 class Watch(Record):
@@ -93,7 +89,8 @@ class Watch(Record):
     noisy: float  # fraction of changes that reverse
     changes: int
     change: float  # the newest [N]
-    repeats: Repeats
+    both: Repetition  # of force and position
+    alone: Repetition  # of the force alone
     near_end: bool  # whether the newest sample was at an end of the range
     known: int  # of the three samples before
     force: float  # of the newest of them [N]
@@ -111,7 +108,7 @@ class Watch(Record):
 def _restart(watch: Watch) -> None:
     """Forget the samples for comparison."""
     watch.known = 0
-    watch.repeats.both = watch.repeats.force = watch.change = 0.0
+    watch.both.now = watch.alone.now = watch.change = 0.0
     watch.near_end = False
     restart_steps(watch.step)
     begin_loss(watch.loss)
@@ -132,33 +129,34 @@ def _judge(watch: Watch, result: int, time: float) -> int:
 
 
 @compiled
+def _is_repeated(repetition: Repetition, is_new: bool, period: float, limit: float) -> bool:
+    """Whether a value repeats for longer than a limit [s], and than some times its longest repetition below that."""
+    if not is_new:
+        repetition.now += period
+    else:
+        if repetition.now < limit:
+            repetition.longest = max(repetition.longest, repetition.now)
+        repetition.now = 0.0
+    slack = 0.5 * min(period, DROPOUT_TIME / 10.0)  # sums of periods are not exact
+    return bool(repetition.now + slack > max(limit, REPEAT_FACTOR * repetition.longest))
+
+
+@compiled
 def _repeats(watch: Watch, position: float, force: float, period: float) -> int:
     """Whether nothing new comes, from sensors that have shown noise."""
     change = force - watch.force
     if change != 0.0:
-        if watch.repeats.force < STUCK_TIME:
-            watch.repeats.longest_force = max(watch.repeats.longest_force, watch.repeats.force)
         watch.changes += 1
         reverses = 1.0 if change * watch.change < 0.0 else 0.0
         watch.noisy += (reverses - watch.noisy) / min(watch.changes, NOISE_SAMPLES)
         watch.change = change
-        watch.repeats.force = 0.0
-    else:
-        watch.repeats.force += period
-    if change != 0.0 or position != watch.positions[0]:
-        if watch.repeats.both < DROPOUT_TIME:
-            watch.repeats.longest_both = max(watch.repeats.longest_both, watch.repeats.both)
-        watch.repeats.both = 0.0
-    else:
-        watch.repeats.both += period
+    dropped = _is_repeated(watch.both, change != 0.0 or position != watch.positions[0], period, DROPOUT_TIME)
+    stuck = _is_repeated(watch.alone, change != 0.0, period, STUCK_TIME)
     if watch.changes < NOISE_SAMPLES or watch.noisy < NOISY_RATIO:
         return GOOD
-    slack = 0.5 * min(period, DROPOUT_TIME / 10.0)  # sums of periods are not exact
-    if watch.repeats.both + slack > max(DROPOUT_TIME, REPEAT_FACTOR * watch.repeats.longest_both):
+    if dropped:
         return DROPOUT
-    if watch.repeats.force + slack > max(STUCK_TIME, REPEAT_FACTOR * watch.repeats.longest_force):
-        return STUCK
-    return GOOD
+    return STUCK if stuck else GOOD
 
 
 @compiled
@@ -186,9 +184,10 @@ def _compare(watch: Watch, position: float, force: float, contact: float, period
     """Compare a sample with those before it."""
     if watch.known == 0:
         return GOOD
-    since = period + watch.repeats.both  # a value that is new
+    since = period + watch.both.now  # a value that is new
     repeated = _repeats(watch, position, force, period)
-    stepped = find_step(watch.step, position, contact, period, zero)
+    last_but_one = (watch.positions[1], watch.contacts[1]) if watch.known == 3 else (math.nan, math.nan)
+    stepped = find_step(watch.step, last_but_one, position, contact, period, zero)
     was_near, near = watch.near_end, not watch.lowest < force < watch.highest
     watch.near_end = near
     if near and was_near:
@@ -292,7 +291,7 @@ class SensorWatch:
         SettingError: A setting out of range.
     """
 
-    __slots__ = ("_look", "_memory", "_settings", "state")
+    __slots__ = ("_first", "_look", "_memory", "state")
 
     def __init__(
         self,
@@ -308,24 +307,15 @@ class SensorWatch:
         require("largest_speed", largest_speed, above=0.0)
         require("moving_mass", moving_mass, above=0.0)
         near = [0.0 if math.isinf(end) else END_RATIO * abs(end) for end in (low, high)]
-        self._settings = {
-            "lowest": low + near[0],
-            "highest": high - near[1],
-            "largest_speed": largest_speed,
-            "mass": moving_mass,
-        }
+        ends = {"lowest": low + near[0], "highest": high - near[1]}
+        self._first = Watch.new(**ends, largest_speed=largest_speed, mass=moving_mass)
         self._look, self._memory = look.entry, Watch.new() if memory is None else memory
         self.reset()
 
     def reset(self) -> None:
         """Believe the sensors again, and forget all samples: say this when they have been looked after."""
-        self._memory[:] = Watch.new(**self._settings)
+        self._memory[:] = self._first
         self.state = SensorState.GOOD
-
-    @property
-    def sentence(self) -> str:
-        """The newest judgement in words."""
-        return SENSOR_SENTENCES[self.state]
 
     def update(
         self,

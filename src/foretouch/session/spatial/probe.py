@@ -249,12 +249,10 @@ class ProbeInSpace(ProbeOnAxis):
         failures, learner, safety = state.failures, state.learner, self.safety
         if safety.python:
             safety.touch(given[2])
-        desired, jumped = sense_alone.entry(state.states, given, now_ns, position)
+        desired, _ = sense_alone.entry(state.states, given, now_ns, position)
         state.watch.taken(state.memory["validity"].item())
         if safety.python and not math.isnan(position):
             desired = safety.settle()
-        if jumped:
-            learner.conditioner.recall()
         if failures.learns and isinstance(learner.estimator, MaterialFieldLearner):
             try:
                 learner.estimator.touch_at(self.line.newest.inner_point)

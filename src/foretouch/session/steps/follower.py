@@ -238,8 +238,6 @@ def _at_once(state: State, inputs: Inputs, times_ns: stages.Times) -> stages.Act
             state.felt_commands.append(state.playout.applied)
         except Exception as error:
             state.failures.stop_learning("its learning", error)
-    elif news:
-        learner.conditioner.recall()
     return acted  # type: ignore[no-any-return]
 
 
