@@ -219,7 +219,7 @@ import numpy as np
 from presses import press
 from foretouch.identification import ContactMap, Learner
 from foretouch.identification.learner import RawSamples, run_by_sample
-recording = press(noise=0.02, duration=1.2, rate=300.0, deepest=0.003)
+recording = press(noise=0.02, duration=1.5, rate=300.0, deepest=0.003)
 given = recording.time, recording.position, recording.force, None
 one, whole = Learner(ContactMap(), sensor_lag=0.01), Learner(ContactMap(), sensor_lag=0.01)
 slow, fast = run_by_sample(one, RawSamples(*given)), whole.run(*given)

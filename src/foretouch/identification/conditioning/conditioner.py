@@ -182,9 +182,14 @@ def require_columns(names: str, *columns: NDArray[Any]) -> None:
 
 @dataclass(frozen=True, eq=False, init=False)
 class ContactSamples(ByValue):
-    """Conditioned samples of a recording, as columns of shape (n,): each is that of `ContactSample`.
+    """Conditioned samples of a recording, as columns of shape (n,).
 
-    `in_contact` may be None where the probe touches all the time.
+    Args:
+        time: [s].
+        depth: Below the surface [m].
+        velocity: Inwards [m/s].
+        force: Less the offset [N].
+        in_contact: None where the probe touches all the time.
 
     Raises:
         InputError: Columns of unlike shape.
