@@ -11,10 +11,8 @@ from foretouch.core.compiling import compiled, inlined
 from foretouch.identification.conditioning.kernel import PEAK_TIME
 from foretouch.identification.contact_map.regression import (
     fade,
-    fit_coarse,
-    fit_fine,
-    forget_coarse,
-    forget_fine,
+    fit,
+    forget,
     in_fine_reach,
 )
 from foretouch.identification.contact_map.scores import (
@@ -86,7 +84,7 @@ def place_fine(bank: Bank, place: float) -> None:
     learnt, notes = bank.map[0], bank.notes[0]
     learnt.place, learnt.fine.ranges[:] = place, 0.0
     refine(learnt.coarse.weights[:], learnt.fine.weights[:], place)
-    forget_fine(bank.fine)
+    forget(bank.fine)
     if bank.coarse.traced > 0:
         refine(bank.coarse.trace[:], bank.fine.trace[:], place)
         bank.fine.traced = 1
@@ -143,7 +141,7 @@ def restart(bank: Bank) -> None:
     learnt, notes = bank.map[0], bank.notes[0]
     learnt.coarse.ranges[:], learnt.coarse.weights[:] = 0.0, 0.0
     learnt.lowest, learnt.reached = math.inf, -math.inf
-    forget_coarse(bank.coarse)
+    forget(bank.coarse)
     notes.peak = 0.0
     begin_scores(bank)
     notes.outermost[:], learnt.touch, learnt.touch_way = math.inf, -LARGEST_DEPTH, LARGEST_DEPTH
@@ -327,19 +325,19 @@ def learn(bank: Bank, time: float, position: float, velocity: float, force: floa
     is_apart = learnt.pull > 0.0 and not contact and bank.memory[STUCK] == 0.0 and position < learnt.touch
     if not (is_spike or is_apart):
         if not fines_alone:
-            error = fit_coarse(coarse_weights, bank.coarse, position, values, raw)
+            error = fit(coarse_weights, bank.coarse, COARSE, position, values, raw)
             spoilt = math.isnan(error)
             if contact and abs(error) > CLEAR * notes.peak and not in_fine_reach(position - learnt.place):
                 place_fine(bank, position)
-        spoilt = math.isnan(fit_fine(fine_weights, bank.fine, position - learnt.place, values, raw)) or spoilt
+        spoilt = math.isnan(fit(fine_weights, bank.fine, FINE, position - learnt.place, values, raw)) or spoilt
     if visited and notes.contact > CHANGED_FROM and notes.wrong.time >= YOUNG:
         index = snapshot_before(bank, time - max(bank.horizon, LONGEST_HORIZON), position)
         if index >= 0:
             code = CHANGED
             bank.changes += 1
             begin_changed(bank, index, position)
-            fit_coarse(coarse_weights, bank.coarse, position, values, raw)
-            fit_fine(fine_weights, bank.fine, position - learnt.place, values, raw)
+            fit(coarse_weights, bank.coarse, COARSE, position, values, raw)
+            fit(fine_weights, bank.fine, FINE, position - learnt.place, values, raw)
     if notes.faded >= 1.0:
         notes.faded = 0.0
         fade(bank.coarse, FADING)
