@@ -151,17 +151,22 @@ def restart(bank: Bank) -> None:
 
 
 @inlined
-def snapshot_before(bank: Bank, time: float, position: float) -> int:
-    """Index of the newest snapshot of a time [s] or before in which a position was visited; -1 where there is none."""
+def snapshot_at(bank: Bank, time: float) -> int:
+    """Index of the newest snapshot of a time [s] or before; -1 where there is none."""
     # The ring is short enough for a linear search.
     age, newest = 0, bank.notes[0].snapshots
     kept = min(newest, RING)
     while age < kept and bank.times[(newest - 1 - age) % RING] > time + 1e-7:
         age += 1
-    index = (newest - 1 - age) % RING
-    lowest, reached = bank.ranges[index, 0], bank.ranges[index, 1]
-    is_known = age < kept and bank.contacts[index] >= YOUNG and lowest <= position <= reached
-    return int(index) if is_known else -1
+    return int((newest - 1 - age) % RING) if age < kept else -1
+
+
+@inlined
+def snapshot_before(bank: Bank, time: float, position: float) -> int:
+    """`snapshot_at` a time, if a position was visited by then and the map was not `YOUNG`; else -1."""
+    index = snapshot_at(bank, time)
+    is_known = index >= 0 and bank.contacts[index] >= YOUNG
+    return index if is_known and bank.ranges[index, 0] <= position <= bank.ranges[index, 1] else -1
 
 
 @inlined
@@ -266,15 +271,21 @@ def widen(bank: Bank, sample: tuple[float, float, float], contact: bool, period:
 
 
 @inlined
+def copy_map(maps: NDArray[np.void], copies: NDArray[np.void], index: int) -> None:
+    """Copy the map of an array of one to an index of another array."""
+    numbers, written = maps.view(np.float64), copies.view(np.float64)
+    for k in range(SIZE):  # a slice of an array into another takes seconds to compile
+        written[index * SIZE + k] = numbers[k]
+
+
+@inlined
 def snap(bank: Bank, time: float) -> None:
     """Keep a snapshot of the map, to be scored later."""
     notes = bank.notes[0]
     if time - notes.snapped_at >= RING_PERIOD - 1e-7 or notes.snapshots == 0:
         notes.snapped_at = time
         index = notes.snapshots % RING
-        numbers, ring = bank.map.view(np.float64), bank.ring.view(np.float64)
-        for k in range(SIZE):  # a slice of an array into another takes seconds to compile
-            ring[index * SIZE + k] = numbers[k]
+        copy_map(bank.map, bank.ring, index)
         bank.contacts[index], bank.times[index] = notes.contact, time
         bank.ranges[index, 0], bank.ranges[index, 1] = notes.lowest, bank.map[0].law_reached
         notes.snapshots += 1

@@ -90,15 +90,21 @@ def begin_regression(regression: Regression, kind: int) -> None:
 def forget(regression: Regression) -> None:
     """Begin again without samples."""
     regression.traced = 0
-    regression.trace[:] = 0.0
-    if regression.whole > 0:
-        for i in range(regression.rows):
-            for k in range(regression.rows):
-                regression.covariance[i, k] = 0.0
-        fade(regression, 1.0)
+    if regression.whole == 0:
+        regression.rows = regression.parts[0].count = regression.parts[1].count = 0
+        regression.row_of[:] = -1
+        regression.trace[:] = 0.0
         return
-    regression.rows = regression.parts[0].count = regression.parts[1].count = 0
-    regression.row_of[:] = -1
+    covariance = regression.covariance
+    for i in range(regression.rows):
+        for k in range(regression.rows):
+            covariance[i, k] = 0.0
+    for p in range(2):
+        part = regression.parts[p]
+        for begin in range(part.begin, part.begin + part.copies * part.knots, part.knots):
+            for i in range(part.knots):  # a slice of an array into another takes seconds to compile
+                for k in range(part.knots):
+                    covariance[begin + i, begin + k] = part.prior[i, k]
 
 
 @compiled(error_model="numpy")

@@ -82,27 +82,16 @@ def clear(beliefs: NDArray[np.void]) -> None:
 
 
 @inlined
-def lower_bound(settings: Settings, index: int) -> float:
-    """Smallest value of an unknown."""
+def bounds(theta: Array, settings: Settings, index: int) -> tuple[float, float]:
+    """Smallest and largest value of an unknown."""
     if index == 0:
-        return SMALLEST_FORCE
+        return SMALLEST_FORCE, LARGEST_FORCE
     if index == 1:
-        return 0.0
+        return 0.0, LARGEST_DAMPING * max(theta[0], SMALLEST_FORCE)
     if index == 4:
-        return -LARGEST_SURFACE
-    return float(settings.s_bounds[0] if index == 2 else settings.alpha_bounds[0])
-
-
-@inlined
-def upper_bound(theta: Array, settings: Settings, index: int) -> float:
-    """Largest value of an unknown."""
-    if index == 0:
-        return LARGEST_FORCE
-    if index == 1:
-        return LARGEST_DAMPING * float(max(theta[0], SMALLEST_FORCE))
-    if index == 4:
-        return LARGEST_SURFACE
-    return float(settings.s_bounds[1] if index == 2 else settings.alpha_bounds[1])
+        return -LARGEST_SURFACE, LARGEST_SURFACE
+    both = settings.s_bounds if index == 2 else settings.alpha_bounds
+    return both[0], both[1]
 
 
 @inlined
@@ -112,7 +101,8 @@ def project(belief: Belief, settings: Settings) -> None:
     for attempt in range(3):
         moved = False
         for i in range(UNKNOWNS):
-            inside = min(max(theta[i], lower_bound(settings, i)), upper_bound(theta, settings, i))
+            least, largest = bounds(theta, settings, i)
+            inside = min(max(theta[i], least), largest)
             if inside != theta[i]:
                 excess = inside - theta[i]
                 if attempt < 2 and covariance[i, i] > 0.0:

@@ -125,12 +125,13 @@ def correct(belief: Belief, innovation: float, noise: float, uncertainty: float)
             covariance[j, i] = value
 
 
-@inlined
-def update(
-    beliefs: NDArray[np.void], settings: Settings, time: float, depth: float, velocity: float, force: float
-) -> int:
-    """Process one sample in contact, in place; return the result. See `ExactContinuousSwitching`."""
-    belief = beliefs[0]
+@compiled(error_model="numpy")
+def take(filters: NDArray[np.void], time: float, depth: float, velocity: float, force: float) -> int:
+    """Process one sample in contact, in place; return the result. See `ExactContinuousSwitching`.
+
+    What has failed is reset.
+    """
+    settings, beliefs, belief = filters[0].settings, filters[0].belief, filters[0].belief[0]
     if not (1e-9 < depth < 1e6 and abs(velocity) < 1e6 and abs(force) < 1e9 and math.isfinite(time)):
         return UNUSABLE
     if belief.reference == 0.0:
@@ -213,12 +214,12 @@ def update(
     belief.excess += fading * (min(normalised, 25.0) - belief.excess)
     if belief.excess > FADE_FROM:
         belief.covariance[:] *= 1.0 + fading * (belief.excess - 1.0)
-    total = 0.0
+    total = least = 0.0
     for i in range(UNKNOWNS):
         total += belief.theta[i] + belief.covariance[i, i]
-        if belief.covariance[i, i] < 0.0:
-            return FAILED
-    if not math.isfinite(total):
+        least = min(least, belief.covariance[i, i])
+    if least < 0.0 or not math.isfinite(total):
+        clear(beliefs)
         return FAILED
     belief.learnt_from += 1.0
     return code
@@ -235,16 +236,6 @@ def move_surface(filters: NDArray[np.void], change: float) -> None:
             belief.theta[4] += change / belief.reference
             belief.anchor_depth -= change
             project(belief, filters[0].settings)
-
-
-@compiled(error_model="numpy")
-def take(filters: NDArray[np.void], time: float, depth: float, velocity: float, force: float) -> int:
-    """`update` on the whole state; one that has failed is reset."""
-    beliefs = filters[0].belief
-    code = update(beliefs, filters[0].settings, time, depth, velocity, force)
-    if code == FAILED:
-        clear(beliefs)
-    return code
 
 
 @compiled(error_model="numpy")
