@@ -174,7 +174,7 @@ def test_shares_are_of_those_that_are_asked_and_sum_to_one(experts: tuple[str, .
         model = bank.model
         if isinstance(model, ContactMapModel):
             assert sum(model.shares) == pytest.approx(1.0, abs=1e-6)
-            seen.append(bank.shares)
+            seen.append(dict(zip(EXPERT_NAMES, bank.states["map"][0, 0]["shares"].tolist(), strict=True)))
     assert len(seen) > 1000
     for shares in seen:
         assert sum(shares.values()) == pytest.approx(1.0, abs=1e-12)

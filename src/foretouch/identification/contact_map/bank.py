@@ -206,11 +206,6 @@ class ContactMap(Estimator):
         if math.isfinite(delay):
             self.horizon = min(max(delay, 0.0), LONGEST_HORIZON)
 
-    @property
-    def shares(self) -> dict[str, float]:
-        """Weights of the experts in the force, by name."""
-        return dict(zip(EXPERT_NAMES, self._state.map[0].shares.tolist(), strict=True))
-
     def trust_surface(self, trusted: bool) -> None:
         """See `Estimator.trust_surface`."""
         self._law.trust_surface(trusted)

@@ -16,6 +16,8 @@ Array = NDArray[np.float64]
 Field = NDArray[Any]
 
 
+LARGEST_NOISE = 0.25  # Largest standard deviation of a force, in that force, which is also the one before it is learnt
+
 FEWEST_UPDATES = 20  # No force is rendered from fewer samples
 
 LARGEST_DAMPING = 20.0
@@ -32,16 +34,10 @@ class Settings(Record):
     s_bounds: Annotated[Field, float, 2]
     alpha_bounds: Annotated[Field, float, 2]
     drift: float
-    least_noise: float
-    largest_noise: float
     ignorance_time: float
     noise_memory: float
     correlation_time: float
-    first_correlation_time: float
-    clip: float
     gate: float
-    hold_time: float
-    hold_share: float
     surface_noise: float
 
 
@@ -133,7 +129,7 @@ def begin(beliefs: NDArray[np.void], settings: Settings, time: float, depth: flo
     belief.last_time = belief.anchor_time = time
     belief.log_depth = belief.log_reference = math.log(depth)
     belief.power = force * force
-    belief.share_noise = settings.largest_noise**2
+    belief.share_noise = LARGEST_NOISE**2
     belief.excess = 1.0
     s_bounds, alpha_bounds = settings.s_bounds, settings.alpha_bounds
     belief.theta[0] = force

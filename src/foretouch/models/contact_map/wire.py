@@ -79,10 +79,10 @@ def narrow(maps: NDArray[np.void], sent: NDArray[np.void], needed: Flags) -> boo
     if not is_sensible(sent):
         return False
     mark(sent, needed)
+    good = True
     for k in range(SIZE):
-        if needed[k] > 0 and not math.isfinite(rounded[k]):
-            return False
-    return True
+        good = good and (needed[k] == 0 or math.isfinite(rounded[k]))
+    return good
 
 
 @kernel("i8(Map[::1], Map[::1], f4[::1])")
