@@ -3,19 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.identification.contact_map.prior import prior
-from foretouch.identification.contact_map.regression import (
-    CoarseRegression,
-    FineRegression,
-    begin_regressions,
-    fit_coarse,
-    fit_fine,
-)
+from foretouch.identification.contact_map.regression import Regression, begin_regression, reach
 from foretouch.models.contact_map.kernel import locate
 from foretouch.models.contact_map.layout import GRIDS
 
@@ -24,14 +17,19 @@ Array = NDArray[np.float64]
 
 def new_regression(kind: int) -> NDArray[np.void]:
     """The compiled regression without samples, an array of one."""
-    made = CoarseRegression.new(), FineRegression.new()
-    begin_regressions(made[0][0], made[1][0])
-    return made[kind]
+    made = Regression.new()
+    begin_regression(made[0], kind)
+    return made
 
 
-def fit(kind: int) -> Callable[..., float]:
-    """How it learns a sample."""
-    return fit_fine if kind else fit_coarse
+def whole_covariance(kind: int, weights: Array, regressions: NDArray[np.void]) -> tuple[Array, Array]:
+    """All weights of a map and their covariance, including those not reached, in the order of the map's weights."""
+    weights, regression, grid = weights.copy(), regressions.copy()[0], GRIDS[kind]
+    if kind == 0:
+        for place in (0, 1):
+            reach(weights, regression, place * (grid.knots - 4), place * (grid.feature_knots - 4))
+    rows = regression.row_of[: grid.size]
+    return weights, regression.covariance[np.ix_(rows, rows)]
 
 
 class DenseRegression:

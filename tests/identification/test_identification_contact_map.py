@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 import pytest
-from dense_regression import fit, new_regression
+from dense_regression import new_regression, whole_covariance
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -25,7 +25,7 @@ from foretouch.identification.contact_map.prior import (
     SIZE,
     prior,
 )
-from foretouch.identification.contact_map.regression import fit_fine, whole_covariance
+from foretouch.identification.contact_map.regression import fit
 from foretouch.models import ContactMapModel, HuntCrossley, advance
 from foretouch.models.contact_map.layout import COARSENESS, FINE, GRIDS, LARGEST_FEATURES, PLAYS, SPEED, TIMES
 from foretouch.quantities import Recording
@@ -88,18 +88,18 @@ def test_recursive_least_squares_is_the_batch_solution(kind: int, seed: int) -> 
     forces = random.normal(0.0, 3.0, 300)
     learnt, state = np.zeros(GRIDS[kind].size), new_regression(kind)
     for place, row, force in zip(places.tolist(), values, forces.tolist(), strict=True):
-        fit(kind)(learnt, state[0], place, row, force)
+        fit(learnt, state[0], grid, place, row, force)
     weights, rest = batch(regressors(kind, places, values), forces, prior(kind))
-    learnt, covariance = whole_covariance(learnt, state)
+    learnt, covariance = whole_covariance(kind, learnt, state)
     np.testing.assert_allclose(learnt, weights, rtol=1e-7, atol=1e-7 * np.abs(weights).max())
     np.testing.assert_allclose(covariance, rest, rtol=0.0, atol=1e-9 * np.abs(rest).max())
 
 
 def test_a_sample_beyond_the_fine_map_leaves_it_alone() -> None:
     weights, state = np.zeros(FINE.size), new_regression(1)
-    assert fit_fine(weights, state[0], 5e-3, np.zeros(LARGEST_FEATURES), 3.0) == math.inf
+    assert fit(weights, state[0], FINE, 5e-3, np.zeros(LARGEST_FEATURES), 3.0) == math.inf
     assert not weights.any()
-    np.testing.assert_array_equal(whole_covariance(weights, state)[1], prior(1))
+    np.testing.assert_array_equal(whole_covariance(1, weights, state)[1], prior(1))
 
 
 def test_the_prior_is_a_doubly_integrated_noise_and_a_smooth_process() -> None:
@@ -174,7 +174,7 @@ def test_shares_are_of_those_that_are_asked_and_sum_to_one(experts: tuple[str, .
         model = bank.model
         if isinstance(model, ContactMapModel):
             assert sum(model.shares) == pytest.approx(1.0, abs=1e-6)
-            seen.append(bank.shares)
+            seen.append(dict(zip(EXPERT_NAMES, bank.states["map"][0, 0]["shares"].tolist(), strict=True)))
     assert len(seen) > 1000
     for shares in seen:
         assert sum(shares.values()) == pytest.approx(1.0, abs=1e-12)
@@ -275,7 +275,8 @@ def test_minutes_of_taps_leave_the_covariance_one(minutes: int) -> None:
     model = bank.model
     assert isinstance(model, ContactMapModel)
     assert np.isfinite(model._maps.view(np.float64)).all()
-    for kind, covariance in enumerate(map(bank.covariance, ("coarse", "fine"))):
+    for kind, name in enumerate(("coarse", "fine")):
+        _, covariance = whole_covariance(kind, model._maps[0][name].weights, bank.states[name])
         scale = np.sqrt(np.diag(prior(kind)))
         relative = covariance / np.outer(scale, scale)
         assert np.abs(relative - relative.T).max() < 1e-9

@@ -10,13 +10,13 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from dense_regression import DenseRegression, fit, new_regression
+from dense_regression import DenseRegression, new_regression, whole_covariance
 from exact_samples import feed, samples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from foretouch.errors import InputError, SettingError
+from foretouch.errors import InputError
 from foretouch.identification import (
     ContactMap,
     ContactSample,
@@ -25,10 +25,10 @@ from foretouch.identification import (
     ExactContinuousSwitching,
     Status,
 )
-from foretouch.identification.contact_map.regression import fade, fit_coarse, fit_fine, whole_covariance
+from foretouch.identification.contact_map.regression import fade, fit
 from foretouch.identification.exact.belief import law_numbers
 from foretouch.models import ContactMapModel
-from foretouch.models.contact_map.layout import COARSE, FINE, LARGEST_FEATURES
+from foretouch.models.contact_map.layout import COARSE, FINE, GRIDS, LARGEST_FEATURES
 
 Array = NDArray[np.float64]
 
@@ -41,13 +41,14 @@ def compared(kind: int, places: list[float], seed: int = 0, *, fading: bool = Fa
     apart, size = 0.0, 1e-300
     for index, place in enumerate(places):
         values, force = random.normal(0.0, 1.0, LARGEST_FEATURES), 900.0 * max(place, 0.0) + random.normal(0.0, 0.5)
-        error, expected = fit(kind)(weights, states[0], place, values, force), dense.fit(place, values, force)
+        error = fit(weights, states[0], GRIDS[kind], place, values, force)
+        expected = dense.fit(place, values, force)
         if np.isfinite(expected):
             apart, size = max(apart, abs(error - expected)), max(size, abs(force))
         if fading and index % 40 == 0:
             fade(states[0], 0.01)
             dense.fade(0.01)
-    everywhere, covariance = whole_covariance(weights, states)
+    everywhere, covariance = whole_covariance(kind, weights, states)
     return (
         apart / size,
         float(np.abs(everywhere - dense.weights).max() / max(np.abs(dense.weights).max(), 1e-300)),
@@ -78,20 +79,20 @@ def test_only_what_was_visited_is_computed_with() -> None:
     """Rows of the covariance: four knots around each place visited, of the elastic part and of every feature."""
     states, weights = new_regression(0), np.zeros(COARSE.size)
     for place in np.linspace(0.5e-3, 9.5e-3, 40):
-        fit_coarse(weights, states[0], float(place), np.ones(LARGEST_FEATURES), 1.0)
+        fit(weights, states[0], COARSE, float(place), np.ones(LARGEST_FEATURES), 1.0)
     elastic, feature = 9 + 4, 3 + 4
     assert states[0].rows == elastic + LARGEST_FEATURES * feature
     assert states[0].rows < 0.4 * weights.size
     before = int(states[0].rows)
     for place in np.linspace(0.5e-3, 9.5e-3, 40):
-        fit_coarse(weights, states[0], float(place), np.ones(LARGEST_FEATURES), 1.0)
+        fit(weights, states[0], COARSE, float(place), np.ones(LARGEST_FEATURES), 1.0)
     assert states[0].rows == before
 
 
 def test_the_fine_map_is_reached_in_full_at_once() -> None:
     states = new_regression(1)
     assert states[0].rows == FINE.size
-    assert fit_fine(np.zeros(FINE.size), states[0], -1.01 * FINE.below * FINE.spacing, np.zeros(6), 1.0) == np.inf
+    assert fit(np.zeros(FINE.size), states[0], FINE, -1.01 * FINE.below * FINE.spacing, np.zeros(6), 1.0) == np.inf
 
 
 # --- one call a sample, and a recording at once -----------------------------------------------------------------------
@@ -139,11 +140,6 @@ def test_columns_must_be_of_one_length(make: type[ExactContinuousSwitching] | ty
     time, depth, velocity, force, contact = columns(pressed()).columns
     with pytest.raises(InputError, match="must be columns of one length"):
         make().run(ContactSamples(time, depth, velocity, force[:-1], contact))
-
-
-def test_only_maps_have_weights() -> None:
-    with pytest.raises(SettingError, match="expert = 'law': must be coarse or fine"):
-        ContactMap().covariance("law")
 
 
 def test_the_law_in_the_map_is_that_of_the_exact_estimator() -> None:

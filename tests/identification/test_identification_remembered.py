@@ -9,14 +9,13 @@ from numpy.typing import NDArray
 from foretouch.identification import ContactMap, Learner, from_the_surface, predict
 from foretouch.identification.contact_map.prior import prior
 from foretouch.identification.contact_map.regression import (
-    CoarseRegression,
-    begin_regressions,
+    Regression,
+    begin_regression,
     expect_mean,
-    fit_coarse,
+    fit,
     reach,
 )
 from foretouch.identification.contact_map.remembered import shift
-from foretouch.identification.contact_map.state import Bank
 from foretouch.models import ContactMapModel, advance
 from foretouch.models.contact_map.kernel import locate
 from foretouch.models.contact_map.layout import COARSE
@@ -60,19 +59,18 @@ def test_a_mean_is_the_rest_learnt_without_it() -> None:
     mean = random.multivariate_normal(np.zeros(COARSE.size), prior(0))
     samples = [(x, random.normal(size=COARSE.features), random.normal()) for x in random.uniform(-2e-3, 9e-3, 60)]
 
-    def learn(begin: int) -> tuple[Array, CoarseRegression]:
+    def learn(begin: int) -> tuple[Array, Regression]:
         """Weights and regression after all samples, where the mean is given before this one."""
-        bank = Bank.new()
-        weights, regression = np.zeros(COARSE.size), bank[0].coarse
-        begin_regressions(regression, bank[0].fine)
+        weights, regression = np.zeros(COARSE.size), Regression.new()[0]
+        begin_regression(regression, 0)
         for index, (x, values, force) in enumerate(samples):
             if index == begin:
                 reach_all(regression, weights)
                 expect_mean(regression, mean)
-            fit_coarse(weights, regression, x, values, force)
+            fit(weights, regression, COARSE, x, values, force)
         return weights, regression
 
-    def reach_all(regression: CoarseRegression, weights: Array) -> None:
+    def reach_all(regression: Regression, weights: Array) -> None:
         reach(weights, regression, 0, 0)
         reach(weights, regression, COARSE.knots - 4, COARSE.feature_knots - 4)
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from foretouch.models import ContactMapModel
 from foretouch.models.contact_map.layout import GRIDS, Map
-from foretouch.models.contact_map.wire import pack
+from foretouch.models.contact_map.wire import shrunk
 
 PARAMETERS = (3000.0, 1500.0, 1.4, 0.0)
 NO_BOUND = 1e30  # no force here is too large to be believed
@@ -31,7 +31,7 @@ def example_numbers(shares=(0.3, 0.5, 0.2), *, seed=0):
 
 def model_of(maps):
     """The same as a model."""
-    return ContactMapModel(*maps[0].law.tolist(), pack(maps))
+    return ContactMapModel(*maps[0].law.tolist(), shrunk(maps)[0])
 
 
 def example_map(shares=(0.3, 0.5, 0.2), *, seed=0):

@@ -16,7 +16,7 @@ from foretouch.messages import VERSION, ModelUpdate, decode, encode
 from foretouch.models import ContactMapModel, HuntCrossley, advance, make_model
 from foretouch.models.contact_map.kernel import advance as kernel_advance
 from foretouch.models.contact_map.layout import COARSE, HEADER, MEMORY, SIZE, Map
-from foretouch.models.contact_map.wire import pack, unpack
+from foretouch.models.contact_map.wire import shrunk, unpack
 from foretouch.recordings.formats.cdr import Layout
 
 INDEX = {name: offset // 8 for name, (_, offset) in Map.layout.fields.items()}  # type: ignore[union-attr]
@@ -48,10 +48,10 @@ def test_bytes_give_the_same_forces_to_32_bits(seed: int, fine: bool) -> None:
 
 @given(st.integers(0, 10_000), st.booleans())
 def test_packing_what_was_unpacked_gives_the_same_bytes(seed: int, fine: bool) -> None:
-    content = pack(random_numbers(seed, fine=fine))
+    content = shrunk(random_numbers(seed, fine=fine))[0]
     read = unpack(content)
     assert read is not None
-    assert pack(read) == content
+    assert shrunk(read)[0] == content
     made = ContactMapModel.of(random_numbers(seed, fine=fine))
     assert made is not None
     again = ContactMapModel(*made.parameters, made.map)
@@ -61,7 +61,7 @@ def test_packing_what_was_unpacked_gives_the_same_bytes(seed: int, fine: bool) -
 
 def test_a_fine_map_without_a_share_stays_at_home() -> None:
     with_it, without = random_numbers(1), random_numbers(1, fine=False)
-    assert len(pack(without)) < len(pack(with_it)) - 4 * 50
+    assert len(shrunk(without)[0]) < len(shrunk(with_it)[0]) - 4 * 50
     assert not np.array_equal(without[0].shares, with_it[0].shares)
 
 
@@ -69,21 +69,21 @@ def test_only_what_was_visited_crosses() -> None:
     """Elastic part and six features, four splines each around one place; then one more for each interval."""
     maps = random_numbers(2, fine=False)
     maps[0].lowest = maps[0].reached = 0.1e-3
-    narrow = len(pack(maps))
+    narrow = len(shrunk(maps)[0])
     assert narrow == 4 * (HEADER + 2 * 6 + 4 + 6 * 4)
     maps[0].reached = 3.1e-3
-    assert len(pack(maps)) == narrow + 4 * (3 + 6)
+    assert len(shrunk(maps)[0]) == narrow + 4 * (3 + 6)
 
 
 def test_the_largest_map_fits_a_message() -> None:
     maps = random_numbers(3)
     maps[0].lowest, maps[0].reached = -COARSE.below * COARSE.spacing, COARSE.above * COARSE.spacing
-    assert len(pack(maps)) == 4 * SIZE <= 4096  # what `ModelUpdate.map` may hold
+    assert len(shrunk(maps)[0]) == 4 * SIZE <= 4096  # what `ModelUpdate.map` may hold
 
 
 # --- what is no map ---------------------------------------------------------------------------------------------------
 
-GOOD = [pack(random_numbers(seed, fine=bool(seed % 2))) for seed in range(6)]
+GOOD = [shrunk(random_numbers(seed, fine=bool(seed % 2)))[0] for seed in range(6)]
 BAD = st.sampled_from([math.nan, math.inf, -math.inf])
 
 

@@ -77,7 +77,8 @@ class Identification(Columns):
     @property
     def residual_rms(self) -> float:
         """RMS of the one-step residual [N], NaN where there is none."""
-        return _rms(self.residual[np.isfinite(self.residual)])
+        values = self.residual[np.isfinite(self.residual)]
+        return float(np.sqrt(np.mean(np.square(values)))) if values.size else math.nan
 
     def columns(self) -> dict[str, NDArray[Any]]:
         """Time, residual, contact, and the history of every parameter that was kept."""
@@ -205,11 +206,6 @@ def _without_lag(recording: Recording, lag: float) -> tuple[Array, Array, Array,
         ends = np.clip((instants - HALF_SLOPE, instants + HALF_SLOPE), clock[0], clock[-1])
         velocity = np.diff(np.interp(ends, clock, recording.position), axis=0)[0] / np.diff(ends, axis=0)[0]
     return clock[chosen], np.interp(instants, clock, recording.position), velocity, recording.force[chosen]
-
-
-def _rms(values: Array) -> float:
-    """Root of the mean square; the values are overwritten."""
-    return float(np.sqrt(np.mean(np.square(values, out=values)))) if values.size else float("nan")
 
 
 TIME_TOLERANCE = 1e-7

@@ -28,7 +28,7 @@ from foretouch.identification.contact_map.kernel import (
     run,
     take,
 )
-from foretouch.identification.contact_map.regression import begin_regressions, whole_covariance
+from foretouch.identification.contact_map.regression import begin_regression
 from foretouch.identification.contact_map.remembered import from_the_surface
 from foretouch.identification.contact_map.scores import LONGEST_HORIZON
 from foretouch.identification.contact_map.state import HELD, Bank
@@ -151,7 +151,8 @@ class ContactMap(Estimator):
         self._updates, self._begun = notes["updates"], notes["begun"]
         self._map, self._memory = self.states["map"][0], self.states["memory"][0]
         self._law.place_in(self._state.law)
-        begin_regressions(self._state.coarse, self._state.fine)
+        for kind, name in enumerate(EXPERT_NAMES[1:]):
+            begin_regression(self._state[name], kind)
         self.horizon = horizon
         self.reset()
         self._take = _take.entry
@@ -201,29 +202,10 @@ class ContactMap(Estimator):
             self._read_counts()
         return _STATUSES[code]
 
-    def covariance(self, expert: str) -> Array:
-        """Covariance P of the weights of the ``coarse`` or the ``fine`` map, including those without samples.
-
-        Returns:
-            Shape (n, n), in the unit in which the noise of a force is 1.
-
-        Raises:
-            SettingError: The expert has no weights.
-        """
-        if expert not in EXPERT_NAMES[1:]:
-            raise SettingError("expert", expert, "must be coarse or fine")
-        regressions = self.states[expert]
-        return whole_covariance(self._state.map[0][expert].weights, regressions)[1]
-
     def expect_delay(self, delay: float) -> None:
         """See `Estimator.expect_delay`: experts are scored on predictions of that delay, up to 0.3 s."""
         if math.isfinite(delay):
             self.horizon = min(max(delay, 0.0), LONGEST_HORIZON)
-
-    @property
-    def shares(self) -> dict[str, float]:
-        """Weights of the experts in the force, by name."""
-        return dict(zip(EXPERT_NAMES, self._state.map[0].shares.tolist(), strict=True))
 
     def trust_surface(self, trusted: bool) -> None:
         """See `Estimator.trust_surface`."""

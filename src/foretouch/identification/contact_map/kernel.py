@@ -34,7 +34,7 @@ from foretouch.identification.exact.kernel import move_surface as move_law
 from foretouch.identification.exact.kernel import take as take_law
 from foretouch.models.contact_map.kernel import advanced, memory_of, numbers_of, remember
 from foretouch.models.contact_map.layout import COARSE, LARGEST_FORCE, SIZE, Map
-from foretouch.models.contact_map.wire import is_sensible, mark
+from foretouch.models.contact_map.wire import narrow
 from foretouch.models.contact_model import LARGEST_DEPTH, LARGEST_SPEED
 
 Array = NDArray[np.float64]
@@ -190,33 +190,14 @@ class Run(Record):
 
 
 @compiled(error_model="numpy")
-def adopt(learnt: NDArray[np.void], run: Run) -> bool:
-    """Make the model that is the map after `pack` and `unpack`; False where none can be made of it."""
-    numbers, model, law = learnt.view(np.float64), run.model.view(np.float64), run.model[0].law
-    for k in range(SIZE):
-        model[k] = float(np.float32(numbers[k]))
-    for k in range(4):
-        if not 0.0 <= learnt[0].law[k] < math.inf:
-            return False
-        law[k] = 0.0
-    if not is_sensible(run.model[:]):
-        return False
-    mark(run.model[:], run.needed[:])
-    for k in range(SIZE):
-        if run.needed[k] > 0 and not math.isfinite(model[k]):
-            return False
-    for k in range(4):
-        law[k] = learnt[0].law[k]
-    return True
-
-
-@compiled(error_model="numpy")
 def expect(run: Run, bank: Bank, depth: float, velocity: float, period: float) -> float:
     """Force of the model at a sample, `foretouch.models.advance` from the state before it [N]; NaN without a model."""
     if run.stale:
         notes = bank.notes[0]
         maps = bank.remembered.shown if bank.coarse.traced > 0 else bank.map
-        run.known = notes.updates - notes.begun >= FEWEST_UPDATES and adopt(maps, run)
+        run.known = notes.updates - notes.begun >= FEWEST_UPDATES and narrow(maps, run.model[:], run.needed[:])
+        for k in range(4):
+            run.model[0].law[k] = maps[0].law[k]
         run.stale = False
     if not run.known:
         return math.nan

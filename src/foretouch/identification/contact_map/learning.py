@@ -11,10 +11,8 @@ from foretouch.core.compiling import compiled, inlined
 from foretouch.identification.conditioning.kernel import PEAK_TIME
 from foretouch.identification.contact_map.regression import (
     fade,
-    fit_coarse,
-    fit_fine,
-    forget_coarse,
-    forget_fine,
+    fit,
+    forget,
     in_fine_reach,
 )
 from foretouch.identification.contact_map.scores import (
@@ -86,7 +84,7 @@ def place_fine(bank: Bank, place: float) -> None:
     learnt, notes = bank.map[0], bank.notes[0]
     learnt.place, learnt.fine.ranges[:] = place, 0.0
     refine(learnt.coarse.weights[:], learnt.fine.weights[:], place)
-    forget_fine(bank.fine)
+    forget(bank.fine)
     if bank.coarse.traced > 0:
         refine(bank.coarse.trace[:], bank.fine.trace[:], place)
         bank.fine.traced = 1
@@ -143,7 +141,7 @@ def restart(bank: Bank) -> None:
     learnt, notes = bank.map[0], bank.notes[0]
     learnt.coarse.ranges[:], learnt.coarse.weights[:] = 0.0, 0.0
     learnt.lowest, learnt.reached = math.inf, -math.inf
-    forget_coarse(bank.coarse)
+    forget(bank.coarse)
     notes.peak = 0.0
     begin_scores(bank)
     notes.outermost[:], learnt.touch, learnt.touch_way = math.inf, -LARGEST_DEPTH, LARGEST_DEPTH
@@ -153,17 +151,22 @@ def restart(bank: Bank) -> None:
 
 
 @inlined
-def snapshot_before(bank: Bank, time: float, position: float) -> int:
-    """Index of the newest snapshot of a time [s] or before in which a position was visited; -1 where there is none."""
+def snapshot_at(bank: Bank, time: float) -> int:
+    """Index of the newest snapshot of a time [s] or before; -1 where there is none."""
     # The ring is short enough for a linear search.
     age, newest = 0, bank.notes[0].snapshots
     kept = min(newest, RING)
     while age < kept and bank.times[(newest - 1 - age) % RING] > time + 1e-7:
         age += 1
-    index = (newest - 1 - age) % RING
-    lowest, reached = bank.ranges[index, 0], bank.ranges[index, 1]
-    is_known = age < kept and bank.contacts[index] >= YOUNG and lowest <= position <= reached
-    return int(index) if is_known else -1
+    return int((newest - 1 - age) % RING) if age < kept else -1
+
+
+@inlined
+def snapshot_before(bank: Bank, time: float, position: float) -> int:
+    """`snapshot_at` a time, if a position was visited by then and the map was not `YOUNG`; else -1."""
+    index = snapshot_at(bank, time)
+    is_known = index >= 0 and bank.contacts[index] >= YOUNG
+    return index if is_known and bank.ranges[index, 0] <= position <= bank.ranges[index, 1] else -1
 
 
 @inlined
@@ -268,15 +271,21 @@ def widen(bank: Bank, sample: tuple[float, float, float], contact: bool, period:
 
 
 @inlined
+def copy_map(maps: NDArray[np.void], copies: NDArray[np.void], index: int) -> None:
+    """Copy the map of an array of one to an index of another array."""
+    numbers, written = maps.view(np.float64), copies.view(np.float64)
+    for k in range(SIZE):  # a slice of an array into another takes seconds to compile
+        written[index * SIZE + k] = numbers[k]
+
+
+@inlined
 def snap(bank: Bank, time: float) -> None:
     """Keep a snapshot of the map, to be scored later."""
     notes = bank.notes[0]
     if time - notes.snapped_at >= RING_PERIOD - 1e-7 or notes.snapshots == 0:
         notes.snapped_at = time
         index = notes.snapshots % RING
-        numbers, ring = bank.map.view(np.float64), bank.ring.view(np.float64)
-        for k in range(SIZE):  # a slice of an array into another takes seconds to compile
-            ring[index * SIZE + k] = numbers[k]
+        copy_map(bank.map, bank.ring, index)
         bank.contacts[index], bank.times[index] = notes.contact, time
         bank.ranges[index, 0], bank.ranges[index, 1] = notes.lowest, bank.map[0].law_reached
         notes.snapshots += 1
@@ -327,19 +336,19 @@ def learn(bank: Bank, time: float, position: float, velocity: float, force: floa
     is_apart = learnt.pull > 0.0 and not contact and bank.memory[STUCK] == 0.0 and position < learnt.touch
     if not (is_spike or is_apart):
         if not fines_alone:
-            error = fit_coarse(coarse_weights, bank.coarse, position, values, raw)
+            error = fit(coarse_weights, bank.coarse, COARSE, position, values, raw)
             spoilt = math.isnan(error)
             if contact and abs(error) > CLEAR * notes.peak and not in_fine_reach(position - learnt.place):
                 place_fine(bank, position)
-        spoilt = math.isnan(fit_fine(fine_weights, bank.fine, position - learnt.place, values, raw)) or spoilt
+        spoilt = math.isnan(fit(fine_weights, bank.fine, FINE, position - learnt.place, values, raw)) or spoilt
     if visited and notes.contact > CHANGED_FROM and notes.wrong.time >= YOUNG:
         index = snapshot_before(bank, time - max(bank.horizon, LONGEST_HORIZON), position)
         if index >= 0:
             code = CHANGED
             bank.changes += 1
             begin_changed(bank, index, position)
-            fit_coarse(coarse_weights, bank.coarse, position, values, raw)
-            fit_fine(fine_weights, bank.fine, position - learnt.place, values, raw)
+            fit(coarse_weights, bank.coarse, COARSE, position, values, raw)
+            fit(fine_weights, bank.fine, FINE, position - learnt.place, values, raw)
     if notes.faded >= 1.0:
         notes.faded = 0.0
         fade(bank.coarse, FADING)

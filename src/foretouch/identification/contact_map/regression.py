@@ -26,9 +26,9 @@ from numpy.typing import NDArray
 
 from foretouch.core.compiling import compiled, inlined
 from foretouch.core.records import Record
-from foretouch.identification.contact_map.prior import elastic_prior, feature_prior, prior
+from foretouch.identification.contact_map.prior import elastic_prior, feature_prior
 from foretouch.models.contact_map.kernel import cubic
-from foretouch.models.contact_map.layout import COARSE, FINE, FINE_FROM, FINE_TO, LARGEST_FEATURES, Grid
+from foretouch.models.contact_map.layout import FINE_FROM, FINE_TO, GRIDS, LARGEST_FEATURES, Grid
 
 Array = NDArray[np.float64]
 Field = NDArray[Any]
@@ -36,100 +36,81 @@ Field = NDArray[Any]
 ACTIVE = 4 * (1 + LARGEST_FEATURES)  # Largest number of weights whose splines are not zero at a sample
 
 
-class Elastic(Record):
-    """Knots of the coarse map's elastic part that were reached."""
+SIZE = max(grid.size for grid in GRIDS)
+KNOTS = max(grid.knots for grid in GRIDS)
+"""Room for the weights of a map, and for those of one of its parts."""
 
-    factor: Annotated[Field, float, (COARSE.knots, COARSE.knots)]  # Cholesky factor of the prior among them
-    order: Annotated[Field, int, COARSE.knots]  # the knots, in the order of reaching
+
+class Part(Record):
+    """The elastic part of a map, or its features, all of which have the same prior and reach the same knots."""
+
+    begin: int  # first weight
+    copies: int  # 1, or number of features
+    knots: int  # number of weights of each
+    prior: Annotated[Field, float, (KNOTS, KNOTS)]  # covariance of these
+    factor: Annotated[Field, float, (KNOTS, KNOTS)]  # Cholesky factor of the prior among the knots that were reached
+    order: Annotated[Field, int, KNOTS]  # the knots, in the order of reaching
     count: int  # of them
     first: int  # all knots from this
     end: int  # to this are reached
 
 
-class Feature(Record):
-    """The same of each of its features, all of which reach the same knots."""
+class Regression(Record):
+    """State of the regression of a map besides the weights themselves; its arrays have room for the larger map."""
 
-    factor: Annotated[Field, float, (COARSE.feature_knots, COARSE.feature_knots)]
-    order: Annotated[Field, int, COARSE.feature_knots]
-    count: int
-    first: int
-    end: int
-
-
-class CoarseRegression(Record):
-    """State of the regression of the coarse map besides the weights themselves."""
-
-    covariance: Annotated[Field, float, (COARSE.size, COARSE.size)]  # P of the reached weights, in the first rows
+    whole: int  # 1 where all weights are reached from the beginning
+    covariance: Annotated[Field, float, (SIZE, SIZE)]  # P of the reached weights, in the first rows
     rows: int  # number of reached weights
-    weight_at: Annotated[Field, int, COARSE.size]  # weight of each row
-    row_of: Annotated[Field, int, COARSE.size]  # row of each weight, -1 for one not reached
-    elastic_prior: Annotated[Field, float, (COARSE.knots, COARSE.knots)]
-    feature_prior: Annotated[Field, float, (COARSE.feature_knots, COARSE.feature_knots)]
-    elastic: Elastic
-    feature: Feature
-    gain: Annotated[Field, float, COARSE.size]  # scratch
-    share: Annotated[Field, float, COARSE.size]  # scratch: c of a new knot, or a row of the prior
+    weight_at: Annotated[Field, int, SIZE]  # weight of each row
+    row_of: Annotated[Field, int, SIZE]  # row of each weight, -1 for one not reached
+    parts: Annotated[Field, Part, 2]
+    gain: Annotated[Field, float, SIZE]  # scratch
+    share: Annotated[Field, float, SIZE]  # scratch: c of a new knot, or a row of the prior
     regressor: Annotated[Field, float, ACTIVE]  # splines of the newest sample
     active: Annotated[Field, int, ACTIVE]  # and their rows
     traced: int  # 1 where a mean was given before the first sample
-    trace: Annotated[Field, float, COARSE.size]  # what is left of it in each weight
+    trace: Annotated[Field, float, SIZE]  # what is left of it in each weight
 
 
-class FineRegression(Record):
-    """The same of the fine map."""
-
-    covariance: Annotated[Field, float, (FINE.size, FINE.size)]
-    rows: int
-    weight_at: Annotated[Field, int, FINE.size]
-    row_of: Annotated[Field, int, FINE.size]
-    elastic_prior: Annotated[Field, float, (FINE.knots, FINE.knots)]
-    feature_prior: Annotated[Field, float, (FINE.feature_knots, FINE.feature_knots)]
-    gain: Annotated[Field, float, FINE.size]
-    share: Annotated[Field, float, FINE.size]
-    regressor: Annotated[Field, float, ACTIVE]
-    active: Annotated[Field, int, ACTIVE]
-    traced: int
-    trace: Annotated[Field, float, FINE.size]
-
-
-def begin_regressions(coarse: CoarseRegression, fine: FineRegression) -> None:
-    """Set the priors of new regressions, and forget."""
-    coarse.elastic_prior[:], coarse.feature_prior[:] = elastic_prior(0), feature_prior(0)
-    fine.elastic_prior[:], fine.feature_prior[:] = elastic_prior(1), feature_prior(1)
-    fine.rows = FINE.size
-    fine.weight_at[:] = fine.row_of[:] = np.arange(FINE.size)
-    forget_coarse(coarse)
-    forget_fine(fine)
-
-
-@compiled
-def forget_coarse(regression: CoarseRegression) -> None:
-    """Begin again without samples."""
-    regression.rows = regression.elastic.count = regression.feature.count = regression.traced = 0
-    regression.row_of[:] = -1
-    regression.trace[:] = 0.0
-
-
-@compiled
-def forget_fine(regression: FineRegression) -> None:
-    """Begin again without samples."""
-    covariance, elastic, feature = regression.covariance, regression.elastic_prior, regression.feature_prior
-    covariance[:] = 0.0
-    regression.traced = 0
-    for i in range(FINE.knots):  # a slice of an array into another takes seconds to compile
-        for j in range(FINE.knots):
-            covariance[i, j] = elastic[i, j]
-    for f in range(FINE.features):
-        begin = FINE.knots + f * FINE.feature_knots
-        for i in range(FINE.feature_knots):
-            for j in range(FINE.feature_knots):
-                covariance[begin + i, begin + j] = feature[i, j]
+def begin_regression(regression: Regression, kind: int) -> None:
+    """Set the priors of a new regression of the coarse (0) or the fine map (1), and forget."""
+    grid, (elastic, feature) = GRIDS[kind], regression.parts
+    regression.whole = kind
+    elastic.copies, elastic.knots = 1, grid.knots
+    elastic.prior[: grid.knots, : grid.knots] = elastic_prior(kind)
+    feature.begin, feature.copies, feature.knots = grid.knots, grid.features, grid.feature_knots
+    feature.prior[: grid.feature_knots, : grid.feature_knots] = feature_prior(kind)
+    if kind == 1:
+        regression.rows = grid.size
+        regression.weight_at[: grid.size] = regression.row_of[: grid.size] = np.arange(grid.size)
+    forget(regression)
 
 
 @compiled(error_model="numpy")
-def conditional(prior: Array, part: Elastic | Feature, share: Array, knot: int) -> float:
+def forget(regression: Regression) -> None:
+    """Begin again without samples."""
+    regression.traced = 0
+    if regression.whole == 0:
+        regression.rows = regression.parts[0].count = regression.parts[1].count = 0
+        regression.row_of[:] = -1
+        regression.trace[:] = 0.0
+        return
+    covariance = regression.covariance
+    for i in range(regression.rows):
+        for k in range(regression.rows):
+            covariance[i, k] = 0.0
+    for p in range(2):
+        part = regression.parts[p]
+        for begin in range(part.begin, part.begin + part.copies * part.knots, part.knots):
+            for i in range(part.knots):  # a slice of an array into another takes seconds to compile
+                for k in range(part.knots):
+                    covariance[begin + i, begin + k] = part.prior[i, k]
+
+
+@compiled(error_model="numpy")
+def conditional(part: Part, share: Array, knot: int) -> float:
     """Write c of a knot and return d; the factor and the order grow by this knot."""
-    factor, order, count = part.factor, part.order, part.count
+    prior, factor, order, count = part.prior, part.factor, part.order, part.count
     rest = prior[knot, knot]
     for i in range(count):
         value = prior[knot, order[i]]
@@ -151,7 +132,7 @@ def conditional(prior: Array, part: Elastic | Feature, share: Array, knot: int) 
 
 
 @compiled(error_model="numpy")
-def append(weights: Array, regression: CoarseRegression, begin: int, part: Elastic | Feature, rest: float) -> None:
+def append(weights: Array, regression: Regression, begin: int, part: Part, rest: float) -> None:
     """Add the row of a part's newest knot; the part's weights begin at an index."""
     covariance, new, fraction, row_of = regression.covariance, regression.gain, regression.share, regression.row_of
     order, count, rows = part.order, part.count, regression.rows
@@ -179,47 +160,31 @@ def append(weights: Array, regression: CoarseRegression, begin: int, part: Elast
 
 
 @compiled(error_model="numpy")
-def reach_elastic(weights: Array, regression: CoarseRegression, knot: int) -> None:
-    """Reach one more knot of the elastic part."""
-    part = regression.elastic
-    rest = conditional(regression.elastic_prior[:], part, regression.share[:], knot)
-    append(weights, regression, 0, part, rest)
+def reach_knot(weights: Array, regression: Regression, part: Part, knot: int) -> None:
+    """Reach one more knot of a part."""
+    rest = conditional(part, regression.share[:], knot)
+    for copy in range(part.copies):
+        append(weights, regression, part.begin + copy * part.knots, part, rest)
     part.count += 1
 
 
 @compiled(error_model="numpy")
-def reach_feature(weights: Array, regression: CoarseRegression, knot: int) -> None:
-    """Reach one more knot of every feature."""
-    part = regression.feature
-    rest = conditional(regression.feature_prior[:], part, regression.share[:], knot)
-    for f in range(COARSE.features):
-        append(weights, regression, COARSE.knots + f * COARSE.feature_knots, part, rest)
-    part.count += 1
-
-
-@compiled(error_model="numpy")
-def reach(weights: Array, regression: CoarseRegression, knot: int, feature_knot: int) -> None:
+def reach(weights: Array, regression: Regression, knot: int, feature_knot: int) -> None:
     """Reach four knots from each of these on, of the elastic part and the features, and all between them and others."""
-    elastic, feature = regression.elastic, regression.feature
-    if regression.rows == 0:
-        elastic.first = elastic.end = knot
-        feature.first = feature.end = feature_knot
-    while elastic.end < knot + 4:
-        reach_elastic(weights, regression, elastic.end)
-        elastic.end += 1
-    while elastic.first > knot:
-        elastic.first -= 1
-        reach_elastic(weights, regression, elastic.first)
-    while feature.end < feature_knot + 4:
-        reach_feature(weights, regression, feature.end)
-        feature.end += 1
-    while feature.first > feature_knot:
-        feature.first -= 1
-        reach_feature(weights, regression, feature.first)
+    for p in range(2):
+        part, first = regression.parts[p], knot if p == 0 else feature_knot
+        if part.count == 0:
+            part.first = part.end = first
+        while part.end < first + 4:
+            reach_knot(weights, regression, part, part.end)
+            part.end += 1
+        while part.first > first:
+            part.first -= 1
+            reach_knot(weights, regression, part, part.first)
 
 
 @inlined
-def look(regression: CoarseRegression | FineRegression, grid: Grid, position: float, values: Array) -> int:
+def look(regression: Regression, grid: Grid, position: float, values: Array) -> int:
     """Write splines and rows of a sample, which are reached, and return their number."""
     regressor, active, row_of = regression.regressor, regression.active, regression.row_of
     knot, a, b, c, d = cubic(position, grid.spacing, grid.below, grid.knots)
@@ -247,7 +212,7 @@ def in_fine_reach(position: float) -> bool:
 
 
 @inlined
-def learn_rows(weights: Array, regression: CoarseRegression | FineRegression, count: int, force: float) -> float:
+def learn_rows(weights: Array, regression: Regression, count: int, force: float) -> float:
     """Learn one sample of which `look` was called by recursive least squares; returns the error before [N].
 
     The new covariance P - P h h' P / (h' P h + r) is symmetric to rounding as it is computed; the error is NaN where
@@ -279,7 +244,7 @@ def learn_rows(weights: Array, regression: CoarseRegression | FineRegression, co
 
 
 @compiled(error_model="numpy")
-def weigh(regression: CoarseRegression, part: Elastic | Feature, begin: int, mean: Array) -> None:
+def weigh(regression: Regression, part: Part, begin: int, mean: Array) -> None:
     """Write the inverse of the prior times a mean, for one part, in the order of its rows, into `gain`."""
     factor, order, count, row_of = part.factor, part.order, part.count, regression.row_of
     share, weighed = regression.share, regression.gain
@@ -297,12 +262,13 @@ def weigh(regression: CoarseRegression, part: Elastic | Feature, begin: int, mea
 
 
 @compiled(error_model="numpy")
-def expect_mean(regression: CoarseRegression, mean: Array) -> None:
+def expect_mean(regression: Regression, mean: Array) -> None:
     r"""Write what is left of a prior mean m in the weights after the samples so far, :math:`t = P Q^{-1} m`."""
     trace, covariance, weighed = regression.trace, regression.covariance, regression.gain
-    weigh(regression, regression.elastic, 0, mean)
-    for f in range(COARSE.features):
-        weigh(regression, regression.feature, COARSE.knots + f * COARSE.feature_knots, mean)
+    for p in range(2):
+        part = regression.parts[p]
+        for copy in range(part.copies):
+            weigh(regression, part, part.begin + copy * part.knots, mean)
     for i in range(regression.rows):
         value = 0.0
         for k in range(regression.rows):
@@ -312,7 +278,7 @@ def expect_mean(regression: CoarseRegression, mean: Array) -> None:
 
 
 @compiled(error_model="numpy")
-def overwrite_mean(regression: CoarseRegression | FineRegression, count: int) -> None:
+def overwrite_mean(regression: Regression, count: int) -> None:
     """Take from what is left of a prior mean what the sample that `learn_rows` has just learnt says: t - K h' t."""
     trace, gain, regressor, active = regression.trace, regression.gain, regression.regressor, regression.active
     weight_at, left, variance = regression.weight_at, 0.0, 1.0
@@ -324,35 +290,24 @@ def overwrite_mean(regression: CoarseRegression | FineRegression, count: int) ->
 
 
 @compiled(error_model="numpy")
-def fit_coarse(weights: Array, regression: CoarseRegression, position: float, values: Array, force: float) -> float:
-    """Learn one sample and return the error before [N].
+def fit(weights: Array, regression: Regression, grid: Grid, position: float, values: Array, force: float) -> float:
+    """Learn one sample and return the error before [N]; inf, and nothing learnt, beyond the knots of the fine map.
 
     Args:
         weights: Weights of the map.
         regression: State of their regression.
-        position: Position from the origin [m].
+        grid: Knots of the map.
+        position: Position from their origin [m].
         values: Features of the sample.
         force: Measured force, plus what the map gives without contact [N].
     """
-    elastic, feature = regression.elastic, regression.feature
-    knot = cubic(position, COARSE.spacing, COARSE.below, COARSE.knots)[0]
-    feature_knot = cubic(position, COARSE.feature_spacing, COARSE.feature_below, COARSE.feature_knots)[0]
-    new = regression.rows == 0 or knot < elastic.first or knot + 4 > elastic.end
-    if new or feature_knot < feature.first or feature_knot + 4 > feature.end:
+    if regression.whole == 0:
+        knot = cubic(position, grid.spacing, grid.below, grid.knots)[0]
+        feature_knot = cubic(position, grid.feature_spacing, grid.feature_below, grid.feature_knots)[0]
         reach(weights, regression, knot, feature_knot)
-    count = look(regression, COARSE, position, values)
-    error = learn_rows(weights, regression, count, force)
-    if regression.traced > 0:
-        overwrite_mean(regression, count)
-    return float(error)
-
-
-@compiled(error_model="numpy")
-def fit_fine(weights: Array, regression: FineRegression, position: float, values: Array, force: float) -> float:
-    """The same with the fine map; inf outside its range."""
-    if not in_fine_reach(position):
+    elif not in_fine_reach(position):
         return math.inf
-    count = look(regression, FINE, position, values)
+    count = look(regression, grid, position, values)
     error = learn_rows(weights, regression, count, force)
     if regression.traced > 0:
         overwrite_mean(regression, count)
@@ -360,41 +315,17 @@ def fit_fine(weights: Array, regression: FineRegression, position: float, values
 
 
 @compiled(error_model="numpy")
-def fade(regression: CoarseRegression | FineRegression, share: float) -> None:
+def fade(regression: Regression, share: float) -> None:
     """Move the covariance back towards the prior by a fraction."""
     covariance, rows, weight_at = regression.covariance, regression.rows, regression.weight_at
-    elastic, feature, before = regression.elastic_prior[:], regression.feature_prior[:], regression.share
-    knots, feature_knots = elastic.shape[0], feature.shape[0]
+    parts, before = regression.parts, regression.share
     for i in range(rows):
         weight = weight_at[i]
-        inside = weight < knots
-        begin = 0 if inside else knots + (weight - knots) // feature_knots * feature_knots
-        length, prior = (knots, elastic) if inside else (feature_knots, feature)
+        part = parts[0 if weight < parts[1].begin else 1]
+        inside = (weight - part.begin) % part.knots
+        begin = weight - inside
         for k in range(rows):
             other = weight_at[k] - begin
-            before[k] = prior[weight - begin, other] if 0 <= other < length else 0.0
+            before[k] = part.prior[inside, other] if 0 <= other < part.knots else 0.0
         for k in range(rows):
             covariance[i, k] += share * (before[k] - covariance[i, k])
-
-
-def whole_covariance(weights: Array, regressions: NDArray[np.void]) -> tuple[Array, Array]:
-    """All weights of a map and their covariance, including those not reached, in the order of the map's weights.
-
-    Args:
-        weights: Weights of the map; left as they are.
-        regressions: State of their regression, an array of one; left as it is.
-
-    Returns:
-        Shapes (n,) and (n, n).
-    """
-    weights = weights.copy()
-    if regressions.dtype == FineRegression.layout:
-        return weights, regressions[0].covariance.copy()
-    regression = regressions.copy()[0]
-    if not regression.rows:
-        return weights, prior(0)
-    for knot in (0, COARSE.knots - 4):
-        reach(weights, regression, knot, int(regression.feature.first))
-    for knot in (0, COARSE.feature_knots - 4):
-        reach(weights, regression, 0, knot)
-    return weights, regression.covariance[np.ix_(regression.row_of, regression.row_of)]

@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 
 from foretouch.core.compiling import compiled, inlined
 from foretouch.identification.conditioning.kernel import PEAK_SHARE
-from foretouch.identification.contact_map.learning import refine
+from foretouch.identification.contact_map.learning import copy_map, refine, snapshot_at
 from foretouch.identification.contact_map.regression import expect_mean, reach
 from foretouch.identification.contact_map.scores import SCORE_TIME, YOUNG
 from foretouch.identification.contact_map.state import DROPPED, EARLY, RING, Bank
 from foretouch.models.contact_map.kernel import blend, cubic, experts
-from foretouch.models.contact_map.layout import CLEAR, COARSE, EXPERTS, FINE, SIZE, STUCK, Map
+from foretouch.models.contact_map.layout import CLEAR, COARSE, EXPERTS, FINE, STUCK, Map
 from foretouch.models.contact_model import LARGEST_DEPTH
 
 Array = NDArray[np.float64]
@@ -110,9 +110,7 @@ def recall(bank: Bank, time: float) -> None:
         drop(bank)
         return
     kept.since, kept.against = time, 0.0
-    numbers, placed = kept.given.view(np.float64), kept.placed.view(np.float64)
-    for k in range(SIZE):
-        placed[k] = numbers[k]
+    copy_map(kept.given, kept.placed, 0)
     given = kept.placed[0]
     shift(given, change)
     for position in (given.lowest, given.reached):
@@ -128,9 +126,7 @@ def recall(bank: Bank, time: float) -> None:
 def show(bank: Bank) -> None:
     """Write the map with what is left of the one from before."""
     learnt, given, shown = bank.map[0], bank.remembered.placed[0], bank.remembered.shown[0]
-    numbers, written = bank.map.view(np.float64), bank.remembered.shown.view(np.float64)
-    for k in range(SIZE):
-        written[k] = numbers[k]
+    copy_map(bank.map, bank.remembered.shown, 0)
     for k in range(COARSE.size):
         shown.coarse.weights[k] += bank.coarse.trace[k]
     for k in range(FINE.size):
@@ -151,16 +147,6 @@ def show(bank: Bank) -> None:
         shown.law_surface = given.law_surface - learnt.origin
         for k in range(EXPERTS):
             shown.shares[k] = given.shares[k]
-
-
-@inlined
-def snapshot_at(bank: Bank, time: float) -> int:
-    """Index of the newest snapshot of a time [s] or before; -1 where there is none."""
-    age, newest = 0, bank.notes[0].snapshots
-    kept = min(newest, RING)
-    while age < kept and bank.times[(newest - 1 - age) % RING] > time + 1e-7:
-        age += 1
-    return int((newest - 1 - age) % RING) if age < kept else -1
 
 
 @compiled(error_model="numpy")
@@ -214,10 +200,7 @@ def attend(bank: Bank, time: float, sample: tuple[float, float, float], contact:
     show(bank)
     notes = bank.notes[0]
     if notes.snapped_at == time:
-        index = (notes.snapshots - 1) % RING
-        numbers, ring = bank.remembered.shown.view(np.float64), bank.remembered.ring.view(np.float64)
-        for k in range(SIZE):
-            ring[index * SIZE + k] = numbers[k]
+        copy_map(kept.shown, kept.ring, (notes.snapshots - 1) % RING)
 
 
 def from_the_surface(maps: NDArray[np.void]) -> NDArray[np.void]:

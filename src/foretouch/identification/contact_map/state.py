@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from numpy.typing import NDArray
 
 from foretouch.core.records import Record
-from foretouch.identification.contact_map.regression import CoarseRegression, FineRegression
+from foretouch.identification.contact_map.regression import Regression
 from foretouch.identification.exact.kernel import Filter
 from foretouch.models.contact_map.layout import EXPERTS, LARGEST_FEATURES, MEMORY, Map
 
@@ -112,7 +112,7 @@ class Bank(Record):
     contacts: Annotated[Field, float, RING]  # their times in contact [s]
     ranges: Annotated[Field, float, (RING, 2)]  # least and largest position since the beginning or the last change [m]
     ring: Annotated[Field, Map, RING]  # the snapshots
-    coarse: CoarseRegression
-    fine: FineRegression
+    coarse: Regression
+    fine: Regression
     absent: Annotated[Field, int, EXPERTS]  # 1 for the experts that are not used
     remembered: Remembered

@@ -16,6 +16,8 @@ Array = NDArray[np.float64]
 Field = NDArray[Any]
 
 
+LARGEST_NOISE = 0.25  # Largest standard deviation of a force, in that force, which is also the one before it is learnt
+
 FEWEST_UPDATES = 20  # No force is rendered from fewer samples
 
 LARGEST_DAMPING = 20.0
@@ -32,16 +34,10 @@ class Settings(Record):
     s_bounds: Annotated[Field, float, 2]
     alpha_bounds: Annotated[Field, float, 2]
     drift: float
-    least_noise: float
-    largest_noise: float
     ignorance_time: float
     noise_memory: float
     correlation_time: float
-    first_correlation_time: float
-    clip: float
     gate: float
-    hold_time: float
-    hold_share: float
     surface_noise: float
 
 
@@ -82,27 +78,16 @@ def clear(beliefs: NDArray[np.void]) -> None:
 
 
 @inlined
-def lower_bound(settings: Settings, index: int) -> float:
-    """Smallest value of an unknown."""
+def bounds(theta: Array, settings: Settings, index: int) -> tuple[float, float]:
+    """Smallest and largest value of an unknown."""
     if index == 0:
-        return SMALLEST_FORCE
+        return SMALLEST_FORCE, LARGEST_FORCE
     if index == 1:
-        return 0.0
+        return 0.0, LARGEST_DAMPING * max(theta[0], SMALLEST_FORCE)
     if index == 4:
-        return -LARGEST_SURFACE
-    return float(settings.s_bounds[0] if index == 2 else settings.alpha_bounds[0])
-
-
-@inlined
-def upper_bound(theta: Array, settings: Settings, index: int) -> float:
-    """Largest value of an unknown."""
-    if index == 0:
-        return LARGEST_FORCE
-    if index == 1:
-        return LARGEST_DAMPING * float(max(theta[0], SMALLEST_FORCE))
-    if index == 4:
-        return LARGEST_SURFACE
-    return float(settings.s_bounds[1] if index == 2 else settings.alpha_bounds[1])
+        return -LARGEST_SURFACE, LARGEST_SURFACE
+    both = settings.s_bounds if index == 2 else settings.alpha_bounds
+    return both[0], both[1]
 
 
 @inlined
@@ -112,7 +97,8 @@ def project(belief: Belief, settings: Settings) -> None:
     for attempt in range(3):
         moved = False
         for i in range(UNKNOWNS):
-            inside = min(max(theta[i], lower_bound(settings, i)), upper_bound(theta, settings, i))
+            least, largest = bounds(theta, settings, i)
+            inside = min(max(theta[i], least), largest)
             if inside != theta[i]:
                 excess = inside - theta[i]
                 if attempt < 2 and covariance[i, i] > 0.0:
@@ -143,7 +129,7 @@ def begin(beliefs: NDArray[np.void], settings: Settings, time: float, depth: flo
     belief.last_time = belief.anchor_time = time
     belief.log_depth = belief.log_reference = math.log(depth)
     belief.power = force * force
-    belief.share_noise = settings.largest_noise**2
+    belief.share_noise = LARGEST_NOISE**2
     belief.excess = 1.0
     s_bounds, alpha_bounds = settings.s_bounds, settings.alpha_bounds
     belief.theta[0] = force

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from foretouch.core.compiling import compiled, inlined
 from foretouch.core.records import Record
 from foretouch.identification.exact.belief import (
+    LARGEST_NOISE,
     LARGEST_SURFACE,
     SMALLEST_FORCE,
     Belief,
@@ -36,6 +37,12 @@ ALARM_CLIP = 36.0
 ALARM_DEPTH = 0.3
 """Least depth for alarms, as a fraction of x0: nearer to the surface a wrong surface looks like a change."""
 
+LEAST_NOISE = 1e-3  # Least standard deviation of a force, in that force
+FIRST_CORRELATION_TIME = 0.05  # Longest time over which residuals count as correlated before that is estimated [s]
+CLIP = 3.0  # Normalised innovations beyond this count for little
+HOLD_TIME, HOLD_PART = 0.2, 0.005
+"""Time in one position after which learning stops [s], and size of one position, relative to the reference depth."""
+
 REFERENCE_STEP = 0.4  # Least change of ln x by which x0 follows the mean depth
 
 FADE_TIME = 0.1
@@ -51,7 +58,7 @@ class Filter(Record):
 
 
 @inlined
-def learn_noise(belief: Belief, settings: Settings, squared: float, size: float, variance: float) -> None:
+def learn_noise(belief: Belief, squared: float, size: float, variance: float) -> None:
     """Learn the variance of the force, a constant plus a multiple of its square, from squared residuals."""
     rate = 1.0 / (1.0 + belief.count)
     weight = rate / (variance * variance)
@@ -73,7 +80,7 @@ def learn_noise(belief: Belief, settings: Settings, squared: float, size: float,
             constant, fraction = 0.0, b2 / m4
         elif fraction < 0.0:
             constant, fraction = b0 / m0, 0.0
-    largest = settings.largest_noise**2
+    largest = LARGEST_NOISE**2
     belief.constant_noise = min(constant, largest * belief.power)
     belief.share_noise = min(fraction, largest)
 
@@ -125,12 +132,13 @@ def correct(belief: Belief, innovation: float, noise: float, uncertainty: float)
             covariance[j, i] = value
 
 
-@inlined
-def update(
-    beliefs: NDArray[np.void], settings: Settings, time: float, depth: float, velocity: float, force: float
-) -> int:
-    """Process one sample in contact, in place; return the result. See `ExactContinuousSwitching`."""
-    belief = beliefs[0]
+@compiled(error_model="numpy")
+def take(filters: NDArray[np.void], time: float, depth: float, velocity: float, force: float) -> int:
+    """Process one sample in contact, in place; return the result. See `ExactContinuousSwitching`.
+
+    What has failed is reset.
+    """
+    settings, beliefs, belief = filters[0].settings, filters[0].belief, filters[0].belief[0]
     if not (1e-9 < depth < 1e6 and abs(velocity) < 1e6 and abs(force) < 1e9 and math.isfinite(time)):
         return UNUSABLE
     if belief.reference == 0.0:
@@ -140,9 +148,9 @@ def update(
 
     # While the probe is held, nothing is distinguishable.
     away = abs(depth - belief.anchor_depth)
-    if away > settings.hold_share * belief.reference or time < belief.anchor_time:
+    if away > HOLD_PART * belief.reference or time < belief.anchor_time:
         belief.anchor_depth, belief.anchor_time = depth, time
-    elif time - belief.anchor_time >= settings.hold_time:
+    elif time - belief.anchor_time >= HOLD_TIME:
         return HELD
     since = min(max(time - belief.last_time, 0.0), LARGEST_GAP)
     period = min(since, 0.1)
@@ -166,8 +174,8 @@ def update(
     belief.power += rate * (force * force - belief.power)
     size = max(math.sqrt(abs(expected * force)), 0.1 * math.sqrt(belief.power), SMALLEST_FORCE)
     ignorance = math.exp(-belief.moving_time / settings.ignorance_time)
-    weight = max(belief.share_noise, settings.least_noise**2)
-    weight += ignorance * (settings.largest_noise**2 - weight)
+    weight = max(belief.share_noise, LEAST_NOISE**2)
+    weight += ignorance * (LARGEST_NOISE**2 - weight)
     variance = belief.constant_noise + weight * size * size + (settings.surface_noise * belief.slope[4]) ** 2
     normalised = innovation * innovation / (variance + uncertainty)
 
@@ -189,10 +197,10 @@ def update(
     likeness = min(max(belief.product / belief.square, 0.0), 0.999) if belief.square > 0.0 else 0.0
     inverse_period = 1.0 / max(period, 1e-6)
     correlation = min((1.0 + likeness) / (1.0 - likeness), max(1.0, settings.correlation_time * inverse_period))
-    correlation += ignorance * (max(1.0, settings.first_correlation_time * inverse_period) - correlation)
+    correlation += ignorance * (max(1.0, FIRST_CORRELATION_TIME * inverse_period) - correlation)
     noise = variance * correlation
-    if normalised > settings.clip**2:
-        noise += (math.sqrt(normalised) / settings.clip - 1.0) * (noise + uncertainty)
+    if normalised > CLIP**2:
+        noise += (math.sqrt(normalised) / CLIP - 1.0) * (noise + uncertainty)
     correct(belief, innovation, noise, uncertainty)
     project(belief, settings)
 
@@ -201,7 +209,7 @@ def update(
     belief.moving_time += period
     unexplained = variance / (variance + uncertainty)
     squared = min(innovation * innovation, 25.0 * (variance + uncertainty)) * unexplained
-    learn_noise(belief, settings, squared, size, variance)
+    learn_noise(belief, squared, size, variance)
     residual = min(max(innovation / math.sqrt(variance + uncertainty), -5.0), 5.0) * unexplained
     rate = 1.0 / (1.0 + belief.count)
     belief.product += rate * (residual * belief.last_residual - belief.product)
@@ -213,12 +221,12 @@ def update(
     belief.excess += fading * (min(normalised, 25.0) - belief.excess)
     if belief.excess > FADE_FROM:
         belief.covariance[:] *= 1.0 + fading * (belief.excess - 1.0)
-    total = 0.0
+    total = least = 0.0
     for i in range(UNKNOWNS):
         total += belief.theta[i] + belief.covariance[i, i]
-        if belief.covariance[i, i] < 0.0:
-            return FAILED
-    if not math.isfinite(total):
+        least = min(least, belief.covariance[i, i])
+    if least < 0.0 or not math.isfinite(total):
+        clear(beliefs)
         return FAILED
     belief.learnt_from += 1.0
     return code
@@ -235,16 +243,6 @@ def move_surface(filters: NDArray[np.void], change: float) -> None:
             belief.theta[4] += change / belief.reference
             belief.anchor_depth -= change
             project(belief, filters[0].settings)
-
-
-@compiled(error_model="numpy")
-def take(filters: NDArray[np.void], time: float, depth: float, velocity: float, force: float) -> int:
-    """`update` on the whole state; one that has failed is reset."""
-    beliefs = filters[0].belief
-    code = update(beliefs, filters[0].settings, time, depth, velocity, force)
-    if code == FAILED:
-        clear(beliefs)
-    return code
 
 
 @compiled(error_model="numpy")

@@ -32,6 +32,9 @@ from foretouch.models import ContactModel
 
 Array = NDArray[np.float64]
 
+EXPONENT_PRIOR = 0.4
+"""Standard deviation of s and of alpha at the beginning and after a change; F0 and D have F0."""
+
 LARGEST_EXPONENT_ERROR = 0.25
 """An exponent with a larger standard error is undetermined: its range has the length 1, and a number of which only
 that is known has the standard deviation 0.29."""
@@ -42,39 +45,25 @@ class ExactOptions:
     """One set of defaults for all materials; lengths are relative to the depths pressed, forces to those felt.
 
     Args:
-        exponent_prior: Standard deviation of s and of alpha at the beginning and after a change; F0 and D have F0.
         surface_prior: That of the surface, relative to the reference depth; 0 trusts the surface that is given.
         drift: Random walk of the law in one second, in the priors.
-        least_noise: Least standard deviation of a force, in that force.
-        largest_noise: Largest estimate of it, which is also the one before there is any.
         ignorance_time: Time for which the first noise is remembered [s of motion in contact].
         noise_memory: Number of samples over which the noise is learnt.
         correlation_time: Longest time over which residuals count as correlated [s].
-        first_correlation_time: The same before it is estimated.
-        clip: Normalised innovations beyond this count for little.
         gate: Mean square of the last ten normalised innovations that is a change; at least 36 never calls one.
-        hold_time: Time in one position after which learning stops [s].
-        hold_share: Size of one position, relative to the reference depth.
         surface_noise: Standard deviation of each depth, relative to the reference depth.
     """
 
-    exponent_prior: float = 0.4
     surface_prior: float = 0.2
     drift: float = 0.03
-    least_noise: float = 1e-3
-    largest_noise: float = 0.25
     ignorance_time: float = 0.5
     noise_memory: float = 2000.0
     correlation_time: float = 0.1
-    first_correlation_time: float = 0.05
-    clip: float = 3.0
     gate: float = 16.0
-    hold_time: float = 0.2
-    hold_share: float = 0.005
     surface_noise: float = 0.02
 
     def __post_init__(self) -> None:
-        zero_allowed = {"surface_prior", "drift", "correlation_time", "first_correlation_time", "surface_noise"}
+        zero_allowed = {"surface_prior", "drift", "correlation_time", "surface_noise"}
         for field in fields(self):
             value = getattr(self, field.name)
             if field.name in zero_allowed:
@@ -113,7 +102,7 @@ class _ExactFilter(Estimator):
         self._law = EXACT_LAWS[self.model_name]
         options, s_bounds, alpha_bounds = self.options, self._law.s_bounds, self._law.alpha_bounds
         fixed = (s_bounds[0] == s_bounds[1], alpha_bounds[0] == alpha_bounds[1])
-        s_prior, alpha_prior = (0.0 if one else options.exponent_prior for one in fixed)
+        s_prior, alpha_prior = (0.0 if one else EXPONENT_PRIOR for one in fixed)
         same = {name: getattr(options, name) for name in Settings.layout.names or () if hasattr(options, name)}
         priors = (1.0, 1.0, s_prior, alpha_prior, options.surface_prior)
         settings = Settings.new(**same, priors=priors, s_bounds=s_bounds, alpha_bounds=alpha_bounds)
@@ -209,16 +198,11 @@ class _ExactFilter(Estimator):
         A strength is undetermined while its standard error is larger than itself, an exponent while its standard error
         is above 0.25.
         """
-        model = self.model
-        return {} if model is None else self._determined(model, self._errors())
-
-    @staticmethod
-    def _determined(model: ContactModel, errors: dict[str, float]) -> dict[str, float | None]:
-        values: dict[str, float | None] = {}
-        for name, value in zip(model.parameter_names, model.parameters, strict=True):
-            limit = LARGEST_EXPONENT_ERROR if name in ("exponent", "switching") else value
-            values[name] = value if errors[name] <= limit else None
-        return values
+        model, errors = self.model, self.standard_errors
+        if model is None or errors is None:
+            return {}
+        known = zip(model.parameter_names, model.parameters, strict=True)
+        return {name: None if errors[name] is None else value for name, value in known}
 
     @property
     def standard_errors(self) -> dict[str, float | None] | None:
@@ -229,21 +213,20 @@ class _ExactFilter(Estimator):
         model = self.model
         if model is None:
             return None
-        errors = self._errors()
-        known = self._determined(model, errors)
-        return {name: None if value is None else errors[name] for name, value in known.items()}
+        elastic, viscous, s, alpha, _ = self._belief.theta.tolist()
+        sensitivities = np.array(self._law.sensitivities(elastic, viscous, s, alpha, float(self._belief.reference)))
+        variances = np.diag(sensitivities @ self._belief.covariance[:4, :4] @ sensitivities.T)
+        errors = np.sqrt(np.maximum(variances, 0.0)).tolist()
+        result: dict[str, float | None] = {}
+        for name, value, error in zip(model.parameter_names, model.parameters, errors, strict=True):
+            limit = LARGEST_EXPONENT_ERROR if name in ("exponent", "switching") else value
+            result[name] = error if error <= limit else None
+        return result
 
     @property
     def standard_errors_with_surface(self) -> dict[str, float | None] | None:
         """See `Estimator.standard_errors_with_surface`: the surface is an unknown as the others are."""
         return self.standard_errors
-
-    def _errors(self) -> dict[str, float]:
-        """Standard errors of all the law's numbers."""
-        elastic, viscous, s, alpha, _ = self._belief.theta.tolist()
-        sensitivities = np.array(self._law.sensitivities(elastic, viscous, s, alpha, float(self._belief.reference)))
-        variances = np.diag(sensitivities @ self._belief.covariance[:4, :4] @ sensitivities.T)
-        return dict(zip(self._law.parameter_names, np.sqrt(np.maximum(variances, 0.0)).tolist(), strict=True))
 
 
 class ExactContinuousSwitching(_ExactFilter):

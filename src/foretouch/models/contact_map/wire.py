@@ -66,30 +66,42 @@ def is_sensible(maps: NDArray[np.void]) -> bool:
     return good and learnt.hold <= learnt.catch and abs(total - 1.0) < 1e-3 and learnt.lowest <= learnt.reached
 
 
+@compiled(error_model="numpy")
+def narrow(maps: NDArray[np.void], sent: NDArray[np.void], needed: Flags) -> bool:
+    """Write a map rounded to 32 bits, less the law's own numbers, and `mark` it; False where no model can be made."""
+    numbers, rounded = maps.view(np.float64), sent.view(np.float64)
+    for k in range(SIZE):  # what is rounded decides which knots are needed, so it is rounded first
+        rounded[k] = np.float32(numbers[k])
+    for k in range(4):
+        if not 0.0 <= maps[0].law[k] < math.inf:
+            return False
+        sent[0].law[k] = 0.0
+    if not is_sensible(sent):
+        return False
+    mark(sent, needed)
+    good = True
+    for k in range(SIZE):
+        good = good and (needed[k] == 0 or math.isfinite(rounded[k]))
+    return good
+
+
 @kernel("i8(Map[::1], Map[::1], f4[::1])")
 def shrink(maps: NDArray[np.void], sent: NDArray[np.void], short: Short) -> int:
-    """Write the map as it crosses the network, with the law's own numbers, and the numbers of `pack`: how many.
+    """Write the map as it crosses the network, with the law's own numbers, and the numbers of `shrunk`: how many.
 
     Returns:
         Their number, negative where they are those of no model.
     """
-    numbers, rounded, needed = maps.view(np.float64), sent.view(np.float64), np.empty(SIZE, np.int8)
-    for k in range(SIZE):  # what is rounded decides which knots are needed, so it is rounded first
-        rounded[k] = np.float32(numbers[k])
-    law, good, count = sent[0].law, True, 0
-    law[:] = 0.0
-    mark(sent, needed)
+    rounded, needed, count = sent.view(np.float64), np.zeros(SIZE, np.int8), 0
+    good = narrow(maps, sent, needed)
     for k in range(SIZE):
         if needed[k] > 0:
             short[count] = np.float32(rounded[k])
-            good = good and math.isfinite(rounded[k])
             count += 1
         else:
             rounded[k] = 0.0
-    good = good and is_sensible(sent)
     for k in range(4):
-        law[k] = maps[0].law[k]
-        good = good and 0.0 <= law[k] < math.inf
+        sent[0].law[k] = maps[0].law[k]
     return count if good else -count
 
 
@@ -118,15 +130,15 @@ def expand(short: Short, law: Law, maps: NDArray[np.void]) -> bool:
 
 
 def shrunk(maps: NDArray[np.void]) -> tuple[bytes, NDArray[np.void], bool]:
-    """The bytes of `pack`, the map that `unpack` makes of them but with the law's numbers, and whether it is one."""
+    """A map as it crosses the network.
+
+    Returns:
+        The numbers that a force can be computed from, less those of the law, as 32-bit floats, little-endian; the map
+        that `unpack` makes of them but with the law's numbers; and whether it is one.
+    """
     short, sent = np.empty(SIZE, np.float32), np.empty(1, Map.layout)
     count = shrink.entry(maps, sent, short)
     return short[: abs(count)].astype("<f4", copy=False).tobytes(), sent, count > 0
-
-
-def pack(maps: NDArray[np.void]) -> bytes:
-    """The numbers that a force can be computed from, less those of the law, as 32-bit floats, little-endian."""
-    return shrunk(maps)[0]
 
 
 def unpack(content: bytes, law: Law = (0.0, 0.0, 0.0, 0.0)) -> NDArray[np.void] | None:
