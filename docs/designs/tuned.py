@@ -50,6 +50,7 @@ COMPILED = (
     f"{LAYOUT}:COARSENESS",
     f"{LAYOUT}:GRIDS:0",
     f"{LAYOUT}:GRIDS:1",
+    f"{ROOM}.contact_map.kernel:FEWEST_UPDATES",
     f"{ROOM}.contact_map.scores:LONGEST_HORIZON",
     f"{ROOM}.conditioning.air:START_WINDOW",
 )

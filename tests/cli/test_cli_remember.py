@@ -49,6 +49,8 @@ def test_what_cannot_be_remembered_is_refused(tmp_path: Path, home: Path) -> Non
     assert "letters, digits" in refusal_of("predict", path, "--remember", "a/b")
     assert "damaged" in refusal_of("predict", path, "--remember", "bad")
     assert "contact maps" in refusal_of("predict", path, "--remember", "a", "--model", "kelvin-voigt")
+    shadow = ("follower", "--shadow", "--duration", 5, "--listen", "tcp/127.0.0.1:7447", "--remember", "a")
+    assert "--estimator bank" in refusal_of(*shadow, "--estimator", "offline")
     assert [one.name for one in home.iterdir()] == ["bad.json"]
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import copy
 from typing import Annotated, Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from foretouch.core import Record, compiled
+from foretouch.core import Held, Record, compiled
 from foretouch.core.compiling import interpreted
 
 
@@ -62,3 +63,11 @@ def test_a_name_that_is_no_field_is_refused(wrong: str) -> None:
         eval(f"state.{wrong}", {"state": Both.new()[0]})
     with pytest.raises(ValueError, match="no field"):
         Both.new(forse=1.0)
+
+
+def test_what_holds_a_record_can_be_copied() -> None:
+    held = Held(Peak.new(force=2.0))
+    for made in (copy.copy(held), copy.deepcopy(held)):
+        assert made.force == 2.0
+    made.force = 3.0
+    assert held.force == 2.0  # the deep copy has a record of its own

@@ -15,7 +15,7 @@ from presses import press
 from scipy.interpolate import BSpline
 
 from foretouch.errors import SettingError
-from foretouch.identification import ContactSample, Learner, Status, make_estimator, predict
+from foretouch.identification import ContactSample, ContactSamples, Learner, Status, make_estimator, predict
 from foretouch.identification.contact_map.bank import EXPERT_NAMES, ContactMap
 from foretouch.identification.contact_map.kernel import LARGEST_SHIFT
 from foretouch.identification.contact_map.learning import PERIOD
@@ -344,6 +344,15 @@ def test_one_absurd_sample_does_not_end_learning(field: str, number: float) -> N
     bank, positions = recorded(samples, ContactMap()), np.linspace(0.0, 4e-3, 20)
     result, expected = forces_at(bank, positions, 0.0), forces_at(without, positions, 0.0)
     np.testing.assert_allclose(result, expected, rtol=0.0, atol=0.1 * expected.max())
+
+
+def test_contact_without_a_force_is_no_failure() -> None:
+    time = np.arange(0.0, 3.0, 1e-3)
+    depth = -0.002 + 0.004 * np.clip(time - 1.5, 0.0, 1.0)
+    samples = ContactSamples(time, depth, np.gradient(depth, time), 500.0 * np.maximum(depth, 0.0))
+    estimator = ContactMap()
+    assert tuple(Status).index(Status.RESTARTED) not in estimator.run(samples)
+    assert estimator.model is not None
 
 
 def test_a_sample_of_nonsense_is_said_to_be_one() -> None:

@@ -104,7 +104,7 @@ def test_a_session_s_models_stay_within_fifty_kilobytes_a_second_and_are_packed_
     estimator = Counting()
     models = Pressing(estimator, {0: 500.0}).run(5000)
     assert len(models) > 230
-    assert estimator.asked <= len(models) + 80  # at the first touch in each tick, until there is one
+    assert estimator.asked <= len(models) + 50
 
 
 @pytest.mark.parametrize(

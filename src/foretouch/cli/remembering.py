@@ -64,8 +64,8 @@ def settings_with(settings: SessionSettings, name: str | None) -> SessionSetting
 
     if name is None:
         return settings
-    if settings.model != "contact-map":
-        raise SettingError("remember", name, "is of contact maps: --model contact-map")
+    if settings.model != "contact-map" or settings.estimator not in ("", "bank"):
+        raise SettingError("remember", name, "is of contact maps: --model contact-map --estimator bank")
     known = read_memory(name)
     return settings if known is None else replace(settings, remembered=known.to_text())
 

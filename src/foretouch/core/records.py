@@ -93,7 +93,7 @@ class Held:
         object.__setattr__(self, "records", records)
 
     def __getattr__(self, name: str) -> Any:
-        if not name.startswith("_"):
+        if name != "records" and not name.startswith("_"):  # a copy has no records at first
             try:
                 return self.records[name].item()
             except ValueError:  # no field of that name
@@ -101,7 +101,7 @@ class Held:
         raise AttributeError(f"{type(self).__name__!r} has no attribute {name!r}")
 
     def __setattr__(self, name: str, value: Any) -> None:
-        if name in (self.records.dtype.names or ()):
+        if name != "records" and name in (self.records.dtype.names or ()):
             self.records[name] = value
         else:
             object.__setattr__(self, name, value)

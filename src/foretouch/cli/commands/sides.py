@@ -10,7 +10,6 @@ import signal
 import socket
 import time
 from collections.abc import Callable, Mapping
-from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -29,7 +28,7 @@ from foretouch.cli.options import (
     unchecked,
 )
 from foretouch.cli.remembering import Remember, keep, settings_with
-from foretouch.errors import LinkError, SettingError, one_line
+from foretouch.errors import LinkError, RecordingError, SettingError, one_line
 from foretouch.settings import LEADER_SETTINGS
 
 if TYPE_CHECKING:
@@ -201,6 +200,7 @@ def _follow(
     remember: str | None,
 ) -> Mapping[str, Any]:
     """The follower's side of a session, or a shadow of it; why it ended, and what it counted."""
+    from foretouch.identification import Estimator
     from foretouch.session import (
         FOLLOWER_CHANNELS,
         SHADOW_CHANNELS,
@@ -230,8 +230,14 @@ def _follow(
             if not shadow and (warning := unchecked(endpoints)):
                 say(f"follower: {warning}")
         description = texts | reach_texts(reach) | insecurity(link)
-        process, learnt = Process(link, stop, say, parent), partial(keep, name=remember)
-        return run(process, robot, settings, description=description, duration=duration, keep=learnt)
+        process, learnt = Process(link, stop, say, parent), list[Estimator]()
+        ran = run(process, robot, settings, description=description, duration=duration, keep=learnt.append)
+    for estimator in learnt:
+        try:
+            keep(estimator, remember)
+        except RecordingError as error:  # what the session has counted is told all the same
+            say(f"foretouch: {error}")
+    return ran
 
 
 def _operator(settings: SessionSettings, hello: dict[str, str]) -> Device | SpatialDevice:

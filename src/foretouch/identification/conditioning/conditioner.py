@@ -244,9 +244,8 @@ class Conditioner(Held):
       are less the drift of their time. Friction is no contact: the thresholds below are for the force less c s, and a
       force above them that is level over 2 mm, where the first contact began or further out, is none. In contact the
       friction stays in the force, for the hand feels it.
-    - **Contact** begins when the force rises above a threshold, the largest of the contact floor, six standard
-      deviations of the force in the window that gave the offset (at most half as much again as in the quietest window
-      so far), and 5 % of the largest force so far; it ends at half of it.
+    - **Contact** begins when the force rises above a threshold, the largest of the contact floor, eight times the
+      spread of the quietest window so far, and 5 % of the largest force so far; it ends at half of it.
     - **Surface**: the last position, before the first contact, at which the force was below the threshold of ending.
       It moves outwards when contact is felt further out, and is found anew when the threshold has at least doubled
       since, for then the first contact was none.

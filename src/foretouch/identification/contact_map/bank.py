@@ -14,6 +14,7 @@ from foretouch.errors import SettingError
 from foretouch.errors.checks import require
 from foretouch.identification.conditioning.conditioner import ContactSample, ContactSamples
 from foretouch.identification.contact_map.kernel import (
+    FEWEST_UPDATES,
     FREE_AIR,
     GONE,
     LEARNT,
@@ -33,7 +34,6 @@ from foretouch.identification.contact_map.remembered import from_the_surface
 from foretouch.identification.contact_map.scores import LONGEST_HORIZON
 from foretouch.identification.contact_map.state import HELD, Bank
 from foretouch.identification.estimator import Estimator, Status, status_indices
-from foretouch.identification.exact.belief import FEWEST_UPDATES
 from foretouch.identification.exact.recursive import ExactContinuousSwitching, ExactOptions
 from foretouch.models import ContactMapModel, ContactModel, ContactState
 
@@ -242,7 +242,7 @@ class ContactMap(Estimator):
         It is placed where the force of the first tenth of a second in contact is its own, and dropped for good where it
         is nowhere: their errors are, as an RMS, more than 10 % of the peak. From then on it is the prior mean of the
         coarse weights. It is dropped again as soon as late predictions are worse with it than without (Page's
-        cumulative sum, by errors and times as large as those that show a change), and what is left is what would have
+        cumulative sum, by errors half as large as those that show a change, for as long), and what is left is what would have
         been learnt without it.
         """
         remembered = self._state.remembered

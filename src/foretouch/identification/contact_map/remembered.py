@@ -28,9 +28,9 @@ from foretouch.models.contact_model import LARGEST_DEPTH
 
 Array = NDArray[np.float64]
 
-CONTRADICTED = CLEAR * CLEAR * YOUNG
+CONTRADICTED = PEAK_SHARE * PEAK_SHARE * YOUNG
 """Cumulative sum, relative to the square of the peak, with which a map from before is dropped [s]: late predictions
-that are wrong with it and right without it by as much and as long as those that show a change."""
+that are wrong with it and right without it by half as much as those that show a change, for as long."""
 
 REFINEMENTS = 6  # Halvings of the step of a place
 

@@ -43,7 +43,7 @@ def score(bank: Bank, snapshot: Map, sample: tuple[float, float, float], contact
     notes = bank.notes[0]
     law, coarse, fine, mixed = experts(snapshot, bank.values, position, velocity, bank.memory[STUCK], True)
     pulls = snapshot.pull > 0.0 and min(mixed, force) < -PEAK_SHARE * notes.peak
-    if not (contact or pulls or mixed > PEAK_SHARE * notes.peak):
+    if not (contact or pulls or mixed > PEAK_SHARE * notes.peak) or not notes.peak > 0.0:
         return
     fading, shares = math.exp(-period / SCORE_TIME), bank.map[0].shares
     known = shares[1] + shares[2]
@@ -53,7 +53,7 @@ def score(bank: Bank, snapshot: Map, sample: tuple[float, float, float], contact
     notes.scored = notes.scored * fading + period
     # A force is uncertain by a part of itself, and no less than by that of a clear force.
     least = CLEAR * notes.peak
-    notes.errors = notes.errors * fading + period * abs(mixed - force) / math.hypot(least, mixed)
+    notes.errors = notes.errors * fading + period * abs(mixed - force) / math.sqrt(least * least + mixed * mixed)
     doubt = (notes.errors + YOUNG * FIRST_ERROR) / (notes.scored + YOUNG)
     set_doubt(bank.map[0], doubt, least)
 

@@ -51,7 +51,8 @@ class ExactOptions:
         noise_memory: Number of samples over which the noise is learnt.
         correlation_time: Longest time over which residuals count as correlated [s].
         gate: Mean square of the last ten normalised innovations that is a change; at least 36 never calls one.
-        surface_noise: Standard deviation of each depth, relative to the reference depth.
+        surface_noise: Standard deviation of each depth, relative to the reference depth; nothing is learnt from samples
+            that are nearer to the surface.
     """
 
     surface_prior: float = 0.2

@@ -27,7 +27,7 @@ SAME_GRAVITY = 1.0
 SURE = 3.0  # Number of standard errors within which a bias is assumed
 
 NOISE_FACTOR = 6.0
-"""Number of standard deviations of the sensor's noise above which a force is contact, as in conditioning."""
+"""Number of standard deviations of the sensor's noise above which a force is contact in a calibrated session."""
 
 
 class Calibrated(NamedTuple):
