@@ -242,8 +242,8 @@ class ContactMap(Estimator):
         It is placed where the force of the first tenth of a second in contact is its own, and dropped for good where it
         is nowhere: their errors are, as an RMS, more than 10 % of the peak. From then on it is the prior mean of the
         coarse weights. It is dropped again as soon as late predictions are worse with it than without (Page's
-        cumulative sum, by errors half as large as those that show a change, for as long), and what is left is what would have
-        been learnt without it.
+        cumulative sum, by errors half as large as those that show a change, for as long), and what is left is what
+        would have been learnt without it.
         """
         remembered = self._state.remembered
         remembered.given, remembered.state = model.record, HELD
