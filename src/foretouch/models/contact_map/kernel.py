@@ -251,7 +251,8 @@ def experts(
     if inside > 0.0:
         fine += inside * (map_force(learnt, learnt.fine, FINE, learnt.place, position, values) - coarse)
     force = weights[0] * law + weights[1] * coarse + weights[2] * fine
-    force = min(force, learnt.felt / layout.CLEAR if position > learnt.reached else layout.BEYOND * learnt.felt)
+    if position <= learnt.reached:
+        force = min(force, layout.BEYOND * learnt.felt)
     if position < learnt.touch:
         force = min(force, most_outside(learnt, position))
     if not (stuck > 0.0 and position >= learnt.hold):

@@ -69,8 +69,7 @@ from the surface, which is also its least value; of a speed of the law to the la
 visited depth to the largest that was felt. A larger one that comes unexpectedly is not learnt from."""
 
 CLEAR = 0.1
-"""Part of the largest force by which an error, a touch or a pull is clear; less may be the mechanism's friction. Nor is
-there a force beyond the visited depth of which the largest one that was felt would be less than this part."""
+"""Part of the largest force by which an error, a touch or a pull is clear; less may be the mechanism's friction."""
 
 LARGEST_FORCE = 1e6
 """Largest force of a model [N]."""

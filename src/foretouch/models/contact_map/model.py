@@ -48,8 +48,8 @@ class ContactMapModel(Brief, ContactModel):
     Outside the visited range the model extrapolates: features are held to their range so far; beyond the greatest depth
     a map goes on along its last slope, held between the chord from the surface and 1.5 times that, the fine one where
     it holds there; the law goes on in proportion from the greatest depth since the last change, and counts speeds up to
-    1.5 times the largest since then. No force there is more than 10 times the largest felt, as none within the range is
-    more than 1.5 times that. Outside of where the material was touched, the force is held below one that falls to zero
+    1.5 times the largest since then. No force within the range is more than 1.5 times the largest felt; beyond it only
+    the slope is bounded. Outside of where the material was touched, the force is held below one that falls to zero
     over a learnt way. The standard deviation is that of late predictions so far, from a constant and a multiple of the
     force, and grows with the depth that is extrapolated. Slightly above the surface there may be a force: the learnt
     map shows more precisely where contact begins.
