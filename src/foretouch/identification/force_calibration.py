@@ -231,7 +231,8 @@ def fit_tool_weight(
     poses = _count_poses(d)
     spread = _require_directions(d, poses)
     weight, biases = gravity * d, np.tile(np.eye(3), (len(d), 1))
-    result, errors, residual = _least_squares(np.column_stack((biases, weight.ravel())), forces.ravel())
+    result, variances, residual = least_squares(np.column_stack((biases, weight.ravel())), forces.ravel())
+    errors = np.sqrt(variances)
     mass, mass_error = float(result[3]), float(errors[3])
     if not mass > 0.0:
         raise InputError(
@@ -242,8 +243,8 @@ def fit_tool_weight(
     if torques is None:
         return ToolWeight(*known)
     moments = -np.vstack([cross_matrix(row) for row in weight])
-    moment, moment_errors, torque_residual = _least_squares(np.column_stack((biases, moments)), torques.ravel())
-    centre = moment[3:] / mass
+    moment, variances, torque_residual = least_squares(np.column_stack((biases, moments)), torques.ravel())
+    moment_errors, centre = np.sqrt(variances), moment[3:] / mass
     centre_error = np.hypot(moment_errors[3:], np.abs(centre) * mass_error) / mass
     return ToolWeight(*known, moment[:3], moment_errors[:3], centre, centre_error, torque_residual.reshape(-1, 3))
 
@@ -277,10 +278,9 @@ def _require_directions(directions: Array, poses: int) -> Array:
     return spread
 
 
-def _least_squares(design: Array, values: Array) -> tuple[Array, Array, Array]:
-    """Solution, standard errors, residual."""
-    solution = np.asarray(np.linalg.lstsq(design, values, rcond=None)[0], dtype=np.float64)
-    residual = np.asarray(values - design @ solution, dtype=np.float64)
+def least_squares(design: Array, values: Array) -> tuple[Array, Array, Array]:
+    """Solution, its variances if the residuals are independent, and residual."""
+    solution: Array = np.linalg.lstsq(design, values, rcond=None)[0]
+    residual = values - design @ solution
     variance = float(residual @ residual) / (values.size - design.shape[1])
-    errors = np.sqrt(variance * np.diag(np.linalg.inv(design.T @ design)))
-    return solution, np.asarray(errors, dtype=np.float64), residual
+    return solution, variance * np.diag(np.linalg.inv(design.T @ design)), residual

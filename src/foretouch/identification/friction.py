@@ -32,9 +32,7 @@ FEWEST, SURE = 50, 0.1
 
 LARGEST_COEFFICIENT = 2.0  # Largest coefficient of a surface [-]
 
-LARGEST_FORCE = 1e3
-"""Largest force of a sample [N]; others are left out."""
-
+LARGEST_FORCE = 1e3  # Largest force of a sample [N]; others are left out
 LARGEST_SPEED = 10.0  # Largest speed of a sample [m/s]; others are left out
 
 LEARNT, UNUSABLE, GATED, WAITING = range(4)

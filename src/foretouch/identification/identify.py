@@ -175,13 +175,8 @@ def _learn_in_hindsight(recording: Recording, learner: Learner) -> tuple[float, 
         estimator.move_offset(foot.offset - guess[1])
         stays = estimator.has_model  # a map that was moved far begins anew
     law = ExactContinuousSwitching() if stays else estimator
-    known = Learner(
-        law,
-        surface=foot.surface,
-        force_offset=foot.offset,
-        contact_floor=conditioner.floor,
-        sensor_lag=lag,
-    )
+    surface, offset, _ = foot
+    known = Learner(law, surface=surface, force_offset=offset, contact_floor=conditioner.floor, sensor_lag=lag)
     law.trust_surface(given[0])
     if stays or not refit(foot):
         law.reset()

@@ -1,6 +1,6 @@
 """Conditioning and estimation together: the follower's whole learning, one call a sample or one a recording.
 
-A recording is compiled where its estimator can, else goes sample by sample; the numbers are the same.
+The contact map's bank takes a recording in one compiled loop, other estimators sample by sample: the same bits.
 """
 
 from __future__ import annotations
@@ -149,9 +149,6 @@ class Learner:
 
     def run(self, time: Array, position: Array, force: Array, velocity: Array | None = None) -> LearnerRun:
         """`update` with every sample of a recording, and the residuals of the model before each sample.
-
-        The contact map's bank takes them in one compiled loop: the same numbers, bit for bit. Other estimators take
-        them one by one.
 
         Args:
             time: Sample times [s], shape (n,).

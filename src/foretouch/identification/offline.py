@@ -215,10 +215,10 @@ class _Problem:
 
         lower, upper = self.lower[self.free], self.upper[self.free]
         best, cost = lower, math.inf
-        for start in sorted(self._grid(), key=lambda pair: pair[0])[:starts]:
+        for _, start in sorted(self._grid(), key=lambda pair: pair[0])[:starts]:
             result = least_squares(
                 self._free_residual,
-                np.clip(start[1][self.free], lower, upper),
+                np.clip(start[self.free], lower, upper),
                 jac=self._free_jacobian,
                 bounds=(lower, upper),
                 xtol=1e-10,
@@ -313,11 +313,9 @@ def likeness_of(residual: Array) -> float:
 
 
 class _Offline(StoringEstimator):
-    """Stores samples and fits them when asked: see `fit_offline`.
+    """`fit_offline` of the samples in contact. Each model is causal, but a fit takes milliseconds.
 
-    Samples in contact go into a buffer of at most 4,096 that covers all of them evenly; `model` fits when 10 % of new
-    samples have come since the last fit. Each model is causal, but a fit takes milliseconds: this is the reference for
-    recordings, not an estimator for a control loop.
+    This is the reference for recordings, not an estimator for a control loop.
     """
 
     name: ClassVar[str] = "offline"

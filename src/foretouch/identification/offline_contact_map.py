@@ -47,8 +47,7 @@ class OfflineContactMap(StoringEstimator):
     predictions, and the standard deviation is that of the residuals.
 
     It is evaluated on the samples it was fitted to: a lower bound on the error of these experts, not an estimator for a
-    control loop. The samples are held in a buffer of at most 4,096 that covers all of them evenly; `model` fits again
-    when 25 % of new samples have come.
+    control loop.
 
     References:
         Wahba (1990), Spline Models for Observational Data.

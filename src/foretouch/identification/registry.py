@@ -71,12 +71,14 @@ def default_estimator(model: str) -> str:
     Raises:
         UnknownNameError: No such law.
     """
-    if model in DEFAULT_ESTIMATORS:
-        return DEFAULT_ESTIMATORS[model]
+    return DEFAULT_ESTIMATORS.get(model) or min(_estimators_of(model))
+
+
+def _estimators_of(model: str) -> dict[str, type[Estimator]]:
     known = all_estimators()
     if model not in known:
         raise UnknownNameError("model", model, known)
-    return min(known[model])
+    return known[model]
 
 
 def make_estimator(model: str, estimator: str = "") -> Estimator:
@@ -100,10 +102,7 @@ def make_estimator(model: str, estimator: str = "") -> Estimator:
         return ESTIMATORS[model][estimator]()
     other = None if estimator in BUILT_IN_ESTIMATORS else load_estimator(estimator)
     if other is None:
-        known = all_estimators()
-        if model not in known:
-            raise UnknownNameError("model", model, known)
-        raise UnknownNameError(f"estimator for {model}", estimator, known[model])
+        raise UnknownNameError(f"estimator for {model}", estimator, _estimators_of(model))
     if other.model_name != model:
         rule = f"learns the law {other.model_name} and not {model}: give --model {other.model_name} with it"
         raise SettingError("estimator", estimator, rule)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from foretouch.errors import RecordingError, plural
 from foretouch.errors.checks import require
 from foretouch.identification.conditioning.conditioner import LONGEST_LAG, Conditioner, SensorLag
+from foretouch.identification.force_calibration import least_squares
 from foretouch.identification.offline import likeness_of
 from foretouch.quantities import ByValue, Recording, SensorCalibration
 
@@ -92,14 +93,10 @@ def fit_series_compliance(recording: Recording, *, sensor_lag: float = 0.0) -> S
     felt, position, loads = force[taken], recording.position[taken], loading[taken]
     design = np.column_stack((np.ones(felt.size), felt, np.where(loads, -0.5, 0.5)))
     zero = float(position.mean())
-    solution: Array = np.linalg.lstsq(design, position - zero, rcond=None)[0]
-    residual = position - zero - design @ solution
-    variance = float(residual @ residual) / (felt.size - 3)
+    solution, variances, residual = least_squares(design, position - zero)
     likeness = likeness_of(residual)
-    inverse = np.linalg.inv(design.T @ design)
-    errors = np.sqrt(variance * np.diag(inverse) * (1.0 + likeness) / (1.0 - likeness))
     start, compliance, lost_motion = solution.tolist()
-    _, error, lost_motion_error = errors.tolist()
+    _, error, lost_motion_error = np.sqrt(variances * (1.0 + likeness) / (1.0 - likeness)).tolist()
     if not compliance > 0.0 or error > LARGEST_ERROR * compliance:
         raise RecordingError(
             recording.name,

@@ -11,13 +11,13 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from foretouch.errors import SettingError
 from foretouch.errors.checks import require, require_fields
 from foretouch.identification.conditioning.conditioner import ContactSample
 from foretouch.identification.estimator import FEWEST_UPDATES, Estimator, Status
-from foretouch.identification.linear.options import REFERENCE_DEPTH, REFERENCE_VELOCITY, RobustOptions
+from foretouch.identification.linear.options import RobustOptions
 from foretouch.identification.linear.recursion import BROKEN, LARGEST_LOG, Recursion, error_along
 from foretouch.models import HuntCrossley, KelvinVoigt
 
@@ -25,22 +25,27 @@ Array = NDArray[np.float64]
 
 
 class _LeastSquares(Estimator):
-    """Recursions that a leaf feeds with each usable sample."""
+    """Recursions that a leaf feeds with each usable sample; the second unknown of the first is the damping.
+
+    Args:
+        robust: What mends them.
+        *begins: theta_0, and P_0 as a multiple of I, of each recursion.
+    """
 
     logarithms: ClassVar[bool] = True
-    _robust: RobustOptions
-    _recursions: tuple[Recursion, ...]
+
+    def __init__(self, robust: RobustOptions, *begins: tuple[ArrayLike, float]) -> None:
+        self._robust, (self._depth_scale, self._velocity_scale) = robust, robust.scales
+        self._recursions = [
+            Recursion(np.array(first, np.float64), p, trace_limit=robust.trace_limit) for first, p in begins
+        ]
+        self._recursion = self._recursions[0]
 
     def reset(self) -> None:
         """Forget all samples."""
         for recursion in self._recursions:
             recursion.reset()
         self.updates = 0
-
-    @property
-    def _scales(self) -> tuple[float, float]:
-        """Depth [m] and velocity [m/s] that regressors are measured by."""
-        return (REFERENCE_DEPTH, REFERENCE_VELOCITY) if self._robust.scaled else (1.0, 1.0)
 
     @abstractmethod
     def _learn(self, sample: ContactSample) -> int:
@@ -64,16 +69,15 @@ class _LeastSquares(Estimator):
 
         return np.asarray(block_diag(*(recursion.covariance for recursion in self._recursions)))
 
+    def _bounded(self) -> Array:
+        """The unknowns of the first recursion that fit best under the bound that the damping is not negative.
 
-def at_least_zero(theta: Array, covariance: Array, index: int) -> Array:
-    """The unknowns that fit best under the bound that one of them is not negative.
-
-    Least squares with covariance P has its constrained minimum at `theta - P[:, i] / P[i, i] theta[i]`.
-    """
-    if not (theta[index] < 0.0 and covariance[index, index] > 0.0):
-        return theta
-    weight = float(theta[index] / covariance[index, index])
-    return theta - covariance[:, index] * weight
+        Least squares with covariance P has its constrained minimum at `theta - P[:, i] / P[i, i] theta[i]`.
+        """
+        theta, covariance = self._recursion.theta, self._recursion.covariance
+        if not (theta[1] < 0.0 and covariance[1, 1] > 0.0):
+            return theta
+        return theta - covariance[:, 1] * float(theta[1] / covariance[1, 1])
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,29 +121,24 @@ class KelvinVoigtRLS(_LeastSquares):
 
     def __init__(self, options: KelvinVoigtOptions | None = None) -> None:
         self.options = KelvinVoigtOptions() if options is None else options
-        self._robust = self.options.robust
-        self._recursion = Recursion(np.zeros(2), self.options.initial_covariance, trace_limit=self._robust.trace_limit)
-        self._recursions = (self._recursion,)
-        self.reset()
+        super().__init__(self.options.robust, ((0.0, 0.0), self.options.initial_covariance))
 
     def _learn(self, sample: ContactSample) -> int:
-        depth_scale, velocity_scale = self._scales
-        regressor = (sample.depth / depth_scale, sample.velocity / velocity_scale)
+        regressor = (sample.depth / self._depth_scale, sample.velocity / self._velocity_scale)
         return self._recursion.learn(regressor, sample.force, self.options.forgetting_factor)
 
     @property
     def covariance(self) -> Array | None:
         """Of stiffness [N/m] and damping [N s/m], shape (2, 2); None before it is known."""
         covariance = self._recursion.error_covariance
-        return None if covariance is None else covariance / np.outer(self._scales, self._scales)
+        return None if covariance is None else covariance / np.outer(self._robust.scales, self._robust.scales)
 
     @property
     def model(self) -> KelvinVoigt | None:
         """The law (1), None before 20 samples or while its stiffness is not positive."""
         if self.updates < FEWEST_UPDATES:
             return None
-        values = at_least_zero(self._recursion.theta, self._recursion.covariance, 1) / self._scales
-        stiffness, damping = values.tolist()
+        stiffness, damping = (self._bounded() / self._robust.scales).tolist()
         if not (0.0 < stiffness < math.inf and damping < math.inf):
             return None
         return KelvinVoigt(stiffness, max(0.0, damping))
@@ -208,23 +207,16 @@ class HuntCrossleyLogRLS(_LeastSquares):
 
     def __init__(self, options: HuntCrossleyLogOptions | None = None) -> None:
         self.options = HuntCrossleyLogOptions() if options is None else options
-        self._robust = self.options.robust
-        self._depth_scale, self._velocity_scale = self._scales
         ln_k, rate, exponent = self.options.initial_parameters
-        self._recursion = Recursion(
-            np.array([ln_k + exponent * math.log(self._depth_scale), rate * self._velocity_scale, exponent]),
-            self.options.initial_covariance,
-            trace_limit=self._robust.trace_limit,
-        )
-        self._recursions = (self._recursion,)
-        self.reset()
+        depth_scale, velocity_scale = self.options.robust.scales
+        first = (ln_k + exponent * math.log(depth_scale), rate * velocity_scale, exponent)
+        super().__init__(self.options.robust, (first, self.options.initial_covariance))
 
     def _learn(self, sample: ContactSample) -> int:
         _, depth, velocity, force, _ = sample
         regressor = (1.0, velocity / self._velocity_scale, math.log(depth / self._depth_scale))
-        return self._recursion.learn(
-            regressor, math.log(force), self.options.forgetting_factor, self._robust.weight(force)
-        )
+        weight = self._robust.weight(force)
+        return self._recursion.learn(regressor, math.log(force), self.options.forgetting_factor, weight)
 
     @property
     def covariance(self) -> Array | None:
@@ -262,8 +254,7 @@ class HuntCrossleyLogRLS(_LeastSquares):
 
     def _unknowns(self) -> tuple[float, float, float]:
         """Ln k, lambda / k and n, depth in metres."""
-        values = at_least_zero(self._recursion.theta, self._recursion.covariance, 1)
-        level, rate, exponent = values.tolist()
+        level, rate, exponent = self._bounded().tolist()
         return level - exponent * math.log(self._depth_scale), rate / self._velocity_scale, exponent
 
 
@@ -326,16 +317,10 @@ class HuntCrossleyTwoStage(_LeastSquares):
 
     def __init__(self, options: TwoStageOptions | None = None) -> None:
         self.options = TwoStageOptions() if options is None else options
-        robust = self._robust = self.options.robust
-        self._depth_scale, self._velocity_scale = self._scales
-        self._forces = Recursion(np.zeros(2), self.options.initial_covariance, trace_limit=robust.trace_limit)
-        self._exponents = Recursion(
-            np.array([self.options.initial_exponent]),
-            self.options.initial_exponent_covariance,
-            trace_limit=robust.trace_limit,
-        )
-        self._recursions = (self._forces, self._exponents)
-        self.reset()
+        options = self.options
+        exponent = ((options.initial_exponent,), options.initial_exponent_covariance)
+        super().__init__(options.robust, ((0.0, 0.0), options.initial_covariance), exponent)
+        self._exponents = self._recursions[1]
 
     def _learn(self, sample: ContactSample) -> int:
         """Stage 1, then stage 2."""
@@ -344,8 +329,8 @@ class HuntCrossleyTwoStage(_LeastSquares):
         log_depth, relative_velocity = math.log(depth / self._depth_scale), velocity / self._velocity_scale
         exponent = min(max(self._exponents.theta.item(), -LARGEST_EXPONENT), LARGEST_EXPONENT)
         spring = math.exp(min(exponent * log_depth, LARGEST_LOG))
-        done = self._forces.learn((spring, spring * relative_velocity), force, factor)
-        stiffness, damping = at_least_zero(self._forces.theta, self._forces.covariance, 1).tolist()
+        done = self._recursion.learn((spring, spring * relative_velocity), force, factor)
+        stiffness, damping = self._bounded().tolist()
         at_unit_depth = stiffness + damping * relative_velocity
         if done != BROKEN and 0.0 < at_unit_depth < math.inf:  # else no logarithm: stage 2 waits
             target = math.log(force) - math.log(at_unit_depth)
@@ -360,7 +345,7 @@ class HuntCrossleyTwoStage(_LeastSquares):
         exponent = self._exponents.theta.item()
         if not 0.0 < exponent <= LARGEST_EXPONENT:
             return None
-        level, damping = at_least_zero(self._forces.theta, self._forces.covariance, 1).tolist()
+        level, damping = self._bounded().tolist()
         unit = self._depth_scale**exponent
         stiffness, damping = level / unit, max(0.0, damping) / (unit * self._velocity_scale)
         if not (0.0 < stiffness < math.inf and damping < math.inf):

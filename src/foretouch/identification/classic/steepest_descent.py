@@ -90,8 +90,7 @@ def _update(descents: NDArray[np.void], step: float, depth: float, velocity: flo
             power += slope[i] * slope[i]
     innovation = min(max(force - expected, -scale), scale)
     for i in range(4):
-        theta[i] += step * slope[i] * innovation / power
-        theta[i] = min(max(theta[i], bounds[i, 0]), bounds[i, 1])
+        theta[i] = min(max(theta[i] + step * slope[i] * innovation / power, bounds[i, 0]), bounds[i, 1])
     return True
 
 

@@ -147,10 +147,8 @@ def _disagrees(loss: Loss, force: float, effort: float, period: float) -> bool:
     loss.effort += gain * (effort - loss.effort)
     loss.felt += gain * (force - loss.felt)
     largest = max(abs(loss.effort), abs(loss.felt))
-    if abs(loss.effort - loss.felt) > max(EFFORT_LEAST, EFFORT_SHARE * largest):
-        loss.differs += period
-    else:
-        loss.differs = 0.0
+    apart = abs(loss.effort - loss.felt) > max(EFFORT_LEAST, EFFORT_SHARE * largest)
+    loss.differs = loss.differs + period if apart else 0.0
     return bool(loss.differs >= EFFORT_WAIT)
 
 
@@ -167,8 +165,7 @@ def find_loss(loss: Loss, time: float, position: float, force: float, zero: floa
         begin_loss(loss)
         newest = 0
     if slid > 0.0:
-        for index in range(PLACES):
-            loss.positions[index] += slid
+        loss.positions[:] += slid
     loss.times[newest], loss.positions[newest], loss.forces[newest] = time, position, force
     loss.at = (newest + 1) % PLACES
     loss.count = min(loss.count + 1, PLACES)

@@ -131,12 +131,9 @@ def _judge(watch: Watch, result: int, time: float) -> int:
 @compiled
 def _is_repeated(repetition: Repetition, is_new: bool, period: float, limit: float) -> bool:
     """Whether a value repeats for longer than a limit [s], and than some times its longest repetition below that."""
-    if not is_new:
-        repetition.now += period
-    else:
-        if repetition.now < limit:
-            repetition.longest = max(repetition.longest, repetition.now)
-        repetition.now = 0.0
+    if is_new and repetition.now < limit:
+        repetition.longest = max(repetition.longest, repetition.now)
+    repetition.now = 0.0 if is_new else repetition.now + period
     slack = 0.5 * min(period, DROPOUT_TIME / 10.0)  # sums of periods are not exact
     return bool(repetition.now + slack > max(limit, REPEAT_FACTOR * repetition.longest))
 
@@ -154,9 +151,7 @@ def _repeats(watch: Watch, position: float, force: float, period: float) -> int:
     stuck = _is_repeated(watch.alone, change != 0.0, period, STUCK_TIME)
     if watch.changes < NOISE_SAMPLES or watch.noisy < NOISY_RATIO:
         return GOOD
-    if dropped:
-        return DROPOUT
-    return STUCK if stuck else GOOD
+    return DROPOUT if dropped else STUCK if stuck else GOOD
 
 
 @compiled

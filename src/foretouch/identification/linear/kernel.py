@@ -53,20 +53,6 @@ DIAGONAL = (4, 6, 9, 13)  # Places of the diagonal of P in the numbers of a stat
 
 
 @inlined
-def refusal(depth: float, velocity: float, force: float, gate_depth: float, gate_force: float) -> int:
-    """LEARNT, UNUSABLE or GATED, of a sample in contact."""
-    usable = (
-        (depth >= SMALLEST_DEPTH)
-        & (depth < np.inf)
-        & (force >= SMALLEST_FORCE)
-        & (force < np.inf)
-        & (velocity - velocity == 0.0)
-    )
-    shut = (force < gate_force) | (depth < gate_depth)
-    return UNUSABLE if not usable else GATED if shut else LEARNT
-
-
-@inlined
 def weight_of(force: float, factor: float) -> float:
     """(F / weight_force)^2 within 1e-12 and 1e12; 1 where the factor is 0."""
     weight = force * factor
@@ -110,7 +96,7 @@ def enlarge(numbers: Array, options: Packed) -> None:
         numbers[i] *= keep
     room = options.trace_limit - ((numbers[4] + numbers[6]) + (numbers[9] + numbers[13]))
     room = 0.25 * (room if room > 0.0 else 0.0)
-    for i in (4, 6, 9, 13):
+    for i in DIAGONAL:
         numbers[i] += room if room < options.perturbation else options.perturbation
 
 
@@ -186,8 +172,7 @@ def forget_depths(state: State) -> None:
 def restart(state: State, options: Packed) -> None:
     """Back to theta_0 and P_0, all samples forgotten."""
     state.numbers[:] = 0.0
-    for i in range(4):
-        state.numbers[i] = options.first_theta[i]
+    state.numbers[:4] = options.first_theta[:]
     for i in DIAGONAL:
         state.numbers[i] = options.first_covariance
     state.last_depth, state.updates = np.nan, 0
@@ -203,8 +188,7 @@ def count_depth(state: State, log_depth: float, velocity: float, inverse_mu: flo
     state.gain *= inverse_mu
     state.bins[index] += state.gain * weight * (square if square < 1e6 else 1e6)
     if state.gain > LARGEST_GAIN:
-        for i in range(BINS):
-            state.bins[i] /= state.gain
+        state.bins[:] /= state.gain
         state.gain = 1.0
 
 
@@ -212,8 +196,10 @@ def count_depth(state: State, log_depth: float, velocity: float, inverse_mu: flo
 def judge(state: State, options: Packed, sample: tuple[float, float, float, bool]) -> tuple[int, float]:
     """What is to be done with a sample of depth, velocity, force and contact, and how far it has moved [m]."""
     depth, velocity, force, in_contact = sample
-    code = refusal(depth, velocity, force, options.gate_depth, options.gate_force)
-    code = code if in_contact else FREE_AIR
+    in_range = (depth >= SMALLEST_DEPTH) & (depth < np.inf) & (force >= SMALLEST_FORCE) & (force < np.inf)
+    usable = in_range & (velocity - velocity == 0.0)
+    shut = (force < options.gate_force) | (depth < options.gate_depth)
+    code = FREE_AIR if not in_contact else UNUSABLE if not usable else GATED if shut else LEARNT
     last = state.last_depth
     moved = abs(depth - last)
     state.last_depth = depth if code == LEARNT else np.nan if code == FREE_AIR else last
@@ -325,7 +311,6 @@ def run(recordings: NDArray[np.void], samples: Samples, status: NDArray[np.int8]
                 status[start + i] = take(state, options, velocity, known)
                 fresh = status[start + i] == RESTARTED
             if start + i < every.shape[0]:
-                for j in range(4):
-                    every[start + i, j] = state.numbers[j]
+                every[start + i] = state.numbers[:4]
         # A restart forgets the depth before it, and none of those after it.
         state.last_depth = np.nan if fresh else last_depth

@@ -23,7 +23,7 @@ from foretouch.identification.linear.options import (
     full_covariance,
     pack,
 )
-from foretouch.identification.linear.recovery import Recovered, recover
+from foretouch.identification.linear.recovery import recover
 from foretouch.identification.linear.recursion import LARGEST_TRACE, error_along
 from foretouch.models import LinearisedContinuousSwitching
 from foretouch.quantities import ByValue
@@ -103,8 +103,7 @@ class LinearisedEstimator(Estimator):
     `parameters` has ln_k, s, b1, b2 and the law (4) that they stand for: stiffness, damping, exponent, switching, where
     they are determined (`foretouch.identification.linear.recovery`).
 
-    `update` takes one sample, `run` a recording, `run_many` many recordings; all three are compiled, take all options,
-    and give the same numbers to the last bit (`foretouch.identification.linear.kernel`).
+    `update` takes one sample, `run` a recording, `run_many` many recordings: `foretouch.identification.linear.kernel`.
 
     Args:
         options: The choices that the paper leaves open.
@@ -220,7 +219,8 @@ class LinearisedEstimator(Estimator):
     @property
     def linear_parameters(self) -> tuple[float, float, float, float]:
         """(ln k, s, b1, b2) as they are now, depth in metres; theta_0 before the first sample."""
-        return _tuple(to_metres(self._state.numbers[:4], *self.options.scales))
+        ln_k, s, b1, b2 = to_metres(self._state.numbers[:4], *self.options.scales).tolist()
+        return ln_k, s, b1, b2
 
     @property
     def unscaled_covariance(self) -> Array:
@@ -243,11 +243,8 @@ class LinearisedEstimator(Estimator):
     @property
     def parameters(self) -> dict[str, float | None]:
         """ln_k, s, b1, b2, then stiffness, damping, exponent, switching; see `Estimator.parameters`."""
-        model = self.model
-        if model is None:
-            return {}
-        linear = dict(zip(model.parameter_names, model.parameters, strict=True))
-        return {**linear, **recover(self.linear_parameters, self._covariance(), self._state.bins)._asdict()}
+        linear = super().parameters
+        return linear and linear | recover(self.linear_parameters, self._covariance(), self._state.bins)._asdict()
 
     @property
     def standard_errors(self) -> dict[str, float | None] | None:
@@ -258,28 +255,20 @@ class LinearisedEstimator(Estimator):
         model, covariance = self.model, self._covariance()
         if not self.errors_mean_something or model is None or covariance is None:
             return None
-        errors: dict[str, float | None] = dict(
-            zip(model.parameter_names, np.sqrt(np.maximum(0.0, np.diag(covariance))).tolist(), strict=True)
-        )
-        return errors | self._recovered_errors(covariance)
-
-    def _recovered_errors(self, covariance: Array) -> dict[str, float | None]:
-        centre = np.array(self.linear_parameters)
-        steps = 1e-3 * np.sqrt(np.maximum(0.0, np.diag(covariance)))
-        middle = recover(self.linear_parameters, covariance, self._state.bins)
-        moved = [
-            [recover(_tuple(centre + sign * side), covariance, self._state.bins) for sign in (1.0, -1.0)]
-            for side in np.diag(steps)
+        errors = np.sqrt(np.maximum(0.0, np.diag(covariance)))
+        known = dict(zip(model.parameter_names, errors.tolist(), strict=True))
+        centre, bins = np.array(self.linear_parameters), self._state.bins
+        ends = [
+            [recover((centre + sign * side).tolist(), covariance, bins) for side in np.diag(1e-3 * errors)]
+            for sign in (1.0, -1.0)
         ]
-        errors: dict[str, float | None] = {}
-        for name in Recovered._fields:
-            ends = [[getattr(one, name) for one in pair] for pair in moved]
-            if getattr(middle, name) is None or not steps.all() or any(None in pair for pair in ends):
-                errors[name] = None
-                continue
-            slope = np.array([pair[0] - pair[1] for pair in ends]) / (2.0 * steps)
-            errors[name] = error_along(slope, covariance)
-        return errors
+        further, nearer = np.array(ends, np.float64)  # NaN where a number is undetermined
+        slopes = (further - nearer).T.copy() / np.where(errors > 0.0, 2.0 * (1e-3 * errors), np.nan)
+        middle = recover(self.linear_parameters, covariance, bins)._asdict().items()
+        return known | {
+            name: None if value is None else error_along(slope, covariance)
+            for (name, value), slope in zip(middle, slopes, strict=True)
+        }
 
     def _covariance(self) -> Array | None:
         """Covariance of theta in metres by the residuals; only an indication where forgetting or perturbation act."""
@@ -287,8 +276,3 @@ class LinearisedEstimator(Estimator):
         if not variance * float(np.trace(covariance)) < LARGEST_TRACE:  # nor where the variance is not known: NaN
             return None
         return self._to_metres @ (variance * covariance) @ self._to_metres.T
-
-
-def _tuple(values: Array) -> tuple[float, float, float, float]:
-    ln_k, s, b1, b2 = values.tolist()
-    return ln_k, s, b1, b2

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,6 +64,11 @@ class RobustOptions:
                 require(name, value, above=0.0)
 
     @property
+    def scales(self) -> tuple[float, float]:
+        """Depth [m] and velocity [m/s] that regressors are measured by."""
+        return (REFERENCE_DEPTH, REFERENCE_VELOCITY) if self.scaled else (1.0, 1.0)
+
+    @property
     def trace_limit(self) -> float:
         """The bound on the trace of P, inf for none."""
         return math.inf if self.covariance_limit is None else self.covariance_limit
@@ -90,12 +95,6 @@ class RobustOptions:
             return 1.0
         weight = force / self.weight_force
         return min(max(weight * weight, 1e-12), 1e12)
-
-
-def require_choice(name: str, value: object, choices: tuple[str, ...]) -> None:
-    """Raise `SettingError` unless the value is one of the choices."""
-    if value not in choices:
-        raise SettingError(name, value, f"must be one of {', '.join(choices)}")
 
 
 Array = NDArray[np.float64]
@@ -158,6 +157,14 @@ def full_covariance(triangle: Array) -> Array:
 
 DepthUnit = Literal["m", "mm"]
 
+CHOICES = {
+    "depth_unit": get_args(DepthUnit),
+    "perturbation_error": get_args(ErrorUnit),
+    "perturbation_moment": get_args(PerturbationMoment),
+    "perturbation_form": get_args(PerturbationForm),
+}
+"""What those of `FPRLSOptions` may be that are words."""
+
 
 @dataclass(frozen=True, slots=True)
 class FPRLSOptions:
@@ -208,17 +215,14 @@ class FPRLSOptions:
             raise SettingError("initial_parameters", self.initial_parameters, "takes ln_k, s, b1, b2")
         for value in self.initial_parameters:
             require("initial_parameters", value)
-        require_choice("depth_unit", self.depth_unit, ("m", "mm"))
-        require_choice("perturbation_error", self.perturbation_error, ("log", "newton"))
-        require_choice("perturbation_moment", self.perturbation_moment, ("after", "before"))
-        require_choice("perturbation_form", self.perturbation_form, ("add", "reset"))
+        for name, choices in CHOICES.items():
+            if getattr(self, name) not in choices:
+                raise SettingError(name, getattr(self, name), f"must be one of {', '.join(choices)}")
 
     @property
     def scales(self) -> tuple[float, float]:
         """Depth [m] and velocity [m/s] that regressors are measured by."""
-        if self.robust.scaled:
-            return REFERENCE_DEPTH, REFERENCE_VELOCITY
-        return (1.0, 1.0) if self.depth_unit == "m" else (1e-3, 1e-3)
+        return (1e-3, 1e-3) if self.depth_unit == "mm" and not self.robust.scaled else self.robust.scales
 
 
 class Forgetting(NamedTuple):

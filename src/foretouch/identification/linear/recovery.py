@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -70,18 +71,16 @@ def inverse_power_fit(inverse_depth: Array, weights: Array, alpha: float) -> tup
 @compiled
 def _switching_of_share(inverse_depth: Array, weights: Array, reference: float, share: float) -> float:
     """The alpha at which a2 / (a1 x_ref + a2), rising from 0 at alpha = 0 to 1 at alpha = 1, equals the fraction."""
-    low, high = 0.0, 1.0
-    for _ in range(40):
-        middle = 0.5 * (low + high)
-        a1, a2 = inverse_power_fit(inverse_depth, weights, middle)
+    low, width = 0.0, 1.0
+    for _ in range(40):  # halves are exact
+        width *= 0.5
+        a1, a2 = inverse_power_fit(inverse_depth, weights, low + width)
         if a2 < share * (a1 * reference + a2):
-            low = middle
-        else:
-            high = middle
-    return 0.5 * (low + high)
+            low += width
+    return low + 0.5 * width
 
 
-def recover(linear: tuple[float, float, float, float], covariance: Array | None, depths: Array) -> Recovered:
+def recover(linear: Sequence[float], covariance: Array | None, depths: Array) -> Recovered:
     r"""k, lambda, n, alpha from (ln k, s, b1, b2), over the depths that were seen.
 
     By (17) and (18), b1 = a1 lambda / k and b2 = a2 lambda / k, where a1 and a2 follow from alpha and the depths. The
@@ -97,7 +96,7 @@ def recover(linear: tuple[float, float, float, float], covariance: Array | None,
     error by `covariance` is above 0.25. At slow motion that is the rule: damping is then a thousandth of the force.
 
     Args:
-        linear: ln k, s, b1 [s/m], b2 [s], depth in metres.
+        linear: ln k, s, b1 [s/m], b2 [s], depth in metres: four numbers.
         covariance: Of `linear`, shape (4, 4), None where there is none.
         depths: Information on b1 and b2 by depth: for each bin of `INVERSE_DEPTH` the sum of w v^2 of its samples, in
             which old ones fade as the recursion forgets them. Least squares on (18) fits 1 / x^alpha by a1 + a2 / x
@@ -119,18 +118,15 @@ def recover(linear: tuple[float, float, float, float], covariance: Array | None,
     if not (damping > 0.0 and math.isfinite(damping)):
         return unknown
     weight = b2 / damping
-    if not -SHARE_MARGIN <= weight <= 1.0 + SHARE_MARGIN:
-        return unknown
-    if covariance is None:
+    if covariance is None or not -SHARE_MARGIN <= weight <= 1.0 + SHARE_MARGIN:
         return unknown
     # Plain floats from here: they overflow to inf and not to a warning, and no inf passes the comparisons.
     (c11, c12), (_, c22) = covariance[2:, 2:].tolist()
     by_b1, by_b2 = -weight * (reference / damping), b1 / damping * (reference / damping)
     if not by_b1 * by_b1 * c11 + 2.0 * by_b1 * by_b2 * c12 + by_b2 * by_b2 * c22 <= LARGEST_UNCERTAINTY**2:
         return unknown
-    if weight <= 0.0 or weight >= 1.0:
-        switching = 0.0 if weight <= 0.0 else 1.0
-    else:
+    switching = min(max(0.0, weight), 1.0)
+    if 0.0 < switching < 1.0:
         switching = float(_switching_of_share(inverse_depth, weights, reference, weight))
     a1, a2 = inverse_power_fit(inverse_depth, weights, switching)
     damping *= stiffness / (a1 * reference + a2)

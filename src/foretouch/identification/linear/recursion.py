@@ -100,12 +100,9 @@ LARGEST_LOG = 600.0  # Logarithms of forces count as at most this where they are
 def _perturb(covariance: Array, perturbation: float, resetting: bool, trace_limit: float) -> None:
     """Enlarge P by delta I, or set it to delta I, as far as the limit of its trace allows."""
     size = covariance.shape[0]
-    trace = 0.0
-    for i in range(size):
-        if resetting:
-            covariance[i, :] = 0.0
-        trace += covariance[i, i]
-    enlargement = min(perturbation, max(0.0, trace_limit - trace) / size)
+    if resetting:
+        covariance[:] = 0.0
+    enlargement = min(perturbation, max(0.0, trace_limit - np.trace(covariance)) / size)
     for i in range(size):
         covariance[i, i] += enlargement
 
@@ -121,11 +118,7 @@ def _step(
     forgetting_factor: float,
     rules: tuple[float, float, bool, float],
 ) -> int:
-    """One step in place: see `Recursion.learn`.
-
-    Returns 0 when P was no longer a covariance (then the caller begins again), 1 otherwise, 2 when the
-    self-perturbing test tripped. P is kept symmetric by computing one triangle.
-    """
+    """One step in place: see `Recursion.learn`. P is kept symmetric by computing one triangle."""
     sensitivity, perturbation, resetting, trace_limit = rules
     size = theta.size
     innovation = target
@@ -227,8 +220,7 @@ class Recursion:
         Returns:
             0 when the numbers were no longer usable; call `reset` then. 1 when it learnt, 2 when it also perturbed P.
         """
-        for index, value in enumerate(regressor):
-            self._regressor[index] = value
+        self._regressor[:] = regressor
         known = self.theta, self.covariance, self._residuals
         return int(_step(*known, self._regressor, target, weight, forgetting_factor, self._rules))
 
