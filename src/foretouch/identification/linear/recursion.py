@@ -220,7 +220,8 @@ class Recursion:
         Returns:
             0 when the numbers were no longer usable; call `reset` then. 1 when it learnt, 2 when it also perturbed P.
         """
-        self._regressor[:] = regressor
+        for index, value in enumerate(regressor):  # quicker than a slice
+            self._regressor[index] = value
         known = self.theta, self.covariance, self._residuals
         return int(_step(*known, self._regressor, target, weight, forgetting_factor, self._rules))
 
