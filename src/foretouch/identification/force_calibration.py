@@ -280,7 +280,7 @@ def _require_directions(directions: Array, poses: int) -> Array:
 
 def least_squares(design: Array, values: Array) -> tuple[Array, Array, Array]:
     """Solution, its variances if the residuals are independent, and residual."""
-    solution: Array = np.linalg.lstsq(design, values, rcond=None)[0]
+    solution = np.asarray(np.linalg.lstsq(design, values, rcond=None)[0], dtype=np.float64)
     residual = values - design @ solution
     variance = float(residual @ residual) / (values.size - design.shape[1])
     return solution, variance * np.diag(np.linalg.inv(design.T @ design)), residual
