@@ -90,6 +90,7 @@ def measured_row(found: dict[str, Any]) -> Row:
     within = found["within_one_deviation_percent"], found["within_two_deviations_percent"]
     return [
         figure(error),
+        figure(found["error_up_to_constant_percent"]),
         felt(error),
         figure(found["within_jnd_percent"]),
         *(" / ".join(map(figure, pair)) if pair[0] is not None else "–" for pair in (within, phantom)),
@@ -144,6 +145,7 @@ REACH_HEADS = (
     "Chosen on",
     "Touched",
     "Error [%]",
+    "Up to a constant [%]",
     "Felt",
     "Within JND [%]",
     "Within σ / 2σ [%]",
