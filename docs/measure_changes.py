@@ -32,10 +32,10 @@ from foretouch.robot import make_material
 PAGE = Path(__file__).parent / "contact-map.md"
 
 CONSTANTS = {
-    "WRONG": scores,
+    "SURE": scores,
     "CLEAR": scores,
     "YOUNG": learning,
-    "SCORE_TIME": scores,
+    "LEARNING_TIME": scores,
     "CHANGED_FROM": learning,
 }
 """Where they stand."""
@@ -119,7 +119,7 @@ def row(what: str, found: dict[str, Any]) -> Row:
 
 def changes() -> str:
     """The numbers as they are, halved and doubled."""
-    asked = [("WRONG", 1.0), *((name, factor) for name in CONSTANTS for factor in (0.5, 2.0))]
+    asked = [("SURE", 1.0), *((name, factor) for name in CONSTANTS for factor in (0.5, 2.0))]
     with ThreadPoolExecutor(2) as pool:
         found = list(pool.map(lambda one: variant(*one), asked))
     words = {0.5: "halved", 1.0: "shipped", 2.0: "doubled"}

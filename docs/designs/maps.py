@@ -10,7 +10,8 @@ from designs.basis import LENGTH, Features, alike, knots, smooth, splines
 from designs.presses import Array, Press
 from numba import njit
 
-from foretouch.identification.contact_map.learning import FADING, PERIOD
+from foretouch.identification.contact_map.learning import PERIOD
+from foretouch.identification.exact.belief import DRIFT
 from foretouch.models.contact_map.layout import BEYOND, COARSENESS
 
 FADE_EVERY = 0.1
@@ -44,7 +45,7 @@ class Map:
     ridge: float | None = None
     noise: float = 1.0
     forgetting: float = 1.0
-    inflation: float = FADING
+    inflation: float = DRIFT**2
     restart: bool = True
     beyond: str = "held"
     clamp_features: bool = True

@@ -16,7 +16,8 @@ from foretouch.identification import ContactSample, Learner, predict
 from foretouch.identification.conditioning.kernel import PEAK_SHARE
 from foretouch.identification.contact_map.bank import EXPERT_NAMES, ContactMap
 from foretouch.identification.contact_map.learning import PERIOD
-from foretouch.identification.contact_map.scores import FIRST_ERROR, PENALTY, SCORE_TIME, YOUNG
+from foretouch.identification.contact_map.scores import PENALTY
+from foretouch.identification.exact.belief import FIRST_ERROR, LEARNING_TIME, YOUNG
 
 SHARPNESS = 8.0  # Power of the inverse error in the shipped weights
 
@@ -75,7 +76,7 @@ class Shares:
     rule: str = "power"
     power: float = SHARPNESS
     late: bool = True
-    duration: float = SCORE_TIME
+    duration: float = LEARNING_TIME
 
     def predict(self, press: Press) -> tuple[Array, float]:
         """The late prediction at every sample [N]; its cost is that of the experts."""

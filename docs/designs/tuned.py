@@ -28,6 +28,7 @@ SOURCES = Path(__file__).resolve().parents[2] / "src"
 ROOM = "foretouch.identification"
 MODULES = (
     *(f"{ROOM}.contact_map.{name}" for name in ("bank", "kernel", "learning", "prior", "regression", "scores")),
+    *(f"{ROOM}.exact.{name}" for name in ("law", "belief")),
     "foretouch.models.contact_map.layout",
     *(f"{ROOM}.conditioning.{name}" for name in ("air", "kernel")),
 )
@@ -37,6 +38,10 @@ LAYOUT = "foretouch.models.contact_map.layout"
 NOT_TUNED = {
     f"{ROOM}.contact_map.learning:LARGEST": "the largest number there is",
     f"{ROOM}.contact_map.learning:LONGEST_PERIOD": "no recording has such pauses",
+    f"{ROOM}.exact.law:LARGEST_S": "the paper's bound",
+    f"{ROOM}.exact.belief:LARGEST_DAMPING": "a bound that nothing here reaches",
+    f"{ROOM}.exact.belief:SMALLEST_FORCE": "a bound that nothing here reaches",
+    f"{ROOM}.exact.belief:LARGEST_FORCE": "a bound that nothing here reaches",
     f"{LAYOUT}:LARGEST_FORCE": "a bound of what is sent",
     f"{LAYOUT}:UNCERTAINTIES": "a size",
     f"{LAYOUT}:EXPERTS": "a size",
@@ -50,8 +55,11 @@ COMPILED = (
     f"{LAYOUT}:COARSENESS",
     f"{LAYOUT}:GRIDS:0",
     f"{LAYOUT}:GRIDS:1",
-    f"{ROOM}.contact_map.kernel:FEWEST_UPDATES",
+    f"{LAYOUT}:BEYOND",
+    *(f"{ROOM}.exact.belief:{name}" for name in ("FEWEST_UPDATES", "FIRST_ERROR", "LEARNING_TIME", "DRIFT")),
+    f"{ROOM}.exact.belief:SURFACE_NOISE",
     f"{ROOM}.contact_map.scores:LONGEST_HORIZON",
+    f"{ROOM}.conditioning.air:SURE",
     f"{ROOM}.conditioning.air:START_WINDOW",
 )
 """Those that make the compiled code another one: whole numbers, the distances of the knots, and those that others are

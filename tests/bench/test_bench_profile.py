@@ -136,4 +136,4 @@ def test_a_profile_says_where_the_time_goes(session: TapedSession) -> None:
         assert names[-1] == ELSE
     for side in PARTS:
         assert result[side, 50][STEP] < result[side, 99][STEP]
-        assert result[side, 50][STEP] == pytest.approx(result[side, 50][WITHOUT], rel=0.5)
+        assert 0.2 < result[side, 50][STEP] / result[side, 50][WITHOUT] < 5.0

@@ -67,23 +67,23 @@ from foretouch.models.contact_map import layout
 
 @numba.njit
 def compiled(index):
-    return scores.PENALTY, layout.TIMES[index], scores.SCORE_TIME
+    return scores.PENALTY, layout.TIMES[index], scores.YOUNG
 
 print(*compiled(1))
 tuned.change("{SCORES}:PENALTY", 0.5)
 tuned.change("{LAYOUT}:TIMES:1", 2.0)
-tuned.change("{SCORES}:SCORE_TIME", 2.0)
+tuned.change("foretouch.identification.exact.belief:YOUNG", 2.0)
 print(*compiled(1))
-print(scores.PENALTY, layout.TIMES[1], learning.SCORE_TIME)
+print(scores.PENALTY, layout.TIMES[1], learning.YOUNG)
 """
 
 
 def test_a_changed_number_is_changed_in_compiled_code_and_wherever_it_was_imported() -> None:
     done = subprocess.run([sys.executable, "-c", CHANGED], capture_output=True, text=True, check=True)
     assert [list(map(float, line.split())) for line in done.stdout.splitlines()] == [
-        [1.2, 0.3, 1.0],
-        [0.6, 0.6, 2.0],
-        [0.6, 0.6, 2.0],
+        [1.2, 0.3, 0.1],
+        [0.6, 0.6, 0.2],
+        [0.6, 0.6, 0.2],
     ]
 
 

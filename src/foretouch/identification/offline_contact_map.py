@@ -18,7 +18,7 @@ from foretouch.identification.estimator import Status, StoringEstimator
 from foretouch.identification.offline import OfflineFit, fit_offline
 from foretouch.models import ContactMapModel, ContactModel, ContactState
 from foretouch.models.contact_map.kernel import experts, features, locate, remember
-from foretouch.models.contact_map.layout import GRIDS, LARGEST_FEATURES, MEMORY, Grid, Map
+from foretouch.models.contact_map.layout import GRIDS, LARGEST_FEATURES, LARGEST_FORCE, MEMORY, Grid, Map
 
 Array = NDArray[np.float64]
 
@@ -70,7 +70,7 @@ class OfflineContactMap(StoringEstimator):
     def update(self, sample: ContactSample) -> Status:
         """Store one sample; see `Estimator.update`."""
         time, depth, velocity, force, in_contact = sample
-        if not (math.isfinite(depth) and math.isfinite(velocity) and math.isfinite(force)):
+        if not (math.isfinite(depth) and math.isfinite(velocity) and abs(force) < LARGEST_FORCE):
             return Status.FREE_AIR if math.isnan(depth) else Status.UNUSABLE
         if not time > self._time and not math.isnan(self._time):
             return Status.UNUSABLE

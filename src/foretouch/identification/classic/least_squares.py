@@ -351,8 +351,3 @@ class HuntCrossleyTwoStage(_LeastSquares):
         if not (0.0 < stiffness < math.inf and damping < math.inf):
             return None
         return HuntCrossley(stiffness, damping, exponent)
-
-    @property
-    def standard_errors(self) -> dict[str, float | None] | None:
-        """None: see the class."""
-        return None

@@ -153,11 +153,6 @@ class _SteepestDescent(Estimator):
         except (SettingError, OverflowError):  # depths and forces so extreme that k leaves the floating point numbers
             return None
 
-    @property
-    def standard_errors(self) -> dict[str, float | None] | None:
-        """None: descent keeps no covariance."""
-        return None
-
 
 class SteepestDescent(_SteepestDescent):
     r"""Identifies the exact law (4) by normalised steps down the gradient of the squared error.

@@ -16,7 +16,9 @@ from foretouch.models.contact_map.layout import PLAYS
 
 Field = NDArray[Any]
 
-START_WINDOW = 0.05  # Time over which it is seen whether a force that was one number before is noise now [s]
+START_WINDOW = 0.05
+"""Time [s] over which it is seen whether a force that was one number before is noise now. The lowest mean of so long is
+the force in free air at first."""
 
 BLOCK = 0.02  # Length of a block whose mean force is taken [s]
 

@@ -24,8 +24,6 @@ from foretouch.models.predictor import VELOCITY_CUTOFF
 
 Array = NDArray[np.float64]
 
-OFFSET_WINDOW = START_WINDOW  # Length [s] of the window whose lowest mean so far is taken for the force in free air
-
 CONTACT_FLOOR = 0.05
 """Least force [N] that counts as contact where nothing better is known of the sensor."""
 
@@ -33,7 +31,7 @@ NOISE_FACTOR = 8.0
 """Threshold of contact above the force in free air, in spreads of the quietest window: what chatters in free air is not
 the sensor's noise."""
 
-PEAK_TIME = OFFSET_WINDOW / 10.0  # Length of a block [s]; the largest force is the lowest in two of them
+PEAK_TIME = START_WINDOW / 10.0  # Length of a block [s]; the largest force is the lowest in two of them
 
 PEAK_SHARE = 0.05
 """Least threshold of contact above free air, as a fraction of the largest force so far: friction of the mechanism grows
@@ -204,7 +202,7 @@ def learn_offset(state: Conditioning, rings: Array, time: float, force: float) -
     quiet.total += shifted
     quiet.squares += shifted * shifted
     full = False
-    while time - times[quiet.first] >= OFFSET_WINDOW:
+    while time - times[quiet.first] >= START_WINDOW:
         full, old = True, forces[quiet.first]
         quiet.total -= old
         quiet.squares -= old * old

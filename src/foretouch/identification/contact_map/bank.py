@@ -14,7 +14,6 @@ from foretouch.errors import SettingError
 from foretouch.errors.checks import require
 from foretouch.identification.conditioning.conditioner import ContactSample, ContactSamples
 from foretouch.identification.contact_map.kernel import (
-    FEWEST_UPDATES,
     FREE_AIR,
     GONE,
     LEARNT,
@@ -34,7 +33,8 @@ from foretouch.identification.contact_map.remembered import from_the_surface
 from foretouch.identification.contact_map.scores import LONGEST_HORIZON
 from foretouch.identification.contact_map.state import HELD, Bank
 from foretouch.identification.estimator import Estimator, Status, status_indices
-from foretouch.identification.exact.recursive import ExactContinuousSwitching, ExactOptions
+from foretouch.identification.exact.belief import FEWEST_UPDATES
+from foretouch.identification.exact.recursive import ExactContinuousSwitching
 from foretouch.models import ContactMapModel, ContactModel, ContactState
 
 EXPERT_NAMES = ("law", "coarse", "fine")
@@ -70,7 +70,7 @@ class ContactMap(Estimator):
     part, that is doubly integrated white noise, which goes on straight where nothing was learnt, and a smooth Gaussian
     process for each feature. Only the ratio of prior and noise matters, so that nothing depends on the unit of force;
     and depth counts from the first contact, so that a better surface later moves nothing. There is no forgetting
-    towards the prior, but for a covariance that goes back to it in 50 minutes of contact.
+    towards the prior, but for a covariance that goes back to it in 20 minutes of contact.
 
     **Law.** The exact law (4) by `ExactContinuousSwitching`: a first guess from twenty samples, right within 0.1 s
     after a change, and the best where the material is of that kind.
@@ -143,8 +143,7 @@ class ContactMap(Estimator):
         require("horizon", horizon, at_least=0.0, at_most=2.0)
         if not experts or not set(experts) <= set(EXPERT_NAMES):
             raise SettingError("experts", ", ".join(experts), f"must be some of {', '.join(EXPERT_NAMES)}")
-        # Residuals count as correlated for 0.02 s, not 0.1: the law is used where it holds, and there it may be quick.
-        self._law = ExactContinuousSwitching(ExactOptions(correlation_time=0.02))
+        self._law = ExactContinuousSwitching()
         self.states = Bank.new(law=self._law._filters, absent=[name not in experts for name in EXPERT_NAMES])
         self._state = self.states[0]
         notes, self._changes = self.states["notes"][0], self.states["changes"]  # views are quicker than names

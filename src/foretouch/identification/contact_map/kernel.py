@@ -28,8 +28,8 @@ from foretouch.identification.contact_map.learning import (
 from foretouch.identification.contact_map.remembered import attend, drop
 from foretouch.identification.contact_map.scores import LONGEST_HORIZON
 from foretouch.identification.contact_map.state import HELD, NOT_GIVEN, Bank
+from foretouch.identification.exact.belief import FEWEST_UPDATES, law_numbers
 from foretouch.identification.exact.belief import clear as clear_law
-from foretouch.identification.exact.belief import law_numbers
 from foretouch.identification.exact.kernel import move_surface as move_law
 from foretouch.identification.exact.kernel import take as take_law
 from foretouch.models.contact_map.kernel import advanced, memory_of, numbers_of, remember
@@ -44,8 +44,6 @@ Banks = NDArray[np.void]
 LARGEST_SHIFT = (COARSE.below - 1) * COARSE.spacing
 """Largest shift of the surface from where the map began [m], after which it begins anew, for it has no more knots; in
 its first `LONGEST_HORIZON` in contact one of a knot is enough: the first contact was false, and little is lost."""
-
-FEWEST_UPDATES = 8  # Least number of samples from which a force is rendered
 
 FREE_AIR, UNUSABLE, WAITING, LEARNT, LEARNT_IN_AIR, OTHER, GONE, RESTARTED = range(8)
 """Result of a sample: all from LEARNT on have changed the model. OTHER is a material that has changed, and GONE one

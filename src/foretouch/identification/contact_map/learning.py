@@ -16,17 +16,15 @@ from foretouch.identification.contact_map.regression import (
     in_fine_reach,
 )
 from foretouch.identification.contact_map.scores import (
-    FIRST_ERROR,
     LONGEST_HORIZON,
     RING_PERIOD,
-    SCORE_TIME,
-    YOUNG,
     allot,
     score,
     set_doubt,
     watch,
 )
 from foretouch.identification.contact_map.state import LEVELS, RING, Bank, Notes
+from foretouch.identification.exact.belief import DRIFT, FIRST_ERROR, LEARNING_TIME, YOUNG
 from foretouch.models.contact_map.kernel import blend, cubic, features, law_force, mapped
 from foretouch.models.contact_map.layout import (
     BEYOND,
@@ -49,10 +47,6 @@ LONGEST_PERIOD = 0.1  # Largest period between samples [s]; a longer pause count
 
 LEARNT, CHANGED, FAILED = range(3)
 """Result of a step."""
-
-FADING = 1.0 / 3000.0
-"""Fraction by which the covariance goes back towards the prior in each second in contact [1/s]: what was learnt long
-ago can be learnt again."""
 
 CHANGED_FROM = 4.0  # Time in contact [s] before a change can be detected
 
@@ -296,7 +290,7 @@ def note_present(bank: Bank, sample: tuple[float, float, float], period: float) 
     """Note the errors before a sample in contact is learnt; whether it is the fine map's alone."""
     position, velocity, force = sample
     learnt, notes, values = bank.map[0], bank.notes[0], bank.values[:]
-    fading, law = math.exp(-period / SCORE_TIME), law_force(learnt, position, velocity)
+    fading, law = math.exp(-period / LEARNING_TIME), law_force(learnt, position, velocity)
     present = notes.present
     present.law = fading * present.law + period * (law - force) ** 2
     present.law_time = fading * present.law_time + period
@@ -351,8 +345,8 @@ def learn(bank: Bank, time: float, position: float, velocity: float, force: floa
             fit(fine_weights, bank.fine, FINE, position - learnt.place, values, raw)
     if notes.faded >= 1.0:
         notes.faded = 0.0
-        fade(bank.coarse, FADING)
-        fade(bank.fine, FADING)
+        fade(bank.coarse, DRIFT * DRIFT)
+        fade(bank.fine, DRIFT * DRIFT)
     allot(bank)
     snap(bank, time)
 

@@ -20,8 +20,8 @@ from foretouch.core.compiling import compiled, inlined
 from foretouch.identification.conditioning.kernel import PEAK_SHARE
 from foretouch.identification.contact_map.learning import copy_map, refine, snapshot_at
 from foretouch.identification.contact_map.regression import expect_mean, reach
-from foretouch.identification.contact_map.scores import SCORE_TIME, YOUNG
 from foretouch.identification.contact_map.state import DROPPED, EARLY, RING, Bank
+from foretouch.identification.exact.belief import LEARNING_TIME, YOUNG
 from foretouch.models.contact_map.kernel import blend, cubic, experts
 from foretouch.models.contact_map.layout import CLEAR, COARSE, EXPERTS, FINE, STUCK, Map
 from foretouch.models.contact_model import LARGEST_DEPTH
@@ -141,7 +141,7 @@ def show(bank: Bank) -> None:
         shown.touch, shown.touch_way, shown.touch_force = given.touch, given.touch_way, given.touch_force
     if not learnt.pull > 0.0:
         shown.pull, shown.catch, shown.hold = given.pull, given.catch, given.hold
-    if bank.notes[0].contact < SCORE_TIME:  # the weights of the experts are not known yet
+    if bank.notes[0].contact < LEARNING_TIME:  # the weights of the experts are not known yet
         for k in range(4):
             shown.law[k] = given.law[k]
         shown.law_surface = given.law_surface - learnt.origin

@@ -8,24 +8,19 @@ from foretouch.core.compiling import inlined
 from foretouch.identification.conditioning.air import SURE
 from foretouch.identification.conditioning.kernel import PEAK_SHARE
 from foretouch.identification.contact_map.state import Bank
+from foretouch.identification.exact.belief import FIRST_ERROR, LEARNING_TIME, YOUNG
 from foretouch.models.contact_map.kernel import experts
 from foretouch.models.contact_map.layout import CLEAR, EXPERTS, STUCK, Map
 
-SCORE_TIME = 1.0  # Time constant in contact with which scores fade [s]
-FIRST_ERROR = 0.2  # Relative error that is assumed at first, of maps half of it after a change: they go on
 LONGEST_HORIZON = 0.3
 """Largest delay of the predictions on which experts are scored [s]: over longer ones they are too much alike. Changes
 are looked for in predictions of this age."""
 RING_PERIOD = LONGEST_HORIZON / 15.0
 """Time between two snapshots of the map, and for which assumed errors before a sample is learnt count [s]."""
-YOUNG = 0.1
-"""Time in contact [s] after which something can be told: for so long assumed errors count, no snapshot is scored, and
-what is wrong may be chance."""
 PENALTY = 1.2
 """Factor on the error of the law, and of the fine map against the coarse one: each has to be clearly better, for where
 it is not right it is far off."""
 NEEDED = 0.02  # Least error of the coarse map, relative to the peak, with which the fine one is needed
-WRONG = SURE  # Standard deviations by which a late prediction is wrong where the material has changed
 
 
 @inlined
@@ -45,7 +40,7 @@ def score(bank: Bank, snapshot: Map, sample: tuple[float, float, float], contact
     pulls = snapshot.pull > 0.0 and min(mixed, force) < -PEAK_SHARE * notes.peak
     if not (contact or pulls or mixed > PEAK_SHARE * notes.peak) or not notes.peak > 0.0:
         return
-    fading, shares = math.exp(-period / SCORE_TIME), bank.map[0].shares
+    fading, shares = math.exp(-period / LEARNING_TIME), bank.map[0].shares
     known = shares[1] + shares[2]
     maps = coarse + (shares[2] / known * (fine - coarse) if known > 0.0 else 0.0)
     notes.scores[0] = notes.scores[0] * fading + period * (law - force) ** 2
@@ -79,7 +74,7 @@ def watch(bank: Bank, snapshot: Map, sample: tuple[float, float, float], contact
     mixed = experts(snapshot, bank.values, position, velocity, bank.memory[STUCK], True)[3]
     if not (contact or max(mixed, force) > PEAK_SHARE * notes.peak):
         return
-    expected = WRONG * WRONG * (snapshot.uncertainty[0] + snapshot.uncertainty[1] * mixed * mixed)
+    expected = SURE * SURE * (snapshot.uncertainty[0] + snapshot.uncertainty[1] * mixed * mixed)
     # At its foot a press may be a little elsewhere.
     wrong = (mixed - force) ** 2 > max(expected, (CLEAR * notes.peak) ** 2)
     if not wrong:

@@ -10,21 +10,40 @@ from numpy.typing import NDArray
 
 from foretouch.core.compiling import compiled, inlined
 from foretouch.core.records import Record
+from foretouch.identification.conditioning.air import SURE
 from foretouch.identification.exact.law import REFERENCE_TIME, UNKNOWNS
 
 Array = NDArray[np.float64]
 Field = NDArray[Any]
 
 
-LARGEST_NOISE = 0.25  # Largest standard deviation of a force, in that force, which is also the one before it is learnt
+FIRST_ERROR = 0.2
+"""Relative error of what is not learnt yet: of a force, of maps half of it after a change, for they go on, and of a
+depth by its surface. Also the largest error of an exponent that counts as known."""
 
-FEWEST_UPDATES = 20  # No force is rendered from fewer samples
+USUAL_EXPONENT = 1.25  # s at the beginning: between a spring and Hertz's 3/2
 
+YOUNG = 0.1
+"""Time in contact [s] after which something can be told: for so long assumed errors count, no snapshot is scored, and
+what is wrong may be chance. A probe that stays in one place for so long is held."""
+
+LEARNING_TIME = 1.0  # Time constant in contact with which errors fade: those of late predictions, and first ones [s]
+
+DRIFT = 0.03
+"""Random walk of the law in one second, in the standard deviations of the beginning. A map's covariance goes back to
+that of the beginning as fast: what was learnt long ago can be learnt again."""
+
+SURFACE_NOISE = 0.02
+"""Standard deviation of each depth, relative to the reference depth. Nothing is learnt from samples that are nearer to
+the surface, and a probe that moved less stays in one place."""
+
+FEWEST_UPDATES = 8  # Least number of samples from which a force is rendered
+
+LARGEST_SURFACE = SURE * FIRST_ERROR
 LARGEST_DAMPING = 20.0
-LARGEST_SURFACE = 0.5
 SMALLEST_FORCE = 1e-9
 LARGEST_FORCE = 1e12
-"""Bounds of D in F0, of the surface in x0, and of F0 [N]."""
+"""Bounds of the surface in x0, of D in F0, and of F0 [N]."""
 
 
 class Settings(Record):
@@ -35,9 +54,6 @@ class Settings(Record):
     alpha_bounds: Annotated[Field, float, 2]
     drift: float
     ignorance_time: float
-    noise_memory: float
-    correlation_time: float
-    gate: float
     surface_noise: float
 
 
@@ -51,7 +67,7 @@ class Belief(Record):
     last_time: float  # of the newest moving sample [s]
     anchor_depth: float  # where movement was last seen [m]
     anchor_time: float  # and when [s]
-    count: float  # moving samples, at most the noise memory
+    count: float  # moving samples
     moving_time: float  # [s]
     log_depth: float  # running mean of ln x
     power: float  # running mean of F^2 [N^2]
@@ -61,10 +77,7 @@ class Belief(Record):
     product: float  # mean product of successive normalised residuals
     square: float  # and their mean square
     last_residual: float
-    alarm: float  # mean of the last squared normalised innovations
-    pause: float  # samples for which no change can be called
-    excess: float  # the mean as in `alarm` over a longer time
-    learnt_from: float  # samples since the beginning
+    excess: float  # mean of the squared normalised innovations of the last tenth of a second
     log_reference: float  # ln x0
     slope: Annotated[Field, float, UNKNOWNS]  # scratch of one step: H
     projected: Annotated[Field, float, UNKNOWNS]  # P H'
@@ -129,12 +142,11 @@ def begin(beliefs: NDArray[np.void], settings: Settings, time: float, depth: flo
     belief.last_time = belief.anchor_time = time
     belief.log_depth = belief.log_reference = math.log(depth)
     belief.power = force * force
-    belief.share_noise = LARGEST_NOISE**2
+    belief.share_noise = FIRST_ERROR**2
     belief.excess = 1.0
     s_bounds, alpha_bounds = settings.s_bounds, settings.alpha_bounds
     belief.theta[0] = force
-    belief.theta[1] = 0.1 * force
-    belief.theta[2] = s_bounds[0] + 0.4 * (s_bounds[1] - s_bounds[0])
+    belief.theta[2] = min(USUAL_EXPONENT, s_bounds[1])
     belief.theta[3] = 0.5 * (alpha_bounds[0] + alpha_bounds[1])
     restart(belief, settings, force)
 
@@ -181,8 +193,6 @@ def drift(belief: Belief, settings: Settings, period: float) -> None:
         bound = (settings.priors[i] * scale) ** 2
         if i < 4:
             covariance[i, i] += settings.drift**2 * period * bound
-        if i < 2:
-            bound *= 100.0  # a change may have found a force ten times larger
         if covariance[i, i] > bound:
             shrink = math.sqrt(bound / covariance[i, i])
             for j in range(UNKNOWNS):
@@ -195,7 +205,7 @@ def law_numbers(belief: Belief, numbers: Array) -> bool:
     """k, lambda, n and alpha of law (4) as `ExactLaw.model` has them; False, without writing, where they are none."""
     theta = belief.theta
     depth, s, alpha = belief.reference, theta[2], theta[3]
-    if not (belief.learnt_from >= FEWEST_UPDATES and depth > 0.0):
+    if not (belief.count >= FEWEST_UPDATES and depth > 0.0):
         return False
     n = s - alpha
     stiffness, damping = theta[0] * depth**-s, theta[1] * depth ** -(n + 1.0) * REFERENCE_TIME

@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 
 from foretouch.core.compiling import compiled, inlined
 from foretouch.core.records import Record
+from foretouch.identification.conditioning.air import BLOCK, SURE
 from foretouch.identification.exact.belief import (
-    LARGEST_NOISE,
+    FIRST_ERROR,
     LARGEST_SURFACE,
     SMALLEST_FORCE,
+    YOUNG,
     Belief,
     Settings,
     begin,
@@ -24,6 +26,7 @@ from foretouch.identification.exact.belief import (
     restart,
 )
 from foretouch.identification.exact.law import REFERENCE_TIME, UNKNOWNS
+from foretouch.models.contact_map.layout import BEYOND
 
 Array = NDArray[np.float64]
 
@@ -31,23 +34,9 @@ Array = NDArray[np.float64]
 LEARNT, CHANGED, HELD, UNUSABLE, FAILED, FREE_AIR = range(6)
 """Result of a step."""
 
-ALARM_SAMPLES = 10.0  # Over which squared innovations are averaged; for five times as many there is no other alarm
-ALARM_CLIP = 36.0
-"""Largest squared innovation in the alarm: with the gate at 16, six samples in a row at it are a change, one is not."""
-ALARM_DEPTH = 0.3
-"""Least depth for alarms, as a fraction of x0: nearer to the surface a wrong surface looks like a change."""
+REFERENCE_STEP = math.log(BEYOND)  # Least change of ln x by which x0 follows the mean depth
 
-LEAST_NOISE = 1e-3  # Least standard deviation of a force, in that force
-FIRST_CORRELATION_TIME = 0.05  # Longest time over which residuals count as correlated before that is estimated [s]
-CLIP = 3.0  # Normalised innovations beyond this count for little
-HOLD_TIME, HOLD_PART = 0.2, 0.005
-"""Time in one position after which learning stops [s], and size of one position, relative to the reference depth."""
-
-REFERENCE_STEP = 0.4  # Least change of ln x by which x0 follows the mean depth
-
-FADE_TIME = 0.1
-FADE_FROM = 2.5  # Mean of squared normalised innovations over 0.1 s above which the covariance is too small
-LARGEST_GAP = 1.0  # Longest time for which a pause adds to the random walk [s]
+LARGEST_INNOVATION = (2.0 * SURE) ** 2  # Squared, in its variance: what is larger shows no more
 
 
 class Filter(Record):
@@ -80,7 +69,7 @@ def learn_noise(belief: Belief, squared: float, size: float, variance: float) ->
             constant, fraction = 0.0, b2 / m4
         elif fraction < 0.0:
             constant, fraction = b0 / m0, 0.0
-    largest = LARGEST_NOISE**2
+    largest = FIRST_ERROR**2
     belief.constant_noise = min(constant, largest * belief.power)
     belief.share_noise = min(fraction, largest)
 
@@ -148,12 +137,12 @@ def take(filters: NDArray[np.void], time: float, depth: float, velocity: float, 
 
     # While the probe is held, nothing is distinguishable.
     away = abs(depth - belief.anchor_depth)
-    if away > HOLD_PART * belief.reference or time < belief.anchor_time:
+    if away > settings.surface_noise * belief.reference or time < belief.anchor_time:
         belief.anchor_depth, belief.anchor_time = depth, time
-    elif time - belief.anchor_time >= HOLD_TIME:
+    elif time - belief.anchor_time >= YOUNG:
         return HELD
-    since = min(max(time - belief.last_time, 0.0), LARGEST_GAP)
-    period = min(since, 0.1)
+    since = max(time - belief.last_time, 0.0)
+    period = min(since, YOUNG)
     belief.last_time = time
 
     rate = 1.0 / (1.0 + belief.count)
@@ -174,19 +163,16 @@ def take(filters: NDArray[np.void], time: float, depth: float, velocity: float, 
     belief.power += rate * (force * force - belief.power)
     size = max(math.sqrt(abs(expected * force)), 0.1 * math.sqrt(belief.power), SMALLEST_FORCE)
     ignorance = math.exp(-belief.moving_time / settings.ignorance_time)
-    weight = max(belief.share_noise, LEAST_NOISE**2)
-    weight += ignorance * (LARGEST_NOISE**2 - weight)
+    weight = belief.share_noise + ignorance * (FIRST_ERROR**2 - belief.share_noise)
     variance = belief.constant_noise + weight * size * size + (settings.surface_noise * belief.slope[4]) ** 2
     normalised = innovation * innovation / (variance + uncertainty)
 
-    # A sudden change: several large innovations in a row. The law is forgotten, but not the noise.
+    # A sudden change: several large innovations in a row, never one alone. The law is forgotten, but not the noise.
     code = LEARNT
-    belief.pause = max(0.0, belief.pause - 1.0)
-    if u > ALARM_DEPTH:
-        belief.alarm += (min(normalised, ALARM_CLIP) - belief.alarm) / ALARM_SAMPLES
-    if belief.alarm > settings.gate and belief.pause == 0.0:
+    belief.excess += min(0.2, period / BLOCK) * (min(normalised, LARGEST_INNOVATION) - belief.excess)
+    if belief.excess > SURE**2:
         code = CHANGED
-        belief.alarm, belief.pause, belief.excess = 0.0, 5.0 * ALARM_SAMPLES, 1.0
+        belief.excess = 1.0
         scale = max(belief.theta[0], math.sqrt(belief.power))
         restart(belief, settings, max(scale, min(abs(innovation) / per_strength, 10.0 * scale)))
         belief.power = max(belief.power, force * force)
@@ -195,20 +181,17 @@ def take(filters: NDArray[np.void], time: float, depth: float, velocity: float, 
 
     # Correlated residuals count as fewer, and a single outlier for little.
     likeness = min(max(belief.product / belief.square, 0.0), 0.999) if belief.square > 0.0 else 0.0
-    inverse_period = 1.0 / max(period, 1e-6)
-    correlation = min((1.0 + likeness) / (1.0 - likeness), max(1.0, settings.correlation_time * inverse_period))
-    correlation += ignorance * (max(1.0, FIRST_CORRELATION_TIME * inverse_period) - correlation)
-    noise = variance * correlation
-    if normalised > CLIP**2:
-        noise += (math.sqrt(normalised) / CLIP - 1.0) * (noise + uncertainty)
+    noise = variance * min((1.0 + likeness) / (1.0 - likeness), max(1.0, BLOCK / max(period, 1e-6)))
+    if normalised > SURE**2:
+        noise += (math.sqrt(normalised) / SURE - 1.0) * (noise + uncertainty)
     correct(belief, innovation, noise, uncertainty)
     project(belief, settings)
 
     # Only residuals that the unknowns cannot explain show the noise.
-    belief.count = min(belief.count + 1.0, settings.noise_memory)
+    belief.count += 1.0
     belief.moving_time += period
     unexplained = variance / (variance + uncertainty)
-    squared = min(innovation * innovation, 25.0 * (variance + uncertainty)) * unexplained
+    squared = min(innovation * innovation, LARGEST_INNOVATION * (variance + uncertainty)) * unexplained
     learn_noise(belief, squared, size, variance)
     residual = min(max(innovation / math.sqrt(variance + uncertainty), -5.0), 5.0) * unexplained
     rate = 1.0 / (1.0 + belief.count)
@@ -217,10 +200,6 @@ def take(filters: NDArray[np.void], time: float, depth: float, velocity: float, 
     belief.last_residual = residual
 
     # Innovations larger than the covariance allows for a long time: it is too small.
-    fading = min(1.0, period / FADE_TIME)
-    belief.excess += fading * (min(normalised, 25.0) - belief.excess)
-    if belief.excess > FADE_FROM:
-        belief.covariance[:] *= 1.0 + fading * (belief.excess - 1.0)
     total = least = 0.0
     for i in range(UNKNOWNS):
         total += belief.theta[i] + belief.covariance[i, i]
@@ -228,7 +207,6 @@ def take(filters: NDArray[np.void], time: float, depth: float, velocity: float, 
     if least < 0.0 or not math.isfinite(total):
         clear(beliefs)
         return FAILED
-    belief.learnt_from += 1.0
     return code
 
 

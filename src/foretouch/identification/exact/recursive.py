@@ -14,7 +14,15 @@ from foretouch.errors import SettingError
 from foretouch.errors.checks import require
 from foretouch.identification.conditioning.conditioner import ContactSample, ContactSamples
 from foretouch.identification.estimator import Estimator, Status, status_indices
-from foretouch.identification.exact.belief import FEWEST_UPDATES, Settings, clear
+from foretouch.identification.exact.belief import (
+    DRIFT,
+    FEWEST_UPDATES,
+    FIRST_ERROR,
+    LEARNING_TIME,
+    SURFACE_NOISE,
+    Settings,
+    clear,
+)
 from foretouch.identification.exact.kernel import (
     CHANGED,
     FAILED,
@@ -32,12 +40,8 @@ from foretouch.models import ContactModel
 
 Array = NDArray[np.float64]
 
-EXPONENT_PRIOR = 0.4
-"""Standard deviation of s and of alpha at the beginning and after a change; F0 and D have F0."""
-
-LARGEST_EXPONENT_ERROR = 0.25
-"""An exponent with a larger standard error is undetermined: its range has the length 1, and a number of which only
-that is known has the standard deviation 0.29."""
+EXPONENT_PRIOR = math.sqrt(1.0 / 12.0)
+"""Standard deviation of an exponent of which only the range is known, which has the length 1."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,33 +50,21 @@ class ExactOptions:
 
     Args:
         surface_prior: That of the surface, relative to the reference depth; 0 trusts the surface that is given.
-        drift: Random walk of the law in one second, in the priors.
+        drift: Random walk of the law in one second, in the standard deviations of the beginning.
         ignorance_time: Time for which the first noise is remembered [s of motion in contact].
-        noise_memory: Number of samples over which the noise is learnt.
-        correlation_time: Longest time over which residuals count as correlated [s].
-        gate: Mean square of the last ten normalised innovations that is a change; at least 36 never calls one.
         surface_noise: Standard deviation of each depth, relative to the reference depth; nothing is learnt from samples
             that are nearer to the surface.
     """
 
-    surface_prior: float = 0.2
-    drift: float = 0.03
-    ignorance_time: float = 0.5
-    noise_memory: float = 2000.0
-    correlation_time: float = 0.1
-    gate: float = 16.0
-    surface_noise: float = 0.02
+    surface_prior: float = FIRST_ERROR
+    drift: float = DRIFT
+    ignorance_time: float = LEARNING_TIME
+    surface_noise: float = SURFACE_NOISE
 
     def __post_init__(self) -> None:
-        zero_allowed = {"surface_prior", "drift", "correlation_time", "surface_noise"}
         for field in fields(self):
-            value = getattr(self, field.name)
-            if field.name in zero_allowed:
-                require(field.name, value, at_least=0.0)
-            else:
-                require(field.name, value, above=0.0)
-        if self.noise_memory < 1.0:
-            raise SettingError("noise_memory", self.noise_memory, "must be at least 1 sample")
+            require(field.name, getattr(self, field.name), at_least=0.0)
+        require("ignorance_time", self.ignorance_time, above=0.0)
 
 
 _STATUS = {
@@ -183,8 +175,8 @@ class _ExactFilter(Estimator):
 
     @property
     def model(self) -> ContactModel | None:
-        """The law, None before 20 samples."""
-        if self._belief.learnt_from < FEWEST_UPDATES or self._belief.reference == 0.0:
+        """The law, None before 8 samples."""
+        if self._belief.count < FEWEST_UPDATES or self._belief.reference == 0.0:
             return None
         try:
             elastic, viscous, s, alpha, _ = self._belief.theta.tolist()
@@ -197,7 +189,7 @@ class _ExactFilter(Estimator):
         """The law's numbers by name; None where the samples do not determine them.
 
         A strength is undetermined while its standard error is larger than itself, an exponent while its standard error
-        is above 0.25.
+        is above 0.2.
         """
         model, errors = self.model, self.standard_errors
         if model is None or errors is None:
@@ -220,7 +212,7 @@ class _ExactFilter(Estimator):
         errors = np.sqrt(np.maximum(variances, 0.0)).tolist()
         result: dict[str, float | None] = {}
         for name, value, error in zip(model.parameter_names, model.parameters, errors, strict=True):
-            limit = LARGEST_EXPONENT_ERROR if name in ("exponent", "switching") else value
+            limit = FIRST_ERROR if name in ("exponent", "switching") else value
             result[name] = error if error <= limit else None
         return result
 
@@ -250,14 +242,15 @@ class ExactContinuousSwitching(_ExactFilter):
       the unknowns cannot explain it). What the law cannot explain is not white: kappa = (1 + r) / (1 - r), r the
       correlation of successive residuals, makes such samples count as fewer. Before a second of motion has been seen,
       a rough material is assumed.
-    - **Bounds**: equation (5) with s < 2, D >= 0 and at most 20 F0, zeta within 0.5: the nearest point in the metric of
-      P.
-    - **Sudden change**: if the last ten squared normalised innovations have a mean above the gate, P is that of the
-      beginning again. One wild sample cannot do that; its gain is cut (as Huber does) beyond three deviations.
-    - **Gradual change**: a slow random walk; and where innovations stay larger than S allows, P grows.
+    - **Bounds**: equation (5) with s < 2, D >= 0 and at most 20 F0, zeta within three of its first deviations: the
+      nearest point in the metric of P.
+    - **Sudden change**: if the squared normalised innovations of the last 20 ms have a mean above that of three
+      deviations, P is that of the beginning again. One wild sample cannot do that; its gain is cut (as Huber does)
+      beyond three deviations.
+    - **Gradual change**: a slow random walk.
     - **Frozen** in free air and in a held position: no sample there changes anything.
 
-    Its sums are bounded: P never passes that of the beginning (F0 ten times that).
+    Its sums are bounded: P never passes that of the beginning.
 
     Args:
         options: One set of defaults.
