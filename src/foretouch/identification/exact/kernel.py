@@ -199,7 +199,7 @@ def take(filters: NDArray[np.void], time: float, depth: float, velocity: float, 
     belief.square += rate * (residual * residual - belief.square)
     belief.last_residual = residual
 
-    # Innovations larger than the covariance allows for a long time: it is too small.
+    # What has become no number, or no covariance, is forgotten.
     total = least = 0.0
     for i in range(UNKNOWNS):
         total += belief.theta[i] + belief.covariance[i, i]
