@@ -77,7 +77,7 @@ class Belief(Record):
     product: float  # mean product of successive normalised residuals
     square: float  # and their mean square
     last_residual: float
-    excess: float  # mean of the squared normalised innovations of the last tenth of a second
+    excess: float  # mean of the squared normalised innovations of the last `BLOCK`
     log_reference: float  # ln x0
     slope: Annotated[Field, float, UNKNOWNS]  # scratch of one step: H
     projected: Annotated[Field, float, UNKNOWNS]  # P H'
