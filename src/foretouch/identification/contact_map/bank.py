@@ -72,7 +72,7 @@ class ContactMap(Estimator):
     and depth counts from the first contact, so that a better surface later moves nothing. There is no forgetting
     towards the prior, but for a covariance that goes back to it in 20 minutes of contact.
 
-    **Law.** The exact law (4) by `ExactContinuousSwitching`: a first guess from twenty samples, right within 0.1 s
+    **Law.** The exact law (4) by `ExactContinuousSwitching`: a first guess from eight samples, right within 0.1 s
     after a change, and the best where the material is of that kind.
 
     **Place.** The fine map reaches 0.6 mm out and 1.2 mm in. Where the coarse map is wrong in contact by 10 % of the
