@@ -220,7 +220,7 @@ def better_than_late(found: Reached) -> bool:
 @pytest.mark.parametrize("name", FOAM)
 def test_measured_foam(reached: Callable[[str], Reached], name: str) -> None:
     result = reached(name)
-    assert percent(result) < 14.5
+    assert percent(result) < 14.0
     assert better_than_late(result)
     assert result.changes == 0
     assert np.isfinite(result.forces.predicted).all()
@@ -354,5 +354,5 @@ def test_uncertainty_on_measured_foam_is_honest(reached: Callable[[str], Reached
 @pytest.mark.long
 def test_uncertainty_on_presses_held_out_is_honest(simulated: Callable[[str, int], Reached]) -> None:
     held = np.concatenate([simulated(name, seed).held() for name in SIMULATED for seed in HELD_OUT])
-    assert 0.55 < np.mean(held <= 1.0) < 0.92  # too wide is less than honest, but on the safe side
+    assert 0.55 < np.mean(held <= 1.0) < 0.9  # wider than honest, which is the safe side
     assert 0.85 < np.mean(held <= 2.0) < 0.995

@@ -17,8 +17,8 @@ from foretouch.models.contact_map.layout import PLAYS
 Field = NDArray[Any]
 
 START_WINDOW = 0.05
-"""Time [s] over which it is seen whether a force that was one number before is noise now. The lowest mean of so long is
-the force in free air at first."""
+"""Length of a window of the newest forces [s]. A driver may repeat one number at first: in such a window its sensor's
+noise is looked for. The lowest mean of such a window is the first guess of the force in free air."""
 
 BLOCK = 0.02  # Length of a block whose mean force is taken [s]
 

@@ -24,8 +24,8 @@ depth by its surface. Also the largest error of an exponent that counts as known
 USUAL_EXPONENT = 1.25  # s at the beginning: between a spring and Hertz's 3/2
 
 YOUNG = 0.1
-"""Time in contact [s] after which something can be told: for so long assumed errors count, no snapshot is scored, and
-what is wrong may be chance. A probe that stays in one place for so long is held."""
+"""Time in contact [s] that is too short to tell anything. Until then errors are assumed, no snapshot is scored, and an
+error may be chance. A probe that has stayed in one place for longer is held."""
 
 LEARNING_TIME = 1.0  # Time constant in contact with which errors fade: those of late predictions, and first ones [s]
 
