@@ -185,7 +185,8 @@ def force_at_follower(log: SessionLog, pairs: Pairs) -> Array:
 
     In each row the newest model that had arrived at the leader is run at the follower's position and velocity;
     without a valid model the force is 0, as it is at the leader. A law with memory runs on along the rows, from the
-    state that its message carried, which is that of the command that the follower had applied then. [N], shape (n,).
+    state that its message carried, which is that of the command that the follower had applied then. In space the
+    material is as strong as the leader rendered it in that tick. [N], shape (n,).
     """
     sent = {model.sequence: model for model in log.models}
     predictor = Predictor()
@@ -203,4 +204,14 @@ def force_at_follower(log: SessionLog, pairs: Pairs) -> Array:
                 row = int(np.searchsorted(commands, update.command_sequence, side="right"))
                 predictor.adopt(model_of(update), update.surface, update.state, row)
         forces[index] = predictor.update(time, position, velocity)
-    return forces
+    return forces * _scales(log, pairs)
+
+
+def _scales(log: SessionLog, pairs: Pairs) -> Array:
+    """Scale of the material in each row as the leader rendered it; 1 along a line."""
+    space = log.leader_space
+    if not space.size:
+        return np.ones(pairs.time.size)
+    at = np.searchsorted(space["sequence"], pairs.leader["sequence"])
+    scales = space["scale"][np.minimum(at, space.size - 1)]
+    return np.where(np.isfinite(scales), scales, 1.0)
