@@ -250,7 +250,7 @@ def learn_conditioned(
     if conditioned.offset != known[1]:
         move_offset(banks, conditioned.offset - known[1])
         told = True
-    if fields is not None:  # which is known as it is compiled, by itself
+    if fields is not None:  # noqa: SIM102  # by itself, so that it is known as it is compiled
         if touching and not math.isnan(fields[0].point[0]):
             force = left_for_map(fields[0], banks[0], depth, velocity, force, time - before)
     code = take(banks, time, depth, velocity, force, touching)
