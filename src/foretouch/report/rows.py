@@ -192,7 +192,9 @@ def force_at_follower(log: SessionLog, pairs: Pairs) -> Array:
     predictor = Predictor()
     newest, commands = 0, np.ascontiguousarray(pairs.leader["sequence"])  # as a column it is copied at every search
     forces = np.zeros(pairs.time.size)
-    motion = pairs.time, pairs.follower["position"], pairs.follower["velocity"], pairs.leader["model_sequence"]
+    depth = _of_tick(log.follower_space, "depth", pairs.follower["sequence"])
+    place = pairs.follower["position"] if depth is None else depth  # models count from the believed surface
+    motion = pairs.time, place, pairs.follower["velocity"], pairs.leader["model_sequence"]
     rows = zip(*(column.tolist() for column in motion), strict=True)
     for index, (time, position, velocity, sequence) in enumerate(rows):
         if sequence != newest:
@@ -204,14 +206,12 @@ def force_at_follower(log: SessionLog, pairs: Pairs) -> Array:
                 row = int(np.searchsorted(commands, update.command_sequence, side="right"))
                 predictor.adopt(model_of(update), update.surface, update.state, row)
         forces[index] = predictor.update(time, position, velocity)
-    return forces * _scales(log, pairs)
+    scale = _of_tick(log.leader_space, "scale", pairs.leader["sequence"])
+    return forces if scale is None else forces * np.nan_to_num(scale, nan=1.0)
 
 
-def _scales(log: SessionLog, pairs: Pairs) -> Array:
-    """Scale of the material in each row as the leader rendered it; 1 along a line."""
-    space = log.leader_space
+def _of_tick(space: Rows, name: str, sequence: Array) -> Array | None:
+    """What a side says in space in the ticks of these numbers; None along a line."""
     if not space.size:
-        return np.ones(pairs.time.size)
-    at = np.searchsorted(space["sequence"], pairs.leader["sequence"])
-    scales = space["scale"][np.minimum(at, space.size - 1)]
-    return np.where(np.isfinite(scales), scales, 1.0)
+        return None
+    return np.asarray(space[name][np.minimum(np.searchsorted(space["sequence"], sequence), space.size - 1)])

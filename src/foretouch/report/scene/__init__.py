@@ -178,7 +178,7 @@ class SceneFindings(LineFindings):
         The account of energy is that in all directions, and so is the distance between robot and command. Figures that
         compare positions along one line, or the whole contact force with the model's part along the normal, are None.
         """
-        scene, nothing = scene_figures(self.log, self.pairs, self), dict.fromkeys(AT_ONE_POSITION)
+        scene = scene_figures(self.log, self.pairs, self)
         energy, hand = scene["energy"], report["hand"]
         holds = energy["certificate_holds"]
         hand = {**hand, "certificate_holds": holds, "energy_agrees": energy["energy_agrees"]}
@@ -190,8 +190,7 @@ class SceneFindings(LineFindings):
             "energy_used_percent": None,
             "net_energy_exact_J": None,
             "hand": hand,
-            "equal_position": dict(nothing),
-            "exact_force": dict(nothing),
+            "exact_force": dict.fromkeys(AT_ONE_POSITION),
             "tracking_error": _tracking(self.rows, report["score_from_s"]),
             "scene": scene,
         }
