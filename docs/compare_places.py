@@ -32,8 +32,8 @@ DESIGNS: dict[str, Callable[[], places.Design]] = {
     "a quadratic law at each node of 6 mm": places.QuadraticField,
 }
 
-MATERIALS, SEEDS = ("hunt-crossley", "foam-measured", "sponge"), (100, 101, 102, 103)
-"""Nothing was chosen on the seeds after the first."""
+MATERIALS, SEEDS = ("hunt-crossley", "foam-measured", "sponge"), (100, 101)
+"""Nothing was chosen on the second."""
 
 
 def errors(title: str, scene: str, material: str, seed: int) -> tuple[float, float]:

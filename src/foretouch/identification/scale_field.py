@@ -17,18 +17,20 @@ class ScaleFieldLearner:
     r"""Learns how many times as strong as the law a material is, at each place that is touched.
 
     A force F at a point p tells of the law f and of the scale s there. It is shared between both by what is known of
-    them. With the logarithm g of the scale, its variance v, and the law's relative error r,
+    them. With the logarithm g of the scale, its variance v, and the law's relative variance r,
 
     .. math::
-        e &= \frac{F}{e^{g} f} - 1, \quad
-        r = \rho^2 + \left(\frac{\sigma_0}{e^{g} f}\right)^2 + \left(\frac{\sigma_f}{f}\right)^2 \\
-        g &\leftarrow g + \frac{v}{v + r\, \tau / T}\, e, \qquad
+        e &= \frac{F}{e^{g} f} - 1, \quad r = \rho^2 + \left(\frac{\sigma_f}{f}\right)^2, \quad
+        q = r + \left(\frac{\sigma_0}{e^{g} f}\right)^2 \\
+        g &\leftarrow g + \frac{v}{v + q\, \tau / T}\, e, \qquad
         f \text{ learns } f + \frac{r}{r + v} \left(F e^{-g} - f\right)
 
     with :math:`\rho` = 2.5 %, :math:`\sigma_0` = 0.05 N, the standard deviation that the law says of its own force, and
     :math:`\tau` = 0.3 s, for which the errors of a law are alike, so that the samples of that time count as one. So
     the first press teaches the law; what is known well is not disturbed by a stiff spot; and the first press on the
-    spot knows already what kind of material it is. Where it was touched first, the scale is 1.
+    spot knows already what kind of material it is. Where it was touched first, the scale is 1; what is common to both
+    is not kept, so that the law drifts by some percent with each place of another strength that is touched once and
+    no more.
 
     The unknowns are those of `foretouch.models.ScaleField`, with its prior. The Kalman filter keeps the joint
     covariance of the 16 nodes about the probe, and the variance alone of a node that the probe has left. A node that
