@@ -1,7 +1,7 @@
 """Draw the plots of prediction error against delay again, of every measured file and of the simulated recordings.
 
 Usage: `.venv/bin/python docs/draw_delays.py [GROUP ...]`, without names for all groups; the images go to `docs/images`.
-It takes about five minutes on two cores.
+It takes some fifteen minutes on two cores.
 """
 
 from __future__ import annotations
