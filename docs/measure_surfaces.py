@@ -1,4 +1,4 @@
-"""Measure the proxy on surfaces and the field of materials: the tables and images of `docs/surfaces.md`.
+"""Measure the proxy on surfaces and the material over them: the tables and images of `docs/surfaces.md`.
 
 Usage: `.venv/bin/python docs/measure_surfaces.py [god-object] [palpation]`; both without arguments, in a minute.
 """
@@ -15,8 +15,8 @@ import numpy as np
 from measured_blocks import chosen, fill
 from numpy.typing import NDArray
 
-from foretouch.identification import ContactSample, FrictionEstimator, MaterialFieldLearner
-from foretouch.models import FIELD_DEPTH, MotionFilter
+from foretouch.identification import FrictionEstimator, Learner, ScaleFieldLearner
+from foretouch.models import FIELD_DEPTH, stiffness_at_rest
 from foretouch.rendering import HeightField, Plane, SurfaceProxy
 
 mpl.use("Agg")
@@ -126,7 +126,7 @@ def stiffer(x: Array | float, y: Array | float) -> Any:
 
 
 def presses() -> Array:
-    """Places [m] of 121 presses of 3 mm, 6 mm apart, off the field's nodes."""
+    """Places [m] of 121 presses of 3 mm, 6 mm apart."""
     rows = []
     depth = np.concatenate([np.linspace(-1e-3, 3e-3, 160), np.linspace(3e-3, -1e-3, 160)])
     for x in np.arange(-5, 6) * 0.006 + 0.0023:
@@ -149,7 +149,7 @@ def slides() -> Array:
 class Palpated(NamedTuple):
     """What a palpation found."""
 
-    learner: MaterialFieldLearner
+    learner: Learner
     friction: FrictionEstimator
     seconds: float
     cost: float
@@ -159,17 +159,18 @@ def palpate(path: Array) -> Palpated:
     """Feel the material along a path and learn: once a tick, and from forces of all three axes."""
     axis = np.arange(-40, 41) * 1e-3
     surface = HeightField(height(axis[:, None], axis[None, :]), 1e-3, (-0.04, -0.04))
-    random, proxy, motion = np.random.default_rng(3), SurfaceProxy(surface), MotionFilter()
-    learner, friction, costs = MaterialFieldLearner(), FrictionEstimator(), []
+    random, proxy = np.random.default_rng(3), SurfaceProxy(surface)
+    places, friction, costs = ScaleFieldLearner(), FrictionEstimator(), []
+    learner = Learner(places=places)
     before, last_depth = None, 0.0
     for tick, place in enumerate(path.tolist()):
         contact = proxy.follow(place)
         depth, normal, point = contact.depth, np.array(contact.normal), np.array(contact.point)
         sliding = np.zeros(3) if before is None else (point - before) / TICK
         rate, last_depth, before = (depth - last_depth) / TICK, depth, point
-        velocity = motion.update(tick * TICK, depth)
         if depth <= 0.0:
             before = None
+            learner.update(tick * TICK, depth, random.normal(0.0, NOISE))
             continue
         a, b, c = SOFT * stiffer(point[0], point[1])
         pressed = max(depth * (a + b * depth + c * rate), 0.0)
@@ -178,18 +179,22 @@ def palpate(path: Array) -> Palpated:
         force = force + random.normal(0.0, NOISE, 3)
         along = float(force @ normal)
         start = time.perf_counter_ns()
-        learner.touch_at(contact.point)
-        learner.update(ContactSample(tick * TICK, depth, velocity, along, True))
+        places.touch_at(contact.point)
+        learner.update(tick * TICK, depth, along)
         costs.append(time.perf_counter_ns() - start)
         friction.update(along, (force - along * normal).tolist(), sliding.tolist(), TICK)
     return Palpated(learner, friction, len(path) * TICK, float(np.median(costs)) / 1000.0)
 
 
-def maps(learner: MaterialFieldLearner, axis: Array) -> tuple[Array, Array]:
+def maps(learner: Learner, axis: Array) -> tuple[Array, Array]:
     """Local stiffness and its uncertainty over the square [N/mm]."""
     x, y = np.meshgrid(axis, axis, indexing="ij")
-    points = np.stack([x, y, height(x, y)], axis=2).reshape(-1, 3)
-    return tuple(1e-3 * part.reshape(x.shape) for part in learner.field.stiffness_at(points, FIELD_DEPTH))  # type: ignore[return-value]
+    learnt, places = learner.learnt(), learner.places
+    assert learnt.model is not None
+    assert places is not None
+    law = 1e-3 * stiffness_at_rest(learnt.model, FIELD_DEPTH - learnt.surface)
+    scales, deviations = places.field.scales_at(np.stack([x.ravel(), y.ravel()], axis=1))
+    return (law * scales).reshape(x.shape), (law * scales * deviations).reshape(x.shape)
 
 
 def found_inclusion(stiffness: Array, axis: Array) -> tuple[Array, float]:
@@ -221,7 +226,7 @@ def palpation() -> str:
             f"{100.0 * np.sqrt(np.mean(error[away] ** 2)):.1f} | {1e3 * np.linalg.norm(centre - CENTRE):.1f} | "
             f"{1e3 * radius:.1f} | {friction} | {100.0 * np.mean(np.abs(stiffness - true) < 2.0 * uncertainty):.0f} |"
         )
-    draw_palpation(axis, true, drawn, {name: felt.learner for name, felt in ways.items()})
+    draw_palpation(axis, true, drawn)
     head = (
         "| Palpated by | Seconds | Error, RMS [%] | 4 mm off the edge [%] | Centre off by [mm] | Radius [mm] | "
         "Friction | Within two deviations [%] |"
@@ -229,9 +234,7 @@ def palpation() -> str:
     return "\n".join([head, "| --- |" + " --: |" * 7, *rows]) + "\n"
 
 
-def draw_palpation(
-    axis: Array, true: Array, drawn: dict[str, tuple[Array, Array]], learners: dict[str, MaterialFieldLearner]
-) -> None:
+def draw_palpation(axis: Array, true: Array, drawn: dict[str, tuple[Array, Array]]) -> None:
     """Truth, what was learnt, its uncertainty, and a cut through the inclusion: `docs/images/palpation.png`."""
     figure, panes = plt.subplots(2, 3, figsize=(12.0, 7.4), layout="constrained")
     extent = (1e3 * axis[0], 1e3 * axis[-1], 1e3 * axis[0], 1e3 * axis[-1])

@@ -115,6 +115,7 @@ _OF_PAGES: dict[str, dict[str, tuple[str, ...]]] = {
     "docs/surfaces.md": {
         "god-object": ("measure_surfaces:god_object",),
         "palpation": ("measure_surfaces:palpation",),
+        "places": ("compare_places:compared",),
     },
     "docs/sweep.md": {"totals": ("draw_sweep:main", "foretouch.cli.commands.studies:sweep")},
 }

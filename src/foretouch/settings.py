@@ -18,7 +18,7 @@ Owner = Literal["leader", "follower"]
 
 LAWS_HELP = (
     "Contact law: contact-map, or continuous-switching (the paper's), hunt-crossley, kelvin-voigt, "
-    "threshold-switching, quadratic (that of scenes); without it contact-map, in a scene quadratic."
+    "threshold-switching; without it contact-map."
 )
 
 NO_GRIP = "none"  # The grip of an operator whose hand the force does not move

@@ -41,7 +41,7 @@ def say(console: Console, scene: str, **settings: str) -> None:
     texts = {"operator": "browser", "scene": scene, **settings}
     console.watch(Hello(VERSION, 1, 1, "leader", tuple(texts), tuple(texts.values())))
     line = (VERSION, 1, 1_000_000, 0.0, 0.0, 0.0, 0.0, 0.0, 1, 0, math.nan, False, 1, 1)
-    console.watch(LeaderState(*line, space=LeaderSpace(*(0.0,) * 27)))
+    console.watch(LeaderState(*line, space=LeaderSpace(*(0.0,) * 28)))
 
 
 def draw(console: Console, pictures: int = 4) -> None:

@@ -250,4 +250,5 @@ def test_a_predictor_is_never_told_a_force() -> None:
         "message",
     ]
     public = {name for name in dir(Predictor) if not name.startswith("_") and callable(getattr(Predictor, name))}
-    assert public == {"update", "adopt", "catch_up", "shift", "local_slopes", "leaving_work", "disown"}
+    methods = {"update", "adopt", "catch_up", "shift", "change_place", "local_slopes", "leaving_work", "disown"}
+    assert public == methods

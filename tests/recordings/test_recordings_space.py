@@ -23,7 +23,7 @@ from foretouch.messages import (
     SessionLog,
 )
 from foretouch.messages.states import FollowerRow, LeaderRow, in_space
-from foretouch.models import MaterialField
+from foretouch.models.scale_field import packed
 from foretouch.recordings import SessionWriter, read_session, repair_session
 from foretouch.recordings.formats.topics import TOPICS, quaternion
 from foretouch.recordings.session.writer import POSE_EVERY
@@ -46,12 +46,10 @@ def picture(tick):
 
 def session():
     """Messages of both sides and of the camera, with the times at which they were recorded [ns]."""
-    field = MaterialField(
-        [(0, 0, 0), (1, 0, -3)], [(300.0, 4e4, 20.0, 9.0)] * 2, mean=(250.0, 0.0, 0.0), uncertainty=1e3
-    )
+    nodes = packed([128, 129], [128, 130], [0.7, -0.2], [0.01, 0.04])
     for tick in range(1, TICKS + 1):
         now = tick * 1_000_000
-        state, hand = made.leader_state(tick), LeaderSpace(*odd(tick, 27))
+        state, hand = made.leader_state(tick), LeaderSpace(*odd(tick, 28))
         yield msgspec.structs.replace(state, energy=made.ODD[tick % 8], epoch=2**53 + 1, space=hand), now
         probe = FollowerSpace(*odd(tick, 28), tick // 7)
         yield msgspec.structs.replace(made.telemetry(tick), run=2**62 + 1, space=probe), now
@@ -66,7 +64,7 @@ def session():
             )
             told = (*pose[:5], 0.0), (1e-8,) * 36, float("inf"), tick, 2, 1, "seen"
             yield FixtureBelief(VERSION, tick // 30, now, *told), now
-            yield FieldUpdate(VERSION, tick // 30, now, field.to_bytes(), 3), now
+            yield FieldUpdate(VERSION, tick // 30, now, nodes, 3), now
 
 
 @pytest.fixture

@@ -17,7 +17,6 @@ from foretouch.messages import (
     ModelUpdate,
     SessionLog,
 )
-from foretouch.models import MaterialField
 from foretouch.session.spatial import make_scene
 
 TICK = 1_000_000
@@ -57,9 +56,9 @@ def make_scene_session(ticks: int = 4000, *, apart_ns: int = 0, scene: str = "pl
 
 def model(number: int, tick: int, *, surface: float = 0.0, friction: tuple[float, ...] = ()) -> ModelUpdate:
     """A valid model that is sent in a tick of the follower."""
-    rest = ("quadratic", (300.0, 0.0, 0.0), (), surface, True, "", "material-field", b"", 1, 1, NOMINAL, (1e-4,) * 6)
+    rest = ("kelvin-voigt", (6000.0, 0.0), (), surface, True, "", "rls", b"", 1, 1, NOMINAL, (1e-4,) * 6)
     return ModelUpdate(VERSION, number, tick * TICK, 1, *rest, 0.1, friction)
 
 
-def field_update(field: MaterialField) -> FieldUpdate:
-    return FieldUpdate(VERSION, 1, 0, field.to_bytes(), 1)
+def field_update(nodes: bytes) -> FieldUpdate:
+    return FieldUpdate(VERSION, 1, 0, nodes, 1)

@@ -18,7 +18,9 @@ from report_sessions import make_session
 from scene_sessions import NOMINAL, POSITION_DELAY, field_update, make_scene_session, model, put
 
 from foretouch.messages import FixtureBelief, SessionLog
-from foretouch.models import MaterialField
+from foretouch.models import ScaleField
+from foretouch.models.scale_field import packed
+from foretouch.models.scale_field_kernel import SIDE, SPACING
 from foretouch.quantities import Pose
 from foretouch.rendering import SpatialEnergyAccount
 from foretouch.report import pair, render_text, session_figures, write_page
@@ -207,20 +209,17 @@ def test_a_broken_bound_is_said_and_so_is_an_account_that_does_not_agree() -> No
 # --- the map ----------------------------------------------------------------------------------------------------------
 
 
-def nodes_about(scene: str, spacing: float = 3e-3, **law: float) -> MaterialField:
-    """A field that has the Kelvin-Voigt material's law at every node near the surface, times the inclusion's factor."""
+def nodes_about(scene: str, factor: float = 1.0) -> bytes:
+    """Nodes that have the inclusion's factor everywhere, times another one, as they are sent."""
     made = make_scene(scene)
-    x, y = np.arange(14, 37), np.arange(-11, 12)
-    keys = np.array([(i, j, k) for i in x for j in y for k in (0, 1)])
-    keys = keys[: 1024 // 2 * 2]
-    stiffness = np.full(len(keys), 6000.0)
+    i, j = (part.ravel() for part in np.meshgrid(np.arange(14, 37), np.arange(-11, 12), indexing="ij"))
+    scale = np.full(i.size, factor)
     if made.inclusion is not None:
-        stiffness *= [made.inclusion.factor(tuple(position)) for position in (keys * spacing).tolist()]
-    values = np.stack([law.get("a", 1.0) * stiffness, np.zeros(len(keys)), np.zeros(len(keys)), 0.01 * stiffness], 1)
-    return MaterialField(keys, values, mean=(6000.0, 0.0, 0.0), uncertainty=2000.0, spacing=spacing)
+        scale *= [made.inclusion.factor((SPACING * x, SPACING * y, 0.0)) for x, y in zip(i, j, strict=True)]
+    return packed(i + SIDE // 2, j + SIDE // 2, np.log(scale), np.full(i.size, 1e-4))
 
 
-def palpated(scene: str, field: MaterialField) -> SessionLog:
+def palpated(scene: str, field: bytes) -> SessionLog:
     """The probe goes over the specimen in rows 3 mm apart, in contact all the way."""
     log = make_scene_session(17 * 200, scene=scene)
     along, rows = np.linspace(-0.024, 0.024, 200), np.linspace(-0.024, 0.024, 17)
@@ -232,16 +231,16 @@ def palpated(scene: str, field: MaterialField) -> SessionLog:
 
 def test_a_field_that_is_right_has_no_error() -> None:
     result = scene_of(palpated("plane", nodes_about("plane")))["map"]
-    assert result["median_error_percent"] < 1e-3
+    assert result["median_error_percent"] < 0.1
     assert result["within_two_deviations_percent"] == 100.0
-    assert result["learnt_N_per_m"] == pytest.approx([6000.0] * 3, rel=1e-6)
+    assert result["learnt_N_per_m"] == pytest.approx([6000.0] * 3, rel=1e-3)
     assert result["touched_cm2"] == pytest.approx(5.4**2, rel=0.08)  # 48 mm and 3 mm about it, in whole cells
     assert result["inclusion"] is None
 
 
 def test_a_field_that_is_too_stiff_is_wrong_by_as_much() -> None:
-    result = scene_of(palpated("plane", nodes_about("plane", a=1.25)))["map"]
-    assert result["median_error_percent"] == pytest.approx(25.0, rel=1e-5)
+    result = scene_of(palpated("plane", nodes_about("plane", 1.25)))["map"]
+    assert result["median_error_percent"] == pytest.approx(25.0, rel=5e-3)
     assert result["within_two_deviations_percent"] == 0.0
 
 
@@ -291,14 +290,14 @@ def test_a_simulated_scene_is_reported_and_its_account_agrees(simulated: Session
     assert scene["energy"]["energy_agrees"]
     assert scene["energy"]["certificate_holds"]
     assert report["stable"] is True
-    assert report["equal_position"]["prediction_error_percent"] is None
+    assert report["equal_position"]["prediction_error_percent"] < report["prediction_error_percent"]
     assert scene["contacts"]["before_model"]["episodes"] == 1
     assert scene["pose"]["contacts_used"] == simulated.counts["contacts_used"] >= 2
     # Until it has felt the surface the robot comes to it slowly, behind the commands; where it has, as fast as they.
     assert report["tracking_error"]["rms_mm"] < 6.0
     text = render_text(report)
     assert "Scene plane, the fixture's pose from touches" in text
-    assert "predicted at follower's position" not in text
+    assert "predicted at follower's position" in text
     assert all(len(line) < 150 for line in text.splitlines())
 
 
@@ -323,7 +322,7 @@ def test_a_session_along_a_line_says_nothing_of_scenes() -> None:
 
 
 TICK = 0.1
-FIELD = MaterialField([(0, 0, 0)], [(400.0, 0.0, 0.0, 0.1)], mean=(400.0, 0.0, 0.0), uncertainty=0.1)
+FIELD = ScaleField()
 
 
 def error_of(far: np.ndarray, end: float, tick: float = TICK) -> PoseError:

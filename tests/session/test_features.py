@@ -314,7 +314,6 @@ FEATURES: dict[str, Callable[[Place], None]] = {
     "Hunt-Crossley": law("hunt-crossley"),
     "threshold switching": law("threshold-switching"),
     "continuous switching": law("continuous-switching"),
-    "quadratic law": law("quadratic"),
     "materials that remember": materials_that_remember,
     "sensor faults": sensor_faults,
     "shadow": shadow,

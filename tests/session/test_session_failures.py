@@ -13,9 +13,8 @@ from step_links import Spoken, Ticks
 
 from foretouch.core import Kernel
 from foretouch.errors import SideError
-from foretouch.identification import KelvinVoigtRLS, Learner
+from foretouch.identification import KelvinVoigtRLS, Learner, ScaleFieldLearner
 from foretouch.identification.conditioning.conditioner import Conditioner
-from foretouch.identification.material_field import MaterialFieldLearner
 from foretouch.messages import Status
 from foretouch.robot import Robot, SpatialRobot, SpatialSample, make_robot
 from foretouch.session import Process, SessionSettings, StopFlag, run_follower
@@ -110,7 +109,7 @@ class Session:
         return run_follower(process, self.robot, self.settings, description={}, duration=seconds)
 
 
-WHOLES = (*ProbeOnAxis.whole.values(), probe.tick_with_map, probe.tick_with_field)
+WHOLES = ProbeOnAxis.whole, ProbeInSpace.whole
 LEARNING: list[tuple[Any, str]] = [(KelvinVoigtRLS, "update"), (Learner, "taken"), (ModelSender, "due")]
 """What has ended once it failed; the others are tried again."""
 
@@ -118,8 +117,8 @@ PLUG_IN = dataclasses.replace(LINE, model="kelvin-voigt", estimator="rls")
 """An estimator of Python, with the compiled stages around it."""
 
 ON_A_LINE: list[tuple[Any, str]] = [(Freshness, "judge"), (Playout, "advance"), (stages.sense_alone, ""), *LEARNING]
-IN_SPACE = [(MaterialFieldLearner, "taken"), (ProbeInSpace, "wanted"), (Playout, "advance"), (FieldSender, "due")]
-RARELY_IN_SPACE = [(MaterialFieldLearner, "touch_at"), (ProbeInSpace, "_with_fixture")]
+IN_SPACE = [(Learner, "taken"), (ProbeInSpace, "wanted"), (Playout, "advance"), (FieldSender, "due")]
+RARELY_IN_SPACE = [(ScaleFieldLearner, "touch_at"), (ProbeInSpace, "_with_fixture")]
 
 
 @pytest.mark.parametrize(

@@ -214,14 +214,16 @@ class Led:
     def model(self, random: np.random.Generator, trouble: str) -> ModelUpdate:
         self.model_sequence += 1
         size, fixture = 10.0 ** random.uniform(2.0, 5.0), self.nominal
-        law = random.choice(("quadratic", "hunt-crossley", "jelly") if trouble == "invalid" else ("quadratic",) * 2)
+        law = random.choice(
+            ("kelvin-voigt", "hunt-crossley", "jelly") if trouble == "invalid" else ("kelvin-voigt",) * 2
+        )
         surface = float(random.uniform(-4e-3, 4e-3)) if trouble == "jump" else 0.0
         if trouble == "belief":
             wrong = (*random.uniform(-0.02, 0.02, 3), *random.uniform(-0.3, 0.3, 3))
             fixture = tuple(np.add(self.nominal, wrong).tolist())
         self.coefficient, self.viscous = random.uniform(0.0, 1.5), float(random.choice((0.0, 0.0, 5.0)))
         valid = trouble != "invalid" or random.random() < 0.5
-        numbers = (size, 0.0, 1.4) if law == "hunt-crossley" else (size, 0.0, 0.0)
+        numbers = (size, 0.0, 1.4) if law == "hunt-crossley" else (size, 0.0)
         made = model(self.model_sequence, valid=valid, law=str(law), parameters=numbers, surface=surface)
         friction = (self.coefficient, self.viscous, 0.0, 0.0)
         return msgspec.structs.replace(made, fixture=fixture, friction=friction, run=self.run)

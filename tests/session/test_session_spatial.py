@@ -465,9 +465,9 @@ def test_the_recorded_operator_presses_as_deep_as_measured_at_the_places_of_the_
 
 def test_what_is_chosen_with_a_scene_is_taken_and_what_is_not_is_the_scenes_own() -> None:
     settings = SessionSettings(scene="hill")
-    assert (settings.model, settings.estimator, settings.material) == ("quadratic", "material-field", "hunt-crossley")
-    settings = SessionSettings(scene="hill", model="contact-map", material="foam-measured")
-    assert (settings.model, settings.estimator, settings.material) == ("contact-map", "bank", "foam-measured")
+    assert (settings.model, settings.estimator, settings.material) == ("contact-map", "bank", "hunt-crossley")
+    settings = SessionSettings(scene="hill", model="kelvin-voigt", material="foam-measured")
+    assert (settings.model, settings.estimator, settings.material) == ("kelvin-voigt", "rls", "foam-measured")
     settings = SessionSettings()
     assert (settings.model, settings.estimator, settings.material) == ("contact-map", "bank", "foam-measured")
 
@@ -518,7 +518,7 @@ def test_without_graphics_the_session_runs_without_the_camera_and_says_so_once(
 
 
 def said(run: int, sequence: int, fixture: tuple, **changes: Any) -> ModelUpdate:
-    made = ModelUpdate(VERSION, sequence, 0, 0, "quadratic", (300.0, 0.0, 0.0), (), 0.0, True, "", "x", b"", 0, run)
+    made = ModelUpdate(VERSION, sequence, 0, 0, "kelvin-voigt", (300.0, 0.0), (), 0.0, True, "", "x", b"", 0, run)
     return msgspec.structs.replace(made, fixture=fixture, **changes)
 
 

@@ -166,7 +166,7 @@ def test_a_follower_on_a_surface_of_python_is_the_compiled_one(own: Plane | Heig
     assert states[0].probe.told[3] == states[1].probe.told[3] > 0
 
 
-@pytest.mark.parametrize(("scene", "model"), [("", "contact-map"), ("hill", "contact-map"), ("hill", "quadratic")])
+@pytest.mark.parametrize(("scene", "model"), [("", "contact-map"), ("hill", "contact-map"), ("hill", "kelvin-voigt")])
 @pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.long) for seed in range(2, 12))])
 def test_a_tick_as_a_whole_is_its_stages_one_by_one(scene: str, model: str, seed: int) -> None:
     """Whatever comes: commands late and in bunches, another leader, silence, stops, releases, sensors that fail."""
@@ -177,7 +177,7 @@ def test_a_tick_as_a_whole_is_its_stages_one_by_one(scene: str, model: str, seed
         follower.start(SPECIFICATION, settings, probe=None if surface is None else ProbeInSpace(surface, NOMINAL))
         for _ in range(2)
     ]
-    states[1].probe.whole = {}
+    states[1].probe.whole = None
     random, now, sequence, epoch, silent, faulty = np.random.default_rng(seed), 0, 0, 1, 0, 0
     here, telemetry, felt = np.array((0.0, 0.0, -0.004)), None, 0.0
     far, acknowledged = here.copy(), 0
@@ -240,13 +240,13 @@ def test_a_leaders_tick_at_once_is_that_which_waits_for_python(changes: dict, mo
     def counted(renderer: Renderer, hand: OverSurface, now: Now) -> tuple:
         said = at_once(renderer, hand, now)
         if hand[0]["closest"]["depth"][0] > 0.0:
-            done.append(said[2] is not None)
+            done.append(said[1] is not None)
         return said
 
     monkeypatch.setattr(Renderer, "go_over", counted)
     whole = simulate(settings, duration=5.0).log
     assert len(done) > 100
-    assert np.mean(done) > 0.85  # the others had a message, or came to another place of the material
+    assert np.mean(done) > 0.85  # the others had a message
     monkeypatch.setattr(Renderer, "go_over", lambda renderer, hand, now: at_once(renderer, hand, (*now[:4], True)))
     parts = simulate(settings, duration=5.0).log
     for name in ("leader", "leader_space", "follower_space"):

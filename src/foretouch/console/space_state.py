@@ -6,12 +6,14 @@ import bisect
 import math
 from collections import deque
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from foretouch.console.history import Array
+from foretouch.errors import DecodeError
 from foretouch.messages import (
     CameraImage,
     FieldUpdate,
@@ -23,6 +25,7 @@ from foretouch.messages import (
     SessionLog,
     Telemetry,
 )
+from foretouch.models import ScaleField
 from foretouch.quantities import Rows
 
 TICKS_PER_SECOND = 1000
@@ -68,6 +71,7 @@ class SpaceState:
         self._ticks: list[Telemetry | None] = [None] * LENGTH
         self._images: deque[CameraImage] = deque(maxlen=MOST_IMAGES)
         self._fields: deque[FieldUpdate] = deque(maxlen=MOST_FIELDS)
+        self._field = 0, 0, ScaleField()  # what is shown of them: of which run, up to which message
         self._trace: deque[tuple[float, ...]] = deque(maxlen=TRACE_LENGTH)
         self._traced: LeaderState | None = None
 
@@ -100,13 +104,21 @@ class SpaceState:
         """The image that had come by that telemetry, a camera's delay [s] after its exposure; else None."""
         return newest_image(tuple(self._images), sequence, camera_delay, self._run)
 
-    def field(self, sequence: int) -> FieldUpdate | None:
-        """The materials that had come by that telemetry; None before the first."""
-        tick = self.tick(sequence)
-        for field in reversed(() if tick is None else tuple(self._fields)):
-            if tick is not None and field.time_ns <= tick.time_ns and field.run == tick.run:
-                return field
-        return None
+    def field(self, sequence: int) -> ScaleField | None:
+        """What had come of the material by that telemetry; None before the first."""
+        tick, (run, newest, field) = self.tick(sequence), self._field
+        if tick is None:
+            return None
+        came = [one for one in tuple(self._fields) if one.run == tick.run and one.time_ns <= tick.time_ns]
+        last = came[-1].sequence if came else 0
+        if run != tick.run or last < newest:  # another process, or back in a recording
+            newest, field = 0, ScaleField()
+        for one in came:
+            if one.sequence > newest:
+                with suppress(DecodeError):
+                    field.take(one.content)
+        self._field = tick.run, last, field
+        return field if field.count else None
 
     def camera_silence(self, now: float) -> float:
         """Time since the last message of the fixture's tracker [s]; infinite before."""

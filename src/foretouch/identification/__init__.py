@@ -44,7 +44,6 @@ from foretouch.identification.identify import (
 from foretouch.identification.learner import Learner, LearntModel
 from foretouch.identification.linear.estimators import FPRLS, RLS, ROBUST, ForgettingRLS, RobustFPRLS, SelfPerturbingRLS
 from foretouch.identification.linear.options import FPRLSOptions, RobustOptions
-from foretouch.identification.material_field import MaterialFieldLearner
 from foretouch.identification.offline import (
     OfflineContinuousSwitching,
     OfflineFit,
@@ -62,6 +61,7 @@ from foretouch.identification.registry import (
     load_estimator,
     make_estimator,
 )
+from foretouch.identification.scale_field import ScaleFieldLearner
 from foretouch.identification.series_compliance import (
     SeriesCompliance,
     correct_recording,
@@ -99,7 +99,6 @@ __all__ = [
     "KelvinVoigtRLS",
     "Learner",
     "LearntModel",
-    "MaterialFieldLearner",
     "Motion",
     "OfflineContactMap",
     "OfflineContinuousSwitching",
@@ -109,6 +108,7 @@ __all__ = [
     "PredictedForce",
     "RobustFPRLS",
     "RobustOptions",
+    "ScaleFieldLearner",
     "SelfPerturbingRLS",
     "SensorLag",
     "SensorState",

@@ -16,9 +16,9 @@ from foretouch.errors.checks import NUMBER, require_type
 from foretouch.identification.conditioning.conditioner import Conditioner, ContactSample, SensorLag, require_columns
 from foretouch.identification.conditioning.kernel import CONTACT_FLOOR
 from foretouch.identification.contact_map.bank import ContactMap
-from foretouch.identification.contact_map.kernel import Learning, Run, learn_raw, run_raw
+from foretouch.identification.contact_map.kernel import Learning, Run, learn_in_place, learn_on_line, run_raw
 from foretouch.identification.estimator import Estimator, Status
-from foretouch.identification.material_field import MaterialFieldLearner
+from foretouch.identification.scale_field import ScaleFieldLearner
 from foretouch.models import ContactModel, ContactState, advance
 from foretouch.quantities import ByValue, Recording, brief_number, brief_text
 
@@ -56,6 +56,8 @@ class Learner:
         contact_floor: Least force that counts as contact [N], by the noise of its origin.
         sensor_lag: Lag of forces behind positions [s]: learning then pairs simultaneous ones, and the predicted force
             is that at the contact, not at the sensor.
+        places: Learns how the material varies over a surface, beside the law of all of it; None where all samples are
+            felt at one place.
 
     Attributes:
         learning: State beside the conditioner's and the estimator's, one record.
@@ -76,6 +78,7 @@ class Learner:
         offset_error: float = 0.0,
         contact_floor: float = CONTACT_FLOOR,
         sensor_lag: float = 0.0,
+        places: ScaleFieldLearner | None = None,
     ) -> None:
         estimator = ContactMap() if estimator is None else estimator
         require_type("estimator", estimator, Estimator, "an Estimator, such as ContactMap()")
@@ -90,7 +93,8 @@ class Learner:
             contact_floor=contact_floor,
             sensor_lag=sensor_lag,
         )
-        self.learning, self._learn_raw = Learning.new(), learn_raw.entry
+        self.learning, self.places = Learning.new(), places
+        self._learn_raw = (learn_on_line if places is None else learn_in_place).entry
         self._newest = self.learning["newest"][0]
         self.lag = SensorLag(self.learning["lag"][0])
         self.status = Status.FREE_AIR
@@ -115,9 +119,9 @@ class Learner:
         if type(estimator) is ContactMap:
             raw, known = (time, position, force), velocity is not None
             speed = 0.0 if velocity is None else velocity
-            self.taken(
-                estimator, *self._learn_raw(estimator.states, conditioner.memory, self.learning, raw, speed, known)
-            )
+            where, memory = None if self.places is None else self.places.states, conditioner.memory
+            done = self._learn_raw(estimator.states, where, memory, self.learning, raw, speed, known)
+            self.taken(estimator, *done)
             return self.sample
         last, before, offset = self._newest["time"].item(), conditioner.surface, conditioner.offset
         sample = self.sample = conditioner.update(time, position, force, velocity)
@@ -126,7 +130,7 @@ class Learner:
             estimator.move_surface(moved)
         if conditioner.offset != offset:  # what has drifted is none of the material
             estimator.move_offset(conditioner.offset - offset)
-        status = self.status = estimator.update(sample)
+        status = self.status = estimator.update(sample if self.places is None else self._left(sample, last))
         if status is Status.CHANGED:
             if not sample.in_contact:
                 conditioner.lose_surface()
@@ -136,7 +140,17 @@ class Learner:
             self.lag.update(point, sample.velocity, force, time - last)
         return sample
 
-    def taken(self, estimator: ContactMap | MaterialFieldLearner, code: int, news: bool) -> None:
+    def _left(self, sample: ContactSample, last: float) -> ContactSample:
+        """What the law is to learn of a sample, after one at this time [s], where it was felt at a place."""
+        estimator, (time, depth, velocity, force, in_contact) = self.estimator, sample
+        if not in_contact or self.places is None:
+            return sample
+        expected = deviation = math.nan
+        if estimator.has_model and (model := estimator.model) is not None:
+            _, expected, deviation = advance(model, estimator.state, depth, velocity, time - last)
+        return sample._replace(force=self.places.share(force, expected, deviation, time - last))
+
+    def taken(self, estimator: ContactMap, code: int, news: bool) -> None:
         """Take over what `learn_raw` did to this learner's estimator."""
         self.status = estimator.taken(code, news)
         if news:
@@ -160,7 +174,7 @@ class Learner:
             InputError: The columns differ in shape.
         """
         samples = RawSamples(time, position, force, velocity)
-        if not isinstance(self.estimator, ContactMap):
+        if not isinstance(self.estimator, ContactMap) or self.places is not None:
             return run_by_sample(self, samples)
         bank, conditioner, runs = self.estimator, self.conditioner, Run.new()
         for begin, rows in samples.blocks():

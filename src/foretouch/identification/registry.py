@@ -15,7 +15,6 @@ from foretouch.identification.contact_map.bank import ContactMap
 from foretouch.identification.estimator import Estimator
 from foretouch.identification.exact.recursive import ExactContinuousSwitching, ExactHuntCrossley, ExactKelvinVoigt
 from foretouch.identification.linear.estimators import FPRLS, RLS, ForgettingRLS, RobustFPRLS, SelfPerturbingRLS
-from foretouch.identification.material_field import MaterialFieldLearner
 from foretouch.identification.offline import OfflineContinuousSwitching, OfflineHuntCrossley, OfflineKelvinVoigt
 from foretouch.identification.offline_contact_map import OfflineContactMap
 from foretouch.plugins import PluginError, load_plugin, make_plugin, plugin_names
@@ -44,7 +43,6 @@ _KINDS: tuple[type[Estimator], ...] = (
     ExactHuntCrossley,
     ContactMap,
     OfflineContactMap,
-    MaterialFieldLearner,
 )
 
 for _kind in _KINDS:
@@ -57,7 +55,6 @@ DEFAULT_ESTIMATORS: dict[str, str] = {
     "hunt-crossley": "log-rls",
     "threshold-switching": "switching",
     "contact-map": "bank",
-    "quadratic": "material-field",
 }
 """Default estimator of each law: the paper's, or the one it compares with."""
 

@@ -172,6 +172,7 @@ class LeaderSpace(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_f
         fixture_turn: Standard deviation of its turn [rad].
         fixture_age: Time since an image showed it, as the follower sent it, without the delay of that message [s].
         friction: Coefficient of friction that is rendered.
+        scale: How many times as strong as the law the material is rendered there.
     """
 
     hand_x: float
@@ -201,6 +202,7 @@ class LeaderSpace(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_f
     fixture_turn: float
     fixture_age: float
     friction: float
+    scale: float
 
 
 class LeaderState(Message, frozen=True, array_like=True, gc=False):
@@ -302,10 +304,10 @@ def in_space(message: Message) -> tuple[Message, ...]:
 
 
 class FieldUpdate(Message, frozen=True, array_like=True, gc=False):
-    """Follower to leader, some times a second while it changes: the materials learnt over the surface.
+    """Follower to leader, ten times a second: how strong the material is, place by place, as far as there is news.
 
     Attributes:
-        content: A `foretouch.models.MaterialField` as it packs itself.
+        content: Nodes for `foretouch.models.ScaleField.take`.
         run: Epoch of the follower's process.
     """
 

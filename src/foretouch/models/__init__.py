@@ -4,15 +4,13 @@ from foretouch.models.classic import ContinuousSwitching, HuntCrossley, KelvinVo
 from foretouch.models.contact_map.model import ContactMapModel, MapSummary, summarise_map
 from foretouch.models.contact_model import NO_STATE, ContactModel, ContactState, advance
 from foretouch.models.laws import LAWS, make_model
-from foretouch.models.material_field import FIELD_DEPTH, MOST_NODES, NODE_SPACING, MaterialField
-from foretouch.models.memoryless_law import LinearisedContinuousSwitching, MemorylessLaw, QuadraticContact
+from foretouch.models.memoryless_law import LinearisedContinuousSwitching, MemorylessLaw
 from foretouch.models.predictor import MotionFilter, Predictor
+from foretouch.models.scale_field import FIELD_DEPTH, ScaleField, stiffness_at_rest
 
 __all__ = [
     "FIELD_DEPTH",
     "LAWS",
-    "MOST_NODES",
-    "NODE_SPACING",
     "NO_STATE",
     "ContactMapModel",
     "ContactModel",
@@ -22,13 +20,13 @@ __all__ = [
     "KelvinVoigt",
     "LinearisedContinuousSwitching",
     "MapSummary",
-    "MaterialField",
     "MemorylessLaw",
     "MotionFilter",
     "Predictor",
-    "QuadraticContact",
+    "ScaleField",
     "ThresholdSwitching",
     "advance",
     "make_model",
+    "stiffness_at_rest",
     "summarise_map",
 ]

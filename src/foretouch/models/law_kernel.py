@@ -1,7 +1,7 @@
 """Every law that a message may name, as one record, compiled: force, local slopes, and work to leave contact.
 
-The equations are those of `foretouch.models.MemorylessLaw`, `foretouch.models.LinearisedContinuousSwitching`,
-`foretouch.models.QuadraticContact` and `foretouch.models.ContactMapModel`, and the numbers the same to the last bit.
+The equations are those of `foretouch.models.MemorylessLaw`, `foretouch.models.LinearisedContinuousSwitching` and
+`foretouch.models.ContactMapModel`, and the numbers the same to the last bit.
 """
 
 from __future__ import annotations
@@ -28,15 +28,10 @@ from foretouch.models.contact_model import (
     SPEED_STEP,
     ContactModel,
 )
-from foretouch.models.memoryless_law import (
-    LARGEST_LOG_FORCE,
-    SMALLEST_DEPTH,
-    LinearisedContinuousSwitching,
-    QuadraticContact,
-)
+from foretouch.models.memoryless_law import LARGEST_LOG_FORCE, SMALLEST_DEPTH, LinearisedContinuousSwitching
 
-NOTHING, POWERS, LINEARISED, QUADRATIC, MAP = range(5)
-"""Kinds of laws: none, those of equation (4), the one of (18), the quadratic one, a contact map."""
+NOTHING, POWERS, LINEARISED, MAP = range(4)
+"""Kinds of laws: none, those of equation (4), the one of (18), a contact map."""
 
 KINDS: dict[type[ContactModel], int] = {
     KelvinVoigt: POWERS,
@@ -44,17 +39,18 @@ KINDS: dict[type[ContactModel], int] = {
     ThresholdSwitching: POWERS,
     ContinuousSwitching: POWERS,
     LinearisedContinuousSwitching: LINEARISED,
-    QuadraticContact: QUADRATIC,
     ContactMapModel: MAP,
 }
 """Classes that are compiled; one derived from them may have another force, and is not."""
 
 
 class Law(Record):
-    """A law and its numbers."""
+    """A law and its numbers, and how strong the material is at the place that is touched."""
 
     kind: int
-    numbers: Annotated[NDArray[Any], float, 4]  # of equation (4) or (18), or a, b, c
+    scale: float = 1.0  # its force is multiplied by this
+    doubt: float  # standard deviation of that, relative to it
+    numbers: Annotated[NDArray[Any], float, 4]  # of equation (4) or (18)
     map: Map
 
 
@@ -84,15 +80,13 @@ def _pressed(law: Law, depth: float, velocity: float) -> float:
     a, b, c, d = law.numbers[0], law.numbers[1], law.numbers[2], law.numbers[3]
     if law.kind == POWERS:
         force = depth**c * (a * depth**d + b * velocity)
-    elif law.kind == QUADRATIC:
-        force = depth * (a + b * depth + c * velocity)
     elif law.kind == LINEARISED:
         x = max(depth, SMALLEST_DEPTH)
         log_force = a + b * math.log(x) + c * velocity + d * velocity / x
         force = math.exp(min(log_force, LARGEST_LOG_FORCE)) * (depth / x)
     else:
         force = 0.0
-    return force if force > 0.0 else 0.0
+    return law.scale * force if force > 0.0 else 0.0
 
 
 @compiled(error_model="numpy")
@@ -102,7 +96,8 @@ def advance(law: Law, memory: Memory, depth: float, velocity: float, period: flo
         depth = -LARGEST_DEPTH if math.isnan(depth) else min(max(depth, -LARGEST_DEPTH), LARGEST_DEPTH)
         velocity = 0.0 if math.isnan(velocity) else min(max(velocity, -LARGEST_SPEED), LARGEST_SPEED)
     if law.kind == MAP:
-        return contact_map.advanced(law.map, memory, depth, velocity, period)
+        memory, force, deviation = contact_map.advanced(law.map, memory, depth, velocity, period)
+        return memory, law.scale * force, law.scale * math.hypot(deviation, law.doubt * force)
     return contact_map.UNTOUCHED, _pressed(law, depth, velocity), math.nan
 
 
@@ -110,10 +105,8 @@ def advance(law: Law, memory: Memory, depth: float, velocity: float, period: flo
 def slopes(law: Law, memory: Memory, depth: float, velocity: float, reach: float) -> tuple[float, float]:
     """`ContactModel.local_slopes`: stiffness [N/m] and damping [N s/m]."""
     if law.kind == MAP:
-        return contact_map.slopes_at(law.map, memory, depth, velocity, reach)
-    a, b, c = law.numbers[0], law.numbers[1], law.numbers[2]
-    if law.kind == QUADRATIC and depth > reach and a + c * (velocity - SPEED_STEP) > 0.0:
-        return a + 2.0 * b * depth + c * velocity + b * reach, c * depth
+        stiffness, damping = contact_map.slopes_at(law.map, memory, depth, velocity, reach)
+        return law.scale * stiffness, law.scale * damping
     here = _pressed(law, depth, velocity)
     deeper, shallower = _pressed(law, depth + reach, velocity), _pressed(law, depth - reach, velocity)
     faster, slower = _pressed(law, depth, velocity + SPEED_STEP), _pressed(law, depth, velocity - SPEED_STEP)
@@ -124,7 +117,8 @@ def slopes(law: Law, memory: Memory, depth: float, velocity: float, reach: float
 def leaving_work(law: Law, memory: Memory, depth: float, offset: float, largest: float) -> tuple[float, float]:
     """`ContactModel.leaving_work`: the work until contact is left [J], and the way [m]."""
     if law.kind == MAP:
-        return contact_map.work_at(law.map, memory, depth, offset, largest)
+        work, way = contact_map.work_at(law.map, memory, depth, offset / law.scale, largest / law.scale)
+        return law.scale * work, way
     before = max(min(_pressed(law, depth, 0.0), largest) + offset, 0.0)
     energy = way = 0.0
     for beyond in (False, True):

@@ -9,7 +9,7 @@ from foretouch.errors.checks import NUMBER, require_type
 from foretouch.models.classic import ContinuousSwitching, HuntCrossley, KelvinVoigt, ThresholdSwitching
 from foretouch.models.contact_map.model import ContactMapModel
 from foretouch.models.contact_model import ContactModel
-from foretouch.models.memoryless_law import LinearisedContinuousSwitching, QuadraticContact
+from foretouch.models.memoryless_law import LinearisedContinuousSwitching
 
 LARGEST_PARAMETER = 1e15  # Larger parameters are refused: no material has them, and forces could overflow
 
@@ -22,7 +22,6 @@ LAWS: dict[str, type[ContactModel]] = {
         ContinuousSwitching,
         LinearisedContinuousSwitching,
         ContactMapModel,
-        QuadraticContact,
     )
 }
 """Every law that a model message may name."""

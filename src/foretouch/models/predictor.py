@@ -188,6 +188,11 @@ class Predictor(Held):
             self._sliced = self.ticks
             self._run_slice()
 
+    def change_place(self) -> None:
+        """Let what the law's scale comes to at the next sample count as a change of the model, for `jump`."""
+        if _compiled().keep_entry.entry(self.records):
+            self._former = self.model, self._state_outside
+
     def disown(self) -> None:
         """Forget the sender of the models: none waits any more, and the one that predicts goes on without a number."""
         self._waiting = self._newest = None
@@ -211,7 +216,8 @@ class Predictor(Held):
         if not self.foreign:
             return _compiled().slopes_entry.entry(self.records[0], reach)  # type: ignore[no-any-return]
         depth, velocity = _compiled().asked_at_entry.entry(self.records[0])
-        return self.model.local_slopes(self.state, depth, velocity, reach)
+        stiffness, damping = self.model.local_slopes(self.state, depth, velocity, reach)
+        return self.scale * stiffness, self.scale * damping
 
     def leaving_work(self, offset: float = 0.0, largest: float = math.inf) -> tuple[float, float]:
         """Work returned from the newest sample until leaving contact [J], and that distance [m] (`ContactModel`)."""
@@ -219,7 +225,9 @@ class Predictor(Held):
             return 0.0, 0.0
         if not self.foreign:
             return _compiled().work_entry.entry(self.records[0], offset, largest)  # type: ignore[no-any-return]
-        return self.model.leaving_work(self.state, self.depth, offset, largest)
+        scale = self.scale
+        work, way = self.model.leaving_work(self.state, self.depth, offset / scale, largest / scale)
+        return scale * work, way
 
     def update(self, time: float, position: float, velocity: float | None = None) -> float:
         """Predict the force at one sample of the motion.
@@ -240,6 +248,11 @@ class Predictor(Held):
     def needs_python(self) -> bool:
         """Whether Python comes before the next sample: a law of its own, or past motion that is run again."""
         return self._foreign or self._waiting is not None
+
+    @property
+    def scale(self) -> float:
+        """Scale of the law's force at the place that is touched."""
+        return float(self.records["law"]["scale"][0])
 
     @property
     def foreign(self) -> bool:
@@ -266,11 +279,13 @@ class Predictor(Held):
         model, period = self.model, _compiled().observe_entry.entry(records[0], time, position, velocity)
         self._foreign = _is_foreign(model)
         if period > 0.0:
-            state, self.force, self.standard_deviation = _run(model, self.state, self.depth, self.velocity, period)
+            state, force, deviation = _run(model, self.state, self.depth, self.velocity, period)
+            self.force, self.standard_deviation = self.scale * force, self.scale * deviation
             if self.changed:
                 (former, before), depth = self._former, self.position - self.former_surface
                 before = before if _is_foreign(former) else tuple(records["former_memory"][0].tolist())
-                self.jump, self.changed = self.force - _run(former, before, depth, self.velocity, period)[1], 0
+                felt = _run(former, before, depth, self.velocity, period)[1]
+                self.jump, self.changed = self.force - float(records["former_law"]["scale"][0]) * felt, 0
             if self._foreign:
                 self._state_outside = state
             elif state:

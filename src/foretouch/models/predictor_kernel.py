@@ -143,6 +143,17 @@ ONE_LAW = Prediction.layout.fields["former_law"][1] // 8  # type: ignore[index]
 AT_MAP = Law.layout.fields["map"][1] // 8  # type: ignore[index]  # of them before the map
 
 
+@compiled
+def keep_former(predictions: NDArray[np.void]) -> bool:
+    """Keep the law as the former one, by which `jump` is reckoned, unless there is one since the last sample."""
+    p, flat = predictions[0], predictions.view(np.float64)
+    first = p.changed == 0
+    if first:
+        flat[ONE_LAW : 2 * ONE_LAW] = flat[:ONE_LAW]
+    p.changed = 1
+    return bool(first)
+
+
 @kernel("b1(Prediction[::1], i8, UniTuple(f8, 4), Map[::1], UniTuple(f8, 6), f8)", Map)
 def begin(
     predictions: NDArray[np.void],
@@ -154,13 +165,10 @@ def begin(
 ) -> bool:
     """Predict from a law, in a state of its material, and a surface [m]; whether it is the first since the last sample.
 
-    The law before the first is the former one, by which `jump` is reckoned.
+    The law before the first is the former one.
     """
-    p, flat = predictions[0], predictions.view(np.float64)
-    first = p.changed == 0
-    if first:
-        flat[ONE_LAW : 2 * ONE_LAW] = flat[:ONE_LAW]
-    p.changed, p.law.kind = 1, kind
+    p, flat, first = predictions[0], predictions.view(np.float64), keep_former(predictions)
+    p.law.kind = kind
     if kind == law_kernel.MAP:
         flat[AT_MAP : AT_MAP + SIZE] = maps.view(np.float64)
     for index in range(4):
@@ -203,6 +211,7 @@ def update(predictions: NDArray[np.void], time: float, position: float, velocity
     return predict(predictions[0], time, position, velocity)
 
 
+keep_entry = Kernel(keep_former, "(Prediction[::1],)")
 move_entry = Kernel(move, "(Motion, f8, f8)")
 observe_entry = Kernel(observe, "(Prediction, f8, f8, f8)")
 shift_entry = Kernel(shift, "(Prediction, f8)")

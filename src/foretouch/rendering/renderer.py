@@ -151,23 +151,22 @@ class Renderer:
         friction = self._rendering["friction"]
         friction["coefficient"], friction["viscous"], self.coefficient = coefficient, viscous, coefficient
 
-    def go_over(self, hand: whole.OverSurface, now: whole.Now) -> tuple[Coordinates, bool, float | None]:
+    def go_over(self, hand: whole.OverSurface, now: whole.Now) -> tuple[Coordinates, float | None]:
         """Follow a hand over a surface, and do the tick there: `foretouch.rendering.whole.whole_over_surface`.
 
         Returns:
-            The hand's coordinates; whether its material is to be looked up; the force for the hand along the normal
-            [N], None where `update` has to be called for it, after what the tick waits for: as for every `update` of a
-            subclass.
+            The hand's coordinates; the force for the hand along the normal [N], None where `update` has to be called
+            for it, after what the tick waits for: as for every `update` of a subclass.
         """
         time, measured, even, free, waits = now
         waits = waits or self.predictor.needs_python or type(self).update is not Renderer.update
         now = time, measured, even, free, waits or not time > self._time
-        coordinates, looks_up, done, ticked = whole.whole_over_surface.entry(self._records, hand, now)
+        coordinates, done, ticked = whole.whole_over_surface.entry(self._records, hand, now)
         if not done:
-            return coordinates, looks_up, None
+            return coordinates, None
         self._time = time
         force, self.force, self.shown, self.booked, self.predicted, self.touched = ticked
-        return coordinates, looks_up, force
+        return coordinates, force
 
     def update(
         self, time: float, hand: float, period: float, *, free: bool = False, frame: ContactFrame | None = None

@@ -12,6 +12,7 @@ from foretouch.core import compiled, kernel
 from foretouch.models import predictor_kernel as prediction
 from foretouch.models.law_kernel import NOTHING
 from foretouch.models.predictor_kernel import Prediction
+from foretouch.models.scale_field_kernel import Scales, scale_at
 from foretouch.quantities.pose import Vector
 from foretouch.rendering import proxy, tick
 from foretouch.rendering.energy import Account
@@ -19,9 +20,6 @@ from foretouch.rendering.surfaces.geometry import Triangle
 from foretouch.rendering.surfaces.god_object import MESH, Mesh
 from foretouch.rendering.surfaces.line import Coordinates, Line, Places, arrive, is_known, place_at
 from foretouch.rendering.tick import Rendering, Shown
-
-FAR_FROM_LOOK = 1e-3  # Displacement over the surface after which its material is looked up again [m]
-NEAR = 5e-3  # Distance from the surface within which its material is looked up [m]
 
 Predicted = tuple[float, float, float, float]
 """Of a tick: velocity of the proxy [m/s], force of the model there, its change by a new model, and its standard
@@ -40,10 +38,12 @@ Now = tuple[float, float, float, bool, bool]
 """Time of the tick [s]; that since the previous one as it began, and on the even grid of a simulated hand [s]; whether
 the hand is uncoupled and given no force; whether something has to be done in Python before the tick."""
 
-OverSurface: TypeAlias = tuple[NDArray[np.void], Mesh, Vector, Places, float, tuple[bool, bool], tuple[bool, float]]
+OverSurface: TypeAlias = tuple[
+    NDArray[np.void], Mesh, Vector, Places, float, tuple[bool, bool], NDArray[np.void], float
+]
 """What a hand in space is followed on: an array of one `Line`, shape, the device's position [m], places of the hand,
-scale of its motion, whether it is known and somewhere; whether there is a field of materials, and the offset that the
-line had in the tick before [m]."""
+scale of its motion, whether it is known and somewhere; an array of one `Scales` of the material, and the offset that
+the line had in the tick before [m]."""
 
 
 @compiled(error_model="numpy")
@@ -103,26 +103,29 @@ def whole(
 
 
 @kernel(
-    f"({RECORDS}, Tuple((Line[::1], {MESH}, UniTuple(f8, 3), UniTuple(UniTuple(f8, 3), 5), f8, UniTuple(b1, 2), "
-    "Tuple((b1, f8)))), Tuple((f8, f8, f8, b1, b1)))",
+    f"({RECORDS}, Tuple((Line[::1], {MESH}, UniTuple(f8, 3), UniTuple(UniTuple(f8, 3), 4), f8, UniTuple(b1, 2), "
+    "Scales[::1], f8)), Tuple((f8, f8, f8, b1, b1)))",
     Triangle,
+    Scales,
 )
-def whole_over_surface(records: Records, hand: OverSurface, now: Now) -> tuple[Coordinates, bool, bool, Ticked]:
+def whole_over_surface(records: Records, hand: OverSurface, now: Now) -> tuple[Coordinates, bool, Ticked]:
     """Follow a hand over a surface, and do the tick there, unless something waits for Python to do it first.
 
-    That may be known before; or be that the line has another offset, for the surface let go over an edge; or that the
-    material is to be looked up, for the hand has gone far from where that was done.
+    That may be known before; or be that the line has another offset, for the surface let go over an edge. The material
+    is as strong as at the hand's closest point.
 
     Returns:
-        The hand's coordinates; whether its material is to be looked up; whether the tick was done; what it is.
+        The hand's coordinates; whether the tick was done; what it is.
     """
-    lines, mesh, position, places, scale, (known, somewhere), (has_field, offset) = hand
+    lines, mesh, position, places, scale, (known, somewhere), scales, offset = hand
     (renderings, accounts, predictions), (time, measured, even, free, waits) = records, now
     r, account, p, line = renderings[0], accounts[0], predictions[0], lines[0]
-    coordinates, away = arrive(line, mesh, places, scale, known, somewhere)
-    looks_up = has_field and line.closest.depth >= -NEAR and not away <= FAR_FROM_LOOK
-    if waits or line.offset != offset or (looks_up and p.law.kind != NOTHING):
+    coordinates, here = arrive(line, mesh, places, scale, known, somewhere), line.closest.inner_point
+    if math.isfinite(here[0] + here[1]):
+        value, variance = scale_at(scales[0], here[0], here[1])
+        p.law.scale, p.law.doubt = math.exp(value), math.sqrt(variance)
+    if waits or line.offset != offset:
         nothing = 0.0, 0.0, 0.0
-        return coordinates, looks_up, False, (0.0, nothing, tick.show(r), nothing, (0.0, 0.0, 0.0, 0.0), (nothing, 0.0))
+        return coordinates, False, (0.0, nothing, tick.show(r), nothing, (0.0, 0.0, 0.0, 0.0), (nothing, 0.0))
     period = even if math.isfinite(coordinates[1]) else measured  # as the leader's step says
-    return coordinates, looks_up, True, _render(r, account, p, time, coordinates[0], period, free, position, line)
+    return coordinates, True, _render(r, account, p, time, coordinates[0], period, free, position, line)

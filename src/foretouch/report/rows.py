@@ -185,13 +185,16 @@ def force_at_follower(log: SessionLog, pairs: Pairs) -> Array:
 
     In each row the newest model that had arrived at the leader is run at the follower's position and velocity;
     without a valid model the force is 0, as it is at the leader. A law with memory runs on along the rows, from the
-    state that its message carried, which is that of the command that the follower had applied then. [N], shape (n,).
+    state that its message carried, which is that of the command that the follower had applied then. In space the
+    material is as strong as the leader rendered it in that tick. [N], shape (n,).
     """
     sent = {model.sequence: model for model in log.models}
     predictor = Predictor()
     newest, commands = 0, np.ascontiguousarray(pairs.leader["sequence"])  # as a column it is copied at every search
     forces = np.zeros(pairs.time.size)
-    motion = pairs.time, pairs.follower["position"], pairs.follower["velocity"], pairs.leader["model_sequence"]
+    depth = _of_tick(log.follower_space, "depth", pairs.follower["sequence"])
+    place = pairs.follower["position"] if depth is None else depth  # models count from the believed surface
+    motion = pairs.time, place, pairs.follower["velocity"], pairs.leader["model_sequence"]
     rows = zip(*(column.tolist() for column in motion), strict=True)
     for index, (time, position, velocity, sequence) in enumerate(rows):
         if sequence != newest:
@@ -203,4 +206,12 @@ def force_at_follower(log: SessionLog, pairs: Pairs) -> Array:
                 row = int(np.searchsorted(commands, update.command_sequence, side="right"))
                 predictor.adopt(model_of(update), update.surface, update.state, row)
         forces[index] = predictor.update(time, position, velocity)
-    return forces
+    scale = _of_tick(log.leader_space, "scale", pairs.leader["sequence"])
+    return forces if scale is None else forces * np.nan_to_num(scale, nan=1.0)
+
+
+def _of_tick(space: Rows, name: str, sequence: Array) -> Array | None:
+    """What a side says in space in the ticks of these numbers; None along a line."""
+    if not space.size:
+        return None
+    return np.asarray(space[name][np.minimum(np.searchsorted(space["sequence"], sequence), space.size - 1)])

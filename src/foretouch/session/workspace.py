@@ -230,7 +230,7 @@ class Line:
 class Space(Line):
     """The same of a session in a scene, in three dimensions."""
 
-    unchosen = (("material", "hunt-crossley"), ("model", "quadratic"))
+    unchosen = (("material", "hunt-crossley"), ("model", "contact-map"))
     frame, commas = SpatialFrame, 1
     device, hand = SpatialDevice, SpatialHand
     robot, moved, faulty = SpatialRobot, MovedSpatialRobot, FaultySpatialSensor

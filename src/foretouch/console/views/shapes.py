@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from foretouch.console.history import Array
-from foretouch.models import FIELD_DEPTH, MaterialField
+from foretouch.models import FIELD_DEPTH
 from foretouch.quantities.colours import BLUE, GREEN, GREY, VERMILLION, Colour, css
 
 Mesh = tuple[NDArray[np.float32], NDArray[np.uint32]]
@@ -208,13 +208,10 @@ COLOURS: tuple[Colour, ...] = (
 )  # fmt: skip
 """From soft to stiff: lightness alone tells the steps apart, whichever colours an eye sees."""
 UNKNOWN: Colour = (190, 190, 190)  # Colour of regions where no law was learnt
-LEAST_KNOWN = 0.5  # Weight of learnt nodes in the law of a point from which its stiffness counts as known
 STEPS = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)  # A step is one of these times a power of ten
 SMALLEST, LARGEST = 1.0, 1e7
 """Steps stay within these [N/m]."""
 LEAST_SHARE = 0.05  # Least step as a fraction of the scale's stiff end: less is noise, and one material has few colours
-CORNERS = np.array(list(itertools.product((0, 1), repeat=3)))
-WIDE = np.int64(1 << 20)
 
 
 def scale_edges(edges: Array, stiffness: Array) -> Array:
@@ -246,21 +243,6 @@ def levels_of(edges: Array, stiffness: Array, known: NDArray[np.bool_]) -> NDArr
     return np.where(known, step, 0).astype(np.int64)
 
 
-def learnt_weight(field: MaterialField, points: Array) -> Array:
-    """Weight of the learnt nodes in the law at each point of the fixture's frame [m], shape (n, 3)."""
-    if not len(field):
-        return np.zeros(len(points))
-    lattice = points / field.spacing
-    base = np.floor(lattice).astype(np.int64)
-    within = lattice - base
-    codes = _codes(field.keys.astype(np.int64))
-    learnt = np.zeros(len(points))
-    for corner in CORNERS:
-        weight = np.prod(np.where(corner == 1, within, 1.0 - within), axis=1)
-        learnt += weight * np.isin(_codes(base + corner), codes)
-    return learnt
-
-
 LINES = (
     (GREY, "Probe, now: where your hand is"),
     (VERMILLION, "Robot, delayed; outline: the fixture as the robot knows it"),
@@ -290,7 +272,3 @@ def legend_html(edges: Array) -> str:
         f'<b>{title}</b><table style="border-spacing:0;line-height:1.25">{"".join(cells[::-1])}</table>'
         f'<div style="padding-top:5px;line-height:1.3">{"".join(lines)}</div></div>'
     )
-
-
-def _codes(keys: NDArray[np.int64]) -> NDArray[np.int64]:
-    return (keys[:, 0] * WIDE + keys[:, 1]) * WIDE + keys[:, 2]

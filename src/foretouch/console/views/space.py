@@ -5,7 +5,6 @@ The scene's frame is the world's, `UNITS` to the metre.
 
 from __future__ import annotations
 
-import contextlib
 import math
 from collections.abc import Sequence
 from functools import partial
@@ -14,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from foretouch.console.history import Array
+from foretouch.console.models_seen import figures_of
 from foretouch.console.panels.panel import Panel
 from foretouch.console.panels.space import BOARD, MARKER, TIP_RADIUS, SpacePanel, footprint
 from foretouch.console.panels.stop import SPACE_HELP, SPACE_STROKES, add_keys
@@ -24,8 +24,8 @@ from foretouch.console.views.probes import UNITS, Measures, Probes
 from foretouch.console.views.shapes import COLOURS, UNKNOWN, Faces, Mesh, add_body, along, triangles_of
 from foretouch.console.watched import Watched
 from foretouch.errors import ForetouchError
-from foretouch.messages import FieldUpdate, FollowerSpace, LeaderSpace, fixture_of
-from foretouch.models import MaterialField
+from foretouch.messages import FollowerSpace, LeaderSpace, fixture_of
+from foretouch.models import FIELD_DEPTH, ScaleField
 from foretouch.quantities.colours import BLUE, CUT, GREEN, GREY, INK, VERMILLION
 from foretouch.quantities.pose import RigidMotion, Vector
 from foretouch.rendering import Surface
@@ -40,7 +40,7 @@ HINT = "Drag the arrows: the hand goes along"
 SPACE_INSTRUCTION = "Drag the arrows of the handle: down to press, along to slide."
 NEAR = 0.006  # The normal is shown from here on [m]
 BOARD_ALONE = np.zeros((1, 3))  # Text over an image where the shape of the specimen is not known here
-LEAST_KNOWN = 0.5  # Weight of learnt nodes in the law of a point from which its stiffness counts as known
+LARGEST_DOUBT = 0.7  # Relative deviation of the stiffness up to which it is shown: up to 6 mm from a touch
 NARROW, REACH = 2.5e-3, 16e-3
 """Width of a shallow dent, and where every dent ends [m]."""
 THICKNESS = 0.012  # Thickness of specimen and board as they are drawn [m]
@@ -73,7 +73,7 @@ class FixtureView:
         self._levels = np.zeros(len(self._faces), np.int64)
         self._touched = np.zeros(len(COLOURS) + 1, bool)
         self._parts: list[tuple[Any, Faces]] = []
-        self._field: MaterialField | None = None
+        self._learnt: tuple[ScaleField | None, int, float] = None, 0, 0.0
         self.edges: Array = np.empty(0)
         self.root = scene.add_frame("/space/fixture", show_axes=False)
         self._believed = scene.add_frame("/space/believed", show_axes=False)
@@ -106,20 +106,20 @@ class FixtureView:
             self._halo_size = size
             self._halo.vertices = _halo(self._rim, size * UNITS)[0]
 
-    def learn(self, field: MaterialField | None) -> None:
-        """Colour the surface by what was learnt; None for nothing, and the scale begins anew."""
-        if field is self._field:
+    def learn(self, field: ScaleField | None, stiffness: float) -> None:
+        """Colour the surface by what was learnt, with the law's local stiffness [N/m]; None begins the scale anew."""
+        learnt = field, 0 if field is None else field.messages, stiffness
+        if learnt == self._learnt:
             return
-        self._field = field
+        self._learnt = learnt
         levels = np.zeros(len(self._faces), np.int64)
         if field is None:
             self.edges = np.empty(0)
         else:
-            middles = self._vertices[self._faces].mean(axis=1)
-            known = shapes.learnt_weight(field, middles) >= LEAST_KNOWN
-            stiffness, _ = field.stiffness_at(middles)
-            self.edges = shapes.scale_edges(self.edges, stiffness[known])
-            levels = shapes.levels_of(self.edges, stiffness, known)
+            scales, deviations = field.scales_at(self._vertices[self._faces].mean(axis=1))
+            known = deviations <= LARGEST_DOUBT
+            self.edges = shapes.scale_edges(self.edges, stiffness * scales[known])
+            levels = shapes.levels_of(self.edges, stiffness * scales, known)
         if not np.array_equal(levels, self._levels):
             self._levels = levels
             self._paint()
@@ -203,12 +203,13 @@ class SpaceScene:
         self._handle.on_update(self._dragged)
         self._hint = scene.add_label("/space/labels/handle", HINT, anchor="bottom-center", font_screen_scale=1.3)
 
-    def draw(self, watched: Watched, field: MaterialField | None) -> None:
+    def draw(self, watched: Watched) -> None:
         """Draw the fixture, where both sides believe it, with what was learnt of it, and the probes."""
         leader, space, fixture = watched.leader_space, watched.space, self.fixture
         pose = fixture_of(leader)
         _place(fixture.root, pose)
-        fixture.learn(field)
+        law = None if watched.model is None else figures_of(watched.model, FIELD_DEPTH)
+        fixture.learn(None if law is None else space.field(watched.telemetry_sequence), law.stiffness if law else 0.0)
         point = leader.point_x, leader.point_y, leader.point_z
         normal = leader.normal_x, leader.normal_y, leader.normal_z
         fixture.sink(pose, point, normal, leader.depth)
@@ -281,7 +282,6 @@ class SpaceView:
         self._name = ""
         self._surface: Surface | None = None
         self._offered = False  # whether anybody listens to the handle
-        self._field: tuple[FieldUpdate | None, MaterialField | None] = (None, None)
         self._legend = server.gui.add_html("")
 
     def show(self, shown: bool) -> None:
@@ -298,7 +298,7 @@ class SpaceView:
         self._find_scene(shown)
         self.hold.follow()
         if self._scene is not None:
-            self._scene.draw(shown, self._learnt(shown))
+            self._scene.draw(shown)
             self._scene.draw_handle(shown.leader_space, offered=self._offered, useful=useful)
 
     def depth(self, shown: Watched) -> float:
@@ -342,15 +342,6 @@ class SpaceView:
             strokes = [(*key, partial(self._key_stroke, way)) for key, way in SPACE_STROKES.items()]
             overlay = ("Probe over image", "O", lambda event: self._image.toggle_overlay())
             add_keys(self._server.gui, *strokes, overlay)
-
-    def _learnt(self, shown: Watched) -> MaterialField | None:
-        """The field as the operator's side has it; each is read once, and one of another version is none."""
-        update = shown.space.field(shown.telemetry_sequence)
-        if update is not self._field[0]:
-            self._field = update, None
-            with contextlib.suppress(ForetouchError):
-                self._field = update, None if update is None else MaterialField.from_bytes(update.content)
-        return self._field[1]
 
     def _slide(self, axis: int, value: float) -> None:
         x, y, z = (value - here if other == axis else 0.0 for other, here in enumerate(self.hold.hand))

@@ -13,7 +13,7 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core.compiling import compiled, inlined, kernel
+from foretouch.core.compiling import Kernel, compiled, inlined
 from foretouch.core.records import Record
 from foretouch.identification.conditioning.conditioner import Lag, clear, take_lagged
 from foretouch.identification.conditioning.kernel import Conditioning, Memory, condition, is_full, lose_surface
@@ -32,6 +32,7 @@ from foretouch.identification.exact.belief import FEWEST_UPDATES, law_numbers
 from foretouch.identification.exact.belief import clear as clear_law
 from foretouch.identification.exact.kernel import move_surface as move_law
 from foretouch.identification.exact.kernel import take as take_law
+from foretouch.identification.scale_field_kernel import ScaleState, shared
 from foretouch.models.contact_map.kernel import advanced, memory_of, numbers_of, remember
 from foretouch.models.contact_map.layout import COARSE, LARGEST_FORCE, SIZE, Map
 from foretouch.models.contact_map.wire import narrow
@@ -208,9 +209,20 @@ def expect(run: Run, bank: Bank, depth: float, velocity: float, period: float) -
     return float(force)
 
 
+@compiled(error_model="numpy")
+def left_for_map(field: ScaleState, bank: Bank, depth: float, velocity: float, force: float, period: float) -> float:
+    """What the map is to learn of a force in contact, at a place of the field, which learns its scale [N]."""
+    notes, expected, deviation = bank.notes[0], math.nan, 0.0
+    if notes.updates - notes.begun >= FEWEST_UPDATES:
+        learnt = bank.remembered.shown[0] if bank.coarse.traced > 0 else bank.map[0]
+        _, expected, deviation = advanced(learnt, numbers_of(bank.memory), depth, velocity, period)
+    return shared(field, force, expected, deviation, period)
+
+
 @inlined
 def learn_conditioned(
     banks: Banks,
+    fields: NDArray[np.void] | None,
     conditioner: Memory,
     learnings: NDArray[np.void],
     known: tuple[float, float],
@@ -221,6 +233,7 @@ def learn_conditioned(
 
     Args:
         banks: The contact map's.
+        fields: An array of one `ScaleState` where the map is of a surface; None along a line.
         conditioner: Of the sample.
         learnings: The learner's; written.
         known: Surface [m] and force offset [N] before the sample.
@@ -237,6 +250,9 @@ def learn_conditioned(
     if conditioned.offset != known[1]:
         move_offset(banks, conditioned.offset - known[1])
         told = True
+    if fields is not None:  # noqa: SIM102  # by itself, so that it is known as it is compiled
+        if touching and not math.isnan(fields[0].point[0]):
+            force = left_for_map(fields[0], banks[0], depth, velocity, force, time - before)
     code = take(banks, time, depth, velocity, force, touching)
     if code in (OTHER, GONE):
         if not touching:
@@ -248,13 +264,10 @@ def learn_conditioned(
     return code, told
 
 
-@kernel(
-    "(Bank[::1], Tuple((Conditioning[::1], f8[:, ::1])), Learning[::1], UniTuple(f8, 3), f8, b1)",
-    Conditioning,
-    error_model="numpy",
-)
+@compiled(error_model="numpy")
 def learn_raw(
     banks: Banks,
+    fields: NDArray[np.void] | None,
     conditioner: Memory,
     learnings: NDArray[np.void],
     raw: tuple[float, float, float],
@@ -271,8 +284,15 @@ def learn_raw(
     known, touched = (state.surface, state.offset), state.in_contact
     conditioned = condition(conditioner, time, position, force, velocity, measured)
     depth, velocity, felt, touching = conditioned
-    code, told = learn_conditioned(banks, conditioner, learnings, known, force, (time, depth, velocity, felt, touching))
+    code, told = learn_conditioned(
+        banks, fields, conditioner, learnings, known, force, (time, depth, velocity, felt, touching)
+    )
     return code, bool(told or state.in_contact != touched or is_full(conditioner))
+
+
+RAW = "Tuple((Conditioning[::1], f8[:, ::1])), Learning[::1], UniTuple(f8, 3), f8, b1"
+learn_on_line = Kernel(learn_raw, f"(Bank[::1], none, {RAW})", Conditioning)
+learn_in_place = Kernel(learn_raw, f"(Bank[::1], ScaleState[::1], {RAW})", Conditioning)
 
 
 @compiled(error_model="numpy")
@@ -309,7 +329,7 @@ def run_raw(
         if touching:
             residual[i] = force - expect(state, banks[0], position - surface, velocity, time - newest.time)
         code, told = learn_conditioned(
-            banks, conditioner, learnings, (surface, offset), raw, (time, depth, velocity, force, touching)
+            banks, None, conditioner, learnings, (surface, offset), raw, (time, depth, velocity, force, touching)
         )
         if told or code >= LEARNT:
             state.stale = True

@@ -69,7 +69,7 @@ TOPICS: Final[dict[type[Message], Topic]] = {
         (Command, "/leader/command", "Command"),
         (FollowerRow, "/follower/space", "FollowerSpace"),
         (LeaderRow, "/leader/space", "LeaderSpace"),
-        (FieldUpdate, "/follower/field", "MaterialField"),
+        (FieldUpdate, "/follower/field", "ScaleField"),
         (FixtureBelief, "/camera/fixture", "FixtureBelief"),
         (CameraImage, "/camera/image", "CameraImage"),
     )

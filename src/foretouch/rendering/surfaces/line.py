@@ -145,9 +145,9 @@ def follow(lines: NDArray[np.void], mesh: Mesh, x: float, y: float, z: float) ->
     follow_line(lines[0], mesh, x, y, z)
 
 
-Places = tuple[Vector, Vector, Vector, Vector, Vector]
-"""Place of the hand in the world, exact and intended position of the hand itself, NaN where unknown, how far it is
-apart from the world, and a point in the fixture's frame [m]."""
+Places = tuple[Vector, Vector, Vector, Vector]
+"""Place of the hand in the world, exact and intended position of the hand itself, NaN where unknown, and how far it is
+apart from the world [m]."""
 
 Coordinates = tuple[float, float, float]
 """Coordinates [m] of the hand, NaN where it is unknown, of its exact position and of its intended one."""
@@ -163,17 +163,11 @@ def _coordinate(line: Line, place: Vector, position: Vector, apart: Vector, scal
 
 
 @compiled(error_model="numpy")
-def arrive(
-    line: Line, mesh: Mesh, places: Places, scale: float, known: bool, somewhere: bool
-) -> tuple[Coordinates, float]:
-    """Follow a hand, whose motion is multiplied by a scale, if it is somewhere.
-
-    Returns:
-        Its coordinates, and how far the closest point is from the given one [m].
-    """
-    place, exact, intended, apart, point = places
+def arrive(line: Line, mesh: Mesh, places: Places, scale: float, known: bool, somewhere: bool) -> Coordinates:
+    """Follow a hand, whose motion is multiplied by a scale, if it is somewhere; its coordinates."""
+    place, exact, intended, apart = places
     x, y, z = place if somewhere else (math.nan, math.nan, math.nan)
     follow_line(line, mesh, x, y, z)
     along = line.closest.along / scale if known and math.isfinite(x) else math.nan
     at, meant = _coordinate(line, place, exact, apart, scale), _coordinate(line, place, intended, apart, scale)
-    return (along, at, meant), norm(subtract(vector(line.closest.inner_point), point))
+    return along, at, meant

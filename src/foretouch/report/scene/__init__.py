@@ -11,7 +11,7 @@ import numpy as np
 
 from foretouch.errors import ForetouchError
 from foretouch.messages import SessionLog
-from foretouch.models import MaterialField
+from foretouch.models import ScaleField
 from foretouch.quantities import Array, Flags, Rows
 from foretouch.report.energy import (
     Account,
@@ -25,7 +25,7 @@ from foretouch.report.energy import (
     summed_account,
 )
 from foretouch.report.numbers import largest, number_of, runs, setting
-from foretouch.report.rows import Pairs, not_scored
+from foretouch.report.rows import Pairs, model_of, not_scored
 from foretouch.report.scene.map import StiffnessMap, learnt_field, map_figures, stiffness_map
 from foretouch.report.scene.pose import PoseError, SceneRows, pose_error, pose_figures, scene_rows, vectors
 from foretouch.robot import MATERIALS
@@ -165,7 +165,7 @@ class SceneFindings(LineFindings):
     wrong: Wrong | None
     account: Account
     scene: Scene | None
-    field: MaterialField | None
+    field: ScaleField | None
     map: StiffnessMap | None
 
     def booked(self) -> tuple[Rows, Account]:
@@ -178,7 +178,7 @@ class SceneFindings(LineFindings):
         The account of energy is that in all directions, and so is the distance between robot and command. Figures that
         compare positions along one line, or the whole contact force with the model's part along the normal, are None.
         """
-        scene, nothing = scene_figures(self.log, self.pairs, self), dict.fromkeys(AT_ONE_POSITION)
+        scene = scene_figures(self.log, self.pairs, self)
         energy, hand = scene["energy"], report["hand"]
         holds = energy["certificate_holds"]
         hand = {**hand, "certificate_holds": holds, "energy_agrees": energy["energy_agrees"]}
@@ -190,8 +190,7 @@ class SceneFindings(LineFindings):
             "energy_used_percent": None,
             "net_energy_exact_J": None,
             "hand": hand,
-            "equal_position": dict(nothing),
-            "exact_force": dict(nothing),
+            "exact_force": dict.fromkeys(AT_ONE_POSITION),
             "tracking_error": _tracking(self.rows, report["score_from_s"]),
             "scene": scene,
         }
@@ -209,12 +208,13 @@ def look_at_scene(log: SessionLog, pairs: Pairs) -> SceneFindings:
     scale, device = number_of(log.settings, "position_scale", 1.0), booked_device(log.settings)
     account = spatial_account(rows, position_scale=scale, device=device)
     scene, field = _scene(log.settings), learnt_field(log)
-    stiffness = None
-    if scene is not None and field is not None:
-        felt = next((model.surface for model in reversed(log.models) if model.valid), 0.0)
+    stiffness, newest = None, next((model for model in reversed(log.models) if model.valid), None)
+    law = None if newest is None else model_of(newest)
+    if scene is not None and field is not None and newest is not None and law is not None:
+        felt = newest.surface
         name = setting(log.settings, "material", "")
         material = name if name in MATERIALS and _is_simulated(rows) else None
-        stiffness = stiffness_map(rows, field, scene, material, felt if math.isfinite(felt) else 0.0)
+        stiffness = stiffness_map(rows, field, law, scene, material, felt if math.isfinite(felt) else 0.0)
     wrong = wrong_contacts(log, pairs)
     return SceneFindings(log, pairs, rows, pose_error(rows), wrong, account, scene, field, stiffness)
 

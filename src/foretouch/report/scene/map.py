@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from scipy.spatial import Delaunay, cKDTree
 
-from foretouch.errors import ForetouchError
+from foretouch.errors import DecodeError
 from foretouch.messages import SessionLog
-from foretouch.models import FIELD_DEPTH, MaterialField
+from foretouch.models import FIELD_DEPTH, ContactModel, ScaleField, stiffness_at_rest
 from foretouch.quantities import Array, ByValue, Flags
 from foretouch.quantities.pose import RigidMotion
 from foretouch.report.scene.pose import SceneRows
@@ -18,7 +19,7 @@ from foretouch.robot import make_material
 from foretouch.session.spatial import Scene
 
 CELL = 1e-3  # Side of a cell of the map [m]
-NEAR = 3e-3  # Largest distance of the probe from a point that counts as touched [m], half the distance of two nodes
+NEAR = 3e-3  # Largest distance of the probe from a point that counts as touched [m]
 PRESSED = 0.05  # Force of a touch [N]
 
 MIDDLE, REACH = (0.075, 0.0), 0.03  # Middle of the map in the fixture's frame, and half its side [m]
@@ -27,7 +28,6 @@ HIGH, CLOSE, STEPS = 0.2, 1e-6, 30
 """Height above the surface at which rays begin, distance at which they end [m], and their largest number of steps."""
 
 STIFFEST = 98.0  # Percentile of the local stiffness taken as the largest: a single point may overshoot
-SMALL = 1e-6  # Difference of depths over which a slope is taken [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,38 +43,45 @@ class StiffnessMap(ByValue):
     depth: float = FIELD_DEPTH  # depth at which it is taken [m]
 
 
-def learnt_field(log: SessionLog) -> MaterialField | None:
-    """The newest field of materials in a log; None where there is none that can be read."""
-    for update in reversed(log.fields):
-        try:
-            return MaterialField.from_bytes(update.content)
-        except ForetouchError:
-            continue
-    return None
+def learnt_field(log: SessionLog) -> ScaleField | None:
+    """The field that the last process of the follower has told in a log; None where it told none that can be read."""
+    field = ScaleField()
+    for update in log.fields:
+        if update.run == log.fields[-1].run:
+            with suppress(DecodeError):
+                field.take(update.content)
+    return field if field.count else None
 
 
 def stiffness_map(
-    rows: SceneRows, field: MaterialField, scene: Scene, material: str | None, felt_deeper: float = 0.0
+    rows: SceneRows,
+    field: ScaleField,
+    law: ContactModel,
+    scene: Scene,
+    material: str | None,
+    felt_deeper: float = 0.0,
 ) -> StiffnessMap:
     r"""Learnt and true local stiffness over the surface.
 
     .. math:: K(p) = s(p)\, \frac{\partial f}{\partial d}(d, 0)
 
-    with the material's law f at rest and the inclusion's factor s. Depths count from the shape of the scene. A soft
-    material is detected late, and the laws of the field begin where contact was detected: that is taken off. The
-    probe's position is taken from the true pose of the fixture, else from the follower's estimate.
+    with the law f of the whole material at rest and its scale s; the truth has the material's law and the inclusion's
+    factor. Depths count from the shape of the scene. A soft material is detected late, and the law begins where contact
+    was detected: that is taken off. The probe's position is taken from the true pose of the fixture, else from the
+    follower's estimate.
     """
     x = MIDDLE[0] + np.arange(-REACH, REACH + 0.5 * CELL, CELL)
     y = MIDDLE[1] + np.arange(-REACH, REACH + 0.5 * CELL, CELL)
     points = np.array([(column, row, _height(scene, column, row)) for row in y.tolist() for column in x.tolist()])
-    learnt, uncertainty = field.stiffness_at(points, max(FIELD_DEPTH - felt_deeper, 0.0))
+    scales, deviations = field.scales_at(points)
+    learnt = scales * stiffness_at_rest(law, max(FIELD_DEPTH - felt_deeper, 0.0))
     shape = (y.size, x.size)
     touched = _touched(points, _touched_places(rows))
     true = None if material is None else _true_stiffness(scene, material, points).reshape(shape)
-    return StiffnessMap(x, y, learnt.reshape(shape), uncertainty.reshape(shape), true, touched.reshape(shape))
+    return StiffnessMap(x, y, learnt.reshape(shape), (learnt * deviations).reshape(shape), true, touched.reshape(shape))
 
 
-def map_figures(stiffness: StiffnessMap, field: MaterialField, scene: Scene) -> dict[str, Any]:
+def map_figures(stiffness: StiffnessMap, field: ScaleField, scene: Scene) -> dict[str, Any]:
     """The map in numbers.
 
     Returns:
@@ -89,7 +96,7 @@ def map_figures(stiffness: StiffnessMap, field: MaterialField, scene: Scene) -> 
     figures: dict[str, Any] = {
         "depth_mm": 1e3 * stiffness.depth,
         "touched_cm2": float(inside.sum()) * (1e2 * CELL) ** 2,
-        "nodes": len(field),
+        "nodes": field.count,
         **dict.fromkeys(("median_error_percent", "p95_error_percent", "within_two_deviations_percent")),
         **dict.fromkeys(("learnt_N_per_m", "inclusion")),
     }
@@ -173,10 +180,7 @@ def _touched_places(rows: SceneRows) -> Array:
 
 def _true_stiffness(scene: Scene, material: str, points: Array) -> Array:
     """Slope of the material's force at rest over depth, times the inclusion's factor [N/m]."""
-    model = make_material(material).model
-    state = model.initial_state()
-    below, above = (model.advance(state, FIELD_DEPTH + step, 0.0, 1e-3)[1] for step in (-SMALL, SMALL))
-    slope = (above - below) / (2.0 * SMALL)
+    slope = stiffness_at_rest(make_material(material).model)
     if scene.inclusion is None:
         return np.full(len(points), slope)
     return np.array([slope * scene.inclusion.factor((x, y, z)) for x, y, z in points.tolist()])

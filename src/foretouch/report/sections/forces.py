@@ -29,9 +29,9 @@ from foretouch.report.drawing import (
 from foretouch.report.numbers import AS_IT_COMES, Finding, figure, filled, number
 from foretouch.report.rows import Pairs, Segment, not_scored
 from foretouch.report.scores import JND_FORCE, JND_SHARE, STATUSES
-from foretouch.report.sections import Drawing, Section, View, workspace_of
+from foretouch.report.sections import Drawing, Section, View
 from foretouch.session.operators import STAYS_IN_THE_AIR
-from foretouch.session.workspace import LINE, SPACE, Line
+from foretouch.session.workspace import LINE
 from foretouch.settings import NO_BASELINE, SIMULATED
 
 ZOOM = 4.0  # Length of the close-up [s], and of shorter recordings half of them
@@ -244,9 +244,6 @@ _LEFT_OUT = {
 """Rows that are not scored, because the robot did not follow, its sensors failed, or the device did."""
 
 
-COMPARED: dict[Line, tuple[str, ...]] = {LINE: ("equal_position",), SPACE: ()}  # at one position
-
-
 def _lines(report: Mapping[str, Any]) -> Iterator[str]:
     wanted, late = _NAMES.get(report["baseline"], _CONTROLLED)
     guarded = filled(", {guarded_samples:,} guarded", report) if report["guarded_samples"] else ""
@@ -258,8 +255,7 @@ def _lines(report: Mapping[str, Any]) -> Iterator[str]:
     yield _row(report, "rendered (after limits)", "rendered", "rendered_within_jnd", "rendered_phantom")
     yield _row(report, wanted, "prediction", "within_jnd", "phantom")
     yield _row(report, late, "delayed_force")
-    for name in COMPARED[workspace_of(report)]:
-        yield _row(report[name], "predicted at follower's position", "prediction", "within_jnd")
+    yield _row(report["equal_position"], "predicted at follower's position", "prediction", "within_jnd")
     if report["exact_force"]["contact_force_rms_N"] is not None:
         against = f"{wanted.partition(' (')[0]}, against exact force"
         yield _row(report["exact_force"], against, "prediction", "within_jnd")

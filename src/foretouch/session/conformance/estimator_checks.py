@@ -13,15 +13,12 @@ from numpy.typing import NDArray
 
 from foretouch.errors import InputError
 from foretouch.identification import Conditioner, ContactSample, Estimator, Identification, Learner, identify
-from foretouch.models import LAWS, ContactModel, HuntCrossley, KelvinVoigt, QuadraticContact, advance, make_model
+from foretouch.models import LAWS, ContactModel, HuntCrossley, KelvinVoigt, advance, make_model
 from foretouch.quantities import Recording
 from foretouch.session.conformance.finding import Checks, Finding, Result, ignore, name_result, percentile_time
 from foretouch.session.settings import SAMPLE_PERIOD
 
-OWN_LAWS: dict[str, ContactModel] = {
-    "kelvin-voigt": KelvinVoigt(600.0, 2.0),
-    "quadratic": QuadraticContact(300.0, 4e4, 300.0),
-}
+OWN_LAWS: dict[str, ContactModel] = {"kelvin-voigt": KelvinVoigt(600.0, 2.0)}
 """Laws all of whose presses an estimator of that law learns."""
 SOFT = HuntCrossley(3000.0, 300.0, 1.4)
 """Estimators of all other laws learn presses of this one, which every law of the paper can be near to."""

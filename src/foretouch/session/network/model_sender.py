@@ -13,7 +13,7 @@ from foretouch.identification import (
     Estimator,
     Learner,
     LearntModel,
-    MaterialFieldLearner,
+    ScaleFieldLearner,
     SensorState,
 )
 from foretouch.messages import VERSION, FieldUpdate, ModelUpdate, encode
@@ -222,31 +222,34 @@ class ModelSender:
         return f"the material changed {(now_ns - self._changed_ns) * 1e-9:.1f} s ago: it is learnt anew"
 
 
-FIELD_PERIOD_NS = 100_000_000  # Shortest time between two fields of materials [ns]
-FIELD_RATE = 30e3  # Largest byte rate of the fields [byte/s]
+FIELD_PERIOD_NS = 100_000_000  # Time between two messages of the field [ns]
+AGAIN = 3  # Number of messages in which a node that has changed is sent, for some are lost
+
+LEAST_NODES, MOST_NODES = 16, 64
+"""Nodes of a message: those that have changed, up to the most; others, in turn, fill it up to the least, for a leader
+that begins."""
 
 
 class FieldSender:
-    """Sends a field if it has changed and the last one is some time ago: the longer, the larger that was.
+    """Sends the nodes of a field that have changed, and the others in turn.
 
     Args:
         run: Epoch of the follower's process.
     """
 
-    __slots__ = ("_next_ns", "_run", "_sent", "_updates")
+    __slots__ = ("_before", "_next_ns", "_picked", "_run", "_sent")
 
     def __init__(self, run: int) -> None:
         self._run = run
-        self._next_ns = self._updates = self._sent = 0
+        self._next_ns = self._sent = 0
+        self._before = [0] * AGAIN  # numbers of samples learnt from, as of the newest messages
 
-    def due(self, estimator: Estimator, now_ns: int) -> FieldUpdate | None:
-        """The field that is due at this time [ns], of an estimator that learns one."""
-        if not isinstance(estimator, MaterialFieldLearner) or estimator.updates == self._updates:
+    def due(self, places: ScaleFieldLearner, now_ns: int) -> FieldUpdate | None:
+        """The message that is due at this time [ns]."""
+        if now_ns < self._next_ns or places.updates == 0:
             return None
-        if now_ns < self._next_ns:
-            return None
-        content = estimator.field.to_bytes()
-        self._next_ns = now_ns + max(FIELD_PERIOD_NS, round(1e9 * len(content) / FIELD_RATE))
-        self._updates = estimator.updates
+        content = places.news(self._before[0], LEAST_NODES, MOST_NODES)
+        self._before = [*self._before[1:], places.updates]
+        self._next_ns = now_ns + FIELD_PERIOD_NS
         self._sent += 1
         return FieldUpdate(VERSION, self._sent, now_ns, content, self._run)

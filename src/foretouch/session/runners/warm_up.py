@@ -38,7 +38,6 @@ from foretouch.session.runners.driven import Tick, drive_follower, drive_leader
 from foretouch.session.runners.housekeeping import COMPILING, HELLO_PERIOD, ORPHANED, StopFlag, orphaned
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.setup import setup_of
-from foretouch.session.spatial import probe
 from foretouch.session.steps import leader as line_leader
 from foretouch.session.workspace import LINE, SPACE
 from foretouch.settings import SIMULATED
@@ -209,13 +208,13 @@ def _compile_map() -> None:
         bank.update(ContactSample(tick * SAMPLE_PERIOD, position - SURFACE, 0.0, force, force > 0.0))
     _press_alone(SessionSettings())
     _learn_offline("contact-map")
-    warm_up(SessionSettings(grip="normal", scene="plane", model="contact-map"))  # and along a line
-    warm_up(SessionSettings(scene="phantom", material="hunt-crossley"))
+    warm_up(SessionSettings(grip="normal", scene="plane"))  # and along a line
+    warm_up(SessionSettings(scene="phantom"))
 
 
 def _compile_others() -> None:
     """Compile everything that needs no contact map: at first what the other process needs later."""
-    for common in (whole.whole, whole.whole_over_surface, predictor_kernel.begin, probe.tick_with_field):
+    for common in (whole.whole, whole.whole_over_surface, predictor_kernel.begin):
         common.entry  # noqa: B018  # asked for, it is compiled
     settings = SessionSettings(model="hunt-crossley", estimator="exact", grip="normal")
     warm_up(settings)

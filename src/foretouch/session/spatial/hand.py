@@ -1,7 +1,7 @@
 """The operator's hand over a surface, with three degrees of freedom.
 
-It is projected onto the normal of the believed surface, which moves with the fixture, and the law is that at the hand's
-place, from the newest field of materials.
+It is projected onto the normal of the believed surface, which moves with the fixture, and the law is as strong as at
+the hand's place.
 """
 
 from __future__ import annotations
@@ -9,13 +9,13 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from foretouch.errors import DecodeError, InputError
+from foretouch.errors import DecodeError
 from foretouch.messages import FieldUpdate, LeaderSpace, Message, ModelUpdate, Telemetry
-from foretouch.models import FIELD_DEPTH, NO_STATE, ContactModel, MaterialField
+from foretouch.models import ScaleField
 from foretouch.quantities.pose import Vector, norm, subtract
 from foretouch.rendering import Renderer
 from foretouch.rendering.surfaces import Surface
-from foretouch.rendering.whole import NEAR, Now, whole_over_surface
+from foretouch.rendering.whole import Now, whole_over_surface
 from foretouch.session.spatial.course import SurfaceLine
 from foretouch.session.steps.axis import Arrived, HandOnAxis, Told
 from foretouch.session.steps.follower_view import FollowerView
@@ -30,52 +30,44 @@ MOST_FRICTION, MOST_VISCOUS = 2.0, 20.0
 
 
 class TouchedMaterial:
-    r"""The surface's material as a field over the surface, as the leader knows it.
+    """How strong the material is over the surface, as the leader knows it.
 
-    A field gives the standard deviation of the local stiffness K at 2 mm. The force there has the same relative
-    standard deviation,
-
-    .. math:: \sigma_F = F\, \sigma_K / K
+    A field belongs to the models of the same follower process, which it is relative to.
 
     Attributes:
-        field: The newest, None before the first.
-        at: Where it was looked up last, in the fixture's frame [m]; NaN where there may be news.
-        uncertainty: sigma_K / K as it was looked up last; NaN before the first.
-        refused: Number of fields that could not be used.
+        field: That of the process whose models are rendered.
+        refused: Number of messages that could not be used.
     """
 
-    __slots__ = ("_is_known_here", "_run", "_sequence", "at", "field", "refused", "uncertainty")
+    __slots__ = ("_newest", "_next", "_run", "field", "refused")
 
     def __init__(self) -> None:
-        self.field: MaterialField | None = None
-        self._sequence = self._run = 0
-        self._is_known_here = False
-        self.at: Vector = NOWHERE
-        self.uncertainty = math.nan
+        self.field, self._run = ScaleField(), 0
+        self._next = ScaleField(), 0  # the field of a process whose models are not rendered yet, and its run
+        self._newest = 0, 0  # run and number of the newest message
         self.refused = 0
 
-    def take(self, update: FieldUpdate) -> None:
-        """Take a field, unless a newer one of the same follower process is already there."""
-        if update.run == self._run and update.sequence <= self._sequence:
-            return
-        self._sequence, self._run = update.sequence, update.run
+    def take(self, update: FieldUpdate) -> bool:
+        """Take nodes, unless newer ones have come from the same process; whether those that are rendered changed."""
+        if update.run == self._newest[0] and update.sequence <= self._newest[1]:
+            return False
+        self._newest = update.run, update.sequence
+        if update.run not in (self._run, self._next[1]):
+            self._next = ScaleField(), update.run
+        field = self.field if update.run == self._run else self._next[0]
         try:
-            self.field = MaterialField.from_bytes(update.content)
-        except (InputError, DecodeError):
+            field.take(update.content)
+        except DecodeError:
             self.refused += 1
-        else:
-            if not self._is_known_here:
-                self.at = NOWHERE
+            return False
+        return field is self.field
 
-    def law(self, point: Vector, depth: float) -> ContactModel | None:
-        """The law at a point, in the fixture's frame, for a hand at this depth [m]; None where unknown."""
-        if self.field is None or depth < -NEAR:
-            return None
-        law, deviation, self._is_known_here = self.field.law_at(point)
-        stiffness = law.stiffness + 2.0 * FIELD_DEPTH * law.stiffening
-        self.uncertainty = deviation / stiffness if stiffness > 0.0 else math.nan
-        self.at = point
-        return law if self._is_known_here else None
+    def belong_to(self, run: int) -> bool:
+        """Render models of the follower process of this run from now on; whether their field is another one."""
+        if run == self._run:
+            return False
+        self.field, self._run = self._next[0] if run == self._next[1] else ScaleField(), run
+        return True
 
 
 class HandInSpace(HandOnAxis):
@@ -93,7 +85,7 @@ class HandInSpace(HandOnAxis):
         apart: Offset between the hand and its position in the world [m].
         place: Position of the hand in the world [m].
         left: Commanded position of the follower [m].
-        material: The field of materials.
+        material: How strong the material is over the surface.
         felt_deeper: How much deeper than believed the surface was felt [m].
     """
 
@@ -108,7 +100,6 @@ class HandInSpace(HandOnAxis):
         self._certainty = math.nan, math.nan, math.inf  # of its fixture: deviations [m, rad] and age [s]
         self._follower: tuple[Vector, int] = NOWHERE, 0  # its newest commanded position, and its run
         self._offset = 0.0  # of the line, in the tick before
-        self._looks_up = True  # whether the material is to be looked up
         whole_over_surface.entry  # noqa: B018  # asked for, it is loaded
 
     @property
@@ -122,7 +113,8 @@ class HandInSpace(HandOnAxis):
             if (space := message.space) is not None:
                 self._follower = (space.desired_x, space.desired_y, space.desired_z), message.run
         elif type(message) is FieldUpdate and view.run in (0, message.run):
-            self.material.take(message)
+            if self.material.take(message):
+                renderer.predictor.change_place()
         elif type(message) is ModelUpdate and view.run in (0, message.run):
             self._take_model(message, renderer)
 
@@ -159,10 +151,10 @@ class HandInSpace(HandOnAxis):
         line.touch(self.place if somewhere else NOWHERE)
         exact: Any = tuple(inputs.exact_position)  # type: ignore[arg-type]
         intended: Any = tuple(inputs.intended_position)  # type: ignore[arg-type]
-        places, position = (self.place, exact, intended, self.apart, self.material.at), (x, y, z)
-        field = self.material.field is not None, self._offset
-        over = line.records, line.shape, position, places, scale, (seen, somewhere), field
-        coordinates, self._looks_up, rendered = renderer.go_over(over, now)
+        places, position = (self.place, exact, intended, self.apart), (x, y, z)
+        scales = self.material.field.records
+        over = line.records, line.shape, position, places, scale, (seen, somewhere), scales, self._offset
+        coordinates, rendered = renderer.go_over(over, now)
         return coordinates, (position, line.records), rendered
 
     def _meet(self, here: Vector, renderer: Renderer, view: FollowerView) -> bool:
@@ -177,32 +169,25 @@ class HandInSpace(HandOnAxis):
         view.position = self.line.follow(meet).along
         return True
 
-    def law(self) -> ContactModel | None:
-        """See `HandOnAxis.law`; from the field."""
+    def adopt(self, model: ModelUpdate, renderer: Renderer) -> None:
+        """See `HandOnAxis.adopt`."""
         self._offset = self.line.offset
-        closest = self.line.newest
-        return self.material.law(closest.inner_point, closest.depth)
+        if self.material.belong_to(model.run):
+            renderer.predictor.change_place()
 
     def go_on(self, renderer: Renderer) -> None:
-        """See `HandOnAxis.go_on`; the hand may have moved over the surface, or come to another side of it."""
+        """See `HandOnAxis.go_on`; the hand may have come to another side of the surface."""
         predictor, before, offset = renderer.predictor, self._offset, self.line.offset
         self._offset = offset
-        turned = before != offset
-        if predictor.model is None or not (turned or self._looks_up):
-            return
-        law = self.law() or predictor.model
-        if turned or law is not predictor.model:
-            memory = predictor.state if law is predictor.model else NO_STATE
-            renderer.adopt(law, offset + self.felt_deeper, memory, message=predictor.message)
+        if predictor.model is not None and before != offset:
+            renderer.adopt(predictor.model, offset + self.felt_deeper, predictor.state, message=predictor.message)
 
     def finish(self, renderer: Renderer) -> Told:
-        """See `HandOnAxis.finish`; the deviation is the field's, where there is one."""
-        (_, force, _, deviation), place = renderer.predicted, renderer.touched[0]
+        """See `HandOnAxis.finish`."""
+        (_, _, _, deviation), place = renderer.predicted, renderer.touched[0]
         known = math.isfinite(renderer.shown[0])
         if known:
             self.left = place
-        uncertainty = self.material.uncertainty
-        deviation = deviation if math.isnan(uncertainty) else uncertainty * force
         return self.left if known else (), deviation, self._report(renderer)
 
     def _report(self, renderer: Renderer) -> LeaderSpace:
@@ -218,4 +203,5 @@ class HandInSpace(HandOnAxis):
             *self.line.pose,
             *self._certainty,
             renderer.coefficient,
+            renderer.predictor.scale,
         )

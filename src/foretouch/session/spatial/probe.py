@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 
 from foretouch.core import Kernel, compiled
-from foretouch.identification import ContactMap, FrictionEstimator, MaterialFieldLearner
+from foretouch.identification import FrictionEstimator, ScaleFieldLearner
 from foretouch.identification.friction import learn_friction
 from foretouch.messages import VERSION, Command, FixtureBelief, FollowerSpace, ModelUpdate
 from foretouch.quantities import pose as rigid
@@ -162,14 +162,14 @@ def allow_in_space(
 
 @compiled
 def tick(
-    states: States, banks: Records | None, fields: Records | None, given: Given, times_ns: Times, guarded: bool
+    states: States, banks: Records, fields: Records, given: Given, times_ns: Times, guarded: bool
 ) -> tuple[Acted, Told, tuple[int, bool]]:
     """A tick in space, as `stages.tick` is one along a line."""
     position = _advance(states[0][0].playing)
     desired, jumped = sense_in_space(states, given, times_ns[0], position)
-    x, y, z = point = vector(given[0][0].probe.closest.inner_point)
-    if fields is not None and math.isfinite(x + y + z):
-        write(fields[0].point, point)
+    x, y, _ = vector(given[0][0].probe.closest.inner_point)
+    if math.isfinite(x + y):
+        fields[0].point[0], fields[0].point[1] = x, y
     done, news = stages.learn(states, banks, fields, times_ns)
     acted, told = allow_in_space(states, given, times_ns, guarded, desired, False, True)
     return acted, told, (done, news or jumped)
@@ -180,8 +180,9 @@ sense_alone = Kernel(sense_in_space, f"({stages.STATES}, {GIVEN}, i8, f8)", *sta
 allow_alone: Kernel[..., Any] = Kernel(
     allow_in_space, f"({stages.STATES}, {GIVEN}, {stages.GUARDED}, f8, b1, b1)", *stages.LEARNT, Triangle
 )
-tick_with_map = Kernel(tick, f"({stages.OF_MAP}, {GIVEN}, {stages.GUARDED})", *stages.LEARNT, Triangle)
-tick_with_field = Kernel(tick, f"({stages.OF_FIELD}, {GIVEN}, {stages.GUARDED})", *stages.LEARNT, Triangle)
+tick_at_once: Kernel[..., Any] = Kernel(
+    tick, f"({stages.STATES}, Bank[::1], ScaleState[::1], {GIVEN}, {stages.GUARDED})", *stages.LEARNT, Triangle
+)
 
 
 NO_BELIEF = FixtureBelief(VERSION, 0, 0, (0.0,) * 6, (), math.inf, 0, 0, 0, "", epoch=0)
@@ -207,10 +208,13 @@ class ProbeInSpace(ProbeOnAxis):
     safety: SpatialSafety
     fields: FieldSender
     told: Told
+    places: ScaleFieldLearner
     alone = sense_alone, allow_alone
+    whole: Kernel[..., Any] | None = tick_at_once
 
     def __init__(self, surface: Surface, pose: tuple[float, ...]) -> None:
         self._surface, self._pose = surface, pose
+        self.places = ScaleFieldLearner()
         self.belief, self._believed_ns = NO_BELIEF, 0  # it ages while no other comes
 
     @property
@@ -223,9 +227,8 @@ class ProbeInSpace(ProbeOnAxis):
         self.safety = SpatialSafety(state.safety, self._surface, self._pose, SAMPLE_PERIOD)
         self.fields = FieldSender(state.run)
         self.friction = FrictionEstimator(self.safety.spaces["beside"]["friction"])
-        self.whole = {ContactMap: tick_with_map, MaterialFieldLearner: tick_with_field}
         if self.safety.python:
-            self.whole = {}
+            self.whole = None
 
     def hear(self, state: State, inputs: Inputs, now_ns: int) -> None:
         """See `ProbeOnAxis.hear`."""
@@ -246,16 +249,16 @@ class ProbeInSpace(ProbeOnAxis):
 
     def sense(self, state: State, given: Given, now_ns: int, position: float) -> float:
         """See `ProbeOnAxis.sense`; the course goes to the place that is played."""
-        failures, learner, safety = state.failures, state.learner, self.safety
+        failures, safety = state.failures, self.safety
         if safety.python:
             safety.touch(given[2])
         desired, _ = sense_alone.entry(state.states, given, now_ns, position)
         state.watch.taken(state.memory["validity"].item())
         if safety.python and not math.isnan(position):
             desired = safety.settle()
-        if failures.learns and isinstance(learner.estimator, MaterialFieldLearner):
+        if failures.learns:
             try:
-                learner.estimator.touch_at(self.line.newest.inner_point)
+                self.places.touch_at(self.line.newest.inner_point)
             except Exception as error:
                 failures.stop_learning("its learning in space", error)
         return desired
@@ -296,7 +299,7 @@ class ProbeInSpace(ProbeOnAxis):
                 if self.told[0]:
                     state.learner.conditioner.shift(state.learner.sample.depth)
                 model = None if model is None else self._with_fixture(model, now_ns)
-                field = self.fields.due(state.learner.estimator, now_ns)
+                field = self.fields.due(self.places, now_ns)
             except Exception as error:
                 state.failures.stop_learning("its learning in space", error)
                 model = None

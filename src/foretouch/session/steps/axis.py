@@ -7,13 +7,11 @@ the material. On an axis that is the machine's own count: what is pressed is a p
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from foretouch.core import Kernel
-from foretouch.identification import ContactMap, Estimator, MaterialFieldLearner, SensorState
+from foretouch.identification import ScaleFieldLearner, SensorState
 from foretouch.messages import Command, FieldUpdate, FollowerSpace, LeaderSpace, Message, ModelUpdate
-from foretouch.models import ContactModel
 from foretouch.rendering import Renderer
 from foretouch.rendering.renderer import ContactFrame
 from foretouch.rendering.surfaces.line import Coordinates
@@ -54,12 +52,11 @@ class HandOnAxis:
         """Take the position of the hand, and what is recorded of it; in space, do the tick unless something waits."""
         return (inputs.position, inputs.exact_position, inputs.intended_position), None, None  # type: ignore[return-value]
 
-    def law(self) -> ContactModel | None:
-        """The law where the hand is; None where the follower's model is all that is known."""
-        return None
+    def adopt(self, model: ModelUpdate, renderer: Renderer) -> None:
+        """Take note of a model that is rendered from now on."""
 
     def go_on(self, renderer: Renderer) -> None:
-        """Take the law where the hand is now, where no model came."""
+        """Go on with the law that there is, where no model came."""
 
     def finish(self, renderer: Renderer) -> Told:
         """What there is to tell of a rendered tick."""
@@ -76,17 +73,16 @@ class ProbeOnAxis:
     A tick is one of `whole`, or `sense`, learning and `allow`.
 
     Attributes:
-        whole: Ticks in one compiled call, by what they learn.
+        whole: A tick in one compiled call, in which a contact map learns; None where that cannot be.
         alone: What is called where that cannot be.
+        places: Learns how the material varies over the surface; None on an axis.
         told: What compiled code said beside what every tick comes to.
     """
 
+    places: ScaleFieldLearner | None = None
     told: Any = None
     alone: tuple[Kernel[..., Any], ...] = stages.sense_alone, stages.allow_alone
-    whole: Mapping[type[Estimator], Kernel[..., Any]] = {
-        ContactMap: stages.tick_at_once,
-        MaterialFieldLearner: stages.tick_in_field,
-    }
+    whole: Kernel[..., Any] | None = stages.tick_at_once
 
     def join(self, state: State, settings: SessionSettings) -> None:
         """Become the probe of a follower before its first tick."""

@@ -11,12 +11,12 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.identification import ContactMap, Estimator, Learner, MaterialFieldLearner, SensorState, SensorWatch
+from foretouch.identification import ContactMap, Estimator, Learner, SensorState, SensorWatch
 from foretouch.identification.conditioning.kernel import CONTACT_FLOOR
 from foretouch.link import SequenceCounter
 from foretouch.messages import VERSION, Command, FieldUpdate, FixtureBelief, ModelUpdate, Status, Telemetry
@@ -140,7 +140,7 @@ def start(
 
     In space there is a `probe` of its own, and the robot weighs its tool out. Raises as `calibrated` does.
     """
-    known = calibrated(specification, settings)
+    known, probe = calibrated(specification, settings), ProbeOnAxis() if probe is None else probe
     specification, force = known.specification, specification.sensor_range
     learner = Learner(
         settings.make_estimator() if estimator is None else estimator,
@@ -148,6 +148,7 @@ def start(
         offset_error=known.contact_floor,  # it may have drifted since it was calibrated
         contact_floor=known.contact_floor,
         sensor_lag=known.sensor_lag,
+        places=probe.places,
     )
     limits = safety_limits(settings, specification)
     period, of_robot = specification.sample_period, {name: getattr(specification, name) for name in OF_ROBOT}
@@ -165,10 +166,10 @@ def start(
         Playout(memory["playing"][0]),
         settings.guards(simulated=specification.simulated),
         deque(maxlen=1 + round(known.sensor_lag / SAMPLE_PERIOD)),
-        probe=ProbeOnAxis() if probe is None else probe,
+        probe=probe,
     )
     state.probe.join(state, settings)
-    for stage in (*state.probe.alone, stages.feel_alone, state.probe.whole.get(type(learner.estimator))):
+    for stage in (*state.probe.alone, stages.feel_alone, state.probe.whole):
         _ = stage and stage.entry  # which compiles or loads it: nothing of that in the loop
     return state
 
@@ -220,16 +221,17 @@ def _hear(state: State, commands: list[Command], now_ns: int) -> None:
 def _at_once(state: State, inputs: Inputs, times_ns: stages.Times) -> stages.Acted | None:
     """A tick in one compiled call; None where that cannot be."""
     learner, probe = state.learner, state.probe
-    estimator = cast("ContactMap | MaterialFieldLearner", learner.estimator)
-    tick = probe.whole.get(type(estimator))
-    if tick is None or not state.failures.learns:
+    tick, estimator = probe.whole, learner.estimator
+    if tick is None or type(estimator) is not ContactMap or not state.failures.learns:
         return None
-    learns = (estimator.states, None) if type(estimator) is ContactMap else (None, estimator.states)
+    where = None if learner.places is None else learner.places.states
     # What is compiled raises only where an argument cannot be converted, as where the robot shows what is no number:
     # then nothing has been written, and which stage that stops is found one by one.
     try:
         given = probe.given(state, inputs.sample)
-        acted, probe.told, (done, news) = tick.entry(state.states, *learns, given, times_ns, state.guarded)
+        acted, probe.told, (done, news) = tick.entry(
+            state.states, estimator.states, where, given, times_ns, state.guarded
+        )
     except Exception:
         return None
     if state.watch.taken(acted[1]) is GOOD:

@@ -274,12 +274,13 @@ def _adopt(state: State, update: ModelUpdate) -> None:
         renderer.adopt(None, surface, message=update.sequence)
         return
     state.inherits = False
-    model, remembered = state.hand.law(), NO_STATE
-    if model is None and abs(surface) <= LARGEST_POSITION:
+    model, remembered = None, NO_STATE
+    if abs(surface) <= LARGEST_POSITION:
         with suppress(InputError):
             model, remembered = make_model(update.law, update.parameters, update.map), update.state
-    if model is None or not abs(surface) <= LARGEST_POSITION:
+    if model is None:
         state.refused += 1  # render and acknowledge nothing: the follower must not assume that its surface is known
         renderer.adopt(None, 0.0)
     else:
         renderer.adopt(model, surface, remembered, update.command_sequence, update.sequence)
+        state.hand.adopt(update, renderer)

@@ -1,9 +1,10 @@
 """A tick of the follower, compiled: what happens in it whether or not messages come, over one record.
 
-Commands are played (`foretouch.session.network.playout`), `sense` watches the sensors, `learn_raw` of a contact map or
-of a field of materials conditions and learns, and `allow` guards the first touch and says how far the robot may go; the
-limits of its motion come last. `tick` is all of them along a line, and in space `foretouch.session.spatial.probe.tick`.
-Where another estimator learns, or something is requested at the robot, they are called one by one.
+Commands are played (`foretouch.session.network.playout`), `sense` watches the sensors, `learn_raw` of a contact map
+conditions and learns, in space place by place, and `allow` guards the first touch and says how far the robot may go;
+the limits of its motion come last. `tick` is all of them along a line, and in space that is
+`foretouch.session.spatial.probe.tick`. Where another estimator learns, or something is requested at the robot, they are
+called one by one.
 """
 
 from __future__ import annotations
@@ -21,8 +22,7 @@ from foretouch.identification.conditioning.kernel import Memory as Conditioner
 from foretouch.identification.conditioning.watch import Watch, look
 from foretouch.identification.contact_map.kernel import Learning, learn_raw
 from foretouch.identification.contact_map.state import Bank
-from foretouch.identification.material_field_kernel import FieldState
-from foretouch.identification.material_field_kernel import learn_raw as _learn_in_field
+from foretouch.identification.scale_field_kernel import ScaleState
 from foretouch.messages import Status
 from foretouch.session.network.playout import Playing, advance
 from foretouch.session.safety.force_guard import Touch, follow, guarded_position
@@ -91,7 +91,7 @@ class Follower(Record):
 
 HOLDING, TOO_SLOW = int(Status.HOLDING), int(Status.TOO_SLOW)
 
-_advance, _look, _learn_raw, _guarded = advance.function, look.function, learn_raw.function, guarded_position.function
+_advance, _look, _guarded = advance.function, look.function, guarded_position.function
 _keep_safe, _limit, _is_too_slow = keep_safe.function, limit.function, is_too_slow.function
 
 Records = NDArray[np.void]
@@ -149,18 +149,12 @@ NOTHING = -1  # What was done by learning where nothing is learnt
 
 
 @compiled
-def learn(states: States, banks: Records | None, fields: Records | None, times_ns: Times) -> tuple[int, bool]:
-    """Learn, where the sensors are valid, and return what `learn_raw` does.
-
-    Of the two estimators one is None, which is known as it is compiled.
-    """
+def learn(states: States, banks: Records, fields: Records | None, times_ns: Times) -> tuple[int, bool]:
+    """Learn, where the sensors are valid, and return what `learn_raw` does."""
     (followers, conditioner, learnings), done = states, (NOTHING, False)
     if followers[0].validity == GOOD:
         raw = (times_ns[0] - times_ns[3]) * 1e-9, followers[0].position, followers[0].force
-        if fields is not None:
-            done = _learn_in_field(fields, conditioner, learnings, raw)
-        elif banks is not None:
-            done = _learn_raw(banks, conditioner, learnings, raw, 0.0, False)
+        done = learn_raw(banks, fields, conditioner, learnings, raw, 0.0, False)
     return done
 
 
@@ -223,22 +217,20 @@ def allow_on_axis(
 
 @compiled
 def tick(
-    states: States, banks: Records | None, fields: Records | None, sample: Showing, times_ns: Times, guarded: bool
+    states: States, banks: Records, fields: Records | None, sample: Showing, times_ns: Times, guarded: bool
 ) -> tuple[Acted, bool, tuple[int, bool]]:
-    """A tick along a line in which a contact map or a field learns, and nothing is requested at the robot."""
+    """A tick along a line in which a contact map learns, and nothing is requested at the robot."""
     sense(states, sample, times_ns[0])
     desired = _advance(states[0][0].playing)
     learnt = learn(states, banks, fields, times_ns)
     return allow_on_axis(states, sample[0], times_ns, guarded, desired, False), False, learnt
 
 
-LEARNT = Follower, Conditioning, Learning, Bank, FieldState
+LEARNT = Follower, Conditioning, Learning, Bank, ScaleState
 STATES = "Tuple((Follower[::1], Tuple((Conditioning[::1], f8[:, ::1])), Learning[::1]))"
-OF_MAP, OF_FIELD = f"{STATES}, Bank[::1], none", f"{STATES}, none, FieldState[::1]"
 SAMPLE, GUARDED = "Tuple((f8, f8, f8, f8, f8, f8, b1, f8))", "UniTuple(i8, 4), b1"
 
-tick_at_once = Kernel(tick, f"({OF_MAP}, {SAMPLE}, {GUARDED})", *LEARNT)
-tick_in_field = Kernel(tick, f"({OF_FIELD}, {SAMPLE}, {GUARDED})", *LEARNT)
+tick_at_once = Kernel(tick, f"({STATES}, Bank[::1], none, {SAMPLE}, {GUARDED})", *LEARNT)
 sense_alone = Kernel(sense, f"i8({STATES}, {SAMPLE}, i8)", *LEARNT)
 feel_alone = Kernel(feel, f"({STATES},)", *LEARNT)
 allow_alone: Kernel[..., Any] = Kernel(allow_on_axis, f"({STATES}, f8, {GUARDED}, f8, b1)", *LEARNT)
