@@ -1,7 +1,7 @@
 """Compare designs of a material over a surface on the same rasters, the shipped one and those that lost.
 
-Usage: `.venv/bin/python docs/compare_places.py`; it fills the block `places` of `docs/surfaces.md`, in some five minutes
-on two cores.
+Usage: `.venv/bin/python docs/compare_places.py`; it fills the block `places` of `docs/surfaces.md`, in some five
+minutes on two cores.
 """
 
 from __future__ import annotations
