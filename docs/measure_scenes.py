@@ -196,7 +196,7 @@ def palpation() -> str:
         IMAGES / "scene-map.png", dpi=110
     )
     pose_figure(found.pose).savefig(IMAGES / "scene-pose.png", dpi=110)
-    friction = whole["scene"]["friction"]
+    friction, sent = whole["scene"]["friction"], sum(len(update.content) for update in log.fields)
     rows = [
         ("touched", f"{figures['touched_cm2']:.1f} cm2"),
         (
@@ -207,7 +207,7 @@ def palpation() -> str:
         ("centre of the inclusion, off by", f"{inclusion['centre_error_mm']:.1f} mm"),
         ("its radius, which is 12 mm", f"{inclusion['radius_mm']:.1f} mm"),
         ("coefficient of friction, which is 0.3", f"{friction['coefficient']:.3f} ± {friction['deviation']:.3f}"),
-        ("nodes / bytes of the field", f"{figures['nodes']} / {len(log.fields[-1].content):,}"),
+        ("nodes of the field / sent [bytes/s]", f"{figures['nodes']} / {sent / PALPATED:,.0f}"),
         (
             "prediction error, delayed force: in all",
             f"{whole['prediction_error_percent']:.0f} %, {whole['delayed_force_error_percent']:.0f} %",

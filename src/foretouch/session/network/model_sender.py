@@ -237,7 +237,7 @@ class FieldSender:
         run: Epoch of the follower's process.
     """
 
-    __slots__ = ("_before", "_next_ns", "_picked", "_run", "_sent")
+    __slots__ = ("_before", "_next_ns", "_run", "_sent")
 
     def __init__(self, run: int) -> None:
         self._run = run
