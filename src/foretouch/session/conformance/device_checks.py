@@ -39,10 +39,10 @@ PUSH = 1.0  # Force that must move a simulated hand [N]
 
 
 class Motion(NamedTuple):
-    """Observed motion of a device: positions [m], and time since the previous one [s], both of shape (n,)."""
+    """Observed motion of a device: positions [m] of shape (n,), and the longest that each step may have taken [s]."""
 
     position: NDArray[np.float64]
-    period: NDArray[np.float64]
+    period: NDArray[np.float64]  # of shape (n - 1,)
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,15 +60,18 @@ class Subject:
         """Its motion at every tick; in real time where a person moves it, and then as late as this machine is."""
         real = self.device.real_time
         ticks = round((self.watched if real else MOVING_TIME) / SAMPLE_PERIOD)
-        positions, times = np.empty(ticks), np.arange(ticks) * SAMPLE_PERIOD
+        positions, asked, read = np.empty(ticks), np.zeros(ticks), np.zeros(ticks)
         begin = time.monotonic()
         for tick in range(ticks):
             if real:
                 time.sleep(max(begin + tick * SAMPLE_PERIOD - time.monotonic(), 0.0))
-                times[tick] = time.monotonic() - begin
+                asked[tick] = time.monotonic()
             positions[tick] = self.device.read(tick * TICK_NS)
+            if real:
+                read[tick] = time.monotonic()
             self.device.render(0.0)
-        return Motion(positions, np.maximum(np.diff(times, prepend=-SAMPLE_PERIOD), SAMPLE_PERIOD))
+        # A position is of some time within its read, so that a machine that stops there makes no hand look fast.
+        return Motion(positions, np.maximum(read[1:] - asked[:-1], SAMPLE_PERIOD))
 
 
 def _slow(it: Subject, checks: list[str]) -> list[Finding]:
@@ -137,7 +140,7 @@ def _units(it: Subject) -> Result:
     "rate", f"positions are new at every tick of {1e3 * SAMPLE_PERIOD:g} ms: no step is faster than {FASTEST:g} m/s"
 )
 def _rate(it: Subject) -> Result:
-    fastest = float(np.nanmax(np.abs(np.diff(it.motion.position)) / it.motion.period[1:]))
+    fastest = float(np.nanmax(np.abs(np.diff(it.motion.position)) / it.motion.period))
     return fastest <= FASTEST, f"fastest step {fastest:.4g} m/s"
 
 
