@@ -30,6 +30,16 @@ def test_offset_and_surface_are_found(noise: float) -> None:
     assert any(sample.in_contact for sample in samples)
 
 
+@pytest.mark.parametrize("every", [0.08, 0.3])
+def test_gaps_between_samples_do_not_make_the_noise_small(every: float) -> None:
+    """The few samples after a gap are alike by chance: what is as loud as ever is no contact."""
+    time = np.arange(0.0, 20.0, 1e-3)
+    time = time[time % every > 0.06]
+    force = 0.02 * np.random.default_rng(0).standard_normal(time.size)
+    _, samples = run(Recording(time, 1e-3 * time, force))
+    assert not any(sample.in_contact for sample in samples if sample.time > 0.5)
+
+
 def test_given_values_are_kept() -> None:
     conditioner, samples = run(press(), Conditioner(surface=0.009, force_offset=0.25))
     assert (conditioner.surface, conditioner.force_offset) == (0.009, 0.25)

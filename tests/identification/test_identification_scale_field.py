@@ -100,10 +100,7 @@ def learnt(learner: Learner, ratio: float = 3.0, seed: int = 0) -> Learner:
     return learner
 
 
-DRIFTS = pytest.mark.xfail(strict=True, reason="23 %: with each weaker place that is new the law loses some percent")
-
-
-@pytest.mark.parametrize("ratio", [pytest.param(0.3, marks=DRIFTS), 3.0])
+@pytest.mark.parametrize("ratio", [0.3, 0.6, 3.0])
 def test_one_law_and_a_scale_tell_two_materials_apart(ratio: float) -> None:
     learner = learnt(Learner(places=ScaleFieldLearner()), ratio)
     learnt_model, places = learner.learnt(), learner.places

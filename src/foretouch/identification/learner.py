@@ -143,10 +143,11 @@ class Learner:
     def _left(self, sample: ContactSample, last: float) -> ContactSample:
         """What the law is to learn of a sample, after one at this time [s], where it was felt at a place."""
         estimator, (time, depth, velocity, force, in_contact) = self.estimator, sample
-        if not in_contact or self.places is None:
+        model = estimator.model if estimator.has_model else None
+        if self.places is None or not (in_contact or model is not None):
             return sample
         expected = deviation = math.nan
-        if estimator.has_model and (model := estimator.model) is not None:
+        if model is not None:
             _, expected, deviation = advance(model, estimator.state, depth, velocity, time - last)
         return sample._replace(force=self.places.share(force, expected, deviation, time - last))
 

@@ -28,9 +28,9 @@ class ScaleFieldLearner:
     with :math:`\rho` = 2.5 %, :math:`\sigma_0` = 0.05 N, the standard deviation that the law says of its own force, and
     :math:`\tau` = 0.3 s, for which the errors of a law are alike, so that the samples of that time count as one. So
     the first press teaches the law; what is known well is not disturbed by a stiff spot; and the first press on the
-    spot knows already what kind of material it is. Where it was touched first, the scale is 1; what is common to both
-    is not kept, so that the law drifts by some percent with each place of another strength that is touched once and
-    no more.
+    spot knows already what kind of material it is. Where it was touched first, the scale is 1. A force that is too
+    small to be called contact is shared as well: a weak place is felt later than the law says, and what is felt before
+    would make the law weaker with each. Where the law has no force, below :math:`\sigma_0`, it learns all of it.
 
     The unknowns are those of `foretouch.models.ScaleField`, with its prior. The Kalman filter keeps the joint
     covariance of the 16 nodes about the probe, and the variance alone of a node that the probe has left. A node that
@@ -61,7 +61,7 @@ class ScaleFieldLearner:
             self.states["point"] = x, y
 
     def share(self, force: float, expected: float, deviation: float, period: float) -> float:
-        """Learn from a force in contact [N]; what the law is to learn instead [N].
+        """Learn from a force [N], in contact or out of it; what the law is to learn instead [N].
 
         Args:
             force: As felt.

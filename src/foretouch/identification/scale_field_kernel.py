@@ -199,15 +199,14 @@ def shared(state: ScaleState, felt: float, expected: float, deviation: float, pe
     if first:
         learn(state, 0.0, FIRST_DEVIATION * FIRST_DEVIATION, 0.0)
     value, variance = here(state)
-    scale, law = math.exp(value), LAW_ERROR * LAW_ERROR
-    if expected * min(scale, 1.0) > FORCE_NOISE and period > 0.0:
-        law += (deviation / expected) ** 2
-        error, noise = min(max(felt / (scale * expected) - 1.0, -1.0), LARGEST_ERROR), FORCE_NOISE / (scale * expected)
-        learn(state, error, (law + noise * noise) * max(CORRELATION / period, 1.0), period)
-        scale = math.exp(here(state)[0])
-    if math.isnan(expected):
-        return felt / scale
-    return expected + law / (law + variance) * (felt / scale - expected)
+    scale = math.exp(value)
+    if not (expected * min(scale, 1.0) > FORCE_NOISE and period > 0.0):
+        return felt / scale  # where the law has no force, no scale of it can be felt
+    law, noise = LAW_ERROR**2 + (deviation / expected) ** 2, (FORCE_NOISE / (scale * expected)) ** 2
+    error = min(max(felt / (scale * expected) - 1.0, -1.0), LARGEST_ERROR)
+    learn(state, error, (law + noise) * max(CORRELATION / period, 1.0), period)
+    left = felt / math.exp(here(state)[0])
+    return expected + law / (law + variance) * (left - expected)
 
 
 @kernel("(ScaleState[::1], i8, i8, i8[::1])", Scales)

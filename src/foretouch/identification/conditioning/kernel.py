@@ -42,11 +42,15 @@ RELEASE_SHARE = 0.5  # Threshold of leaving contact, as a fraction of the thresh
 VELOCITY_RATE = 2.0 * math.pi * VELOCITY_CUTOFF
 
 
+FEWEST = 4  # Least number of samples in a window whose spread is of the noise
+
+
 class Quiet(Record):
     """Mean and spread of the force over the window of its newest samples, and those of quiet windows."""
 
     first: int  # index in the rings of the window's oldest force
     count: int
+    most: int  # largest count of a full window
     reference: float = math.nan  # force that is subtracted before squaring, so that the sums stay small [N]
     total: float  # of the force over the window [N]
     squares: float  # [N^2]
@@ -176,7 +180,7 @@ def delay(state: Conditioning, rings: Array, time: float, position: float, veloc
 def begin_again(state: Conditioning) -> None:
     """Forget what the force was."""
     quiet, block = state.quiet, state.block
-    quiet.count, quiet.reference, quiet.total, quiet.squares = 0, math.nan, 0.0, 0.0
+    quiet.count, quiet.most, quiet.reference, quiet.total, quiet.squares = 0, 0, math.nan, 0.0, 0.0
     quiet.lowest_mean = quiet.least_spread = math.inf
     block.time, block.lowest, block.before = -math.inf, math.inf, math.inf
     state.quiet.start.over, state.peak = -math.inf, 0.0
@@ -208,6 +212,10 @@ def learn_offset(state: Conditioning, rings: Array, time: float, force: float) -
         quiet.squares -= old * old
         quiet.first = (quiet.first + 1) % capacity
         quiet.count -= 1
+    if full:
+        # The spread of the few samples after a gap is none of the noise.
+        quiet.most = max(quiet.most, quiet.count)
+        full = quiet.count >= FEWEST and 2 * quiet.count >= quiet.most
     mean = quiet.total / quiet.count
     spread = math.sqrt(max(0.0, quiet.squares / quiet.count - mean * mean))
     if full:

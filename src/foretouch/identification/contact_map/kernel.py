@@ -211,7 +211,7 @@ def expect(run: Run, bank: Bank, depth: float, velocity: float, period: float) -
 
 @compiled(error_model="numpy")
 def left_for_map(field: ScaleState, bank: Bank, depth: float, velocity: float, force: float, period: float) -> float:
-    """What the map is to learn of a force in contact, at a place of the field, which learns its scale [N]."""
+    """What the map is to learn of a force at a place of the field, which learns its scale [N]."""
     notes, expected, deviation = bank.notes[0], math.nan, 0.0
     if notes.updates - notes.begun >= FEWEST_UPDATES:
         learnt = bank.remembered.shown[0] if bank.coarse.traced > 0 else bank.map[0]
@@ -251,7 +251,8 @@ def learn_conditioned(
         move_offset(banks, conditioned.offset - known[1])
         told = True
     if fields is not None:  # noqa: SIM102  # by itself, so that it is known as it is compiled
-        if touching and not math.isnan(fields[0].point[0]):
+        # A weak place is felt late, and what is felt before would teach a weaker law.
+        if (touching or banks[0].notes[0].touched > 0) and not math.isnan(fields[0].point[0]):
             force = left_for_map(fields[0], banks[0], depth, velocity, force, time - before)
     code = take(banks, time, depth, velocity, force, touching)
     if code in (OTHER, GONE):
