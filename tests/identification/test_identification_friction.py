@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from foretouch.identification import FrictionEstimator, Status
+from foretouch.models import BristleFriction
 
 T = 1e-3
 
@@ -49,6 +50,23 @@ def test_it_finds_what_was_simulated_within_its_uncertainty(mu: float, c: float,
     assert estimator.viscous == pytest.approx(c, abs=max(3.0 * of_c, 0.3))
     assert of_mu < 0.05
     assert estimator.coefficient == pytest.approx(mu, abs=0.05)
+
+
+@pytest.mark.parametrize("stiffness", [500.0, 2000.0])
+@pytest.mark.parametrize("static", [1.0, 1.5])
+def test_the_bristles_stiffness_is_learnt_where_the_hand_turns(stiffness: float, static: float) -> None:
+    """Against the law that is simulated, with the noise of a sensor and of encoders."""
+    law, estimator, random = BristleFriction(0.4, 1.0, stiffness, static), FrictionEstimator(), np.random.default_rng(0)
+    bend, direction = (0.0, 0.0, 0.0), np.array([0.6, 0.0, 0.8])
+    for t in np.arange(0.0, 10.0, T).tolist():
+        velocity, pressed = 0.03 * math.sin(2.0 * math.pi * 0.7 * t) * direction, 1.5 + 0.5 * math.sin(3.1 * t)
+        bend, force = law.advance(bend, tuple(velocity.tolist()), pressed, T)
+        noisy = np.array(force) + random.normal(0.0, 0.02, 3), velocity + random.normal(0.0, 2e-3, 3)
+        estimator.update(pressed + random.normal(0.0, 0.02), noisy[0].tolist(), noisy[1].tolist(), T)
+    assert estimator.known
+    assert estimator.sticks
+    assert estimator.stiffness == pytest.approx(stiffness, abs=3.0 * estimator.stiffness_deviation)
+    assert estimator.stiffness == pytest.approx(stiffness, rel=0.15)
 
 
 def test_a_surface_that_changes_is_learnt_again() -> None:

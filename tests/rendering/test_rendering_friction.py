@@ -35,6 +35,15 @@ def test_the_bristle_lets_go_where_it_is_pressed_less() -> None:
     assert friction.update((5e-4, 0.0, 0.0), UP, 2.0, 0.4, 0.0, T) == (0.0, 0.0, 0.0)  # a new contact
 
 
+def test_it_yields_as_softly_as_the_surface_does() -> None:
+    friction = FrictionRenderer(5000.0)
+    forces = [friction.update((x, 0.0, 0.0), UP, 2.0, 0.4, 0.0, T, 800.0)[0] for x in np.arange(0.0, 5e-4, 1e-5)]
+    assert forces == pytest.approx((-800.0 * np.arange(0.0, 5e-4, 1e-5)).tolist())
+    before = forces[-1]
+    assert friction.update((4.9e-4, 0.0, 0.0), UP, 2.0, 0.4, 0.0, T, 1600.0)[0] == pytest.approx(before)
+    assert friction.update((4.9e-4, 0.0, 0.0), UP, 2.0, 0.4, 0.0, T, 400.0)[0] == pytest.approx(before / 4.0)
+
+
 def test_viscous_friction_is_added_to_what_the_bristle_gives_in_steady_sliding() -> None:
     friction = FrictionRenderer(1000.0)
     for step in range(400):
@@ -63,10 +72,11 @@ def test_device_and_friction_never_give_out_energy(
     normals /= np.linalg.norm(normals, axis=1)[:, None]
     pressed = np.maximum(random.normal(2.0, 3.0, steps), -0.1) if seed % 2 else np.full(steps, 5.0)
     mu = random.uniform(0.0, 1.5, steps)
+    bristles = 10.0 ** random.uniform(1.0, 6.0, steps) if seed % 3 else np.full(steps, math.inf)
     friction = FrictionRenderer(stiffness, damping)
     given_out = 0.0
     for k in range(steps - 1):
-        force = friction.update(place[k].tolist(), normals[k].tolist(), pressed[k], mu[k], viscous, T)
+        force = friction.update(place[k].tolist(), normals[k].tolist(), pressed[k], mu[k], viscous, T, bristles[k])
         assert given_out + friction.stored <= 1e-12 * (1.0 + abs(given_out))
         size = math.hypot(*force)
         fastest = float(np.linalg.norm(moves, axis=1).max()) / T

@@ -1,4 +1,4 @@
-"""Friction from sliding: coefficient and viscous part, and their standard deviations, compiled."""
+"""Friction: coefficient and viscous part from sliding, the bristles' stiffness from sticking; compiled."""
 
 from __future__ import annotations
 
@@ -30,6 +30,12 @@ LARGEST_A, LARGEST_D = 0.5**2, 2.0**2  # Variances of mu [-] and c [N s/m] befor
 FEWEST, SURE = 50, 0.1
 """Least number of samples, and largest standard deviation of mu, for a known coefficient."""
 
+STUCK = 0.5  # Largest tangential force of a probe that sticks, as a fraction of that with which it slides
+
+LARGEST_K = 1e4**2  # Variance of the bristles' stiffness before the first sample [N^2/m^2]
+
+STUCK_SURE = 0.2  # Largest relative standard deviation of a known stiffness of the bristles
+
 LARGEST_COEFFICIENT = 2.0  # Largest coefficient of a surface [-]
 
 LARGEST_FORCE = 1e3  # Largest force of a sample [N]; others are left out
@@ -48,6 +54,10 @@ class Friction(Record):
     start: Annotated[NDArray[np.float64], float, 3]  # direction in which the motion began
     way: float  # distance in one direction [m]
     updates: int
+    bent: Annotated[NDArray[np.float64], float, 3]  # way along the surface since the probe sticks [m]
+    began: Annotated[NDArray[np.float64], float, 3] = math.nan  # type: ignore[assignment]  # force there [N], or NaN
+    stiffness: float  # of the bristles [N/m]
+    spread: float = LARGEST_K  # and its variance
 
 
 @compiled
@@ -87,6 +97,36 @@ def _learn(friction: Friction, pressed: float, speed: float, against: float, per
 
 
 @compiled(error_model="numpy")
+def _stick(friction: Friction, period: float, share: float) -> None:
+    """One step of recursive least squares of the bristles' stiffness, from how the force grows as the probe sticks."""
+    now, bent, began, c = friction.filtered, friction.bent, friction.began, max(friction.theta[1], 0.0)
+    rubbed = math.sqrt(now[1] * now[1] + now[2] * now[2] + now[3] * now[3])
+    if now[0] < LEAST_NORMAL_FORCE or friction.updates < FEWEST or rubbed > STUCK * friction.theta[0] * now[0]:
+        began[0] = math.nan
+        return
+    if math.isnan(began[0]):
+        for k in range(3):
+            bent[k], began[k] = 0.0, now[1 + k] + c * now[4 + k]
+        return
+    square = along = against = speed = 0.0
+    for k in range(3):
+        against -= now[1 + k] * now[4 + k]
+        speed += now[4 + k] * now[4 + k]
+    part = against / (math.sqrt(speed) * friction.theta[0] * now[0]) if speed > 0.0 else 0.0
+    for k in range(3):
+        bent[k] += (1.0 - part) * now[4 + k] * period
+        square += bent[k] * bent[k]
+        along -= bent[k] * (now[1 + k] + c * now[4 + k] - began[k])
+    if not square > 0.0:
+        return
+    way, spread = math.sqrt(square), min(friction.spread * math.exp(period / MEMORY), LARGEST_K)
+    expected = square * spread + FORCE_NOISE * FORCE_NOISE / share
+    gain = spread * way / expected
+    friction.stiffness += gain * (along / way - friction.stiffness * way)
+    friction.spread = spread * (1.0 - gain * way)
+
+
+@compiled(error_model="numpy")
 def learn_friction(friction: Friction, pressed: float, rubbed: Vector, sliding: Vector, period: float) -> int:
     """See `FrictionEstimator.update`; the result is an index into `RESULTS`."""
     values = (pressed, rubbed[0], rubbed[1], rubbed[2], sliding[0], sliding[1], sliding[2])
@@ -100,6 +140,7 @@ def learn_friction(friction: Friction, pressed: float, rubbed: Vector, sliding: 
     for k in range(7):
         before = values[k] if first else now[k]
         now[k] = before + weight * (values[k] - before)
+    _stick(friction, period, weight)
     vx, vy, vz = now[4], now[5], now[6]
     speed = math.sqrt(vx * vx + vy * vy + vz * vz)
     if speed < SLOWEST or now[0] < LEAST_NORMAL_FORCE:
@@ -116,13 +157,19 @@ _update = Kernel(learn_friction, "i8(Friction, f8, UniTuple(f8, 3), UniTuple(f8,
 
 
 class FrictionEstimator(Held):
-    r"""Recursive least squares of Coulomb and viscous friction on the force against the sliding.
+    r"""Recursive least squares of Coulomb and viscous friction on the force against the sliding, and of the bristles.
 
-    .. math:: -f_t \cdot \frac{v}{|v|} = \mu f_n + c |v|
+    .. math:: -f_t \cdot \frac{v}{|v|} = \mu f_n + c |v|, \qquad
+        -(f_t + c v)\big|_{p_0}^{p} = \sigma \int_{p_0}^{p} \left(1 + \frac{f_t \cdot v}{\mu f_n |v|}\right) dp
 
-    Only from samples that slide: faster than 2 mm/s, pressed with more than 0.3 N, and 1 mm on the way. Velocity and
-    forces are low-passed alike, so that they stay together. Samples are weighted by a noise of 0.05 N and 5 %, and by
-    the share of the low-pass's time that they are new; forgetting is by the time slid, and never beyond the prior.
+    The second is of a probe that sticks: from where the force along the surface has fallen below half of
+    :math:`\mu f_n`, as where the hand turns, and until it is above that again. It is Dahl's law: bristles bend the less
+    the nearer they are to sliding.
+
+    The first is of samples that slide: faster than 2 mm/s, pressed with more than 0.3 N, and 1 mm on the way. Velocity
+    and forces are low-passed alike, so that they stay together. Samples are weighted by a noise of 0.05 N and 5 %, and
+    by the share of the low-pass's time that they are new; forgetting is by the time slid or stuck, and never beyond
+    the prior.
     Where speed and normal force do not vary, mu and c cannot be told apart: the deviations say so.
 
     Args:
@@ -181,6 +228,29 @@ class FrictionEstimator(Held):
         """Standard deviations of mu [-] and c [N s/m]."""
         a, _, d = self.records["covariance"][0].tolist()
         return math.sqrt(max(a, 0.0)), math.sqrt(max(d, 0.0))
+
+    @property
+    def stiffness(self) -> float:
+        """Stiffness sigma of the bristles along the surface [N/m], not negative."""
+        return max(float(self.records["stiffness"][0]), 0.0)
+
+    @property
+    def stiffness_deviation(self) -> float:
+        """Its standard deviation [N/m]."""
+        return math.sqrt(float(self.records["spread"][0]))
+
+    @property
+    def sticks(self) -> bool:
+        """Whether the stiffness of the bristles is certain enough to render: to 20 %."""
+        return self.stiffness_deviation < STUCK_SURE * self.stiffness
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """What is known: mu, c and their deviations, then sigma and its own; nothing before it is certain enough."""
+        if not self.known:
+            return ()
+        stiffness = (self.stiffness, self.stiffness_deviation) if self.sticks else ()
+        return self.coefficient, self.viscous, *self.deviations, *stiffness
 
     @property
     def known(self) -> bool:

@@ -15,7 +15,7 @@ import msgspec
 
 from foretouch.quantities import brief_text
 
-VERSION = 11
+VERSION = 12
 """Version of the schema. It changes with every change of a field or a key; peers must agree."""
 
 Count = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
@@ -134,8 +134,9 @@ class ModelUpdate(Message, frozen=True, array_like=True, gc=False):
             `surface` is then how much deeper than its known shape the surface was felt [m]. Empty along a line.
         fixture_deviation: Standard deviation of each of these numbers, of the error on the pose's right.
         fixture_age: Time since an image showed it [s], infinite before the first.
-        friction: Coefficient of Coulomb friction and of viscous friction [N s/m], and the standard deviation of each;
-            empty while it is not known.
+        friction: Coefficient of Coulomb friction and of viscous friction [N s/m], and the standard deviation of each,
+            empty while it is not known; then the stiffness with which the surface yields before it slides [N/m], and
+            its standard deviation, if that is known too.
         standard_errors: Standard error of each of `parameters`, NaN where undetermined; empty where none are given.
     """
 
@@ -153,7 +154,7 @@ class ModelUpdate(Message, frozen=True, array_like=True, gc=False):
     fixture: Pose = ()
     fixture_deviation: Pose = ()
     fixture_age: float = math.inf
-    friction: Annotated[tuple[float, ...], msgspec.Meta(max_length=4)] = ()
+    friction: Annotated[tuple[float, ...], msgspec.Meta(max_length=6)] = ()
     standard_errors: Numbers = ()
 
 

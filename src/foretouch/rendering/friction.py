@@ -30,6 +30,8 @@ class Friction(Record):
     delay: float  # d [s]
     coefficient: float  # mu [-]
     viscous: float  # c [N s/m]
+    bristle: float = math.inf  # sigma [N/m]
+    carried: float = math.inf  # k of the newest tick [N/m]
     touching: bool  # whether the touched point is known
     point: Numbers3  # p [m]
     velocity: Numbers3  # v [m/s]
@@ -68,7 +70,12 @@ def rub(friction: Friction, point: Vector, normal: Vector, pressed: float, perio
     cone = max(mu, 0.0) * pressed
     c = min(max(viscous, 0.0), VISCOUS_SHARE * friction.damping)
     k = min(friction.stiffness, (friction.damping - c) / (0.5 * period + friction.delay))
-    bend = _along(add(vector(friction.bend), moved), normal)
+    if friction.bristle > 0.0:
+        k = min(k, friction.bristle)
+    # A stiffer bristle keeps its force, and a softer one its bend: so a change never adds energy.
+    kept = min(friction.carried / k, 1.0) if k > 0.0 else 1.0
+    friction.carried = k
+    bend = _along(add(scaled(vector(friction.bend), kept), moved), normal)
     size = norm(bend)
     friction.sliding = k * size > cone
     if friction.sliding:  # at the cone
@@ -102,9 +109,10 @@ class FrictionRenderer(Held):
     nothing (the low-pass has no gain above 1). A force that comes a delay d late gives out as much more as a spring's
     does. The device's damping b takes :math:`b |\Delta p|^2 / T` meanwhile. So
 
-    .. math:: c \le b / 2, \quad k \le \min(K, (b - c) / (T / 2 + d))
+    .. math:: c \le b / 2, \quad k \le \min(K, \sigma, (b - c) / (T / 2 + d))
 
-    and without a delay device and friction together never give out energy, whatever the motion, normal force, mu and
+    and not more than the surface's own :math:`\sigma`, so that it yields to the hand as it does to the robot. Without
+    a delay device and friction together never give out energy, whatever the motion, normal force, mu and
     normal do; with one, where the bristle does not slide. The account of energy covers the rest.
 
     Args:
@@ -156,6 +164,7 @@ class FrictionRenderer(Held):
         mu: float,
         viscous: float,
         period: float,
+        stiffness: float = math.inf,
     ) -> Vector:
         r"""One tick; never raises, and gives no force for invalid numbers.
 
@@ -166,11 +175,12 @@ class FrictionRenderer(Held):
             mu: Coefficient of friction [-]; below zero counts as zero.
             viscous: Viscous friction c [N s/m]; below zero counts as zero.
             period: Time T since the previous tick [s].
+            stiffness: Stiffness sigma of the surface's own bristles [N/m]; not above zero or infinite where unknown.
 
         Returns:
             The force on the hand [N]: along the surface, of length :math:`\mu f_n + c |v|` at most.
         """
         x, y, z = point
         nx, ny, nz = normal
-        self.records["coefficient"], self.records["viscous"] = mu, viscous
+        self.records["coefficient"], self.records["viscous"], self.records["bristle"] = mu, viscous, stiffness
         return _rub.entry(self.records[0], (x, y, z), (nx, ny, nz), normal_force, period)

@@ -11,7 +11,7 @@ import numpy as np
 
 from foretouch.errors import ForetouchError
 from foretouch.messages import SessionLog
-from foretouch.models import ScaleField
+from foretouch.models import BristleFriction, ScaleField
 from foretouch.quantities import Array, Flags, Rows
 from foretouch.report.energy import (
     Account,
@@ -71,16 +71,20 @@ def contact_figures(wrong: Wrong | None, time: Array) -> dict[str, Any]:
     return {name: _figures(flags, wrong.counted, time) for name, flags in zip(names, wrong, strict=False)}
 
 
-def friction_figures(log: SessionLog, coefficient: float | None, viscous: float | None) -> dict[str, float | None]:
-    """Friction as it was learnt last, beside the true coefficient and viscous friction [N s/m], None where unknown."""
+def friction_figures(log: SessionLog, true: BristleFriction | None) -> dict[str, float | None]:
+    """Friction as it was learnt last, beside the true one, None where unknown."""
     friction = next((model.friction for model in reversed(log.models) if len(model.friction) >= 4), (None,) * 4)
+    stiffness = next((model.friction[4:] for model in reversed(log.models) if len(model.friction) == 6), (None,) * 2)
     return {
         "coefficient": friction[0],
         "deviation": friction[2],
-        "true_coefficient": coefficient,
+        "true_coefficient": None if true is None else true.coefficient,
         "viscous_N_s_per_m": friction[1],
         "viscous_deviation_N_s_per_m": friction[3],
-        "true_viscous_N_s_per_m": viscous,
+        "true_viscous_N_s_per_m": None if true is None else true.viscous,
+        "stiffness_N_per_m": stiffness[0],
+        "stiffness_deviation_N_per_m": stiffness[1],
+        "true_stiffness_N_per_m": None if true is None else true.stiffness,
     }
 
 
@@ -228,7 +232,6 @@ def scene_figures(log: SessionLog, pairs: Pairs, findings: SceneFindings) -> dic
         (`map_figures`, None without a map).
     """
     true = findings.scene if _is_simulated(findings.rows) else None
-    coefficient, viscous = (None, None) if true is None else (true.friction, true.viscous)
     stiffness = None
     if findings.map is not None and findings.field is not None and findings.scene is not None:
         stiffness = map_figures(findings.map, findings.field, findings.scene)
@@ -237,7 +240,7 @@ def scene_figures(log: SessionLog, pairs: Pairs, findings: SceneFindings) -> dic
         "fusion": setting(log.settings, "fusion", "full"),
         "pose": pose_figures(log, findings.pose),
         "contacts": contact_figures(findings.wrong, pairs.time),
-        "friction": friction_figures(log, coefficient, viscous),
+        "friction": friction_figures(log, None if true is None else true.friction),
         "forces": force_figures(findings.rows),
         "energy": account_figures(findings.account, findings.rows.hand),
         "map": stiffness,

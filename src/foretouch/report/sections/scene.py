@@ -70,7 +70,8 @@ def contact_figure(log: SessionLog, pairs: Pairs, wrong: Wrong, true_friction: f
     shade(force, pairs.time, wrong.first, "0.5", "before any model")
     force.set(title="Contacts at equal command", ylabel="force [N]")
     legend(force, columns=5)
-    rows = [(1e-9 * (model.time_ns - start_ns), *model.friction) for model in log.models if len(model.friction) >= 4]
+    known = [model for model in log.models if len(model.friction) >= 4]
+    rows = [(1e-9 * (model.time_ns - start_ns), *model.friction[:4]) for model in known]
     if rows:
         values = np.array(rows)
         time, coefficient, _, deviation, _ = values[extremes(values[:, 1], NARROW)].T
@@ -211,7 +212,12 @@ def _friction(friction: Mapping[str, Any]) -> str:
     if friction["coefficient"] is None:
         return "  friction   not learnt"
     true = "" if friction["true_coefficient"] is None else "; it is {true_coefficient:=}"
-    return filled(f"  friction   coefficient {{coefficient:=}}, standard deviation {{deviation:=}}{true}", friction)
+    text = f"  friction   coefficient {{coefficient:=}}, standard deviation {{deviation:=}}{true}"
+    if friction["stiffness_N_per_m"] is not None:
+        is_known = friction["true_stiffness_N_per_m"] is not None
+        text += "; yields by {stiffness_N_per_m:=} N/m before it slides"
+        text += ", and by {true_stiffness_N_per_m:=} N/m in truth" if is_known else ""
+    return filled(text, friction)
 
 
 def _map(stiffness: Mapping[str, Any] | None) -> Iterator[str]:
@@ -234,7 +240,7 @@ def _drawings(view: View) -> Iterator[Drawing]:
     if np.isfinite(scene.pose.distance).any():
         yield Drawing(pose_figure(scene.pose), "Error of the fixture's pose as the leader shows it, position and turn")
     if scene.wrong is not None and view.pairs.time.size:
-        friction = None if scene.scene is None else scene.scene.friction
+        friction = None if scene.scene is None else scene.scene.friction.coefficient
         contacts = contact_figure(view.log, view.pairs, scene.wrong, friction, view.start_ns)
         yield Drawing(contacts, "False and missed contacts at equal command, and the friction that was learnt")
     if scene.map is not None and scene.map.touched.any() and scene.field is not None and scene.scene is not None:

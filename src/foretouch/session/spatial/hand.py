@@ -129,7 +129,8 @@ class HandInSpace(HandOnAxis):
         if model.fixture:
             self.line.believe(model.fixture)
         if len(model.friction) >= 2 and all(0.0 <= value < math.inf for value in model.friction[:2]):
-            renderer.rub(min(model.friction[0], MOST_FRICTION), min(model.friction[1], MOST_VISCOUS))
+            stiffness = model.friction[4] if len(model.friction) > 4 and model.friction[4] > 0.0 else math.inf
+            renderer.rub(min(model.friction[0], MOST_FRICTION), min(model.friction[1], MOST_VISCOUS), stiffness)
         if model.valid and math.isfinite(model.surface):
             self.felt_deeper = model.surface
 

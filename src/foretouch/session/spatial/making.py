@@ -22,7 +22,7 @@ from foretouch.devices.device import minimum_jerk
 from foretouch.devices.recorded import KNOT_PERIOD
 from foretouch.errors import MissingExtraError, SettingError
 from foretouch.quantities import Pose
-from foretouch.quantities.pose import RigidMotion, Vector, add, dot, norm, scaled, subtract
+from foretouch.quantities.pose import RigidMotion, Vector, add, dot, scaled, subtract
 from foretouch.rendering.surfaces import SurfaceProxy
 from foretouch.robot import GantryArm, Material, SpatialRobot, make_material
 from foretouch.robot.engine import MOVED_MASS
@@ -42,16 +42,16 @@ from foretouch.settings import NO_GRIP, SIMULATED
 
 BUMP_TIME = 0.15  # Duration of a bump of the fixture [s]
 BUMP_SHARE = 0.4  # Largest bump as a fraction of the first displacement
-STICTION_SPEED = 1e-3  # Speed at which friction reaches about its full size [m/s]
 
 
 class SpatialWorld:
     r"""The world that the probe touches, evaluated at every physics step.
 
-    .. math:: F = s(p)\, f(d, \dot d)\, n - (\mu f_n \tanh(|v_t| / v_0) + c |v_t|)\, \hat v_t
+    .. math:: F = s(p)\, f(d, \dot d)\, n + f_t
 
-    f is the material's law at the depth of the god object, s the inclusion's factor where the probe is, v_0 = 1 mm/s:
-    the god object leaps from facet to facet of a mesh, under a deep probe by 0.3 mm, and a force leaps on no material.
+    f is the material's law at the depth of the god object, s the inclusion's factor where the probe is: the god object
+    leaps from facet to facet of a mesh, under a deep probe by 0.3 mm, and a force leaps on no material. f_t is the
+    friction of a `foretouch.models.BristleFriction`.
     A law that remembers has one memory, of the contact: it goes along where the probe slides, and fades in free air as
     along a line.
 
@@ -78,6 +78,7 @@ class SpatialWorld:
         self._pose = self._poses[0]
         self._motion = RigidMotion.from_numbers(self._pose)
         self._state = material.model.initial_state()
+        self._bend: Vector = (0.0, 0.0, 0.0)  # of the friction's bristles, along the surface [m]
         self.time = 0.0
         self.depth = -math.inf
 
@@ -94,20 +95,20 @@ class SpatialWorld:
         contact = self._proxy.follow(within)
         self.depth = contact.depth
         if contact.depth <= 0.0 and not self._state:
+            self._bend = (0.0, 0.0, 0.0)
             return (0.0, 0.0, 0.0)
         normal = motion.rotate(contact.normal)
         inwards = -dot(velocity, normal)
         self._state, pressed, _ = self._material.model.advance(self._state, contact.depth, inwards, elapsed)
         if contact.depth <= 0.0 and not (self._material.pulls and pressed < 0.0):
+            self._bend = (0.0, 0.0, 0.0)
             return (0.0, 0.0, 0.0)
         if self._scene.inclusion is not None:
             pressed *= self._scene.inclusion.factor(within)
+        bend = subtract(self._bend, scaled(normal, dot(self._bend, normal)))
         sliding = add(velocity, scaled(normal, inwards))
-        speed = norm(sliding)
-        if not speed > 0.0:
-            return scaled(normal, pressed)
-        rub = self._scene.friction * max(pressed, 0.0) * math.tanh(speed / STICTION_SPEED) + self._scene.viscous * speed
-        return subtract(scaled(normal, pressed), scaled(sliding, rub / speed))
+        self._bend, rub = self._scene.friction.advance(bend, sliding, pressed, elapsed)
+        return add(scaled(normal, pressed), rub)
 
     def _move_fixture(self) -> None:
         fraction = minimum_jerk((self.time - self._bump) / BUMP_TIME)

@@ -314,7 +314,7 @@ class ProbeInSpace(ProbeOnAxis):
             fixture=self.line.pose,
             fixture_deviation=self.belief.deviation,
             fixture_age=self.belief.image_age + (now_ns - self._believed_ns) * 1e-9,
-            friction=(friction.coefficient, friction.viscous, *friction.deviations) if friction.known else (),
+            friction=friction.numbers,
         )
 
     def _report(self, sample: SpatialSample) -> FollowerSpace:

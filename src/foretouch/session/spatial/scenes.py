@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from foretouch.devices import Keyframe
 from foretouch.errors import InputError, UnknownNameError
+from foretouch.models import BristleFriction
 from foretouch.quantities.pose import Vector
 from foretouch.rendering.surfaces import (
     HeightField,
@@ -137,16 +138,14 @@ class Scene:
         name: Name or file.
         surface: Its shape, in the fixture's frame.
         inclusion: Stiffer part of a simulated scene; None for none.
-        friction: Coefficient of Coulomb friction of a simulated scene.
-        viscous: Its viscous friction [N s/m].
+        friction: Friction of a simulated scene.
         nominal: Pose of the fixture as both sides believe it before anything is seen.
     """
 
     name: str
     surface: Surface
     inclusion: Inclusion | None = None
-    friction: float = 0.3
-    viscous: float = 0.5
+    friction: BristleFriction = field(default_factory=BristleFriction)
     nominal: tuple[float, ...] = NOMINAL
 
 
