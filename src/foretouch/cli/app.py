@@ -12,6 +12,7 @@ from foretouch.cli.commands import (
     calibrate,
     keys,
     machine,
+    maps,
     offline,
     plugins,
     recordings,
@@ -105,6 +106,7 @@ for name, group in {
     "datasets": recordings.datasets,
     "materials": recordings.materials,
     "keys": keys.keys,
+    "map": maps.maps,
     "plugins": plugins.plugins,
     "recordings": recordings.recordings,
 }.items():

@@ -64,6 +64,11 @@ class ScaleField:
         records: NDArray[np.void] = self._filled
         return records
 
+    @property
+    def touched(self) -> NDArray[np.int64]:
+        """Row and column of each node that was touched, shape (n, 2)."""
+        return np.argwhere(self._known[0].variance < _kernel().TOUCHED)
+
     def take(self, content: bytes) -> None:
         """Take nodes from `packed`; others stay as they are.
 
@@ -77,7 +82,7 @@ class ScaleField:
         i, j = nodes["i"].astype(np.int64), nodes["j"].astype(np.int64)
         known = self._known[0]
         known.value[i, j], known.variance[i, j] = value, np.square(deviation)
-        touched = np.argwhere(known.variance < _kernel().TOUCHED)
+        touched = self.touched
         self.count = len(touched)
         if self.count:
             (low_i, low_j), (high_i, high_j) = touched.min(axis=0).tolist(), touched.max(axis=0).tolist()

@@ -18,6 +18,7 @@ from foretouch.report.perception import (
 )
 from foretouch.report.rows import Pairs, force_at_follower, guarded_runs, pair
 from foretouch.report.scene import SceneFindings, look_at_scene, scene_figures
+from foretouch.report.scene.touched import TouchedMap, map_file, merged, read_map, touched_map
 from foretouch.report.scores import STATUSES, Scores, delayed_force, score_prediction
 from foretouch.report.sections.hand import hand_figures
 from foretouch.report.sections.model import IDLE_LAW, law_is_idle, map_lines
@@ -57,6 +58,7 @@ __all__ = [
     "SceneFindings",
     "Scores",
     "SessionReport",
+    "TouchedMap",
     "compare_replay",
     "contacts",
     "delayed_force",
@@ -78,12 +80,15 @@ __all__ = [
     "look_at_scene",
     "lowest_mean",
     "map_figure",
+    "map_file",
     "map_lines",
+    "merged",
     "named_values",
     "new_figure",
     "oscillation",
     "pair",
     "pose_figure",
+    "read_map",
     "remarks",
     "render_replay",
     "render_text",
@@ -98,6 +103,7 @@ __all__ = [
     "table",
     "tiles",
     "time_to_accuracy",
+    "touched_map",
     "turning_points",
     "update_jumps",
     "write_calibration_page",

@@ -72,7 +72,7 @@ def stiffness_map(
     """
     x = MIDDLE[0] + np.arange(-REACH, REACH + 0.5 * CELL, CELL)
     y = MIDDLE[1] + np.arange(-REACH, REACH + 0.5 * CELL, CELL)
-    points = np.array([(column, row, _height(scene, column, row)) for row in y.tolist() for column in x.tolist()])
+    points = np.array([(column, row, height_of(scene, column, row)) for row in y.tolist() for column in x.tolist()])
     scales, deviations = field.scales_at(points)
     learnt = scales * stiffness_at_rest(law, max(FIELD_DEPTH - felt_deeper, 0.0))
     shape = (y.size, x.size)
@@ -147,7 +147,7 @@ def _among_touched(stiffness: StiffnessMap) -> Flags:
     return np.asarray(Delaunay(touched).find_simplex(points) >= 0).reshape(x.shape)
 
 
-def _height(scene: Scene, x: float, y: float) -> float:
+def height_of(scene: Scene, x: float, y: float) -> float:
     """Height of the surface at a point: from above down by the free distance, again and again [m]."""
     height = HIGH
     for _ in range(STEPS):

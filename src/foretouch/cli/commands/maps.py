@@ -1,0 +1,106 @@
+"""Commands about maps of what was touched in a scene."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from foretouch.cli.options import Answer, command, require_writable
+from foretouch.errors import ForetouchError, InputError, plural
+
+if TYPE_CHECKING:
+    from foretouch.report import TouchedMap
+
+maps = typer.Typer(help="Maps of the stiffness of what was touched in a scene.", no_args_is_help=True)
+
+TOUCHED_HELP = "Recordings of sessions in one scene (.mcap), or maps (.ply)."
+
+
+@maps.command("merge")
+@command()
+def merge_maps(
+    touched: Annotated[list[Path], typer.Argument(help=TOUCHED_HELP)],
+    out: Annotated[Path, typer.Option(help="PLY file for the map: a mesh with colours, and numbers at each vertex.")],
+) -> Answer:
+    """Merge what sessions in one scene have learnt into one map of its stiffness, a mesh that other programs open too.
+
+    Places that several have touched get the mean of their logarithms, by how sure each is; of one session it is that
+    session's map. `--scene` takes the file as a shape.
+
+    Example: foretouch map merge monday.mcap tuesday.mcap --out specimen.ply
+    """
+    from foretouch.recordings import atomic_path
+    from foretouch.report import map_file, merged
+
+    if out.suffix.lower() != ".ply":
+        raise InputError(f"{out}: a map is a .ply file")
+    require_writable(out.parent)
+    whole = merged([_opened(path) for path in touched])
+    content = map_file(whole)
+    with atomic_path(out) as part:
+        part.write_bytes(content)
+    return Answer({"file": str(out), **_figures(whole)}, [f"wrote {out}", *_lines(whole)])
+
+
+@maps.command("show")
+@command()
+def show_map(
+    touched: Annotated[Path, typer.Argument(help="A recording of a session in a scene (.mcap), or a map (.ply).")],
+) -> Answer:
+    """What a map holds: how many places, where, how stiff, and how sure.
+
+    Example: foretouch map show specimen.ply
+    """
+    whole = _opened(touched)
+    return Answer(_figures(whole), _lines(whole))
+
+
+def _opened(path: Path) -> TouchedMap:
+    """A map from its own file, or from a session's recording.
+
+    Raises:
+        ForetouchError: It is neither; the line begins with the file's name.
+    """
+    from foretouch.recordings import is_session, read_session
+    from foretouch.report import read_map, touched_map
+
+    if path.suffix.lower() == ".ply":
+        return read_map(path)
+    if not path.is_file():
+        raise InputError(f"{path}: no such file")
+    if not is_session(path):
+        raise InputError(f"{path}: neither a session's recording (.mcap) nor a map (.ply)")
+    try:
+        return touched_map(read_session(path))
+    except ForetouchError as error:
+        text = str(error)
+        raise InputError(text if text.startswith(str(path)) else f"{path}: {text}") from None
+
+
+def _figures(whole: TouchedMap) -> dict[str, Any]:
+    import numpy as np
+
+    low, high = whole.points.min(axis=0), whole.points.max(axis=0)
+    least, median, most = (float(value) for value in np.percentile(whole.stiffness, [0.0, 50.0, 100.0]))
+    return {
+        "places": len(whole.points),
+        "from_mm": (1e3 * low).tolist(),
+        "to_mm": (1e3 * high).tolist(),
+        "stiffness_N_per_m": {"least": least, "median": median, "largest": most},
+        "stiffest_at_mm": (1e3 * whole.points[int(whole.stiffness.argmax())]).tolist(),
+        "median_deviation_percent": 100.0 * float(np.median(whole.deviation)),
+    }
+
+
+def _lines(whole: TouchedMap) -> list[str]:
+    figures = _figures(whole)
+    stiffness, at = figures["stiffness_N_per_m"], figures["stiffest_at_mm"]
+    (a, b, _), (c, d, _) = figures["from_mm"], figures["to_mm"]
+    return [
+        f"  places     {plural(figures['places'], 'place')}, 3 mm apart; x {a:.0f} to {c:.0f}, y {b:.0f} to {d:.0f} mm",
+        f"  stiffness  {stiffness['least']:,.0f} to {stiffness['largest']:,.0f} N/m, {stiffness['median']:,.0f} at the "
+        f"median, 2 mm deep; stiffest at ({at[0]:.0f}, {at[1]:.0f}) mm",
+        f"  known to   {figures['median_deviation_percent']:.0f} % at the median",
+    ]
