@@ -248,6 +248,9 @@ def _operator(settings: SessionSettings, hello: dict[str, str]) -> Device | Spat
     ours, theirs = settings.scene, hello.get("scene", "")
     if ours != theirs:
         raise LinkError(settings.workspace.sides.format(ours=ours, theirs=theirs or "a session along a line"))
+    radius, felt = str(settings.probe_radius), hello.get("probe_radius", "0.0")
+    if ours and radius != felt:
+        raise LinkError(f"the follower's probe has a radius of {felt} m and not {radius} m: give both sides the same")
     told = {name: _reach(hello, name) for name in settings.workspace.lengths}
     return setup_of(settings).operator(UNKNOWN_REACH._replace(**told), say)  # type: ignore[no-any-return]
 

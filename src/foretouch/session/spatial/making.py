@@ -52,6 +52,8 @@ class SpatialWorld:
 
     f is the material's law at the depth of the god object, s the inclusion's factor where the probe is, v_0 = 1 mm/s:
     the god object leaps from facet to facet of a mesh, under a deep probe by 0.3 mm, and a force leaps on no material.
+    A sphere is in the position of its centre, its depth that of its deepest point, which is where it counts as being.
+    The law is of depth alone, whatever the radius, and the force acts on the centre: there is no torque.
     A law that remembers has one memory, of the contact: it goes along where the probe slides, and fades in free air as
     along a line.
 
@@ -101,7 +103,8 @@ class SpatialWorld:
         if contact.depth <= 0.0 and not (self._material.pulls and pressed < 0.0):
             return (0.0, 0.0, 0.0)
         if self._scene.inclusion is not None:
-            pressed *= self._scene.inclusion.factor(within)
+            deepest = subtract(within, scaled(contact.normal, self._scene.surface.radius))
+            pressed *= self._scene.inclusion.factor(deepest)
         sliding = add(velocity, scaled(normal, inwards))
         speed = norm(sliding)
         if not speed > 0.0:
