@@ -52,8 +52,9 @@ class SpatialWorld:
 
     f is the material's law at the depth of the god object, s the inclusion's factor where the probe is, v_0 = 1 mm/s:
     the god object leaps from facet to facet of a mesh, under a deep probe by 0.3 mm, and a force leaps on no material.
-    A sphere is in the position of its centre, its depth that of its deepest point, which is where it counts as being.
-    The law is of depth alone, whatever the radius, and the force acts on the centre: there is no torque.
+    A sphere is given by its centre; its depth is that of its deepest point, and the factor is that there, so that it
+    turns with the normal from facet to facet. The law is of depth alone, whatever the radius, and the force acts on the
+    centre: there is no torque.
     A law that remembers has one memory, of the contact: it goes along where the probe slides, and fades in free air as
     along a line.
 
