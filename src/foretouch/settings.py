@@ -175,7 +175,7 @@ class Declared:
     )
     probe_radius: float = _scene(
         0.0,
-        "Radius of the sphere at the probe's end, whose centre is its position [m], up to 0.02; 0 for a point.",
+        "Radius of the sphere that touches, whose centre is the probe's position [m], up to 0.02; 0 for a point.",
         at_least=0.0,
         at_most=0.02,
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from itertools import pairwise
 
 import numpy as np
@@ -15,6 +16,8 @@ from solids import Array, ball, box, follow, spring_forces, straight, work_of
 
 from foretouch.errors import SettingError
 from foretouch.rendering.surfaces import HeightField, OffsetSurface, Plane, Surface, SurfaceProxy
+from foretouch.rendering.surfaces.line import follow as follow_line
+from foretouch.session.spatial.course import SurfaceLine
 
 SPACING = 2.5e-4
 """Of the points of a sampled surface [m], at most; a nearest one is off by less along it, and by its square over twice
@@ -175,6 +178,22 @@ def test_a_sphere_turns_no_normal_and_is_drawn_as_what_it_touches() -> None:
     assert surface.facing() == HILL.facing()
     assert surface.relief() == HILL.relief()
     np.testing.assert_equal(surface.outline(), HILL.outline())
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("nodes", [41, 101, 225])
+def test_in_a_cup_that_it_just_fits_the_cost_is_that_of_all_triangles(nodes: int) -> None:
+    cup, along = 0.012, np.linspace(-0.02, 0.02, nodes)
+    x, y = np.meshgrid(along, along, indexing="ij")
+    bare = HeightField(-np.sqrt(np.maximum(cup**2 - x**2 - y**2, 0.0)), along[1] - along[0], (along[0], along[0]))
+    line, times = SurfaceLine(OffsetSurface(bare, cup - 1e-4), (0.0,) * 6), []
+    for turn in np.linspace(0.0, 6.0, 1000).tolist():
+        place = 1e-4 * math.sin(turn), 1e-4 * math.cos(3.0 * turn), -2e-4
+        began = time.perf_counter()
+        follow_line.entry(line.records, line.shape, *place)
+        times.append(time.perf_counter() - began)
+        assert line.newest.depth > 0.0
+    print(f"{2 * (nodes - 1) ** 2} triangles: {1e3 * np.median(times):.2f} ms")  # noqa: T201
 
 
 @pytest.mark.parametrize("radius", [-1e-3, math.nan, math.inf])
