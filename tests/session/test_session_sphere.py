@@ -151,6 +151,9 @@ def test_a_leader_with_another_probe_than_the_followers_is_refused() -> None:
     settings = SessionSettings(scene="hill", probe_radius=RADIUS)
     assert settings.as_text()["probe_radius"] == "0.004"
     assert _operator(settings, settings.as_text()) is not None
-    for said in ({"scene": "hill"}, {"scene": "hill", "probe_radius": "0.006"}):
+    whole = SessionSettings(scene="hill", probe_radius=0)  # said as "0", and by another follower as "0.0" or not at all
+    for point in (whole.as_text(), SessionSettings(scene="hill").as_text(), {"scene": "hill"}):
+        assert _operator(whole, point) is not None
+    for said in ({"scene": "hill"}, *({"scene": "hill", "probe_radius": text} for text in ("0.006", "nan", "large"))):
         with pytest.raises(LinkError, match="radius"):
             _operator(settings, said)
