@@ -173,6 +173,12 @@ class Declared:
         "What is touched in three dimensions: plane, hill, phantom, or the file of a mesh (.stl, .obj, .ply); without "
         "it a session is along a line.",
     )
+    probe_radius: float = _scene(
+        0.0,
+        "Radius of the sphere that touches, whose centre is the probe's position [m], up to 0.02; 0 for a point.",
+        at_least=0.0,
+        at_most=0.02,
+    )
     fusion: str = _scene(
         "full",
         "What the pose of the fixture is estimated from: full (images and touches), image, contact or none.",

@@ -13,7 +13,15 @@ from hypothesis import strategies as st
 from foretouch.messages import VERSION, Command, FixtureBelief
 from foretouch.quantities.pose import RigidMotion, Vector, norm, scaled, subtract
 from foretouch.rendering import Renderer
-from foretouch.rendering.surfaces import HeightField, Plane, Surface, SurfaceContact, SurfaceProxy, TriangleMesh
+from foretouch.rendering.surfaces import (
+    HeightField,
+    OffsetSurface,
+    Plane,
+    Surface,
+    SurfaceContact,
+    SurfaceProxy,
+    TriangleMesh,
+)
 from foretouch.rendering.whole import Now, OverSurface
 from foretouch.robot import RobotSample, SpatialSample
 from foretouch.session import SessionSettings, simulate
@@ -29,6 +37,7 @@ TETRAHEDRON = TriangleMesh(
 )
 HILL = make_scene("hill").surface
 SURFACES = {"plane": Plane((0.0, 0.001, 0.0), (0.1, 0.0, 2.0)), "hill": HILL, "mesh": TETRAHEDRON}
+SPHERES = {f"sphere on {name}": OffsetSurface(surface, 0.004) for name, surface in SURFACES.items()}
 NOWHERE = (math.nan, math.nan, math.nan)
 MS = 1_000_000
 
@@ -37,7 +46,7 @@ class InPython:
     """What a line is to do."""
 
     def __init__(self, surface: Surface, pose: Sequence[float], leads: bool) -> None:
-        self.leads, self.offset, self.proxy = leads, 0.0, SurfaceProxy(surface)
+        self.leads, self.offset, self.proxy, self.radius = leads, 0.0, SurfaceProxy(surface.bare), surface.radius
         self.motion = RigidMotion.from_numbers(pose)
         self.place: Vector = NOWHERE
         self.closest: ClosestPoint | None = None
@@ -58,6 +67,7 @@ class InPython:
         if contact.depth < 0.0:
             away = subtract(place, point)
             normal = scaled(away, 1.0 / norm(away)) if norm(away) > 1e-9 else normal
+        contact = contact._replace(depth=contact.depth + self.radius)
         if self.leads and before is not None and abs(contact.depth - before.depth) > moved + 1e-9:
             self.offset += before.depth - contact.depth
         self.closest = ClosestPoint(contact.depth, contact.depth + self.offset, normal, point, contact.point)
@@ -70,12 +80,12 @@ poses = st.tuples(near, near, near, turn, turn, turn)
 
 
 @pytest.mark.parametrize("leads", [True, False])
-@pytest.mark.parametrize("name", SURFACES)
+@pytest.mark.parametrize("name", SURFACES | SPHERES)
 @given(places=st.lists(places, min_size=1, max_size=12), beliefs=st.lists(poses, min_size=2, max_size=3))
 def test_a_compiled_line_is_the_one_in_python_to_the_last_bit(
     name: str, leads: bool, places: list[Vector], beliefs: list[Sequence[float]]
 ) -> None:
-    surface, first = SURFACES[name], beliefs[0]
+    surface, first = (SURFACES | SPHERES)[name], beliefs[0]
     line, same = SurfaceLine(surface, first, leads=leads), InPython(surface, first, leads)
     assert line.closest is None
     for number, goal in enumerate(places):
@@ -136,14 +146,16 @@ def test_a_part_of_a_surface_that_is_written_anew_counts() -> None:
         assert own.follow(place).depth == pytest.approx(line.follow(place).depth + 1e-3, abs=1e-15)
 
 
+@pytest.mark.parametrize("radius", [0.0, 0.004])
 @pytest.mark.parametrize("own", [OwnPlane(MIDDLE), OwnField(0.01 * np.eye(5), 0.02, (0.035, -0.04))])
-def test_a_follower_on_a_surface_of_python_is_the_compiled_one(own: Plane | HeightField) -> None:
+def test_a_follower_on_a_surface_of_python_is_the_compiled_one(own: Plane | HeightField, radius: float) -> None:
     if isinstance(own, Plane):
         same: Surface = Plane(MIDDLE)
     else:
         same = HeightField(0.01 * np.eye(5), 0.02, (0.035, -0.04))
     settings = SessionSettings(scene="plane", material="hunt-crossley")
-    states = [follower.start(SPECIFICATION, settings, probe=ProbeInSpace(surface, NOMINAL)) for surface in (own, same)]
+    probes = [ProbeInSpace(OffsetSurface(surface, radius), NOMINAL) for surface in (own, same)]
+    states = [follower.start(SPECIFICATION, settings, probe=probe) for probe in probes]
     random, here, far, told = np.random.default_rng(4), np.array((0.0, 0.0, 0.02)), np.zeros(3), []
     for tick in range(1, 1500):
         if tick % 100 == 0:
@@ -229,7 +241,7 @@ AT_ONCE = [
         "position_delay": 0.0,
     },
     {"scene": "phantom", "fusion": "contact", "grip": "normal", "clutch": "3:3.2", "bump": 4.0, "position_scale": 0.5},
-    {"scene": "plane", "model": "kelvin-voigt", "fusion": "none", "grip": "soft"},
+    {"scene": "plane", "model": "kelvin-voigt", "fusion": "none", "grip": "soft", "probe_radius": 0.004},
 ]
 
 

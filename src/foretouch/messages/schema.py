@@ -100,7 +100,7 @@ class Command(Message, frozen=True, array_like=True, gc=False):
         guarded: Whether the first touch of a surface that the leader does not know is to be guarded.
         holder: Name of the leader, for people.
         epoch: Epoch of the leader's process: unique, and larger for one that was started later.
-        place: Desired position of the probe in three dimensions; empty in a session along a line.
+        place: Desired position of the probe in three dimensions, a sphere's centre; empty in a session along a line.
         telemetry_sequence: `sequence` of the newest telemetry that the leader had received, 0 before the first.
         run: Epoch of the follower's process that sent it, 0 before the first.
     """

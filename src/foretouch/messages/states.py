@@ -31,7 +31,7 @@ class FollowerSpace(msgspec.Struct, frozen=True, array_like=True, forbid_unknown
     """What a `Telemetry` says in space.
 
     Attributes:
-        place_x: Position of the probe's tip, from the encoders [m].
+        place_x: Position of the probe's tip, of a sphere its centre, from the encoders [m].
         place_y: [m].
         place_z: [m].
         desired_x: Commanded position of the robot [m].

@@ -8,6 +8,7 @@ from foretouch.rendering.proxy import Proxy
 from foretouch.rendering.renderer import Renderer
 from foretouch.rendering.surfaces import (
     HeightField,
+    OffsetSurface,
     Plane,
     Surface,
     SurfaceContact,
@@ -25,6 +26,7 @@ __all__ = [
     "FrictionRenderer",
     "HeightField",
     "Mediation",
+    "OffsetSurface",
     "Plane",
     "Proxy",
     "Renderer",

@@ -18,7 +18,7 @@ from foretouch.rendering.limits import Limiter, carried, limit
 from foretouch.rendering.mediation import LARGEST_STEP, MediationState, mediate
 from foretouch.rendering.proxy import RETURN_SPEED, ProxyState
 from foretouch.rendering.surfaces.geometry import add, norm, scaled, vector
-from foretouch.rendering.surfaces.line import Line
+from foretouch.rendering.surfaces.line import Line, just_touching
 
 FARTHEST = 10.0  # Largest distance of a hand from its zero [m]
 
@@ -306,7 +306,7 @@ def give(r: Rendering, account: Account, rendered: float, line: Line, period: fl
         period: Time since the previous tick [s].
     """
     scale, held = r.setup.force_scale, min(period, r.setup.period)
-    normal, point = vector(line.closest.normal), vector(line.closest.point)
+    normal, point = vector(line.closest.normal), just_touching(line)
     beside = scaled(rub(r.friction, point, normal, rendered / scale, held), scale)
     # Friction takes what the normal force leaves: cut together, the latter would come back faster than its rate allows.
     left = math.sqrt(max(min(r.limiter.largest_force, energy.ceiling_of(account)) ** 2 - rendered**2, 0.0))

@@ -96,7 +96,7 @@ Vector: TypeAlias = tuple[float, float, float]
 
 
 class SpatialSample(NamedTuple):
-    """What the robot's sensors show after one sample period. Places are of the probe's tip.
+    """What the robot's sensors show after one sample period. Places are of the probe's tip, or a sphere's centre.
 
     Attributes:
         place: Position from the encoders [m].

@@ -109,7 +109,8 @@ def simulate(
 ) -> Answer:
     """The same session in simulated time: one process, seeded network, the same result every time.
 
-    With --scene it runs in three dimensions: a fixture that a camera sees, and what it is made of, place by place.
+    With --scene it runs in three dimensions: a fixture that a camera sees, and what it is made of, place by place;
+    touched by a point, or with --probe-radius by a sphere.
 
     Example: foretouch simulate --duration 20 --material hunt-crossley --report out
     """

@@ -248,8 +248,20 @@ def _operator(settings: SessionSettings, hello: dict[str, str]) -> Device | Spat
     ours, theirs = settings.scene, hello.get("scene", "")
     if ours != theirs:
         raise LinkError(settings.workspace.sides.format(ours=ours, theirs=theirs or "a session along a line"))
+    if ours:
+        _require_radius(settings.probe_radius, hello.get("probe_radius", "0"))
     told = {name: _reach(hello, name) for name in settings.workspace.lengths}
     return setup_of(settings).operator(UNKNOWN_REACH._replace(**told), say)  # type: ignore[no-any-return]
+
+
+def _require_radius(ours: float, theirs: str) -> None:
+    """Refuse a follower whose probe is of another size; one that says none has a point."""
+    try:
+        same = float(theirs) == ours
+    except ValueError:
+        same = False
+    if not same:
+        raise LinkError(f"the follower says probe_radius = {theirs!r} and not {ours:g}: give both sides the same")
 
 
 def _own_name() -> str:

@@ -16,6 +16,7 @@ from foretouch.quantities.pose import Vector
 from foretouch.rendering.surfaces.geometry import Numbers3, Triangle, add, dot, norm, scaled, subtract, vector, write
 from foretouch.rendering.surfaces.god_object import MESH, NO_MESH, Mesh, Proxy, move
 from foretouch.rendering.surfaces.mesh import HeightField, TriangleMesh
+from foretouch.rendering.surfaces.offset import OffsetSurface
 from foretouch.rendering.surfaces.surface import FARTHEST, Plane, Surface
 
 ROUNDING = 1e-9  # Change of depth beyond the motion that is rounding [m]
@@ -25,7 +26,10 @@ START: Vector = (0.0, 0.0, 0.1)  # Position in the fixture's frame in place of a
 
 
 class Closest(Record):
-    """Closest point of the surface to a position, as a `ClosestPoint` in the world's frame; and that position."""
+    """Closest point of the surface to a position, as a `ClosestPoint` in the world's frame; and that position.
+
+    Of a sphere the position is the centre, the depth that of its deepest point, and the closest point the touched one.
+    """
 
     depth: float  # d [m]
     along: float  # q [m]
@@ -39,7 +43,8 @@ class Line(Record):
     r"""State of a line: :math:`q = d + o`, as `foretouch.session.spatial.course.SurfaceLine` says.
 
     A plane through p with normal n is in the fixture's frame, as the proxy is; the fixture's pose maps
-    points y of that frame to R y + t.
+    points y of that frame to R y + t. The proxy is of the centre of a sphere of radius r, so that the depth d is r
+    more than its own.
     """
 
     rotation: Annotated[NDArray[np.float64], float, (3, 3)]  # R
@@ -48,14 +53,20 @@ class Line(Record):
     normal: Numbers3  # n
     proxy: Proxy
     closest: Closest
+    radius: float  # r [m], 0 for a point
     offset: float  # o [m]
     leads: bool  # whether the offset is its own
     compiled: bool  # whether compiled code knows the shape; else Python moves the proxy
 
 
 def shape_of(surface: Surface) -> Mesh | None:
-    """What compiled code walks on; None for a surface whose `follow` is Python of its own."""
+    """What compiled code walks on; None for a surface whose `follow` is Python of its own.
+
+    A sphere's radius is no part of it, but of a `Line`.
+    """
     match surface:
+        case OffsetSurface():
+            return shape_of(surface.bare)
         case Plane() if type(surface).follow is Plane.follow:
             return NO_MESH
         case TriangleMesh() if type(surface).follow is TriangleMesh.follow:
@@ -113,10 +124,11 @@ def follow_line(line: Line, mesh: Mesh, x: float, y: float, z: float) -> None:
         _touch(line, mesh, rotate_back(line, subtract(place, vector(line.translation))))
     inner, depth = vector(proxy.point), float(proxy.depth)
     point, normal = add(rotate(line, inner), vector(line.translation)), rotate(line, vector(proxy.normal))
-    if depth < 0.0:
+    if depth < 0.0:  # of the centre, which is outside of a surface that the sphere touches
         away = subtract(place, point)
         length = norm(away)
         normal = scaled(away, 1.0 / length) if length > NO_LENGTH else normal
+    depth += line.radius
     # Before the first position this is NaN, and nothing is larger.
     moved = norm(subtract(place, vector(closest.place)))
     if line.leads and abs(depth - closest.depth) > moved + ROUNDING:
@@ -130,10 +142,25 @@ def follow_line(line: Line, mesh: Mesh, x: float, y: float, z: float) -> None:
 
 @compiled
 def place_at(line: Line, along: float) -> Vector:
-    """The place on the normal of the closest point with another coordinate [m]."""
+    """The place of the probe on the normal of the closest point with another coordinate [m]; of a sphere's centre."""
     closest = line.closest
     depth = along - closest.along + closest.depth
-    return subtract(vector(closest.point), scaled(vector(closest.normal), depth))
+    return subtract(vector(closest.point), scaled(vector(closest.normal), depth - line.radius))
+
+
+@compiled
+def just_touching(line: Line) -> Vector:
+    """Where the probe's centre would be if it just touched the closest point [m]; for a point, that itself.
+
+    A sphere that does not roll slides as fast as this moves; over a crease the closest point itself stands or leaps.
+    """
+    return add(vector(line.closest.point), scaled(vector(line.closest.normal), line.radius))
+
+
+@compiled
+def just_touching_within(line: Line) -> Vector:
+    """The same in the fixture's frame [m]."""
+    return add(vector(line.closest.inner_point), scaled(vector(line.proxy.normal), line.radius))
 
 
 PLACE_AT = Kernel(place_at, "(Line, f8)")

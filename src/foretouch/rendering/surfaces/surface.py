@@ -31,7 +31,7 @@ class SurfaceContact(NamedTuple):
 
     Attributes:
         depth: Distance from the probe to its proxy, positive inside [m]. Outside, minus the distance to the nearest
-            point of the surface [m], 0 on it.
+            point of the surface [m], 0 on it. Of a sphere, that of its centre and the radius, see `OffsetSurface`.
         normal: Outward, of length 1; inside it is the direction from the probe to the proxy, so that a force along it
             has a potential.
         point: The proxy, on the surface [m].
@@ -51,9 +51,19 @@ class Surface(ABC):
     come through. So contact has a history: the proxy (god object) stays on the surface and moves only where it can
     slide towards the probe. `SurfaceProxy` keeps that history.
 
+    Attributes:
+        radius: Radius of the probe whose centre is followed [m]; 0 for a point.
+
     References:
         Zilles and Salisbury (1995), A constraint-based god-object method for haptic display, IEEE/RSJ IROS.
     """
+
+    radius: float = 0.0
+
+    @property
+    def bare(self) -> Surface:
+        """The surface as a point feels it."""
+        return self
 
     @abstractmethod
     def initial_memory(self) -> Memory:

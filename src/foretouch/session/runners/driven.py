@@ -174,7 +174,7 @@ class SpaceFollower(DrivenFollower):
     channels = ("fixture",)
 
     def __init__(self, robot: SpatialRobot, settings: SessionSettings, run: int) -> None:
-        scene = make_scene(settings.scene)
+        scene = make_scene(settings.scene, settings.probe_radius)
         super().__init__(robot, settings, run, ProbeInSpace(scene.surface, scene.nominal))
         self.desired = self.sample.place
 
@@ -294,7 +294,7 @@ class SpaceLeader(DrivenLeader):
     channels = ("field",)
 
     def __init__(self, operator: SpatialDevice, settings: SessionSettings, holder: str, epoch: int) -> None:
-        scene = make_scene(settings.scene)
+        scene = make_scene(settings.scene, settings.probe_radius)
         self._hand = HandInSpace(scene.surface, scene.nominal, settings.position_scale)
         super().__init__(operator, settings, holder, epoch, self._hand)
         self._apart: Vector = (0.0, 0.0, 0.0)  # of hand and world, when the handle was taken

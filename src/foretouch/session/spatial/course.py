@@ -27,7 +27,7 @@ class ClosestPoint(NamedTuple):
     """Closest point of the surface to a position, in the world's frame.
 
     Attributes:
-        depth: Depth in the surface where it is believed to be [m], negative outside.
+        depth: Depth in the surface where it is believed to be [m], negative outside; of a sphere, of its deepest point.
         along: The coordinate: `depth`, and all displacements of the believed surface since the start [m].
         normal: Outward, of length 1; outside, from the nearest point to the position.
         point: The proxy on the surface [m].
@@ -50,7 +50,7 @@ class SurfaceLine:
     elsewhere is no motion. So q is as continuous as the motion itself, grows into the material as positions along a
     line do, and the surface stands at o in it. Everything made for a line (identification, mediation, safety) takes q
     for the position and o for the surface. The same is done where the proxy lets go, over an edge: then the depth
-    changes by more than the position.
+    changes by more than the position. The position of a sphere is its centre, on an `OffsetSurface`.
 
     Args:
         surface: Surface in the fixture's frame.
@@ -74,10 +74,11 @@ class SurfaceLine:
         shape = shape_of(surface)
         self.records = Line.new() if records is None else records
         self.records[:] = Line.new(leads=leads, compiled=shape is not None)
-        if isinstance(surface, Plane):
-            self.records["origin"], self.records["normal"] = surface.origin, surface.normal
+        self.records["radius"] = surface.radius
+        if isinstance(bare := surface.bare, Plane):
+            self.records["origin"], self.records["normal"] = bare.origin, bare.normal
         self._offset, self._closest = self.records["offset"], self.records["closest"].view(np.float64)
-        self._proxy, self._follow = SurfaceProxy(surface), follow.entry
+        self._proxy, self._follow = SurfaceProxy(bare), follow.entry
         self.surface, self.shape = surface, NO_MESH if shape is None else shape
         self._move(pose)
 

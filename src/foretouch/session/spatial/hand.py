@@ -83,7 +83,7 @@ class HandInSpace(HandOnAxis):
     Attributes:
         line: Follows the hand over the surface.
         apart: Offset between the hand and its position in the world [m].
-        place: Position of the hand in the world [m].
+        place: Position of the hand in the world [m]; it holds a sphere by its centre.
         left: Commanded position of the follower [m].
         material: How strong the material is over the surface.
         felt_deeper: How much deeper than believed the surface was felt [m].

@@ -51,7 +51,9 @@ class SpatialWorld:
 
     f is the material's law at the depth of the god object, s the inclusion's factor where the probe is: the god object
     leaps from facet to facet of a mesh, under a deep probe by 0.3 mm, and a force leaps on no material. f_t is the
-    friction of a `foretouch.models.BristleFriction`.
+    friction of a `foretouch.models.BristleFriction`. A sphere is given by its centre; its depth is that of its deepest
+    point, and the factor is that there, so that it turns with the normal from facet to facet. The law is of depth
+    alone, whatever the radius, and the force acts on the centre: there is no torque.
     A law that remembers has one memory, of the contact: it goes along where the probe slides, and fades in free air as
     along a line.
 
@@ -104,7 +106,8 @@ class SpatialWorld:
             self._bend = (0.0, 0.0, 0.0)
             return (0.0, 0.0, 0.0)
         if self._scene.inclusion is not None:
-            pressed *= self._scene.inclusion.factor(within)
+            deepest = subtract(within, scaled(contact.normal, self._scene.surface.radius))
+            pressed *= self._scene.inclusion.factor(deepest)
         bend = subtract(self._bend, scaled(normal, dot(self._bend, normal)))
         sliding = add(velocity, scaled(normal, inwards))
         self._bend, rub = self._scene.friction.advance(bend, sliding, pressed, elapsed)

@@ -16,7 +16,7 @@ from foretouch.quantities.pose import Vector
 from foretouch.rendering.surfaces import Surface
 from foretouch.rendering.surfaces.geometry import Triangle, add, norm, scaled, subtract, vector, write
 from foretouch.rendering.surfaces.god_object import MESH, Mesh
-from foretouch.rendering.surfaces.line import Closest, rotate
+from foretouch.rendering.surfaces.line import Closest, just_touching_within, rotate
 from foretouch.robot import SpatialSample
 from foretouch.session.network.model_sender import FieldSender
 from foretouch.session.network.playout import NOWHERE, advance
@@ -95,7 +95,7 @@ def learn_beside(space: Space, states: States, force: Vector, tick: int) -> bool
     surface was missed.
     """
     beside, line, course, newest = space.beside, space.probe, space.course, states[2][0].newest[0]
-    point, sideways = vector(line.closest.inner_point), vector(course.resistance)
+    point, sideways = just_touching_within(line), vector(course.resistance)
     moved = subtract(point, vector(beside.point))
     write(beside.point, point)
     if not newest.in_contact:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,7 @@ from foretouch.models import BristleFriction
 from foretouch.quantities.pose import Vector
 from foretouch.rendering.surfaces import (
     HeightField,
+    OffsetSurface,
     Plane,
     Surface,
     SurfaceProxy,
@@ -136,7 +137,7 @@ class Scene:
 
     Attributes:
         name: Name or file.
-        surface: Its shape, in the fixture's frame.
+        surface: Its shape, in the fixture's frame; offset where the probe is a sphere.
         inclusion: Stiffer part of a simulated scene; None for none.
         friction: Friction of a simulated scene.
         nominal: Pose of the fixture as both sides believe it before anything is seen.
@@ -174,18 +175,25 @@ def _hilly() -> HeightField:
     return HeightField(heights, GRID, (MIDDLE[0] - 0.5 * SIDE, MIDDLE[1] - 0.5 * SIDE))
 
 
-def make_scene(name: str) -> Scene:
-    """A scene by name, or from the file of a mesh.
+def make_scene(name: str, probe_radius: float = 0.0) -> Scene:
+    """A scene by name, or from the file of a mesh, as a probe feels it.
 
     Args:
         name: One of `SCENES`, or a path that ends as `MESH_ENDINGS` say: the mesh stands on the fixture as it is, in
             metres; its middle and its top are within 4 cm of (0.075, 0, 0).
+        probe_radius: Radius of the sphere whose centre is the place of hand and robot [m]; 0 for a point.
 
     Raises:
+        SettingError: A radius that is negative or not finite.
         UnknownNameError: Neither.
         InputError: A file that cannot be read as a mesh, or one that no hand can touch where it is.
         MissingExtraError: The package that reads meshes is not installed.
     """
+    scene = _touched_by_a_point(name)
+    return replace(scene, surface=OffsetSurface(scene.surface, probe_radius)) if probe_radius else scene
+
+
+def _touched_by_a_point(name: str) -> Scene:
     x, y, z = MIDDLE
     match name:
         case "plane":
@@ -283,11 +291,11 @@ def _middle(surface: Surface) -> tuple[float, float, float]:
 
 
 def _above(scene: Scene, x: float, y: float, height: float) -> Vector:
-    """A place above or, with a negative height, below the surface, straight over a place of the fixture."""
-    proxy = SurfaceProxy(scene.surface)
+    """A place where a probe straight over a place of the fixture is so high above the surface, or below it [m]."""
+    proxy, radius = SurfaceProxy(scene.surface), scene.surface.radius
     for step in range(round(2.0 * FROM_ABOVE / STEP_DOWN)):  # a probe that comes down, until it is inside
         z = FROM_ABOVE - STEP_DOWN * step
-        depth = proxy.follow((x, y, z)).depth
-        if depth > 0.0:
-            return x, y, proxy.newest.point[2] + height
-    return x, y, MIDDLE[2] + height  # nothing is below: as if the specimen were flat
+        contact = proxy.follow((x, y, z))
+        if contact.depth > 0.0:
+            return x, y, contact.point[2] + radius * contact.normal[2] + height
+    return x, y, MIDDLE[2] + radius + height  # nothing is below: as if the specimen were flat

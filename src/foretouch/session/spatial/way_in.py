@@ -16,7 +16,7 @@ from foretouch.core import Record, compiled
 from foretouch.quantities.pose import Vector
 from foretouch.rendering.surfaces import Surface
 from foretouch.rendering.surfaces.geometry import Array, Numbers3, norm, subtract, vector, write
-from foretouch.rendering.surfaces.line import Line, rotate_back
+from foretouch.rendering.surfaces.line import Line, just_touching_within, rotate_back
 from foretouch.session.safety.kernel import Memory
 from foretouch.session.safety.proven_way import forget_way
 
@@ -205,7 +205,7 @@ def _compare(way: WayIn, known: Known, depth: float) -> None:
 def come_to(way: WayIn, line: Line, memory: Memory, known: Known, explained: bool) -> float:
     """Take a new point of the surface, and whether its normal explains the force; the motion across it [m]."""
     closest, offset = line.closest, line.offset
-    point = vector(closest.inner_point)
+    point = just_touching_within(line)  # as far over the surface as the probe moves
     way.uncertainty, way.turn = uncertainty_at(way.pose, point, rotate_back(line, vector(closest.normal)))
     _compare(way, known, closest.depth)
     if way.contradicted:
