@@ -47,7 +47,7 @@ def run(duration: float, **changes: Any) -> SessionLog:
     return simulated(make_scene(SessionSettings(**changes).scene), duration, **changes)
 
 
-def simulated(scene: Scene, duration: float, **changes: Any) -> SessionLog:
+def simulated(scene: Scene, duration: float, /, **changes: Any) -> SessionLog:
     """One session in simulated time, in a scene that may be another than that of its settings."""
     settings = SessionSettings(**changes)
     camera = make_camera(settings, scene, say=print) if settings.fusion in ("full", "image") else None

@@ -117,6 +117,22 @@ def test_a_spot_is_compared_with_what_surrounds_it() -> None:
     assert spot.middle == pytest.approx((0.084, 0.0), abs=1e-3)
 
 
+def test_a_spot_on_the_stiffer_side_of_a_surface_is_told_from_that() -> None:
+    """Which is much stiffer than the median, but no more than places of this surface differ."""
+    slope = np.exp(0.4 * (COLUMNS - 0.075) / 0.030)
+    assert find_spots(map_of(slope, 0.02)) == []
+    (spot,) = find_spots(map_of(slope * disc(18.0, 0.0, 5.0, 6.0), 0.02))
+    assert spot.middle == pytest.approx((0.093, 0.0), abs=1e-3)
+    assert spot.ratio == pytest.approx(6.0, rel=0.1)
+
+
+def test_a_gentle_rise_towards_the_rim_is_no_spot() -> None:
+    """Its top is a third stiffer than the median, and not much more than what is beside it."""
+    rise = 0.33 * np.clip((COLUMNS - 0.090) / 0.015, 0.0, 1.0)
+    assert find_spots(map_of(np.exp(rise), 0.02)) == []
+    assert len(find_spots(map_of(np.exp(2.0 * rise), 0.02))) == 1
+
+
 def test_a_ridge_that_nobody_went_over_between_two_rows_does_not_part_a_spot() -> None:
     """A row of nodes without a touch is nearer to the law, and less sure."""
     factor, ridge = disc(0.0, 0.0, 9.0, 3.0), np.abs(ROWS) < 1.5e-3
