@@ -1,7 +1,8 @@
-"""Measure how well spots are found in what was learnt: two tables of `docs/surfaces.md`.
+"""Measure how well spots are found in what was learnt.
 
-Usage: `.venv/bin/python docs/measure_spots.py [rasters] [sessions]`; both without arguments, in some twenty minutes on
-two cores. Rasters are those of `docs/designs/rasters.py`, sessions are whole, with images, touches and both delays.
+Usage: `.venv/bin/python docs/measure_spots.py [rasters] [sessions]`; both without arguments. Rasters are those of
+`docs/designs/rasters.py`; they fill the block `spots` of `docs/surfaces.md`, in some five minutes. Sessions are whole,
+with images, touches and both delays; their table is printed, after half an hour.
 """
 
 from __future__ import annotations
@@ -128,15 +129,16 @@ def sessions() -> str:
 
 
 MEASURED = {"rasters": rasters, "sessions": sessions}
+BLOCKS = {"rasters": "spots"}  # What is measured, and the block of the page that it fills
 JOBS = 1
 
 
 def main() -> None:
-    """Measure what was asked for, and fill its block."""
+    """Measure what was asked for, and fill its block where it has one."""
     for name in chosen(sys.argv[1:], MEASURED):
         text = MEASURED[name]()
         print(f"{name}\n\n{text}", flush=True)
-        fill(PAGE, {f"spots-{name}": text})
+        fill(PAGE, {BLOCKS[name]: text} if name in BLOCKS else {})
 
 
 if __name__ == "__main__":

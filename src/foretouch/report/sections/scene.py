@@ -262,7 +262,9 @@ def _drawings(view: View) -> Iterator[Drawing]:
     if scene.map is not None and scene.map.touched.any() and scene.field is not None and scene.scene is not None:
         inclusion = scene.scene.inclusion if scene.map.true is not None else None
         drawn = map_figure(scene.map, inclusion, spots=scene.spots)
-        yield Drawing(drawn, "Local stiffness over the surface: true, learnt, and its standard deviation")
+        yield Drawing(
+            drawn, "Local stiffness over the surface: true, learnt, and its standard deviation, and the spots found"
+        )
 
 
 SCENE = Section("scene", _findings, _lines, _drawings, of=(SPACE,))
