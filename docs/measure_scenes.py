@@ -21,7 +21,7 @@ from foretouch.messages import SessionLog
 from foretouch.report import look_at_scene, map_figure, pair, pose_figure, session_figures
 from foretouch.session import SessionSettings
 from foretouch.session.runners.simulated import run_session
-from foretouch.session.spatial import make_camera, make_scene, make_spatial_operator, make_spatial_robot
+from foretouch.session.spatial import Scene, make_camera, make_scene, make_spatial_operator, make_spatial_robot
 
 mpl.use("Agg")
 
@@ -43,9 +43,13 @@ SECOND = 36.0
 
 
 def run(duration: float, **changes: Any) -> SessionLog:
-    """One session in simulated time."""
+    """One session in simulated time, in the scene of its settings."""
+    return simulated(make_scene(SessionSettings(**changes).scene), duration, **changes)
+
+
+def simulated(scene: Scene, duration: float, /, **changes: Any) -> SessionLog:
+    """One session in simulated time, in a scene that may be another than that of its settings."""
     settings = SessionSettings(**changes)
-    scene = make_scene(settings.scene)
     camera = make_camera(settings, scene, say=print) if settings.fusion in ("full", "image") else None
     if camera is None and settings.fusion in ("full", "image"):
         raise SystemExit("without a camera there is nothing to measure")
@@ -192,9 +196,7 @@ def palpation() -> str:
     inclusion = figures["inclusion"]
     if found.map is None or found.scene is None:
         raise SystemExit("no map was learnt")
-    map_figure(found.map, found.scene.inclusion, centre=inclusion["centre_mm"]).savefig(
-        IMAGES / "scene-map.png", dpi=110
-    )
+    map_figure(found.map, found.scene.inclusion, spots=found.spots).savefig(IMAGES / "scene-map.png", dpi=110)
     pose_figure(found.pose).savefig(IMAGES / "scene-pose.png", dpi=110)
     friction, sent = whole["scene"]["friction"], sum(len(update.content) for update in log.fields)
     rows = [

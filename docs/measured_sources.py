@@ -116,6 +116,7 @@ _OF_PAGES: dict[str, dict[str, tuple[str, ...]]] = {
         "god-object": ("measure_surfaces:god_object",),
         "palpation": ("measure_surfaces:palpation",),
         "places": ("compare_places:compared",),
+        "spots": ("measure_spots:rasters",),
     },
     "docs/sweep.md": {"totals": ("draw_sweep:main", "foretouch.cli.commands.studies:sweep")},
 }

@@ -19,7 +19,7 @@ from foretouch.quantities.pose import RigidMotion
 from foretouch.rendering import SurfaceProxy
 from foretouch.robot import make_material
 from foretouch.session.spatial.making import PRESS_DEPTH, SpatialWorld
-from foretouch.session.spatial.scenes import make_scene, palpation
+from foretouch.session.spatial.scenes import Scene, make_scene, palpation
 
 Array = NDArray[np.float64]
 
@@ -72,8 +72,12 @@ class Raster(NamedTuple):
 
 @lru_cache(maxsize=4)
 def raster(scene: str, material: str, seed: int, seconds: float = 72.0) -> Raster:
-    """A hand goes over a scene, again and again for so long; the seed varies depths and noise."""
-    made = make_scene(scene)
+    """A hand goes over a scene by name, again and again for so long; the seed varies depths and noise."""
+    return raster_over(make_scene(scene), material, seed, seconds)
+
+
+def raster_over(made: Scene, material: str, seed: int, seconds: float) -> Raster:
+    """The same over any scene."""
     path, time = palpation(made, PRESS_DEPTH, seed), np.arange(0.0, seconds, PERIOD)
     moments, places = np.array([moment for moment, _ in path]), np.array([place for _, place in path])
     cycle = time % moments[-1]

@@ -26,8 +26,9 @@ from foretouch.report.energy import (
 )
 from foretouch.report.numbers import largest, number_of, runs, setting
 from foretouch.report.rows import Pairs, model_of, not_scored
-from foretouch.report.scene.map import StiffnessMap, learnt_field, map_figures, stiffness_map
+from foretouch.report.scene.map import StiffnessMap, learnt_field, map_figures, stiffness_map, touched_places
 from foretouch.report.scene.pose import PoseError, SceneRows, pose_error, pose_figures, scene_rows, vectors
+from foretouch.report.scene.spots import Spot, find_spots, spot_figures
 from foretouch.robot import MATERIALS
 from foretouch.session.spatial import Scene, make_scene
 
@@ -162,6 +163,7 @@ class SceneFindings(LineFindings):
         scene: The scene; None where it is no longer available, as the file of a mesh.
         field: The newest materials over the surface; None where there were none.
         map: Map of local stiffness; None without a scene or a field.
+        spots: Stiff and soft spots of the map, the surest first.
     """
 
     rows: SceneRows
@@ -171,6 +173,7 @@ class SceneFindings(LineFindings):
     scene: Scene | None
     field: ScaleField | None
     map: StiffnessMap | None
+    spots: tuple[Spot, ...] = ()
 
     def booked(self) -> tuple[Rows, Account]:
         """See `LineFindings.booked`; the account is that in all directions."""
@@ -218,9 +221,11 @@ def look_at_scene(log: SessionLog, pairs: Pairs) -> SceneFindings:
         felt = newest.surface
         name = setting(log.settings, "material", "")
         material = name if name in MATERIALS and _is_simulated(rows) else None
-        stiffness = stiffness_map(rows, field, law, scene, material, felt if math.isfinite(felt) else 0.0)
+        places, felt = touched_places(rows), felt if math.isfinite(felt) else 0.0
+        stiffness = stiffness_map(places, field, law, scene, material, felt)
     wrong = wrong_contacts(log, pairs)
-    return SceneFindings(log, pairs, rows, pose_error(rows), wrong, account, scene, field, stiffness)
+    spots = () if stiffness is None else tuple(find_spots(stiffness))
+    return SceneFindings(log, pairs, rows, pose_error(rows), wrong, account, scene, field, stiffness, spots)
 
 
 def scene_figures(log: SessionLog, pairs: Pairs, findings: SceneFindings) -> dict[str, Any]:
@@ -229,12 +234,13 @@ def scene_figures(log: SessionLog, pairs: Pairs, findings: SceneFindings) -> dic
     Returns:
         ``name``, ``fusion``, and by kind ``pose`` (`pose_figures`), ``contacts`` (`contact_figures`), ``friction``
         (`friction_figures`), ``forces`` (`force_figures`), ``energy`` (`account_figures`) and ``map``
-        (`map_figures`, None without a map).
+        (`map_figures`, and `spot_figures` as its ``spots``; None without a map).
     """
     true = findings.scene if _is_simulated(findings.rows) else None
     stiffness = None
     if findings.map is not None and findings.field is not None and findings.scene is not None:
         stiffness = map_figures(findings.map, findings.field, findings.scene)
+        stiffness["spots"] = spot_figures(findings.spots)
     return {
         "name": setting(log.settings, "scene", ""),
         "fusion": setting(log.settings, "fusion", "full"),

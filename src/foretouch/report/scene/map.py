@@ -54,7 +54,7 @@ def learnt_field(log: SessionLog) -> ScaleField | None:
 
 
 def stiffness_map(
-    rows: SceneRows,
+    places: Array,
     field: ScaleField,
     law: ContactModel,
     scene: Scene,
@@ -67,8 +67,8 @@ def stiffness_map(
 
     with the law f of the whole material at rest and its scale s; the truth has the material's law and the inclusion's
     factor. Depths count from the shape of the scene. A soft material is detected late, and the law begins where contact
-    was detected: that is taken off. The probe's position is taken from the true pose of the fixture, else from the
-    follower's estimate.
+    was detected: that is taken off. The places are those that were touched, of shape (n, 2), in the fixture's frame
+    [m].
     """
     x = MIDDLE[0] + np.arange(-REACH, REACH + 0.5 * CELL, CELL)
     y = MIDDLE[1] + np.arange(-REACH, REACH + 0.5 * CELL, CELL)
@@ -76,7 +76,7 @@ def stiffness_map(
     scales, deviations = field.scales_at(points)
     learnt = scales * stiffness_at_rest(law, max(FIELD_DEPTH - felt_deeper, 0.0))
     shape = (y.size, x.size)
-    touched = _touched(points, _touched_places(rows))
+    touched = _touched(points, places)
     true = None if material is None else _true_stiffness(scene, material, points).reshape(shape)
     return StiffnessMap(x, y, learnt.reshape(shape), (learnt * deviations).reshape(shape), true, touched.reshape(shape))
 
@@ -120,7 +120,7 @@ def _inclusion(stiffness: StiffnessMap, scene: Scene) -> dict[str, Any] | None:
     assert scene.inclusion is not None
     learnt = stiffness.learnt[stiffness.touched]
     median, most = (float(value) for value in np.percentile(learnt, [50.0, STIFFEST]))
-    stiff = _among_touched(stiffness) & (stiffness.learnt > 0.5 * (median + most))
+    stiff = among_touched(stiffness) & (stiffness.learnt > 0.5 * (median + most))
     if not stiff.any():  # all that was touched is alike
         return None
     row, column = np.nonzero(stiff)
@@ -137,7 +137,7 @@ def _inclusion(stiffness: StiffnessMap, scene: Scene) -> dict[str, Any] | None:
     }
 
 
-def _among_touched(stiffness: StiffnessMap) -> Flags:
+def among_touched(stiffness: StiffnessMap) -> Flags:
     """Places that have touched ones on all sides: between two rows of presses the field joins them."""
     x, y = np.meshgrid(stiffness.x, stiffness.y)
     points = np.stack([x.ravel(), y.ravel()], axis=1)
@@ -164,8 +164,11 @@ def _touched(points: Array, touched: Array) -> Flags:
     return np.asarray(cKDTree(touched).query(points[:, :2])[0] < NEAR)
 
 
-def _touched_places(rows: SceneRows) -> Array:
-    """Points pressed by the probe, seen from above in the fixture's frame, every 10 ms, shape (n, 2)."""
+def touched_places(rows: SceneRows) -> Array:
+    """Points pressed by the probe, seen from above in the fixture's frame [m], every 10 ms, shape (n, 2).
+
+    The probe's position is taken from the true pose of the fixture, else from the follower's estimate.
+    """
     probe = rows.probe
     known = np.isfinite(probe["exact_x"])
     pressed = np.flatnonzero(rows.follower["in_contact"] & (rows.follower["force"] > PRESSED))[::10]

@@ -25,8 +25,9 @@ from foretouch.report.drawing import (
 from foretouch.report.numbers import Finding, figure, filled
 from foretouch.report.rows import Pairs
 from foretouch.report.scene import SceneFindings, Wrong
-from foretouch.report.scene.map import StiffnessMap, map_figures
+from foretouch.report.scene.map import StiffnessMap
 from foretouch.report.scene.pose import NEAR_DEGREES, NEAR_MM, PoseError
+from foretouch.report.scene.spots import Spot
 from foretouch.report.sections import Drawing, Section, View
 from foretouch.session.spatial import Inclusion
 from foretouch.session.workspace import SPACE
@@ -89,10 +90,11 @@ def contact_figure(log: SessionLog, pairs: Pairs, wrong: Wrong, true_friction: f
     return finished(figure, 2)
 
 
-def map_figure(stiffness: StiffnessMap, inclusion: Inclusion | None = None, *, centre: Sequence[float] = ()) -> Any:
+def map_figure(stiffness: StiffnessMap, inclusion: Inclusion | None = None, *, spots: Sequence[Spot] = ()) -> Any:
     """The map of local stiffness as it was learnt, its standard deviation, and the truth where it is known.
 
-    What was not touched is grey. The circle is the true inclusion; the cross is the centre that was found [mm].
+    What was not touched is grey. The broken circle is the true inclusion; lines with numbers go around the spots that
+    were found.
     """
     panels = [("learnt", stiffness.learnt, "stiffness"), ("standard deviation", stiffness.uncertainty, "uncertainty")]
     if stiffness.true is not None:
@@ -111,7 +113,7 @@ def map_figure(stiffness: StiffnessMap, inclusion: Inclusion | None = None, *, c
         low, high = scales[kind]
         image = axes.imshow(shown, origin="lower", extent=edges, vmin=low, vmax=high, cmap="cividis")
         axes.set_facecolor("0.85")
-        _outlines(axes, stiffness, inclusion, centre)
+        _outlines(axes, stiffness, inclusion, spots)
         axes.set(title=f"{title} [N/m]", xlabel="x in the fixture's frame [mm]")
         figure.colorbar(image, ax=axes, fraction=0.046, pad=0.03)
     first = np.ravel(grid)[0]
@@ -133,15 +135,23 @@ def _mark_touches(axes: Any, error: PoseError) -> None:
         axes.axvspan(begin, max(end, begin + 0.1), color=ERROR, alpha=0.35, linewidth=0.0, label=label)
 
 
-def _outlines(axes: Any, stiffness: StiffnessMap, inclusion: Inclusion | None, centre: Sequence[float]) -> None:
+def _outlines(axes: Any, stiffness: StiffnessMap, inclusion: Inclusion | None, spots: Sequence[Spot]) -> None:
     if inclusion is not None:
         angle = np.linspace(0.0, 2.0 * np.pi, 100)
         x = 1e3 * (inclusion.middle[0] + inclusion.radius * np.cos(angle))
         y = 1e3 * (inclusion.middle[1] + inclusion.radius * np.sin(angle))
         axes.plot(x, y, color="white", linestyle="--", linewidth=1.2)
         axes.plot(x, y, color=TRUE, linestyle=(3, (3, 3)), linewidth=1.2, label="inclusion")
-    if len(centre) == 2:
-        axes.plot(*centre, marker="+", color=ERROR, markersize=11, markeredgewidth=2.2, linestyle="", label="found at")
+    for number, spot in enumerate(spots, 1):
+        # Two lines, of which one is seen on the dark end of the map and the other on the light one.
+        for colour, width in (("white", 3.2), (ERROR, 1.6)):
+            places = spot.places.astype(float)
+            axes.contour(1e3 * stiffness.x, 1e3 * stiffness.y, places, levels=[0.5], colors=colour, linewidths=width)
+        label = f"found, {spot.ratio:.2g} times"
+        style = {"textcoords": "offset points", "xytext": (0, 0), "ha": "center", "va": "center", "fontsize": "small"}
+        box = {"boxstyle": "circle,pad=0.15", "facecolor": "white", "edgecolor": ERROR, "alpha": 0.9}
+        axes.annotate(str(number), 1e3 * np.array(spot.middle), **style, bbox=box)
+        axes.plot([], [], color=ERROR, linewidth=1.6, label=f"{number}: {label}")
     axes.set_xlim(1e3 * stiffness.x[0], 1e3 * stiffness.x[-1])
     axes.set_ylim(1e3 * stiffness.y[0], 1e3 * stiffness.y[-1])
 
@@ -233,6 +243,18 @@ def _map(stiffness: Mapping[str, Any] | None) -> Iterator[str]:
     if stiffness["inclusion"] is not None:
         text = "centre found {centre_error_mm:mm} off, radius {radius_mm:mm} (it is {true_radius_mm:=})"
         yield f"  inclusion  {filled(text, stiffness['inclusion'])}"
+    yield from _spots(stiffness["spots"])
+
+
+def _spots(spots: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """A line for each, the surest first; their middles are in the fixture's frame."""
+    if not spots:
+        yield "  spots      none: nothing that was touched is surely stiffer or softer than what surrounds it"
+    for number, spot in enumerate(spots, 1):
+        x, y = spot["centre_mm"]
+        found = "radius {radius_mm:mm}, {ratio:=} times what surrounds it, by {deviations:.1f} standard deviations"
+        head = "spots" if number == 1 else ""
+        yield f"  {head:<9}  {number}: {spot['kind']}, at ({x:.1f}, {y:.1f}) mm, {filled(found, spot)}"
 
 
 def _drawings(view: View) -> Iterator[Drawing]:
@@ -244,10 +266,11 @@ def _drawings(view: View) -> Iterator[Drawing]:
         contacts = contact_figure(view.log, view.pairs, scene.wrong, friction, view.start_ns)
         yield Drawing(contacts, "False and missed contacts at equal command, and the friction that was learnt")
     if scene.map is not None and scene.map.touched.any() and scene.field is not None and scene.scene is not None:
-        inclusion = map_figures(scene.map, scene.field, scene.scene)["inclusion"]
-        centre = () if inclusion is None else inclusion["centre_mm"]
-        drawn = map_figure(scene.map, scene.scene.inclusion if inclusion else None, centre=centre)
-        yield Drawing(drawn, "Local stiffness over the surface: true, learnt, and its standard deviation")
+        inclusion = scene.scene.inclusion if scene.map.true is not None else None
+        drawn = map_figure(scene.map, inclusion, spots=scene.spots)
+        yield Drawing(
+            drawn, "Local stiffness over the surface: true, learnt, and its standard deviation, and the spots found"
+        )
 
 
 SCENE = Section("scene", _findings, _lines, _drawings, of=(SPACE,))
