@@ -30,7 +30,7 @@ def test_offset_and_surface_are_found(noise: float) -> None:
     assert any(sample.in_contact for sample in samples)
 
 
-@pytest.mark.parametrize("every", [0.08, 0.3])
+@pytest.mark.parametrize("every", [0.2, 0.3])
 def test_gaps_between_samples_do_not_make_the_noise_small(every: float) -> None:
     """The few samples after a gap are alike by chance: what is as loud as ever is no contact."""
     time = np.arange(0.0, 20.0, 1e-3)

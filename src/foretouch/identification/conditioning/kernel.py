@@ -42,15 +42,13 @@ RELEASE_SHARE = 0.5  # Threshold of leaving contact, as a fraction of the thresh
 VELOCITY_RATE = 2.0 * math.pi * VELOCITY_CUTOFF
 
 
-FEWEST = 4  # Least number of samples in a window whose spread is of the noise
-
-
 class Quiet(Record):
     """Mean and spread of the force over the window of its newest samples, and those of quiet windows."""
 
     first: int  # index in the rings of the window's oldest force
     count: int
     most: int  # largest count of a full window
+    counted: int  # count of the window of the least spread
     reference: float = math.nan  # force that is subtracted before squaring, so that the sums stay small [N]
     total: float  # of the force over the window [N]
     squares: float  # [N^2]
@@ -180,7 +178,8 @@ def delay(state: Conditioning, rings: Array, time: float, position: float, veloc
 def begin_again(state: Conditioning) -> None:
     """Forget what the force was."""
     quiet, block = state.quiet, state.block
-    quiet.count, quiet.most, quiet.reference, quiet.total, quiet.squares = 0, 0, math.nan, 0.0, 0.0
+    quiet.count, quiet.most, quiet.counted = 0, 0, 0
+    quiet.reference, quiet.total, quiet.squares = math.nan, 0.0, 0.0
     quiet.lowest_mean = quiet.least_spread = math.inf
     block.time, block.lowest, block.before = -math.inf, math.inf, math.inf
     state.quiet.start.over, state.peak = -math.inf, 0.0
@@ -212,14 +211,17 @@ def learn_offset(state: Conditioning, rings: Array, time: float, force: float) -
         quiet.squares -= old * old
         quiet.first = (quiet.first + 1) % capacity
         quiet.count -= 1
-    if full:
-        # The spread of the few samples after a gap is none of the noise.
-        quiet.most = max(quiet.most, quiet.count)
-        full = quiet.count >= FEWEST and 2 * quiet.count >= quiet.most
     mean = quiet.total / quiet.count
     spread = math.sqrt(max(0.0, quiet.squares / quiet.count - mean * mean))
     if full:
-        quiet.least_spread = min(quiet.least_spread, spread)
+        # The few samples after a gap are alike by chance: their spread is not that of the noise.
+        quiet.most = max(quiet.most, quiet.count)
+        full = 4 * quiet.count >= 3 * quiet.most
+        if 4 * quiet.counted < 3 * quiet.most and quiet.counted > 0:
+            quiet.least_spread = quiet.noise = spread
+            quiet.counted = quiet.count
+        elif full and spread < quiet.least_spread:
+            quiet.least_spread, quiet.counted = spread, quiet.count
     if not math.isnan(state.air.reference) and quiet.lowest_mean < math.inf:  # what is lower now has drifted
         return
     if full:
