@@ -79,6 +79,16 @@ def in_new_keys(words: list[str]) -> list[str]:
     return [*words, "--keys", "keys"]
 
 
+def of_touched_scenes(words: list[str]) -> list[str]:
+    """With the recordings of two sessions on one surface, and with their map."""
+    still = ["--fusion", "none", "--displacement", "0", "--turn", "0", "--duration", "9"]
+    for day, seed in (("monday", "1"), ("tuesday", "2")):
+        run(["simulate", "--scene", "plane", *still, "--seed", seed, "--recording", f"{day}.mcap"])
+    if words[1] == "show":
+        run(["map", "merge", "monday.mcap", "tuesday.mcap", "--out", "specimen.ply"])
+    return words
+
+
 OFFLINE: dict[tuple[str, ...], Callable[[list[str]], list[str]]] = {
     ("--help",): as_it_is,
     ("--version",): as_it_is,
@@ -95,6 +105,8 @@ OFFLINE: dict[tuple[str, ...], Callable[[list[str]], list[str]]] = {
     ("recordings", "repair"): as_it_is,
     ("recordings", "inspect"): as_it_is,
     ("recordings", "convert"): as_it_is,
+    ("map", "merge"): of_touched_scenes,
+    ("map", "show"): of_touched_scenes,
     ("materials", "list"): as_it_is,
     ("materials", "fit"): as_it_is,
     ("plugins",): as_it_is,

@@ -33,6 +33,7 @@ ROOMS = (
 SHOWING = (
     "report/writing",
     "report/forces.py",
+    "report/scene/touched.py",
     *(f"report/sections/{name}.py" for name in ("forces", "model", "robot", "scene")),
     "sweep/curves.py",
     "sweep/page.py",
