@@ -246,11 +246,11 @@ class FrictionEstimator(Held):
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """What is known: mu, c and their deviations, then sigma and its own; nothing before it is certain enough."""
-        if not self.known:
-            return ()
-        stiffness = (self.stiffness, self.stiffness_deviation) if self.sticks else ()
-        return self.coefficient, self.viscous, *self.deviations, *stiffness
+        """What is told of it: mu, c and their deviations; nothing before mu is certain enough.
+
+        The bristles' stiffness is not: in a session the force comes later than the motion, and they seem too soft.
+        """
+        return (self.coefficient, self.viscous, *self.deviations) if self.known else ()
 
     @property
     def known(self) -> bool:
