@@ -69,6 +69,16 @@ def test_the_bristles_stiffness_is_learnt_where_the_hand_turns(stiffness: float,
     assert estimator.stiffness == pytest.approx(stiffness, rel=0.15)
 
 
+def test_where_nothing_rubs_no_stiffness_is_learnt() -> None:
+    estimator = FrictionEstimator()
+    for t in np.arange(0.0, 3.0, T).tolist():
+        estimator.update(1.0, (0.0, 0.0, 0.0), (0.03 * math.sin(5.0 * t), 0.0, 0.0), T)
+    estimator.records["theta"] = 0.0
+    estimator.update(1.0, (0.0, 0.0, 0.0), (0.03, 0.0, 0.0), T)
+    assert not estimator.sticks
+    assert math.isfinite(estimator.stiffness_deviation)
+
+
 def test_a_surface_that_changes_is_learnt_again() -> None:
     estimator = FrictionEstimator()
     slide(estimator, 0.8, 0.0, seconds=3.0)

@@ -101,7 +101,7 @@ def _stick(friction: Friction, period: float, share: float) -> None:
     """One step of recursive least squares of the bristles' stiffness, from how the force grows as the probe sticks."""
     now, bent, began, c = friction.filtered, friction.bent, friction.began, max(friction.theta[1], 0.0)
     rubbed = math.sqrt(now[1] * now[1] + now[2] * now[2] + now[3] * now[3])
-    if now[0] < LEAST_NORMAL_FORCE or friction.updates < FEWEST or rubbed > STUCK * friction.theta[0] * now[0]:
+    if now[0] < LEAST_NORMAL_FORCE or friction.updates < FEWEST or rubbed >= STUCK * friction.theta[0] * now[0]:
         began[0] = math.nan
         return
     if math.isnan(began[0]):
@@ -169,8 +169,7 @@ class FrictionEstimator(Held):
     The first is of samples that slide: faster than 2 mm/s, pressed with more than 0.3 N, and 1 mm on the way. Velocity
     and forces are low-passed alike, so that they stay together. Samples are weighted by a noise of 0.05 N and 5 %, and
     by the share of the low-pass's time that they are new; forgetting is by the time slid or stuck, and never beyond
-    the prior.
-    Where speed and normal force do not vary, mu and c cannot be told apart: the deviations say so.
+    the prior. Where speed and normal force do not vary, mu and c cannot be told apart: the deviations say so.
 
     Args:
         frictions: Array of one `Friction` that this one takes, part of another record; None for one of its own.

@@ -111,9 +111,9 @@ class FrictionRenderer(Held):
 
     .. math:: c \le b / 2, \quad k \le \min(K, \sigma, (b - c) / (T / 2 + d))
 
-    and not more than the surface's own :math:`\sigma`, so that it yields to the hand as it does to the robot. Without
-    a delay device and friction together never give out energy, whatever the motion, normal force, mu and
-    normal do; with one, where the bristle does not slide. The account of energy covers the rest.
+    so that it yields to the hand as it does to the robot, with the surface's own :math:`\sigma`. Without a delay device
+    and friction together never give out energy, whatever the motion, normal force, mu, normal and :math:`\sigma` do;
+    with one, where the bristle does not slide. The account of energy covers the rest.
 
     Args:
         stiffness: Stiffness K that the device carries [N/m], not negative.
