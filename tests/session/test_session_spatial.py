@@ -566,7 +566,7 @@ def test_a_late_message_of_a_process_that_is_gone_moves_no_fixture() -> None:
 def test_a_fixture_that_is_none_moves_nothing_and_raises_nothing(wrong: tuple) -> None:
     leading = fresh_leader(grip="normal")
     for tick in range(1, 20):
-        outputs = told(leading, tick, said(0, tick, wrong, friction=(1e300, 1e300, 0.0, 0.0)))
+        outputs = told(leading, tick, said(0, tick, wrong, friction=(1e300, 1e300, *6 * (0.0,))))
         assert all(map(math.isfinite, force_of(outputs)))
     assert leading.hand.line.pose == HERE
 
