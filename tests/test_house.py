@@ -83,11 +83,16 @@ def test_what_one_neighbour_alone_imports_is_part_of_it() -> None:
 
 
 @functools.cache
+def trees() -> dict[str, ast.Module]:
+    return {name: ast.parse(text) for name, text in texts().items()}
+
+
+@functools.cache
 def sizes(kind: type[ast.AST]) -> dict[str, int]:
     """How many parameters each function takes that is not compiled, or how many fields each class lists."""
     result = {}
-    for name, text in texts().items():
-        for node in ast.walk(ast.parse(text)):
+    for name, tree in trees().items():
+        for node in ast.walk(tree):
             if isinstance(node, kind) and isinstance(node, ast.ClassDef):
                 result[f"{name}.{node.name}"] = sum(isinstance(one, ast.AnnAssign) for one in node.body)
             elif isinstance(node, kind) and isinstance(node, ast.FunctionDef):
