@@ -126,7 +126,7 @@ def numbers_html(
             (DELAYED_AGAIN, again.delayed_force, second.delayed_error),
         ):
             rows.append(Row(curve.name, number(value, "N"), curve, number(error, "%", 1)))
-    rows += filter(None, (Row("Depth of the probe", number(max(depth, 0.0) * 1e3, "mm", 1)), ahead))
+    rows += filter(None, (ahead, Row("Depth of the probe", number(max(depth, 0.0) * 1e3, "mm", 1))))
     away = float(np.mean(window.away) * np.ptp(window.time)) if len(window.time) else 0.0
     followed = away < 0.05  # 0.0 s as written
     first = Row("", "") if followed else Row(f"{AWAY.name}: {number(away, 's', 1)}", "", AWAY)
