@@ -8,14 +8,18 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from foretouch.console.models_seen import ModelFigures
+from foretouch.console.models_seen import ModelFigures, figures_of
+from foretouch.console.playback import Playback
 from foretouch.console.plots import Row
 from foretouch.console.views.probes import AHEAD, UNITS, Ahead, Outlook, Ribbon
 from foretouch.console.views.shapes import COLOURS, levels_of
-from foretouch.models import ScaleField
+from foretouch.messages import fixture_of
+from foretouch.models import FIELD_DEPTH, ScaleField
 from foretouch.models.scale_field import packed
 from foretouch.models.scale_field_kernel import SIDE, SPACING, SPREAD
+from foretouch.quantities.pose import RigidMotion
 from foretouch.rendering import Surface
+from foretouch.session import SessionSettings, simulate
 from foretouch.session.spatial import make_scene
 
 LAW = ModelFigures((), (), (), 400.0, 40.0)
@@ -134,3 +138,22 @@ def test_the_ribbon_is_as_wide_as_it_is_unsure_and_has_the_colours_of_the_map() 
     assert all(rim.visible for rim in ribbon._rims)
     ribbon.draw(None, edges, lambda vertices: vertices)
     assert not any(part.visible for part in (*ribbon._steps, *ribbon._rims))
+
+
+@pytest.mark.long
+def test_at_the_hand_it_is_the_scale_that_the_leader_renders() -> None:
+    still = {"fusion": "none", "displacement": 0.0, "turn": 0.0}
+    chosen = SessionSettings(scene="phantom", probe_radius=0.004, **still)
+    shown, outlook = Playback(simulate(chosen, duration=22.0).log), Outlook(make_scene("phantom", 0.004).surface)
+    ratios = []
+    for moment in np.arange(8.0, 22.0, 0.05).tolist():
+        shown.go_to(moment)
+        leader = shown.leader_space
+        point = leader.point_x, leader.point_y, leader.point_z
+        outlook.follow(RigidMotion.from_numbers(fixture_of(leader)).apply_back(point))
+        law = None if shown.model is None else figures_of(shown.model, FIELD_DEPTH)
+        ahead = outlook.look(shown.space.field(shown.telemetry_sequence), law)
+        if ahead is not None and law is not None and leader.depth > 0.0:
+            ratios.append(ahead.stiffness[0] / law.stiffness / leader.scale)
+    assert len(ratios) > 50
+    np.testing.assert_allclose(ratios, 1.0, atol=1e-9)
