@@ -130,7 +130,7 @@ def test_the_ribbon_is_as_wide_as_it_is_unsure_and_has_the_colours_of_the_map() 
     expected = levels_of(edges, middle, np.ones(count - 1, bool))
     assert drawn == dict(enumerate(expected.tolist()))
     assert len(set(drawn.values())) > 3
-    sides = shown[0][1].vertices.reshape(-1, 2, 3) / UNITS
+    sides = shown[0][1].vertices.reshape(-1, 2, 3)[:count] / UNITS
     width = np.linalg.norm(sides[:, 1] - sides[:, 0], axis=1)
     np.testing.assert_allclose(width, 2.0 * (0.6e-3 + 6e-3 * np.minimum(ahead.deviation[:count], 1.0)), rtol=1e-4)
     assert (np.diff(width) >= 0.0).all()

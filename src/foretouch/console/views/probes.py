@@ -213,7 +213,7 @@ class Ribbon:
     """
 
     def __init__(self, scene: Any, root: str) -> None:
-        nothing = np.zeros((3, 3), np.float32), np.array([(0, 1, 2)], np.uint32)
+        nothing = np.zeros((2 * STRIDES + 2, 3), np.float32), np.array([(0, 1, 2)], np.uint32)
         self._steps = [add_body(scene, f"{root}/ahead_{step}", nothing, colour) for step, colour in enumerate(COLOURS)]
         lines = np.zeros((1, 2, 3), np.float32)
         self._rims = [
@@ -239,11 +239,13 @@ class Ribbon:
             return
         self._drawn, self._levels = sides, levels
         quads = 2 * np.arange(count - 1)[:, None] + (0, 2, 3, 1)
+        # All have as many vertices, always: a late page may get those of one picture with the faces of another.
+        vertices = sides[np.minimum(np.arange(STRIDES + 1), count - 1)].reshape(-1, 3).astype(np.float32)
         for step, node in enumerate(self._steps, 1):
             here = levels == step
             put(node, visible=bool(here.any()))
             if here.any():
-                node.vertices, node.faces = sides.reshape(-1, 3).astype(np.float32), shapes.triangles_of(quads[here])
+                node.vertices, node.faces = vertices, shapes.triangles_of(quads[here])
         rims = [np.stack([sides[:-1, side], sides[1:, side]], axis=1) for side in (0, 1)]
         lines = np.concatenate([*rims, sides[STATED::STATED], sides[-1:]]).astype(np.float32)
         for node in self._rims:
