@@ -221,7 +221,7 @@ def look_at_scene(log: SessionLog, pairs: Pairs) -> SceneFindings:
         felt = newest.surface
         name = setting(log.settings, "material", "")
         material = name if name in MATERIALS and _is_simulated(rows) else None
-        places, felt = touched_places(rows), felt if math.isfinite(felt) else 0.0
+        places, felt = touched_places(rows, scene.surface.radius), felt if math.isfinite(felt) else 0.0
         stiffness = stiffness_map(places, field, law, scene, material, felt)
     wrong = wrong_contacts(log, pairs)
     spots = () if stiffness is None else tuple(find_spots(stiffness))
@@ -275,6 +275,6 @@ def _is_simulated(rows: SceneRows) -> bool:
 
 def _scene(settings: Mapping[str, str]) -> Scene | None:
     try:
-        return make_scene(setting(settings, "scene", ""))
+        return make_scene(setting(settings, "scene", ""), number_of(settings, "probe_radius", 0.0))
     except ForetouchError:
         return None
