@@ -13,7 +13,7 @@ from pathlib import Path
 import grimp
 
 SOURCE = Path(__file__).resolve().parents[1] / "src" / "foretouch"
-FILES, LINES = 365, 71_080
+FILES, LINES = 365, 71_330
 RAISE = "a new law, estimator or device raises FILES and LINES: see the rules in CONTRIBUTING.md"
 FLAT, LARGEST, MEDIAN = 12, 400, range(120, 226)
 PARAMETERS, LONG_SIGNATURES = 8, 1
@@ -82,24 +82,24 @@ def test_what_one_neighbour_alone_imports_is_part_of_it() -> None:
     assert len(alone) <= ONLY_NEIGHBOURS, alone
 
 
-@functools.cache
-def sizes(kind: type[ast.AST]) -> dict[str, int]:
-    """How many parameters each function takes that is not compiled, or how many fields each class lists."""
-    result = {}
+def sizes() -> tuple[dict[str, int], dict[str, int]]:
+    """How many parameters each function takes that is not compiled, and how many fields each class lists."""
+    functions, classes = {}, {}
     for name, text in texts().items():
         for node in ast.walk(ast.parse(text)):
-            if isinstance(node, kind) and isinstance(node, ast.ClassDef):
-                result[f"{name}.{node.name}"] = sum(isinstance(one, ast.AnnAssign) for one in node.body)
-            elif isinstance(node, kind) and isinstance(node, ast.FunctionDef):
+            if isinstance(node, ast.ClassDef):
+                classes[f"{name}.{node.name}"] = sum(isinstance(one, ast.AnnAssign) for one in node.body)
+            elif isinstance(node, ast.FunctionDef):
                 every = (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)
                 compiled = any(ast.unparse(one).startswith(COMPILED) for one in node.decorator_list)
-                result[f"{name}.{node.name}"] = 0 if compiled else len({one.arg for one in every} - {"self", "cls"})
-    return result
+                functions[f"{name}.{node.name}"] = 0 if compiled else len({one.arg for one in every} - {"self", "cls"})
+    return functions, classes
 
 
 def test_signatures_and_classes_are_small() -> None:
-    long = [name for name, count in sizes(ast.FunctionDef).items() if count > PARAMETERS]
-    classes = {name: count for name, count in sizes(ast.ClassDef).items() if name not in RECORDS}
+    functions, classes = sizes()
+    long = [name for name, count in functions.items() if count > PARAMETERS]
+    classes = {name: count for name, count in classes.items() if name not in RECORDS}
     large = [name for name, count in classes.items() if count > FIELDS and not name.startswith("messages.")]
     assert len(long) <= LONG_SIGNATURES, long
     assert len(large) <= LARGE_CLASSES, large

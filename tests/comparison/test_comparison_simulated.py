@@ -10,8 +10,12 @@ from foretouch.comparison.cases import CHANGES, ENCODER_STEP, FORCE_NOISE
 from foretouch.errors import UnknownNameError
 from foretouch.models import KelvinVoigt
 
+IN_SHORT = "continuous-switching", "sudden-change", "foam"
 
-@pytest.mark.parametrize("name", SIMULATED)
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[] if name in IN_SHORT else pytest.mark.long) for name in SIMULATED]
+)
 def test_a_simulated_recording_keeps_its_promises(name: str) -> None:
     made = simulate(name)
     recording, truth = made.recording, made.truth

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import math
 import sys
 import time
@@ -20,8 +21,10 @@ from foretouch.console.panels.figures import numbers_html
 from foretouch.console.panels.space import NO_IMAGE, can_draw, missing_image
 from foretouch.console.plots import number
 from foretouch.console.views import shapes as shape
-from foretouch.console.views.probes import ANCHORS
+from foretouch.console.views.hold import HOME
+from foretouch.console.views.probes import ANCHORS, UNITS
 from foretouch.console.views.shapes import scale_edges
+from foretouch.console.watched import Watched
 from foretouch.errors import install_command
 from foretouch.messages import VERSION, CameraImage, FollowerSpace, Hello, LeaderSpace, LeaderState, Telemetry
 from foretouch.session.spatial import make_scene
@@ -79,8 +82,6 @@ def test_a_shape_that_is_not_here_is_said_and_no_other_is_drawn(console: Console
 
 
 def test_keys_move_no_hand_while_a_recording_along_a_line_is_looked_at(console: Console) -> None:
-    from foretouch.console.watched import Watched
-
     moved: list[tuple[float, ...]] = []
     say(console, "plane")
     draw(console)
@@ -139,6 +140,39 @@ def test_labels_stand_on_the_outer_sides(console: Console) -> None:
         assert (shown.labels[1].position[0] > shown.robot.position[0]) == left
 
 
+def test_what_is_ahead_is_a_row_in_a_scene_alone(console: Console) -> None:
+    say(console, "plane")
+    draw(console)
+    assert "Ahead 10 mm" in shown(console)
+    console._draw_scene(Watched(), live=True)
+    assert console._picture.ahead is None
+
+
+def test_a_sphere_is_drawn_as_a_sphere_about_the_hand(console: Console) -> None:
+    lowest = []
+    for radius in ("0.004", "0", "0.02", "nonsense", "-1"):
+        say(console, "plane", probe_radius=radius)
+        draw(console)
+        scene = console._space._scene
+        assert scene is not None
+        robot, probe = (np.asarray(node.vertices) for node in (scene.probes.robot, scene.probes.probe))
+        assert robot[:, 2].min() == pytest.approx(probe[:, 2].min() - 0.12, abs=1e-5)
+        lowest.append(probe[:, 2].min() / UNITS)
+    assert lowest == pytest.approx([-0.004, 0.0, -0.02, 0.0, 0.0], abs=1e-7)
+
+
+def test_the_handle_of_a_sphere_is_above_it_and_moves_the_hand_alike(console: Console) -> None:
+    say(console, "plane", probe_radius="0.02")
+    draw(console)
+    scene = console._space._scene
+    assert scene is not None
+    assert scene._handle.position[2] / UNITS == pytest.approx(HOME[2] + 0.02)
+    hold, dragged = console._space.hold, []
+    hold.drag_to = lambda position, phase: dragged.append(position)  # type: ignore[method-assign]
+    asyncio.run(scene._dragged(SimpleNamespace(target=scene._handle, phase="update")))
+    assert dragged == [pytest.approx(HOME)]
+
+
 def test_nothing_is_not_negative(console: Console) -> None:
     assert number(-0.001, "N") == "0.00 N"
     assert number(-0.006, "N") == "-0.01 N"
@@ -191,7 +225,6 @@ def test_the_camera_goes_where_what_is_looked_at_is_seen(console: Console) -> No
     """Sessions along a line and in space take turns where a recording of the other kind is looked at."""
     from foretouch.console.views.line import CAMERA
     from foretouch.console.views.space import SPACE_CAMERA
-    from foretouch.console.watched import Watched
 
     camera = console._server.initial_camera
     for other in (False, True, True, False):

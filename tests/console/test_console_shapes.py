@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from foretouch.console.views import shapes
 from foretouch.console.views.line import EDGE, STEPS, Material, height_on_axis
+from foretouch.robot import Tip
 
 SCENE = SimpleNamespace(add_mesh_simple=lambda name, *mesh, **looks: SimpleNamespace())
 
@@ -20,7 +21,9 @@ SCENE = SimpleNamespace(add_mesh_simple=lambda name, *mesh, **looks: SimpleNames
     "mesh",
     [
         shapes.probe(),
-        shapes.probe(0.1),
+        shapes.probe(growth=0.1),
+        shapes.probe(Tip.of(0.1, shapes.TIP_RADIUS)),
+        shapes.probe(Tip.of(4.0, shapes.TIP_RADIUS), growth=0.12),
         shapes.handle(),
         shapes.DOWNWARDS,
         shapes.uncertainty(0.5, 0.7),
@@ -43,6 +46,20 @@ def test_bodies_are_closed(mesh):
 
 def test_probe_stands_on_its_tip():
     assert shapes.probe()[0][:, 2].min() == pytest.approx(0.0, abs=1e-6)
+    assert shapes.probe()[0][:, 2].max() == pytest.approx(shapes.HANDLE_HEIGHT)
+
+
+@pytest.mark.parametrize("radius", [0.1, 0.8, 4.0])
+def test_a_sphere_is_drawn_about_the_position(radius):
+    tip = Tip.of(radius, shapes.TIP_RADIUS)
+    for growth in (0.0, 0.12):
+        vertices = shapes.probe(tip, growth)[0].astype(float)
+        ball = vertices[vertices[:, 2] < 0.5 * radius]
+        np.testing.assert_allclose(np.linalg.norm(ball, axis=1), radius + growth, rtol=1e-5)
+        assert vertices[:, 2].min() == pytest.approx(-radius - growth, rel=1e-5)
+        assert np.hypot(*vertices[:, :2].T).max() == pytest.approx(radius + growth, rel=0.02)
+        assert vertices[:, 2].max() == pytest.approx(shapes.rod_end(tip), rel=1e-6)
+    assert shapes.rod_end(tip) > radius + 3.0
 
 
 @settings(derandomize=True, deadline=None, max_examples=30)

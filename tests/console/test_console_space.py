@@ -242,6 +242,18 @@ def test_the_dent_is_as_deep_as_the_probe_and_ends() -> None:
     assert not sunk(vertices, middle, (0.0, 0.0, 1.0), -0.01)[1].any()
 
 
+@pytest.mark.parametrize(("radius", "depth"), [(0.001, 0.001), (0.004, 0.002), (0.004, 0.005), (0.02, 0.004)])
+def test_a_sphere_is_nowhere_under_the_dent_that_it_makes(radius: float, depth: float) -> None:
+    along = np.linspace(0.0, 0.05, 2001)
+    vertices = np.column_stack([along, 0.0 * along, 0.0 * along])
+    bent, _ = sunk(vertices, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), depth, radius)
+    under = along < radius
+    ball = radius - depth - np.sqrt(np.maximum(radius**2 - along**2, 0.0))  # its lower side
+    assert (bent[under, 2] <= np.minimum(ball[under], 0.0) + 2e-4).all()
+    assert bent[0, 2] == pytest.approx(-depth)
+    np.testing.assert_array_equal(bent[along >= DENT_ENDS + radius], vertices[along >= DENT_ENDS + radius])
+
+
 @given(st.tuples(*[st.floats(-3.0, 3.0)] * 3))
 def test_turns_are_those_of_scipy(vector: tuple[float, float, float]) -> None:
     w, x, y, z = wxyz_of(vector)

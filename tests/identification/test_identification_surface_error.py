@@ -68,7 +68,7 @@ def errors_of(result: Identification, law: Law) -> dict[str, float]:
 
 
 @pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.long) for seed in (1, 2))])
 def test_the_true_surface_lies_within_two_standard_errors(law: Law, seed: int) -> None:
     result = found(press(law, seed))
     assert abs(result.surface) <= 2.0 * result.surface_error
@@ -94,9 +94,13 @@ def test_a_foot_is_found_at_any_exponent_damping_noise_speed_and_place(
 
 @pytest.mark.parametrize(
     ("model", "estimator"),
-    [("hunt-crossley", "offline"), ("continuous-switching", "offline"), ("hunt-crossley", "exact")],
+    [
+        ("hunt-crossley", "offline"),
+        pytest.param("continuous-switching", "offline", marks=pytest.mark.long),
+        ("hunt-crossley", "exact"),
+    ],
 )
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.long)])
 def test_a_law_and_its_surface_lie_within_two_standard_errors(model: str, estimator: str, seed: int) -> None:
     result = found(press(LAWS["1.35"], seed), model, estimator)
     assert max(errors_of(result, LAWS["1.35"]).values()) <= 2.0

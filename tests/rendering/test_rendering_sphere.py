@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import time
 from itertools import pairwise
@@ -26,6 +27,7 @@ the distance in depth."""
 SPHERE = 0.004
 
 
+@functools.cache
 def hill(spacing: float = 1e-3) -> HeightField:
     """That of the scene, of 4 mm height, about the origin."""
     along = np.arange(-0.04, 0.04 + 0.5 * spacing, spacing)

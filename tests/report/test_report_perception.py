@@ -26,7 +26,7 @@ from foretouch.report import (
     time_to_accuracy,
 )
 
-QUICK = settings(derandomize=True, deadline=None, max_examples=40)
+QUICK = settings(derandomize=True, deadline=None, max_examples=10)
 PERIOD = 0.001
 
 

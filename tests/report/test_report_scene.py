@@ -25,7 +25,7 @@ from foretouch.quantities import Pose
 from foretouch.rendering import SpatialEnergyAccount
 from foretouch.report import pair, render_text, session_figures, write_page
 from foretouch.report.scene import look_at_scene
-from foretouch.report.scene.map import StiffnessMap, map_figures
+from foretouch.report.scene.map import StiffnessMap, height_of, map_figures, touched_places
 from foretouch.report.scene.pose import NEAR_FOR, NEAR_MM, PoseError, pose_figures
 from foretouch.session import SessionSettings
 from foretouch.session.runners.simulated import run_session
@@ -254,6 +254,28 @@ def test_an_inclusion_is_found_where_it_is() -> None:
     assert result["centre_error_mm"] < 0.5
     assert result["radius_mm"] == pytest.approx(12.0, abs=1.0)
     assert result["ratio"] == pytest.approx(4.0, rel=0.05)
+
+
+def test_a_sphere_touches_with_its_deepest_point_and_the_truth_is_that_there() -> None:
+    """Its centre is elsewhere, seen from above, and the surface is below its centre by more than on its own."""
+    radius, scene = 0.015, make_scene("hill")
+    log = palpated("hill", nodes_about("hill"))
+    places = np.stack([log.follower_space[f"place_{axis}"] for axis in "xyz"], axis=1)
+    touched = np.array([(x, y, height_of(scene, x, y)) for x, y, _ in places - NOMINAL[:3]])
+    normals = np.array([scene.surface.contact(point).normal for point in touched])
+    put(log.follower_space, "place", touched + radius * normals + NOMINAL[:3])
+    put(log.follower_space, "normal", normals)
+    log.settings["probe_radius"] = str(radius)
+    found = look_at_scene(log, pair(log))
+    assert found.scene is not None
+    assert found.scene.surface.radius == radius
+    np.testing.assert_allclose(touched_places(found.rows, radius), touched[::10, :2], atol=1e-9)
+    assert np.abs(touched_places(found.rows)[:, 0] - touched[::10, 0]).max() > 1e-3
+    for x, y, height in touched[::400].tolist():
+        assert height_of(found.scene, x, y) == pytest.approx(height, abs=1e-6)
+    result = scene_of(log)["map"]
+    assert result["median_error_percent"] < 0.1
+    assert result["touched_cm2"] == pytest.approx(5.4**2, rel=0.08)
 
 
 def test_a_mesh_that_is_gone_leaves_the_rest_of_the_report(tmp_path: Path) -> None:

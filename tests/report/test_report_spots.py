@@ -41,7 +41,7 @@ PLACES, RADII = st.integers(-14, 14), st.integers(6, 12)
 RATIOS = st.floats(1.5, 6.0) | st.floats(0.2, 0.65)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(st.floats(1e-3, 1e5), st.floats(0.0, 1.0), st.integers(0, 2**31))
 def test_a_field_that_is_alike_has_no_spot(stiffness: float, deviation: float, seed: int) -> None:
     """Whatever it is, however well it is known, wherever it was touched."""
@@ -56,7 +56,7 @@ def test_noise_of_alike_places_is_no_spot() -> None:
         assert find_spots(map_of(np.exp(noise), 0.15)) == []
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(PLACES, PLACES, RADII, RATIOS)
 def test_a_disc_is_given_back(x: int, y: int, radius: int, ratio: float) -> None:
     (spot,) = find_spots(map_of(disc(x, y, radius, ratio)))
@@ -66,7 +66,7 @@ def test_a_disc_is_given_back(x: int, y: int, radius: int, ratio: float) -> None
     assert spot.places.sum() * 1e-6 == pytest.approx(math.pi * spot.radius**2)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(PLACES, PLACES, PLACES, PLACES, st.floats(1.5, 4.0))
 def test_two_discs_are_given_back_one_stiff_and_one_soft(x: int, y: int, u: int, v: int, ratio: float) -> None:
     assume(math.hypot(x - u, y - v) > 20.0)
@@ -77,7 +77,7 @@ def test_two_discs_are_given_back_one_stiff_and_one_soft(x: int, y: int, u: int,
     assert (stiff.ratio, soft.ratio) == pytest.approx((ratio, 1.0 / ratio), rel=0.05)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=6, deadline=None)
 @given(PLACES, PLACES, RADII, RATIOS, st.floats(1e-3, 1e3))
 def test_soft_spots_are_the_stiff_ones_of_the_inverse_in_any_unit(
     x: int, y: int, radius: int, ratio: float, unit: float
@@ -142,7 +142,7 @@ def test_a_ridge_that_nobody_went_over_between_two_rows_does_not_part_a_spot() -
     assert spot.radius == pytest.approx(9e-3, abs=1e-3)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(
     st.lists(
         st.tuples(st.integers(0, 60), st.integers(0, 60), st.sampled_from(("learnt", "uncertainty"))), max_size=40

@@ -179,7 +179,7 @@ def test_a_follower_on_a_surface_of_python_is_the_compiled_one(own: Plane | Heig
 
 
 @pytest.mark.parametrize(("scene", "model"), [("", "contact-map"), ("hill", "contact-map"), ("hill", "kelvin-voigt")])
-@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.long) for seed in range(2, 12))])
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.long) for seed in range(1, 12))])
 def test_a_tick_as_a_whole_is_its_stages_one_by_one(scene: str, model: str, seed: int) -> None:
     """Whatever comes: commands late and in bunches, another leader, silence, stops, releases, sensors that fail."""
     first_touch = "guarded" if seed % 2 else "follow"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from foretouch.quantities import Pose
-from foretouch.robot import CameraScene, MissingGraphicsError, graphics_library
+from foretouch.robot import TIP_RADIUS, CameraScene, MissingGraphicsError, graphics_library
 from foretouch.vision import Board, BoardDetector, CameraModel, FaultyCamera, ImageFault, make_board_image
 
 pytest.importorskip("cv2")
@@ -50,6 +50,22 @@ def test_the_fixture_is_where_the_camera_model_has_it(scene: CameraScene) -> Non
     assert sorted(numbers) == [0, 1, 2, 3]
     points = (LOOK.inverse() @ TILTED).apply(BOARD.corners()[numbers].reshape(-1, 3))
     assert np.abs(CAMERA.project(points).reshape(-1, 4, 2) - corners).max() < 1.0
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.002, 0.01])
+def test_a_sphere_is_seen_about_the_probe_s_position_and_a_point_above_it(scene: CameraScene, radius: float) -> None:
+    """From beside it the lower edge of a ball is as far below its centre as the line of sight that touches it."""
+    away, height = 0.2, 0.05
+    beside = Pose(np.array([(1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0)]), np.array([0.0, -away, height]))
+    seen = CameraScene(make_board_image(BOARD), BOARD.size, beside, probe_radius=radius)
+    image = seen.render(Pose(np.eye(3), np.array([0.0, 0.0, -0.1])), (0.0, 0.0, height)).astype(int)
+    seen.close()
+    rows, columns = np.nonzero((image[..., 0] > 100) & (image[..., 1] < 90))
+    ball, centre = (radius, 0.0) if radius else (TIP_RADIUS, TIP_RADIUS)
+    angle = np.arctan2(-centre, away) + np.arcsin(ball / np.hypot(centre, away))
+    assert rows.max() - 0.5 * 479 == pytest.approx(CAMERA.matrix[1, 1] * np.tan(angle), abs=1.5)
+    width = 2.0 * CAMERA.matrix[0, 0] * np.tan(np.arcsin(ball / away))
+    assert np.ptp(columns) == pytest.approx(width, abs=2.5)
 
 
 def test_a_hand_before_the_lens_gives_a_sentence_and_no_pose(scene: CameraScene) -> None:

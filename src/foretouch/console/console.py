@@ -301,8 +301,8 @@ class Console:
         window = shown.window(SECONDS)
         status = self._status(now) if playback is None else "A recording is shown; see the tab Recordings."
         notes = tuple(filter(None, (self._picture.problem, *sentences.warnings(self._watched, now))))
-        depth = self._picture.depth(shown)
-        panel.forces.write(numbers_html(shown, window, other, depth=depth, status=status, warnings=notes))
+        depth, ahead = self._picture.depth(shown), self._picture.ahead
+        panel.forces.write(numbers_html(shown, window, other, depth=depth, status=status, warnings=notes, ahead=ahead))
         panel.network.draw(window, shown.loss_trace(SECONDS, now))
         panel.energy.draw(window)
         lines = () if shown.model is None else describe(shown.model)

@@ -26,6 +26,7 @@ NOWHERE = LeaderSpace(*(math.nan,) * len(LeaderSpace.__struct_fields__))  # what
 SUPERVISOR_SILENT = 3.0
 """The supervisor, which can start the sides again with another choice, speaks twice a second; it is gone when nothing
 has come for this time [s]."""
+LARGEST_RADIUS = 0.02  # Of a probe [m]
 MODEL_SHARE = 0.5  # Fraction of the press depth at which models are compared
 MOST_SPEAKERS = 16  # Largest number of leaders and roles that are distinguished
 
@@ -191,6 +192,11 @@ class Watched:
     def operator(self) -> str:
         """Operator that moves the leader's hand: only the operator ``browser`` uses a handle."""
         return self.settings.get("operator", "browser")
+
+    @property
+    def probe_radius(self) -> float:
+        """Radius of the sphere that touches [m]; 0 for a point."""
+        return min(max(self.setting("probe_radius", 0.0), 0.0), LARGEST_RADIUS)
 
     @property
     def grip(self) -> str:

@@ -153,7 +153,7 @@ def _draw() -> dict[str, object]:
 
     board = np.kron(np.indices((8, 8)).sum(axis=0) % 2, np.full((8, 8), 255)).astype(np.uint8)
     above = Pose(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, 0.3]))
-    scene = CameraScene(board, 0.1, above, width=WIDTH, height=HEIGHT)
+    scene = CameraScene(board, 0.1, above, size=(WIDTH, HEIGHT))
     try:
         times = []
         for _ in range(3):  # the first one compiles what it draws with

@@ -1,7 +1,7 @@
 """The follower robot and the materials it presses."""
 
 from foretouch.robot.camera_scene import MESA_PACKAGES, CameraScene, MissingGraphicsError, graphics_library
-from foretouch.robot.engine import REMOTE_CENTRE_HEIGHT, ROD_LENGTH, ROD_RADIUS, TIP_RADIUS
+from foretouch.robot.engine import REMOTE_CENTRE_HEIGHT, ROD_LENGTH, ROD_RADIUS, TIP_RADIUS, Tip
 from foretouch.robot.gantry_arm import GantryArm, TouchedWorld
 from foretouch.robot.materials import (
     DEFAULT_MATERIAL,
@@ -56,6 +56,7 @@ __all__ = [
     "SensorFault",
     "SpatialRobot",
     "SpatialSample",
+    "Tip",
     "TouchedWorld",
     "WrappedRobot",
     "WrappedSpatialRobot",

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from foretouch.errors import MissingExtraError, SettingError
 from foretouch.quantities.pose import Pose
-from foretouch.robot.engine import ROD_LENGTH, ROD_RADIUS, TIP_RADIUS, load_mujoco
+from foretouch.robot.engine import ROD_LENGTH, ROD_RADIUS, TIP_RADIUS, Tip, load_mujoco
 
 MESA_PACKAGES = "libegl1 libegl-mesa0 libgl1-mesa-dri libopengl0"
 """Debian packages that let MuJoCo draw without a display."""
@@ -71,12 +71,12 @@ class CameraScene:
         board_image: The board as it is printed, (n, n) grey.
         board_size: Side of that image on the fixture [m].
         camera: The camera's frame in the world: x to the right of the image, y down, z along the view.
-        width: [pixel].
-        height: [pixel].
+        size: Width and height of the image [pixel].
         vertical: Field of view from the upper to the lower edge [rad].
         light: Brightness of what lights the scene, 0 to 1.
         specimen: Vertices (n, 3) [m] and triangles (m, 3) of what stands beside the board, in the fixture's frame; None
             for nothing.
+        probe_radius: Of the sphere that touches, whose centre is the probe's position [m]; 0 for a point.
 
     Raises:
         SettingError: A number out of its range.
@@ -90,29 +90,31 @@ class CameraScene:
         board_size: float,
         camera: Pose,
         *,
-        width: int = 640,
-        height: int = 480,
+        size: tuple[int, int] = (640, 480),
         vertical: float = 0.75,
         light: float = 0.6,
         specimen: tuple[NDArray[np.float64], NDArray[np.int64]] | None = None,
+        probe_radius: float = 0.0,
     ) -> None:
         if board_image.ndim != 2 or board_image.shape[0] != board_image.shape[1] or board_image.dtype != np.uint8:
             raise SettingError("board_image", board_image.shape, "must be square and grey, one byte a pixel")
+        self.width, self.height = size
         for name, value, least, most in (
             ("board_size", board_size, 1e-3, 2.0),
-            ("width", width, 16, 4096),
-            ("height", height, 16, 4096),
+            ("width", self.width, 16, 4096),
+            ("height", self.height, 16, 4096),
             ("vertical", vertical, 0.05, 2.8),
             ("light", light, 0.0, 1.0),
+            ("probe_radius", probe_radius, 0.0, 0.1),
         ):
             if not least <= value <= most:
                 raise SettingError(name, value, f"must be {least:g} to {most:g}")
         mujoco = load_mujoco()
         self._mujoco = mujoco
-        self.width, self.height = width, height
-        self._context = _context(width, height)
+        self._context = _context(*size)
         texture = np.repeat(board_image[:, :, None], 3, axis=2)
-        text = _scene_text(board_image.shape[0], board_size, camera, width, height, vertical, light, specimen)
+        tip = Tip.of(probe_radius, TIP_RADIUS)
+        text = _scene_text(board_image.shape[0], board_size, camera, size, vertical, light, specimen, tip)
         self._model = mujoco.MjModel.from_xml_string(text)
         self._fill_texture(texture)
         self._data = mujoco.MjData(self._model)
@@ -134,7 +136,7 @@ class CameraScene:
 
         Args:
             fixture: The board's frame in the world.
-            probe: The probe's tip in the world [m]; the rod points straight up from it.
+            probe: The probe's position in the world [m]: its tip, of a sphere the centre. The rod points straight up.
         """
         mujoco, data = self._mujoco, self._data
         data.mocap_pos[0] = fixture.translation
@@ -168,11 +170,11 @@ def _scene_text(
     pixels: int,
     board_size: float,
     camera: Pose,
-    width: int,
-    height: int,
+    size: tuple[int, int],
     vertical: float,
     light: float,
     specimen: tuple[NDArray[np.float64], NDArray[np.int64]] | None,
+    tip: Tip,
 ) -> str:
     mesh = geom = ""
     plate, middle = 0.5 * board_size + 0.03, 0.0
@@ -185,12 +187,13 @@ def _scene_text(
         plate, middle = 0.5 * (right + plate) + 0.005, 0.5 * (right - plate)
     x, y = camera.rotation[:, 0], -camera.rotation[:, 1]  # MuJoCo's camera looks along -z with y up
     half = 0.5 * board_size
+    rod = min(ROD_RADIUS, ROD_RADIUS / TIP_RADIUS * tip.radius)  # a small ball has a thin rod
     return f"""
 <mujoco model="foretouch camera">
   <option><flag contact="disable"/></option>
   <statistic extent="1" center="0 0 0"/>
   <visual>
-    <global offwidth="{width}" offheight="{height}"/>
+    <global offwidth="{size[0]}" offheight="{size[1]}"/>
     <quality shadowsize="0" offsamples="4"/>
     <map znear="{NEAREST}" zfar="{FARTHEST}"/>
     <headlight ambient="{light} {light} {light}" diffuse="0.3 0.3 0.3" specular="0 0 0"/>
@@ -211,8 +214,8 @@ def _scene_text(
       <geom name="board" type="plane" size="{half} {half} 0.01" material="board"/>
     </body>
     <body name="probe" mocap="true">
-      <geom type="capsule" size="{ROD_RADIUS}" fromto="0 0 {TIP_RADIUS} 0 0 {ROD_LENGTH}" rgba="0.8 0.82 0.85 1"/>
-      <geom type="sphere" size="{TIP_RADIUS}" pos="0 0 {TIP_RADIUS}" rgba="0.85 0.25 0.2 1"/>
+      <geom type="capsule" size="{rod}" fromto="0 0 {tip.centre} 0 0 {ROD_LENGTH}" rgba="0.8 0.82 0.85 1"/>
+      <geom type="sphere" size="{tip.radius}" pos="0 0 {tip.centre}" rgba="0.85 0.25 0.2 1"/>
     </body>
   </worldbody>
 </mujoco>

@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -50,6 +50,24 @@ ROD_RADIUS = 0.004
 
 TIP_RADIUS = 0.006
 """Radius of the ball at the probe's tip [m]."""
+
+
+class Tip(NamedTuple):
+    """The ball at the end of a probe as it is drawn, in any unit of length.
+
+    Attributes:
+        radius: Of the ball.
+        centre: Height of its centre above the probe's position.
+    """
+
+    radius: float
+    centre: float
+
+    @classmethod
+    def of(cls, radius: float, drawn: float) -> Tip:
+        """A sphere about its position; a point, of radius 0, is drawn as a ball of another radius that ends in it."""
+        return cls(radius, 0.0) if radius > 0.0 else cls(drawn, drawn)
+
 
 REMOTE_CENTRE_HEIGHT = 0.08
 """Remote centre of motion above the tip at position 0 [m]; the two rotations turn about this point."""

@@ -88,9 +88,19 @@ NAMES = ("material", "model", "estimator")  # Settings that are shown in the pan
 
 
 def numbers_html(
-    shown: Watched, window: Window, other: Watched | None, *, depth: float, status: str, warnings: tuple[str, ...]
+    shown: Watched,
+    window: Window,
+    other: Watched | None,
+    *,
+    depth: float,
+    status: str,
+    warnings: tuple[str, ...],
+    ahead: Row | None = None,
 ) -> str:
-    """The table of numbers of the last seconds of a session or recording, at a depth [m], and of a second run of it."""
+    """The table of numbers of the last seconds of a session or recording, at a depth [m], and of a second run of it.
+
+    In a scene there is a row of what is ahead of the hand.
+    """
     leader = shown.leader
     predicted, delayed, rendered, deviation = NAN, NAN, NAN, NAN
     if leader is not None:
@@ -116,7 +126,7 @@ def numbers_html(
             (DELAYED_AGAIN, again.delayed_force, second.delayed_error),
         ):
             rows.append(Row(curve.name, number(value, "N"), curve, number(error, "%", 1)))
-    rows.append(Row("Depth of the probe", number(max(depth, 0.0) * 1e3, "mm", 1)))
+    rows += filter(None, (ahead, Row("Depth of the probe", number(max(depth, 0.0) * 1e3, "mm", 1))))
     away = float(np.mean(window.away) * np.ptp(window.time)) if len(window.time) else 0.0
     followed = away < 0.05  # 0.0 s as written
     first = Row("", "") if followed else Row(f"{AWAY.name}: {number(away, 's', 1)}", "", AWAY)

@@ -26,7 +26,7 @@ from foretouch.quantities.pose import Vector
 from foretouch.vision.camera import opencv
 
 ROD = 0.03  # Length of the probe that is drawn [m]
-TIP_RADIUS = 2.25e-3
+TIP_RADIUS = 2.25e-3  # Of the ball of a point [m]
 PARTS = 8  # Number of parts in which a side of the outline is drawn: a lens bends it
 QUALITY = 80
 
@@ -41,12 +41,13 @@ def can_draw() -> bool:
 
 
 def draw_over(
-    jpeg: bytes, camera: Sequence[float], probe: Vector, pose: Sequence[float], corners: Array
+    jpeg: bytes, camera: Sequence[float], probe: Vector, pose: Sequence[float], corners: Array, radius: float = 0.0
 ) -> bytes | None:
     """A JPEG with the virtual probe [m] and the fixture's outline in it; None where it cannot be read.
 
-    The camera is that of `foretouch.messages.CameraImage`; the pose is the rendered one, a position [m] and a rotation
-    vector [rad], and the corners of the outline are in the fixture's frame [m], shape (n, 3).
+    The probe is a sphere of a radius [m] about its position; 0 for a point. The camera is that of
+    `foretouch.messages.CameraImage`; the pose is the rendered one, a position [m] and a rotation vector [rad], and the
+    corners of the outline are in the fixture's frame [m], shape (n, 3).
     """
     from foretouch.session.spatial.camera import pixels
 
@@ -63,13 +64,14 @@ def draw_over(
         return None
     _draw_line(image, np.vstack([seen, seen[:1]]), GREEN, 2)
     if all(map(math.isfinite, probe)):
-        rod = np.asarray(probe) + np.outer(np.linspace(0.0, ROD, PARTS), (0.0, 0.0, 1.0))
+        rod = np.asarray(probe) + np.outer(np.linspace(0.0, ROD + radius, PARTS), (0.0, 0.0, 1.0))
         _draw_line(image, pixels(camera, rod), BLUE, 6)
-        middle, right = tip = pixels(camera, np.array(probe) + np.outer((0.0, TIP_RADIUS), (1.0, 0.0, 0.0)))
+        middle, right = tip = pixels(camera, np.array(probe) + np.outer((0.0, radius or TIP_RADIUS), (1.0, 0.0, 0.0)))
         if np.isfinite(tip).all():
-            at, radius = np.rint(middle).astype(int).tolist(), max(round(math.dist(middle, right)), 5)
-            cv2.circle(image, at, radius + 2, (255, 255, 255), -1, cv2.LINE_AA)
-            cv2.circle(image, at, radius, BLUE[::-1], -1, cv2.LINE_AA)
+            at, size = np.rint(middle).astype(int).tolist(), max(round(math.dist(middle, right)), 5)
+            widths = (7, 3) if radius else (-1, -1)  # a ring hides nothing of a large sphere
+            for wide, painted, more in zip(widths, ((255, 255, 255), BLUE[::-1]), (2, 0), strict=True):
+                cv2.circle(image, at, size + (0 if radius else more), painted, wide, cv2.LINE_AA)
     written, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
     return bytes(data) if written else None
 
@@ -147,7 +149,9 @@ class ImagePanel:
             return
         probe = (leader.place_x, leader.place_y, leader.place_z)
         pose, corners = fixture_of(leader), footprint(vertices)
-        jpeg = draw_over(image.jpeg, image.camera, probe, pose, corners) if over else image.jpeg
+        jpeg: bytes | None = image.jpeg
+        if over:
+            jpeg = draw_over(image.jpeg, image.camera, probe, pose, corners, watched.probe_radius)
         self._sent, self._drawn_over = image, over
         if jpeg is not None:
             self._image._data = jpeg  # as it came: the viewer would read and write it once more
@@ -225,7 +229,10 @@ class SpacePanel:
         colour = css(VERMILLION) if leader.fixture_age > AGED else "#555"
         known = html.escape(pose_sentence(watched, now))
         sentence = f'<div style="color:{colour};line-height:1.35;padding-bottom:2px"><b>{known}</b></div>'
-        put(self._text, content=inset(sentence + table(_rows(leader, watched.space.belief))))
+        put(
+            self._text,
+            content=inset(sentence + table(_rows(leader, watched.space.belief))),
+        )
 
     def _follow(self, hand: Vector | None) -> None:
         """Put the sliders where the hand is, without telling anybody."""

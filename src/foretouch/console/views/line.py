@@ -55,6 +55,7 @@ class LineView:
     """
 
     camera, instruction, problem = CAMERA, INSTRUCTION, ""
+    ahead = None  # a line has one place
 
     def __init__(self, server: Any, watched: Watched, hold: Hold) -> None:
         self._watched, self.hold = watched, hold

@@ -17,7 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from foretouch.console.history import Array
 from foretouch.models import FIELD_DEPTH
-from foretouch.quantities.colours import BLUE, GREEN, GREY, VERMILLION, Colour, css
+from foretouch.quantities.colours import BLUE, GREEN, GREY, INK, VERMILLION, Colour, css
+from foretouch.robot import Tip
 
 Mesh = tuple[NDArray[np.float32], NDArray[np.uint32]]
 """Vertices (V, 3) [scene units] and triangles (F, 3)."""
@@ -25,7 +26,9 @@ Faces = NDArray[np.int64]
 Quaternion = tuple[float, float, float, float]
 
 TIP_RADIUS = 0.45
-HANDLE_HEIGHT = 4.6  # Height of the middle of the handle above the tip [scene units]
+POINT = Tip.of(0.0, TIP_RADIUS)
+NECK = math.sin(0.8 * math.pi)  # Width of the ball of a point where its rod begins, over its own
+HANDLE_HEIGHT = 4.6  # Height of the middle of the handle above the tip of a point [scene units]
 
 
 def lathe(profile: list[tuple[float, float]], segments: int = 24) -> Mesh:
@@ -53,15 +56,23 @@ def triangles_of(quads: ArrayLike) -> NDArray[np.uint32]:
     return triangles.reshape(-1, 3)
 
 
-def probe(growth: float = 0.0) -> Mesh:
-    """Round tip at the origin and the rod above it; `growth` [scene units] makes a shell around it."""
-    radius = TIP_RADIUS
-    tip = [
-        (math.sin(a) * (radius + growth), radius - math.cos(a) * (radius + growth))
-        for a in np.linspace(0.0, 0.8 * math.pi, 14)
+def probe(tip: Tip = POINT, growth: float = 0.0) -> Mesh:
+    """The ball of a probe at the origin and the rod above it; `growth` [scene units] makes a shell around it."""
+    radius, centre = tip
+    neck = math.pi - math.asin(NECK * min(TIP_RADIUS / radius, 1.0))  # where the ball ends [rad]
+    ball = [
+        (math.sin(a) * (radius + growth), centre - math.cos(a) * (radius + growth))
+        for a in np.linspace(0.0, neck, max(14, round(7.0 * radius)))
     ]
-    rod = 0.2 + growth
-    return lathe([*tip, (rod, 1.8 * radius + 0.15), (rod, HANDLE_HEIGHT), (0.0, HANDLE_HEIGHT)])
+    rod, end = 0.2 * min(radius / TIP_RADIUS, 1.0) + growth, rod_end(tip)
+    return lathe(
+        [*ball, (rod, centre - math.cos(neck) * radius + 0.15), (rod, end), (0.0, end)], 24 + round(6.0 * radius)
+    )
+
+
+def rod_end(tip: Tip) -> float:
+    """Height of the rod's end above the probe's position [scene units]: all rods stand out of their balls alike."""
+    return HANDLE_HEIGHT + tip.centre + tip.radius - 2.0 * TIP_RADIUS
 
 
 def handle() -> Mesh:
@@ -248,6 +259,7 @@ LINES = (
     (VERMILLION, "Robot, delayed; outline: the fixture as the robot knows it"),
     (BLUE, "Force on the hand, and its uncertainty"),
     (GREEN, "Normal of the surface"),
+    (INK, "Ribbon: stiffness predicted ahead, wider where less sure"),
 )
 """Legend of the lines and arrows of the picture."""
 

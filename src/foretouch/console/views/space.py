@@ -17,27 +17,29 @@ from foretouch.console.models_seen import figures_of
 from foretouch.console.panels.panel import Panel
 from foretouch.console.panels.space import BOARD, MARKER, TIP_RADIUS, SpacePanel, footprint
 from foretouch.console.panels.stop import SPACE_HELP, SPACE_STROKES, add_keys
-from foretouch.console.plots import SECONDS, put
+from foretouch.console.plots import SECONDS, Row, put
 from foretouch.console.views import shapes
 from foretouch.console.views.hold import SpaceHold
-from foretouch.console.views.probes import UNITS, Measures, Probes
+from foretouch.console.views.probes import AHEAD, SCREEN, UNITS, Ahead, Measures, Outlook, Probes, Ribbon
 from foretouch.console.views.shapes import COLOURS, UNKNOWN, Faces, Mesh, add_body, along, triangles_of
 from foretouch.console.watched import Watched
 from foretouch.errors import ForetouchError
 from foretouch.messages import FollowerSpace, LeaderSpace, fixture_of
 from foretouch.models import FIELD_DEPTH, ScaleField
 from foretouch.quantities.colours import BLUE, CUT, GREEN, GREY, INK, VERMILLION
-from foretouch.quantities.pose import RigidMotion, Vector
+from foretouch.quantities.pose import RigidMotion, Vector, add, subtract
 from foretouch.rendering import Surface
+from foretouch.robot import Tip
 
 SPACE_CAMERA = ((-4.0, -50.0, 31.0), (-4.0, 0.0, 0.0))
 """First position of the camera and the point at which it looks [scene units]."""
 NORMAL_LENGTH = 2.6  # [scene units]
-MEASURES = Measures(per_newton=1.0, longest=8.0, least=0.02, beside=(1.2, 0.0), label=(1.8, 1.2))  # Style of the forces
+MEASURES = Measures(per_newton=1.0, longest=8.0, least=0.02, beside=(1.2, 0.0), label=(1.8, 3.0))  # Style of the forces
 HANDLE_SIZE = 4.0  # Length of its arrows [scene units]
 APART = 0.002  # Distance of one probe past the other at which arrows and labels change sides [m]
 HINT = "Drag the arrows: the hand goes along"
 SPACE_INSTRUCTION = "Drag the arrows of the handle: down to press, along to slide."
+CLEAR = 0.75  # Distance of the normal from the ball of a sphere [scene units]
 NEAR = 0.006  # The normal is shown from here on [m]
 BOARD_ALONE = np.zeros((1, 3))  # Text over an image where the shape of the specimen is not known here
 LARGEST_DOUBT = 0.7  # Relative deviation of the stiffness up to which it is shown: up to 6 mm from a touch
@@ -47,15 +49,19 @@ THICKNESS = 0.012  # Thickness of specimen and board as they are drawn [m]
 SMALLEST_CHANGE = 2e-5  # Smallest change of a dent that is drawn [m]
 HALO, LARGEST_HALO = 2.0, 0.02
 """Number of standard deviations that the halo shows, and its largest size [m]."""
-SCREEN = {"thickness_units": "screen"}
 
 
-def sunk(vertices: Array, point: Sequence[float], normal: Sequence[float], depth: float) -> tuple[Array, Array]:
-    """Vertices [m] under a proxy [m] at a depth [m], and by how much each has sunk along the outward normal."""
+def sunk(
+    vertices: Array, point: Sequence[float], normal: Sequence[float], depth: float, radius: float = 0.0
+) -> tuple[Array, Array]:
+    """Vertices [m] under a proxy [m] at a depth [m], and by how much each has sunk along the outward normal.
+
+    A sphere of a radius [m], 0 for a point, sinks in as a whole, and the dent ends as far beyond it.
+    """
     if not depth > 0.0:
         return vertices, np.zeros(len(vertices))
     square = ((vertices - np.asarray(point)) ** 2).sum(axis=1)
-    sunken = shapes.sinking(square, depth, NARROW, REACH, TIP_RADIUS)
+    sunken = shapes.sinking(square, depth, NARROW, REACH + radius, radius or TIP_RADIUS)
     return vertices - sunken[:, None] * np.asarray(normal), sunken
 
 
@@ -69,6 +75,7 @@ class FixtureView:
     def __init__(self, scene: Any, surface: Surface) -> None:
         vertices, faces = surface.outline()
         self._vertices, self._faces = shapes.refined(vertices, faces)
+        self._radius = surface.radius
         self._dent, self._normal = (0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
         self._levels = np.zeros(len(self._faces), np.int64)
         self._touched = np.zeros(len(COLOURS) + 1, bool)
@@ -131,7 +138,7 @@ class FixtureView:
         if max(abs(a - b) for a, b in zip(dent, self._dent, strict=True)) < SMALLEST_CHANGE:
             return
         self._dent, self._normal = dent, motion.rotate_back(normal)
-        vertices, sinking = self._bent()
+        vertices, sinking = self._bent(self._vertices)
         bent = sinking > SMALLEST_CHANGE
         for index, (node, used) in enumerate(self._parts):  # those are sent that are bent, or were
             touched = bool(bent[used].any())
@@ -139,11 +146,15 @@ class FixtureView:
                 node.vertices = (vertices[used] * UNITS).astype(np.float32)
             self._touched[index] = touched
 
-    def _bent(self) -> tuple[Array, Array]:
-        return sunk(self._vertices, self._dent[:3], self._normal, self._dent[3])
+    def bend(self, vertices: Array) -> Array:
+        """Vertices on the surface [m] where the dent takes them."""
+        return self._bent(vertices)[0]
+
+    def _bent(self, vertices: Array) -> tuple[Array, Array]:
+        return sunk(vertices, self._dent[:3], self._normal, self._dent[3], self._radius)
 
     def _paint(self) -> None:
-        vertices, _ = self._bent()
+        vertices = self.bend(self._vertices)
         self._parts = []
         for level, node in enumerate(self._nodes):
             used, triangles = shapes.compacted(self._faces[self._levels == level])
@@ -186,14 +197,21 @@ def _place(node: Any, pose: Sequence[float]) -> None:
 
 
 class SpaceScene:
-    """The picture of one scene: what is touched, the probes, and the handle, whose drags move the hand."""
+    """The picture of one scene: what is touched, the probes, and the handle, whose drags move the hand.
+
+    Attributes:
+        ahead: Prediction ahead of the hand; None where it does not move over the surface, or nothing was learnt.
+    """
 
     def __init__(self, server: Any, surface: Surface, hold: SpaceHold) -> None:
-        self._hold = hold
+        self._hold, self._tip = hold, Tip.of(surface.radius * UNITS, shapes.TIP_RADIUS)
+        self._lift = 0.0, 0.0, surface.radius  # of the handle, above where it is for a point
         scene = server.scene
         self.root = scene.add_frame("/space", show_axes=False)
         self.fixture = FixtureView(scene, surface)
-        self.probes = Probes(scene, "/space", GREY, MEASURES)
+        self.ahead: Ahead | None = None
+        self._outlook, self._ribbon = Outlook(surface), Ribbon(scene, "/space/fixture")
+        self.probes = Probes(scene, "/space", GREY, MEASURES, self._tip)
         self._normal = add_body(scene, "/space/normal", shapes.arrow(NORMAL_LENGTH), GREEN)
         up = np.array([[(0.0, 0.0, 0.0), (0.0, 0.0, 1.0)]], np.float32)
         self._tether = scene.add_line_segments("/space/tether", up, BLUE, thickness=1.5, **SCREEN)
@@ -209,17 +227,22 @@ class SpaceScene:
         pose = fixture_of(leader)
         _place(fixture.root, pose)
         law = None if watched.model is None else figures_of(watched.model, FIELD_DEPTH)
-        fixture.learn(None if law is None else space.field(watched.telemetry_sequence), law.stiffness if law else 0.0)
+        field = None if law is None else space.field(watched.telemetry_sequence)
+        fixture.learn(field, law.stiffness if law else 0.0)
         point = leader.point_x, leader.point_y, leader.point_z
         normal = leader.normal_x, leader.normal_y, leader.normal_z
         fixture.sink(pose, point, normal, leader.depth)
+        self._outlook.follow(RigidMotion.from_numbers(pose).apply_back(point))
+        self.ahead = self._outlook.look(field, law) if leader.depth > -NEAR else None
+        self._ribbon.draw(self.ahead, fixture.edges, fixture.bend)
         deviation = math.nan if space.belief is None else math.hypot(*space.belief.deviation[:3])
         believed = None if watched.telemetry is None else watched.telemetry.space
         fixture.believe(None if believed is None else fixture_of(believed), deviation)
         here = _scene(point)
         self._normal.visible = leader.depth > -NEAR and here is not None
         if self._normal.visible and here is not None:
-            self._normal.position = (here[0], here[1] - MEASURES.beside[0], here[2])
+            before = max(MEASURES.beside[0], self._tip.radius + CLEAR)  # the probe, where it hides nothing
+            self._normal.position = (here[0], here[1] - before, here[2])
             self._normal.wxyz = along(normal)
         deviation = math.nan if watched.leader is None else watched.leader.standard_deviation
         robot = space.follower_at(watched.telemetry_sequence)
@@ -237,7 +260,7 @@ class SpaceScene:
 
     def draw_handle(self, leader: LeaderSpace, *, offered: bool, useful: bool) -> None:
         """Draw the handle, which stays where a browser holds it, a line to the probe, and what to do."""
-        here, end = _scene(self._hold.handle), _scene((leader.place_x, leader.place_y, leader.place_z))
+        here, end = _scene(add(self._hold.handle, self._lift)), _scene((leader.place_x, leader.place_y, leader.place_z))
         for node, shown in ((self._handle, offered), (self._tether, offered and end is not None)):
             put(node, visible=shown)
         self._hint.visible = offered and useful and not self._hold.used
@@ -247,12 +270,13 @@ class SpaceScene:
             self._handle.position = here
         self._hint.position = (here[0], here[1], here[2] + 1.15 * HANDLE_SIZE)
         if end is not None:
-            way = (end[0] - here[0], end[1] - here[1], end[2] + shapes.HANDLE_HEIGHT - here[2])
+            way = (end[0] - here[0], end[1] - here[1], end[2] + shapes.rod_end(self._tip) - here[2])
             self._tether.position, self._tether.wxyz = here, along(way)
             self._tether.scale = (1.0, 1.0, max(math.hypot(*way), 1e-3))
 
     async def _dragged(self, event: Any) -> None:
-        self._hold.drag_to([float(value) / UNITS for value in event.target.position], str(event.phase))
+        x, y, z = (float(value) / UNITS for value in event.target.position)
+        self._hold.drag_to(subtract((x, y, z), self._lift), str(event.phase))
 
 
 def _scene(position: Vector) -> Vector | None:
@@ -279,7 +303,7 @@ class SpaceView:
         self.hold, self.problem = hold, ""
         self._scene: SpaceScene | None = None
         self._fixture: SpacePanel | None = None
-        self._name = ""
+        self._name: tuple[str, float] = "", 0.0
         self._surface: Surface | None = None
         self._offered = False  # whether anybody listens to the handle
         self._legend = server.gui.add_html("")
@@ -305,6 +329,12 @@ class SpaceView:
         """See `LineView.depth`."""
         return shown.leader_space.depth
 
+    @property
+    def ahead(self) -> Row | None:
+        """What is predicted ahead of the hand."""
+        ahead = None if self._scene is None else self._scene.ahead
+        return Row(AHEAD, "–") if ahead is None else ahead.row()
+
     def plot(self, shown: Watched) -> None:
         """Draw the image of the camera beside it."""
         self._image.draw(shown, BOARD_ALONE if self._surface is None else self._surface.outline()[0])
@@ -320,8 +350,8 @@ class SpaceView:
 
     def _find_scene(self, shown: Watched) -> None:
         """Another scene has another picture; none where its shape is not known here."""
-        name = shown.settings.get("scene", "")
-        if not name or name == self._name:
+        name = shown.settings.get("scene", ""), shown.probe_radius
+        if not name[0] or name == self._name:
             return
         from foretouch.session.spatial import make_scene
 
@@ -330,7 +360,7 @@ class SpaceView:
             put(self._legend, content="")
         self._name, self._scene, self._surface, self.problem = name, None, None, ""
         try:
-            self._surface = make_scene(name).surface
+            self._surface = make_scene(*name).surface
         except (ForetouchError, OSError) as error:  # a mesh that only the other machine has, or nothing to read it with
             self.problem = f"The scene cannot be drawn here: {error}"
         else:

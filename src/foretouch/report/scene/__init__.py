@@ -235,7 +235,7 @@ def look_at_scene(log: SessionLog, pairs: Pairs) -> SceneFindings:
         felt = newest.surface
         name = setting(log.settings, "material", "")
         material = name if name in MATERIALS and _is_simulated(rows) else None
-        places, felt = touched_places(rows), felt if math.isfinite(felt) else 0.0
+        places, felt = touched_places(rows, scene.surface.radius), felt if math.isfinite(felt) else 0.0
         stiffness = stiffness_map(places, field, law, scene, material, felt)
     wrong = wrong_contacts(log, pairs)
     spots = () if stiffness is None else tuple(find_spots(stiffness))
@@ -289,6 +289,7 @@ def _is_simulated(rows: SceneRows) -> bool:
 
 def _scene(settings: Mapping[str, str]) -> Scene | None:
     try:
-        return make_scene(setting(settings, "scene", ""), friction=setting(settings, "friction", "dry"))
+        radius, rubs = number_of(settings, "probe_radius", 0.0), setting(settings, "friction", "dry")
+        return make_scene(setting(settings, "scene", ""), radius, rubs)
     except ForetouchError:
         return None

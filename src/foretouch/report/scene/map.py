@@ -14,7 +14,7 @@ from foretouch.messages import SessionLog
 from foretouch.models import FIELD_DEPTH, ContactModel, ScaleField, stiffness_at_rest
 from foretouch.quantities import Array, ByValue, Flags
 from foretouch.quantities.pose import RigidMotion
-from foretouch.report.scene.pose import SceneRows
+from foretouch.report.scene.pose import SceneRows, vectors
 from foretouch.robot import make_material
 from foretouch.session.spatial import Scene
 
@@ -151,7 +151,7 @@ def height_of(scene: Scene, x: float, y: float) -> float:
     """Height of the surface at a point: from above down by the free distance, again and again [m]."""
     height = HIGH
     for _ in range(STEPS):
-        free = -scene.surface.contact((x, y, height)).depth
+        free = -scene.surface.bare.contact((x, y, height)).depth
         if not free > CLOSE:
             break
         height -= free
@@ -164,19 +164,21 @@ def _touched(points: Array, touched: Array) -> Flags:
     return np.asarray(cKDTree(touched).query(points[:, :2])[0] < NEAR)
 
 
-def touched_places(rows: SceneRows) -> Array:
+def touched_places(rows: SceneRows, radius: float = 0.0) -> Array:
     """Points pressed by the probe, seen from above in the fixture's frame [m], every 10 ms, shape (n, 2).
 
-    The probe's position is taken from the true pose of the fixture, else from the follower's estimate.
+    A sphere of a radius [m] presses with its deepest point. The probe's position is taken from the true pose of the
+    fixture, else from the follower's estimate.
     """
     probe = rows.probe
+    deepest = vectors(probe, "place") - (radius * vectors(probe, "normal") if radius else 0.0)
     known = np.isfinite(probe["exact_x"])
     pressed = np.flatnonzero(rows.follower["in_contact"] & (rows.follower["force"] > PRESSED))[::10]
     points = []
     for row in pressed:
         frame = "exact" if known[row] else "fixture"
         pose = [float(probe[f"{frame}_{axis}"][row]) for axis in ("x", "y", "z", "rx", "ry", "rz")]
-        x, y, z = (float(probe[f"place_{axis}"][row]) for axis in "xyz")
+        x, y, z = deepest[row].tolist()
         points.append(RigidMotion.from_numbers(pose).apply_back((x, y, z))[:2])
     return np.reshape(np.array(points), (-1, 2))
 

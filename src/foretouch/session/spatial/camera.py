@@ -60,6 +60,7 @@ class SimulatedCamera:
             CAMERA_POSE,
             vertical=self._lens.field_of_view,
             specimen=scene.surface.outline(),
+            probe_radius=scene.surface.radius,
         )
         self._camera = FaultyCamera(faults=tuple(faults), seed=seed)
         self._detector = BoardDetector(board, CAMERA)
@@ -74,7 +75,7 @@ class SimulatedCamera:
 
         Args:
             fixture: True pose of the fixture: a position [m] and a rotation vector [rad].
-            probe: Position of the probe's tip [m].
+            probe: Position of the probe [m].
             tick: Tick of the follower whose moment it shows.
             time: Time since the start of the session, by which faults come and go [s].
             now_ns: This side's clock [ns].
