@@ -179,6 +179,11 @@ class Declared:
         at_least=0.0,
         at_most=0.02,
     )
+    friction: str = _scene(
+        "dry",
+        "How a simulated scene rubs: dry, rubber (a slow probe sticks and slips) or wet.",
+        choices=("dry", "rubber", "wet"),
+    )
     fusion: str = _scene(
         "full",
         "What the pose of the fixture is estimated from: full (images and touches), image, contact or none.",

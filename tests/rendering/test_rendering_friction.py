@@ -73,14 +73,16 @@ def test_device_and_friction_never_give_out_energy(
     pressed = np.maximum(random.normal(2.0, 3.0, steps), -0.1) if seed % 2 else np.full(steps, 5.0)
     mu = random.uniform(0.0, 1.5, steps)
     bristles = 10.0 ** random.uniform(1.0, 6.0, steps) if seed % 3 else np.full(steps, math.inf)
+    excess = random.uniform(0.0, 1.0, steps) * (seed % 2)  # a cone that is wider at rest: what sticks, then slips
     friction = FrictionRenderer(stiffness, damping)
     given_out = 0.0
     for k in range(steps - 1):
-        force = friction.update(place[k].tolist(), normals[k].tolist(), pressed[k], mu[k], viscous, T, bristles[k])
+        given = place[k].tolist(), normals[k].tolist(), pressed[k], mu[k], viscous, T, bristles[k], excess[k]
+        force = friction.update(*given)
         assert given_out + friction.stored <= 1e-12 * (1.0 + abs(given_out))
         size = math.hypot(*force)
         fastest = float(np.linalg.norm(moves, axis=1).max()) / T
-        largest = mu[k] * pressed[k] + min(viscous, 0.5 * damping) * fastest if pressed[k] > 0.0 else 0.0
+        largest = (mu[k] + excess[k]) * pressed[k] + min(viscous, 0.5 * damping) * fastest if pressed[k] > 0.0 else 0.0
         assert size <= largest + 1e-9
         assert abs(np.dot(force, normals[k])) <= 1e-9 * max(size, 1.0)
         given_out += float(np.dot(force, moves[k + 1])) - damping / T * float(moves[k + 1] @ moves[k + 1])
@@ -122,3 +124,36 @@ def test_settings_out_of_range_are_refused() -> None:
     for stiffness, damping in ((-1.0, 1.0), (math.nan, 1.0), (1.0, -1.0), (1.0, math.nan)):
         with pytest.raises(SettingError):
             FrictionRenderer(stiffness, damping)
+
+
+def drag(excess: float, resolution: float) -> tuple[np.ndarray, np.ndarray]:
+    """Speed of a hand that pulls a device slowly over a surface by a spring, and the force on it, over 8 s.
+
+    The device has 0.1 kg and 2 N s/m, the spring 400 N/m and 2 N s/m; it is drawn at 4 mm/s.
+    """
+    friction = FrictionRenderer(1000.0, 2.0)
+    place = speed = force = 0.0
+    speeds, forces = [], []
+    for step in range(8000):
+        for _ in range(10):
+            pull = 400.0 * (4e-3 * step * T - place) + 2.0 * (4e-3 - speed)
+            speed += 1e-4 / 0.1 * (pull - 2.0 * speed + force)
+            place += 1e-4 * speed
+        seen = round(place / resolution) * resolution
+        force = friction.update((seen, 0.0, 0.0), UP, 2.0, 0.5, 0.5, T, 1500.0, excess)[0]
+        speeds.append(speed)
+        forces.append(force)
+    return np.array(speeds), np.array(forces)
+
+
+@pytest.mark.parametrize("resolution", [1e-6, 1e-5])
+def test_a_slow_hand_sticks_and_slips_on_rubber_and_does_not_buzz(resolution: float) -> None:
+    speeds, forces = drag(0.3, resolution)
+    slips = np.diff((speeds > 8e-3).astype(int))[1000:] > 0
+    assert 3 <= slips.sum() <= 40  # some each second, as the spring loads again
+    assert np.ptp(forces[1000:]) > 0.2
+    stuck = np.convolve(speeds, np.ones(20) / 20, "same") < 1e-3
+    assert stuck[1000:].mean() > 0.1
+    assert np.abs(np.diff(forces))[1000:][stuck[1001:]].max() < 0.05  # not felt: a count of the encoder or two
+    smooth, _ = drag(0.0, resolution)
+    assert (np.abs(smooth[2000:] - 4e-3) < 3e-3).all()  # without an excess it only slides

@@ -130,17 +130,21 @@ def test_false_and_missed_contacts_are_counted_at_equal_command() -> None:
     assert contacts["before_model"]["percent"] == pytest.approx(100.0 * 100 / rows)
 
 
+LEARNT = 0.31, 0.4, 0.02, 0.05, 2500.0, 400.0, 0.1, 0.03
+
+
 def test_friction_and_forces_in_space() -> None:
     log = make_scene_session()
     put(log.leader_space, "normal", (0.6, 0.0, 0.8))
     put(log.leader_space[100:101], "force", (3.0 * 0.6 - 0.8, 0.5, 3.0 * 0.8 + 0.6))
-    models = (model(1, 700, friction=(0.5, 0.1, 0.2, 0.3)), model(2, 800, friction=(0.31, 0.4, 0.02, 0.05)))
+    models = (model(1, 700, friction=(0.5, 0.1, 0.2, 0.3, *4 * (0.0,))), model(2, 800, friction=LEARNT))
     scene = scene_of(dataclasses.replace(log, models=(*models, model(3, 900))))
     assert scene["forces"]["tangential_hand_N"] == pytest.approx(np.sqrt(1.25))
     assert scene["forces"]["total_hand_N"] == pytest.approx(np.sqrt(9.0 + 1.25))
     assert scene["forces"]["total_robot_N"] == 0.0
     assert (scene["friction"]["coefficient"], scene["friction"]["deviation"]) == (0.31, 0.02)
     assert (scene["friction"]["true_coefficient"], scene["friction"]["true_viscous_N_s_per_m"]) == (0.3, 0.5)
+    assert (scene["friction"]["stiffness_N_per_m"], scene["friction"]["excess_at_rest"]) == (2500.0, 0.1)
 
 
 # --- energy -----------------------------------------------------------------------------------------------------------

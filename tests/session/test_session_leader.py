@@ -225,7 +225,7 @@ class Led:
         valid = trouble != "invalid" or random.random() < 0.5
         numbers = (size, 0.0, 1.4) if law == "hunt-crossley" else (size, 0.0)
         made = model(self.model_sequence, valid=valid, law=str(law), parameters=numbers, surface=surface)
-        friction = (self.coefficient, self.viscous, 0.0, 0.0)
+        friction = (self.coefficient, self.viscous, *6 * (0.0,))
         return msgspec.structs.replace(made, fixture=fixture, friction=friction, run=self.run)
 
     def tick(

@@ -29,8 +29,9 @@ from foretouch.quantities import Pose
 from foretouch.recordings import excerpt, read_leader_motion
 from foretouch.rendering.surfaces import Plane, SurfaceProxy
 from foretouch.rendering.surfaces.line import PLACE_AT
+from foretouch.report import session_report
 from foretouch.robot import GantryArm, MissingGraphicsError, graphics_library, make_material
-from foretouch.session import SessionSettings
+from foretouch.session import SessionSettings, simulate
 from foretouch.session.runners.driven import Tick, drive_leader
 from foretouch.session.runners.simulated import run_session
 from foretouch.session.spatial import make_camera, make_scene, make_spatial_operator, make_spatial_robot, tracker
@@ -566,7 +567,7 @@ def test_a_late_message_of_a_process_that_is_gone_moves_no_fixture() -> None:
 def test_a_fixture_that_is_none_moves_nothing_and_raises_nothing(wrong: tuple) -> None:
     leading = fresh_leader(grip="normal")
     for tick in range(1, 20):
-        outputs = told(leading, tick, said(0, tick, wrong, friction=(1e300, 1e300, 0.0, 0.0)))
+        outputs = told(leading, tick, said(0, tick, wrong, friction=(1e300, 1e300, *6 * (0.0,))))
         assert all(map(math.isfinite, force_of(outputs)))
     assert leading.hand.line.pose == HERE
 
@@ -644,3 +645,16 @@ def test_a_device_that_gives_no_position_is_told_in_a_scene() -> None:
         driven.tick(Tick(tick * 1_000_000, 1_000_000))
         counted.append(driven.nowhere)
     assert counted == [0, 1, 2, 2]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("friction", "stiffness"), [("dry", 3000.0), ("rubber", 1500.0)])
+def test_a_session_feels_how_a_surface_yields_along_itself_and_never_buzzes(friction: str, stiffness: float) -> None:
+    still = {"fusion": "none", "displacement": 0.0, "turn": 0.0}
+    settings = SessionSettings(scene="hill", friction=friction, grip="normal", seed=2, **still)
+    report = session_report(simulate(settings, duration=40.0).log)
+    learnt = report.scene.friction
+    assert learnt.stiffness_N_per_m == pytest.approx(stiffness, abs=2.0 * learnt.stiffness_deviation_N_per_m)
+    assert learnt.coefficient == pytest.approx(learnt.true_coefficient, abs=0.02)
+    assert report.scene.energy.certificate_holds
+    assert not report.hand.oscillation.oscillates

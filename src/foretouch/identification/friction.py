@@ -1,4 +1,4 @@
-"""Friction: coefficient and viscous part from sliding, the bristles' stiffness from sticking; compiled."""
+"""Friction: coefficient and viscous part from sliding, the bristles' stiffness from where it turns; compiled."""
 
 from __future__ import annotations
 
@@ -11,13 +11,17 @@ from numpy.typing import NDArray
 
 from foretouch.core import Held, Kernel, Record, compiled
 from foretouch.identification.estimator import Status
+from foretouch.models.friction import at_rest
 from foretouch.quantities.pose import Vector
 
-SLOWEST = 2e-3  # Least speed of sliding [m/s]: below it the probe may stick
+SLOWEST = 0.01
+"""Least speed of sliding [m/s]: below it the probe may stick, and the encoders' noise turns the direction, so that
+friction seems to be less."""
+
 LEAST_NORMAL_FORCE = 0.3  # Least normal force [N]: below it the sensor's noise would be learnt
 LEAST_WAY = 1e-3  # Least distance in one direction [m]: before it tool and material still bend instead of sliding
 SAME_DIRECTION = 0.7  # Least cosine to the direction in which the motion began; below it another motion begins
-SMOOTHING = 0.01  # Time constant of the low-pass of velocity and forces [s]
+SMOOTHING = 5e-3  # Time constant of the low-pass of velocity and forces [s]: the speed of one tick is mostly noise
 
 FORCE_NOISE, SHARE_NOISE = 0.05, 0.05
 """Standard deviation of the tangential force: constant [N], and the fraction that no law of friction explains."""
@@ -30,11 +34,23 @@ LARGEST_A, LARGEST_D = 0.5**2, 2.0**2  # Variances of mu [-] and c [N s/m] befor
 FEWEST, SURE = 50, 0.1
 """Least number of samples, and largest standard deviation of mu, for a known coefficient."""
 
-STUCK = 0.5  # Largest tangential force of a probe that sticks, as a fraction of that with which it slides
+SOFTEST, STIFFEST, BRISTLES = 300.0, 3e4, 10
+"""Range of the bristles' stiffness [N/m], and number of those that are tried in it. A stiffer one bends by less than
+the encoders show, and a softer one is the material."""
 
-LARGEST_K = 1e4**2  # Variance of the bristles' stiffness before the first sample [N^2/m^2]
+STEP = math.log(STIFFEST / SOFTEST) / (BRISTLES - 1)
+TRIED = tuple(SOFTEST * math.exp(STEP * number) for number in range(BRISTLES))
 
-STUCK_SURE = 0.2  # Largest relative standard deviation of a known stiffness of the bristles
+RATIO, EXCESSES = 0.3, 5
+"""Step and number of the excesses of static friction that are tried, as fractions of Coulomb's."""
+
+DRIFT = 0.1
+"""Time in which a bristle forgets by how much its force is wrong [s]: what turns takes less, and of what it did before
+the contact was felt, and of how the surface gives way, it knows nothing."""
+
+LAW_ERROR, STIFFNESS_SURE = 0.15, 0.25
+"""Relative standard deviation of the stiffness for the law, which yields all at once where others do by and by; and the
+largest of a known one, with that of the noise."""
 
 LARGEST_COEFFICIENT = 2.0  # Largest coefficient of a surface [-]
 
@@ -54,10 +70,8 @@ class Friction(Record):
     start: Annotated[NDArray[np.float64], float, 3]  # direction in which the motion began
     way: float  # distance in one direction [m]
     updates: int
-    bent: Annotated[NDArray[np.float64], float, 3]  # way along the surface since the probe sticks [m]
-    began: Annotated[NDArray[np.float64], float, 3] = math.nan  # type: ignore[assignment]  # force there [N], or NaN
-    stiffness: float  # of the bristles [N/m]
-    spread: float = LARGEST_K  # and its variance
+    bends: Annotated[NDArray[np.float64], float, (BRISTLES + EXCESSES, 3)]  # of the bristles that are tried [m]
+    misfits: Annotated[NDArray[np.float64], float, BRISTLES + EXCESSES]  # sums of their squared errors, in variances
 
 
 @compiled
@@ -97,33 +111,36 @@ def _learn(friction: Friction, pressed: float, speed: float, against: float, per
 
 
 @compiled(error_model="numpy")
-def _stick(friction: Friction, period: float, share: float) -> None:
-    """One step of recursive least squares of the bristles' stiffness, from how the force grows as the probe sticks."""
-    now, bent, began, c = friction.filtered, friction.bent, friction.began, max(friction.theta[1], 0.0)
-    rubbed = math.sqrt(now[1] * now[1] + now[2] * now[2] + now[3] * now[3])
-    if now[0] < LEAST_NORMAL_FORCE or friction.updates < FEWEST or rubbed >= STUCK * friction.theta[0] * now[0]:
-        began[0] = math.nan
-        return
-    if math.isnan(began[0]):
+def _bend(friction: Friction, first: bool, period: float, share: float) -> None:
+    """Bend all bristles along, and count by how much the force of each is wrong."""
+    now, mu, c = friction.filtered, friction.theta[0], max(friction.theta[1], 0.0)
+    cone, slow = max(mu * now[0], 0.0), at_rest(math.sqrt(now[4] * now[4] + now[5] * now[5] + now[6] * now[6]))
+    first = first or friction.updates < FEWEST or now[0] < LEAST_NORMAL_FORCE
+    variance = (FORCE_NOISE * FORCE_NOISE + (SHARE_NOISE * cone) * (SHARE_NOISE * cone)) / share
+    kept, drift = math.exp(-period / MEMORY), -math.expm1(-period / DRIFT)
+    best = TRIED[np.argmin(friction.misfits[:BRISTLES])]
+    for j in range(BRISTLES + EXCESSES):
+        stiffness, most = (TRIED[j], cone) if j < BRISTLES else (best, cone * (1.0 + slow * RATIO * (j - BRISTLES)))
+        bend, square = friction.bends[j], 0.0
         for k in range(3):
-            bent[k], began[k] = 0.0, now[1 + k] + c * now[4 + k]
-        return
-    square = along = against = speed = 0.0
-    for k in range(3):
-        against -= now[1 + k] * now[4 + k]
-        speed += now[4 + k] * now[4 + k]
-    part = against / (math.sqrt(speed) * friction.theta[0] * now[0]) if speed > 0.0 else 0.0
-    for k in range(3):
-        bent[k] += (1.0 - part) * now[4 + k] * period
-        square += bent[k] * bent[k]
-        along -= bent[k] * (now[1 + k] + c * now[4 + k] - began[k])
-    if not square > 0.0:
-        return
-    way, spread = math.sqrt(square), min(friction.spread * math.exp(period / MEMORY), LARGEST_K)
-    expected = square * spread + FORCE_NOISE * FORCE_NOISE / share
-    gain = spread * way / expected
-    friction.stiffness += gain * (along / way - friction.stiffness * way)
-    friction.spread = spread * (1.0 - gain * way)
+            bend[k] += now[4 + k] * period
+            square += bend[k] * bend[k]
+        size, misfit = stiffness * math.sqrt(square), 0.0
+        within = most / size if size > most else 1.0
+        for k in range(3):
+            held = stiffness * bend[k] * within
+            wrong = now[1 + k] + c * now[4 + k] + held
+            misfit += wrong * wrong
+            bend[k] = (held - (1.0 if first else drift) * wrong) / stiffness
+        if not first:
+            friction.misfits[j] = friction.misfits[j] * kept + misfit / variance
+
+
+@compiled
+def let_go(friction: Friction) -> None:
+    """The contact has ended: what is felt next is of another one."""
+    friction.filtered[0] = math.nan
+    friction.way = 0.0
 
 
 @compiled(error_model="numpy")
@@ -140,7 +157,7 @@ def learn_friction(friction: Friction, pressed: float, rubbed: Vector, sliding: 
     for k in range(7):
         before = values[k] if first else now[k]
         now[k] = before + weight * (values[k] - before)
-    _stick(friction, period, weight)
+    _bend(friction, first, period, weight)
     vx, vy, vz = now[4], now[5], now[6]
     speed = math.sqrt(vx * vx + vy * vy + vz * vz)
     if speed < SLOWEST or now[0] < LEAST_NORMAL_FORCE:
@@ -160,16 +177,20 @@ class FrictionEstimator(Held):
     r"""Recursive least squares of Coulomb and viscous friction on the force against the sliding, and of the bristles.
 
     .. math:: -f_t \cdot \frac{v}{|v|} = \mu f_n + c |v|, \qquad
-        -(f_t + c v)\big|_{p_0}^{p} = \sigma \int_{p_0}^{p} \left(1 + \frac{f_t \cdot v}{\mu f_n |v|}\right) dp
+        -f_t = \sigma z + c\, v, \quad z \leftarrow z + v\, \Delta t, \quad
+        \sigma |z| \le \left(\mu + \epsilon\, e^{-(|v| / v_s)^2}\right) f_n
 
-    The second is of a probe that sticks: from where the force along the surface has fallen below half of
-    :math:`\mu f_n`, as where the hand turns, and until it is above that again. It is Dahl's law: bristles bend the less
-    the nearer they are to sliding.
-
-    The first is of samples that slide: faster than 2 mm/s, pressed with more than 0.3 N, and 1 mm on the way. Velocity
+    The first is of samples that slide: faster than 10 mm/s, pressed with more than 0.3 N, and 1 mm on the way. Velocity
     and forces are low-passed alike, so that they stay together. Samples are weighted by a noise of 0.05 N and 5 %, and
-    by the share of the low-pass's time that they are new; forgetting is by the time slid or stuck, and never beyond
-    the prior. Where speed and normal force do not vary, mu and c cannot be told apart: the deviations say so.
+    by the share of the low-pass's time that they are new; forgetting is by the time slid, and never beyond the prior.
+    Where speed and normal force do not vary, mu and c cannot be told apart: the deviations say so.
+
+    The second is the bristle that `foretouch.rendering.FrictionRenderer` renders. Ten, of 300 to 30,000 N/m, bend with
+    the probe, each drawn to the measured force within 0.1 s; the stiffness is where the parabola through the least of
+    their sums of squared errors and its neighbours has its vertex, over the logarithm. What tells of it is where the
+    hand turns. Where the surface's own law yields by and by, as Dahl's does, it is stiffer by up to a fifth. Five
+    more of that stiffness have an excess :math:`\epsilon` of 0 to 1.2 mu, for :math:`v_s` = 5 mm/s: likewise, and for
+    such a law up to two fifths too small.
 
     Args:
         frictions: Array of one `Friction` that this one takes, part of another record; None for one of its own.
@@ -228,28 +249,58 @@ class FrictionEstimator(Held):
         a, _, d = self.records["covariance"][0].tolist()
         return math.sqrt(max(a, 0.0)), math.sqrt(max(d, 0.0))
 
+    def _vertex(self, begin: int, end: int) -> tuple[float, float, bool]:
+        """Vertex of the parabola through the least of some misfits, in steps; its deviation; whether it is within.
+
+        The deviation is infinite where there is no vertex.
+        """
+        misfits = self.records["misfits"][0, begin:end]
+        least = int(np.argmin(misfits))
+        middle = min(max(least, 1), len(misfits) - 2)
+        before, there, after = misfits[middle - 1 : middle + 2].tolist()
+        bent = before - 2.0 * there + after
+        if not bent > 0.0:
+            return float(least), math.inf, False
+        return middle + 0.5 * (before - after) / bent, math.sqrt(2.0 / bent), middle == least
+
     @property
     def stiffness(self) -> float:
-        """Stiffness sigma of the bristles along the surface [N/m], not negative."""
-        return max(float(self.records["stiffness"][0]), 0.0)
+        """Stiffness sigma of the bristles along the surface [N/m], about 300 to 30,000."""
+        return SOFTEST * math.exp(STEP * min(max(self._vertex(0, BRISTLES)[0], 0.0), BRISTLES - 1.0))
 
     @property
     def stiffness_deviation(self) -> float:
-        """Its standard deviation [N/m]."""
-        return math.sqrt(float(self.records["spread"][0]))
+        """Its standard deviation [N/m]; infinite where it is not within that range, or nothing tells of it."""
+        _, deviation, within = self._vertex(0, BRISTLES)
+        return self.stiffness * math.hypot(STEP * deviation, LAW_ERROR) if within else math.inf
 
     @property
     def sticks(self) -> bool:
-        """Whether the stiffness of the bristles is certain enough to render: to 20 %."""
-        return self.stiffness_deviation < STUCK_SURE * self.stiffness
+        """Whether the stiffness of the bristles is certain enough to render: to 25 %."""
+        return self.stiffness_deviation < STIFFNESS_SURE * self.stiffness
+
+    @property
+    def excess(self) -> float:
+        """How much larger the coefficient is of a probe that hardly moves [-], not negative."""
+        most = EXCESSES - 1.0
+        return RATIO * min(max(self._vertex(BRISTLES, BRISTLES + EXCESSES)[0], 0.0), most) * self.coefficient
+
+    @property
+    def excess_deviation(self) -> float:
+        """Its standard deviation [-]; infinite where nothing tells of it."""
+        return RATIO * self._vertex(BRISTLES, BRISTLES + EXCESSES)[1] * self.coefficient
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """What is told of it: mu, c and their deviations; nothing before mu is certain enough.
+        """What is told of it, as in `foretouch.messages.ModelUpdate`: 0 for what is not certain enough to render.
 
-        The bristles' stiffness is not: in a session the force comes later than the motion, and they seem too soft.
+        Nothing before mu is.
         """
-        return (self.coefficient, self.viscous, *self.deviations) if self.known else ()
+        if not self.known:
+            return ()
+        bristles = (self.stiffness, self.stiffness_deviation) if self.sticks else (0.0, 0.0)
+        rest = (self.excess, self.excess_deviation) if self.excess_deviation < SURE else (0.0, 0.0)
+        return (self.coefficient, self.viscous, *self.deviations, *bristles, *rest)
 
     @property
     def known(self) -> bool:

@@ -17,6 +17,7 @@ from foretouch.messages.hellos import (
     split_texts,
 )
 from foretouch.messages.schema import (
+    FRICTION_NUMBERS,
     SIDES,
     SPEAKERS,
     STATUS_SENTENCES,
@@ -57,6 +58,7 @@ __all__ = [
     "COUNT_PREFIX",
     "FOLLOWER_DTYPE",
     "FOLLOWER_SPACE_DTYPE",
+    "FRICTION_NUMBERS",
     "LARGEST_MESSAGE",
     "LEADER_DTYPE",
     "LEADER_SPACE_DTYPE",

@@ -15,7 +15,7 @@ import msgspec
 
 from foretouch.quantities import brief_text
 
-VERSION = 12
+VERSION = 13
 """Version of the schema. It changes with every change of a field or a key; peers must agree."""
 
 Count = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
@@ -36,6 +36,8 @@ Speaker = Annotated[str, msgspec.Meta(pattern=rf"^({'|'.join(SPEAKERS)})\Z")]
 Pose = Annotated[tuple[float, ...], msgspec.Meta(max_length=6)]
 Place = Annotated[tuple[float, ...], msgspec.Meta(max_length=3)]
 """Position of a point in the world [m], or empty."""
+FRICTION_NUMBERS = 8
+"""Numbers of a `ModelUpdate` that tell of friction, where it is known."""
 Chosen = Annotated[str, msgspec.Meta(max_length=64, pattern=r"^[A-Za-z0-9_.-]*\Z")]
 """Name of a material, an operator or a grip, or "": nothing that is a path or an option."""
 
@@ -135,8 +137,8 @@ class ModelUpdate(Message, frozen=True, array_like=True, gc=False):
         fixture_deviation: Standard deviation of each of these numbers, of the error on the pose's right.
         fixture_age: Time since an image showed it [s], infinite before the first.
         friction: Coefficient of Coulomb friction and of viscous friction [N s/m], and the standard deviation of each,
-            empty while it is not known; then the stiffness with which the surface yields before it slides [N/m], and
-            its standard deviation, if that is known too.
+            empty while it is not known; then with its standard deviation each the stiffness with which the surface
+            yields before it slides [N/m], and how much larger the coefficient is at rest [-]: 0 while not known.
         standard_errors: Standard error of each of `parameters`, NaN where undetermined; empty where none are given.
     """
 
@@ -154,7 +156,7 @@ class ModelUpdate(Message, frozen=True, array_like=True, gc=False):
     fixture: Pose = ()
     fixture_deviation: Pose = ()
     fixture_age: float = math.inf
-    friction: Annotated[tuple[float, ...], msgspec.Meta(max_length=6)] = ()
+    friction: Annotated[tuple[float, ...], msgspec.Meta(max_length=FRICTION_NUMBERS)] = ()
     standard_errors: Numbers = ()
 
 

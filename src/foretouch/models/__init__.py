@@ -3,7 +3,7 @@
 from foretouch.models.classic import ContinuousSwitching, HuntCrossley, KelvinVoigt, ThresholdSwitching
 from foretouch.models.contact_map.model import ContactMapModel, MapSummary, summarise_map
 from foretouch.models.contact_model import NO_STATE, ContactModel, ContactState, advance
-from foretouch.models.friction import BristleFriction
+from foretouch.models.friction import FRICTIONS, BristleFriction
 from foretouch.models.laws import LAWS, make_model
 from foretouch.models.memoryless_law import LinearisedContinuousSwitching, MemorylessLaw
 from foretouch.models.predictor import MotionFilter, Predictor
@@ -11,6 +11,7 @@ from foretouch.models.scale_field import FIELD_DEPTH, ScaleField, stiffness_at_r
 
 __all__ = [
     "FIELD_DEPTH",
+    "FRICTIONS",
     "LAWS",
     "NO_STATE",
     "BristleFriction",

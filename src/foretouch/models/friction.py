@@ -5,13 +5,22 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from foretouch.core import compiled
 from foretouch.errors.checks import require
 from foretouch.quantities.pose import Vector, add, norm, scaled, subtract
 
 NOTHING: Vector = (0.0, 0.0, 0.0)
 
+SLOW = 5e-3  # Speed at which most of the excess of static friction is gone, where no other is given or learnt [m/s]
+
 BRISTLE_TIME = 1e-3
 """Time constant of the bristle's own damping [s]: without any, what sticks would swing for ever."""
+
+
+@compiled
+def at_rest(speed: float) -> float:
+    """How much of the excess of static friction is left at a speed [m/s], 1 at rest: exp(-(v / 5 mm/s)^2)."""
+    return math.exp(-(speed / SLOW) * (speed / SLOW))
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +55,7 @@ class BristleFriction:
     viscous: float = 0.5
     stiffness: float = 3000.0
     static: float = 1.0
-    slow: float = 5e-3
+    slow: float = SLOW
 
     def __post_init__(self) -> None:
         require("coefficient", self.coefficient, at_least=0.0)
@@ -83,3 +92,11 @@ class BristleFriction:
             after = scaled(after, most / size)
         pulled = add(after, scaled(subtract(after, bend), BRISTLE_TIME / max(period, BRISTLE_TIME)))
         return after, subtract(scaled(pulled, -self.stiffness), scaled(velocity, self.viscous))
+
+
+FRICTIONS = {
+    "dry": BristleFriction(),
+    "rubber": BristleFriction(coefficient=0.6, viscous=2.0, stiffness=1500.0, static=1.6),
+    "wet": BristleFriction(coefficient=0.05, viscous=2.0, stiffness=10_000.0),
+}
+"""Kinds of friction that a simulated scene may have; on the second a slow probe sticks and slips."""

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from foretouch.core import Held, Kernel, Record, compiled
 from foretouch.errors.checks import require
+from foretouch.models.friction import at_rest
 from foretouch.quantities.pose import Vector
 from foretouch.rendering.surfaces.geometry import add, dot, norm, scaled, subtract, vector, write
 
@@ -30,6 +31,7 @@ class Friction(Record):
     delay: float  # d [s]
     coefficient: float  # mu [-]
     viscous: float  # c [N s/m]
+    excess: float  # epsilon [-]
     bristle: float = math.inf  # sigma [N/m]
     carried: float = math.inf  # k of the newest tick [N/m]
     touching: bool  # whether the touched point is known
@@ -59,7 +61,7 @@ def let_go(friction: Friction) -> None:
 def rub(friction: Friction, point: Vector, normal: Vector, pressed: float, period: float) -> Vector:
     """See `FrictionRenderer.update`."""
     mu, viscous = friction.coefficient, friction.viscous
-    finite = math.isfinite(sum(point) + sum(normal) + mu + viscous) and pressed < math.inf
+    finite = math.isfinite(sum(point) + sum(normal) + mu + viscous + friction.excess) and pressed < math.inf
     if not (pressed > 0.0 and finite and period > 0.0):
         let_go(friction)
         return NOTHING
@@ -67,7 +69,7 @@ def rub(friction: Friction, point: Vector, normal: Vector, pressed: float, perio
     write(friction.point, point)
     friction.touching = True
     moved = _along(subtract(point, before), normal)
-    cone = max(mu, 0.0) * pressed
+    cone = (max(mu, 0.0) + max(friction.excess, 0.0) * at_rest(norm(v))) * pressed
     c = min(max(viscous, 0.0), VISCOUS_SHARE * friction.damping)
     k = min(friction.stiffness, (friction.damping - c) / (0.5 * period + friction.delay))
     if friction.bristle > 0.0:
@@ -97,7 +99,8 @@ class FrictionRenderer(Held):
     r"""Coulomb friction that sticks, and viscous friction beside it.
 
     .. math::
-        z &\leftarrow P (z + \Delta p), \quad P = I - n n^T, \quad |k z| \le \mu f_n \\
+        z &\leftarrow P (z + \Delta p), \quad P = I - n n^T, \quad
+        |k z| \le \left(\mu + \epsilon\, e^{-(|v| / v_s)^2}\right) f_n \\
         f &= -k z - c\, v
 
     z is the bend of the bristle, p the touched point, n the normal, v the low-passed velocity along the surface. The
@@ -113,7 +116,8 @@ class FrictionRenderer(Held):
 
     so that it yields to the hand as it does to the robot, with the surface's own :math:`\sigma`. Without a delay device
     and friction together never give out energy, whatever the motion, normal force, mu, normal and :math:`\sigma` do;
-    with one, where the bristle does not slide. The account of energy covers the rest.
+    with one, where the bristle does not slide. The account of energy covers the rest. A cone that is wider at
+    rest (epsilon, with :math:`v_s` = 5 mm/s) is one that changes: what sticks, then slips, loses what the bristle held.
 
     Args:
         stiffness: Stiffness K that the device carries [N/m], not negative.
@@ -165,6 +169,7 @@ class FrictionRenderer(Held):
         viscous: float,
         period: float,
         stiffness: float = math.inf,
+        excess: float = 0.0,
     ) -> Vector:
         r"""One tick; never raises, and gives no force for invalid numbers.
 
@@ -177,10 +182,14 @@ class FrictionRenderer(Held):
             period: Time T since the previous tick [s].
             stiffness: Stiffness sigma of the surface's own bristles [N/m]; not above zero or infinite where unknown.
 
+            excess: How much larger mu is at rest, epsilon [-]; below zero counts as zero.
+
         Returns:
-            The force on the hand [N]: along the surface, of length :math:`\mu f_n + c |v|` at most.
+            The force on the hand [N]: along the surface, of length :math:`(\mu + \epsilon) f_n + c |v|` at most.
         """
         x, y, z = point
         nx, ny, nz = normal
-        self.records["coefficient"], self.records["viscous"], self.records["bristle"] = mu, viscous, stiffness
+        records = self.records
+        records["coefficient"], records["viscous"], records["excess"] = mu, viscous, excess
+        records["bristle"] = stiffness
         return _rub.entry(self.records[0], (x, y, z), (nx, ny, nz), normal_force, period)

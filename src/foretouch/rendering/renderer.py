@@ -146,13 +146,14 @@ class Renderer:
         """rho, share of the hand's motion that the proxy takes part in until the next tick."""
         return self.shown[5]
 
-    def rub(self, coefficient: float, viscous: float, stiffness: float = math.inf) -> None:
+    def rub(self, coefficient: float, viscous: float, stiffness: float = math.inf, excess: float = 0.0) -> None:
         """Friction along the surface from now on: coefficient of Coulomb friction [-] and viscous friction [N s/m].
 
-        The stiffness is that with which a surface yields before it slides [N/m], infinite where it is unknown.
+        The stiffness is that with which a surface yields before it slides [N/m], infinite where it is unknown, and the
+        excess how much larger the coefficient is at rest [-].
         """
         friction = self._rendering["friction"]
-        friction["bristle"] = stiffness
+        friction["bristle"], friction["excess"] = stiffness, excess
         friction["coefficient"], friction["viscous"], self.coefficient = coefficient, viscous, coefficient
 
     def go_over(self, hand: whole.OverSurface, now: whole.Now) -> tuple[Coordinates, float | None]:

@@ -72,7 +72,7 @@ class SpaceSetup(LineSetup):
 
     def __init__(self, settings: SessionSettings) -> None:
         super().__init__(settings)
-        self._scene = spatial.make_scene(settings.scene, settings.probe_radius)
+        self._scene = spatial.make_scene(settings.scene, settings.probe_radius, settings.friction)
 
     def robot(self) -> Any:
         """See `make_spatial_robot`; how far the material is, the scene says."""

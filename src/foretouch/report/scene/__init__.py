@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from foretouch.errors import ForetouchError
-from foretouch.messages import SessionLog
+from foretouch.messages import FRICTION_NUMBERS, SessionLog
 from foretouch.models import BristleFriction, ScaleField
 from foretouch.quantities import Array, Flags, Rows
 from foretouch.report.energy import (
@@ -33,16 +33,22 @@ from foretouch.robot import MATERIALS
 from foretouch.session.spatial import Scene, make_scene
 
 FELT = 0.05  # A force above this is one that is felt [N]
+BEHIND = 1e-3  # Distance from its command above which a robot is not there yet [m]
 EPISODE = 0.02  # Shorter ones are edges of a contact, which are never quite where they were [s]
 
 
 class Wrong(NamedTuple):
-    """Wrong contacts in rows at equal command, shape (n,): false, missed, before any model; and the counted rows."""
+    """Wrong contacts in rows at equal command, shape (n,): false, missed, before any model; and the counted rows.
+
+    Last, which of the false are of a robot that was not there yet, more than a millimetre from the hand: where nobody
+    knows the surface it comes slowly.
+    """
 
     false: Flags
     missed: Flags
     first: Flags
     counted: Flags
+    behind: Flags
 
 
 def wrong_contacts(log: SessionLog, pairs: Pairs) -> Wrong | None:
@@ -55,7 +61,9 @@ def wrong_contacts(log: SessionLog, pairs: Pairs) -> Wrong | None:
     valid = [model.sequence for model in log.models if model.valid]
     known = pairs.leader["model_sequence"] >= min(valid, default=np.iinfo(np.int64).max)
     untold = (true > FELT) & ~(wanted > FELT) & counted
-    return Wrong((wanted > FELT) & (true == 0.0) & counted, untold & known, untold & ~known, counted)
+    false = (wanted > FELT) & (true == 0.0) & counted
+    behind = false & (np.abs(pairs.leader["position"] - pairs.follower["position"]) > BEHIND)
+    return Wrong(false, untold & known, untold & ~known, counted, behind)
 
 
 def contact_figures(wrong: Wrong | None, time: Array) -> dict[str, Any]:
@@ -63,29 +71,35 @@ def contact_figures(wrong: Wrong | None, time: Array) -> dict[str, Any]:
 
     Returns:
         ``false``, ``missed`` and ``before_model``, each with ``percent`` of the rows that are counted, the number of
-        ``episodes`` longer than 20 ms, and the ``longest_s`` of them, 0 where there is none; all None where
-        unknown.
+        ``episodes`` longer than 20 ms, and the ``longest_s`` of them, 0 where there is none;
+        ``behind`` likewise: the false ones while the robot was not there yet. All None where unknown.
     """
-    names = ("false", "missed", "before_model")
+    names = ("false", "missed", "before_model", "behind")
     if wrong is None:
         return {name: dict.fromkeys(("percent", "episodes", "longest_s")) for name in names}
-    return {name: _figures(flags, wrong.counted, time) for name, flags in zip(names, wrong, strict=False)}
+    return {
+        name: _figures(flags, wrong.counted, time)
+        for name, flags in zip(names, (*wrong[:3], wrong.behind), strict=True)
+    }
 
 
 def friction_figures(log: SessionLog, true: BristleFriction | None) -> dict[str, float | None]:
     """Friction as it was learnt last, beside the true one, None where unknown."""
-    friction = next((model.friction for model in reversed(log.models) if len(model.friction) >= 4), (None,) * 4)
-    stiffness = next((model.friction[4:] for model in reversed(log.models) if len(model.friction) == 6), (None,) * 2)
+    learnt = next((model.friction for model in reversed(log.models) if len(model.friction) == FRICTION_NUMBERS), None)
+    coefficient, viscous, of_mu, of_c, stiffness, of_stiffness, excess, of_excess = learnt or (None,) * FRICTION_NUMBERS
     return {
-        "coefficient": friction[0],
-        "deviation": friction[2],
+        "coefficient": coefficient,
+        "deviation": of_mu,
         "true_coefficient": None if true is None else true.coefficient,
-        "viscous_N_s_per_m": friction[1],
-        "viscous_deviation_N_s_per_m": friction[3],
+        "viscous_N_s_per_m": viscous,
+        "viscous_deviation_N_s_per_m": of_c,
         "true_viscous_N_s_per_m": None if true is None else true.viscous,
-        "stiffness_N_per_m": stiffness[0],
-        "stiffness_deviation_N_per_m": stiffness[1],
+        "stiffness_N_per_m": stiffness or None,
+        "stiffness_deviation_N_per_m": of_stiffness or None,
         "true_stiffness_N_per_m": None if true is None else true.stiffness,
+        "excess_at_rest": excess if of_excess else None,
+        "excess_deviation": of_excess or None,
+        "true_excess_at_rest": None if true is None else (true.static - 1.0) * true.coefficient,
     }
 
 
@@ -275,6 +289,7 @@ def _is_simulated(rows: SceneRows) -> bool:
 
 def _scene(settings: Mapping[str, str]) -> Scene | None:
     try:
-        return make_scene(setting(settings, "scene", ""), number_of(settings, "probe_radius", 0.0))
+        radius, rubs = number_of(settings, "probe_radius", 0.0), setting(settings, "friction", "dry")
+        return make_scene(setting(settings, "scene", ""), radius, rubs)
     except ForetouchError:
         return None

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from foretouch.messages import SessionLog
+from foretouch.messages import FRICTION_NUMBERS, SessionLog
 from foretouch.quantities import Array, new_figure
 from foretouch.report.drawing import (
     ERROR,
@@ -71,7 +71,7 @@ def contact_figure(log: SessionLog, pairs: Pairs, wrong: Wrong, true_friction: f
     shade(force, pairs.time, wrong.first, "0.5", "before any model")
     force.set(title="Contacts at equal command", ylabel="force [N]")
     legend(force, columns=5)
-    known = [model for model in log.models if len(model.friction) >= 4]
+    known = [model for model in log.models if len(model.friction) == FRICTION_NUMBERS]
     rows = [(1e-9 * (model.time_ns - start_ns), *model.friction[:4]) for model in known]
     if rows:
         values = np.array(rows)
@@ -191,7 +191,8 @@ _FUSIONS = {"full": "images and touches", "image": "images", "contact": "touches
 _CONTACTS = (
     "  contacts   false in {false.percent:%} of the commands ({false.episodes} over 20 ms), "
     "missed in {missed.percent:%} of the commands ({missed.episodes} over 20 ms);",
-    "             {before_model.percent:%} touched before there was any model",
+    "             {before_model.percent:%} touched before there was any model; of the false, {behind.percent:%} of the "
+    "commands while the robot was not there yet",
 )
 _FORCES = (
     "  in space   at most {total_hand_N:N} at the hand ({tangential_hand_N:N} of it along the surface), "
@@ -227,6 +228,9 @@ def _friction(friction: Mapping[str, Any]) -> str:
         is_known = friction["true_stiffness_N_per_m"] is not None
         text += "; yields by {stiffness_N_per_m:=} N/m before it slides"
         text += ", and by {true_stiffness_N_per_m:=} N/m in truth" if is_known else ""
+    if friction["excess_at_rest"] is not None:
+        text += "; {excess_at_rest:=} more at rest"
+        text += ", and {true_excess_at_rest:=} in truth" if friction["true_excess_at_rest"] is not None else ""
     return filled(text, friction)
 
 

@@ -10,7 +10,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from foretouch.errors import DecodeError
-from foretouch.messages import FieldUpdate, LeaderSpace, Message, ModelUpdate, Telemetry
+from foretouch.messages import FRICTION_NUMBERS, FieldUpdate, LeaderSpace, Message, ModelUpdate, Telemetry
 from foretouch.models import ScaleField
 from foretouch.quantities.pose import Vector, norm, subtract
 from foretouch.rendering import Renderer
@@ -128,9 +128,11 @@ class HandInSpace(HandOnAxis):
         self._certainty = norm(deviation[:3]), norm(deviation[3:]), model.fixture_age
         if model.fixture:
             self.line.believe(model.fixture)
-        if len(model.friction) >= 2 and all(0.0 <= value < math.inf for value in model.friction[:2]):
-            stiffness = model.friction[4] if len(model.friction) > 4 and model.friction[4] > 0.0 else math.inf
-            renderer.rub(min(model.friction[0], MOST_FRICTION), min(model.friction[1], MOST_VISCOUS), stiffness)
+        friction = model.friction
+        if len(friction) == FRICTION_NUMBERS and all(0.0 <= value < math.inf for value in friction):
+            mu, viscous, _, _, stiffness, _, excess, _ = friction
+            mu, excess = min(mu, MOST_FRICTION), min(excess, MOST_FRICTION)
+            renderer.rub(mu, min(viscous, MOST_VISCOUS), stiffness or math.inf, excess)
         if model.valid and math.isfinite(model.surface):
             self.felt_deeper = model.surface
 

@@ -9,7 +9,7 @@ import msgspec
 
 from foretouch.core import Kernel, compiled
 from foretouch.identification import FrictionEstimator, ScaleFieldLearner
-from foretouch.identification.friction import learn_friction
+from foretouch.identification.friction import learn_friction, let_go
 from foretouch.messages import VERSION, Command, FixtureBelief, FollowerSpace, ModelUpdate
 from foretouch.quantities import pose as rigid
 from foretouch.quantities.pose import Vector
@@ -37,17 +37,10 @@ QUIET, SETTLING = 0.3, 50
 AFTER_CONTACT = 500
 """Ticks after a contact before free air begins: a probe that leaves slowly still feels a little below the threshold."""
 
-SLIDING = 0.01
-"""Speed below which the direction of sliding is unknown [m/s]: the encoders' noise turns it, and friction seems to be
-less."""
-
 LATEST = 2e-3  # Depth at which a contact may have been noticed at most [m]; one noticed deeper tells no surface
 
 FELT_WAY, TOUCH_EXPONENT = 1e-3, 1.15
 """The surface is known from how the force grows over this way [m], with this exponent of depth."""
-
-SMOOTHED = -math.expm1(-2.0 * math.pi * 20.0 * SAMPLE_PERIOD)
-"""Weight of a tick in a low-pass of 20 Hz: the speed of one tick is mostly the encoders' noise."""
 
 
 @compiled(error_model="numpy")
@@ -99,18 +92,12 @@ def learn_beside(space: Space, states: States, force: Vector, tick: int) -> bool
     moved = subtract(point, vector(beside.point))
     write(beside.point, point)
     if not newest.in_contact:
+        let_go(beside.friction)
         return _in_free_air(beside, states, force)
     beside.free_ticks = -AFTER_CONTACT
     if math.isfinite(moved[0] + sideways[0] + sideways[1] + sideways[2]):
-        rubbed, sliding = vector(beside.rubbed), vector(beside.sliding)
-        speed = rotate(line, scaled(moved, 1.0 / SAMPLE_PERIOD))
-        beside.pressed += SMOOTHED * (newest.force - beside.pressed)
-        rubbed = add(rubbed, scaled(subtract(sideways, rubbed), SMOOTHED))
-        sliding = add(sliding, scaled(subtract(speed, sliding), SMOOTHED))
-        write(beside.rubbed, rubbed)
-        write(beside.sliding, sliding)
-        if norm(sliding) > SLIDING:
-            learn_friction(beside.friction, beside.pressed, rubbed, sliding, SAMPLE_PERIOD)
+        sliding = rotate(line, scaled(moved, 1.0 / SAMPLE_PERIOD))
+        learn_friction(beside.friction, newest.force, sideways, sliding, SAMPLE_PERIOD)
     _feel(beside.touch, newest.force, line.closest, vector(course.here), tick)
     return False
 

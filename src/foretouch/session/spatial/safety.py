@@ -60,9 +60,6 @@ class Beside(Record):
 
     touch: FeltSurface
     friction: Friction
-    pressed: float  # force along the normal [N], low-passed
-    rubbed: Numbers3  # force along the surface [N], low-passed alike
-    sliding: Numbers3  # velocity along it [m/s], low-passed alike
     bias: Numbers3  # the sensor's offset [N]
     bias_ticks: int  # number of ticks that it is known from
     free_ticks: int  # since free air began; negative for a while after a contact

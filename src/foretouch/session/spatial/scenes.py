@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from foretouch.devices import Keyframe
 from foretouch.errors import InputError, UnknownNameError
-from foretouch.models import BristleFriction
+from foretouch.models import FRICTIONS, BristleFriction
 from foretouch.quantities.pose import Vector
 from foretouch.rendering.surfaces import (
     HeightField,
@@ -175,13 +175,14 @@ def _hilly() -> HeightField:
     return HeightField(heights, GRID, (MIDDLE[0] - 0.5 * SIDE, MIDDLE[1] - 0.5 * SIDE))
 
 
-def make_scene(name: str, probe_radius: float = 0.0) -> Scene:
+def make_scene(name: str, probe_radius: float = 0.0, friction: str = "dry") -> Scene:
     """A scene by name, or from the file of a mesh, as a probe feels it.
 
     Args:
         name: One of `SCENES`, or a path that ends as `MESH_ENDINGS` say: the mesh stands on the fixture as it is, in
             metres; its middle and its top are within 4 cm of (0.075, 0, 0).
         probe_radius: Radius of the sphere whose centre is the place of hand and robot [m]; 0 for a point.
+        friction: One of `foretouch.models.FRICTIONS`.
 
     Raises:
         SettingError: A radius that is negative or not finite.
@@ -189,7 +190,7 @@ def make_scene(name: str, probe_radius: float = 0.0) -> Scene:
         InputError: A file that cannot be read as a mesh, or one that no hand can touch where it is.
         MissingExtraError: The package that reads meshes is not installed.
     """
-    scene = _touched_by_a_point(name)
+    scene = replace(_touched_by_a_point(name), friction=FRICTIONS[friction])
     return replace(scene, surface=OffsetSurface(scene.surface, probe_radius)) if probe_radius else scene
 
 
