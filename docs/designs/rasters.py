@@ -52,22 +52,27 @@ class Raster(NamedTuple):
         return 100.0 * float(np.sqrt(np.mean(difference**2) / np.mean(self.true[scored] ** 2)))
 
     def told(self) -> NDArray[np.bool_]:
-        """Where the past could tell: see `TOLD_WITHIN`; by cells of a millimetre."""
-        cell = 1e-3
-        reach = round(TOLD_WITHIN / cell)
-        low = self.point[:, :2].min(axis=0) - 2.0 * TOLD_WITHIN
-        at = np.rint((self.point[:, :2] - low) / cell).astype(int)
-        deepest = np.full(at.max(axis=0) + 2 * reach + 1, -1.0)
-        rows, columns = np.mgrid[-reach : reach + 1, -reach : reach + 1]
-        near = np.hypot(rows, columns) <= reach
-        rows, columns = rows[near], columns[near]
-        found = np.zeros(self.depth.size, np.bool_)
-        for tick, depth in enumerate(self.depth):
-            if tick >= DELAY and self.depth[tick - DELAY] > 0.0:
-                about = at[tick - DELAY, 0] + rows, at[tick - DELAY, 1] + columns
-                deepest[about] = np.maximum(deepest[about], self.depth[tick - DELAY])
-            found[tick] = 0.0 < depth <= deepest[tuple(at[tick])]
-        return found
+        """Where the past could tell: see `told`."""
+        return told(self.point, self.depth, DELAY)
+
+
+def told(point: Array, depth: Array, delay: int) -> NDArray[np.bool_]:
+    """Where what was felt so many rows before could tell the force: see `TOLD_WITHIN`; by cells of a millimetre."""
+    cell = 1e-3
+    reach = round(TOLD_WITHIN / cell)
+    low = point[:, :2].min(axis=0) - 2.0 * TOLD_WITHIN
+    at = np.rint((point[:, :2] - low) / cell).astype(int)
+    deepest = np.full(at.max(axis=0) + 2 * reach + 1, -1.0)
+    rows, columns = np.mgrid[-reach : reach + 1, -reach : reach + 1]
+    near = np.hypot(rows, columns) <= reach
+    rows, columns = rows[near], columns[near]
+    found = np.zeros(depth.size, np.bool_)
+    for tick in range(depth.size):
+        if tick >= delay and depth[tick - delay] > 0.0:
+            about = at[tick - delay, 0] + rows, at[tick - delay, 1] + columns
+            deepest[about] = np.maximum(deepest[about], depth[tick - delay])
+        found[tick] = 0.0 < depth[tick] <= deepest[tuple(at[tick])]
+    return found
 
 
 @lru_cache(maxsize=4)
