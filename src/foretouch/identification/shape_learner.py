@@ -31,7 +31,7 @@ TOUCH_DEVIATION, LATE_DEVIATION = 2e-4, 2e-4
 """Standard deviation of where a contact began [m], and of what is common to all of one material: the onset is computed
 with one exponent for all."""
 
-AIR_DEVIATION = 5e-4
+AIR_DEVIATION = 1e-3
 """The same of a surface that is not higher than a probe in free air [m]: a soft one is felt late."""
 
 SLOPE_DEVIATION = 0.02

@@ -17,7 +17,6 @@ from foretouch.rendering.surfaces.learnt import LearntSurface
 from foretouch.session.settings import SAMPLE_PERIOD
 from foretouch.session.spatial.hand import NOWHERE, HandInSpace
 from foretouch.session.spatial.probe import SMOOTHED, ProbeInSpace
-from foretouch.session.spatial.way_in import MISSED
 from foretouch.session.steps.axis import Arrived, Finished
 from foretouch.session.steps.follower import GOOD, Inputs, State
 from foretouch.session.steps.follower_view import FollowerView
@@ -31,6 +30,10 @@ EVERY = 10  # Ticks between two measurements of a slope, or of free air
 
 LATE = SAMPLE_PERIOD / SMOOTHED
 """Time by which what is low-passed is late [s]: so is the place that it was felt at."""
+
+AIR_DEPTH, AIR_FORCE = 2e-3, 0.05
+"""Depth in the believed surface [m] at which less than this force [N] means that nothing is there. That there is no
+contact does not mean it: behind a stiff place contact is noticed late."""
 
 HEIGHT = 2  # Index of the height in the covariance of a pose
 
@@ -118,7 +121,7 @@ class ProbeOverUnknown(ProbeInSpace):
             force = add(scaled(line.newest.normal, float(beside.pressed)), tuple(beside.rubbed.tolist()))
             velocity = line.motion.rotate_back(self._velocity)
             self.shape.slide(subtract(inner, scaled(velocity, LATE)), line.motion.rotate_back(force), velocity)
-        elif line.newest.depth > MISSED:
+        elif line.newest.depth > AIR_DEPTH and abs(self.safety.spaces["felt"][0]) < AIR_FORCE:
             x, y, z = subtract(inner, scaled(line.motion.rotate_back(line.newest.normal), line.newest.depth))
             self.shape.touch((x, y, z), AIR_DEVIATION)
 
