@@ -23,7 +23,7 @@ def bumpy(seed: int) -> LearntSurface:
 def test_it_becomes_the_surface_that_was_learnt(seed: int) -> None:
     surface, random = bumpy(seed), np.random.default_rng(seed)
     fixed = surface_of(surface.field)
-    for _ in range(600):
+    for _ in range(5000):  # beside the probe, in its own rows, a vertex takes a small step in nine ticks
         surface.settle(X, 0.0)
     assert not surface.settle(X, 0.0)
     assert surface.mesh.vertices == pytest.approx(fixed.mesh.vertices, abs=3e-6)
