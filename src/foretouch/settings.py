@@ -30,7 +30,10 @@ SIMULATED = "simulated"
 BASELINES = (NO_BASELINE, "delayed", "delayed-tdpa")
 """What renders: models, or for comparison the delayed force, without and with a passivity controller."""
 
-SCENES = ("plane", "hill", "phantom")
+UNKNOWN = "unknown"
+"""The scene of which no shape is given."""
+
+SCENES = ("plane", "hill", "phantom", UNKNOWN)
 """Names of the scenes of the package; another is the file of a mesh."""
 
 MESH_ENDINGS = (".stl", ".obj", ".ply")
@@ -170,8 +173,13 @@ class Declared:
     )
     scene: str = _scene(
         "",
-        "What is touched in three dimensions: plane, hill, phantom, or the file of a mesh (.stl, .obj, .ply); without "
-        "it a session is along a line.",
+        "What is touched in three dimensions: plane, hill, phantom, or the file of a mesh (.stl, .obj, .ply); unknown "
+        "for a shape that is learnt; without it a session is along a line.",
+    )
+    specimen: str = _scene(
+        "",
+        "What stands there in a simulation of the scene unknown, and no side is told: plane, hill, phantom, or the "
+        "file of a mesh; without it phantom.",
     )
     probe_radius: float = _scene(
         0.0,

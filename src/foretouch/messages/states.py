@@ -309,10 +309,12 @@ class FieldUpdate(Message, frozen=True, array_like=True, gc=False):
     Attributes:
         content: Nodes for `foretouch.models.ScaleField.take`.
         run: Epoch of the follower's process.
+        shape: Nodes for `foretouch.models.ShapeField.take` of a surface that nobody knew; empty where one is known.
     """
 
     content: Field
     run: Count = 0
+    shape: Field = b""
 
 
 class CameraImage(Message, frozen=True, array_like=True, gc=False):

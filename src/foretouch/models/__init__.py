@@ -8,6 +8,7 @@ from foretouch.models.laws import LAWS, make_model
 from foretouch.models.memoryless_law import LinearisedContinuousSwitching, MemorylessLaw
 from foretouch.models.predictor import MotionFilter, Predictor
 from foretouch.models.scale_field import FIELD_DEPTH, ScaleField, stiffness_at_rest
+from foretouch.models.shape_field import ShapeField
 
 __all__ = [
     "FIELD_DEPTH",
@@ -27,6 +28,7 @@ __all__ = [
     "MotionFilter",
     "Predictor",
     "ScaleField",
+    "ShapeField",
     "ThresholdSwitching",
     "advance",
     "make_model",

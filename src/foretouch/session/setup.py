@@ -63,7 +63,7 @@ class LineSetup:
         return None
 
     def seen(self) -> spatial.Scene:
-        """The scene that a camera sees; a SettingError along a line."""
+        """The scene that a simulated camera sees; a SettingError along a line."""
         raise SettingError("scene", self._settings.scene, "is needed for a camera: plane, hill, phantom, or a mesh")
 
 
@@ -72,7 +72,7 @@ class SpaceSetup(LineSetup):
 
     def __init__(self, settings: SessionSettings) -> None:
         super().__init__(settings)
-        self._scene = spatial.make_scene(settings.scene, settings.probe_radius, settings.friction)
+        self._scene = spatial.make_specimen(settings)
 
     def robot(self) -> Any:
         """See `make_spatial_robot`; how far the material is, the scene says."""

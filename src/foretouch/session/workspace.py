@@ -39,7 +39,7 @@ from foretouch.robot import (
     WrappedSpatialRobot,
 )
 from foretouch.robot.robot import Wrapped
-from foretouch.settings import MESH_ENDINGS, SCENES
+from foretouch.settings import MESH_ENDINGS, SCENES, UNKNOWN
 
 POSE_NUMBERS = 6  # A place and a rotation vector
 
@@ -221,7 +221,9 @@ class Line:
     sides = "the follower is in a scene: give this side --scene {theirs} too"
 
     def check(self, settings: Any) -> None:
-        """Refuse a scene that does not exist, and a device that cannot move in it."""
+        """Refuse a scene that does not exist, a device that cannot move in it, and a specimen without one."""
+        if settings.specimen:
+            raise SettingError("specimen", settings.specimen, f"is of a scene: take scene = {UNKNOWN!r} with it")
 
     def show(self, robot: Any, operator: Any) -> None:
         """Show the operator where the robot has the fixture."""
@@ -244,8 +246,16 @@ class Space(Line):
     def check(self, settings: Any) -> None:
         """See `Line.check`."""
         scene, operator = settings.scene, settings.operator
-        if scene not in SCENES and not scene.lower().endswith(MESH_ENDINGS):
-            raise UnknownNameError("scene", scene, (*SCENES, *(f"FILE{ending}" for ending in MESH_ENDINGS)))
+        for name, given in (("scene", scene), ("specimen", settings.specimen)):
+            known = [one for one in SCENES if name == "scene" or one != UNKNOWN]
+            if given and given not in known and not given.lower().endswith(MESH_ENDINGS):
+                raise UnknownNameError(name, given, (*known, *(f"FILE{ending}" for ending in MESH_ENDINGS)))
+        if settings.specimen and scene != UNKNOWN:
+            rule = f"stands there where no shape is given: take scene = {UNKNOWN!r}, or leave it out"
+            raise SettingError("specimen", settings.specimen, rule)
+        if scene == UNKNOWN and settings.fusion == "contact":
+            rule = "tells no pose, for touches of an unknown shape show the shape: take full, image or none"
+            raise SettingError("fusion", settings.fusion, rule)
         if operator in HARDWARE_OPERATORS:
             raise SettingError("operator", operator, self.machines.format(scene=scene, kind=self.device.__name__))
 

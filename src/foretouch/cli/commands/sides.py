@@ -250,6 +250,9 @@ def _operator(settings: SessionSettings, hello: dict[str, str]) -> Device | Spat
         raise LinkError(settings.workspace.sides.format(ours=ours, theirs=theirs or "a session along a line"))
     if ours:
         _require_radius(settings.probe_radius, hello.get("probe_radius", "0"))
+        if settings.specimen != (there := hello.get("specimen", "")):
+            rule = "give both sides the same, for the script's hand sees it"
+            raise LinkError(f"the follower says specimen = {there!r} and not {settings.specimen!r}: {rule}")
     told = {name: _reach(hello, name) for name in settings.workspace.lengths}
     return setup_of(settings).operator(UNKNOWN_REACH._replace(**told), say)  # type: ignore[no-any-return]
 

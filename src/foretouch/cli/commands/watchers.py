@@ -130,7 +130,7 @@ def camera(*, endpoints: Endpoints, parent: Parent = None, settings: SessionSett
     with open_link("camera", endpoints, (*CAMERA_CHANNELS, "hello")) as link:
         texts = {"camera": "there is none" if drawn is None else "there is one", "camera_missing": "".join(missing)}
         stop = StopFlag().on_signals()
-        return Answer(run_camera(link, scene, drawn, settings, stop=stop, parent=parent, description=describe))
+        return Answer(run_camera(link, drawn, settings, stop=stop, parent=parent, description=describe))
 
 
 @command(endpoints=Endpoints)

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from foretouch.errors import ForetouchError
 from foretouch.messages import FRICTION_NUMBERS, SessionLog
-from foretouch.models import BristleFriction, ScaleField
+from foretouch.models import BristleFriction, ScaleField, ShapeField
 from foretouch.quantities import Array, Flags, Rows
 from foretouch.report.energy import (
     Account,
@@ -28,9 +26,10 @@ from foretouch.report.numbers import largest, number_of, runs, setting
 from foretouch.report.rows import Pairs, model_of, not_scored
 from foretouch.report.scene.map import StiffnessMap, learnt_field, map_figures, stiffness_map, touched_places
 from foretouch.report.scene.pose import PoseError, SceneRows, pose_error, pose_figures, scene_rows, vectors
+from foretouch.report.scene.shape import learnt_shape, scene_of, shape_figures, specimen_of
 from foretouch.report.scene.spots import Spot, find_spots, spot_figures
 from foretouch.robot import MATERIALS
-from foretouch.session.spatial import Scene, make_scene
+from foretouch.session.spatial import Scene
 
 FELT = 0.05  # A force above this is one that is felt [N]
 BEHIND = 1e-3  # Distance from its command above which a robot is not there yet [m]
@@ -174,10 +173,11 @@ class SceneFindings(LineFindings):
         pose: Error of the fixture's pose.
         wrong: Contacts at equal command; None where the true force is unknown.
         account: Energy account in all directions.
-        scene: The scene; None where it is no longer available, as the file of a mesh.
+        scene: The scene, a shape that was learnt as at the end; None where it is no longer available, as a file.
         field: The newest materials over the surface; None where there were none.
         map: Map of local stiffness; None without a scene or a field.
         spots: Stiff and soft spots of the map, the surest first.
+        shape: A shape that nobody knew, as learnt at the end; None for a known one.
     """
 
     rows: SceneRows
@@ -188,6 +188,7 @@ class SceneFindings(LineFindings):
     field: ScaleField | None
     map: StiffnessMap | None
     spots: tuple[Spot, ...] = ()
+    shape: ShapeField | None = None
 
     def booked(self) -> tuple[Rows, Account]:
         """See `LineFindings.booked`; the account is that in all directions."""
@@ -228,7 +229,7 @@ def look_at_scene(log: SessionLog, pairs: Pairs) -> SceneFindings:
     rows = scene_rows(log, pairs)
     scale, device = number_of(log.settings, "position_scale", 1.0), booked_device(log.settings)
     account = spatial_account(rows, position_scale=scale, device=device)
-    scene, field = _scene(log.settings), learnt_field(log)
+    scene, field = scene_of(log), learnt_field(log)
     stiffness, newest = None, next((model for model in reversed(log.models) if model.valid), None)
     law = None if newest is None else model_of(newest)
     if scene is not None and field is not None and newest is not None and law is not None:
@@ -239,7 +240,8 @@ def look_at_scene(log: SessionLog, pairs: Pairs) -> SceneFindings:
         stiffness = stiffness_map(places, field, law, scene, material, felt)
     wrong = wrong_contacts(log, pairs)
     spots = () if stiffness is None else tuple(find_spots(stiffness))
-    return SceneFindings(log, pairs, rows, pose_error(rows), wrong, account, scene, field, stiffness, spots)
+    found = rows, pose_error(rows), wrong, account, scene, field, stiffness, spots, learnt_shape(log)
+    return SceneFindings(log, pairs, *found)
 
 
 def scene_figures(log: SessionLog, pairs: Pairs, findings: SceneFindings) -> dict[str, Any]:
@@ -247,14 +249,19 @@ def scene_figures(log: SessionLog, pairs: Pairs, findings: SceneFindings) -> dic
 
     Returns:
         ``name``, ``fusion``, and by kind ``pose`` (`pose_figures`), ``contacts`` (`contact_figures`), ``friction``
-        (`friction_figures`), ``forces`` (`force_figures`), ``energy`` (`account_figures`) and ``map``
-        (`map_figures`, and `spot_figures` as its ``spots``; None without a map).
+        (`friction_figures`), ``forces`` (`force_figures`), ``energy`` (`account_figures`), ``map``
+        (`map_figures`, and `spot_figures` as its ``spots``; None without a map) and ``shape`` (`shape_figures`; None
+        for a known one).
     """
     true = findings.scene if _is_simulated(findings.rows) else None
     stiffness = None
     if findings.map is not None and findings.field is not None and findings.scene is not None:
         stiffness = map_figures(findings.map, findings.field, findings.scene)
         stiffness["spots"] = spot_figures(findings.spots)
+    shape = None
+    if findings.shape is not None:
+        there = specimen_of(log) if _is_simulated(findings.rows) else None
+        shape = shape_figures(findings.shape, findings.rows, touched_places(findings.rows), there)
     return {
         "name": setting(log.settings, "scene", ""),
         "fusion": setting(log.settings, "fusion", "full"),
@@ -264,6 +271,7 @@ def scene_figures(log: SessionLog, pairs: Pairs, findings: SceneFindings) -> dic
         "forces": force_figures(findings.rows),
         "energy": account_figures(findings.account, findings.rows.hand),
         "map": stiffness,
+        "shape": shape,
     }
 
 
@@ -285,11 +293,3 @@ def tracking_error(size: Array, lag: float | None = None) -> dict[str, float | N
 def _is_simulated(rows: SceneRows) -> bool:
     """Whether the true pose of the fixture is known."""
     return bool(np.isfinite(rows.probe["exact_x"]).any())
-
-
-def _scene(settings: Mapping[str, str]) -> Scene | None:
-    try:
-        radius, rubs = number_of(settings, "probe_radius", 0.0), setting(settings, "friction", "dry")
-        return make_scene(setting(settings, "scene", ""), radius, rubs)
-    except ForetouchError:
-        return None

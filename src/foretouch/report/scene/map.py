@@ -14,7 +14,7 @@ from foretouch.messages import SessionLog
 from foretouch.models import FIELD_DEPTH, ContactModel, ScaleField, stiffness_at_rest
 from foretouch.quantities import Array, ByValue, Flags
 from foretouch.quantities.pose import RigidMotion
-from foretouch.report.scene.pose import SceneRows, vectors
+from foretouch.report.scene.pose import AXES, SceneRows, vectors
 from foretouch.robot import make_material
 from foretouch.session.spatial import Scene
 
@@ -70,8 +70,7 @@ def stiffness_map(
     was detected: that is taken off. The places are those that were touched, of shape (n, 2), in the fixture's frame
     [m].
     """
-    x = MIDDLE[0] + np.arange(-REACH, REACH + 0.5 * CELL, CELL)
-    y = MIDDLE[1] + np.arange(-REACH, REACH + 0.5 * CELL, CELL)
+    x, y = _axes()
     points = np.array([(column, row, height_of(scene, column, row)) for row in y.tolist() for column in x.tolist()])
     scales, deviations = field.scales_at(points)
     learnt = scales * stiffness_at_rest(law, max(FIELD_DEPTH - felt_deeper, 0.0))
@@ -158,6 +157,19 @@ def height_of(scene: Scene, x: float, y: float) -> float:
     return height
 
 
+def _axes() -> tuple[Array, Array]:
+    """Coordinates of the map's columns and rows [m]."""
+    along = np.arange(-REACH, REACH + 0.5 * CELL, CELL)
+    return MIDDLE[0] + along, MIDDLE[1] + along
+
+
+def touched_among(places: Array) -> Array:
+    """Those points of the map that are near a place that was touched, shape (n, 2) [m]."""
+    x, y = (grid.ravel() for grid in np.meshgrid(*_axes()))
+    points = np.column_stack([x, y])
+    return points[_touched(points, places)]
+
+
 def _touched(points: Array, touched: Array) -> Flags:
     if not len(touched):
         return np.zeros(len(points), dtype=np.bool_)
@@ -177,7 +189,7 @@ def touched_places(rows: SceneRows, radius: float = 0.0) -> Array:
     points = []
     for row in pressed:
         frame = "exact" if known[row] else "fixture"
-        pose = [float(probe[f"{frame}_{axis}"][row]) for axis in ("x", "y", "z", "rx", "ry", "rz")]
+        pose = [float(probe[f"{frame}_{axis}"][row]) for axis in AXES]
         x, y, z = deepest[row].tolist()
         points.append(RigidMotion.from_numbers(pose).apply_back((x, y, z))[:2])
     return np.reshape(np.array(points), (-1, 2))

@@ -15,6 +15,8 @@ from foretouch.quantities import Array, ByValue, Rows
 from foretouch.report.numbers import number_of
 from foretouch.report.rows import Pairs
 
+AXES = ("x", "y", "z", "rx", "ry", "rz")  # Ends of the names of the columns of a pose
+
 ONE_CLOCK_NS = 5_000_000
 """Two clocks that the fastest command shows no further apart than this, and the jitter, are one [ns]."""
 

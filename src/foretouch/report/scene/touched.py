@@ -18,7 +18,9 @@ from foretouch.quantities import Array, ByValue
 from foretouch.rendering.surfaces.coloured_mesh import coloured_mesh, read_vertex_values
 from foretouch.report.rows import model_of
 from foretouch.report.scene.map import height_of, learnt_field
+from foretouch.report.scene.shape import scene_of
 from foretouch.session.spatial import make_scene
+from foretouch.settings import UNKNOWN
 
 SAME_SURFACE = 1e-3  # Largest difference in height of one place of two maps [m]: half of what local stiffness is of
 
@@ -50,7 +52,8 @@ def touched_map(log: SessionLog) -> TouchedMap:
 
     .. math:: K(p) = s(p)\, \frac{\partial f}{\partial d}(d, 0), \quad d = 2\,\mathrm{mm}
 
-    with the newest law f of the material and its scale s: see `foretouch.models.ScaleField`.
+    with the newest law f of the material and its scale s: see `foretouch.models.ScaleField`. Of a shape that nobody
+    knew the points are where it was learnt.
 
     Raises:
         InputError: A session along a line, or one that has learnt nothing.
@@ -64,7 +67,9 @@ def touched_map(log: SessionLog) -> TouchedMap:
     law = None if newest is None else model_of(newest)
     if field is None or law is None or newest is None:
         raise InputError("nothing was learnt of a surface in it")
-    scene, known = make_scene(name), field.touched
+    scene, known = scene_of(log) if name == UNKNOWN else make_scene(name), field.touched
+    if scene is None:
+        raise InputError("nothing was learnt of its shape")
     places = SPACING * (known - SIDE // 2)
     points = np.array([(x, y, height_of(scene, x, y)) for x, y in places.tolist()])
     scales, deviations = field.scales_at(points)

@@ -27,6 +27,7 @@ from foretouch.report.rows import Pairs
 from foretouch.report.scene import SceneFindings, Wrong
 from foretouch.report.scene.map import StiffnessMap
 from foretouch.report.scene.pose import NEAR_DEGREES, NEAR_MM, PoseError
+from foretouch.report.scene.shape import shape_line
 from foretouch.report.scene.spots import Spot
 from foretouch.report.sections import Drawing, Section, View
 from foretouch.session.spatial import Inclusion
@@ -183,6 +184,8 @@ def _lines(report: Mapping[str, Any]) -> Iterator[str]:
         yield from (filled(line, scene["contacts"]) for line in _CONTACTS)
     yield _friction(scene["friction"])
     yield filled(_FORCES, scene["forces"])
+    if line := shape_line(scene.get("shape")):
+        yield line
     yield from _map(scene["map"])
     yield ""
 

@@ -13,7 +13,7 @@ from foretouch.session.runners.housekeeping import ORPHANED, Greeter, StopFlag, 
 from foretouch.session.settings import SessionSettings
 from foretouch.session.spatial import tracker
 from foretouch.session.spatial.camera import IMAGE_PERIOD, VIEW, SimulatedCamera
-from foretouch.session.spatial.scenes import KnownSurface, Scene
+from foretouch.session.spatial.scenes import KnownSurface, make_scene
 
 CAMERA_CHANNELS = ("telemetry", "stop")
 """Channels that the camera's link receives: a simulated camera sees the world of the follower's simulation."""
@@ -24,7 +24,6 @@ GRACE = 1.0  # Time for which it goes on after the end of the session was announ
 
 def run_camera(
     link: ZenohLink,
-    scene: Scene,
     camera: SimulatedCamera | None,
     settings: SessionSettings,
     *,
@@ -36,7 +35,6 @@ def run_camera(
 
     Args:
         link: Link with `CAMERA_CHANNELS`.
-        scene: Scene on the fixture.
         camera: None for none: then touches alone are tracked.
         settings: Session settings.
         stop: Checked in every round.
@@ -57,7 +55,7 @@ def run_camera(
         if ticks:
             if newest is None or ticks[-1].run > newest.run:  # another process, and a world that begins anew
                 epoch += 1
-                state = _begin(scene, settings, ticks[-1], epoch)
+                state = _begin(settings, ticks[-1], epoch)
                 images.clear()
                 begun = now
             newest = ticks[-1]
@@ -83,11 +81,12 @@ def run_camera(
     return {"ended": stop.reason or "the session was ended"} | used
 
 
-def _begin(scene: Scene, settings: SessionSettings, tick: Telemetry, epoch: int) -> tracker.State:
+def _begin(settings: SessionSettings, tick: Telemetry, epoch: int) -> tracker.State:
     """A tracker from where the follower believes the fixture, at its clock."""
     assert tick.space is not None
+    scene = make_scene(settings.scene, settings.probe_radius)
     known, believed, time = KnownSurface(scene.surface), fixture_of(tick.space), tick.time_ns * 1e-9
-    return tracker.start(known, believed, settings.fusion, view=VIEW, time=time, epoch=epoch)
+    return tracker.start(known, believed, scene.told_by(settings.fusion), view=VIEW, time=time, epoch=epoch)
 
 
 def _take(camera: SimulatedCamera, tick: Telemetry, seconds: float) -> CameraImage:

@@ -25,8 +25,10 @@ from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.spatial.hand import HandInSpace
 from foretouch.session.spatial.probe import ProbeInSpace
 from foretouch.session.spatial.scenes import make_scene
+from foretouch.session.spatial.unknown import HandOverUnknown, ProbeOverUnknown
 from foretouch.session.steps import follower, leader
 from foretouch.session.workspace import LINE, SPACE, browser_operator, framed_device, framed_robot
+from foretouch.settings import UNKNOWN
 
 
 class Tick(NamedTuple):
@@ -175,7 +177,8 @@ class SpaceFollower(DrivenFollower):
 
     def __init__(self, robot: SpatialRobot, settings: SessionSettings, run: int) -> None:
         scene = make_scene(settings.scene, settings.probe_radius)
-        super().__init__(robot, settings, run, ProbeInSpace(scene.surface, scene.nominal))
+        probe = ProbeOverUnknown if scene.name == UNKNOWN else ProbeInSpace
+        super().__init__(robot, settings, run, probe(scene.surface, scene.nominal))
         self.desired = self.sample.place
 
 
@@ -295,7 +298,8 @@ class SpaceLeader(DrivenLeader):
 
     def __init__(self, operator: SpatialDevice, settings: SessionSettings, holder: str, epoch: int) -> None:
         scene = make_scene(settings.scene, settings.probe_radius)
-        self._hand = HandInSpace(scene.surface, scene.nominal, settings.position_scale)
+        hand = HandOverUnknown if scene.name == UNKNOWN else HandInSpace
+        self._hand = hand(scene.surface, scene.nominal, settings.position_scale)
         super().__init__(operator, settings, holder, epoch, self._hand)
         self._apart: Vector = (0.0, 0.0, 0.0)  # of hand and world, when the handle was taken
 

@@ -71,9 +71,11 @@ class CameraAndTracker:
     """Camera, None for none, and tracker in three dimensions, whose belief of the fixture the follower receives."""
 
     def __init__(self, settings: SessionSettings, camera: SimulatedCamera | None, follows: DrivenFollower) -> None:
-        scene = make_scene(settings.scene, settings.probe_radius, settings.friction)
+        scene = make_scene(settings.scene, settings.probe_radius)
         self._follows, self._camera = follows, camera
-        self._state = tracker.start(KnownSurface(scene.surface), scene.nominal, settings.fusion, view=VIEW)
+        self._state = tracker.start(
+            KnownSurface(scene.surface), scene.nominal, scene.told_by(settings.fusion), view=VIEW
+        )
         self._image_period_ns = round(IMAGE_PERIOD / SAMPLE_PERIOD) * _PERIOD_NS
         self._delay_ns = round(settings.camera_delay * 1e9)
         self._coming: deque[tuple[int, CameraImage]] = deque()  # time of reading, and the image

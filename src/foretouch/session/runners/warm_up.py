@@ -73,7 +73,7 @@ def warm_up(settings: SessionSettings | None = None) -> None:
     require_type("settings", settings, SessionSettings, "SessionSettings, or None for the defaults")
     counts_alike: dict[str, Any] = dict.fromkeys(("leader_frame", "follower_frame"))
     own = dataclasses.replace(
-        settings, calibration="", sensor_fault=None, operator="scripted", baseline="none", **counts_alike
+        settings, calibration="", sensor_fault=None, operator="scripted", baseline="none", specimen="", **counts_alike
     )
     _press_alone(own)
     for scene in dict.fromkeys(("", settings.scene)):  # what is of a line is of a scene too

@@ -2,7 +2,7 @@
 
 from foretouch.session.spatial.camera import SimulatedCamera
 from foretouch.session.spatial.making import make_camera, make_spatial_operator, make_spatial_robot
-from foretouch.session.spatial.scenes import Inclusion, Scene, make_scene
+from foretouch.session.spatial.scenes import Inclusion, Scene, make_scene, make_specimen
 from foretouch.settings import SCENES
 
 __all__ = [
@@ -14,4 +14,5 @@ __all__ = [
     "make_scene",
     "make_spatial_operator",
     "make_spatial_robot",
+    "make_specimen",
 ]

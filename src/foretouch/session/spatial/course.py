@@ -110,10 +110,14 @@ class SurfaceLine:
         if len(pose) != 6 or not all(abs(number) <= FARTHEST for number in pose) or _six(pose) == self.pose:
             return False
         self._move(pose)
+        self.follow_again()
+        return True
+
+    def follow_again(self) -> None:
+        """Follow the newest place once more, for the surface is elsewhere now; the newest coordinate stays."""
         x, y, z = self._closest[-3:].tolist()
         if not math.isnan(x):
             self.follow((x, y, z))
-        return True
 
     def follow(self, place: Vector) -> ClosestPoint:
         """Follow a place [m]; one that is not finite is left out."""

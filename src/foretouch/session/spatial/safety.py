@@ -258,6 +258,13 @@ class SpatialSafety:
         way.contradicted = way.contradicted and not way.believed > way.then
         return elsewhere
 
+    def reshape(self) -> None:
+        """Follow a surface that has changed in place; what was felt of it stays where it was."""
+        self.line.follow_again()
+        self._gone.follow_again()
+        self._told.offset = self.line.offset
+        self._told.follow_again()
+
     def touch(self, place: Vector) -> None:
         """Touch a surface of Python's own before `arrive`, with the probe at a position [m]."""
         course = self.spaces["course"][0]

@@ -25,7 +25,8 @@ from foretouch.rendering.surfaces import (
     first_hit_from_above,
     read_mesh,
 )
-from foretouch.settings import MESH_ENDINGS, SCENES
+from foretouch.rendering.surfaces.learnt import LearntSurface
+from foretouch.settings import MESH_ENDINGS, SCENES, UNKNOWN, Declared
 
 SMALLEST_SIDE, LARGEST_SIDE = 0.005, 0.5
 """Seen from above a specimen is at least and at most as wide as this [m]: others are in another unit."""
@@ -101,6 +102,8 @@ HOVER, TALL = 0.010, 0.05
 AWAY, DOWN = 0.7, 0.3
 """Time in which a hand that presses as measured goes to its next place, and down to where the motion begins [s]."""
 
+SPECIMEN = "phantom"  # What stands there without a shape, where nothing else is said
+
 FROM_ABOVE, STEP_DOWN = 0.1, 5e-4
 """Step of a probe that looks for the surface from above [m]."""
 
@@ -149,6 +152,10 @@ class Scene:
     friction: BristleFriction = field(default_factory=BristleFriction)
     nominal: tuple[float, ...] = NOMINAL
 
+    def told_by(self, fusion: str) -> str:
+        """What the pose of its fixture is estimated from: touches of a shape that nobody knows do not tell it."""
+        return "image" if self.name == UNKNOWN and fusion == "full" else fusion
+
 
 class KnownSurface:
     """A scene's surface as the fixture's filter asks for it; `relief` is its extent along its mean normal [m]."""
@@ -194,6 +201,20 @@ def make_scene(name: str, probe_radius: float = 0.0, friction: str = "dry") -> S
     return replace(scene, surface=OffsetSurface(scene.surface, probe_radius)) if probe_radius else scene
 
 
+def make_specimen(settings: Declared) -> Scene:
+    """What stands on the simulated fixture of a session: its scene, or what is there in place of one without a shape.
+
+    Only the simulated world, the hand that follows a script over it as an operator who sees it, and the report's truth
+    are made of it.
+
+    Raises:
+        ForetouchError: See `make_scene`.
+    """
+    unknown = settings.scene == UNKNOWN
+    there = (settings.specimen or SPECIMEN) if unknown else settings.scene
+    return make_scene(there, settings.probe_radius, settings.friction)
+
+
 def _touched_by_a_point(name: str) -> Scene:
     x, y, z = MIDDLE
     match name:
@@ -203,6 +224,8 @@ def _touched_by_a_point(name: str) -> Scene:
             return Scene(name, _hilly())
         case "phantom":
             return Scene(name, _hilly(), Inclusion((x + 0.010, y - 0.008, z), 0.012, 4.0))
+        case _ if name == UNKNOWN:
+            return Scene(name, LearntSurface())
     if name.lower().endswith(MESH_ENDINGS):
         return Scene(name, specimen_of(Path(name), MIDDLE))
     raise UnknownNameError("scene", name, (*SCENES, *(f"FILE{ending}" for ending in MESH_ENDINGS)))
