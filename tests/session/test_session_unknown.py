@@ -122,4 +122,4 @@ def test_two_passes_find_the_shape(specimen: str, seed: int) -> None:
     pairs = pair(log)
     shape = scene_figures(log, pairs, look_at_scene(log, pairs))["shape"]
     assert shape["touched_cm2"] > 15.0
-    assert shape["alone_rms_mm"] < 0.3
+    assert shape["rms_mm"] < 0.3
