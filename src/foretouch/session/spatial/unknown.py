@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from foretouch.errors import DecodeError
-from foretouch.identification.friction import SMOOTHING
 from foretouch.identification.shape_learner import AIR_DEVIATION, ShapeLearner
 from foretouch.messages import FieldUpdate, Message, ModelUpdate
 from foretouch.quantities.pose import Vector, add, scaled, subtract
@@ -29,9 +28,8 @@ if TYPE_CHECKING:
 
 EVERY = 10  # Ticks between two measurements of a slope, or of free air
 
-SMOOTHED = -math.expm1(-SAMPLE_PERIOD / SMOOTHING)
-"""Weight of a tick in the low-pass of the forces that friction is learnt from: its time is that by which they are late,
-and so is the place that they were felt at."""
+LATE = 8e-3  # Time constant of the low-pass of force and velocity, by which they are late [s]: ticks are mostly noise
+SMOOTHED = -math.expm1(-SAMPLE_PERIOD / LATE)
 
 AIR_DEPTH, AIR_FORCE = 2e-3, 0.05
 """Depth in the believed surface [m] at which less than this force [N] means that nothing is there. That there is no
@@ -63,7 +61,8 @@ class ProbeOverUnknown(ProbeInSpace):
         self._learnt, self.shape = learnt_surface(surface), ShapeLearner()
         self._touch_tick, self._height_variance = 0, 0.0  # of the pose alone [m^2]
         self._here: Vector = NOWHERE
-        self._velocity: Vector = (0.0, 0.0, 0.0)  # of the probe, low-passed as the force is [m/s]
+        self._velocity: Vector = (0.0, 0.0, 0.0)  # of the probe, low-passed [m/s]
+        self._force: Vector = (0.0, 0.0, 0.0)  # on it, low-passed alike [N]
 
     def _believe(self, state: State, belief: FixtureBelief, now_ns: int) -> None:
         super()._believe(state, belief, now_ns)
@@ -90,11 +89,14 @@ class ProbeOverUnknown(ProbeInSpace):
         return place, report, model, field
 
     def _go(self, place: Vector) -> None:
-        """Take the probe's place [m]: its closest point on a surface that is learnt would move by itself, too."""
+        """Take force and place [m] of the probe: its closest point on a surface that is learnt would move by itself."""
         step = subtract(place, self._here)
         if math.isfinite(step[0] + step[1] + step[2]):
             speed = scaled(step, 1.0 / SAMPLE_PERIOD)
             self._velocity = add(self._velocity, scaled(subtract(speed, self._velocity), SMOOTHED))
+        force = self.told[1][3:6]
+        if math.isfinite(force[0] + force[1] + force[2]):
+            self._force = add(self._force, scaled(subtract(force, self._force), SMOOTHED))
         self._here = place
 
     def _learn(self, state: State) -> None:
@@ -120,10 +122,8 @@ class ProbeOverUnknown(ProbeInSpace):
         """Learn the slope where the probe slides, and in free air that the surface is no higher than the probe."""
         line, beside = self.line, self.safety.spaces["beside"][0]
         if beside.touch.ticks > 0:
-            pressed, a, b, c = self.friction.records["filtered"][0, :4].tolist()
-            force = add(scaled(line.newest.normal, pressed), (a, b, c))
             velocity = line.motion.rotate_back(self._velocity)
-            self.shape.slide(subtract(inner, scaled(velocity, SMOOTHING)), line.motion.rotate_back(force), velocity)
+            self.shape.slide(subtract(inner, scaled(velocity, LATE)), line.motion.rotate_back(self._force), velocity)
         elif line.newest.depth > AIR_DEPTH and abs(self.safety.spaces["felt"][0]) < AIR_FORCE:
             x, y, z = subtract(inner, scaled(line.motion.rotate_back(line.newest.normal), line.newest.depth))
             self.shape.touch((x, y, z), AIR_DEVIATION)
