@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from foretouch.core import Held, Kernel, Record, compiled
 from foretouch.identification.estimator import Status
-from foretouch.models.friction import at_rest
+from foretouch.models.friction_kernel import at_rest
 from foretouch.quantities.pose import Vector
 
 SLOWEST = 0.01

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from foretouch.core import compiled
 from foretouch.errors.checks import require
 from foretouch.quantities.pose import Vector, add, norm, scaled, subtract
 
@@ -15,12 +14,6 @@ SLOW = 5e-3  # Speed at which most of the excess of static friction is gone, whe
 
 BRISTLE_TIME = 1e-3
 """Time constant of the bristle's own damping [s]: without any, what sticks would swing for ever."""
-
-
-@compiled
-def at_rest(speed: float) -> float:
-    """How much of the excess of static friction is left at a speed [m/s], 1 at rest: exp(-(v / 5 mm/s)^2)."""
-    return math.exp(-(speed / SLOW) * (speed / SLOW))
 
 
 @dataclass(frozen=True, slots=True)

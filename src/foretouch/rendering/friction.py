@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from foretouch.core import Held, Kernel, Record, compiled
 from foretouch.errors.checks import require
-from foretouch.models.friction import at_rest
+from foretouch.models.friction_kernel import at_rest
 from foretouch.quantities.pose import Vector
 from foretouch.rendering.surfaces.geometry import add, dot, norm, scaled, subtract, vector, write
 
