@@ -26,7 +26,19 @@ from foretouch.console.views.probes import ANCHORS, UNITS
 from foretouch.console.views.shapes import scale_edges
 from foretouch.console.watched import Watched
 from foretouch.errors import install_command
-from foretouch.messages import VERSION, CameraImage, FollowerSpace, Hello, LeaderSpace, LeaderState, Telemetry
+from foretouch.messages import (
+    VERSION,
+    CameraImage,
+    FieldUpdate,
+    FollowerSpace,
+    Hello,
+    LeaderSpace,
+    LeaderState,
+    Telemetry,
+)
+from foretouch.models import ShapeField
+from foretouch.models.scale_field import packed
+from foretouch.models.shape_field import packed_shape
 from foretouch.session.spatial import make_scene
 
 pytest.importorskip("viser")
@@ -159,6 +171,32 @@ def test_a_sphere_is_drawn_as_a_sphere_about_the_hand(console: Console) -> None:
         assert robot[:, 2].min() == pytest.approx(probe[:, 2].min() - 0.12, abs=1e-5)
         lowest.append(probe[:, 2].min() / UNITS)
     assert lowest == pytest.approx([-0.004, 0.0, -0.02, 0.0, 0.0], abs=1e-7)
+
+
+def test_a_surface_whose_shape_is_learnt_is_drawn_as_high_as_it_is_known(console: Console) -> None:
+    say(console, "unknown")
+    console.watch(Telemetry(VERSION, 1, 1, 0, *(0.0,) * 6, False, False, 0, 1, 1, space=FollowerSpace(*(0.0,) * 19)))
+    console.watch(msgspec.structs.replace(state(console), telemetry_sequence=1))
+    draw(console)
+    scene = console._space._scene
+    assert scene is not None
+    node = scene.fixture._nodes[0]  # of what is touched nowhere
+    assert np.ptp(node.vertices[:, 2]) == 0.0
+    i, j = (axis.ravel() for axis in np.meshgrid(np.arange(8, 12), np.arange(8, 12)))
+    news = packed_shape(i, j, np.full(i.size, 0.004), np.full(i.size, 1e-4))
+    for sequence, content in enumerate((news, b"no shape", news), 1):
+        console.watch(FieldUpdate(VERSION, sequence, 1, packed([1], [1], [0.0], [0.01]), shape=content))
+    draw(console)
+    known = ShapeField()
+    known.take(news)
+    vertices = np.asarray(node.vertices) / UNITS
+    assert vertices[:, 2].max() > 3e-3
+    np.testing.assert_allclose(vertices[:, 2], known.heights_at(vertices)[0], atol=1e-6)
+    top = vertices[vertices[:, 2].argmax()]
+    assert scene.fixture.raised(np.array([(*top[:2], 0.0)]))[0] == pytest.approx(top, abs=1e-6)
+    say(console, "plane")
+    draw(console)
+    assert console._space._scene is not scene
 
 
 def test_the_handle_of_a_sphere_is_above_it_and_moves_the_hand_alike(console: Console) -> None:

@@ -14,7 +14,7 @@ pytest.importorskip("networkx")
 
 from foretouch.errors import InputError, SettingError  # noqa: E402
 from foretouch.rendering.surfaces import TriangleMesh, first_hit_from_above, read_mesh  # noqa: E402
-from foretouch.rendering.surfaces.mesh_reading import MOST_BYTES  # noqa: E402
+from foretouch.rendering.surfaces.mesh_files import MOST_BYTES  # noqa: E402
 
 
 def pressed(mesh: TriangleMesh) -> float:

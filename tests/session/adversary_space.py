@@ -36,7 +36,7 @@ Place = tuple[float, float, float]
 class SpaceAttack(CommandedInSpace):
     numbers_silence = False
 
-    def __init__(self, scene: str, material: str, programme: Programme) -> None:
+    def __init__(self, scene: str, material: str, programme: Programme, bump: float = 0.0) -> None:
         first, drive, camera, seed, _ = programme[:HEADER]
         guarded = "guarded" if first > 0.5 else "follow"
         self.numbers = random.Random(int(seed * 1e6))
@@ -46,6 +46,7 @@ class SpaceAttack(CommandedInSpace):
             model="kelvin-voigt",
             seed=int(seed * 1000),
             first_touch=guarded,
+            bump=bump,
             most_damped=DAMPED if (scene, material) == ("phantom", "kelvin-voigt") else SessionSettings.most_damped,
         )
         made = make_scene(scene)

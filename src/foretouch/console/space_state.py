@@ -25,7 +25,7 @@ from foretouch.messages import (
     SessionLog,
     Telemetry,
 )
-from foretouch.models import ScaleField
+from foretouch.models import ScaleField, ShapeField
 from foretouch.quantities import Rows
 
 TICKS_PER_SECOND = 1000
@@ -55,6 +55,15 @@ class PoseTrace(NamedTuple):
         return cls(*table[(table[:, 0] >= -seconds) & (table[:, 0] <= 0.0)].T)
 
 
+class Learnt(NamedTuple):
+    """What a follower's process had told of material and shape, up to a message of this number."""
+
+    run: int
+    newest: int
+    field: ScaleField
+    shape: ShapeField
+
+
 class SpaceState:
     """The newest messages in space, and those of the robot's side that the operator's had received by then.
 
@@ -71,7 +80,7 @@ class SpaceState:
         self._ticks: list[Telemetry | None] = [None] * LENGTH
         self._images: deque[CameraImage] = deque(maxlen=MOST_IMAGES)
         self._fields: deque[FieldUpdate] = deque(maxlen=MOST_FIELDS)
-        self._field = 0, 0, ScaleField()  # what is shown of them: of which run, up to which message
+        self._learnt = Learnt(0, 0, ScaleField(), ShapeField())  # what is shown of them
         self._trace: deque[tuple[float, ...]] = deque(maxlen=TRACE_LENGTH)
         self._traced: LeaderState | None = None
 
@@ -106,19 +115,30 @@ class SpaceState:
 
     def field(self, sequence: int) -> ScaleField | None:
         """What had come of the material by that telemetry; None before the first."""
-        tick, (run, newest, field) = self.tick(sequence), self._field
+        learnt = self._learnt_by(sequence)
+        return learnt.field if learnt is not None and learnt.field.count else None
+
+    def shape(self, sequence: int) -> ShapeField | None:
+        """What had come of the surface's shape, where nobody knew it; else None."""
+        learnt = self._learnt_by(sequence)
+        return learnt.shape if learnt is not None and learnt.shape.count else None
+
+    def _learnt_by(self, sequence: int) -> Learnt | None:
+        tick, (run, newest, field, shape) = self.tick(sequence), self._learnt
         if tick is None:
             return None
         came = [one for one in tuple(self._fields) if one.run == tick.run and one.time_ns <= tick.time_ns]
         last = came[-1].sequence if came else 0
         if run != tick.run or last < newest:  # another process, or back in a recording
-            newest, field = 0, ScaleField()
+            newest, field, shape = 0, ScaleField(), ShapeField()
         for one in came:
             if one.sequence > newest:
                 with suppress(DecodeError):
                     field.take(one.content)
-        self._field = tick.run, last, field
-        return field if field.count else None
+                    if one.shape:
+                        shape.take(one.shape)
+        self._learnt = Learnt(tick.run, last, field, shape)
+        return self._learnt
 
     def camera_silence(self, now: float) -> float:
         """Time since the last message of the fixture's tracker [s]; infinite before."""

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from functools import cache
 from importlib import import_module
 from types import ModuleType
-from typing import NoReturn
+from typing import NamedTuple, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,11 +22,53 @@ FIELD_DEPTH = 2e-3
 _SLOPE_STEP, _PERIOD = 1e-4, 1e-3
 """Half the distance over which a slope is taken [m], and the period of a step [s]."""
 
-_MAGIC, _VERSION = b"SF", 1
+Array = NDArray[np.float64]
+
+_VERSION = 1
 _HEADER = struct.Struct("<2sBxI")  # magic, version, number of nodes
 NODE: np.dtype[np.void] = np.dtype([("i", "u1"), ("j", "u1"), ("value", "<f2"), ("deviation", "<f2")])
 
-Array = NDArray[np.float64]
+
+class NodePacket(NamedTuple):
+    """A kind of bytes that tell what is known at the nodes of a grid over a surface: 8 for all, and 6 for each node.
+
+    Attributes:
+        magic: Its first two bytes.
+        told: What it tells, as it is named where something else came.
+    """
+
+    magic: bytes
+    told: str
+
+    def pack(self, i: ArrayLike, j: ArrayLike, value: ArrayLike, deviation: ArrayLike) -> bytes:
+        """Nodes by row and column, each with a number and its standard deviation, in half precision."""
+        nodes = np.empty(np.size(i), NODE)
+        nodes["i"], nodes["j"], nodes["value"], nodes["deviation"] = i, j, value, deviation
+        return _HEADER.pack(self.magic, _VERSION, nodes.size) + nodes.tobytes()
+
+    def unpack(self, content: bytes) -> tuple[NDArray[np.int64], NDArray[np.int64], Array, Array]:
+        """Rows, columns, numbers and deviations.
+
+        Raises:
+            DecodeError: Another kind, version or length.
+        """
+        if len(content) < _HEADER.size:
+            self.refuse(f"{len(content)} bytes, a header has {_HEADER.size}")
+        magic, version, count = _HEADER.unpack_from(content)
+        if magic != self.magic or version != _VERSION:
+            self.refuse(f"begins with {magic!r}, version {version}, this side reads {self.magic!r}, version {_VERSION}")
+        if len(content) != _HEADER.size + count * NODE.itemsize:
+            self.refuse(f"{len(content)} bytes for {count} nodes of {NODE.itemsize}")
+        nodes = np.frombuffer(content, NODE, count, _HEADER.size)
+        i, j = nodes["i"].astype(np.int64), nodes["j"].astype(np.int64)
+        return i, j, nodes["value"].astype(np.float64), nodes["deviation"].astype(np.float64)
+
+    def refuse(self, problem: str) -> NoReturn:
+        """Say what is wrong with it."""
+        raise DecodeError(f"no {self.told}: {problem}")
+
+
+_PACKET = NodePacket(b"SF", "field of scales")
 
 
 class ScaleField:
@@ -75,11 +117,13 @@ class ScaleField:
         Raises:
             DecodeError: Another version or length, or a number that is out of range; then nothing is taken.
         """
-        nodes, value, deviation = _unpacked(content)
+        i, j, value, deviation = _PACKET.unpack(content)
+        log, most = _kernel().LARGEST_LOG, _kernel().SPREAD
+        if not ((np.abs(value) <= log) & (deviation >= 0.0) & (deviation <= most)).all():
+            _PACKET.refuse(f"a scale beyond exp({log:g}), or a deviation that is not 0 to {most:g}")
         self.messages += 1
-        if not nodes.size:
+        if not i.size:
             return
-        i, j = nodes["i"].astype(np.int64), nodes["j"].astype(np.int64)
         known = self._known[0]
         known.value[i, j], known.variance[i, j] = value, np.square(deviation)
         touched = self.touched
@@ -119,35 +163,7 @@ def stiffness_at_rest(model: ContactModel, depth: float = FIELD_DEPTH) -> float:
 
 def packed(i: ArrayLike, j: ArrayLike, value: ArrayLike, variance: ArrayLike) -> bytes:
     """Nodes by row and column, the logarithms of their scales and their variances: 8 bytes, and 6 for each."""
-    nodes = np.empty(np.size(i), NODE)
-    nodes["i"], nodes["j"] = i, j
-    nodes["value"] = value
-    nodes["deviation"] = np.sqrt(variance)
-    return _HEADER.pack(_MAGIC, _VERSION, nodes.size) + nodes.tobytes()
-
-
-def _unpacked(content: bytes) -> tuple[NDArray[np.void], Array, Array]:
-    """Nodes of `packed`, and their numbers in double precision.
-
-    Raises:
-        DecodeError: See `ScaleField.take`.
-    """
-    if len(content) < _HEADER.size:
-        _refuse(f"{len(content)} bytes, a header has {_HEADER.size}")
-    magic, version, count = _HEADER.unpack_from(content)
-    if magic != _MAGIC or version != _VERSION:
-        _refuse(f"begins with {magic!r}, version {version}, this side reads {_MAGIC!r}, version {_VERSION}")
-    if len(content) != _HEADER.size + count * NODE.itemsize:
-        _refuse(f"{len(content)} bytes for {count} nodes of {NODE.itemsize}")
-    nodes = np.frombuffer(content, NODE, count, _HEADER.size)
-    value, deviation = nodes["value"].astype(np.float64), nodes["deviation"].astype(np.float64)
-    if not ((np.abs(value) <= _kernel().LARGEST_LOG) & (deviation >= 0.0) & (deviation <= _kernel().SPREAD)).all():
-        _refuse(f"a scale beyond exp({_kernel().LARGEST_LOG:g}), or a deviation that is not 0 to {_kernel().SPREAD:g}")
-    return nodes, value, deviation
-
-
-def _refuse(problem: str) -> NoReturn:
-    raise DecodeError(f"no field of scales: {problem}")
+    return _PACKET.pack(i, j, value, np.sqrt(variance))
 
 
 @cache

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import struct
-from typing import NoReturn
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from foretouch.errors import DecodeError
+from foretouch.models.scale_field import NodePacket
 
 Array = NDArray[np.float64]
 
@@ -25,9 +22,7 @@ HIGHEST = 0.1  # Largest height above or below the fixture's plane [m]
 SPREAD = 0.01
 """Standard deviation of the height where nothing was touched [m]."""
 
-_MAGIC, _VERSION = b"SH", 1
-_HEADER = struct.Struct("<2sBxI")  # magic, version, number of nodes
-NODE: np.dtype[np.void] = np.dtype([("i", "u1"), ("j", "u1"), ("value", "<f2"), ("deviation", "<f2")])
+_PACKET = NodePacket(b"SH", "shape of a surface")
 UNIT = 1e-3
 """Of value and deviation in a message [m]: half precision holds 8 mm to 4 um."""
 
@@ -83,22 +78,14 @@ class ShapeField:
         Raises:
             DecodeError: Another version or length, or a number that is out of range; then nothing is taken.
         """
-        if len(content) < _HEADER.size:
-            _refuse(f"{len(content)} bytes, a header has {_HEADER.size}")
-        magic, version, count = _HEADER.unpack_from(content)
-        if magic != _MAGIC or version != _VERSION:
-            _refuse(f"begins with {magic!r}, version {version}, this side reads {_MAGIC!r}, version {_VERSION}")
-        if len(content) != _HEADER.size + count * NODE.itemsize:
-            _refuse(f"{len(content)} bytes for {count} nodes of {NODE.itemsize}")
-        nodes = np.frombuffer(content, NODE, count, _HEADER.size)
-        value, deviation = (UNIT * nodes[name].astype(np.float64) for name in ("value", "deviation"))
-        if not (nodes["i"] < SIDE).all() or not (nodes["j"] < SIDE).all():
-            _refuse(f"a node beyond the {SIDE} of a side")
+        i, j, *numbers = _PACKET.unpack(content)
+        value, deviation = (UNIT * number for number in numbers)
+        if not ((i < SIDE) & (j < SIDE)).all():
+            _PACKET.refuse(f"a node beyond the {SIDE} of a side")
         if not ((np.abs(value) <= HIGHEST) & (deviation >= 0.0) & (deviation <= HIGHEST)).all():
-            _refuse(f"a height beyond {HIGHEST:g} m, or a deviation that is not 0 to that")
-        self.coefficients[nodes["i"], nodes["j"]] = value
-        self.deviations[nodes["i"], nodes["j"]] = deviation
-        self._told[nodes["i"], nodes["j"]] = True
+            _PACKET.refuse(f"a height beyond {HIGHEST:g} m, or a deviation that is not 0 to that")
+        self.coefficients[i, j], self.deviations[i, j] = value, deviation
+        self._told[i, j] = True
 
     def heights_at(self, points: ArrayLike) -> tuple[Array, Array]:
         """Heights at points of shape (n, 2) or (n, 3) in the fixture's frame, and their standard deviations [m]."""
@@ -115,11 +102,4 @@ def _linear(along: Array) -> Array:
 
 def packed_shape(i: ArrayLike, j: ArrayLike, value: ArrayLike, deviation: ArrayLike) -> bytes:
     """Nodes by row and column, their coefficients and the deviations of the heights there [m]: 8 bytes, 6 for each."""
-    nodes = np.empty(np.size(i), NODE)
-    nodes["i"], nodes["j"] = i, j
-    nodes["value"], nodes["deviation"] = np.asarray(value) / UNIT, np.asarray(deviation) / UNIT
-    return _HEADER.pack(_MAGIC, _VERSION, nodes.size) + nodes.tobytes()
-
-
-def _refuse(problem: str) -> NoReturn:
-    raise DecodeError(f"no shape of a surface: {problem}")
+    return _PACKET.pack(i, j, np.asarray(value) / UNIT, np.asarray(deviation) / UNIT)

@@ -176,19 +176,25 @@ class Outlook:
             self.way = scaled(way, 1.0 / size)
             self._end = subtract(here, scaled(self.way, LEASH))
 
-    def look(self, field: ScaleField | None, law: ModelFigures | None) -> Ahead | None:
+    def look(
+        self,
+        field: ScaleField | None,
+        law: ModelFigures | None,
+        raised: Callable[[Array], Array] = lambda points: points,
+    ) -> Ahead | None:
         r"""Prediction ahead; None without a way, or where nothing was learnt.
 
         .. math:: K(p) = s(p)\, K, \quad \sigma_K(p) = K(p) \sqrt{\sigma^2 / K^2 + \sigma_s^2(p)}
 
         with the law's local stiffness K and its deviation, and the scale s with its relative deviation, which grows
         with the distance from what was touched; see `foretouch.models.ScaleField`. The way goes straight on along the
-        surface, and ends at its rim.
+        surface, and ends at its rim; one whose shape is learnt is flat on the way, and the points are raised to it.
         """
         if field is None or law is None or self.way is None or not law.stiffness > 0.0:
             return None
         contacts = self._contacts(self.way)
         points, normals = (np.array(each) for each in zip(*((one.point, one.normal) for one in contacts), strict=True))
+        points = raised(points)
         scales, deviations = field.scales_at(points)
         own = law.deviation / law.stiffness if math.isfinite(law.deviation) else 0.0
         return Ahead(points, normals, law.stiffness * scales, np.hypot(own, deviations), deviations < SPREAD)

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from foretouch.console.history import Array
 from foretouch.models import FIELD_DEPTH
 from foretouch.quantities.colours import BLUE, GREEN, GREY, INK, VERMILLION, Colour, css
+from foretouch.quantities.pose import Vector
 from foretouch.robot import Tip
 
 Mesh = tuple[NDArray[np.float32], NDArray[np.uint32]]
@@ -184,6 +185,20 @@ def thinned(vertices: Array, faces: Faces, most: int) -> tuple[Array, Faces]:
     counts = np.bincount(cube_of.reshape(-1), minlength=len(cubes))
     sums = [np.bincount(cube_of.reshape(-1), vertices[:, axis], len(cubes)) for axis in range(3)]
     return np.column_stack(sums) / counts[:, None], joined[np.sort(first)]
+
+
+def box(low: Vector, high: Vector) -> Mesh:
+    """A box between two corners."""
+    corners = np.array(np.meshgrid(*zip(low, high, strict=True), indexing="ij")).reshape(3, 8).T
+    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    return corners.astype(np.float32), triangles_of(quads)
+
+
+def band(corners: Array, size: float) -> Mesh:
+    """A flat band around an outline, of a width: none within, where it would tint the colours."""
+    way = np.sign(corners - corners.mean(axis=0)) * max(size, 1e-3)
+    quads = [(i, (i + 1) % 4, 4 + (i + 1) % 4, 4 + i) for i in range(4)]
+    return np.concatenate([corners + way, corners]).astype(np.float32), triangles_of(quads)
 
 
 def boundary(faces: Faces) -> Faces:

@@ -21,11 +21,11 @@ from foretouch.console.plots import SECONDS, Row, put
 from foretouch.console.views import shapes
 from foretouch.console.views.hold import SpaceHold
 from foretouch.console.views.probes import AHEAD, SCREEN, UNITS, Ahead, Measures, Outlook, Probes, Ribbon
-from foretouch.console.views.shapes import COLOURS, UNKNOWN, Faces, Mesh, add_body, along, triangles_of
+from foretouch.console.views.shapes import COLOURS, UNKNOWN, Faces, Mesh, add_body, along
 from foretouch.console.watched import Watched
 from foretouch.errors import ForetouchError
 from foretouch.messages import FollowerSpace, LeaderSpace, fixture_of
-from foretouch.models import FIELD_DEPTH, ScaleField
+from foretouch.models import FIELD_DEPTH, ScaleField, ShapeField
 from foretouch.quantities.colours import BLUE, CUT, GREEN, GREY, INK, VERMILLION
 from foretouch.quantities.pose import RigidMotion, Vector, add, subtract
 from foretouch.rendering import Surface
@@ -73,8 +73,11 @@ class FixtureView:
     """
 
     def __init__(self, scene: Any, surface: Surface) -> None:
-        vertices, faces = surface.outline()
-        self._vertices, self._faces = shapes.refined(vertices, faces)
+        self._outline, faces = surface.outline()
+        self._flat, self._faces = shapes.refined(self._outline, faces)
+        self._vertices = self._flat  # as high as the surface is known to be
+        self._shape: ShapeField | None = None  # of a surface whose shape is learnt
+        self._heights: Array = np.zeros(0)  # numbers of that
         self._radius = surface.radius
         self._dent, self._normal = (0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
         self._levels = np.zeros(len(self._faces), np.int64)
@@ -89,16 +92,16 @@ class FixtureView:
             scene.add_mesh_simple(f"/space/fixture/surface_{i}", *nothing, color=colour, side="double")
             for i, colour in enumerate((UNKNOWN, *COLOURS))
         ]
+        self._walls: Any = None
+        self._bottom = float(self._flat[:, 2].min()) - THICKNESS
         if len(shapes.boundary(faces)):
-            bottom = float(self._vertices[:, 2].min()) - THICKNESS
-            walls, triangles = shapes.skirt(self._vertices, self._faces, bottom)
-            add_body(scene, "/space/fixture/walls", (walls * UNITS, triangles), CUT[0])
+            self._walls = add_body(scene, "/space/fixture/walls", self._skirt(), CUT[0])
         self._rim = footprint(self._vertices) * UNITS
         _add_board(scene)
         ring = np.stack([self._rim, np.roll(self._rim, -1, axis=0)], axis=1).astype(np.float32)
         scene.add_line_segments("/space/fixture/rim", ring, GREY, thickness=1.5, **SCREEN)
         scene.add_line_segments("/space/believed/outline", ring, VERMILLION, thickness=2.0, **SCREEN)
-        self._halo = add_body(scene, "/space/believed/halo", _halo(self._rim, 0.0), VERMILLION, opacity=0.18)
+        self._halo = add_body(scene, "/space/believed/halo", shapes.band(self._rim, 0.0), VERMILLION, opacity=0.18)
         self._halo_size = 0.0
         self._paint()
 
@@ -111,7 +114,30 @@ class FixtureView:
         size = min(HALO * deviation, LARGEST_HALO) if math.isfinite(deviation) else 0.0
         if abs(size - self._halo_size) > 0.1 * max(self._halo_size, 5e-4):
             self._halo_size = size
-            self._halo.vertices = _halo(self._rim, size * UNITS)[0]
+            self._halo.vertices = shapes.band(self._rim, size * UNITS)[0]
+
+    def rise(self, shape: ShapeField | None) -> None:
+        """Draw the surface as high as its shape is known to be; None where that is given."""
+        heights = np.zeros(0) if shape is None else shape.coefficients
+        self._shape = shape
+        if np.array_equal(heights, self._heights):
+            return
+        self._heights = heights.copy()
+        self._vertices = self.raised(self._flat)
+        if self._walls is not None:
+            self._walls.vertices = self._skirt()[0]
+        self._paint()
+
+    def raised(self, points: Array) -> Array:
+        """Points of the surface as it was given, shape (n, 3) [m], where they are known to be."""
+        if self._shape is None:
+            return points
+        return points + np.outer(self._shape.heights_at(points)[0], (0.0, 0.0, 1.0))
+
+    @property
+    def corners(self) -> Array:
+        """Those of the surface as it is known, shape (n, 3) [m]."""
+        return self.raised(self._outline)
 
     def learn(self, field: ScaleField | None, stiffness: float) -> None:
         """Colour the surface by what was learnt, with the law's local stiffness [N/m]; None begins the scale anew."""
@@ -153,6 +179,10 @@ class FixtureView:
     def _bent(self, vertices: Array) -> tuple[Array, Array]:
         return sunk(vertices, self._dent[:3], self._normal, self._dent[3], self._radius)
 
+    def _skirt(self) -> Mesh:
+        walls, triangles = shapes.skirt(self._vertices, self._faces, self._bottom)
+        return walls * UNITS, triangles
+
     def _paint(self) -> None:
         vertices = self.bend(self._vertices)
         self._parts = []
@@ -167,26 +197,13 @@ class FixtureView:
 
 def _add_board(scene: Any) -> None:
     half, offset, side = 0.5 * BOARD * UNITS, 0.002 * UNITS, MARKER * UNITS
-    slab = _box((-half, -half, -THICKNESS * UNITS), (half, half, 0.0))
+    slab = shapes.box((-half, -half, -THICKNESS * UNITS), (half, half, 0.0))
     add_body(scene, "/space/fixture/board", slab, (250, 250, 250))
     corners = [(x, y) for x in (-offset - side, offset) for y in (-offset - side, offset)]
-    squares = [_box((x, y, 0.0), (x + side, y + side, 0.02)) for x, y in corners]
+    squares = [shapes.box((x, y, 0.0), (x + side, y + side, 0.02)) for x, y in corners]
     vertices = np.concatenate([vertices for vertices, _ in squares])
     faces = np.concatenate([faces + 8 * number for number, (_, faces) in enumerate(squares)])
     add_body(scene, "/space/fixture/markers", (vertices, faces.astype(np.uint32)), INK)
-
-
-def _box(low: Vector, high: Vector) -> Mesh:
-    corners = np.array(np.meshgrid(*zip(low, high, strict=True), indexing="ij")).reshape(3, 8).T
-    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    return corners.astype(np.float32), triangles_of(quads)
-
-
-def _halo(corners: np.ndarray, size: float) -> Mesh:
-    """A flat band around an outline, as wide as the uncertainty: none within, where it would tint the colours."""
-    way = np.sign(corners - corners.mean(axis=0)) * max(size, 1e-3)
-    quads = [(i, (i + 1) % 4, 4 + (i + 1) % 4, 4 + i) for i in range(4)]
-    return np.concatenate([corners + way, corners]).astype(np.float32), triangles_of(quads)
 
 
 def _place(node: Any, pose: Sequence[float]) -> None:
@@ -228,12 +245,13 @@ class SpaceScene:
         _place(fixture.root, pose)
         law = None if watched.model is None else figures_of(watched.model, FIELD_DEPTH)
         field = None if law is None else space.field(watched.telemetry_sequence)
+        fixture.rise(space.shape(watched.telemetry_sequence))
         fixture.learn(field, law.stiffness if law else 0.0)
         point = leader.point_x, leader.point_y, leader.point_z
         normal = leader.normal_x, leader.normal_y, leader.normal_z
         fixture.sink(pose, point, normal, leader.depth)
         self._outlook.follow(RigidMotion.from_numbers(pose).apply_back(point))
-        self.ahead = self._outlook.look(field, law) if leader.depth > -NEAR else None
+        self.ahead = self._outlook.look(field, law, fixture.raised) if leader.depth > -NEAR else None
         self._ribbon.draw(self.ahead, fixture.edges, fixture.bend)
         deviation = math.nan if space.belief is None else math.hypot(*space.belief.deviation[:3])
         believed = None if watched.telemetry is None else watched.telemetry.space
@@ -304,7 +322,6 @@ class SpaceView:
         self._scene: SpaceScene | None = None
         self._fixture: SpacePanel | None = None
         self._name: tuple[str, float] = "", 0.0
-        self._surface: Surface | None = None
         self._offered = False  # whether anybody listens to the handle
         self._legend = server.gui.add_html("")
 
@@ -337,7 +354,7 @@ class SpaceView:
 
     def plot(self, shown: Watched) -> None:
         """Draw the image of the camera beside it."""
-        self._image.draw(shown, BOARD_ALONE if self._surface is None else self._surface.outline()[0])
+        self._image.draw(shown, BOARD_ALONE if self._scene is None else self._scene.fixture.corners)
 
     def write(self, shown: Watched, now: float) -> None:
         """Numbers, labels, plots and legend."""
@@ -358,13 +375,13 @@ class SpaceView:
         if self._scene is not None:
             self._server.scene.remove_by_name("/space")
             put(self._legend, content="")
-        self._name, self._scene, self._surface, self.problem = name, None, None, ""
+        self._name, self._scene, self.problem = name, None, ""
         try:
-            self._surface = make_scene(*name).surface
+            surface = make_scene(*name).surface
         except (ForetouchError, OSError) as error:  # a mesh that only the other machine has, or nothing to read it with
             self.problem = f"The scene cannot be drawn here: {error}"
         else:
-            self._scene = SpaceScene(self._server, self._surface, self.hold)
+            self._scene = SpaceScene(self._server, surface, self.hold)
         if self._fixture is None:
             with self._panel.tabs.add_tab("Fixture"):
                 self._fixture = SpacePanel(self._server.gui, self._slide)

@@ -15,7 +15,7 @@ from foretouch.messages import SessionLog
 from foretouch.models import FIELD_DEPTH, stiffness_at_rest
 from foretouch.models.scale_field_kernel import SIDE, SPACING
 from foretouch.quantities import Array, ByValue
-from foretouch.rendering.surfaces.coloured_mesh import coloured_mesh, read_vertex_values
+from foretouch.rendering.surfaces.mesh_files import coloured_mesh, read_vertex_values
 from foretouch.report.rows import model_of
 from foretouch.report.scene.map import height_of, learnt_field
 from foretouch.report.scene.shape import scene_of

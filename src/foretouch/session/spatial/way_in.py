@@ -18,7 +18,7 @@ from foretouch.rendering.surfaces import Surface
 from foretouch.rendering.surfaces.geometry import Array, Numbers3, norm, subtract, vector, write
 from foretouch.rendering.surfaces.line import Line, just_touching_within, rotate_back
 from foretouch.session.safety.kernel import Memory
-from foretouch.session.safety.proven_way import forget_way
+from foretouch.session.spatial.proven_places import ProvenPlaces, be_at, forget_places
 
 
 @compiled
@@ -127,10 +127,6 @@ def uncertainty_at(pose: PoseUncertainty, point: Vector, normal: Vector) -> tupl
     return min(uncertainty, LARGEST_UNCERTAINTY), min(max(inclined, LEAST_TURN), LARGEST_TURN)
 
 
-SAME_PLACE, SAME_HEIGHT = 3e-3, 1e-3
-"""Distances within which forces felt during the approach still hold [m]: along the surface, half the radius of the tip,
-and of the believed surface from its earlier position."""
-
 SIDEWAYS_SHARE = 1.0 / 3.0
 """Least sliding speed along a surface of uncertain inclination, as a fraction of the robot's speed of approach."""
 
@@ -146,7 +142,8 @@ class WayIn(Record):
 
     What the robot has proven of its approach holds about its present point once the surface was felt there, against its
     normal: air that was crossed beside an edge says nothing of what is beside it. It holds nearer to the surface by the
-    uncertainty of the inclination, for every millimetre aside.
+    uncertainty of the inclination, for every millimetre aside, by what the believed surface has come nearer since, and,
+    where the probe comes back (`ProvenPlaces`), by the uncertainty of its height until it is felt again.
 
     Elsewhere the air counts as free up to the believed surface, less its uncertainty at this point (`PoseUncertainty`),
     once the surface was felt or seen; beyond that, and before, nothing is known. Where it was only felt, that grows by
@@ -157,7 +154,7 @@ class WayIn(Record):
     leave, and to no less than a third.
 
     A contact in air that counts as free, and a surface that is missed below where it may be, contradict the belief:
-    then none of it counts until it includes a newer touch or image.
+    then none of it counts until it includes a newer touch or image, and what was proven elsewhere is forgotten.
     """
 
     uncertainty: float = LARGEST_UNCERTAINTY  # of the surface at the newest point [m], until a tracker says otherwise
@@ -171,10 +168,7 @@ class WayIn(Record):
     contradicted: bool
     felt: bool  # whether there was contact in the tick before
     missed: int  # ticks without a force below the surface
-    anchor: Numbers3 = math.nan  # type: ignore[assignment]  # point about which the proven approach holds [m]
-    anchored: float  # offset of the line then [m]
-    widest: float  # largest distance from it since [m]
-    touched: bool  # whether the surface was felt since
+    places: ProvenPlaces
     felt_at: Numbers3 = math.nan  # type: ignore[assignment]  # where it was felt last [m]
     point: Numbers3 = math.nan  # type: ignore[assignment]  # the newest [m]
 
@@ -221,13 +215,14 @@ def come_to(way: WayIn, line: Line, memory: Memory, known: Known, explained: boo
     way.free = nearest - way.uncertainty if known.seen or felt else -math.inf
     slid = max(norm(subtract(point, vector(way.point))) - SLID, 0.0)  # NaN in the first tick
     write(way.point, point)
-    aside, further = norm(subtract(point, vector(way.anchor))), abs(offset - way.anchored)
-    if not (aside <= SAME_PLACE and further <= SAME_HEIGHT):
-        way.anchored = offset
-        write(way.anchor, point)
-        forget_way(memory.way)
-        aside, way.widest, way.touched = 0.0, 0.0, False
-    way.widest = max(way.widest, aside)
-    way.touched = way.touched or (known.in_contact and explained)
-    memory.holds, memory.higher = way.touched, way.turn * (way.widest + aside)
+    places = way.places
+    if way.contradicted:
+        forget_places(places)
+    aside = be_at(places, memory.way, point, offset)
+    if known.in_contact and explained:
+        places.touched, places.returned = True, False
+    nearer = max(places.offset - offset, 0.0)
+    if places.returned:
+        nearer += way.uncertainty - SHARED
+    memory.holds, memory.higher = places.touched, nearer + way.turn * (places.widest + aside)
     return float(slid)
