@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 from scipy.interpolate import RegularGridInterpolator
 
 from foretouch.errors import DecodeError
-from foretouch.models import HuntCrossley, KelvinVoigt, ScaleField, stiffness_at_rest
+from foretouch.models import HuntCrossley, KelvinVoigt, ScaleField, advance, force_at_rest, stiffness_at_rest
 from foretouch.models.scale_field import NODE, packed
 from foretouch.models.scale_field_kernel import FILLED, LARGEST_LOG, REACH, SIDE, SPACING, SPREAD
+from foretouch.robot.materials import make_material
 
 MIDDLE = SIDE // 2
 
@@ -112,3 +113,19 @@ def test_no_bytes_make_a_scale_that_is_none(content: bytes) -> None:
 def test_the_stiffness_of_a_law_at_rest_is_its_slope() -> None:
     assert stiffness_at_rest(KelvinVoigt(600.0, 2.0)) == pytest.approx(600.0)
     assert stiffness_at_rest(HuntCrossley(5e3, 50.0, 1.5), 4e-3) == pytest.approx(1.5 * 5e3 * 4e-3**0.5, rel=1e-3)
+    assert stiffness_at_rest(KelvinVoigt(600.0, 2.0), 0.0) == pytest.approx(300.0), "half of the slope is outside"
+
+
+@pytest.mark.parametrize("material", ["foam-measured", "sponge", "foam"])
+def test_a_material_that_remembers_is_as_stiff_as_when_it_is_pressed_and_rests(material: str) -> None:
+    """Against the same press in ticks of a millisecond; pressed in an instant, foam is half as stiff again."""
+    model = make_material(material).model
+    felt = []
+    for depth in (1.9e-3, 2.1e-3):
+        state, force = model.initial_state(), 0.0
+        for tick in range(round(depth / 1e-5) + 1000):
+            place = min(1e-5 * (tick + 1), depth)
+            state, force, _ = advance(model, state, place, 0.01 if place < depth else 0.0, 1e-3)
+        felt.append(force)
+        assert force_at_rest(model, depth)[0] == pytest.approx(force, rel=0.05)
+    assert stiffness_at_rest(model) == pytest.approx((felt[1] - felt[0]) / 2e-4, rel=0.05)

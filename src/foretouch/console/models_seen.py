@@ -10,10 +10,9 @@ import numpy as np
 from foretouch.console.history import NAN, Array
 from foretouch.errors import InputError
 from foretouch.messages import ModelUpdate
-from foretouch.models import ContactModel, advance, make_model
+from foretouch.models import ContactModel, force_at_rest, make_model
 
-STEP, PERIOD = 0.1, 1e-3
-"""Half the distance over which a local stiffness is taken, as a fraction of the depth; the period of a step [s]."""
+STEP = 0.1  # Half the distance over which a local stiffness is taken, as a fraction of the depth
 MOST, SPACING = 512, 0.1
 """Models whose figures are remembered, and the time between two that are drawn [s]."""
 
@@ -57,17 +56,15 @@ def figures_of(update: ModelUpdate, depth: float) -> ModelFigures | None:
 
     .. math:: K = \frac{F(x + h) - F(x - h)}{2 h}, \quad \sigma_K = |K| \frac{\sigma_F(x)}{F(x)}
 
-    with the probe at rest, h a tenth of x. The model's uncertainty is that of the force; that of the stiffness
-    is taken in the same proportion, as if all forces were too large or too small by one factor. The depth x is below
-    the model's surface [m].
+    with the probe at rest (`foretouch.models.force_at_rest`), h a tenth of x. The model's uncertainty is that of the
+    force; that of the stiffness is taken in the same proportion, as if all forces were too large or too small by one
+    factor. The depth x is below the model's surface [m].
     """
     model = model_of(update)
     if model is None:
         return None
     step = STEP * depth
-    (_, force, uncertainty), (_, more, _), (_, less, _) = (
-        advance(model, model.initial_state(), x, 0.0, PERIOD) for x in (depth, depth + step, depth - step)
-    )
+    (force, uncertainty), (more, _), (less, _) = (force_at_rest(model, x) for x in (depth, depth + step, depth - step))
     stiffness = (more - less) / (2.0 * step)
     deviation = abs(stiffness) * uncertainty / force if force > 0.0 else NAN
     parameters, errors = model.parameters, update.standard_errors

@@ -7,7 +7,7 @@ from foretouch.models.friction import FRICTIONS, BristleFriction
 from foretouch.models.laws import LAWS, make_model
 from foretouch.models.memoryless_law import LinearisedContinuousSwitching, MemorylessLaw
 from foretouch.models.predictor import MotionFilter, Predictor
-from foretouch.models.scale_field import FIELD_DEPTH, ScaleField, stiffness_at_rest
+from foretouch.models.scale_field import FIELD_DEPTH, ScaleField, force_at_rest, stiffness_at_rest
 from foretouch.models.shape_field import ShapeField
 
 __all__ = [
@@ -31,6 +31,7 @@ __all__ = [
     "ShapeField",
     "ThresholdSwitching",
     "advance",
+    "force_at_rest",
     "make_model",
     "stiffness_at_rest",
     "summarise_map",
