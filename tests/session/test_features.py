@@ -30,9 +30,10 @@ from foretouch.session.runners import simulated
 from foretouch.session.runners.driven import Tick
 from foretouch.session.runners.shadow import Shadow
 from foretouch.session.settings import shadow_settings
-from foretouch.session.spatial import make_scene, make_spatial_operator
+from foretouch.session.spatial import make_spatial_operator
 from foretouch.session.spatial.making import SpatialWorld
-from foretouch.session.spatial.scenes import MIDDLE, _above
+from foretouch.session.spatial.scenes import MIDDLE, _above, make_specimen
+from foretouch.settings import UNKNOWN
 
 PAGE = Path(__file__).parents[2] / "docs" / "scenes.md"
 SURFACE, CLEARANCE, DEPTH = 0.010, 0.002, 0.003  # along a line, and how high and deep a hand goes [m]
@@ -97,12 +98,14 @@ class Place:
 
     def settings(self, **changes: Any) -> SessionSettings:
         own = {"scene": self.scene} | STILL if self.scene else {}
+        if self.scene == UNKNOWN:
+            own |= {"fusion": "none", "specimen": "plane"}  # its touches show the shape
         return SessionSettings(**QUICK | own | changes)
 
     @property
     def top(self) -> tuple[float, float, float]:
         """The surface where it is pressed, in the world [m]."""
-        scene = make_scene(self.scene)
+        scene = make_specimen(self.settings())
         x, y, z = _above(scene, *MIDDLE[:2], 0.0)
         return x + scene.nominal[0], y, z
 
@@ -114,7 +117,7 @@ class Place:
                 arm.exchange((SURFACE - CLEARANCE) * min(tick / 300, 1.0))
             arm.mj_data.time = 0.0  # a session takes a fresh one
             return mounted_robot(settings, arm)
-        scene, (x, y, z) = make_scene(self.scene), start or self.top
+        scene, (x, y, z) = make_specimen(settings), start or self.top
         world = SpatialWorld(scene, make_material(settings.material), displacement=0.0, turn=0.0, bump=0.0, seed=0)
         arm = GantryArm(world.touch, world.fixture, seed=settings.seed, start=(x, y, z + CLEARANCE), substeps=4)
         return mounted_robot(settings, arm)
@@ -212,7 +215,8 @@ def recorded_operator(place: Place) -> None:
         operator: Any = make_operator(settings, say=pytest.fail)
         log = place.run(1.9, operator=operator)
     else:
-        recorded = make_spatial_operator(settings, make_scene(place.scene), make_scene(place.scene).nominal)
+        scene = make_specimen(settings)
+        recorded = make_spatial_operator(settings, scene, scene.nominal)
         recorded.read(0)
         x, y, z = recorded.read(4_500 * MS)
 
@@ -357,7 +361,9 @@ def _compiled_on_the_way(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(simulated, "warm_up_once", lambda settings: None)
 
 
-@pytest.mark.parametrize(("feature", "scene"), CELLS)
+@pytest.mark.parametrize(
+    ("feature", "scene"), [pytest.param(*cell, marks=[pytest.mark.long] * (cell[1] == UNKNOWN)) for cell in CELLS]
+)
 def test_the_feature_is_there_or_refused_as_the_page_says(
     feature: str, scene: str, request: pytest.FixtureRequest, packages: Path
 ) -> None:
