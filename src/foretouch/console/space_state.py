@@ -119,7 +119,7 @@ class SpaceState:
         return learnt.field if learnt is not None and learnt.field.count else None
 
     def shape(self, sequence: int) -> ShapeField | None:
-        """What had come of the surface's shape, where nobody knew it; else None."""
+        """What had come by then of a shape that is learnt; None where the shape is given, and before the first."""
         learnt = self._learnt_by(sequence)
         return learnt.shape if learnt is not None and learnt.shape.count else None
 
