@@ -85,6 +85,11 @@
   window.addEventListener("keyup", heard, true); // with this a space presses the button that has the focus
 })();
 
+// A list that was chosen from keeps no keys to itself: the next ones are the session's.
+window.addEventListener("click", (event) => {
+  if (event.target.closest?.("[role=option]")) setTimeout(() => document.activeElement?.blur());
+}, true);
+
 // What is typed into the box of a slider is within its range, or goes nowhere, and the box says so.
 (() => {
   const note = document.createElement("div");

@@ -226,7 +226,6 @@ class RecordingsPanel:
 
     def _chosen(self, event: Any) -> None:
         if self._list.value != CHOOSE:
-            self._list.disabled = True  # it lets go of the focus too, in which no key would stop the robot
             self._actions.open(str(self._list.value))
 
     def _dragged(self, event: Any) -> None:

@@ -183,6 +183,5 @@ class SessionPanel:
 
     def _choose(self, name: str, event: Any) -> None:
         value = str(event.target.value)
-        event.target.disabled = True  # it lets go of the focus too, in which no key would stop the robot
         self._waiting[name] = (value, time.monotonic())
         self._actions.choose(name, value)
