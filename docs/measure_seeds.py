@@ -1,7 +1,7 @@
 """Measure whole sessions in scenes by seeds that nothing was chosen on: blocks of `docs/scenes.md`.
 
-Usage: `.venv/bin/python docs/measure_seeds.py [FOLDER]`, in half an hour on two cores. What is done is kept in FOLDER:
-it goes on after an end, on the same code.
+Usage: `.venv/bin/python docs/measure_seeds.py [FOLDER]`, in an hour on two cores. What is done is kept in FOLDER, each
+code's for itself: after an end it goes on from there.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ sys.path.insert(0, str(HERE))
 
 from designs.rasters import told  # noqa: E402
 from measure_scenes import PALPATED, run  # noqa: E402
-from measured_blocks import fill  # noqa: E402
+from measured_blocks import fill, loaded  # noqa: E402
 from measuring import figure, table  # noqa: E402
 
 from foretouch.messages import SessionLog  # noqa: E402
@@ -34,7 +34,7 @@ from foretouch.session.spatial import Inclusion  # noqa: E402
 Array = NDArray[np.float64]
 
 PAGE = HERE / "scenes.md"
-SEEDS = range(210, 214)
+SEEDS = range(210, 218)
 """Nothing was chosen on these."""
 
 DELAY = 380  # Of a command and what is felt of it, in rows of a millisecond
@@ -96,7 +96,6 @@ def kept(folder: Path | None, scene: str, material: str, seconds: float, seed: i
         return measured(scene, material, seconds, seed)
     file = folder / f"{scene}-{material}-{seed}.json"
     if not file.is_file():
-        folder.mkdir(parents=True, exist_ok=True)
         file.write_text(json.dumps(measured(scene, material, seconds, seed)._asdict()))
     return Found(**json.loads(file.read_text()))
 
@@ -146,7 +145,9 @@ def middle_and_worst(values: list[float | None], best: float = 0.0) -> str:
 
 def main() -> None:
     """Measure all, and fill both blocks."""
-    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else None
+    folder = Path(sys.argv[1]) / str(loaded(PAGE, "seeds")) if len(sys.argv) > 1 else None
+    if folder is not None:
+        folder.mkdir(parents=True, exist_ok=True)
     cases = [(*scene, seed) for seed in SEEDS for scene in SCENES]
     found = Parallel(n_jobs=2)(delayed(kept)(folder, *case) for case in cases)
     rows, maps = [], []

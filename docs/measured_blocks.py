@@ -23,7 +23,7 @@ from typing import NamedTuple
 from measured_sources import BLOCKS, ROOT, Key, digests, reached_by, sources_of
 from sources import Module, Sources
 
-__all__ = ["BLOCK", "EARLIER", "chosen", "fill", "problems"]
+__all__ = ["BLOCK", "EARLIER", "chosen", "fill", "loaded", "problems"]
 
 BLOCK = re.compile(
     r"<!-- measured: (?P<name>[a-z-]+)(?: of (?P<digest>\w+))? -->\n(?P<text>.*?)<!-- end -->", re.DOTALL
@@ -62,6 +62,11 @@ def fill(page: Path, measured: Mapping[str, str], *, current: bool = True) -> No
         return written(name, UNKNOWN, EARLIER + measured[name])
 
     page.write_text(BLOCK.sub(replaced, page.read_text()))
+
+
+def loaded(page: Path, name: str) -> str | None:
+    """The digest of the sources of a block that this script loaded: what is kept for later is of these."""
+    return _AT_BEGIN[key_of(page, name)]
 
 
 def written(name: str, digest: str | None, text: str) -> str:
