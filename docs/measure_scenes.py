@@ -1,7 +1,7 @@
 """Measure sessions in three dimensions: the tables and images of `docs/scenes.md`.
 
-Usage: `.venv/bin/python docs/measure_scenes.py [fusion] [images] [palpation] [hand]`; all without arguments, in about
-half an hour on 2 cores.
+Usage: `.venv/bin/python docs/measure_scenes.py [fusion] [images] [blind] [palpation] [hand]`; all without arguments, in
+about half an hour on 2 cores.
 """
 
 from __future__ import annotations
@@ -16,9 +16,11 @@ import matplotlib as mpl
 import numpy as np
 from joblib import Parallel, delayed
 from measured_blocks import chosen, fill
+from scipy.spatial.transform import Rotation
 
 from foretouch.messages import SessionLog
 from foretouch.report import look_at_scene, map_figure, pair, pose_figure, session_figures
+from foretouch.report.scene.pose import vectors
 from foretouch.session import SessionSettings
 from foretouch.session.runners.simulated import run_session
 from foretouch.session.spatial import Scene, make_camera, make_scene, make_spatial_operator, make_spatial_robot
@@ -182,6 +184,50 @@ def images() -> str:
     return table(head, rows)
 
 
+# --- a bump that only the probe can tell of ---------------------------------------------------------------------------
+
+BLIND = {"displacement": 0.0125, "turn": 0.131, "image_fault": "dropped:12.5:40"}
+"""Images end half a second before a bump of up to 5 mm and 3 degrees, which is 40 % of the first displacement."""
+
+AFTER = ((0.15, 1.0), (1.0, 3.0), (3.0, 6.0), (6.0, 12.0), (12.0, 17.0))
+"""Time after the beginning of the bump [s]."""
+
+
+def felt(seed: int) -> tuple[list[float], float | None]:
+    """How the believed surface is turned against the true one where it is felt, and when the pose was right again.
+
+    Returns:
+        For each time of `AFTER` the root mean square of the angle between the normals [degrees]; and seconds.
+    """
+    log = run(BUMP + AFTER[-1][1], scene="hill", seed=seed, bump=BUMP, **BLIND)
+    surface, pairs = make_scene("hill").surface, pair(log)
+    (bump,) = session_figures(log)["scene"]["pose"]["bumps"]
+    keep = log.follower["in_contact"] & (log.follower["time_ns"] % 10_000_000 == 0)
+    rows, time = log.follower_space[keep], 1e-9 * (log.follower["time_ns"][keep] - pairs.follower["time_ns"][0])
+    normals = []
+    for pose in ("fixture", "exact"):
+        turned = Rotation.from_rotvec(vectors(rows, pose, turn=True))
+        inner = turned.inv().apply(vectors(rows, "place") - vectors(rows, pose))
+        normals.append(turned.apply([surface.contact(tuple(place)).normal for place in inner.tolist()]))
+    angle = np.degrees(np.arccos(np.minimum(np.sum(normals[0] * normals[1], axis=1), 1.0)))
+    after = time - bump["at_s"]
+    parts = [angle[(after >= begin) & (after < end)] for begin, end in AFTER]
+    return [float(np.sqrt(np.mean(part**2))) if part.size else float("nan") for part in parts], bump["recovered_s"]
+
+
+def blind() -> str:
+    """Eight bumps that no image shows: what a probe that slides tells of them."""
+    found = Parallel(n_jobs=JOBS)(delayed(felt)(seed) for seed in SEEDS)
+    back = [seconds for _, seconds in found if seconds is not None]
+    angles = np.array([angle for angle, _ in found])
+    rows = [
+        (f"{begin:g} to {end:g} s", f"{np.nanmedian(part):.2f} / {np.nanmax(part):.2f}")
+        for (begin, end), part in zip(AFTER, angles.T, strict=True)
+    ]
+    whole = f"{len(back)} of {len(found)}, after {median(back):.1f} s" if back else f"0 of {len(found)}"
+    return table(("After the bump", "Normal, off by [degrees]"), [*rows, ("the whole pose is right again", whole)])
+
+
 # --- palpation --------------------------------------------------------------------------------------------------------
 
 
@@ -263,7 +309,7 @@ def hand() -> str:
     return table(head, rows)
 
 
-MEASURED = {"fusion": fusion, "images": images, "palpation": palpation, "hand": hand}
+MEASURED = {"fusion": fusion, "images": images, "blind": blind, "palpation": palpation, "hand": hand}
 JOBS = 2
 
 

@@ -86,7 +86,7 @@ _OF_PAGES: dict[str, dict[str, tuple[str, ...]]] = {
     | {"blind-sensors": ("measure_sensor_faults:blind_sensors",)},
     "docs/scale.md": {"costs": ("measure_scale:costs", "foretouch.recordings.session.writer", *LIVE)},
     "docs/scenes.md": {
-        **{name: (f"measure_scenes:{name}",) for name in ("fusion", "images", "palpation", "hand")},
+        **{name: (f"measure_scenes:{name}",) for name in ("fusion", "images", "blind", "palpation", "hand")},
         **dict.fromkeys(("seeds", "maps"), ("measure_seeds:main",)),
     },
     "docs/sensitivities.md": {"sensitivities": ("sensitivities:sensitivities", *TUNED)},

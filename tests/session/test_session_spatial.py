@@ -99,6 +99,29 @@ def test_after_the_first_touches_and_after_a_bump_the_fixture_is_where_it_is_ren
     assert moved[0] > 2e-3
 
 
+def turned_where_felt(log: SessionLog, begin: float, end: float) -> float:
+    """Root mean square of the angle between the believed and the true normal under a probe in contact [degrees]."""
+    surface, angles = KnownSurface(make_scene("hill").surface), []
+    for row in range(round(begin * 1e3), round(end * 1e3), 20):
+        if log.follower["in_contact"][row]:
+            place = [float(log.follower_space[f"place_{axis}"][row]) for axis in "xyz"]
+            poses = [pose(log.follower_space[row], name) for name in ("fixture", "exact")]
+            one, other = (at.rotation @ surface.height(at.inverse().apply(place))[1] for at in poses)
+            angles.append(math.degrees(math.acos(min(1.0, one @ other))))
+    return float(np.sqrt(np.mean(np.square(angles))))
+
+
+@sees
+@pytest.mark.long
+def test_a_bump_that_no_image_shows_is_felt_by_how_the_force_leans() -> None:
+    log = run(22.0, seed=1, bump=11.0, image_fault="dropped:10.5:30", displacement=0.0125, turn=0.131)
+    assert turned_where_felt(log, 11.2, 13.0) > 1.5
+    assert turned_where_felt(log, 17.0, 22.0) < 1.2
+    opened = [belief for belief in log.beliefs if belief.time_ns > 11.2e9]
+    deviations = [math.sqrt(np.reshape(belief.covariance, (6, 6))[3:, 3:].trace()) for belief in opened]
+    assert max(deviations) > math.radians(2.0)  # and says that it was moved
+
+
 @sees
 @pytest.mark.long
 def test_forces_are_predicted_where_the_delayed_ones_are_wrong(seen: SessionLog) -> None:

@@ -1,4 +1,4 @@
-"""The pose of the fixture, from late images and from touches of its surface."""
+"""The pose of the fixture, from late images, from touches of its surface, and from a probe that slides over it."""
 
 from __future__ import annotations
 
@@ -10,14 +10,25 @@ from enum import Enum
 import numpy as np
 
 from foretouch.errors import SettingError
-from foretouch.quantities.pose import Array, Pose
-from foretouch.vision.seen import ContactSeen, ImageSeen, Seen, TouchedSurface, bend, height_derivative, is_finite
+from foretouch.quantities.pose import Array, Pose, cross_matrix
+from foretouch.vision.seen import (
+    ContactSeen,
+    ImageSeen,
+    Seen,
+    SlideSeen,
+    TouchedSurface,
+    bend,
+    height_derivative,
+    is_finite,
+    turning,
+)
 
 
 class Verdict(Enum):
-    """What became of one image or contact."""
+    """What became of one image, contact or slide."""
 
     USED = "used"
+    RUBBED = "used, for friction alone: the pose is seen"
     REFUSED = "refused: it does not fit what is known of the fixture"
     REOPENED = "the fixture was moved: several agree on another pose, and the filter has opened for it"
     NOT_FINITE = "refused: it is not finite, or its covariance is none"
@@ -44,7 +55,14 @@ class FusionSettings:
         agreeing: Number of refused measurements, agreeing among themselves, that mean that the fixture was moved.
         agreeing_within: Time within which they come [s].
         history: Largest delay of a measurement [s].
-        blind: Time without an image after which one touch that does not fit means that the fixture was moved [s].
+        blind: Time without an image after which one touch that does not fit means that the fixture was moved, and a
+            probe that slides tells of the pose [s].
+        bump_position: Standard deviation of where the surface is, at the place where a probe slides that shows that the
+            fixture was moved [m]: it is still felt there.
+        bump_angle: The same of how it is turned about that place [rad].
+        friction: Coefficient of friction that is believed at first.
+        friction_deviation: Its standard deviation.
+        drift_friction: Random walk of it, density [1/sqrt(s)]: other places rub otherwise.
     """
 
     start_position: float = 0.02
@@ -61,6 +79,11 @@ class FusionSettings:
     agreeing_within: float = 0.5
     history: float = 2.0
     blind: float = 1.0
+    bump_position: float = 5e-3
+    bump_angle: float = math.radians(3.0)
+    friction: float = 0.3
+    friction_deviation: float = 0.3
+    drift_friction: float = 1e-2
 
     def __post_init__(self) -> None:
         if not all(map(math.isfinite, self.view)):
@@ -81,24 +104,28 @@ class FixtureState:
         time: [s].
         pose: Pose of the fixture in the world.
         bias: Error common to all images, on the right of the pose, (6,).
-        covariance: Covariance of pose error and bias, (12, 12).
+        friction: Coefficient of friction.
+        covariance: Covariance of pose error, bias and friction, (13, 13).
         image_time: Exposure of the last image that was used [s]; -inf before it.
         contact_time: Time of the last contact that was used [s]; -inf before it.
         refused: The last ones that were refused and agree with each other.
+        strange: How unlikely the last slides are: a mean square of their innovations, 1 for those that are expected.
     """
 
     time: float
     pose: Pose
     bias: Array
+    friction: float
     covariance: Array
     image_time: float = -math.inf
     contact_time: float = -math.inf
     refused: tuple[Seen, ...] = ()
+    strange: float = 1.0
 
     @property
     def pose_covariance(self) -> Array:
         """Covariance of the pose's error on the right, (6, 6)."""
-        return self.covariance[:6, :6]
+        return self.covariance[POSE, POSE]
 
     def sentence(self, now: float) -> str:
         """What is known at a time [s], for the operator."""
@@ -111,14 +138,20 @@ class FixtureState:
         return f"the fixture was last seen {max(0.0, now - self.image_time):.1f} s ago: {uncertainty}"
 
 
+POSE, BIAS, FRICTION = slice(6), slice(6, 12), 12
+STATES = 13
+"""Where the unknowns stand in the covariance, and their number."""
+
 LARGEST_POSITION, LARGEST_ANGLE = 0.5, math.pi / 2
+SLIDES = 10  # Number of slides of which the mean counts: half a second, the time within which images agree
+
 _LIMIT = np.array([LARGEST_POSITION] * 3 + [LARGEST_ANGLE] * 3)
 
 
 def _bounded(covariance: Array) -> Array:
     """Symmetric, and no pose uncertainty above what still means anything; scaling both sides keeps it a covariance."""
-    scale = np.ones(12)
-    scale[:6] = np.minimum(1.0, _LIMIT / np.sqrt(np.maximum(np.diag(covariance)[:6], 1e-30)))
+    scale = np.ones(STATES)
+    scale[POSE] = np.minimum(1.0, _LIMIT / np.sqrt(np.maximum(np.diag(covariance)[POSE], 1e-30)))
     return 0.5 * (covariance + covariance.T) * np.outer(scale, scale)
 
 
@@ -130,11 +163,13 @@ def _variances(position: float, angle: float) -> Array:
 class FixtureFilter:
     r"""An error-state Kalman filter for a fixture that stands still until it is bumped.
 
-    The error of the pose and the error common to all images are one state of 12: an image gives
-    r = log(T^-1 Z) - b = delta + b' + noise, a contact the height of q = T^-1 p, whose derivative is (-n, n x q), with
-    more noise where the surface is not flat (`bend`). The common error keeps their average from being believed too
-    far; contacts take it away along the normal. The update has Joseph's form. A measurement that comes late takes its
-    place in time, and what came after it is worked through again: the order of arrival makes no difference.
+    The error of the pose, the error common to all images and the coefficient of friction are one state of 13: an image
+    gives r = log(T^-1 Z) - b = delta + b' + noise, a contact the height of q = T^-1 p, whose derivative is (-n, n x q),
+    with more noise where the surface is not flat (`bend`), and a slide the normal there (`turning`), from the direction
+    of the force. The common error keeps the images' average from being believed too far; contacts take it away along
+    the normal. Slides tell of the pose where no image does, else of friction alone. The update has Joseph's form. A
+    measurement that comes late takes its place in time, and what came after it is worked through again: the order of
+    arrival makes no difference.
 
     Args:
         fixture: The surface in its own frame.
@@ -154,7 +189,7 @@ class FixtureFilter:
     _seen: list[Seen] = field(init=False, default_factory=list)
     _states: list[FixtureState] = field(init=False, default_factory=list)
     _verdicts: list[Verdict] = field(init=False, default_factory=list)
-    _gates: tuple[float, float] = field(init=False, default=(0.0, 0.0))
+    _gates: dict[int, float] = field(init=False, default_factory=dict)
     _start: FixtureState = field(init=False)
     _bias: Array = field(init=False)
 
@@ -162,16 +197,16 @@ class FixtureFilter:
         from scipy.stats import chi2
 
         s = self.settings
-        self._gates = float(chi2.ppf(s.gate, 1)), float(chi2.ppf(s.gate, 6))
-        covariance = np.zeros((12, 12))
-        covariance[:6, :6] = np.diag(_variances(s.start_position, s.start_angle))
+        self._gates = {size: float(chi2.ppf(s.gate, size)) for size in (1, 2, 6, 2 * SLIDES)}
+        covariance = np.zeros((STATES, STATES))
+        covariance[POSE, POSE] = np.diag(_variances(s.start_position, s.start_angle))
         self._bias = np.diag(_variances(s.bias_position, s.bias_angle))
         if (length := float(np.linalg.norm(s.view))) > 0.0:  # the view of the fixture is that as first believed
             view = self.pose.rotation.T @ (np.asarray(s.view) / length)
             across = s.bias_across**2
             self._bias[:3, :3] = across * np.eye(3) + (s.bias_position**2 - across) * np.outer(view, view)
-        covariance[6:, 6:] = self._bias
-        self._start = FixtureState(self.time, self.pose, np.zeros(6), covariance)
+        covariance[BIAS, BIAS], covariance[FRICTION, FRICTION] = self._bias, s.friction_deviation**2
+        self._start = FixtureState(self.time, self.pose, np.zeros(6), s.friction, covariance)
 
     def update(self, seen: Seen) -> Verdict:
         """Take an image or a contact in, late or not; what became of it. It never raises for what it holds."""
@@ -202,18 +237,21 @@ class FixtureFilter:
     def _predict(self, state: FixtureState, time: float) -> FixtureState:
         s, elapsed = self.settings, max(0.0, time - state.time)
         keep = math.exp(-elapsed / s.bias_time)
-        transition = np.ones(12)
-        transition[6:] = keep
+        transition = np.ones(STATES)
+        transition[BIAS] = keep
         covariance = state.covariance * np.outer(transition, transition)
-        covariance[:6, :6] += elapsed * np.diag(_variances(s.drift_position, s.drift_angle))
-        covariance[6:, 6:] += (1.0 - keep**2) * self._bias
+        covariance[POSE, POSE] += elapsed * np.diag(_variances(s.drift_position, s.drift_angle))
+        covariance[BIAS, BIAS] += (1.0 - keep**2) * self._bias
+        covariance[FRICTION, FRICTION] += elapsed * s.drift_friction**2
         return replace(state, time=max(time, state.time), bias=keep * state.bias, covariance=_bounded(covariance))
 
     def _step(self, state: FixtureState, seen: Seen) -> tuple[FixtureState, Verdict]:
+        if isinstance(seen, SlideSeen):
+            return self._slide(state, seen)
         state = self._predict(state, seen.time)
         if self._fits(state, seen):
             return self._correct(state, seen), Verdict.USED
-        if isinstance(seen, ContactSeen) and seen.time - state.image_time > self.settings.blind:
+        if isinstance(seen, ContactSeen) and self._is_blind(state, seen):
             # Nothing is seen, and a touch is elsewhere: the fixture was moved, and touches are all that tells of it.
             return self._reopen(replace(state, refused=(seen,))), Verdict.REOPENED
         agreeing = [
@@ -226,26 +264,61 @@ class FixtureFilter:
             return state, Verdict.REFUSED
         return self._reopen(state), Verdict.REOPENED
 
+    def _slide(self, state: FixtureState, seen: SlideSeen) -> tuple[FixtureState, Verdict]:
+        if not self._is_blind(state, seen):
+            # The pose is seen, and better than by forces that soft tissue turns, or a sensor that is mounted aslant.
+            if not self._fits(state, seen):
+                return state, Verdict.REFUSED
+            change, covariance = self._gained(state, seen, slice(FRICTION, STATES))
+            return replace(state, friction=state.friction + change[FRICTION], covariance=covariance), Verdict.RUBBED
+        state = self._predict(state, seen.time)
+        innovation, derivative, noise = self._innovation(state, seen)
+        off = self._distance(innovation, derivative @ state.covariance @ derivative.T + noise)
+        # One alone means nothing, some in a row do: none counts for more than what just fits.
+        state = replace(state, strange=state.strange + (min(off, self._gates[2]) / 2.0 - state.strange) / SLIDES)
+        if state.strange > self._gates[2 * SLIDES] / (2 * SLIDES):
+            return self._reopen(state, state.pose.inverse().apply(seen.point)), Verdict.REOPENED
+        if not self._fits(state, seen):
+            return state, Verdict.REFUSED
+        return self._correct(state, seen), Verdict.USED
+
+    def _is_blind(self, state: FixtureState, seen: Seen) -> bool:
+        return seen.time - state.image_time > self.settings.blind
+
     def _innovation(self, state: FixtureState, seen: Seen) -> tuple[Array, Array, Array]:
-        """Innovation (m,), its derivative by the state (m, 12), and the noise (m, m)."""
+        """Innovation (m,), its derivative by the state (m, 13), and the noise (m, m)."""
         if isinstance(seen, ImageSeen):
             innovation = (state.pose.inverse() @ seen.pose).log() - state.bias
-            return innovation, np.hstack([np.eye(6), np.eye(6)]), seen.covariance
+            return innovation, np.hstack([np.eye(6), np.eye(6), np.zeros((6, 1))]), seen.covariance
         point = state.pose.inverse().apply(seen.point)
+        if isinstance(seen, SlideSeen):
+            return self._slope(state, seen, point)
         height, normal = self.fixture.height(point)
-        derivative = np.concatenate([height_derivative(normal, point), np.zeros(6)])[None, :]
+        derivative = np.concatenate([height_derivative(normal, point), np.zeros(STATES - 6)])[None, :]
         noise = seen.deviation**2 + bend(self.fixture, point, state.pose_covariance)
         return np.array([-height]), derivative, np.array([[noise]])
 
+    def _slope(self, state: FixtureState, seen: SlideSeen, point: Array) -> tuple[Array, Array, Array]:
+        """The same of a slide at a point in the fixture's frame: by how much the normal is turned, either way."""
+        normal, turned, bent = turning(self.fixture, point, state.pose_covariance)
+        felt, rubbed = (state.pose.rotation.T @ one for one in seen.normal(state.friction))
+        derivative = np.zeros((3, STATES))
+        derivative[:, POSE], derivative[:, FRICTION] = turned, -rubbed
+        across = np.linalg.svd(normal[None, :])[2][1:]  # two directions along the surface
+        return across @ (felt - normal), across @ derivative, (seen.deviation**2 + bent) * np.eye(2)
+
     def _fits(self, state: FixtureState, seen: Seen) -> bool:
         innovation, derivative, noise = self._innovation(state, seen)
-        if isinstance(seen, ContactSeen) and not self.fixture.holds(state.pose.inverse().apply(seen.point)):
+        if not isinstance(seen, ImageSeen) and not self.fixture.holds(state.pose.inverse().apply(seen.point)):
             return False
         return self._within(innovation, derivative @ state.covariance @ derivative.T + noise)
 
+    def _distance(self, innovation: Array, spread: Array) -> float:
+        """Square of the Mahalanobis distance."""
+        return float(innovation @ np.linalg.solve(spread, innovation))
+
     def _within(self, innovation: Array, spread: Array) -> bool:
-        gate = self._gates[0] if len(innovation) == 1 else self._gates[1]
-        return float(innovation @ np.linalg.solve(spread, innovation)) <= gate
+        return self._distance(innovation, spread) <= self._gates[len(innovation)]
 
     def _agree(self, state: FixtureState, one: Seen, other: Seen) -> bool:
         if type(one) is not type(other):
@@ -255,25 +328,37 @@ class FixtureFilter:
         return self._within(first - second, noise + more)
 
     def _correct(self, state: FixtureState, seen: Seen) -> FixtureState:
-        innovation, derivative, noise = self._innovation(state, seen)
-        covariance = state.covariance
-        spread = derivative @ covariance @ derivative.T + noise
-        gain = np.linalg.solve(spread, derivative @ covariance).T
-        change = gain @ innovation
-        rest = np.eye(12) - gain @ derivative
-        covariance = rest @ covariance @ rest.T + gain @ noise @ gain.T
-        pose, bias = state.pose @ Pose.exp(change[:6]), state.bias + change[6:]
-        state = replace(state, pose=pose, bias=bias, covariance=_bounded(covariance), refused=())
+        change, covariance = self._gained(state, seen)
+        pose, bias, friction = state.pose @ Pose.exp(change[POSE]), state.bias + change[BIAS], change[FRICTION]
+        friction += state.friction
+        state = replace(state, pose=pose, bias=bias, friction=friction, covariance=covariance, refused=())
         if isinstance(seen, ImageSeen):
             return replace(state, image_time=seen.time)
         return replace(state, contact_time=seen.time)
 
-    def _reopen(self, state: FixtureState) -> FixtureState:
-        """Reset the pose to its uncertainty at the start; measurements that agree are then taken in, oldest first."""
+    def _gained(self, state: FixtureState, seen: Seen, learnt: slice = slice(STATES)) -> tuple[Array, Array]:
+        """What is learnt of some unknowns: the change of all (13,), and their covariance then."""
+        innovation, derivative, noise = self._innovation(state, seen)
+        covariance, gain = state.covariance, np.zeros((STATES, len(innovation)))
+        spread = derivative @ covariance @ derivative.T + noise
+        gain[learnt] = np.linalg.solve(spread, derivative @ covariance).T[learnt]
+        rest = np.eye(STATES) - gain @ derivative
+        return gain @ innovation, _bounded(rest @ covariance @ rest.T + gain @ noise @ gain.T)
+
+    def _reopen(self, state: FixtureState, felt: Array | None = None) -> FixtureState:
+        """Open the pose by its uncertainty at the start; measurements that agree are then taken in, oldest first.
+
+        Where it is felt that a slope is another, at a place in the fixture's frame [m], it is opened by a bump's.
+        """
         s, refused = self.settings, state.refused
         covariance = state.covariance.copy()
-        covariance[:6, :6] += np.diag(_variances(s.start_position, s.start_angle))
-        state = replace(state, covariance=_bounded(covariance), refused=())
+        if felt is None:
+            covariance[POSE, POSE] += np.diag(_variances(s.start_position, s.start_angle))
+        else:
+            turned = np.eye(6)  # about the place where it is felt
+            turned[:3, 3:] = cross_matrix(felt)
+            covariance[POSE, POSE] += turned @ np.diag(_variances(s.bump_position, s.bump_angle)) @ turned.T
+        state = replace(state, covariance=_bounded(covariance), refused=(), strange=1.0)
         for seen in refused:
             if self._fits(state, seen):
                 state = self._correct(state, seen)

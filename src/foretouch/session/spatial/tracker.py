@@ -1,4 +1,4 @@
-"""The tracker's step: takes images and touches; gives the believed pose of the fixture.
+"""The tracker's step: takes images, touches and slides; gives the believed pose of the fixture.
 
 It stands beside the camera, at the follower, in a process of its own: the filter takes longer than a tick of the loops.
 """
@@ -12,12 +12,19 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from foretouch.messages import VERSION, CameraImage, FixtureBelief, Telemetry
+from foretouch.identification.shape_learner import SLOPE_DEVIATION, SLOWEST, WEAKEST
+from foretouch.messages import VERSION, CameraImage, FixtureBelief, FollowerSpace, Telemetry
 from foretouch.quantities import Pose
-from foretouch.vision import ContactSeen, FixtureFilter, FusionSettings, ImageSeen, TouchedSurface, Verdict
+from foretouch.quantities.pose import norm, scaled
+from foretouch.session.spatial.sliding import Sliding
+from foretouch.vision import ContactSeen, FixtureFilter, FusionSettings, ImageSeen, SlideSeen, TouchedSurface, Verdict
 
 TOUCH_DEVIATION = 2e-4
 """Standard deviation of where a touch puts the surface along its normal [m]: encoders, sensor noise, softness."""
+
+SLIDE_PERIOD = 0.05  # Time between two slides that are taken [s]
+SLIDE_DEVIATION = SLOPE_DEVIATION / math.sqrt(SLIDE_PERIOD / 0.01)
+"""Standard deviation of each: they tell as much in a second as the slopes of a shape, of which there are 100."""
 
 FIRST_TICKS = 100  # Largest tick number at a tracker's first contact with the follower for which it has missed no touch
 REMEMBERED = 3000  # Number of ticks whose times are remembered: images come late
@@ -32,6 +39,9 @@ class State:
 
     Attributes:
         times: The follower's clock by its ticks [ns].
+        sliding: Motion of the probe, and the force on it.
+        ticked: Time of the newest tick [ns].
+        slid: Time of the newest slide that was taken [ns].
         touch_tick: Tick of the newest touch that was taken.
         gone: Runs of the follower processes before the current one.
         pose_seen: Pose in the newest image that showed the board.
@@ -42,6 +52,9 @@ class State:
     uses_images: bool
     uses_touches: bool
     times: OrderedDict[int, int] = field(default_factory=OrderedDict)
+    sliding: Sliding = field(default_factory=Sliding)
+    ticked: int = 0
+    slid: int = 0
     touch_tick: int = 0
     run: int = 0
     epoch: int = 1
@@ -112,11 +125,13 @@ def _take_tick(state: State, tick: Telemetry) -> bool:
         state.gone.add(state.run)
         state.run, state.touch_tick = tick.run, space.touch_tick if state.times or tick.sequence > FIRST_TICKS else 0
         state.times.clear()
+        state.sliding, state.ticked, state.slid = Sliding(), 0, 0
     state.times[tick.sequence] = tick.time_ns
     while len(state.times) > REMEMBERED:
         state.times.popitem(last=False)
+    moved = _take_slide(state, tick, space)
     if space.touch_tick <= state.touch_tick:
-        return False
+        return moved
     state.touch_tick = space.touch_tick
     if not state.uses_touches:
         return False
@@ -126,6 +141,23 @@ def _take_tick(state: State, tick: Telemetry) -> bool:
         TOUCH_DEVIATION,
     )
     return _count(state, state.filter.update(seen), image=False)
+
+
+def _take_slide(state: State, tick: Telemetry, space: FollowerSpace) -> bool:
+    """Take where the probe slides, now and then; whether the pose may be another by that."""
+    seconds, state.ticked = (tick.time_ns - state.ticked) * SECOND, tick.time_ns
+    if seconds <= 0.0:
+        return False
+    sliding = state.sliding
+    sliding.take((space.place_x, space.place_y, space.place_z), (space.force_x, space.force_y, space.force_z), seconds)
+    good = tick.in_contact and tick.validity == 0 and norm(sliding.force) > WEAKEST and sliding.across() > SLOWEST
+    if not (good and state.uses_touches) or (tick.time_ns - state.slid) * SECOND < SLIDE_PERIOD:
+        return False
+    state.slid = tick.time_ns
+    force = scaled(sliding.force, 1.0 / norm(sliding.force))
+    motion = scaled(sliding.velocity, 1.0 / norm(sliding.velocity))
+    seen = SlideSeen(tick.time_ns * SECOND, sliding.point, force, motion, SLIDE_DEVIATION)
+    return state.filter.update(seen) in (Verdict.USED, Verdict.REOPENED)
 
 
 def _take_image(state: State, image: CameraImage) -> bool:

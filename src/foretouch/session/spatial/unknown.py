@@ -10,13 +10,13 @@ import msgspec
 from foretouch.errors import DecodeError
 from foretouch.identification.shape_learner import AIR_DEVIATION, ShapeLearner
 from foretouch.messages import FieldUpdate, Message, ModelUpdate
-from foretouch.quantities.pose import Vector, add, scaled, subtract
+from foretouch.quantities.pose import Vector, scaled, subtract
 from foretouch.rendering import Renderer
 from foretouch.rendering.surfaces import Surface
 from foretouch.rendering.surfaces.learnt import LearntSurface
-from foretouch.session.settings import SAMPLE_PERIOD
-from foretouch.session.spatial.hand import NOWHERE, HandInSpace
+from foretouch.session.spatial.hand import HandInSpace
 from foretouch.session.spatial.probe import ProbeInSpace
+from foretouch.session.spatial.sliding import LATE, Sliding
 from foretouch.session.steps.axis import Arrived, Finished
 from foretouch.session.steps.follower import GOOD, Inputs, State
 from foretouch.session.steps.follower_view import FollowerView
@@ -27,9 +27,6 @@ if TYPE_CHECKING:
     from foretouch.session.steps import leader
 
 EVERY = 10  # Ticks between two measurements of a slope, or of free air
-
-LATE = 8e-3  # Time constant of the low-pass of force and velocity, by which they are late [s]: ticks are mostly noise
-SMOOTHED = -math.expm1(-SAMPLE_PERIOD / LATE)
 
 AIR_DEPTH, AIR_FORCE = 2e-3, 0.05
 """Depth in the believed surface [m] at which less than this force [N] means that nothing is there. That there is no
@@ -60,9 +57,7 @@ class ProbeOverUnknown(ProbeInSpace):
         super().__init__(surface, pose)
         self._learnt, self.shape = learnt_surface(surface), ShapeLearner()
         self._touch_tick, self._height_variance = 0, 0.0  # of the pose alone [m^2]
-        self._here: Vector = NOWHERE
-        self._velocity: Vector = (0.0, 0.0, 0.0)  # of the probe, low-passed [m/s]
-        self._force: Vector = (0.0, 0.0, 0.0)  # on it, low-passed alike [N]
+        self._sliding = Sliding()
 
     def _believe(self, state: State, belief: FixtureBelief, now_ns: int) -> None:
         super()._believe(state, belief, now_ns)
@@ -80,24 +75,13 @@ class ProbeOverUnknown(ProbeInSpace):
         place, report, model, field = super().finish(state, inputs, coordinate, model, now_ns)
         if state.failures.learns:
             try:
-                self._go(inputs.sample.place)
+                self._sliding.take(inputs.sample.place, self.told[1][3:6])
                 self._learn(state)
                 if field is not None:
                     field = msgspec.structs.replace(field, shape=self.shape.news())
             except Exception as error:
                 state.failures.stop_learning("its learning of the shape", error)
         return place, report, model, field
-
-    def _go(self, place: Vector) -> None:
-        """Take force and place [m] of the probe: its closest point on a surface that is learnt would move by itself."""
-        step = subtract(place, self._here)
-        if math.isfinite(step[0] + step[1] + step[2]):
-            speed = scaled(step, 1.0 / SAMPLE_PERIOD)
-            self._velocity = add(self._velocity, scaled(subtract(speed, self._velocity), SMOOTHED))
-        force = self.told[1][3:6]
-        if math.isfinite(force[0] + force[1] + force[2]):
-            self._force = add(self._force, scaled(subtract(force, self._force), SMOOTHED))
-        self._here = place
 
     def _learn(self, state: State) -> None:
         """Learn from the newest tick, and let the surface come a step nearer to what is known of it."""
@@ -120,10 +104,10 @@ class ProbeOverUnknown(ProbeInSpace):
 
     def _feel(self, inner: Vector) -> None:
         """Learn the slope where the probe slides, and in free air that the surface is no higher than the probe."""
-        line, beside = self.line, self.safety.spaces["beside"][0]
+        line, beside, sliding = self.line, self.safety.spaces["beside"][0], self._sliding
         if beside.touch.ticks > 0:
-            velocity = line.motion.rotate_back(self._velocity)
-            self.shape.slide(subtract(inner, scaled(velocity, LATE)), line.motion.rotate_back(self._force), velocity)
+            velocity = line.motion.rotate_back(sliding.velocity)
+            self.shape.slide(subtract(inner, scaled(velocity, LATE)), line.motion.rotate_back(sliding.force), velocity)
         elif line.newest.depth > AIR_DEPTH and abs(self.safety.spaces["felt"][0]) < AIR_FORCE:
             x, y, z = subtract(inner, scaled(line.motion.rotate_back(line.newest.normal), line.newest.depth))
             self.shape.touch((x, y, z), AIR_DEVIATION)
