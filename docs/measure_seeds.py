@@ -29,6 +29,8 @@ from foretouch.report import look_at_scene, pair, session_figures  # noqa: E402
 from foretouch.report.rows import force_at_follower  # noqa: E402
 from foretouch.report.scene.map import StiffnessMap  # noqa: E402
 from foretouch.report.scene.pose import vectors  # noqa: E402
+from foretouch.session import SessionSettings  # noqa: E402
+from foretouch.session.runners.simulated import simulate  # noqa: E402
 from foretouch.session.spatial import Inclusion  # noqa: E402
 
 Array = NDArray[np.float64]
@@ -45,6 +47,8 @@ SCENES = (
     ("phantom", "hunt-crossley", PALPATED),
     ("hill", "foam-measured", 40.0),
     ("phantom", "foam-measured", PALPATED),
+    ("line", "hunt-crossley", 40.0),
+    ("line", "foam-measured", 40.0),
 )
 """Scenes, materials and how long the hand goes over each [s]; on the phantom twice over everything."""
 
@@ -102,21 +106,25 @@ def kept(folder: Path | None, scene: str, material: str, seconds: float, seed: i
 
 def measured(scene: str, material: str, seconds: float, seed: int) -> Found:
     """One session: errors of prediction and contact [%], and what its map says."""
-    log = run(seconds, scene=scene, material=material, seed=seed)
+    if scene == "line":
+        log = simulate(SessionSettings(material=material, seed=seed), duration=seconds).log
+    else:
+        log = run(seconds, scene=scene, material=material, seed=seed)
     figures = session_figures(log)
-    as_commanded, at_robot = errors_where_told(log)
-    contacts, found = figures["scene"]["contacts"], figures["scene"]["map"]
     prediction = {
-        "told": as_commanded,
-        "told there": at_robot,
+        "told": None,
+        "told there": None,
         "all": figures["prediction_error_percent"],
         "second": session_figures(log, score_from=0.5 * seconds)["prediction_error_percent"],
         "there": figures["equal_position"]["prediction_error_percent"],
         "delayed": figures["delayed_force_error_percent"],
-        "false": contacts["false"]["percent"],
-        "missed": contacts["missed"]["percent"],
+        "false": None,
+        "missed": None,
     }
-    return Found(prediction, map_figures(log, found, seconds) if scene == "phantom" else {})
+    if scene != "line":
+        prediction["told"], prediction["told there"] = errors_where_told(log)
+        prediction |= {name: figures["scene"]["contacts"][name]["percent"] for name in ("false", "missed")}
+    return Found(prediction, map_figures(log, figures["scene"]["map"], seconds) if scene == "phantom" else {})
 
 
 def map_figures(log: SessionLog, found: dict[str, Any], seconds: float) -> dict[str, float | None]:
@@ -140,6 +148,8 @@ def map_figures(log: SessionLog, found: dict[str, Any], seconds: float) -> dict[
 
 def middle_and_worst(values: list[float | None], best: float = 0.0) -> str:
     known = [value for value in values if value is not None]
+    if not known:
+        return "-"
     return f"{figure(float(np.median(known)))} / {figure(max(known, key=lambda value: abs(value - best)))}"
 
 
