@@ -7,10 +7,12 @@ about half an hour on 2 cores.
 from __future__ import annotations
 
 import dataclasses
+import math
 import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import matplotlib as mpl
 import numpy as np
@@ -23,7 +25,7 @@ from foretouch.report import look_at_scene, map_figure, pair, pose_figure, sessi
 from foretouch.report.scene.pose import vectors
 from foretouch.session import SessionSettings
 from foretouch.session.runners.simulated import run_session
-from foretouch.session.spatial import Scene, make_camera, make_scene, make_spatial_operator, make_spatial_robot
+from foretouch.session.spatial import Scene, make_camera, make_scene, make_spatial_operator, make_spatial_robot, tracker
 
 mpl.use("Agg")
 
@@ -193,13 +195,16 @@ AFTER = ((0.15, 1.0), (1.0, 3.0), (3.0, 6.0), (6.0, 12.0), (12.0, 17.0))
 """Time after the beginning of the bump [s]."""
 
 
-def felt(seed: int) -> tuple[list[float], float | None]:
+def felt(seed: int, period: float) -> tuple[list[float], float | None]:
     """How the believed surface is turned against the true one where it is felt, and when the pose was right again.
+
+    A slide is taken once in so many seconds.
 
     Returns:
         For each time of `AFTER` the root mean square of the angle between the normals [degrees]; and seconds.
     """
-    log = run(BUMP + AFTER[-1][1], scene="hill", seed=seed, bump=BUMP, **BLIND)
+    with mock.patch.object(tracker, "SLIDE_PERIOD", period):
+        log = run(BUMP + AFTER[-1][1], scene="hill", seed=seed, bump=BUMP, **BLIND)
     surface, pairs = make_scene("hill").surface, pair(log)
     (bump,) = session_figures(log)["scene"]["pose"]["bumps"]
     keep = log.follower["in_contact"] & (log.follower["time_ns"] % 10_000_000 == 0)
@@ -216,16 +221,16 @@ def felt(seed: int) -> tuple[list[float], float | None]:
 
 
 def blind() -> str:
-    """Eight bumps that no image shows: what a probe that slides tells of them."""
-    found = Parallel(n_jobs=JOBS)(delayed(felt)(seed) for seed in SEEDS)
-    back = [seconds for _, seconds in found if seconds is not None]
-    angles = np.array([angle for angle, _ in found])
-    rows = [
-        (f"{begin:g} to {end:g} s", f"{np.nanmedian(part):.2f} / {np.nanmax(part):.2f}")
-        for (begin, end), part in zip(AFTER, angles.T, strict=True)
-    ]
-    whole = f"{len(back)} of {len(found)}, after {median(back):.1f} s" if back else f"0 of {len(found)}"
-    return table(("After the bump", "Normal, off by [degrees]"), [*rows, ("the whole pose is right again", whole)])
+    """Eight bumps that no image shows: what a probe that slides tells of them, and what touches tell alone."""
+    columns = [[*(f"{begin:g} to {end:g} s" for begin, end in AFTER), "the whole pose is right again"]]
+    for period in (tracker.SLIDE_PERIOD, math.inf):
+        found = Parallel(n_jobs=JOBS)(delayed(felt)(seed, period) for seed in SEEDS)
+        back = [seconds for _, seconds in found if seconds is not None]
+        angles = np.array([angle for angle, _ in found])
+        column = [f"{np.nanmedian(part):.2f} / {np.nanmax(part):.2f}" for part in angles.T]
+        columns.append([*column, f"{len(back)} of {len(found)}" + (f", after {median(back):.1f} s" if back else "")])
+    heads = ("After the bump", "Normal, off by [degrees]", "by touches alone")
+    return table(heads, list(zip(*columns, strict=True)))
 
 
 # --- palpation --------------------------------------------------------------------------------------------------------

@@ -25,6 +25,7 @@ from foretouch.messages import (
     Status,
     Telemetry,
 )
+from foretouch.models import make_model
 from foretouch.quantities import Pose
 from foretouch.recordings import excerpt, read_leader_motion
 from foretouch.rendering.surfaces import Plane, SurfaceProxy
@@ -120,6 +121,23 @@ def test_a_bump_that_no_image_shows_is_felt_by_how_the_force_leans() -> None:
     opened = [belief for belief in log.beliefs if belief.time_ns > 11.2e9]
     deviations = [math.sqrt(np.reshape(belief.covariance, (6, 6))[3:, 3:].trace()) for belief in opened]
     assert max(deviations) > math.radians(2.0)  # and says that it was moved
+
+
+@sees
+@pytest.mark.long
+def test_a_bump_on_the_way_in_spoils_nothing_that_was_learnt_of_the_material() -> None:
+    log = run(16.0, scene="phantom", seed=3, bump=13.0)  # the probe comes to where the surface was, and misses it
+
+    def force(time: float) -> float:
+        """Of the newest law then, 3 mm deep."""
+        known = [update for update in log.models if update.valid and update.time_ns < time * 1e9][-1]
+        law = make_model(known.law, known.parameters, known.map)
+        return law.advance(law.initial_state(), 3e-3, 0.0, 1e-3)[1]
+
+    assert force(12.9) > 0.5
+    assert force(15.9) == pytest.approx(force(12.9), rel=0.1)
+    missed = (log.follower_space["depth"][13_000:13_300] > 1e-3).any()
+    assert missed
 
 
 @sees

@@ -195,6 +195,11 @@ class ContactMap(Estimator):
         self._read_counts()
         return _INDICES[codes]
 
+    def go_back(self, earlier: NDArray[np.void]) -> None:
+        """Forget what was learnt since a copy of `states` was taken."""
+        self.states[:] = earlier
+        self._read_counts()
+
     def taken(self, code: int, news: bool) -> Status:
         """Take over what `foretouch.identification.contact_map.kernel.learn_raw` did."""
         if news or code >= LEARNT:

@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 
 from foretouch.core import Kernel, compiled
-from foretouch.identification import FrictionEstimator, ScaleFieldLearner
+from foretouch.identification import ContactMap, FrictionEstimator, ScaleFieldLearner
 from foretouch.identification.friction import learn_friction, let_go
 from foretouch.messages import VERSION, Command, FixtureBelief, FollowerSpace, ModelUpdate
 from foretouch.quantities import pose as rigid
@@ -22,6 +22,7 @@ from foretouch.session.network.model_sender import FieldSender
 from foretouch.session.network.playout import NOWHERE, advance
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.spatial.course import SurfaceLine, go
+from foretouch.session.spatial.proven_places import SAME_HEIGHT
 from foretouch.session.spatial.safety import VECTOR, Beside, FeltSurface, Space, SpatialSafety, arrive, limit
 from foretouch.session.spatial.way_in import MISSED, MISSED_TICKS
 from foretouch.session.steps import tick as stages
@@ -176,6 +177,31 @@ NO_BELIEF = FixtureBelief(VERSION, 0, 0, (0.0,) * 6, (), math.inf, 0, 0, 0, "", 
 """Belief before the first: no image has shown the fixture, and its error is unknown."""
 
 
+KEPT_EVERY = 1000  # Ticks between two copies of what is learnt: a bump is noticed sooner
+
+
+class Earlier:
+    """What was learnt of a material one to two times `KEPT_EVERY` ago, to go back to where a bump spoilt it since."""
+
+    def __init__(self, law: ContactMap, places: ScaleFieldLearner) -> None:
+        self._law, self._places = law, places
+        self._copies = [(law.states.copy(), places.states.copy()) for _ in range(2)]
+
+    def keep(self, tick: int) -> None:
+        """Copy what is learnt, if that is due."""
+        if tick % KEPT_EVERY == 0:
+            self._copies.reverse()
+            law, places = self._copies[1]
+            law[:], places[:] = self._law.states, self._places.states
+
+    def go_back(self) -> None:
+        """Forget what was learnt since the older copy, if there is a law by now."""
+        if self._law.model is not None:
+            law, places = self._copies[0]
+            self._law.go_back(law)
+            self._places.states[:] = places
+
+
 class ProbeInSpace(ProbeOnAxis):
     """A probe with three degrees of freedom over a surface on a fixture.
 
@@ -213,6 +239,9 @@ class ProbeInSpace(ProbeOnAxis):
         """See `ProbeOnAxis.join`."""
         self.safety = SpatialSafety(state.safety, self._surface, self._pose, SAMPLE_PERIOD)
         self.fields = FieldSender(state.run)
+        law = state.learner.estimator
+        self._earlier = Earlier(law, self.places) if isinstance(law, ContactMap) else None
+        self._missed = 0.0, 0  # how much deeper the surface was taken to be where it was missed [m], and the tick
         self.friction = FrictionEstimator(self.safety.spaces["beside"]["friction"])
         if self.safety.python:
             self.whole = None
@@ -263,10 +292,18 @@ class ProbeInSpace(ProbeOnAxis):
         if belief.run != state.run or (belief.epoch, belief.sequence) <= (known.epoch, known.sequence):
             return  # it is late, or of another process
         before = self.line.offset
-        if self.safety.believe(belief) and belief.contacts == known.contacts:
+        elsewhere = self.safety.believe(belief)
+        moved = self.line.offset - before
+        bumped = abs(moved) > SAME_HEIGHT  # what was felt or missed since then was so for that
+        if bumped and self._earlier is not None:
+            self._earlier.go_back()
+        if elsewhere and belief.contacts == known.contacts:
             # The image shows that the fixture is elsewhere: so is the surface that was felt. A touch shows where it was
             # all the time.
-            state.learner.conditioner.shift(self.line.offset - before)
+            missed, tick = self._missed
+            if bumped and state.tick - tick < KEPT_EVERY:
+                moved, self._missed = moved - missed, (0.0, 0)
+            state.learner.conditioner.shift(moved)
         self.belief, self._believed_ns = belief, now_ns
         self.safety.spaces["seen"] = math.isfinite(belief.image_age)
 
@@ -283,8 +320,12 @@ class ProbeInSpace(ProbeOnAxis):
         field = None
         if state.failures.learns:
             try:
+                if self._earlier is not None:
+                    self._earlier.keep(state.tick)
                 if self.told[0]:
-                    state.learner.conditioner.shift(state.learner.sample.depth)
+                    missed = state.learner.sample.depth
+                    state.learner.conditioner.shift(missed)
+                    self._missed = missed, state.tick
                 model = None if model is None else self._with_fixture(model, now_ns)
                 field = self.fields.due(self.places, now_ns)
             except Exception as error:
