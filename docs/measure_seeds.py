@@ -149,7 +149,7 @@ def map_figures(log: SessionLog, found: dict[str, Any], seconds: float) -> dict[
 def middle_and_worst(values: list[float | None], best: float = 0.0) -> str:
     known = [value for value in values if value is not None]
     if not known:
-        return "-"
+        return "–"
     return f"{figure(float(np.median(known)))} / {figure(max(known, key=lambda value: abs(value - best)))}"
 
 
