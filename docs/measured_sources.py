@@ -120,7 +120,6 @@ _OF_PAGES: dict[str, dict[str, tuple[str, ...]]] = {
         "palpation": ("measure_surfaces:palpation",),
         "places": ("compare_places:compared",),
         "spots": ("measure_spots:rasters",),
-        "spots-of-sessions": ("measure_spots:sessions",),
     },
     "docs/sweep.md": {"totals": ("draw_sweep:main", "foretouch.cli.commands.studies:sweep")},
 }

@@ -159,6 +159,31 @@ def test_news_are_what_has_changed_and_others_in_turn() -> None:
     assert late.records.tobytes() == whole.records.tobytes()
 
 
+def test_who_hears_of_a_field_hears_that_it_went_back() -> None:
+    learner, heard = ScaleFieldLearner(), ScaleField()
+
+    def feel(begin: float, end: float, force: float) -> None:
+        for x in np.arange(begin, end, 1e-4).tolist():
+            learner.touch_at((x, 0.0, 0.0))
+            learner.share(force, 1.0, 0.0, PERIOD)
+
+    feel(0.0, 0.03, 2.0)
+    before, kept = learner.updates, learner.states.copy()
+    heard.take(learner.news(-1, 0, 64))
+    feel(0.02, 0.06, 0.2)
+    heard.take(learner.news(before, 0, 64))
+    assert heard.scale_at((0.05, 0.0))[0] < 0.5
+    before = learner.updates
+    learner.go_back(kept)
+    assert learner.updates > before
+    heard.take(learner.news(before, 0, 64))
+    assert heard.scale_at((0.01, 0.0))[0] == pytest.approx(2.0, rel=0.05)
+    assert heard.scale_at((0.05, 0.0))[0] == pytest.approx(1.0, abs=0.05)
+    assert heard.scale_at((0.05, 0.0))[1] > 0.5
+    feel(0.04, 0.05, 3.0)  # and it learns on
+    assert learner.field.scale_at((0.045, 0.0))[0] == pytest.approx(3.0, rel=0.1)
+
+
 NUMBERS = st.floats(-1e6, 1e6) | st.sampled_from([0.0, 1e-300, math.nan])
 SAMPLES = st.lists(
     st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0), st.floats(-1e6, 1e6), NUMBERS, NUMBERS, st.floats(0.0, 1.0)),

@@ -161,6 +161,36 @@ def test_a_fixture_that_stays_is_not_opened_by_slides_nor_by_a_single_strange_on
     assert set(slid(known, Pose.identity(), 6.15, 7.0)) == {Verdict.USED}
 
 
+def test_images_that_come_again_are_believed_though_a_probe_slides() -> None:
+    known, true = seen_for(2.0, Fixture()), Pose.exp([0.004, -0.003, 0.001, 0.0, 0.0, 0.05])  # along the surface
+    verdicts = []
+    for time in np.arange(3.5, 5.5, 0.05).tolist():
+        known.update(slide(true, time, known.fixture, 0.4, *to_and_fro(time)))
+        error = RANDOM.multivariate_normal(np.zeros(6), COVARIANCE)
+        verdicts.append(known.update(ImageSeen(time + 0.01, true @ Pose.exp(error), COVARIANCE)))
+    assert Verdict.REOPENED in verdicts[:6]
+    assert known.state(5.5).pose.distance(true)[0] < 5e-4
+
+
+@pytest.mark.parametrize("degrees", [1.0, 3.0])
+def test_what_a_sensor_that_is_mounted_aslant_tells_is_not_believed_too_far(degrees: float) -> None:
+    known, aslant = seen_for(2.0, Fixture()), Pose.exp([0.0, 0.0, 0.0, math.radians(degrees), 0.0, 0.0])
+    slid(known, aslant, 3.1, 9.1)  # as if it had been tilted
+    state = known.state(9.1)
+    tilt = math.sqrt(float(np.diag(state.pose_covariance)[3]))
+    assert tilt >= math.radians(2.0) * (1.0 - 1e-9)
+    error = float(np.abs(state.pose.rotation_vector()).max())
+    assert error < 2.0 * tilt
+    away = np.array([0.035, 0.035, 0.0])  # where nothing was felt
+    assert abs(state.pose.apply(away)[2]) < 3.0 * tilt * 0.05
+
+
+def test_slides_beside_the_specimen_tell_nothing() -> None:
+    known = seen_for(2.0, Fixture())
+    far = Pose.exp([0.3, 0.0, 0.0, 0.1, 0.1, 0.0])
+    assert set(slid(known, far, 3.1, 5.1)) == {Verdict.REFUSED}
+
+
 def test_friction_is_told_from_a_slope_by_going_to_and_fro() -> None:
     known, true = FixtureFilter(Fixture(), Pose.identity()), Pose.exp([0.0, 0.0, 0.0, 0.05, 0.06, 0.0])
     slid(known, true, 0.1, 1.4)  # one way

@@ -6,11 +6,12 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from foretouch.identification import scale_field_kernel as kernel
 from foretouch.models import ScaleField
 from foretouch.models.scale_field import packed
-from foretouch.models.scale_field_kernel import SIDE
+from foretouch.models.scale_field_kernel import SIDE, TOUCHED
 
 
 class ScaleFieldLearner:
@@ -48,6 +49,21 @@ class ScaleFieldLearner:
     def reset(self) -> None:
         """Forget all places."""
         self.states = kernel.ScaleState.new()
+
+    def go_back(self, earlier: NDArray[np.void]) -> None:
+        """Forget what was learnt since a copy of `states` was taken.
+
+        Who hears of the field hears of every node that changed: one that had not been touched is as the law says.
+        """
+        state, before = self.states[0], earlier[0]
+        different = (state.scales.value != before.scales.value) | (state.scales.variance != before.scales.variance)
+        news = state.changed > before.changed.max()
+        known, updates = (state.nodes.copy(), state.count, state.told), state.updates + 1
+        self.states[:] = earlier
+        state.nodes[:], state.count, state.told = known
+        state.updates = updates
+        state.changed[different | news] = updates
+        state.scales.variance[news & (state.scales.variance >= TOUCHED)] = 0.99 * TOUCHED
 
     @property
     def updates(self) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bisect
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 
@@ -60,6 +61,8 @@ class FusionSettings:
         bump_position: Standard deviation of where the surface is, at the place where a probe slides that shows that the
             fixture was moved [m]: it is still felt there.
         bump_angle: The same of how it is turned about that place [rad].
+        slant: Standard deviation of what may turn the forces of all slides alike [rad]: a sensor mounted aslant, soft
+            tissue.
         friction: Coefficient of friction that is believed at first.
         friction_deviation: Its standard deviation.
         drift_friction: Random walk of it, density [1/sqrt(s)]: other places rub otherwise.
@@ -81,6 +84,7 @@ class FusionSettings:
     blind: float = 1.0
     bump_position: float = 5e-3
     bump_angle: float = math.radians(3.0)
+    slant: float = math.radians(2.0)
     friction: float = 0.3
     friction_deviation: float = 0.3
     drift_friction: float = 1e-2
@@ -109,6 +113,8 @@ class FixtureState:
         image_time: Exposure of the last image that was used [s]; -inf before it.
         contact_time: Time of the last contact that was used [s]; -inf before it.
         refused: The last ones that were refused and agree with each other.
+        slide_time: Time of the last slide that was to tell of the pose [s]; -inf before it.
+        felt: Where that was, in the fixture's frame [m].
         strange: How unlikely the last slides are: a mean square of their innovations, 1 for those that are expected.
     """
 
@@ -120,6 +126,8 @@ class FixtureState:
     image_time: float = -math.inf
     contact_time: float = -math.inf
     refused: tuple[Seen, ...] = ()
+    slide_time: float = -math.inf
+    felt: Array = field(default_factory=lambda: np.zeros(3))
     strange: float = 1.0
 
     @property
@@ -144,6 +152,7 @@ STATES = 13
 
 LARGEST_POSITION, LARGEST_ANGLE = 0.5, math.pi / 2
 SLIDES = 10  # Number of slides of which the mean counts: half a second, the time within which images agree
+STRANGEST = 4.5  # What one of them counts for at most: five in a row are needed
 
 _LIMIT = np.array([LARGEST_POSITION] * 3 + [LARGEST_ANGLE] * 3)
 
@@ -157,6 +166,13 @@ def _bounded(covariance: Array) -> Array:
 
 def _variances(position: float, angle: float) -> Array:
     return np.array([position**2] * 3 + [angle**2] * 3)
+
+
+def _about(place: Array, variances: Array) -> Array:
+    """Covariance of a pose that is displaced and turned by these about a place in the fixture's frame [m], (6, 6)."""
+    turned = np.eye(6)
+    turned[:3, 3:] = cross_matrix(place)
+    return turned @ np.diag(variances) @ turned.T
 
 
 @dataclass(slots=True)
@@ -231,8 +247,17 @@ class FixtureFilter:
         return verdict
 
     def state(self, now: float) -> FixtureState:
-        """What is known at a time [s] after the last measurement: the same pose, and more uncertainty."""
-        return self._predict(self._states[-1] if self._states else self._start, now)
+        """What is known at a time [s] after the last measurement: the same pose, and more uncertainty.
+
+        No tilt by slides is known better than what may be wrong with all of them, about the place of the last.
+        """
+        state = self._predict(self._states[-1] if self._states else self._start, now)
+        if not state.slide_time > state.image_time:
+            return state
+        covariance = state.covariance.copy()
+        short = np.maximum(self.settings.slant**2 - np.diag(covariance)[3:6], 0.0)
+        covariance[POSE, POSE] += _about(state.felt, np.concatenate([np.zeros(3), short]))
+        return replace(state, covariance=covariance)
 
     def _predict(self, state: FixtureState, time: float) -> FixtureState:
         s, elapsed = self.settings, max(0.0, time - state.time)
@@ -265,22 +290,28 @@ class FixtureFilter:
         return self._reopen(state), Verdict.REOPENED
 
     def _slide(self, state: FixtureState, seen: SlideSeen) -> tuple[FixtureState, Verdict]:
+        place = state.pose.inverse().apply(seen.point)
+        if not (self.fixture.holds(place) and np.isfinite(self.fixture.height(place)[1]).all()):
+            return state, Verdict.REFUSED
         if not self._is_blind(state, seen):
             # The pose is seen, and better than by forces that soft tissue turns, or a sensor that is mounted aslant.
             if not self._fits(state, seen):
                 return state, Verdict.REFUSED
-            change, covariance = self._gained(state, seen, slice(FRICTION, STATES))
+            change, covariance = self._gained(state, seen, [FRICTION])
             return replace(state, friction=state.friction + change[FRICTION], covariance=covariance), Verdict.RUBBED
         state = self._predict(state, seen.time)
         innovation, derivative, noise = self._innovation(state, seen)
-        off = self._distance(innovation, derivative @ state.covariance @ derivative.T + noise)
-        # One alone means nothing, some in a row do: none counts for more than what just fits.
-        state = replace(state, strange=state.strange + (min(off, self._gates[2]) / 2.0 - state.strange) / SLIDES)
-        if state.strange > self._gates[2 * SLIDES] / (2 * SLIDES):
-            return self._reopen(state, state.pose.inverse().apply(seen.point)), Verdict.REOPENED
+        off = self._distance(innovation, derivative @ state.covariance @ derivative.T + noise) / len(innovation)
+        strange = state.strange if seen.time - state.slide_time <= self.settings.agreeing_within else 1.0
+        strange += (min(off, STRANGEST) - strange) / SLIDES
+        state = replace(state, strange=strange, slide_time=seen.time, felt=place)
+        if strange > self._gates[2 * SLIDES] / (2 * SLIDES):
+            return self._reopen(state, place), Verdict.REOPENED
         if not self._fits(state, seen):
             return state, Verdict.REFUSED
-        return self._correct(state, seen), Verdict.USED
+        change, covariance = self._gained(state, seen, [*range(6), FRICTION])  # they know nothing of images
+        pose, friction = state.pose @ Pose.exp(change[POSE]), state.friction + change[FRICTION]
+        return replace(state, pose=pose, friction=friction, covariance=covariance), Verdict.USED
 
     def _is_blind(self, state: FixtureState, seen: Seen) -> bool:
         return seen.time - state.image_time > self.settings.blind
@@ -333,32 +364,30 @@ class FixtureFilter:
         friction += state.friction
         state = replace(state, pose=pose, bias=bias, friction=friction, covariance=covariance, refused=())
         if isinstance(seen, ImageSeen):
-            return replace(state, image_time=seen.time)
+            return replace(state, image_time=seen.time, strange=1.0)
         return replace(state, contact_time=seen.time)
 
-    def _gained(self, state: FixtureState, seen: Seen, learnt: slice = slice(STATES)) -> tuple[Array, Array]:
+    def _gained(self, state: FixtureState, seen: Seen, learnt: Sequence[int] = range(STATES)) -> tuple[Array, Array]:
         """What is learnt of some unknowns: the change of all (13,), and their covariance then."""
         innovation, derivative, noise = self._innovation(state, seen)
         covariance, gain = state.covariance, np.zeros((STATES, len(innovation)))
         spread = derivative @ covariance @ derivative.T + noise
-        gain[learnt] = np.linalg.solve(spread, derivative @ covariance).T[learnt]
+        gain[list(learnt)] = np.linalg.solve(spread, derivative @ covariance).T[list(learnt)]
         rest = np.eye(STATES) - gain @ derivative
         return gain @ innovation, _bounded(rest @ covariance @ rest.T + gain @ noise @ gain.T)
 
     def _reopen(self, state: FixtureState, felt: Array | None = None) -> FixtureState:
         """Open the pose by its uncertainty at the start; measurements that agree are then taken in, oldest first.
 
-        Where it is felt that a slope is another, at a place in the fixture's frame [m], it is opened by a bump's.
+        Where it is felt that a slope is another, at a place in the fixture's frame [m], it is opened by a bump's, and
+        what was refused waits on.
         """
-        s, refused = self.settings, state.refused
-        covariance = state.covariance.copy()
-        if felt is None:
-            covariance[POSE, POSE] += np.diag(_variances(s.start_position, s.start_angle))
-        else:
-            turned = np.eye(6)  # about the place where it is felt
-            turned[:3, 3:] = cross_matrix(felt)
-            covariance[POSE, POSE] += turned @ np.diag(_variances(s.bump_position, s.bump_angle)) @ turned.T
-        state = replace(state, covariance=_bounded(covariance), refused=(), strange=1.0)
+        s, covariance = self.settings, state.covariance.copy()
+        if felt is not None:
+            covariance[POSE, POSE] += _about(felt, _variances(s.bump_position, s.bump_angle))
+            return replace(state, covariance=_bounded(covariance), strange=1.0)
+        covariance[POSE, POSE] += np.diag(_variances(s.start_position, s.start_angle))
+        refused, state = state.refused, replace(state, covariance=_bounded(covariance), refused=())
         for seen in refused:
             if self._fits(state, seen):
                 state = self._correct(state, seen)

@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 import msgspec
+import numpy as np
 
 from foretouch.core import Kernel, compiled
 from foretouch.identification import ContactMap, FrictionEstimator, ScaleFieldLearner
@@ -185,21 +186,33 @@ class Earlier:
 
     def __init__(self, law: ContactMap, places: ScaleFieldLearner) -> None:
         self._law, self._places = law, places
-        self._copies = [(law.states.copy(), places.states.copy()) for _ in range(2)]
+        self._laws = [law.states.copy() for _ in range(2)]
+        self._fields = [places.states.copy() for _ in range(2)]
+        self._below = [math.nan, math.nan]
 
-    def keep(self, tick: int) -> None:
-        """Copy what is learnt, if that is due."""
+    def keep(self, tick: int, below: float) -> None:
+        """Copy what is learnt, if that is due; `below` is how much deeper than believed the surface was felt [m]."""
         if tick % KEPT_EVERY == 0:
-            self._copies.reverse()
-            law, places = self._copies[1]
-            law[:], places[:] = self._law.states, self._places.states
+            for copies in (self._laws, self._fields, self._below):
+                copies.reverse()
+            self._below[1] = math.nan if self._law.model is None else below
+            _copy(self._law.states, self._laws[1])
+        elif tick % KEPT_EVERY == 1:  # a tick has no time for both
+            _copy(self._places.states, self._fields[1])
 
-    def go_back(self) -> None:
-        """Forget what was learnt since the older copy, if there is a law by now."""
-        if self._law.model is not None:
-            law, places = self._copies[0]
-            self._law.go_back(law)
-            self._places.states[:] = places
+    def go_back(self) -> float:
+        """Forget what was learnt since the older copy; how much deeper the surface was then felt [m], NaN for none."""
+        if not math.isnan(self._below[0]):
+            self._law.go_back(self._laws[0])
+            self._places.go_back(self._fields[0])
+            _copy(self._laws[0], self._laws[1])
+            _copy(self._fields[0], self._fields[1])
+            self._below[1] = self._below[0]
+        return self._below[0]
+
+
+def _copy(states: Records, kept: Records) -> None:
+    kept.view(np.uint8)[:] = states.view(np.uint8)  # quicker than field by field
 
 
 class ProbeInSpace(ProbeOnAxis):
@@ -241,7 +254,6 @@ class ProbeInSpace(ProbeOnAxis):
         self.fields = FieldSender(state.run)
         law = state.learner.estimator
         self._earlier = Earlier(law, self.places) if isinstance(law, ContactMap) else None
-        self._missed = 0.0, 0  # how much deeper the surface was taken to be where it was missed [m], and the tick
         self.friction = FrictionEstimator(self.safety.spaces["beside"]["friction"])
         if self.safety.python:
             self.whole = None
@@ -294,16 +306,14 @@ class ProbeInSpace(ProbeOnAxis):
         before = self.line.offset
         elsewhere = self.safety.believe(belief)
         moved = self.line.offset - before
-        bumped = abs(moved) > SAME_HEIGHT  # what was felt or missed since then was so for that
-        if bumped and self._earlier is not None:
-            self._earlier.go_back()
-        if elsewhere and belief.contacts == known.contacts:
+        if elsewhere and belief.contacts == known.contacts and belief.images > known.images:
             # The image shows that the fixture is elsewhere: so is the surface that was felt. A touch shows where it was
             # all the time.
-            missed, tick = self._missed
-            if bumped and state.tick - tick < KEPT_EVERY:
-                moved, self._missed = moved - missed, (0.0, 0)
-            state.learner.conditioner.shift(moved)
+            conditioner = state.learner.conditioner
+            if abs(moved) > SAME_HEIGHT and self._earlier is not None:  # what was felt or missed since was so for that
+                anew = self._earlier.go_back() + self.line.offset - conditioner.surface
+                moved = anew if math.isfinite(anew) else moved
+            conditioner.shift(moved)
         self.belief, self._believed_ns = belief, now_ns
         self.safety.spaces["seen"] = math.isfinite(belief.image_age)
 
@@ -321,11 +331,9 @@ class ProbeInSpace(ProbeOnAxis):
         if state.failures.learns:
             try:
                 if self._earlier is not None:
-                    self._earlier.keep(state.tick)
+                    self._earlier.keep(state.tick, state.learner.conditioner.surface - self.line.offset)
                 if self.told[0]:
-                    missed = state.learner.sample.depth
-                    state.learner.conditioner.shift(missed)
-                    self._missed = missed, state.tick
+                    state.learner.conditioner.shift(state.learner.sample.depth)
                 model = None if model is None else self._with_fixture(model, now_ns)
                 field = self.fields.due(self.places, now_ns)
             except Exception as error:
