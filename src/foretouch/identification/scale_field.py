@@ -13,6 +13,9 @@ from foretouch.models import ScaleField
 from foretouch.models.scale_field import packed
 from foretouch.models.scale_field_kernel import SIDE, TOUCHED
 
+FORGOTTEN = 3  # Number of times that a node which is untouched again is told, for messages are lost
+SHOWN = 0.99  # Part of the largest variance of a touched node that it is then told to have
+
 
 class ScaleFieldLearner:
     r"""Learns how many times as strong as the law a material is, at each place that is touched.
@@ -49,21 +52,20 @@ class ScaleFieldLearner:
     def reset(self) -> None:
         """Forget all places."""
         self.states = kernel.ScaleState.new()
+        self._forgotten = np.zeros(0, np.int64)  # nodes that are untouched again, and have to be told
 
     def go_back(self, earlier: NDArray[np.void]) -> None:
         """Forget what was learnt since a copy of `states` was taken.
 
-        Who hears of the field hears of every node that changed: one that had not been touched is as the law says.
+        Who hears of the field hears of it: a node that had not been touched before is told to be as the law says.
         """
         state, before = self.states[0], earlier[0]
         different = (state.scales.value != before.scales.value) | (state.scales.variance != before.scales.variance)
-        news = state.changed > before.changed.max()
-        known, updates = (state.nodes.copy(), state.count, state.told), state.updates + 1
+        forgotten, updates = state.nodes[before.count : state.count].copy(), state.updates + 1
         self.states[:] = earlier
-        state.nodes[:], state.count, state.told = known
         state.updates = updates
-        state.changed[different | news] = updates
-        state.scales.variance[news & (state.scales.variance >= TOUCHED)] = 0.99 * TOUCHED
+        state.changed[different & (before.changed > 0)] = updates
+        self._forgotten = np.tile(forgotten, FORGOTTEN)
 
     @property
     def updates(self) -> int:
@@ -107,4 +109,10 @@ class ScaleFieldLearner:
         picked = np.empty(max(least, most), np.int64)
         count, scales = kernel.pick(self.states, since, least, picked[:most]), self.states[0].scales
         i, j = divmod(picked[:count], SIDE)
-        return packed(i, j, scales.value[i, j], scales.variance[i, j])
+        if since < 0 or self._forgotten.size == 0:
+            return packed(i, j, scales.value[i, j], scales.variance[i, j])
+        gone, self._forgotten = self._forgotten[: most - count], self._forgotten[most - count :]
+        k, m = divmod(np.unique(gone[scales.variance.flat[gone] >= TOUCHED]), SIDE)
+        value = np.concatenate([scales.value[i, j], np.zeros(k.size)])
+        variance = np.concatenate([scales.variance[i, j], np.full(k.size, SHOWN * TOUCHED)])
+        return packed(np.concatenate([i, k]), np.concatenate([j, m]), value, variance)

@@ -178,7 +178,7 @@ NO_BELIEF = FixtureBelief(VERSION, 0, 0, (0.0,) * 6, (), math.inf, 0, 0, 0, "", 
 """Belief before the first: no image has shown the fixture, and its error is unknown."""
 
 
-KEPT_EVERY = 1000  # Ticks between two copies of what is learnt: a bump is noticed sooner
+KEPT_EVERY = 500  # Ticks between two copies of what is learnt: a bump is noticed sooner
 
 
 class Earlier:
