@@ -145,10 +145,10 @@ def _take_tick(state: State, tick: Telemetry) -> bool:
 
 def _take_slide(state: State, tick: Telemetry, space: FollowerSpace) -> bool:
     """Take where the probe slides, now and then; whether the pose may be another by that."""
-    seconds, state.ticked = (tick.time_ns - state.ticked) * SECOND, tick.time_ns
-    if seconds <= 0.0:
+    seconds = (tick.time_ns - state.ticked) * SECOND
+    if seconds <= 0.0:  # an older one, that came later
         return False
-    sliding = state.sliding
+    sliding, state.ticked = state.sliding, tick.time_ns
     sliding.take((space.place_x, space.place_y, space.place_z), (space.force_x, space.force_y, space.force_z), seconds)
     good = tick.in_contact and tick.validity == 0 and norm(sliding.force) > WEAKEST and sliding.across() > SLOWEST
     if not (good and state.uses_touches) or (tick.time_ns - state.slid) * SECOND < SLIDE_PERIOD:
