@@ -25,7 +25,18 @@ NO_GRIP = "none"  # The grip of an operator whose hand the force does not move
 NO_BASELINE = "none"  # The baseline of a session that renders models
 
 SIMULATED = "simulated"
-"""The robot of the package: an arm in MuJoCo that presses the settings' material."""
+"""The plainest robot of the package: a slide or three in MuJoCo, which press the settings' material."""
+
+ARMS = ("fr3", "ur5e", "so101")
+"""The arms of the package, which press it too; another is the file of its description."""
+
+
+def is_simulated(robot: str) -> bool:
+    """Whether a robot of this name presses the settings' material in MuJoCo."""
+    return robot in (SIMULATED, *ARMS) or robot.endswith(ARM_ENDING)
+
+
+ARM_ENDING = ".xml"
 
 BASELINES = (NO_BASELINE, "delayed", "delayed-tdpa")
 """What renders: models, or for comparison the delayed force, without and with a passivity controller."""
@@ -152,7 +163,10 @@ class Declared:
         "Render the delayed force instead, for comparison: delayed, or delayed-tdpa with a passivity controller.",
         choices=BASELINES,
     )
-    robot: str = _robot(SIMULATED, "The follower's robot: simulated, or a plug-in's (`foretouch plugins`).")
+    robot: str = _robot(
+        SIMULATED,
+        "The follower's robot: simulated, an arm (fr3, ur5e, so101, or its description's file), or a plug-in's.",
+    )
     calibration: str = _robot(
         "", "TOML file of `foretouch calibrate` for the robot's force sensor, on the robot's machine."
     )

@@ -213,3 +213,12 @@ def test_what_was_typed_wrong_is_told_in_one_line(words: tuple[str, ...]) -> Non
     result = foretouch_command(*words)
     assert result.returncode == 2
     assert re.fullmatch(r"foretouch: [^\n]+ \(see `[^`\n]+ --help`\)\n", result.stderr)
+
+
+def test_an_arm_that_breaks_a_rule_is_refused_in_one_line(tmp_path: Path) -> None:
+    path = tmp_path / "mine.xml"
+    path.write_text("<mujoco/>")
+    done = foretouch_command("simulate", "--robot", str(path), "--duration", "1")
+    assert done.returncode == 2
+    said = done.stderr.strip().splitlines()[-1]
+    assert said == f'foretouch: {path}: it has no site "base": add one to the body of the base'

@@ -1,5 +1,6 @@
 """The follower robot and the materials it presses."""
 
+from foretouch.robot.arms import ArmAlongLine, ArmDescription, ArticulatedArm, read_arm
 from foretouch.robot.camera_scene import MESA_PACKAGES, CameraScene, MissingGraphicsError, graphics_library
 from foretouch.robot.engine import REMOTE_CENTRE_HEIGHT, ROD_LENGTH, ROD_RADIUS, TIP_RADIUS, Tip
 from foretouch.robot.gantry_arm import GantryArm, TouchedWorld
@@ -40,6 +41,9 @@ __all__ = [
     "SENSOR_FAULTS",
     "TIP_RADIUS",
     "AnyRobot",
+    "ArmAlongLine",
+    "ArmDescription",
+    "ArticulatedArm",
     "CameraScene",
     "FaultySensor",
     "FaultySpatialSensor",
@@ -66,4 +70,5 @@ __all__ = [
     "make_material",
     "make_robot",
     "material_names",
+    "read_arm",
 ]

@@ -61,6 +61,8 @@ class RobotSpecification:
         largest_offset: With nothing on it, and its tool weighed out, the force sensor shows at most this [N]. More is
             contact, whatever is learnt of the offset; infinite where it is not known: then a follower that begins in
             contact takes that for the offset.
+        contact_floor: While the robot moves, friction and the like show at most this as a force [N]: less is no
+            contact.
     """
 
     sample_period: float
@@ -77,6 +79,7 @@ class RobotSpecification:
     sensor_range: float = math.inf
     moved_mass: float = 0.4
     largest_offset: float = 1.0
+    contact_floor: float = 0.0
 
     def tool_force(self, acceleration: float) -> float:
         r"""Part of the sensor force that the tool's weight and inertia make [N].

@@ -27,10 +27,19 @@ from foretouch.errors.checks import NUMBER, require_type
 from foretouch.plugins import make_plugin
 from foretouch.quantities import Frame
 from foretouch.recordings import excerpt, read_leader_motion
-from foretouch.robot import Material, RcmArm, Robot, SpatialRobot, WrappedRobot, WrappedSpatialRobot, make_material
+from foretouch.robot import (
+    ArmAlongLine,
+    Material,
+    RcmArm,
+    Robot,
+    SpatialRobot,
+    WrappedRobot,
+    WrappedSpatialRobot,
+    make_material,
+)
 from foretouch.session.settings import ROBOTS, SAMPLE_PERIOD, SessionSettings
 from foretouch.session.workspace import FramedRobot, device_inside, framed_device, framed_robot, inverse
-from foretouch.settings import NO_GRIP, SIMULATED
+from foretouch.settings import NO_GRIP, is_simulated
 
 RECORDED_MOTION = "tue/b-foam"  # Dataset whose leader lever moves the ``recorded`` operator
 
@@ -113,12 +122,12 @@ def reach_of(robot: Robot | SpatialRobot | None, settings: SessionSettings) -> M
         settings: Session settings.
     """
     if robot is None:
-        return make_material(settings.material) if settings.robot == SIMULATED else UNKNOWN_REACH
+        return make_material(settings.material) if is_simulated(settings.robot) else UNKNOWN_REACH
     material = pressed_material(robot)
     if material is None:
         return UNKNOWN_REACH
     inner, frames = robot_inside(robot)
-    if not isinstance(inner, RcmArm):
+    if not isinstance(inner, RcmArm | ArmAlongLine):
         return material
     surface = inner.surface
     outermost: Any = settings.follower_frame  # of a line, as the robot is
@@ -226,7 +235,7 @@ def foreign_operator(settings: SessionSettings, reach: Reach, say: Callable[[str
     """A hardware device, or one of another package, where no grip is in the way also in a hand; see `make_operator`."""
     made = _with_grip(settings, _foreign(settings, reach))
     _say_assumed(made, settings, say)
-    device, simulated = felt_device(made, settings), settings.robot == SIMULATED and settings.material
+    device, simulated = felt_device(made, settings), is_simulated(settings.robot) and settings.material
     if simulated and make_material(settings.material).pulls and not (device is not None and device.pulls):
         say(f"operator: {settings.material} pulls, and {made.name} draws no hand in: what pulls is predicted, not felt")
     return made
@@ -285,7 +294,7 @@ def _intention(settings: SessionSettings, surface: float, press_depth: float, sa
     name = settings.operator
     if not Reach(surface, press_depth).known:
         if name == "browser":
-            robot = "the robot" if settings.robot == SIMULATED else f"robot {settings.robot!r}"
+            robot = "the robot" if is_simulated(settings.robot) else f"robot {settings.robot!r}"
             say(f"operator: {robot} {STAYS_IN_THE_AIR}")
             return BrowserOperator(RestingOperator())
         rule = (

@@ -21,14 +21,25 @@ from foretouch.plugins import load_plugin, plugin_names
 from foretouch.quantities import Brief, Frame, SpatialFrame, shortest
 from foretouch.robot import MATERIALS, SensorFault, make_material, material_names
 from foretouch.session.workspace import WORKSPACES, Line
-from foretouch.settings import DEFAULTS, FAULTS, KINDS, NO_GRIP, SETTINGS, SIMULATED, Declared, documented
+from foretouch.settings import (
+    ARMS,
+    DEFAULTS,
+    FAULTS,
+    KINDS,
+    NO_GRIP,
+    SETTINGS,
+    SIMULATED,
+    Declared,
+    documented,
+    is_simulated,
+)
 from foretouch.vision import ImageFault
 
 SAMPLE_PERIOD = 1e-3
 """Period of both loops [s]."""
 
 RATE = 1.0 / SAMPLE_PERIOD  # Rate of both loops [Hz]
-ROBOTS = (SIMULATED,)  # Names of the robots in the package; others come from `foretouch.plugins`
+ROBOTS = (SIMULATED, *ARMS)  # Names of the robots in the package; others come from `foretouch.plugins`
 
 GUARDED_FORCES = (10.0 * CONTACT_FLOOR, 15.0)
 """Least and largest holding force of a guarded follower [N]: nearer to the least force that counts as contact, sensor
@@ -165,7 +176,7 @@ class SessionSettings(Declared, Brief):
         built_in = (*OPERATORS, *HARDWARE_OPERATORS)
         if self.operator not in built_in and load_plugin("device", self.operator) is None:
             raise UnknownNameError("operator", self.operator, self.operators())
-        if self.robot in ROBOTS:
+        if is_simulated(self.robot):
             return
         if load_plugin("robot", self.robot) is None:
             raise UnknownNameError("robot", self.robot, self.robots())

@@ -8,7 +8,17 @@ from typing import Any
 
 from foretouch.devices import UNKNOWN_REACH, Reach
 from foretouch.errors import SettingError
-from foretouch.robot import GantryArm, Material, make_robot, material_names
+from foretouch.robot import (
+    ArmAlongLine,
+    ArticulatedArm,
+    GantryArm,
+    Material,
+    RcmArm,
+    make_material,
+    make_robot,
+    material_names,
+    read_arm,
+)
 from foretouch.session import spatial
 from foretouch.session.operators import (
     foreign_robot,
@@ -20,7 +30,7 @@ from foretouch.session.operators import (
 )
 from foretouch.session.settings import SessionSettings, shadow_settings
 from foretouch.session.workspace import LINE, SPACE, framed_device, inverse
-from foretouch.settings import SIMULATED
+from foretouch.settings import SIMULATED, is_simulated
 
 Say = Callable[[str], None]
 
@@ -34,10 +44,14 @@ class LineSetup:
     def robot(self) -> Any:
         """See `make_session_robot`."""
         settings = self._settings
-        if settings.robot != SIMULATED:
+        if not is_simulated(settings.robot):
             robot = foreign_robot(settings)
             return robot, reach_of(robot, settings)
-        arm = make_robot(settings.material, seed=settings.seed)
+        arm: RcmArm | ArmAlongLine
+        if settings.robot == SIMULATED:
+            arm = make_robot(settings.material, seed=settings.seed)
+        else:
+            arm = ArmAlongLine(read_arm(settings.robot), make_material(settings.material), seed=settings.seed)
         return mounted_robot(settings, arm), arm.material
 
     def operator(self, reach: Any, say: Say) -> Any:
@@ -51,7 +65,7 @@ class LineSetup:
             SettingError: It presses another material than the settings name.
         """
         settings, material = self._settings, pressed_material(robot)
-        if settings.robot != SIMULATED or material is None or material.name == settings.material:
+        if not is_simulated(settings.robot) or material is None or material.name == settings.material:
             return reach_texts(reach)
         if material.name in material_names():
             rule = f"the robot presses {material.name}; make it with make_robot(settings.material), or leave it out"
@@ -85,7 +99,7 @@ class SpaceSetup(LineSetup):
     def texts(self, robot: Any, reach: Any) -> dict[str, str]:
         """Texts of the log on a robot that is not the simulated one."""
         inner, _ = robot_inside(robot)
-        return {} if isinstance(inner, GantryArm) else {"robot": type(inner).__name__}
+        return {} if isinstance(inner, GantryArm | ArticulatedArm) else {"robot": type(inner).__name__}
 
     def camera(self, robot: Any, say: Say) -> spatial.SimulatedCamera | None:
         """See `make_camera`; it needs a robot that says where its fixture is."""

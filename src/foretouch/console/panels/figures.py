@@ -16,7 +16,7 @@ from foretouch.messages import ModelUpdate
 from foretouch.models import ContactMapModel, summarise_map
 from foretouch.quantities import measured, parameter_unit
 from foretouch.quantities.colours import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, SKY, VERMILLION, css
-from foretouch.settings import SIMULATED
+from foretouch.settings import SIMULATED, is_simulated
 
 PUT_IN = Curve("Put in by the hand, less what it owes", GREEN, 2.0)
 LEAST = Curve("Least that it may be: minus the bound", VERMILLION, 2.0, "dashed")
@@ -133,8 +133,9 @@ def numbers_html(
     heads = (first, "value", f"error, last {SECONDS:.0f} s")
     settings, robot = shown.settings, shown.settings.get("robot", SIMULATED)
     names = [settings[name] for name in NAMES if name in settings]
-    if robot != SIMULATED:  # one of another package has its own material
-        names = [f"robot {robot}", *(settings[name] for name in NAMES[1:] if name in settings)]
+    if robot != SIMULATED:
+        pressed = NAMES if is_simulated(robot) else NAMES[1:]  # one of another package has its own material
+        names = [f"robot {robot}", *(settings[name] for name in pressed if name in settings)]
     urgent = "".join(
         f'<div style="color:{css(VERMILLION)};overflow-wrap:anywhere;padding-bottom:4px">'
         f"<b>{html.escape(warning)}</b></div>"

@@ -32,7 +32,7 @@ from foretouch.report.scores import JND_FORCE, JND_SHARE, STATUSES
 from foretouch.report.sections import Drawing, Section, View
 from foretouch.session.operators import STAYS_IN_THE_AIR
 from foretouch.session.workspace import LINE
-from foretouch.settings import NO_BASELINE, SIMULATED
+from foretouch.settings import NO_BASELINE, SIMULATED, is_simulated
 
 ZOOM = 4.0  # Length of the close-up [s], and of shorter recordings half of them
 LEAST = 0.3  # The force axis reaches at least to this [N], so that noise does not fill it
@@ -224,7 +224,7 @@ def _findings(report: Mapping[str, Any]) -> Iterator[Finding]:
         yield Finding(f"The robot carried out {samples:,} of {sent:,} commands: the errors are of those alone.")
     settings = report["settings"]
     robot = settings.get("robot", SIMULATED)
-    unknown = robot != SIMULATED and "surface" not in settings
+    unknown = not is_simulated(robot) and "surface" not in settings
     if report["status"] == "no_contact" and unknown and settings.get("operator") == "browser":
         yield Finding(f"Robot {robot!r} {STAYS_IN_THE_AIR}.")
 

@@ -17,7 +17,7 @@ from foretouch.report.scores import Scores, score_prediction
 from foretouch.report.sections import Section
 from foretouch.report.sections.hand import hand_figures
 from foretouch.report.sections.safety import fault_name
-from foretouch.settings import NO_BASELINE, NO_GRIP, SIMULATED
+from foretouch.settings import NO_BASELINE, NO_GRIP, SIMULATED, is_simulated
 
 INSECURE = "INSECURE: nothing was encrypted and nobody was checked; anybody on the network could command."
 
@@ -26,9 +26,9 @@ OWN_HAND = "closed loop: a hand of its own holds the device {} and feels the for
 
 
 def pressed(settings: Mapping[str, str]) -> dict[str, str]:
-    """``scene`` and ``material``, as far as they are known; a robot of another package has its own: ``robot``."""
+    """``scene`` and ``material``, as far as they are known, which a robot of another package has itself; ``robot``."""
     robot = settings.get("robot", SIMULATED)
-    names = ("scene", "material") if robot == SIMULATED else ("scene", "robot")
+    names = ["scene"] + ["material"] * is_simulated(robot) + ["robot"] * (robot != SIMULATED)
     return {name: settings[name] for name in names if settings.get(name)}
 
 

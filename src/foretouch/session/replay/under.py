@@ -25,7 +25,7 @@ from foretouch.session.runners.simulated import simulate
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.setup import make_session_robot
 from foretouch.session.workspace import LINE, SPACE, framed_device, inverse
-from foretouch.settings import NO_GRIP, SIMULATED
+from foretouch.settings import NO_GRIP, SIMULATED, is_simulated
 
 _REAL = "is of a robot in three dimensions other than the simulated one, and cannot be simulated again"
 _HELD = "is of a hand in three dimensions, which is run again with --closed-loop alone"
@@ -73,7 +73,7 @@ def _replay_scene(
     """
     _require_grip(settings, closed_loop)
     robot_name = log.settings.get("robot", SIMULATED)
-    if robot_name != SIMULATED or not np.isfinite(log.follower_space["exact_x"]).any():
+    if not is_simulated(robot_name) or not np.isfinite(log.follower_space["exact_x"]).any():
         raise RecordingError("session", _REAL)
     if not np.isfinite(log.leader_space["hand_x"]).any():
         raise RecordingError("session", _STILL)

@@ -40,7 +40,7 @@ from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.setup import setup_of
 from foretouch.session.steps import leader as line_leader
 from foretouch.session.workspace import LINE, SPACE
-from foretouch.settings import SIMULATED
+from foretouch.settings import is_simulated
 
 TICKS = 700
 DEPTH, STIFFNESS, SURFACE, ABOVE = 2e-3, 500.0, 0.01, 1e-3
@@ -179,7 +179,7 @@ def _press_in_a_session(settings: SessionSettings) -> None:
 def _move_the_simulated(settings: SessionSettings) -> None:
     """Run a simulated robot and a simulated hand, as far as they can be simulated here."""
     with suppress(ForetouchError):  # MuJoCo is not installed: then no session uses it
-        if settings.robot != SIMULATED:
+        if not is_simulated(settings.robot):
             return
         setup, motion = setup_of(settings), MOTIONS[settings.workspace]()
         robot, reach = setup.robot()

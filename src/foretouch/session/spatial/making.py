@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from foretouch.errors import MissingExtraError, SettingError
 from foretouch.quantities import Pose
 from foretouch.quantities.pose import RigidMotion, Vector, add, dot, scaled, subtract
 from foretouch.rendering.surfaces import SurfaceProxy
-from foretouch.robot import GantryArm, Material, SpatialRobot, make_material
+from foretouch.robot import ArticulatedArm, GantryArm, Material, SpatialRobot, make_material, read_arm
 from foretouch.robot.engine import MOVED_MASS
 from foretouch.robot.gantry_arm import LEAST_STEPS
 from foretouch.session.operators import (
@@ -38,7 +38,7 @@ from foretouch.session.operators import (
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.spatial.camera import SimulatedCamera
 from foretouch.session.spatial.scenes import HOVER, Scene, palpation, recorded_palpation
-from foretouch.settings import NO_GRIP, SIMULATED
+from foretouch.settings import NO_GRIP, SIMULATED, is_simulated
 
 BUMP_TIME = 0.15  # Duration of a bump of the fixture [s]
 BUMP_SHARE = 0.4  # Largest bump as a fraction of the first displacement
@@ -152,7 +152,7 @@ def make_spatial_robot(settings: SessionSettings, scene: Scene, *, force_limit: 
         UnknownNameError: No such robot or material.
         PluginError: Another package's robot, which cannot be made.
     """
-    if settings.robot != SIMULATED:
+    if not is_simulated(settings.robot):
         return cast("SpatialRobot", foreign_robot(settings))
     material = make_material(settings.material)
     world = SpatialWorld(
@@ -164,7 +164,12 @@ def make_spatial_robot(settings: SessionSettings, scene: Scene, *, force_limit: 
             rule = f"must be at least {most:.4g} {unit}, which {material.name} has somewhere in the scene {scene.name}"
             raise SettingError(name, getattr(settings, name), rule)
     steps = max(LEAST_STEPS, math.ceil(damping * SAMPLE_PERIOD / (STOPPED_AT_MOST * MOVED_MASS)))
-    arm = GantryArm(world.touch, world.fixture, seed=settings.seed, substeps=steps, force_limit=force_limit)
+    options: Any = {"seed": settings.seed, "substeps": steps, "force_limit": force_limit}
+    arm: SpatialRobot
+    if settings.robot == SIMULATED:
+        arm = GantryArm(world.touch, world.fixture, **options)
+    else:
+        arm = ArticulatedArm(read_arm(settings.robot), world.touch, world.fixture, **options)
     return cast("SpatialRobot", mounted_robot(settings, arm))
 
 

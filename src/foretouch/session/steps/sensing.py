@@ -81,8 +81,9 @@ def calibrated(specification: RobotSpecification, settings: SessionSettings) -> 
         SettingError: The calibration does not fit this robot.
     """
     result = session_calibration(settings)
+    least = max(CONTACT_FLOOR, specification.contact_floor)
     if result is None:
-        return Calibrated(specification)
+        return Calibrated(specification, contact_floor=least)
     lag, stiffness = result.sensor_lag or 0.0, result.series_stiffness
     if lag > LONGEST_LAG:
         _refuse(settings, f"has a sensor lag of {lag:g} s: a session mends at most {LONGEST_LAG:g} s")
@@ -94,7 +95,7 @@ def calibrated(specification: RobotSpecification, settings: SessionSettings) -> 
     if result.force_bias is not None and math.hypot(*result.force_bias) >= specification.sensor_range:
         shown = f"{math.hypot(*result.force_bias):.4g} N, and the robot's sensor shows at most"
         _refuse(settings, f"has a force bias of {shown} {specification.sensor_range:g} N: it is another sensor's")
-    floor = max(CONTACT_FLOOR, NOISE_FACTOR * (result.force_noise or 0.0))
+    floor = max(least, NOISE_FACTOR * (result.force_noise or 0.0))
     return Calibrated(own, zero, 0.0 if stiffness is None else 1.0 / stiffness, lag, floor)
 
 

@@ -1,0 +1,9 @@
+"""Simulated arms that people have: a description file each, the control of its kind, and how it knows the force."""
+
+from __future__ import annotations
+
+from foretouch.robot.arms.along_line import ArmAlongLine
+from foretouch.robot.arms.arm import ArticulatedArm
+from foretouch.robot.arms.description import ArmDescription, read_arm
+
+__all__ = ["ArmAlongLine", "ArmDescription", "ArticulatedArm", "read_arm"]

@@ -1,0 +1,195 @@
+"""A simulated arm of many joints that moves a probe in three dimensions, in MuJoCo."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.errors.checks import require
+from foretouch.robot.arms.body import Body
+from foretouch.robot.arms.description import ArmDescription
+from foretouch.robot.arms.kinematics import InverseKinematics
+from foretouch.robot.arms.sensing import SENSINGS
+from foretouch.robot.engine import LARGEST_CONTACT_FORCE, normal_draws
+from foretouch.robot.gantry_arm import LEAST_STEPS, TouchedWorld
+from foretouch.robot.robot import RobotSpecification, SpatialRobot, SpatialSample, Vector
+
+Array = NDArray[np.float64]
+
+SETTLING = 500  # Milliseconds in which gears come to rest on a side of their play, and low-passes settle
+
+START: Vector = (0.0, 0.0, 0.05)
+SPEED = 0.5  # Largest of the tip on its way [m/s]
+DOWN = np.array((0.0, 0.0, -1.0))
+
+
+class ArticulatedArm(SpatialRobot):
+    """An arm of a description, with its own control and its own knowledge of the contact force.
+
+    The contact force comes from what is touched, asked at every physics step with the tip's exact place and velocity,
+    and acts on the tool from outside; native contact is off. The tip's place is computed from the joints' encoders.
+
+    The arm has a controller's period of its own: it takes a command and shows new samples only once in it. A session
+    exchanges each millisecond, and is shown the same sample until then.
+
+    Same seed, same commands: same samples, bit for bit.
+
+    Args:
+        description: Of the arm.
+        world: Gives the contact force.
+        fixture: Gives the true pose of what is touched, for scores and drawings; None where there is none.
+        seed: Seed of sensor and encoder noise, not negative.
+        start: Position of the tip at first, in the scene [m].
+        force_limit: The contact force that it holds in the end, at most [N].
+        substeps: Physics steps in a millisecond.
+
+    Attributes:
+        body: Of the arm in MuJoCo.
+
+    Raises:
+        InputError: The arm cannot reach the scene.
+        SettingError: A setting out of range.
+        MissingExtraError: MuJoCo or mink is not installed.
+    """
+
+    def __init__(
+        self,
+        description: ArmDescription,
+        world: TouchedWorld,
+        fixture: Callable[[], tuple[float, ...]] | None = None,
+        *,
+        seed: int,
+        start: Vector = START,
+        force_limit: float = 15.0,
+        substeps: int = LEAST_STEPS,
+    ) -> None:
+        require("seed", seed, at_least=0)
+        require("force_limit", force_limit, above=0.0)
+        require("substeps", substeps, at_least=LEAST_STEPS)
+        self._fresh = True
+        self._world, self._fixture, self._noise = world, fixture, normal_draws(seed)
+        self._period, self._steps, self._h = 1000 // description.rate, range(substeps), 1e-3 / substeps
+        self.body = Body(description, self._h)
+        low, high = description.reach
+        self.reach = tuple(low), tuple(high)
+        inverse = InverseKinematics(description, 0.02)
+        for corner in (low, high, (low[0], high[1], high[2]), (high[0], low[1], low[2]), start):
+            pose = inverse.reach(tuple(corner))
+        self.body.stand(pose)
+        self._sensing = SENSINGS[description.force](self.body)
+        self.specification = self._specified(force_limit)
+        self._build(start, force_limit)
+
+    def _specified(self, force_limit: float) -> RobotSpecification:
+        body, sensing = self.body, self._sensing
+        tip = float(np.linalg.norm(body.jacobian[:3] * body.description.encoder))
+        return RobotSpecification(
+            sample_period=1e-3,
+            force_limit=force_limit,
+            encoder_resolution=tip,
+            encoder_noise=0.0,
+            tool_mass=0.0,
+            gravity=0.0,
+            sensor_noise=sensing.noise,
+            accelerometer_noise=0.0,
+            sensor_bandwidth=sensing.bandwidth,
+            workspace=(-1.0, 1.0),
+            simulated=True,
+            sensor_range=sensing.range,
+            moved_mass=body.mass_along(DOWN),
+            largest_offset=sensing.largest_offset,
+            contact_floor=sensing.contact_floor,
+        )
+
+    def _build(self, start: Vector, force_limit: float) -> None:
+        from foretouch.robot.arms.control.impedance import ImpedanceControl  # Numba is slow to import: only when used
+        from foretouch.robot.arms.control.reference import YIELDING_RATE, make_reference
+        from foretouch.robot.arms.control.servo import ServoControl
+
+        body, description = self.body, self.body.description
+        least = np.linalg.svd(body.jacobian[:3], compute_uv=False)[-1]  # what a joint gives the tip at least
+        control: Any = {"impedance": ImpedanceControl, "servo": ServoControl}[description.control]
+        reference = make_reference(
+            start,
+            self.reach,
+            speed=SPEED,
+            acceleration=float(description.joint_acceleration.min() * least),
+            force_limit=force_limit,
+            yielding=YIELDING_RATE / control.stiffness_along(body, DOWN),
+            period=1.0 / description.rate,
+        )
+        self._control, self._reference = control(body, reference), reference
+        self._clipped = reference["clipped"]
+        self._desired, self._waited = start, 0
+        self._contact: Vector = (0.0, 0.0, 0.0)
+        for _ in range(SETTLING):
+            self._go_on(touches=False)
+        self._sample = self._measure()
+
+    @property
+    def fresh(self) -> bool:
+        """Whether no exchange has been yet."""
+        return self._fresh
+
+    @property
+    def speed_share(self) -> float:
+        """Share of its speed that the tip is allowed where the arm is: less than 1 near a singular pose."""
+        return float(self._reference["share"][0])
+
+    @property
+    def commanded(self) -> Vector:
+        """Where the tip is told to be in the end, after all limits, in the scene [m]."""
+        x, y, z = self._reference["place"][0].tolist()
+        return x, y, z
+
+    def read(self) -> SpatialSample:
+        """What the sensors show now; no time passes and nothing moves."""
+        return self._sample
+
+    def exchange(self, desired: Vector) -> SpatialSample:
+        """Give a command, let one sample period pass, and return what the sensors show then: see `SpatialRobot`."""
+        if len(desired) == 3 and all(map(math.isfinite, desired)):
+            self._desired = desired
+        self._fresh = False
+        self._go_on(touches=True)
+        if self._waited == 0:
+            self._sample = self._measure()
+        else:
+            exact: Any = tuple(self.body.place.tolist())
+            self._sample = self._sample._replace(exact_force=self._contact, exact_place=exact)
+        return self._sample
+
+    def _go_on(self, *, touches: bool) -> None:
+        """Let a millisecond pass, in which the world is touched or is not there yet."""
+        body, sensing, begins = self.body, self._sensing, self._waited == 0
+        for _ in self._steps:
+            body.begin_step()
+            if begins:
+                self._control.begin(self._desired, sensing.force)
+                begins = False
+            if touches:
+                self._touch()
+            body.end_step(self._control.torques(), self._contact)
+            sensing.step()
+        self._waited = (self._waited + 1) % self._period
+
+    def _touch(self) -> None:
+        force = self._world(tuple(self.body.place.tolist()), tuple(self.body.velocity.tolist()), self._h)
+        size = math.hypot(*force)
+        if not size <= LARGEST_CONTACT_FORCE:
+            scale = LARGEST_CONTACT_FORCE / size if math.isfinite(size) else 0.0
+            force = (force[0] * scale, force[1] * scale, force[2] * scale) if scale else (0.0, 0.0, 0.0)
+        self._contact = force
+
+    def _measure(self) -> SpatialSample:
+        body, place = self.body, self.body.place
+        off = self._sensing.positions() - body.positions  # small enough for the Jacobian
+        seen: Any = tuple((place + body.jacobian[:3] @ off).tolist())
+        felt: Any = tuple(self._sensing.read(self._noise).tolist())
+        fixture = () if self._fixture is None else self._fixture()
+        exact: Any = tuple(place.tolist())
+        return SpatialSample(seen, felt, self._contact, exact, fixture, bool(self._clipped[0]))

@@ -1,0 +1,109 @@
+"""A position servo at each joint of an arm, led by inverse kinematics."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.core import kernel
+from foretouch.robot.arms.body import Body
+from foretouch.robot.arms.control.reference import move_reference, take_command
+from foretouch.robot.arms.kinematics import InverseKinematics
+from foretouch.robot.robot import Vector
+
+Array = NDArray[np.float64]
+
+TORQUE_MARGIN = 0.9  # Share of a joint's largest torque that its controller asks for
+
+WINDS_UP = 0.02  # Distance by which the reference may be ahead of what the joints can follow [m]
+
+WELL_AWAY, STILL_ALLOWED = 0.1, 0.1
+"""Below this smallest singular value of the tip's Jacobian [m/rad] it slows down in proportion, to this share."""
+
+
+@kernel("void(f8[:,::1], f8[:,::1], b1, f8)")
+def serve(joints: Array, limits: Array, compensates: bool, h: float) -> None:
+    r"""Write the torques with which the joints' servos hold their positions [N m].
+
+    .. math:: \tau = k (e + k_i \int e) + b_m (\dot q_d - \dot q) + b \dot q_d + g(q), \quad e = q_d - q
+
+    b being the damping of the joint itself, which the servo knows, and the last term for a servo that knows the arm's
+    weight; q as its encoder shows it. The integral stands still while the torque is at its limit.
+
+    Args:
+        joints: Shape (7, n): positions as measured [rad], velocities [rad/s], gravity torques [N m], commanded
+            positions [rad] and velocities [rad/s]; the torques [N m] and the integrals [rad s], which are written.
+        limits: Shape (5, n): k [N m/rad], k_i [1/s], b_m [N m s/rad], b [N m s/rad], and the largest torque [N m].
+        compensates: Whether the servo knows the weight.
+        h: Until the next call [s].
+    """
+    for joint in range(joints.shape[1]):
+        stiffness, integral, damping, own, strongest = limits[:, joint]
+        error, wanted = joints[3, joint] - joints[0, joint], joints[4, joint]
+        torque = stiffness * (error + integral * joints[6, joint]) + own * wanted
+        torque += damping * (wanted - joints[1, joint])
+        torque += joints[2, joint] if compensates else 0.0
+        joints[6, joint] += h * error if abs(torque) < strongest else 0.0
+        joints[5, joint] = min(max(torque, -strongest), strongest)
+
+
+class ServoControl:
+    """A position servo at each joint, led by inverse kinematics.
+
+    Args:
+        body: That is driven.
+        reference: Way of the tip, written.
+        tick: The reference is moved in steps of this length [s].
+    """
+
+    def __init__(self, body: Body, reference: NDArray[np.void], tick: float = 1e-3) -> None:
+        description, own = body.description, body.limits()
+        self._body, self.reference = body, reference
+        self._take, self._move, self._serve = take_command.entry, move_reference.entry, serve.entry
+        period = 1.0 / description.rate
+        self._tick, self._ticks = tick, range(round(period / tick))
+        self._inverse = InverseKinematics(description, period)
+        self._inverse.begin(body.positions)
+        self._knows_weight = description.force == "wrist"
+        most, integral = TORQUE_MARGIN * own["torque"], np.full_like(own["torque"], description.integral)
+        limits = description.stiffness, integral, description.damping, own["damping"], most
+        self._limits = np.ascontiguousarray(np.array(limits))
+        self._joints = np.zeros((7, description.home.size))
+        self._joints[3] = body.positions
+        self._resolution = description.encoder
+        self._force, self._acceleration = np.zeros(9), np.zeros(9)
+        self._step = float(body.model.opt.timestep)
+
+    @staticmethod
+    def stiffness_along(body: Body, direction: Array) -> float:
+        r"""Stiffness that the tip shows along a unit direction u [N/m], :math:`1 / (u^T J K^{-1} J^T u)`."""
+        row = direction @ body.jacobian[:3]
+        return 1.0 / float(row @ (row / body.description.stiffness))
+
+    def begin(self, place: Vector, force: Array) -> None:
+        """See `Control.begin`."""
+        reference, inverse = self.reference, self._inverse
+        self._take(reference, *place)
+        self._force[:3] = force
+        for _ in self._ticks:
+            self._move(reference, self._force, self._acceleration, self._tick)
+        self._joints[3] = inverse.positions  # where the period before was to end
+        inverse.follow(reference["place"][0])
+        self._joints[4] = inverse.velocities
+        behind = reference["place"][0] - inverse.place
+        distance = math.sqrt(float(behind @ behind))
+        if distance > WINDS_UP:  # a limit of the joints holds it: the reference waits
+            reference["place"][0] -= (1.0 - WINDS_UP / distance) * behind
+        reference["share"] = min(max(inverse.least_singular / WELL_AWAY, STILL_ALLOWED), 1.0)
+
+    def torques(self) -> Array:
+        """See `Control.torques`."""
+        body, joints = self._body, self._joints
+        joints[0] = np.round(body.positions / self._resolution) * self._resolution
+        joints[1], joints[2] = body.velocities, body.bias
+        self._serve(joints, self._limits, self._knows_weight, self._step)
+        joints[3] += self._step * joints[4]
+        torques: Array = joints[5]
+        return torques

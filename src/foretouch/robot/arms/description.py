@@ -1,0 +1,230 @@
+"""Description of an arm: an MJCF file with its figures, and what a controller has to know beside them.
+
+A file of one's own is read by the same rules: see `docs/arms.md`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.errors import InputError
+from foretouch.robot.engine import GRAVITY, load_mujoco
+from foretouch.settings import ARMS
+
+Array = NDArray[np.float64]
+
+BASE, FLANGE, SENSOR, TIP, WEIGHT = "base", "flange", "sensor", "tip", "tool_mass"
+"""Frames of an arm by name: sites of its description, of the sensor between flange and tool, of the probe's tip, and of
+the tool's centre of mass."""
+
+CONTROLS, FORCES = ("impedance", "servo"), ("wrist", "current")
+BACKLASH = "_backlash"  # A joint whose name ends so is the play of the gear of the joint before it
+PROBE_RADIUS = 0.004  # Of the probe's rod, drawn [m]
+
+
+@dataclass(frozen=True)
+class ArmDescription:
+    """An arm as its description file says.
+
+    Attributes:
+        name: Of the arm, as it is said to users.
+        path: Of the file.
+        control: How it is controlled: Cartesian ``impedance`` through joint torques, or a ``servo`` at each joint.
+        force: From where it knows the contact force: a six-axis sensor at the ``wrist``, or the motors' ``current``.
+        rate: Of its controller [Hz]; a whole fraction of 1 kHz.
+        joint_speed: Largest speed of each driven joint [rad/s].
+        joint_acceleration: Largest acceleration of each [rad/s^2].
+        torque_rate: Largest change of a joint's torque [N m/s]; infinite where none is known.
+        payload: Largest mass at the flange [kg].
+        encoder: Resolution of the joints' encoders [rad].
+        stiffness: Of each joint's servo [N m/rad].
+        damping: Of each joint's servo [N m s/rad].
+        integral: Of each joint's servo, beside its stiffness [1/s].
+        scene: Origin of a scene in the base's frame [m]; the axes are parallel.
+        reach: Lowest and highest place of the tip in the scene [m], shape (2, 3).
+        probe: Length [m] and mass [kg] of the tool that presses.
+    """
+
+    name: str
+    path: Path
+    control: str
+    force: str
+    rate: int
+    joint_speed: Array
+    joint_acceleration: Array
+    torque_rate: float
+    payload: float
+    encoder: float
+    stiffness: Array
+    damping: Array
+    integral: float
+    scene: Array
+    reach: Array
+    probe: tuple[float, float]
+
+    def model(self, step: float, *, backlash: bool = True) -> Any:
+        """The arm with its probe as a MuJoCo model, without contacts: what is touched acts from outside.
+
+        Args:
+            step: Length of a physics step [s].
+            backlash: Whether its gears have play.
+        """
+        spec = load_mujoco().MjSpec.from_file(str(self.path))
+        spec.option.timestep, spec.option.gravity = step, (0.0, 0.0, -GRAVITY)
+        if not backlash:
+            for joint in list(spec.joints):
+                if joint.name.endswith(BACKLASH):
+                    spec.delete(joint)
+            for key in list(spec.keys):
+                spec.delete(key)
+        _add_probe(spec, *self.probe)
+        return spec.compile()
+
+    @cached_property
+    def home(self) -> Array:
+        """Pose of the driven joints above the scene [rad], shape (n,)."""
+        model = self.model(1e-3)
+        return np.asarray(model.key("home").qpos[driven(model)])
+
+    def refuse(self, rule: str) -> InputError:
+        """The error of a file that breaks a rule."""
+        return InputError(f"{self.path}: {rule}")
+
+
+def driven(model: Any) -> NDArray[np.int64]:
+    """Numbers of the joints that have a motor, in the order of the motors."""
+    return np.asarray(model.actuator_trnid[:, 0], np.int64)
+
+
+def _add_probe(spec: Any, length: float, mass: float) -> None:
+    """Mount a probe on the flange: a rod of this length [m] and mass [kg], with the sensor at its root."""
+    mujoco = load_mujoco()
+    flange = next(site for site in spec.sites if site.name == FLANGE)
+    tool = flange.parent.add_body(name="tool", pos=flange.pos, quat=flange.quat)
+    tool.explicitinertial = True
+    tool.mass, tool.ipos = mass, (0.0, 0.0, 0.5 * length)
+    across = mass * (length**2 / 12.0 + PROBE_RADIUS**2 / 4.0)
+    tool.inertia = (across, across, 0.5 * mass * PROBE_RADIUS**2)
+    capsule = mujoco.mjtGeom.mjGEOM_CAPSULE
+    look = {"contype": 0, "conaffinity": 0, "group": 2, "rgba": (0.80, 0.82, 0.85, 1.0)}
+    tool.add_geom(type=capsule, size=(PROBE_RADIUS, 0, 0), fromto=(0, 0, 0, 0, 0, length), **look)
+    for name, height in ((SENSOR, 0.0), (TIP, length), (WEIGHT, 0.5 * length)):
+        tool.add_site(name=name, pos=(0.0, 0.0, height))
+    kinds = mujoco.mjtSensor
+    for kind, site in (
+        (kinds.mjSENS_FORCE, SENSOR),
+        (kinds.mjSENS_TORQUE, SENSOR),
+        (kinds.mjSENS_ACCELEROMETER, WEIGHT),
+    ):
+        spec.add_sensor(name=kind.name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=site)
+
+
+def read_arm(name: str) -> ArmDescription:
+    """The description of an arm of the package by its name, or of one's own by the path of its file.
+
+    Raises:
+        InputError: No such file, no MJCF, or one that does not say what a controller has to know.
+        MissingExtraError: MuJoCo is not installed.
+    """
+    if name in ARMS:
+        path = Path(str(resources.files("foretouch.robot.arms"))) / "descriptions" / f"{name}.xml"
+    else:
+        path = Path(name)
+    mujoco = load_mujoco()
+    try:
+        spec = mujoco.MjSpec.from_file(str(path))
+        spec.compile()
+    except ValueError as error:
+        reason = str(error).splitlines()[0]
+        raise InputError(f"{path}: MuJoCo cannot read it as the description of an arm: {reason}") from error
+    return _Reader(path, spec).description(name if name in ARMS else path.stem)
+
+
+class _Reader:
+    """What a description says, by name, or which rule it breaks."""
+
+    def __init__(self, path: Path, spec: Any) -> None:
+        self._path, self._spec, self._joints = path, spec, len(spec.actuators)
+        self._numerics = {one.name: np.array(one.data) for one in spec.numerics}
+        self._texts = {one.name: str(one.data) for one in spec.texts}
+
+    def description(self, name: str) -> ArmDescription:
+        """All of it, checked."""
+        self._check_tree()
+        rate = self.number("rate")
+        if not (1.0 <= rate <= 1000.0 and (1000.0 / rate).is_integer()):
+            raise self._error(
+                f"its rate is {rate:g} Hz, and has to be a whole fraction of 1000 Hz: 1000, 500, 200, ..."
+            )
+        length, mass = self.numbers("probe", 2).tolist()
+        payload = self.number("payload")
+        if mass > payload:
+            raise self._error(f"its probe weighs {mass:g} kg, and it carries {payload:g} kg: take a lighter one")
+        servo = self.text("control", CONTROLS) == "servo"
+        zero = np.zeros(self._joints)
+        return ArmDescription(
+            name,
+            self._path,
+            self.text("control", CONTROLS),
+            self.text("force", FORCES),
+            int(rate),
+            self.numbers("joint_speed", self._joints),
+            self.numbers("joint_acceleration", self._joints),
+            self.number("joint_torque_rate") if "joint_torque_rate" in self._numerics else math.inf,
+            payload,
+            self.number("encoder"),
+            self.numbers("servo_stiffness", self._joints) if servo else zero,
+            self.numbers("servo_damping", self._joints) if servo and "servo_damping" in self._numerics else zero,
+            self.number("servo_integral") if "servo_integral" in self._numerics else 0.0,
+            self.numbers("scene", 3),
+            self.numbers("reach", 6).reshape(2, 3),
+            (length, mass),
+        )
+
+    def _error(self, rule: str) -> InputError:
+        return InputError(f"{self._path}: {rule}")
+
+    def _check_tree(self) -> None:
+        spec, sites = self._spec, [site.name for site in self._spec.sites]
+        for site in (BASE, FLANGE):
+            if site not in sites:
+                raise self._error(f'it has no site "{site}": add one to the body of the {site}')
+        if self._joints < 5:
+            raise self._error(f"it has {self._joints} motors: a probe is moved and held upright by 5 joints or more")
+        if "home" not in [key.name for key in spec.keys]:
+            raise self._error('it has no keyframe "home": add the pose that points the flange down above the scene')
+        if any(body.gravcomp != 0.0 for body in spec.bodies):
+            raise self._error("it compensates gravity by itself (gravcomp), and so does the controller: take it out")
+
+    def numbers(self, name: str, count: int) -> Array:
+        """So many finite numbers; one for each joint may be one for all."""
+        if name not in self._numerics:
+            raise self._error(f'it has no <numeric name="{name}"> in <custom>: see the descriptions of the package')
+        data = self._numerics[name]
+        if data.size == 1 and count == self._joints:
+            data = np.full(count, data[0])
+        if data.size != count or not np.isfinite(data).all():
+            raise self._error(f"its numeric {name} has {data.size} numbers, and has to have {count}, all finite")
+        return data
+
+    def number(self, name: str) -> float:
+        """One finite number above 0."""
+        (value,) = self.numbers(name, 1).tolist()
+        if value <= 0.0:
+            raise self._error(f"its numeric {name} is {value:g}, and has to be above 0")
+        return float(value)
+
+    def text(self, name: str, choices: tuple[str, ...]) -> str:
+        """One of these words."""
+        if self._texts.get(name) not in choices:
+            found = f'says "{self._texts[name]}"' if name in self._texts else "is not there"
+            raise self._error(f"its text {name} {found}, and has to be one of: {', '.join(choices)}")
+        return self._texts[name]

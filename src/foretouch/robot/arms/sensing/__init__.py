@@ -1,0 +1,46 @@
+"""From where an arm knows the contact force at its tip, a file for each way."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.robot.arms.sensing.current import CurrentForce
+from foretouch.robot.arms.sensing.wrist import WristForce
+
+Array = NDArray[np.float64]
+
+
+class Sensing(Protocol):
+    """How the contact force is known.
+
+    Attributes:
+        noise: Standard deviation of the force, on each axis [N].
+        bandwidth: Cut-off [Hz].
+        range: Largest force that it shows [N].
+        largest_offset: Largest force that it shows with nothing on the probe [N].
+        contact_floor: Largest force that it shows there while the arm moves, beside its offset [N].
+        force: As it is known now, on the probe, in the scene's frame [N], shape (3,).
+    """
+
+    noise: float
+    bandwidth: float
+    range: float
+    largest_offset: float
+    contact_floor: float
+    force: Array
+
+    def step(self) -> None:
+        """Behind a physics step: take what the sensors feel."""
+
+    def positions(self) -> Array:
+        """The joints as they are shown [rad], as late as the force."""
+
+    def read(self, draws: Iterator[float]) -> Array:
+        """The force as it is shown at the end of a period [N], with draws of noise."""
+
+
+SENSINGS: dict[str, Any] = {"wrist": WristForce, "current": CurrentForce}

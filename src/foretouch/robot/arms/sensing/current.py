@@ -1,0 +1,71 @@
+"""The contact force by the current of an arm's motors."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.robot.arms.body import Body
+
+Array = NDArray[np.float64]
+
+CURRENT_STEP = 7e-3
+"""Resolution of a torque by the current [N m]: a servo that shows it in steps of 6.5 mA, and gives about 1.1 N m
+for an ampere."""
+
+CURRENT_BANDWIDTH = 6.0
+"""Cut-off of the two low-passes behind a current [Hz]: a servo with a coarse encoder pushes to and fro by a step of it
+times its stiffness, 1.5 N m for 12 bits."""
+
+
+FRICTION_KNOWN, FRICTION_SPEED = 0.7, 0.05
+"""Share of the joints' Coulomb friction that is known and taken off, and speed from which most of it is [rad/s]."""
+
+
+class CurrentForce:
+    r"""The force at the tip by what the motors push beyond the arm's own weight, without a sensor.
+
+    .. math:: \hat F = (J_t^T)^+ \left(g(q) + b \dot q - \tau_m\right)
+
+    with a part of the joints' Coulomb friction taken off. The rest of it is in the force, and what accelerates the
+    arm. Torques and positions go through the same two low-passes, so that a force belongs to its place.
+
+    Args:
+        body: Whose motors they are.
+    """
+
+    noise, bandwidth, range = 0.05, CURRENT_BANDWIDTH, math.inf
+
+    def __init__(self, body: Body) -> None:
+        limits = body.limits()
+        self._body, self._damping, self._friction = body, limits["damping"], limits["friction"]
+        self._rate = 2.0 * math.pi * CURRENT_BANDWIDTH
+        self._gain = -math.expm1(-2.0 * math.pi * CURRENT_BANDWIDTH * float(body.model.opt.timestep))
+        self.largest_offset = float(np.linalg.norm(np.abs(self._inverse()) @ limits["friction"]))
+        self.contact_floor = 2.0 * self.largest_offset  # where a joint turns around
+        first = np.stack([np.zeros(limits["damping"].size), body.counted])
+        self._first, self._second, self.force = first, first.copy(), np.zeros(3)
+
+    def _inverse(self) -> Array:
+        return np.asarray(np.linalg.pinv(self._body.jacobian[:3].T), np.float64)
+
+    def step(self) -> None:
+        """See `Sensing.step`."""
+        body = self._body
+        torques = np.round(body.data.actuator_force / CURRENT_STEP) * CURRENT_STEP
+        self._first += self._gain * (np.stack([body.bias - torques, body.counted]) - self._first)
+        self._second += self._gain * (self._first - self._second)
+
+    def positions(self) -> Array:
+        """See `Sensing.positions`."""
+        return np.array(self._second[1])
+
+    def read(self, draws: Iterator[float]) -> Array:
+        """See `Sensing.read`."""
+        velocities = self._rate * (self._first[1] - self._second[1])
+        moving = self._damping * velocities + FRICTION_KNOWN * self._friction * np.tanh(velocities / FRICTION_SPEED)
+        self.force = self._inverse() @ (self._second[0] + moving)
+        return self.force

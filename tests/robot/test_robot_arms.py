@@ -1,0 +1,264 @@
+"""The simulated arms of the package: their descriptions, their control and what they feel, against closed forms."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from foretouch.errors import InputError
+from foretouch.robot import ArmAlongLine, ArticulatedArm, make_material, read_arm
+from foretouch.robot.arms.body import Body
+from foretouch.robot.arms.kinematics import InverseKinematics
+from foretouch.robot.engine import load_mujoco
+from foretouch.settings import ARMS
+
+DESCRIPTIONS = Path(__file__).parents[2] / "src" / "foretouch" / "robot" / "arms" / "descriptions"
+
+MASSES = {"fr3": 15.494813, "ur5e": 20.9949, "so101": 0.620006}
+"""Sums of the masses that the descriptions of the same arms in MuJoCo Menagerie give to the bodies that are here [kg];
+of the FR3 without its foot, of the SO-101 without the moving jaw."""
+
+
+def in_the_air(*_: object) -> tuple[float, float, float]:
+    return 0.0, 0.0, 0.0
+
+
+def floor(stiffness: float):
+    """A spring below z = 0, with a little damping."""
+
+    def force(place: tuple, velocity: tuple, elapsed: float) -> tuple:
+        pressed = stiffness * -place[2] - 5.0 * velocity[2]
+        return 0.0, 0.0, max(pressed, 0.0) if place[2] < 0.0 else 0.0
+
+    return force
+
+
+def lowered(arm: ArticulatedArm, to: float, seconds: float, held: float = 0.5) -> list:
+    """Samples of an arm that goes straight down, or up, to a height [m], and stays there."""
+    start, ticks = arm.read().exact_place[2], round(seconds * 1e3)
+    heights = [start + (to - start) * min((k + 1) / ticks, 1.0) for k in range(ticks + round(held * 1e3))]
+    return [arm.exchange((0.0, 0.0, height)) for height in heights]
+
+
+def standard(alpha: float, a: float, d: float, theta: float) -> np.ndarray:
+    """A joint by the parameters of Denavit and Hartenberg (1955): about z, along z, along x, about x."""
+    turn = Rotation.from_euler("ZX", (theta, alpha)).as_matrix()
+    along = Rotation.from_rotvec((0.0, 0.0, theta)).apply((a, 0.0, d))
+    return np.block([[turn, along[:, None]], [np.zeros((1, 3)), np.ones((1, 1))]])
+
+
+def modified(alpha: float, a: float, d: float, theta: float) -> np.ndarray:
+    """The same in the form of Craig (1986): along x, about x, along z, about z."""
+    first = np.eye(4)
+    first[:3, :3] = Rotation.from_rotvec((alpha, 0.0, 0.0)).as_matrix()
+    first[:3, 3] = (a, 0.0, 0.0)
+    second = np.eye(4)
+    second[:3, :3] = Rotation.from_rotvec((0.0, 0.0, theta)).as_matrix()
+    second[:3, 3] = (0.0, 0.0, d)
+    return first @ second
+
+
+def franka(joints: np.ndarray) -> np.ndarray:
+    """The FR3's flange by the parameters that Franka publishes."""
+    quarter = 0.5 * math.pi
+    rows = [(0, 0, 0.333), (-quarter, 0, 0), (quarter, 0, 0.316), (quarter, 0.0825, 0), (-quarter, -0.0825, 0.384)]
+    rows += [(quarter, 0, 0), (quarter, 0.088, 0)]
+    pose = np.eye(4)
+    for (alpha, a, d), theta in zip(rows, joints, strict=True):
+        pose = pose @ modified(alpha, a, d, theta)
+    return pose @ modified(0.0, 0.0, 0.107, 0.0)
+
+
+def universal(joints: np.ndarray) -> np.ndarray:
+    """The UR5e's flange by the nominal parameters that Universal Robots publishes."""
+    quarter = 0.5 * math.pi
+    rows = [(quarter, 0, 0.1625), (0, -0.425, 0), (0, -0.3922, 0)]
+    rows += [(quarter, 0, 0.1333), (-quarter, 0, 0.0997), (0, 0, 0.0996)]
+    pose = np.eye(4)
+    for (alpha, a, d), theta in zip(rows, joints, strict=True):
+        pose = pose @ standard(alpha, a, d, theta)
+    return pose
+
+
+@cache
+def built(name: str) -> tuple:
+    model = read_arm(name).model(1e-3, backlash=False)
+    return model, load_mujoco().MjData(model)
+
+
+def flange(name: str, joints: np.ndarray) -> np.ndarray:
+    """Pose of an arm's flange in its foot's frame, by MuJoCo."""
+    model, data = built(name)
+    data.qpos[:] = joints
+    load_mujoco().mj_kinematics(model, data)
+    base, site = data.site("base"), data.site("flange")
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = site.xmat.reshape(3, 3), site.xpos - base.xpos
+    return pose
+
+
+@pytest.mark.parametrize(("name", "published", "within"), [("fr3", franka, 1e-9), ("ur5e", universal, 1.5e-3)])
+def test_a_flange_is_where_the_published_parameters_put_it(name: str, published, within: float) -> None:
+    """Menagerie rounds the lengths of the UR5e to millimetres, and its foot is turned by a quarter."""
+    random = np.random.default_rng(3)
+    poses = random.uniform(-1.5, 1.5, (40, read_arm(name).home.size))
+    offsets = np.zeros(poses.shape[1]) if name == "fr3" else np.array((-0.5 * math.pi, 0, 0, 0, 0, 0))
+    for joints in poses:
+        ours, theirs = flange(name, joints), published(joints + offsets)
+        assert math.dist(ours[:3, 3], theirs[:3, 3]) < within
+        np.testing.assert_allclose(ours[:3, 2], theirs[:3, 2], atol=2e-5)
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_a_description_is_small_and_says_what_menagerie_says(name: str) -> None:
+    path = DESCRIPTIONS / f"{name}.xml"
+    text, description = path.read_text(), read_arm(name)
+    assert 4_000 < len(text) < 8_000
+    assert "gravcomp" not in text
+    assert "<mesh" not in text
+    assert "commit" in text
+    assert "License" in text
+    model = description.model(5e-4)
+    assert sum(model.body_mass) - description.probe[1] == pytest.approx(MASSES[name], abs=2e-5)
+    body = Body(description, 5e-4)
+    np.testing.assert_allclose(body.rotation.reshape(3, 3)[:, 2], (0.0, 0.0, -1.0), atol=1e-3)  # it points down
+    assert abs(body.place[2] - (0.05 if name == "so101" else 0.1)) < 1e-3
+    limits = body.limits()
+    assert (np.abs(body.bias) < 0.5 * limits["torque"]).all()
+    inside = np.minimum(body.positions - limits["low"], limits["high"] - body.positions)
+    assert inside.min() > 0.15
+    assert np.linalg.svd(body.jacobian[:3], compute_uv=False)[-1] > 0.1
+
+
+@pytest.mark.parametrize(("name", "within"), [("fr3", 3e-4), ("ur5e", 3e-4), ("so101", 1.5e-3)])
+def test_it_goes_where_it_is_told_and_feels_nothing_in_the_air(name: str, within: float) -> None:
+    arm = ArticulatedArm(read_arm(name), in_the_air, seed=0)
+    offset = np.array(arm.read().force)
+    start = np.array(arm.read().exact_place)
+    to = np.array((0.03, -0.03, 0.02))
+    for k in range(1200):
+        sample = arm.exchange(tuple(start + (to - start) * min(k / 600.0, 1.0)))
+    assert math.dist(sample.exact_place, to) < within
+    assert math.dist(sample.place, sample.exact_place) < 2.0 * arm.specification.encoder_resolution
+    assert math.dist(sample.force, offset) < (1.0 if name == "so101" else 0.15)
+    rotation = arm.body.rotation.reshape(3, 3)
+    np.testing.assert_allclose(rotation[:, 2], (0.0, 0.0, -1.0), atol=3e-3)
+
+
+@pytest.mark.parametrize("name", ["fr3", "ur5e"])
+def test_the_wrist_feels_the_contact_force_and_holds_the_limit(name: str) -> None:
+    arm = ArticulatedArm(read_arm(name), floor(2000.0), seed=0, start=(0.0, 0.0, 0.004))
+    free = np.mean([s.force for s in lowered(arm, 0.004, 0.1, 0.1)], axis=0)
+    pressed = lowered(arm, -0.004, 1.0)[-100:]  # 8 N
+    felt = np.mean([s.force for s in pressed], axis=0) - free
+    assert felt[2] == pytest.approx(np.mean([s.exact_force[2] for s in pressed]), abs=0.05)
+    np.testing.assert_allclose(felt[:2], 0.0, atol=0.05)
+    assert pressed[-1].exact_force[2] == pytest.approx(8.0, abs=0.8)
+    deep = lowered(arm, -0.05, 2.0, 2.0)  # it would be 100 N
+    assert max(s.exact_force[2] for s in deep) < 20.0
+    assert deep[-1].exact_force[2] < 15.6
+    assert deep[-1].clipped
+
+
+def test_without_a_wrist_sensor_the_current_tells_the_force_within_its_friction() -> None:
+    arm = ArticulatedArm(read_arm("so101"), floor(2000.0), seed=0, start=(0.0, 0.0, 0.004))
+    samples = lowered(arm, -0.004, 2.0, 1.0)
+    assert samples[-1].exact_force[2] > 3.0
+    assert abs(samples[-1].force[2] - samples[-1].exact_force[2]) < arm.specification.contact_floor
+
+
+@pytest.mark.parametrize(("name", "ticks"), [("fr3", 1), ("ur5e", 2), ("so101", 5)])
+def test_it_shows_new_samples_at_its_own_rate(name: str, ticks: int) -> None:
+    arm = ArticulatedArm(read_arm(name), in_the_air, seed=0)
+    shown = [arm.exchange((0.0, 0.0, 0.05 - 1e-5 * k)).place for k in range(20)]
+    changed = [k for k in range(1, 20) if shown[k] != shown[k - 1]]
+    assert set(np.diff(changed)) == {ticks}
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_no_command_drives_a_joint_beyond_its_limits(name: str) -> None:
+    """Steps, places out of reach and no numbers: torques and joints stay within what the arm can."""
+    arm = ArticulatedArm(read_arm(name), in_the_air, seed=0)
+    random, body = np.random.default_rng(5), arm.body
+    limits, fastest = body.limits(), body.description.joint_speed
+    places = random.uniform(-0.5, 0.5, (15, 3))
+    places[3], places[9] = np.nan, np.inf
+    for place in places:
+        for _ in range(150):
+            arm.exchange(tuple(place))
+            assert (np.abs(body.data.ctrl) <= limits["torque"]).all()
+            assert (np.abs(body.velocities) < 1.2 * fastest).all()
+            assert (body.positions > limits["low"]).all()
+            assert (body.positions < limits["high"]).all()
+            low, high = arm.reach
+            assert (np.array(arm.commanded) > np.array(low) - 0.01).all()
+            assert (np.array(arm.commanded) < np.array(high) + 0.01).all()
+
+
+def test_the_same_seed_and_commands_give_the_same_samples() -> None:
+    first, second = (ArticulatedArm(read_arm("fr3"), floor(500.0), seed=4) for _ in range(2))
+    assert lowered(first, -0.005, 0.3, 0.0) == lowered(second, -0.005, 0.3, 0.0)
+
+
+def test_inverse_kinematics_comes_back_to_the_joints_that_made_the_pose() -> None:
+    for name in ARMS:
+        description = read_arm(name)
+        inverse, body = InverseKinematics(description, 0.02), Body(description, 5e-4)
+        low, high = description.reach
+        for share in np.random.default_rng(1).uniform(0.1, 0.9, (5, 3)):
+            place = low + share * (high - low)
+            body.stand(inverse.reach(tuple(place)))
+            np.testing.assert_allclose(body.place, place, atol=2e-4)
+            np.testing.assert_allclose(body.rotation.reshape(3, 3)[:, 2], (0.0, 0.0, -1.0), atol=2e-3)
+
+
+def test_along_a_line_it_presses_the_material_as_its_law_says() -> None:
+    material = make_material("kelvin-voigt")
+    robot = ArmAlongLine(read_arm("fr3"), material, seed=0)
+    for k in range(1500):
+        sample = robot.exchange(min(k * 2e-5, material.surface + 2e-3))
+    state = material.model.initial_state()
+    for _ in range(500):
+        state, force, _ = material.model.advance(state, sample.exact_position - material.surface, 0.0, 1e-3)
+    assert sample.exact_force == pytest.approx(force, rel=0.02)
+    assert sample.position == pytest.approx(sample.exact_position, abs=1e-4)
+
+
+CHANGES = {
+    "no site": ('<site name="flange" pos="0 0 0.107"/>', "", 'no site "flange"'),
+    "no home": ('name="home"', 'name="rest"', 'no keyframe "home"'),
+    "no rate": ('<numeric name="rate" data="1000"/>', "", 'no <numeric name="rate">'),
+    "odd rate": ('name="rate" data="1000"', 'name="rate" data="300"', "whole fraction of 1000 Hz"),
+    "speeds": ("2.62 2.62 2.62 2.62 5.26 4.18 5.26", "2.62 2.62", "has to have 7"),
+    "no number": ('data="1e-5"', 'data="-1"', "above 0"),
+    "control": ('data="impedance"', 'data="magic"', "one of: impedance, servo"),
+    "probe": ('data="0.16 0.1"', 'data="0.16 5"', "weighs 5 kg, and it carries 3 kg"),
+    "twice": ('<body name="fr3_link1"', '<body gravcomp="1" name="fr3_link1"', "gravcomp"),
+    "no arm": ("</mujoco>", "", "MuJoCo cannot read it"),
+}
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_a_description_that_breaks_a_rule_is_refused_in_one_line(change: str, tmp_path: Path) -> None:
+    before, after, rule = CHANGES[change]
+    text = (DESCRIPTIONS / "fr3.xml").read_text()
+    assert before in text
+    path = tmp_path / "mine.xml"
+    path.write_text(text.replace(before, after))
+    with pytest.raises(InputError) as refused:
+        read_arm(str(path))
+    assert rule in str(refused.value)
+    assert str(path) in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_an_arm_that_cannot_reach_the_scene_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "far.xml"
+    path.write_text((DESCRIPTIONS / "fr3.xml").read_text().replace('data="0.5 0 0.2"', 'data="0.95 0 0.2"'))
+    with pytest.raises(InputError, match=r"the arm stays .* mm away from .* of the scene"):
+        ArticulatedArm(read_arm(str(path)), in_the_air, seed=0)
