@@ -13,7 +13,6 @@ from foretouch.errors.checks import require
 from foretouch.robot.arms.body import Body
 from foretouch.robot.arms.description import ArmDescription
 from foretouch.robot.arms.kinematics import InverseKinematics
-from foretouch.robot.arms.sensing import SENSINGS
 from foretouch.robot.engine import LARGEST_CONTACT_FORCE, normal_draws
 from foretouch.robot.gantry_arm import LEAST_STEPS, TouchedWorld
 from foretouch.robot.robot import RobotSpecification, SpatialRobot, SpatialSample, Vector
@@ -67,6 +66,8 @@ class ArticulatedArm(SpatialRobot):
         force_limit: float = 15.0,
         substeps: int = LEAST_STEPS,
     ) -> None:
+        from foretouch.robot.arms.sensing import SENSINGS  # Numba is slow to import: only when used
+
         require("seed", seed, at_least=0)
         require("force_limit", force_limit, above=0.0)
         require("substeps", substeps, at_least=LEAST_STEPS)
@@ -106,7 +107,7 @@ class ArticulatedArm(SpatialRobot):
         )
 
     def _build(self, start: Vector, force_limit: float) -> None:
-        from foretouch.robot.arms.control.impedance import ImpedanceControl  # Numba is slow to import: only when used
+        from foretouch.robot.arms.control.impedance import ImpedanceControl
         from foretouch.robot.arms.control.reference import YIELDING_RATE, make_reference
         from foretouch.robot.arms.control.servo import ServoControl
 

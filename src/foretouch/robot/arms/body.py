@@ -45,9 +45,10 @@ class Body:
         tip, tool = self.model.site(TIP).id, self.model.body("tool").id
         self._tip, self._whole, self._inertia = tip, np.zeros((6, count)), np.zeros((count, count))
         self._place, self.rotation = self.data.site_xpos[tip], self.data.site_xmat[tip]
-        self.sensor_rotation = self.data.site_xmat[self.model.site(SENSOR).id].reshape(3, 3)
+        self.sensor_rotation = self.data.site_xmat[self.model.site(SENSOR).id]
         self._middle, self._applied = self.data.xipos[tool], self.data.xfrc_applied[tool]
-        self.jacobian = np.zeros((6, self.joints.size))
+        self._all = self.joints.size == count  # every joint has a motor: nothing is looked for
+        self.jacobian = self._whole if self._all else np.zeros((6, self.joints.size))
         self.data.qpos[self.joints] = description.home
         mujoco.mj_forward(self.model, self.data)
         self.origin = self.data.site(BASE).xpos + description.scene
@@ -99,7 +100,7 @@ class Body:
     def inertia(self) -> Array:
         """Inertia of the joints with what they carry and their rotors [kg m^2], shape (n, n)."""
         self._mujoco.mj_fullM(self.model, self.data, self._inertia)
-        return self._inertia if self._play is None else self._inertia[np.ix_(self.joints, self.joints)]
+        return self._inertia if self._all else self._inertia[np.ix_(self.joints, self.joints)]
 
     def _of_joints(self, values: Array) -> Array:
         return values[self.joints] if self._play is None else values[self.joints] + values[self._play]
@@ -107,7 +108,8 @@ class Body:
     def look(self) -> None:
         """Take the tip's Jacobian from the present state."""
         self._mujoco.mj_jacSite(self.model, self.data, self._whole[:3], self._whole[3:], self._tip)
-        self.jacobian[:] = self._whole[:, self.joints]
+        if not self._all:
+            self.jacobian[:] = self._whole[:, self.joints]
 
     def begin_step(self) -> None:
         """Begin a physics step: everything that depends on positions and velocities is known then."""

@@ -199,6 +199,9 @@ class _Reader:
                 raise self._error(f'it has no site "{site}": add one to the body of the {site}')
         if self._joints < 5:
             raise self._error(f"it has {self._joints} motors: a probe is moved and held upright by 5 joints or more")
+        for joint in spec.joints:
+            if joint.type != load_mujoco().mjtJoint.mjJNT_HINGE:
+                raise self._error(f'its joint "{joint.name}" is not a hinge: an arm here has hinges only')
         if "home" not in [key.name for key in spec.keys]:
             raise self._error('it has no keyframe "home": add the pose that points the flange down above the scene')
         if any(body.gravcomp != 0.0 for body in spec.bodies):

@@ -23,7 +23,6 @@ class Sensing(Protocol):
         range: Largest force that it shows [N].
         largest_offset: Largest force that it shows with nothing on the probe [N].
         contact_floor: Largest force that it shows there while the arm moves, beside its offset [N].
-        force: As it is known now, on the probe, in the scene's frame [N], shape (3,).
     """
 
     noise: float
@@ -31,7 +30,10 @@ class Sensing(Protocol):
     range: float
     largest_offset: float
     contact_floor: float
-    force: Array
+
+    @property
+    def force(self) -> Array:
+        """As it is known now, on the probe, in the scene's frame [N], shape (3,)."""
 
     def step(self) -> None:
         """Behind a physics step: take what the sensors feel."""

@@ -8,10 +8,36 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from foretouch.core import kernel
 from foretouch.robot.arms.body import Body
 from foretouch.robot.engine import OFFSET_UNCERTAINTY
 
 Array = NDArray[np.float64]
+
+
+@kernel("void(f8[::1], f8[::1], f8, f8)")
+def feel(felt: Array, sensed: Array, mass: float, gain: float) -> None:
+    """Move the low-pass of the contact force [N] by what the sensors feel behind a physics step.
+
+    Args:
+        felt: Written, in the sensor's frame [N].
+        sensed: What the flange does to the tool (force [N] and torque [N m]), and what an accelerometer in it shows
+            [m/s^2].
+        mass: Of the tool [kg].
+        gain: Share by which the low-pass moves.
+    """
+    for axis in range(3):
+        felt[axis] += gain * (mass * sensed[6 + axis] - sensed[axis] - felt[axis])
+
+
+@kernel("void(f8[::1], f8[::1], f8[::1], f8[::1], f8)")
+def turn(shown: Array, rotation: Array, felt: Array, beside: Array, largest: float) -> None:
+    """Write a force of the sensor's frame, with what is beside it and within its range, in the scene's [N]."""
+    for row in range(3):
+        shown[row] = 0.0
+        for axis in range(3):
+            value = min(max(felt[axis] + beside[axis], -largest), largest)
+            shown[row] += rotation[3 * row + axis] * value
 
 
 class WristForce:
@@ -26,18 +52,22 @@ class WristForce:
 
     def __init__(self, body: Body, offset: tuple[float, float, float] = (0.1, -0.15, 0.3)) -> None:
         self._body, (_, self._mass) = body, body.description.probe
-        self._offset = np.asarray(offset)
-        self._sensed = body.data.sensordata
+        self._offset, self._nothing = np.asarray(offset), np.zeros(3)
+        self._sensed, self._rotation = body.data.sensordata, body.sensor_rotation
         self._gain = -math.expm1(-2.0 * math.pi * self.bandwidth * float(body.model.opt.timestep))
         self.largest_offset = math.hypot(*offset) + OFFSET_UNCERTAINTY
-        self._felt, self.force = np.zeros(3), np.zeros(3)
+        self._felt, self._force, self._shown = np.zeros(3), np.zeros(3), np.zeros(3)
+        self._feel, self._turn = feel.entry, turn.entry
+
+    @property
+    def force(self) -> Array:
+        """See `Sensing.force`."""
+        self._turn(self._force, self._rotation, self._felt, self._nothing, self.range)
+        return self._force
 
     def step(self) -> None:
         """See `Sensing.step`."""
-        sensed = self._sensed
-        contact = self._mass * sensed[6:9] - sensed[0:3]  # MuJoCo gives what the flange does to the tool
-        self._felt += self._gain * (contact - self._felt)
-        self.force = self._body.sensor_rotation @ self._felt
+        self._feel(self._felt, self._sensed, self._mass, self._gain)
 
     def positions(self) -> Array:
         """See `Sensing.positions`."""
@@ -45,6 +75,7 @@ class WristForce:
 
     def read(self, draws: Iterator[float]) -> Array:
         """See `Sensing.read`."""
-        noise = [self.noise * next(draws) for _ in range(3)]
-        shown = np.clip(self._felt + self._offset + noise, -self.range, self.range)
-        return np.asarray(self._body.sensor_rotation @ shown)
+        noise, (x, y, z) = self.noise, self._offset.tolist()
+        beside = np.array((x + noise * next(draws), y + noise * next(draws), z + noise * next(draws)))
+        self._turn(self._shown, self._rotation, self._felt, beside, self.range)
+        return self._shown
