@@ -62,6 +62,7 @@ from foretouch.identification.registry import (
     make_estimator,
 )
 from foretouch.identification.scale_field import ScaleFieldLearner
+from foretouch.identification.sensor_frame import SensorFrame, fit_sensor_frame, outlying_poses
 from foretouch.identification.series_compliance import (
     SeriesCompliance,
     correct_recording,
@@ -110,6 +111,7 @@ __all__ = [
     "RobustOptions",
     "ScaleFieldLearner",
     "SelfPerturbingRLS",
+    "SensorFrame",
     "SensorLag",
     "SensorState",
     "SensorWatch",
@@ -127,12 +129,14 @@ __all__ = [
     "default_estimator",
     "find_sensor_lag",
     "fit_offline",
+    "fit_sensor_frame",
     "fit_series_compliance",
     "fit_tool_weight",
     "from_the_surface",
     "identify",
     "load_estimator",
     "make_estimator",
+    "outlying_poses",
     "predict",
     "predict_motion",
 ]

@@ -30,6 +30,8 @@ class SensorCalibration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
         tool_mass_error: [kg].
         centre_of_mass: Centre of mass of the tool, from the sensor's origin [m].
         centre_of_mass_error: [m].
+        sensor_turn: Rotation vector from the frame in which gravity was given to the sensor's [rad].
+        sensor_turn_error: [rad].
         approach_axis: Unit vector along which the probe approaches.
         approach_gravity: Gravity along the approach [m/s^2], 9.80665 where the probe approaches downwards.
         sensor_lag: Delay of forces behind positions [s].
@@ -51,6 +53,8 @@ class SensorCalibration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
     tool_mass_error: float | None = None
     centre_of_mass: Triple | None = None
     centre_of_mass_error: Triple | None = None
+    sensor_turn: Triple | None = None
+    sensor_turn_error: Triple | None = None
     approach_axis: Triple = (0.0, 0.0, 1.0)
     approach_gravity: float = STANDARD_GRAVITY
     sensor_lag: float | None = None

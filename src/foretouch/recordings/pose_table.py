@@ -44,6 +44,12 @@ class StaticPoses(NamedTuple):
     torque: Array | None
     force_noise: float | None = None
 
+    def without(self, poses: list[int]) -> StaticPoses:
+        """The same without these poses."""
+        gravity, force = np.delete(self.gravity, poses, axis=0), np.delete(self.force, poses, axis=0)
+        torque = None if self.torque is None else np.delete(self.torque, poses, axis=0)
+        return self._replace(gravity=gravity, force=force, torque=torque)
+
 
 def read_poses(path: str | PathLike[str]) -> StaticPoses:
     r"""Static poses from a CSV file.

@@ -44,26 +44,41 @@ def sensor(
 ) -> Answer:
     """Estimate force bias, tool mass and centre of mass from six or more static poses, and the sensor's lag.
 
+    A pose in which the tool touched something is left out and named; a sensor that is turned, or whose signs are wrong,
+    is found and said.
+
     Units and direction are those of the recording of `--motion`.
 
     Example: foretouch calibrate sensor poses.csv --output sensor.toml
     """
     import msgspec
+    from scipy.spatial.transform import Rotation
 
-    from foretouch.identification import find_sensor_lag, fit_tool_weight
+    from foretouch.identification import find_sensor_lag, fit_sensor_frame, fit_tool_weight, outlying_poses
     from foretouch.recordings import read_poses
 
     direction = _unit_vector(axis)
     before = _before(output, poses, motion)
     make_folder(report_directory)
     measured = read_poses(poses)
-    weight = fit_tool_weight(measured.gravity, measured.force, measured.torque)
+    out = outlying_poses(measured.gravity, measured.force)
+    measured = measured.without(out)
+    frame = fit_sensor_frame(measured.gravity, measured.force)
+    turned = measured.gravity
+    if frame is not None and frame.is_turned:
+        say(f"{poses}: {frame.sentence}")
+        turned = Rotation.from_rotvec(frame.turn).apply(turned)
+    if out:
+        say(f"{poses}: left out, as the others do not explain it: {plural(len(out), 'pose')} ({_numbers(out)})")
+    weight = fit_tool_weight(turned, measured.force, measured.torque)
     kinds = ("force_bias", "torque_bias", "centre_of_mass")
     values: dict[str, Any] = {
         **{name: _triple(getattr(weight, name)) for kind in kinds for name in (kind, f"{kind}_error")},
         "force_noise": measured.force_noise,
         "tool_mass": weight.mass,
         "tool_mass_error": weight.mass_error,
+        "sensor_turn": None if frame is None else _triple(frame.turn),
+        "sensor_turn_error": None if frame is None else _triple(frame.turn_error),
         "approach_axis": direction,
         "approach_gravity": approach_gravity,
     }
@@ -76,7 +91,10 @@ def sensor(
         "free_air_force_N": calibration.force_offset,
         "sensor_lag_s": calibration.sensor_lag,
         "sensor_lag_error_s": calibration.sensor_lag_error,
+        "sensor_turn_deg": None if frame is None else _triple(frame.turn * 180.0 / math.pi),
+        "sensor_turn_error_deg": None if frame is None else _triple(frame.turn_error * 180.0 / math.pi),
         "poses": weight.poses,
+        "poses_left_out": tuple(number + 1 for number in out) or None,
         "gravity_spread": _triple(weight.spread),
         "force_residual_rms_N": _rms(weight.force_residual),
         "force_residual_largest_N": float(abs(weight.force_residual).max()),
@@ -166,6 +184,11 @@ WEIGHT_UNITS = {
     **dict.fromkeys(("centre_of_mass", "centre_of_mass_error"), "m"),
 }
 """Units of what is printed of a calibration, by field of `SensorCalibration`."""
+
+
+def _numbers(poses: list[int]) -> str:
+    """Numbers of poses as they are counted in a table, from 1."""
+    return ", ".join(str(number + 1) for number in poses)
 
 
 def _rms(residual: Any) -> float:
