@@ -75,9 +75,9 @@ class ToolLoad:
             T = b_T + c \times m (g - a_c) - J \dot\omega - \omega \times J \omega, \quad
             a_c = a + \dot\omega \times c + \omega \times (\omega \times c)
 
-        It is the load on the sensor: the force and torque, about the sensor's origin, that the tool exerts on it. A tool
-        that hangs pulls along gravity. A contact force on the tool adds to it as it is, and MuJoCo's sensors of force
-        and torque at a site of the tool show the negative of it.
+        It is the load on the sensor: the force and torque, about the sensor's origin, that the tool exerts on it. A
+        tool that hangs pulls along gravity. A contact force on the tool adds to it as it is, and MuJoCo's sensors of
+        force and torque at a site of the tool show the negative of it.
 
         Args:
             rotation: Of the flange: the matrix that turns its vectors into the base's frame, whose z points up, (3, 3).

@@ -288,6 +288,18 @@ def write_calibration_page(
     return write_html(directory, title, body, made)
 
 
+def write_weight_figure(path: str | PathLike[str], weight: ToolWeight) -> Path:
+    """Write the residuals of static poses, pose by pose, as a picture.
+
+    Args:
+        path: The file, ending with ``.png``.
+        weight: Whose residuals.
+    """
+    with atomic_path(path) as part:
+        _weight_figure(weight).savefig(part, format="png", dpi=120)
+    return Path(path)
+
+
 def _weight_figure(weight: ToolWeight) -> Any:
     parts = [("force [N]", weight.force_residual)]
     if weight.torque_residual is not None:

@@ -22,8 +22,8 @@ Vector = tuple[float, float, float]
 TELLING = 6.0  # Standard deviations of the force from which a contact is one, as in a session
 
 SURE = 5.0
-"""Standard deviations by which a line of action must miss the tip. The distance is the length of two normal errors: on a
-point tip these alone are as long in one of 270,000 samples, exp(-25 / 2)."""
+"""Standard deviations by which a line of action must miss the tip. The distance is the length of two normal errors: on
+a point tip these alone are as long in one of 270,000 samples, exp(-25 / 2)."""
 
 
 class Touching(IntEnum):
@@ -67,9 +67,12 @@ def locate(
     w = wrench[5] - (a * y - b * x)
     p, q, r = (y * w - z * v) / square, (z * u - x * w) / square, (x * v - y * u) / square
     distance = math.sqrt(p * p + q * q + r * r)
-    lever = math.sqrt((a + p) ** 2 + (b + q) ** 2 + (c + r) ** 2)  # an error of the force turns the line about the sensor
+    if not distance < math.inf:
+        return 0, 0.0, 0.0, 0.0, 0.0, 0.0
+    # An error of the force turns the line of action about the sensor.
+    lever = math.sqrt((a + p) ** 2 + (b + q) ** 2 + (c + r) ** 2)
     deviation = math.sqrt(torque_noise * torque_noise + (lever * force_noise) ** 2) / force
-    if not distance <= radius + SURE * deviation:
+    if distance > radius + SURE * deviation:
         return 2, p, q, r, distance, deviation
     if distance > radius:  # beside the sphere by less than the noise explains: it grazes
         s, shrink = 0.0, radius / distance
@@ -81,15 +84,15 @@ def locate(
 class TipSensing:
     r"""Intrinsic tactile sensing with a spherical tip: the point of contact from force and torque.
 
-    A contact without torque of its own at p, from the centre of the sphere, shows :math:`t = p \times f`. All p that do so
-    are the line of action
+    A contact without torque of its own at p, from the centre of the sphere, shows :math:`t = p \times f`. All p that do
+    so are the line of action
 
     .. math:: p = \frac{f \times t}{|f|^2} + s f, \qquad d = \frac{|f \times t|}{|f|^2}, \qquad
         s = -\frac{\sqrt{R^2 - d^2}}{|f|}
 
     which is at the distance d from the centre. Of its two intersections with the sphere of radius R the one is taken in
-    which the force on the tip points into it: a surface pushes. A line that passes the sphere at more than five standard
-    deviations
+    which the force on the tip points into it: a surface pushes. A line that passes the sphere at more than five
+    standard deviations
 
     .. math:: \sigma_d = \frac{1}{|f|} \sqrt{\sigma_t^2 + |c + p|^2 \sigma_f^2}
 
@@ -123,11 +126,11 @@ class TipSensing:
         self._figures, self._locate = (float(radius), float(force_noise), float(torque_noise)), locate.entry
 
     def locate(self, wrench: Array) -> TipContact:
-        """Where a contact is. Never raises on bad data: a wrench that is not finite says nothing, or nothing of the tip.
+        """Where a contact is. Never raises on bad data: a wrench that is not finite says nothing.
 
         Args:
-            wrench: Of the contact on the tool, without its load: force [N] and torque [N m] about the origin of `centre`;
-                contiguous, shape (6,).
+            wrench: Of the contact on the tool, without its load: force [N] and torque [N m] about the origin of
+                `centre`; contiguous, shape (6,).
         """
         touching, x, y, z, distance, deviation = self._locate(wrench, self._centre, *self._figures)
         return TipContact(_TOUCHING[touching], (x, y, z), distance, deviation)

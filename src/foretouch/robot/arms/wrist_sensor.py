@@ -75,12 +75,13 @@ class WristSensorKind:
     Pairs are of force [N] and torque [N m].
 
     Attributes:
-        bandwidth: Cut-off of its first-order low-pass [Hz]: 1 kHz of samples, and a filter that lets a hand's motion and
-            an arm's first resonance through.
-        largest: What it shows at most along x, y, z and about them, either way: stiff enough for the arm's own 15 to 30 N
-            at a lever of 0.2 m, with a factor for impacts.
+        bandwidth: Cut-off of its first-order low-pass [Hz]: 1 kHz of samples, and a filter that lets a hand's motion
+            and an arm's first resonance through.
+        largest: What it shows at most along x, y, z and about them, either way: stiff enough for the arm's own 15 to 30
+            N at a lever of 0.2 m, with a factor for impacts.
         noise: Standard deviation of each sample: about half the step of what such sensors resolve.
-        bias: Largest offset of any axis, which no two pieces share: 1 or 2 percent of the range, mostly from the screws.
+        bias: Largest offset of any axis, which no two pieces share: 1 or 2 percent of the range, mostly from the
+            screws.
         cross_talk: Standard deviation of every entry of the matrix beside 1, as a fraction of the ranges: within 1
             percent of full scale from a single axis.
         warm_up: Largest drift of any axis from cold to warm: strain gauges see their own heat and the arm's.
@@ -115,9 +116,9 @@ class WristSensor:
         \dot x = 2 \pi f (w - x), \qquad
         y = \mathrm{sat}\big(C x + b + (1 - e^{-t / \tau}) d + n\big)
 
-    x is behind the low-pass, C the cross-talk, b the bias, d the drift of warming up, n white noise, and sat limits each
-    axis to its range. The load is what the tool does to the sensor, as in `foretouch.quantities.ToolLoad`: the negative of
-    what MuJoCo's sensors of force and torque show at a site of the tool.
+    x is behind the low-pass, C the cross-talk, b the bias, d the drift of warming up, n white noise, and sat limits
+    each axis to its range. The load is what the tool does to the sensor, as in `foretouch.quantities.ToolLoad`: the
+    negative of what MuJoCo's sensors of force and torque show at a site of the tool.
 
     Neither call allocates. Same piece, same seed, same loads: the same samples, bit for bit.
 
@@ -188,7 +189,7 @@ class WristSensor:
         self._feel(self._states, interaction)
 
     def read(self) -> Array:
-        """What it shows at the end of a sample: force [N] and torque [N m], shape (6,), written again by the next call."""
+        """Show force [N] and torque [N m] at the end of a sample, shape (6,); the next call writes over it."""
         if self._row == BLOCK:
             self._random.standard_normal(out=self._draws)
             self._row = 0
