@@ -3,6 +3,7 @@
 Nothing here sees a robot or a file: the same code runs on recordings, simulations and hardware.
 """
 
+from foretouch.identification.calibration import SensorFrame, fit_sensor_frame, outlying_poses
 from foretouch.identification.classic.least_squares import (
     HuntCrossleyLogOptions,
     HuntCrossleyLogRLS,
@@ -62,7 +63,6 @@ from foretouch.identification.registry import (
     make_estimator,
 )
 from foretouch.identification.scale_field import ScaleFieldLearner
-from foretouch.identification.sensor_frame import SensorFrame, fit_sensor_frame, outlying_poses
 from foretouch.identification.series_compliance import (
     SeriesCompliance,
     correct_recording,
