@@ -1,6 +1,6 @@
 """Measure sessions with the arms of the package beside the plain robot: the blocks of `docs/arms.md`.
 
-Usage: `.venv/bin/python docs/measure_arms.py [line] [scenes] [speed] [held]`; all without arguments, in about twenty
+Usage: `.venv/bin/python docs/measure_arms.py [line] [speed]`; all without arguments, in about ten
 minutes on two cores.
 """
 
@@ -31,11 +31,12 @@ MATERIALS = ("hunt-crossley", "kelvin-voigt", "foam-measured")
 LENGTH = 20.0  # Of a session [s]
 
 
-def predicted(robot: str, material: str, scene: str, seed: int) -> tuple[float, float]:
-    """Errors of the prediction, at equal command and with the same model at the robot's place [%]."""
+def predicted(robot: str, material: str, scene: str, seed: int) -> tuple[float, float] | None:
+    """Errors of the prediction, at equal command and with the same model at the robot's place [%]; None without one."""
     settings = SessionSettings(robot=robot, material=material, scene=scene, seed=seed)
     figures = session_figures(simulate(settings, duration=LENGTH, say=lambda _: None).log)
-    return figures["prediction_error_percent"], figures["equal_position"]["prediction_error_percent"]
+    error, there = figures["prediction_error_percent"], figures["equal_position"]["prediction_error_percent"]
+    return None if error is None or there is None else (error, there)
 
 
 def errors(places: tuple[tuple[str, str], ...], heads: tuple[str, ...]) -> str:
@@ -45,7 +46,7 @@ def errors(places: tuple[tuple[str, str], ...], heads: tuple[str, ...]) -> str:
     rows, plain = [], {}
     for robot in ROBOTS:
         for place in places:
-            several = [found[robot, *place, seed] for seed in SEEDS]
+            several = [one for seed in SEEDS if (one := found[robot, *place, seed]) is not None]
             errors, there = zip(*several, strict=True)
             median = statistics.median(errors)
             plain.setdefault(place, median)
@@ -53,6 +54,7 @@ def errors(places: tuple[tuple[str, str], ...], heads: tuple[str, ...]) -> str:
                 [
                     f"`{robot}`",
                     place[1] or place[0],
+                    str(len(several)),
                     f"{figure(median)} / {figure(max(errors))}",
                     f"{median / plain[place]:.2f}",
                     f"{figure(statistics.median(there))} / {figure(max(there))}",
@@ -63,14 +65,15 @@ def errors(places: tuple[tuple[str, str], ...], heads: tuple[str, ...]) -> str:
 
 def line() -> str:
     """Along a line, by material."""
-    heads = ("`--robot`", "Material", "Prediction error [%]", "To that of `simulated`", "At the robot's place [%]")
+    heads = (
+        "`--robot`",
+        "Material",
+        "Sessions with a score",
+        "Prediction error [%]",
+        "To that of `simulated`",
+        "At the robot's place [%]",
+    )
     return errors(tuple((material, "") for material in MATERIALS), heads)
-
-
-def scenes() -> str:
-    """In scenes, with a camera."""
-    heads = ("`--robot`", "Scene", "Prediction error [%]", "To that of `simulated`", "At the robot's place [%]")
-    return errors((("hunt-crossley", "plane"), ("hunt-crossley", "hill")), heads)
 
 
 def speed() -> str:
@@ -105,32 +108,7 @@ def exchange_times(name: str) -> list[float]:
     return took
 
 
-def held() -> str:
-    """Closed loops: the hand's energy, and whether it oscillates."""
-    cases = [(robot, grip, late) for robot in ARMS for grip in ("soft", "normal", "stiff") for late in (0.3, 1.0)]
-    rows = Parallel(n_jobs=2)(delayed(felt)(*case) for case in cases)
-    heads = ("`--robot`, grip, delay", "Energy, least [uJ]", "Allowed [uJ]", "Kept in every tick", "Oscillates")
-    return table((*heads, "Largest force, hand / robot [N]", "Prediction error [%]"), rows)
-
-
-def felt(robot: str, grip: str, late: float) -> list[str]:
-    """A row of a session in a closed loop, where 0.3 s stands for 80 ms of position delay and 1 s for 1 s of each."""
-    ways = {"position_delay": 0.08 if late < 1.0 else 1.0, "force_delay": late}
-    settings = SessionSettings(robot=robot, material="hunt-crossley", grip=grip, seed=SEEDS[0], **ways)
-    figures = session_figures(simulate(settings, duration=LENGTH).log)
-    hand = figures["hand"]
-    return [
-        f"`{robot}`, {grip}, {late:g} s",
-        figure(1e6 * figures["net_energy_J"]),
-        figure(-1e6 * figures["energy_bound_J"]),
-        "yes" if hand["certificate_holds"] else "NO",
-        "YES" if hand["oscillation"]["oscillates"] else "no",
-        f"{hand['peak_force_hand_N']:.1f} / {hand['peak_force_robot_N']:.1f}",
-        figure(figures["prediction_error_percent"]),
-    ]
-
-
-MEASURED = {"line": line, "scenes": scenes, "speed": speed, "held": held}
+MEASURED = {"line": line, "speed": speed}
 
 
 if __name__ == "__main__":
