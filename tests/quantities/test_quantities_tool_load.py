@@ -7,7 +7,7 @@ import time
 import msgspec
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -66,6 +66,8 @@ def moved(load: ToolLoad, turn: np.ndarray, spin: np.ndarray, push: np.ndarray) 
 @given(vectors, vectors, vectors, vectors, vectors)
 def test_a_body_that_flies_about_shows_what_newton_and_euler_say(turn, sensor, centre, spin, push) -> None:
     """The angular acceleration of the whole is that of the tool; nothing touches, so that nothing but bias is left."""
+    # MuJoCo takes a site that is turned by less than some 1e-5 rad for one that is not turned.
+    assume(np.linalg.norm(sensor) == 0.0 or np.linalg.norm(sensor) > 1e-4)
     load = ToolLoad(BIAS, 0.3, tuple(0.1 * np.array(centre)), tuple(2.0 * np.array(sensor)), INERTIA)
     pushed = np.concatenate((20.0 * np.array(push), 2.0 * np.array(push)[::-1]))
     felt, *motion = moved(load, 3.0 * np.array(turn), 8.0 * np.array(spin), pushed)

@@ -37,6 +37,7 @@ class StaticPoses(NamedTuple):
         gravity: Direction of gravity in the sensor's frame, of length 1, shape (n, 3).
         force: Load on the sensor [N], shape (n, 3).
         torque: Load about the sensor's origin [N m], shape (n, 3), or None.
+        names: Of the poses, as the column ``pose`` has them, in the order they come in; else their numbers from 1.
         force_noise: Standard deviation of the force between rows of the same pose, all axes together [N]; None where no
             pose has two rows.
         torque_noise: The same of the torque [N m]; None without torques, too.
@@ -45,6 +46,7 @@ class StaticPoses(NamedTuple):
     gravity: Array
     force: Array
     torque: Array | None
+    names: tuple[str, ...]
     force_noise: float | None = None
     torque_noise: float | None = None
 
@@ -77,15 +79,19 @@ def _poses_in(path: str | PathLike[str]) -> StaticPoses:
         gravity = _down(Rotation.from_rotvec(_vectors(table, ROTATION_VECTOR)))
     else:
         gravity = _unit(table, _vectors(table, GRAVITY), "gravity direction", strict=False)
+    names = tuple(map(str, range(1, len(force) + 1)))
     noise = torque_noise = None
     if POSE in table.header:
-        _, group = np.unique(table.texts(POSE), return_inverse=True)
+        texts = [str(text) for text in table.texts(POSE)]
+        names = tuple(dict.fromkeys(texts))
+        numbers = {name: number for number, name in enumerate(names)}
+        group = np.array([numbers[text] for text in texts], np.intp)
         noise = _noise(force, group)
         torque_noise = None if torque is None else _noise(torque, group)
         force, gravity = _means(force, group), _means(gravity, group)
         gravity /= np.linalg.norm(gravity, axis=1, keepdims=True)
         torque = None if torque is None else _means(torque, group)
-    return StaticPoses(gravity, force, torque, noise, torque_noise)
+    return StaticPoses(gravity, force, torque, names, noise, torque_noise)
 
 
 def _vectors(table: CsvTable, names: tuple[str, ...]) -> Array:

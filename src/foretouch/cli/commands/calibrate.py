@@ -65,7 +65,8 @@ def sensor(
     measured = read_poses(poses)
     fit = fit_tool_load(measured.gravity, measured.force, measured.torque)
     weight, frame = fit.weight, fit.frame
-    for sentence in _sentences(fit):
+    left_out = ", ".join(measured.names[number] for number in fit.left_out)
+    for sentence in _sentences(fit, left_out):
         say(f"{poses}: {sentence}")
     kinds = ("force_bias", "torque_bias", "centre_of_mass")
     values: dict[str, Any] = {
@@ -91,7 +92,7 @@ def sensor(
         "sensor_turn_deg": None if frame is None else _triple(frame.turn * 180.0 / math.pi),
         "sensor_turn_error_deg": None if frame is None else _triple(frame.turn_error * 180.0 / math.pi),
         "poses": weight.poses,
-        "poses_left_out": tuple(number + 1 for number in fit.left_out) or None,
+        "poses_left_out": left_out or None,
         "condition": fit.condition,
         "gravity_spread": _triple(weight.spread),
         "force_residual_rms_N": _rms(weight.force_residual),
@@ -99,11 +100,12 @@ def sensor(
         "torque_residual_rms_Nm": None if weight.torque_residual is None else _rms(weight.torque_residual),
     }
     made = made_by([poses] if motion is None else [poses, motion], axis=axis)
+    names = [name for number, name in enumerate(measured.names) if number not in fit.left_out]
     if figure is not None:
         from foretouch.report import write_weight_figure
 
-        say(f"figure: {write_weight_figure(figure, weight)}")
-    _write(output, calibration, report_directory, poses.name, weight, content, made)
+        say(f"figure: {write_weight_figure(figure, weight, names)}")
+    _write(output, calibration, report_directory, poses.name, weight, content, made, names)
     return Answer(content, _lines(f"{poses}: {plural(weight.poses, 'pose')}", content))
 
 
@@ -197,11 +199,10 @@ WEIGHT_UNITS = {
 """Units of what is printed of a calibration, by field of `SensorCalibration`."""
 
 
-def _sentences(fit: ToolLoadFit) -> Iterator[str]:
+def _sentences(fit: ToolLoadFit, left_out: str) -> Iterator[str]:
     """What is to be said of a fit before its numbers: a pose that was left out, and how the sensor stands."""
-    if fit.left_out:
-        numbers = ", ".join(str(number + 1) for number in fit.left_out)  # as they are counted in a table
-        yield f"left out, as the others do not explain it: {plural(len(fit.left_out), 'pose')} ({numbers})"
+    if left_out:
+        yield f"left out, as the others do not explain it: {plural(len(fit.left_out), 'pose')} ({left_out})"
     if fit.frame is None:
         yield "the sensor's frame stays open: turn the tool about a second axis, so that gravity pulls along all three"
     elif fit.frame.is_turned:
@@ -228,5 +229,5 @@ def _lines(title: str, content: dict[str, Any]) -> Iterator[str]:
     yield title
     for name, value in content.items():
         values = value if isinstance(value, tuple) else (value,)
-        shown = ", ".join("-" if part is None else f"{part:.5g}" for part in values)
+        shown = ", ".join("-" if part is None else part if isinstance(part, str) else f"{part:.5g}" for part in values)
         yield f"  {name:<32} {shown}"
