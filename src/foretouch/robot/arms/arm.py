@@ -23,6 +23,11 @@ SETTLING = 500  # Milliseconds in which gears come to rest on a side of their pl
 
 START: Vector = (0.0, 0.0, 0.05)
 SPEED = 0.5  # Largest of the tip on its way [m/s]
+
+LOSSES = 0.5
+"""Share of a joint's torque that its own damping may take on the way: with more of it a servo falls behind, and swings
+over where it stops."""
+
 DOWN = np.array((0.0, 0.0, -1.0))
 
 
@@ -117,7 +122,7 @@ class ArticulatedArm(SpatialRobot):
         reference = make_reference(
             start,
             self.reach,
-            speed=SPEED,
+            speed=_tip_speed(body),
             acceleration=float(description.joint_acceleration.min() * least),
             force_limit=force_limit,
             yielding=YIELDING_RATE / control.stiffness_along(body, DOWN),
@@ -194,3 +199,11 @@ class ArticulatedArm(SpatialRobot):
         fixture = () if self._fixture is None else self._fixture()
         exact: Any = tuple(place.tolist())
         return SpatialSample(seen, felt, self._contact, exact, fixture, bool(self._clipped[0]))
+
+
+def _tip_speed(body: Body) -> float:
+    """Largest speed of the tip [m/s] that no joint is too slow for, along any axis of the scene, with the tool held."""
+    limits, along = body.limits(), np.linalg.pinv(body.jacobian)[:, :3]
+    lossy = LOSSES * limits["torque"] / np.maximum(limits["damping"], 1e-9)
+    fastest = np.minimum(body.description.joint_speed, lossy)
+    return min(SPEED, float((fastest[:, None] / np.maximum(np.abs(along), 1e-9)).min()))
