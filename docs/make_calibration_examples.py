@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from foretouch.quantities import ToolLoad
-from foretouch.robot.arms.wrist_sensor import WristSensor
+from foretouch.robot.arms.sensing.wrist_sensor import WristSensor
 
 FOLDER = Path(__file__).parent / "examples"
 FORCE_BIAS, TORQUE_BIAS = np.array([1.2, -0.7, 3.1]), np.array([0.02, -0.05, 0.01])

@@ -10,7 +10,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from foretouch.errors import SettingError
-from foretouch.robot.arms.tip_contact import TipSensing, Touching
+from foretouch.robot.arms.sensing.tip_contact import TipSensing, Touching
 
 CENTRE = (0.01, -0.02, 0.15)
 FORCE_NOISE, TORQUE_NOISE = 0.03, 0.0008

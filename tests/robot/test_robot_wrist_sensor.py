@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from foretouch.errors import SettingError
 from foretouch.identification import fit_tool_load
 from foretouch.quantities import ToolLoad
-from foretouch.robot.arms.wrist_sensor import WristSensor, WristSensorKind
+from foretouch.robot.arms.sensing.wrist_sensor import WristSensor, WristSensorKind
 
 STEP = 2.5e-4
 IDEAL = WristSensorKind(noise=(0.0, 0.0), bias=(0.0, 0.0), cross_talk=0.0, warm_up=(0.0, 0.0))
