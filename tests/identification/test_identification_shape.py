@@ -135,3 +135,25 @@ def test_the_news_bring_another_side_to_the_same_surface_though_some_are_lost() 
     assert heights == pytest.approx([learner.height_at(point)[0] for point in points], abs=1e-5)
     assert deviations.max() < 6e-4
     assert shape.count > 0.98 * NODES
+
+
+def test_it_goes_back_to_what_was_known_before_and_tells_so() -> None:
+    """Touches of a surface that had moved away are forgotten, and who hears the news has the shape of before."""
+    learner, heard = ShapeLearner(), ShapeField()
+
+    def touch_all(height: float) -> None:
+        for x in np.linspace(0.05, 0.1, 6):
+            learner.touch((x, 0.0, height))
+        heard.take(learner.news())
+
+    touch_all(2e-3)
+    before, kept, updates = learner.coefficients.copy(), learner.states.copy(), learner.updates
+    touch_all(3e-3)
+    assert np.abs(learner.coefficients - before).max() > 2e-4
+    learner.go_back(kept)
+    assert np.array_equal(learner.coefficients, before)
+    assert learner.updates != updates
+    for _ in range(40):
+        heard.take(learner.news())
+    (there,), _ = heard.heights_at([(0.075, 0.0)])
+    assert there == pytest.approx(learner.height_at((0.075, 0.0))[0], abs=2e-5)

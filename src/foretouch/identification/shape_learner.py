@@ -217,9 +217,15 @@ class ShapeLearner:
         self.states["mean"][0, FRICTION] = FIRST_FRICTION
         self._told, self._turn = np.zeros(NODES), 0
 
+    def go_back(self, earlier: NDArray[np.void]) -> None:
+        """Forget what was learnt since a copy of `states` was taken. Who hears the news hears of it."""
+        updates = self.updates
+        self.states[:] = earlier
+        self.states["updates"] = updates + 1
+
     @property
     def updates(self) -> int:
-        """Number of measurements that it has learnt from."""
+        """Number of measurements that it has learnt from, and of times that it went back."""
         return int(self.states[0].updates)
 
     @property

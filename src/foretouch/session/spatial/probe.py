@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, Protocol
 
 import msgspec
 import numpy as np
@@ -181,32 +181,48 @@ NO_BELIEF = FixtureBelief(VERSION, 0, 0, (0.0,) * 6, (), math.inf, 0, 0, 0, "", 
 KEPT_EVERY = 500  # Ticks between two copies of what is learnt: a bump is noticed sooner
 
 
-class Earlier:
-    """What was learnt of a material one to two times `KEPT_EVERY` ago, to go back to where a bump spoilt it since."""
+class Learns(Protocol):
+    """What learns, in one record."""
 
-    def __init__(self, law: ContactMap, places: ScaleFieldLearner) -> None:
-        self._law, self._places = law, places
-        self._laws = [law.states.copy() for _ in range(2)]
-        self._fields = [places.states.copy() for _ in range(2)]
+    states: Records
+
+    def go_back(self, earlier: Records) -> None:
+        """Forget what was learnt since a copy of `states` was taken."""
+
+
+class Earlier:
+    """What was learnt one to two times `KEPT_EVERY` ago, to go back to where a bump spoilt it since.
+
+    Args:
+        law: Of the material.
+        *others: What else learns from the same touches.
+    """
+
+    def __init__(self, law: ContactMap, *others: Learns) -> None:
+        self._law = law
+        self._learners: list[tuple[Learns, list[Records]]] = [
+            (one, [one.states.copy(), one.states.copy()]) for one in (law, *others)
+        ]
         self._below = [math.nan, math.nan]
 
     def keep(self, tick: int, below: float) -> None:
         """Copy what is learnt, if that is due; `below` is how much deeper than believed the surface was felt [m]."""
-        if tick % KEPT_EVERY == 0:
-            for copies in (self._laws, self._fields, self._below):
+        turn = tick % KEPT_EVERY  # a tick has time for one copy
+        if turn == 0:
+            for _, copies in self._learners:
                 copies.reverse()
+            self._below.reverse()
             self._below[1] = math.nan if self._law.model is None else below
-            _copy(self._law.states, self._laws[1])
-        elif tick % KEPT_EVERY == 1:  # a tick has no time for both
-            _copy(self._places.states, self._fields[1])
+        if turn < len(self._learners):
+            one, copies = self._learners[turn]
+            _copy(one.states, copies[1])
 
     def go_back(self) -> float:
         """Forget what was learnt since the older copy; how much deeper the surface was then felt [m], NaN for none."""
         if not math.isnan(self._below[0]):
-            self._law.go_back(self._laws[0])
-            self._places.go_back(self._fields[0])
-            _copy(self._laws[0], self._laws[1])
-            _copy(self._fields[0], self._fields[1])
+            for one, (older, newer) in self._learners:
+                one.go_back(older)
+                _copy(older, newer)
             self._below[1] = self._below[0]
         return self._below[0]
 
@@ -248,12 +264,17 @@ class ProbeInSpace(ProbeOnAxis):
         """Line of the probe."""
         return self.safety.line
 
+    @property
+    def learners(self) -> tuple[Learns, ...]:
+        """What learns beside the material's law, and goes back with it after a bump."""
+        return (self.places,)
+
     def join(self, state: State, settings: SessionSettings) -> None:
         """See `ProbeOnAxis.join`."""
         self.safety = SpatialSafety(state.safety, self._surface, self._pose, SAMPLE_PERIOD)
         self.fields = FieldSender(state.run)
         law = state.learner.estimator
-        self._earlier = Earlier(law, self.places) if isinstance(law, ContactMap) else None
+        self._earlier = Earlier(law, *self.learners) if isinstance(law, ContactMap) else None
         self.friction = FrictionEstimator(self.safety.spaces["beside"]["friction"])
         if self.safety.python:
             self.whole = None

@@ -15,7 +15,7 @@ from foretouch.rendering import Renderer
 from foretouch.rendering.surfaces import Surface
 from foretouch.rendering.surfaces.learnt import LearntSurface
 from foretouch.session.spatial.hand import HandInSpace
-from foretouch.session.spatial.probe import ProbeInSpace
+from foretouch.session.spatial.probe import Learns, ProbeInSpace
 from foretouch.session.spatial.sliding import LATE, Sliding
 from foretouch.session.steps.axis import Arrived, Finished
 from foretouch.session.steps.follower import GOOD, Inputs, State
@@ -57,12 +57,18 @@ class ProbeOverUnknown(ProbeInSpace):
         super().__init__(surface, pose)
         self._learnt, self.shape = learnt_surface(surface), ShapeLearner()
         self._touch_tick, self._height_variance = 0, 0.0  # of the pose alone [m^2]
+        self._shown = 0  # number of the shape's updates that the surface has been aimed at
         self._sliding = Sliding()
 
     def _believe(self, state: State, belief: FixtureBelief, now_ns: int) -> None:
         super()._believe(state, belief, now_ns)
         if self.belief is belief:
             self._height_variance = float(self._covariance[HEIGHT, HEIGHT])
+
+    @property
+    def learners(self) -> tuple[Learns, ...]:
+        """See `ProbeInSpace.learners`."""
+        return self.places, self.shape
 
     @property
     def _covariance(self) -> Any:
@@ -85,7 +91,7 @@ class ProbeOverUnknown(ProbeInSpace):
 
     def _learn(self, state: State) -> None:
         """Learn from the newest tick, and let the surface come a step nearer to what is known of it."""
-        line, shape, before = self.line, self.shape, self.shape.updates
+        line, shape = self.line, self.shape
         inner = line.newest.inner_point
         _, _, touch, tick = self.told
         if tick != self._touch_tick:
@@ -94,7 +100,8 @@ class ProbeOverUnknown(ProbeInSpace):
             shape.touch(subtract(line.motion.apply_back(touch), scaled(normal, line.surface.radius)))
         if state.tick % EVERY == 0 and state.watch.state is GOOD:
             self._feel(inner)
-        if shape.updates != before:
+        if shape.updates != self._shown:
+            self._shown = shape.updates
             self._learnt.field.coefficients[:] = shape.coefficients
             self._learnt.aim()
         if self._learnt.settle(inner[0], inner[1]):
