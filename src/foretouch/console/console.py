@@ -19,6 +19,7 @@ from foretouch.console.panels.session import CHOICES, SLIDERS, Actions, Publishe
 from foretouch.console.panels.stop import ASKING, LATCHED, READY, UNABLE, EmergencyCall
 from foretouch.console.playback import Library
 from foretouch.console.plots import SECONDS, put
+from foretouch.console.views.arms import ArmView
 from foretouch.console.views.hold import Hold, SpaceHold
 from foretouch.console.views.line import LineView, look
 from foretouch.console.views.space import SpaceView
@@ -103,6 +104,7 @@ class Console:
         self._line = LineView(self._server, self._watched, Hold(self._watched, self._publisher))
         self._panel = Panel(self._server, self._actions(), live=live)
         self._space = SpaceView(self._server, self._panel, SpaceHold(self._watched, self._publisher))
+        self._arm = ArmView(self._server.scene)
         self._picture: LineView | SpaceView = self._line
         self._server.on_client_disconnect(self._browser_gone)
         self._next: dict[str, float] = {}  # when each is due again
@@ -280,6 +282,7 @@ class Console:
             self._picture.show(True)
             look(self._server, self._picture.camera)
         self._picture.draw(shown, live=live and self._live, useful=useful)  # without a session there is no handle
+        self._arm.draw(shown)
 
     def _turn(self) -> None:
         """Give the camera of this picture to a page that loaded while it changed, and began with that of the other."""
@@ -300,7 +303,8 @@ class Console:
         other = None if playback is None else playback.other
         window = shown.window(SECONDS)
         status = self._status(now) if playback is None else "A recording is shown; see the tab Recordings."
-        notes = tuple(filter(None, (self._picture.problem, *sentences.warnings(self._watched, now))))
+        missing = self._picture.problem, self._arm.problem
+        notes = tuple(filter(None, (*missing, *sentences.warnings(self._watched, now))))
         depth, ahead = self._picture.depth(shown), self._picture.ahead
         panel.forces.write(numbers_html(shown, window, other, depth=depth, status=status, warnings=notes, ahead=ahead))
         panel.network.draw(window, shown.loss_trace(SECONDS, now))
