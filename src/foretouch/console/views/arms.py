@@ -11,19 +11,20 @@ import numpy as np
 
 from foretouch.console.history import Array
 from foretouch.console.views.probes import UNITS
-from foretouch.console.views.shapes import HANDLE_HEIGHT, Mesh, add_body, along, lathe
-from foretouch.console.watched import Watched
+from foretouch.console.views.shapes import ARM_DELAYED, ARM_NOW, HANDLE_HEIGHT, Mesh, add_body, along, lathe
+from foretouch.console.watched import NOWHERE, Watched
 from foretouch.errors import ForetouchError
-from foretouch.messages import FollowerSpace
 from foretouch.quantities.colours import Colour
+from foretouch.quantities.pose import Vector
 from foretouch.robot import ArmPicture, Capsule, read_arm
 from foretouch.settings import SIMULATED, is_simulated
 
-DELAYED, NOW = (236, 205, 182), (150, 160, 172)
-"""Colours of the arm that its operator hears of, and of where it is now: pale, since map and probes are read."""
+ARM_CAMERA = ((-13.0, -80.0, 41.0), (-13.0, 0.0, 11.0))
+"""First position of the camera and the point at which it looks [scene units]: the wrist is seen, too."""
 APART = 1e-3  # Distance of any link from where it is heard of at which the arm of now is drawn, too [m]
 SMALLEST_CHANGE = np.array((2e-5, 2e-5, 2e-5, 1e-4, 1e-4, 1e-4, 1e-4))
 """Changes of a link's place [m] and turn below these are not drawn."""
+ROD = 0.7e-3  # Radius of the arm's own probe, within that of the delayed robot [m]
 ROUND = np.linspace(0.0, 0.5 * np.pi, 5)  # Angles of the rings of an end [rad]
 
 
@@ -32,20 +33,23 @@ class ArmView:
 
     Attributes:
         problem: Reason that the arm is not drawn, in a sentence; "" where it is, and where there is none.
+        camera: From where a scene is looked at first for the arm's sake; None without one.
     """
 
     def __init__(self, scene: Any) -> None:
         self._scene, self._name, self.problem = scene, "", ""
+        self.camera: tuple[Vector, Vector] | None = None
         self._picture: ArmPicture | None = None
         self._arms: tuple[DrawnArm, ...] = ()
 
     def draw(self, shown: Watched) -> None:
         """Draw the arm as heard of with the operator's delay, and where it is now if that is elsewhere."""
-        telemetry = shown.telemetry
-        heard = _joints(shown.space.follower_at(shown.telemetry_sequence))
-        now = _joints(None if telemetry is None else telemetry.space)
-        if heard or now:
+        robot = shown.space.follower_at(shown.telemetry_sequence)
+        heard, now = () if robot is None else robot.joints, shown.joints
+        in_space = shown.leader_space is not NOWHERE
+        if in_space:
             self._find(shown.settings.get("robot", SIMULATED))
+        self.camera = ARM_CAMERA if in_space and self._arms else None
         picture, poses = self._picture, [np.empty((0, 7))] * 2
         if picture is not None:
             poses = [_poses(picture, joints) for joints in (heard, now)]
@@ -69,21 +73,18 @@ class ArmView:
             self.problem = f"The arm cannot be drawn here: {error}"
             return
         meshes = [_link(link) for link in (*self._picture.links[:-1], _holder(self._picture.links[-1]))]
-        self._arms = DrawnArm(self._scene, "/arm/delayed", meshes, DELAYED), DrawnArm(
-            self._scene, "/arm/now", meshes, NOW, opacity=0.35
+        self._arms = (
+            DrawnArm(self._scene, "/arm/delayed", meshes, ARM_DELAYED),
+            DrawnArm(self._scene, "/arm/now", meshes, ARM_NOW, opacity=0.4),
         )
 
 
 class DrawnArm:
     """The links of one arm, each a mesh of its own that moves."""
 
-    def __init__(
-        self, scene: Any, root: str, meshes: list[Mesh], colour: Colour, opacity: float | None = None
-    ) -> None:
+    def __init__(self, scene: Any, root: str, meshes: list[Mesh], colour: Colour, opacity: float | None = None) -> None:
         self._root = scene.add_frame(root, show_axes=False, visible=False)
-        self._links = [
-            add_body(scene, f"{root}/{number}", mesh, colour, opacity) for number, mesh in enumerate(meshes)
-        ]
+        self._links = [add_body(scene, f"{root}/{number}", mesh, colour, opacity) for number, mesh in enumerate(meshes)]
         self._drawn = np.full((len(meshes), 7), np.inf)
 
     def draw(self, poses: Array) -> None:
@@ -93,10 +94,6 @@ class DrawnArm:
             if (np.abs(pose - self._drawn[number]) > SMALLEST_CHANGE).any():
                 self._drawn[number] = pose
                 self._links[number].position, self._links[number].wxyz = tuple(UNITS * pose[:3]), tuple(pose[3:])
-
-
-def _joints(space: FollowerSpace | None) -> tuple[float, ...]:
-    return () if space is None else space.joints
 
 
 def _poses(picture: ArmPicture, joints: tuple[float, ...]) -> Array:
@@ -110,10 +107,12 @@ def _apart(one: Array, other: Array) -> float:
 
 
 def _holder(probe: tuple[Capsule, ...]) -> tuple[Capsule, ...]:
-    """What holds the probe: its lower end is drawn as that of all robots is."""
+    """What holds the probe: down from the height at which the rods of all robots end, it is as thin as they are."""
     ((begin, end, radius),) = probe
     low, high = sorted((begin[2], end[2]))
-    return (Capsule((0.0, 0.0, low), (0.0, 0.0, max(high - HANDLE_HEIGHT / UNITS - radius, low)), radius),)
+    middle = max(high - HANDLE_HEIGHT / UNITS - radius, low)
+    thick = Capsule((0.0, 0.0, low), (0.0, 0.0, middle), radius)
+    return thick, Capsule((0.0, 0.0, middle), (0.0, 0.0, high), ROD)
 
 
 def _link(capsules: tuple[Capsule, ...]) -> Mesh:

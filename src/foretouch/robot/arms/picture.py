@@ -77,7 +77,5 @@ def _capsule(model: Any, geom: int) -> Capsule:
     along[axis] = max(half[axis] - radius, 0.0)
     turn = np.empty(9)
     load_mujoco().mju_quat2Mat(turn, model.geom_quat[geom])
-    begin, end = (
-        (model.geom_pos[geom] + turn.reshape(3, 3) @ (middle + way * along)).tolist() for way in (-1.0, 1.0)
-    )
+    begin, end = ((model.geom_pos[geom] + turn.reshape(3, 3) @ (middle + way * along)).tolist() for way in (-1.0, 1.0))
     return Capsule(tuple(begin), tuple(end), radius)
