@@ -8,6 +8,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
+
+from foretouch.quantities import ToolLoad
+from foretouch.robot.arms.sensing.wrist_sensor import WristSensor
 
 FOLDER = Path(__file__).parent / "examples"
 FORCE_BIAS, TORQUE_BIAS = np.array([1.2, -0.7, 3.1]), np.array([0.02, -0.05, 0.01])
@@ -33,6 +37,30 @@ def poses() -> str:
     return "\n".join(rows) + "\n"
 
 
+WRIST_TOOL = ToolLoad((0.0,) * 6, 0.3, (0.004, -0.003, 0.06), (0.0, 0.0, -0.5 * np.pi))
+WRIST_PIECE, TOUCHING = 1, 9
+"""Which simulated sensor it is, and the pose in which the end of the tool, 0.2 m away, touches something."""
+
+
+def wrist() -> str:
+    """Twelve poses of an arm's flange, three rows each, with a wrist's sensor that is turned by a quarter."""
+    sensor, random = WristSensor(1e-3, seed=4, piece=WRIST_PIECE), np.random.default_rng(4)
+    turns = [Rotation.from_euler("xyz", angles, degrees=True) for angles in ((180, 0, 0), (0, 0, 0), (90, 0, 0))]
+    turns += [Rotation.from_euler("xyz", angles, degrees=True) for angles in ((-90, 0, 0), (0, 90, 0), (0, -90, 0))]
+    turns += list(Rotation.random(6, rng=random))
+    rows = ["pose,fx_N,fy_N,fz_N,tx_Nm,ty_Nm,tz_Nm,rx_rad,ry_rad,rz_rad"]
+    for number, turn in enumerate(turns, 1):
+        load = WRIST_TOOL.wrench(turn.as_matrix())
+        if number == TOUCHING:
+            touch = np.array((0.3, 0.2, 0.0))
+            load = load + np.concatenate((touch, np.cross((0.0, 0.0, 0.2), touch)))
+        sensor.settle(-load)
+        for _ in range(3):
+            values = (*sensor.read(), *turn.as_rotvec())
+            rows.append(",".join([str(number), *(f"{value:.5f}" for value in values)]))
+    return "\n".join(rows) + "\n"
+
+
 def press(depth: np.ndarray, stiffness: float, time: np.ndarray, seed: int) -> str:
     """A press on a spring, felt late through an arm that gives way and loses motion."""
     random = np.random.default_rng(seed)
@@ -52,6 +80,7 @@ def main() -> None:
     time = np.arange(0.0, 4.0, 2e-3)
     swing = 0.5 - 0.5 * np.cos(2.0 * np.pi * time)
     (FOLDER / "poses.csv").write_text(poses())
+    (FOLDER / "wrist.csv").write_text(wrist())
     (FOLDER / "block.csv").write_text(press(-2e-4 + 2.3e-4 * swing, 400e3, time, 2))
     quick = 0.5 - 0.5 * np.cos(5.0 * np.pi * time)
     (FOLDER / "spring.csv").write_text(press(-1e-3 + 6e-3 * quick, 3e3, time, 3))

@@ -13,7 +13,7 @@ from typed_commands import output_of, refusal_of, run
 from foretouch.recordings import read_calibration
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
-POSES, BLOCK, SPRING = (DOCS / "examples" / f"{name}.csv" for name in ("poses", "block", "spring"))
+POSES, BLOCK, SPRING, WRIST = (DOCS / "examples" / f"{name}.csv" for name in ("poses", "block", "spring", "wrist"))
 
 
 @pytest.fixture(scope="module")
@@ -28,6 +28,7 @@ def truth() -> ModuleType:
 
 def test_the_example_files_are_those_of_the_script(truth: ModuleType) -> None:
     assert truth.poses() == POSES.read_text()
+    assert truth.wrist() == WRIST.read_text()
 
 
 def test_the_truth_lies_within_three_standard_errors(truth: ModuleType, tmp_path: Path) -> None:
@@ -45,6 +46,21 @@ def test_the_truth_lies_within_three_standard_errors(truth: ModuleType, tmp_path
     assert content["free_air_force_N"] == pytest.approx(-truth.FORCE_BIAS[2] - truth.MASS * truth.GRAVITY, abs=0.03)
     assert content["poses"] == 8
     assert 0.005 < content["force_residual_rms_N"] < 0.03
+
+
+def test_a_turned_sensor_and_a_touch_at_the_wrist_are_said(truth: ModuleType, tmp_path: Path) -> None:
+    output, figure = tmp_path / "wrist.toml", tmp_path / "residuals.png"
+    result = run("calibrate", "sensor", WRIST, "--output", output, "--figure", figure, "--report", tmp_path / "page")
+    assert result.exit_code == 0, result.exception
+    assert "1 pose (9)" in result.stderr
+    assert "the sensor's x, y and z axes point along y, -x, z of" in result.stderr
+    assert "poses_left_out                   9" in result.stdout
+    assert figure.read_bytes().startswith(b"\x89PNG")
+    load, true = read_calibration(output).tool_load, truth.WRIST_TOOL
+    assert load is not None
+    assert load.mass == pytest.approx(true.mass, abs=0.003)
+    np.testing.assert_allclose(load.centre_of_mass, true.centre_of_mass, atol=1e-3)
+    np.testing.assert_allclose(load.sensor_turn, true.sensor_turn, atol=0.01)
 
 
 def test_both_commands_fill_one_file_and_identify_takes_it(truth: ModuleType, tmp_path: Path) -> None:
@@ -98,6 +114,7 @@ def test_refusals_leave_the_file_as_it_was(tmp_path: Path) -> None:
     assert "is what is read" in refusal_of("calibrate", "compliance", output, "--output", output)
     assert "must end with .toml" in refusal_of("calibrate", "sensor", POSES, "--output", tmp_path / "sensor.csv")
     assert "axis = '1,2'" in refusal_of("calibrate", "sensor", POSES, "--axis", "1,2")
+    assert "must end with .png" in refusal_of("calibrate", "sensor", POSES, "--figure", tmp_path / "residuals.pdf")
     assert "no such file" in refusal_of("calibrate", "compliance", tmp_path / "no.csv")
     assert "No such file" in refusal_of("calibrate", "sensor", tmp_path / "no.csv")
     assert {path.name for path in tmp_path.iterdir()} == {"sensor.toml", "flat.csv", "air.csv"}

@@ -234,7 +234,7 @@ def samples(tmp_path_factory: pytest.TempPathFactory) -> Path:
     columns = write_press(folder / "press.csv")
     pyarrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
     parquet.write_table(pyarrow.table(columns), folder / "press.parquet")
-    for name in ("poses.csv", "block.csv", "spring.csv", "lever.toml"):
+    for name in ("poses.csv", "wrist.csv", "block.csv", "spring.csv", "lever.toml"):
         shutil.copy(ROOT / "docs" / "examples" / name, folder)
     write_foreign_press(folder, columns)
     run(["recordings", "convert", str(folder / "press.csv"), str(folder / "press.mcap")])

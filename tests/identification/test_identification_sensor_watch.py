@@ -211,3 +211,20 @@ def test_a_simulated_sensor_is_good_whatever_it_hits(material: str) -> None:
             tool_force = specification.tool_force(sample.acceleration)
             state = watch.update(tick * PERIOD, sample.position, sample.sensor_force, tool_force)
             assert state is SensorState.GOOD, f"{name}: {SENSOR_SENTENCES[state]} at {tick * PERIOD:.3f} s"
+
+
+@pytest.mark.parametrize(("floor", "found"), [(0.0, SensorState.OFFSET_STEP), (1.5, SensorState.GOOD)])
+def test_a_step_of_friction_is_no_fault_of_a_robot_that_shows_friction(floor: float, found: SensorState) -> None:
+    """A joint that turns around shows its friction as another force, of a size that its robot says."""
+    result = states(off(free_air(), 1000, 2000, force=1.2), SensorWatch((-50.0, 50.0), contact_floor=floor))
+    assert result[-1] is found
+
+
+@pytest.mark.parametrize(("floor", "found"), [(0.0, SensorState.CONTACT_LOST), (1.5, SensorState.GOOD)])
+def test_a_force_that_falls_by_the_friction_is_no_lost_contact(floor: float, found: SensorState) -> None:
+    """It falls from 2.5 to 0.2 N within 6 ms while the probe stays."""
+    felt = np.interp(np.arange(60), [20, 26], [2.5, 0.2]).tolist()
+    watch = SensorWatch((-50.0, 50.0), contact_floor=floor)
+    result = [watch.update(PERIOD * tick, 0.01, force, zero=0.0) for tick, force in enumerate(felt)]
+    assert result[-1] is found
+    assert watch.update(0.06, 0.01, 0.2, zero=0.0) is found

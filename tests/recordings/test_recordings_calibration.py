@@ -102,6 +102,22 @@ def test_a_quaternion_gives_the_direction_of_gravity(tmp_path: Path) -> None:
     np.testing.assert_allclose(poses.gravity, [[0, 0, -1], [0, -1, 0], [0, 0, 1], [1, 0, 0]], atol=1e-12)
 
 
+def test_a_rotation_vector_gives_the_direction_of_gravity(tmp_path: Path) -> None:
+    quarter = 0.5 * np.pi
+    rows = [f"0,0,0,{x},{y},{z}" for x, y, z in ((0, 0, 0), (quarter, 0, 0), (0, quarter, 0), (0, 0, quarter))]
+    poses = read_poses(write(tmp_path / "p.csv", "fx_N,fy_N,fz_N,rx_rad,ry_rad,rz_rad", *rows))
+    np.testing.assert_allclose(poses.gravity, [[0, 0, -1], [0, -1, 0], [1, 0, 0], [0, 0, -1]], atol=1e-12)
+    assert poses.names == ("1", "2", "3", "4")
+
+
+def test_poses_keep_their_names_and_their_order(tmp_path: Path) -> None:
+    """As texts 10 comes before 2."""
+    rows = [f"{name},{name},0,0,0,0,1" for name in (2, 10, 1, 10)]
+    poses = read_poses(write(tmp_path / "p.csv", "pose," + HEAD, *rows))
+    assert poses.names == ("2", "10", "1")
+    np.testing.assert_array_equal(poses.force[:, 0], [2, 10, 1])
+
+
 def test_rows_of_one_pose_are_averaged(tmp_path: Path) -> None:
     head = "pose,fx_N,fy_N,fz_N,tx_Nm,ty_Nm,tz_Nm,gx,gy,gz"
     path = write(tmp_path / "p.csv", head, "a,1,0,0,0.1,0,0,0,0,1", "b,5,5,5,0,0,0,1,0,0", "a,3,0,0,0.3,0,0,0,0,1")

@@ -3,7 +3,13 @@
 Nothing here sees a robot or a file: the same code runs on recordings, simulations and hardware.
 """
 
-from foretouch.identification.calibration import SensorFrame, fit_sensor_frame, outlying_poses
+from foretouch.identification.calibration import (
+    SensorFrame,
+    ToolLoadFit,
+    fit_sensor_frame,
+    fit_tool_load,
+    outlying_poses,
+)
 from foretouch.identification.classic.least_squares import (
     HuntCrossleyLogOptions,
     HuntCrossleyLogRLS,
@@ -122,6 +128,7 @@ __all__ = [
     "SteepestDescentKelvinVoigt",
     "SteepestDescentOptions",
     "ThresholdSwitching",
+    "ToolLoadFit",
     "ToolWeight",
     "TwoStageOptions",
     "all_estimators",
@@ -131,6 +138,7 @@ __all__ = [
     "fit_offline",
     "fit_sensor_frame",
     "fit_series_compliance",
+    "fit_tool_load",
     "fit_tool_weight",
     "from_the_surface",
     "identify",

@@ -15,7 +15,8 @@ from foretouch.quantities.columns import (
 )
 from foretouch.quantities.pose import Pose, cross_matrix
 from foretouch.quantities.recording import LARGEST_POSITION, Frame, Recording, SpatialFrame, numbers_of
-from foretouch.quantities.sensor_calibration import STANDARD_GRAVITY, SensorCalibration
+from foretouch.quantities.sensor_calibration import SensorCalibration
+from foretouch.quantities.tool_load import STANDARD_GRAVITY, ToolLoad
 
 __all__ = [
     "LARGEST_POSITION",
@@ -33,6 +34,7 @@ __all__ = [
     "Rows",
     "SensorCalibration",
     "SpatialFrame",
+    "ToolLoad",
     "as_frame",
     "brief_number",
     "brief_text",

@@ -7,9 +7,7 @@ import math
 import msgspec
 
 from foretouch.errors import SettingError
-
-STANDARD_GRAVITY = 9.80665
-"""[m/s^2]."""
+from foretouch.quantities.tool_load import STANDARD_GRAVITY, ToolLoad
 
 Triple = tuple[float, float, float]
 
@@ -26,10 +24,12 @@ class SensorCalibration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
         torque_bias: [N m].
         torque_bias_error: [N m].
         force_noise: Standard deviation of what the sensor shows at rest, along any of its axes [N].
+        torque_noise: The same of its torques [N m].
         tool_mass: Beyond the sensor [kg].
         tool_mass_error: [kg].
         centre_of_mass: Centre of mass of the tool, from the sensor's origin [m].
         centre_of_mass_error: [m].
+        tool_inertia: Of the tool about its centre of mass, as `ToolLoad.inertia` [kg m^2]; no command finds it.
         sensor_turn: Rotation vector from the frame in which gravity was given to the sensor's [rad].
         sensor_turn_error: [rad].
         approach_axis: Unit vector along which the probe approaches.
@@ -49,10 +49,12 @@ class SensorCalibration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
     torque_bias: Triple | None = None
     torque_bias_error: Triple | None = None
     force_noise: float | None = None
+    torque_noise: float | None = None
     tool_mass: float | None = None
     tool_mass_error: float | None = None
     centre_of_mass: Triple | None = None
     centre_of_mass_error: Triple | None = None
+    tool_inertia: tuple[float, float, float, float, float, float] | None = None
     sensor_turn: Triple | None = None
     sensor_turn_error: Triple | None = None
     approach_axis: Triple = (0.0, 0.0, 1.0)
@@ -70,7 +72,7 @@ class SensorCalibration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
                 raise SettingError(name, value, "must be finite")
         if abs(math.hypot(*self.approach_axis) - 1.0) > 1e-6:
             raise SettingError("approach_axis", self.approach_axis, "must have length 1")
-        for name in ("tool_mass", "sensor_lag", "force_noise"):
+        for name in ("tool_mass", "sensor_lag", "force_noise", "torque_noise"):
             value = getattr(self, name)
             if value is not None and value < 0.0:
                 raise SettingError(name, value, "must be at least 0")
@@ -78,6 +80,8 @@ class SensorCalibration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
             raise SettingError("series_stiffness", self.series_stiffness, "must be above 0")
         if self.force_bias is not None and self.tool_mass is None:
             raise SettingError("tool_mass", None, "must be given with force_bias: both were found together")
+        if self.tool_inertia is not None:
+            ToolLoad((0.0,) * 6, 0.0, (0.0, 0.0, 0.0), inertia=self.tool_inertia)  # refuses what no body has
 
     @property
     def force_offset(self) -> float | None:
@@ -92,3 +96,12 @@ class SensorCalibration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
             return None
         along = sum(axis * bias for axis, bias in zip(self.approach_axis, self.force_bias, strict=True))
         return -along - self.tool_mass * self.approach_gravity
+
+    @property
+    def tool_load(self) -> ToolLoad | None:
+        """Bias and tool in all six axes; None where the torques were not calibrated. Without a turn there is none."""
+        force, torque, mass, centre = self.force_bias, self.torque_bias, self.tool_mass, self.centre_of_mass
+        if force is None or torque is None or mass is None or centre is None:
+            return None
+        nothing = (0.0,) * 6
+        return ToolLoad(force + torque, mass, centre, self.sensor_turn or (0.0, 0.0, 0.0), self.tool_inertia or nothing)

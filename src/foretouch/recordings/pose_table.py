@@ -8,6 +8,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from foretouch.errors import RecordingError
 from foretouch.files import within_budget
@@ -18,9 +19,10 @@ FORCE: Final = ("fx_N", "fy_N", "fz_N")
 TORQUE: Final = ("tx_Nm", "ty_Nm", "tz_Nm")
 GRAVITY: Final = ("gx", "gy", "gz")
 QUATERNION: Final = ("qw", "qx", "qy", "qz")
+ROTATION_VECTOR: Final = ("rx_rad", "ry_rad", "rz_rad")
 POSE: Final = "pose"
 
-POSE_COLUMNS: Final = (*FORCE, *TORQUE, *GRAVITY, *QUATERNION, POSE)
+POSE_COLUMNS: Final = (*FORCE, *TORQUE, *GRAVITY, *QUATERNION, *ROTATION_VECTOR, POSE)
 """Columns that are read; others are ignored."""
 
 UNIT_TOLERANCE = 0.05  # gravity directions and quaternions whose length differs from 1 by more than this are refused
@@ -35,20 +37,18 @@ class StaticPoses(NamedTuple):
         gravity: Direction of gravity in the sensor's frame, of length 1, shape (n, 3).
         force: Load on the sensor [N], shape (n, 3).
         torque: Load about the sensor's origin [N m], shape (n, 3), or None.
+        names: Of the poses, as the column ``pose`` has them, in the order they come in; else their numbers from 1.
         force_noise: Standard deviation of the force between rows of the same pose, all axes together [N]; None where no
             pose has two rows.
+        torque_noise: The same of the torque [N m]; None without torques, too.
     """
 
     gravity: Array
     force: Array
     torque: Array | None
+    names: tuple[str, ...]
     force_noise: float | None = None
-
-    def without(self, poses: list[int]) -> StaticPoses:
-        """The same without these poses."""
-        gravity, force = np.delete(self.gravity, poses, axis=0), np.delete(self.force, poses, axis=0)
-        torque = None if self.torque is None else np.delete(self.torque, poses, axis=0)
-        return self._replace(gravity=gravity, force=force, torque=torque)
+    torque_noise: float | None = None
 
 
 def read_poses(path: str | PathLike[str]) -> StaticPoses:
@@ -56,8 +56,9 @@ def read_poses(path: str | PathLike[str]) -> StaticPoses:
 
     Columns by name, in any order: ``fx_N, fy_N, fz_N``; perhaps ``tx_Nm, ty_Nm, tz_Nm``; and the direction of gravity
     in the sensor's frame, ``gx, gy, gz`` (any unit), or the sensor's orientation in a frame whose z points up, as a
-    quaternion ``qw, qx, qy, qz`` that turns vectors of the sensor's frame into that frame. Rows with the same ``pose``
-    are averaged to one, if there is such a column, and give the sensor's noise.
+    quaternion ``qw, qx, qy, qz`` or a rotation vector ``rx_rad, ry_rad, rz_rad`` that turns the sensor's vectors into
+    that frame. The flange's frame does as well: how the sensor stands on it is found. Rows with the same ``pose`` are
+    averaged to one, if there is such a column, and give the sensor's noise.
 
     Raises:
         RecordingError: The file cannot be read, a column is missing, or a value is no finite number; the message names
@@ -72,22 +73,31 @@ def _poses_in(path: str | PathLike[str]) -> StaticPoses:
     force = _vectors(table, FORCE)
     torque = _vectors(table, TORQUE) if any(name in table.header for name in TORQUE) else None
     if QUATERNION[0] in table.header:
-        gravity = _down(_unit(table, _vectors(table, QUATERNION), "quaternion", strict=True))
+        quaternions = _unit(table, _vectors(table, QUATERNION), "quaternion", strict=True)
+        gravity = _down(Rotation.from_quat(quaternions, scalar_first=True))
+    elif ROTATION_VECTOR[0] in table.header:
+        gravity = _down(Rotation.from_rotvec(_vectors(table, ROTATION_VECTOR)))
     else:
         gravity = _unit(table, _vectors(table, GRAVITY), "gravity direction", strict=False)
-    noise = None
+    names = tuple(map(str, range(1, len(force) + 1)))
+    noise = torque_noise = None
     if POSE in table.header:
-        _, group = np.unique(table.texts(POSE), return_inverse=True)
+        texts = [str(text) for text in table.texts(POSE)]
+        names = tuple(dict.fromkeys(texts))
+        numbers = {name: number for number, name in enumerate(names)}
+        group = np.array([numbers[text] for text in texts], np.intp)
         noise = _noise(force, group)
+        torque_noise = None if torque is None else _noise(torque, group)
         force, gravity = _means(force, group), _means(gravity, group)
         gravity /= np.linalg.norm(gravity, axis=1, keepdims=True)
         torque = None if torque is None else _means(torque, group)
-    return StaticPoses(gravity, force, torque, noise)
+    return StaticPoses(gravity, force, torque, names, noise, torque_noise)
 
 
 def _vectors(table: CsvTable, names: tuple[str, ...]) -> Array:
     """Columns beside each other, shape (n, k)."""
-    hint = "; give gx,gy,gz or qw,qx,qy,qz" if names in (GRAVITY, QUATERNION) else ""
+    turns = (GRAVITY, QUATERNION, ROTATION_VECTOR)
+    hint = "; give gx,gy,gz or qw,qx,qy,qz or rx_rad,ry_rad,rz_rad" if names in turns else ""
     require_names(table.path, table.header, names, row=1, hint=hint)
     values = np.column_stack([*table.read_carefully(names).values()])
     if not values.size:
@@ -107,10 +117,9 @@ def _unit(table: CsvTable, vectors: Array, what: str, *, strict: bool) -> Array:
     return np.asarray(vectors / lengths[:, None])
 
 
-def _down(quaternions: Array) -> Array:
-    """Direction (0, 0, -1) of the outer frame in the sensor's: minus the third row of the rotation matrix."""
-    w, x, y, z = quaternions.T
-    return -np.column_stack((2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)))
+def _down(turns: Rotation) -> Array:
+    """Direction (0, 0, -1) of the outer frame in the sensor's."""
+    return np.asarray(turns.apply((0.0, 0.0, -1.0), inverse=True), np.float64)
 
 
 def _means(values: Array, group: NDArray[np.intp]) -> Array:
@@ -118,7 +127,7 @@ def _means(values: Array, group: NDArray[np.intp]) -> Array:
     return np.column_stack([np.bincount(group, weights=column) / counts for column in values.T])
 
 
-def _noise(force: Array, group: NDArray[np.intp]) -> float | None:
+def _noise(values: Array, group: NDArray[np.intp]) -> float | None:
     """Standard deviation about the mean of each pose, over all axes; None where every pose has one row."""
-    freedom = force.size - 3 * (int(group.max()) + 1)
-    return math.sqrt(float(np.square(force - _means(force, group)[group]).sum()) / freedom) if freedom else None
+    freedom = values.size - 3 * (int(group.max()) + 1)
+    return math.sqrt(float(np.square(values - _means(values, group)[group]).sum()) / freedom) if freedom else None

@@ -34,6 +34,7 @@ from foretouch.report.writing.pages import (
     write_html,
     write_page,
     write_prediction_page,
+    write_weight_figure,
 )
 from foretouch.report.writing.replay import (
     Contact,
@@ -111,4 +112,5 @@ __all__ = [
     "write_page",
     "write_prediction_page",
     "write_replay_page",
+    "write_weight_figure",
 ]

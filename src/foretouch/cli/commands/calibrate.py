@@ -14,6 +14,7 @@ from foretouch.cli.reading import read_and_say, recording_options
 from foretouch.errors import SettingError, plural
 
 if TYPE_CHECKING:
+    from foretouch.identification import ToolLoadFit
     from foretouch.quantities import SensorCalibration
     from foretouch.recordings import RecordingOptions
 
@@ -41,6 +42,7 @@ def sensor(
     ] = 9.80665,
     options: RecordingOptions,
     report_directory: ReportDirectory = None,
+    figure: Annotated[Path | None, typer.Option(help="PNG of the residuals, pose by pose.")] = None,
 ) -> Answer:
     """Estimate force bias, tool mass and centre of mass from six or more static poses, and the sensor's lag.
 
@@ -52,29 +54,25 @@ def sensor(
     Example: foretouch calibrate sensor poses.csv --output sensor.toml
     """
     import msgspec
-    from scipy.spatial.transform import Rotation
 
-    from foretouch.identification import find_sensor_lag, fit_sensor_frame, fit_tool_weight, outlying_poses
+    from foretouch.identification import find_sensor_lag, fit_tool_load
     from foretouch.recordings import read_poses
 
     direction = _unit_vector(axis)
     before = _before(output, poses, motion)
+    _before_figure(figure, output, poses, motion)
     make_folder(report_directory)
     measured = read_poses(poses)
-    out = outlying_poses(measured.gravity, measured.force)
-    measured = measured.without(out)
-    frame = fit_sensor_frame(measured.gravity, measured.force)
-    turned = measured.gravity
-    if frame is not None and frame.is_turned:
-        say(f"{poses}: {frame.sentence}")
-        turned = Rotation.from_rotvec(frame.turn).apply(turned)
-    if out:
-        say(f"{poses}: left out, as the others do not explain it: {plural(len(out), 'pose')} ({_numbers(out)})")
-    weight = fit_tool_weight(turned, measured.force, measured.torque)
+    fit = fit_tool_load(measured.gravity, measured.force, measured.torque)
+    weight, frame = fit.weight, fit.frame
+    left_out = ", ".join(measured.names[number] for number in fit.left_out)
+    for sentence in _sentences(fit, left_out):
+        say(f"{poses}: {sentence}")
     kinds = ("force_bias", "torque_bias", "centre_of_mass")
     values: dict[str, Any] = {
         **{name: _triple(getattr(weight, name)) for kind in kinds for name in (kind, f"{kind}_error")},
         "force_noise": measured.force_noise,
+        "torque_noise": measured.torque_noise,
         "tool_mass": weight.mass,
         "tool_mass_error": weight.mass_error,
         "sensor_turn": None if frame is None else _triple(frame.turn),
@@ -94,14 +92,20 @@ def sensor(
         "sensor_turn_deg": None if frame is None else _triple(frame.turn * 180.0 / math.pi),
         "sensor_turn_error_deg": None if frame is None else _triple(frame.turn_error * 180.0 / math.pi),
         "poses": weight.poses,
-        "poses_left_out": tuple(number + 1 for number in out) or None,
+        "poses_left_out": left_out or None,
+        "condition": fit.condition,
         "gravity_spread": _triple(weight.spread),
         "force_residual_rms_N": _rms(weight.force_residual),
         "force_residual_largest_N": float(abs(weight.force_residual).max()),
         "torque_residual_rms_Nm": None if weight.torque_residual is None else _rms(weight.torque_residual),
     }
     made = made_by([poses] if motion is None else [poses, motion], axis=axis)
-    _write(output, calibration, report_directory, poses.name, weight, content, made)
+    names = [name for number, name in enumerate(measured.names) if number not in fit.left_out]
+    if figure is not None:
+        from foretouch.report import write_weight_figure
+
+        say(f"figure: {write_weight_figure(figure, weight, names)}")
+    _write(output, calibration, report_directory, poses.name, weight, content, made, names)
     return Answer(content, _lines(f"{poses}: {plural(weight.poses, 'pose')}", content))
 
 
@@ -162,6 +166,15 @@ def _before(output: Path | None, *read: Path | None) -> SensorCalibration:
     return read_calibration(output) if output.exists() else SensorCalibration()
 
 
+def _before_figure(figure: Path | None, *others: Path | None) -> None:
+    """Refuse a picture that would be none, or that would overwrite what is read or written."""
+    if figure is None:
+        return
+    if figure.suffix.lower() != ".png":
+        raise SettingError("figure", str(figure), "must end with .png")
+    require_elsewhere(figure, *others, name="figure", why="is what is read or written")
+
+
 def _unit_vector(text: str) -> tuple[float, float, float]:
     try:
         x, y, z = (float(part) for part in text.split(","))
@@ -180,15 +193,20 @@ def _triple(values: Any) -> tuple[float, ...] | None:
 WEIGHT_UNITS = {
     **dict.fromkeys(("force_bias", "force_bias_error", "force_noise"), "N"),
     **dict.fromkeys(("tool_mass", "tool_mass_error"), "kg"),
-    **dict.fromkeys(("torque_bias", "torque_bias_error"), "Nm"),
+    **dict.fromkeys(("torque_bias", "torque_bias_error", "torque_noise"), "Nm"),
     **dict.fromkeys(("centre_of_mass", "centre_of_mass_error"), "m"),
 }
 """Units of what is printed of a calibration, by field of `SensorCalibration`."""
 
 
-def _numbers(poses: list[int]) -> str:
-    """Numbers of poses as they are counted in a table, from 1."""
-    return ", ".join(str(number + 1) for number in poses)
+def _sentences(fit: ToolLoadFit, left_out: str) -> Iterator[str]:
+    """What is to be said of a fit before its numbers: a pose that was left out, and how the sensor stands."""
+    if left_out:
+        yield f"left out, as the others do not explain it: {plural(len(fit.left_out), 'pose')} ({left_out})"
+    if fit.frame is None:
+        yield "the sensor's frame stays open: turn the tool about a second axis, so that gravity pulls along all three"
+    elif fit.frame.is_turned:
+        yield fit.frame.sentence
 
 
 def _rms(residual: Any) -> float:
@@ -211,5 +229,5 @@ def _lines(title: str, content: dict[str, Any]) -> Iterator[str]:
     yield title
     for name, value in content.items():
         values = value if isinstance(value, tuple) else (value,)
-        shown = ", ".join("-" if part is None else f"{part:.5g}" for part in values)
+        shown = ", ".join("-" if part is None else part if isinstance(part, str) else f"{part:.5g}" for part in values)
         yield f"  {name:<32} {shown}"

@@ -54,8 +54,12 @@ class SensorFrame(ByValue):
         for quarters in _quarter_turns():
             if (ours * quarters.inv()).magnitude() < NAMED_WITHIN and quarters.magnitude() > NAMED_WITHIN:
                 # A row of the matrix is an axis of the sensor in the given frame.
-                axes = ", ".join(_axis_name(row) for row in quarters.as_matrix())
-                return f"the sensor's x, y and z axes point along {axes} of the frame in which gravity is given"
+                names = [_axis_name(row) for row in quarters.as_matrix()]
+                inwards = "; if that is the flange's, its z axis points into the arm" if names[2] == "-z" else ""
+                axes = ", ".join(names)
+                return (
+                    f"the sensor's x, y and z axes point along {axes} of the frame in which gravity is given{inwards}"
+                )
         return f"the sensor is turned by {angle:.1f} degrees against the frame in which gravity is given"
 
 
@@ -97,26 +101,34 @@ def fit_sensor_frame(gravity_direction: ArrayLike, force: ArrayLike, *, gravity:
         InputError: The forces are the reaction, or the axes left-handed: no rotation explains them.
     """
     d, forces = np.asarray(gravity_direction, np.float64), np.asarray(force, np.float64)
-    if np.linalg.svd(d - d.mean(axis=0), compute_uv=False)[-1] / math.sqrt(len(d)) < LEAST_SPREAD:
+    begin = _first(d, forces, gravity)
+    if begin is None:
         return None
-    design = np.column_stack((gravity * d, np.ones(len(d))))
-    linear = np.linalg.lstsq(design, forces, rcond=None)[0]
-    carried = np.asarray(linear[:3].T, np.float64)
-    if np.linalg.det(carried) < 0.0:
-        raise InputError(_mirrored(-carried))
-    left, sizes, right = np.linalg.svd(carried)
-    first = Rotation.from_matrix(left @ right)
+    first, bias, mass = begin
 
     def residual(unknown: Array) -> Array:
         turned = (Rotation.from_rotvec(unknown[4:]) * first).apply(d)
         return np.asarray((unknown[:3] + unknown[3] * gravity * turned - forces).ravel(), np.float64)
 
-    found = refine(residual, np.concatenate((linear[3], [sizes.mean()], np.zeros(3))), x_scale="jac")
+    found = refine(residual, np.concatenate((bias, [mass], np.zeros(3))), x_scale="jac")
     variance = 2.0 * found.cost / max(forces.size - 7, 1)
     slopes = np.asarray(found.jac, np.float64)
     errors = np.sqrt(variance * np.diag(np.linalg.inv(slopes.T @ slopes)))
     turn = (Rotation.from_rotvec(found.x[4:]) * first).as_rotvec()
     return SensorFrame(np.asarray(turn, np.float64), np.asarray(errors[4:], np.float64))
+
+
+def _first(d: Array, forces: Array, gravity: float) -> tuple[Rotation, Array, float] | None:
+    """The linear solution: the rotation nearest to m R, the bias and the mean of its singular values; see above."""
+    if np.linalg.svd(d - d.mean(axis=0), compute_uv=False)[-1] / math.sqrt(len(d)) < LEAST_SPREAD:
+        return None
+    design = np.column_stack((gravity * d, np.ones(len(d))))
+    linear = np.asarray(np.linalg.lstsq(design, forces, rcond=None)[0], np.float64)
+    carried = np.asarray(linear[:3].T, np.float64)
+    if np.linalg.det(carried) < 0.0:
+        raise InputError(_mirrored(-carried))
+    left, sizes, right = np.linalg.svd(carried)
+    return Rotation.from_matrix(left @ right), linear[3], float(sizes.mean())
 
 
 def _mirrored(carried: Array) -> str:
@@ -133,20 +145,23 @@ def _mirrored(carried: Array) -> str:
     )
 
 
-def outlying_poses(gravity_direction: ArrayLike, force: ArrayLike) -> list[int]:
+def outlying_poses(gravity_direction: ArrayLike, force: ArrayLike, torque: ArrayLike | None = None) -> list[int]:
     """Numbers of the poses that do not belong to the others, such as one in which the tool touched something.
 
-    The worst is left out, and so on, as long as the others still determine weight and bias and leave it 8 times their
-    own residual or more; a quarter of the poses at most.
+    The worst is left out, and so on, as long as the others still determine weight and bias and leave its force or its
+    torque 8 times their own residual or more; a quarter of the poses at most.
 
     Args:
         gravity_direction: Of length 1, shape (n, 3).
         force: Load on the sensor [N], shape (n, 3).
+        torque: Load about its origin [N m], shape (n, 3), or None. A light touch at the end of a long tool shows there.
     """
     d, forces = np.asarray(gravity_direction, np.float64), np.asarray(force, np.float64)
+    torques = None if torque is None else np.asarray(torque, np.float64)
     there, out = list(range(len(d))), list[int]()
     while len(out) < int(LEFT_OUT * len(d)):
-        ratios = {one: _left_by_others(d, forces, [other for other in there if other != one], one) for one in there}
+        others = {one: [other for other in there if other != one] for one in there}
+        ratios = {one: _left_by_others(d, forces, torques, others[one], one) for one in there}
         worst = max(ratios, key=lambda one: ratios[one])
         if ratios[worst] < OUTLYING:
             break
@@ -155,14 +170,23 @@ def outlying_poses(gravity_direction: ArrayLike, force: ArrayLike) -> list[int]:
     return sorted(out)
 
 
-def _left_by_others(d: Array, forces: Array, others: list[int], one: int) -> float:
+def _left_by_others(d: Array, forces: Array, torques: Array | None, others: list[int], one: int) -> float:
     """Residual of a pose over that of the others, by what they say; 0 where they do not say it."""
     try:
-        frame = fit_sensor_frame(d[others], forces[others])
-        turned = d if frame is None else Rotation.from_rotvec(frame.turn).apply(d)
-        weight = fit_tool_weight(turned[others], forces[others])
+        begin = _first(d[others], forces[others], 9.80665)  # near enough, and quick: there is one for each pose
+        turned = d if begin is None else begin[0].apply(d)
+        weight = fit_tool_weight(turned[others], forces[others], None if torques is None else torques[others])
     except InputError:
         return 0.0
-    away = forces[one] - weight.force_bias - weight.mass * 9.80665 * turned[one]
-    usual = math.sqrt(float(np.square(weight.force_residual).sum()) / (3 * len(others) - 7))
+    pull = weight.mass * 9.80665 * turned[one]
+    ratio = _over(forces[one] - weight.force_bias - pull, weight.force_residual, 7)
+    if torques is None or weight.torque_bias is None or weight.torque_residual is None:
+        return ratio
+    away = torques[one] - weight.torque_bias - np.cross(np.asarray(weight.centre_of_mass), pull)
+    return max(ratio, _over(away, weight.torque_residual, 6))
+
+
+def _over(away: Array, residual: Array, unknowns: int) -> float:
+    """Length of a pose's residual over the usual one of others, of which so many unknowns were fitted."""
+    usual = math.sqrt(float(np.square(residual).sum()) / (residual.size - unknowns))
     return float(np.linalg.norm(away)) / max(math.sqrt(3.0) * usual, 1e-9)

@@ -87,6 +87,7 @@ EFFORT_LEAST, EFFORT_SHARE = 2.0, 0.2
 class Loss(Record):
     """State of the watch for a lost contact. Its rings hold the newest samples."""
 
+    least: float = LEAST  # missing force that counts [N]; more where friction of the robot shows as a force
     count: int  # of samples in the rings
     at: int  # next index to write
     low: int  # samples in a row with a force that is too low
@@ -135,7 +136,7 @@ def _is_low(loss: Loss, newest: int, zero: float) -> bool:
     slowed = max(_speed(loss, then) - _speed(loss, newest), 0.0)
     outwards = max(_place(loss, then) - _place(loss, newest) + SLACK, 0.0)
     left = force - zero - DAMPED * slowed - STIFF * outwards
-    return bool(left > TOUCHING and loss.forces[newest] - zero < KEPT * left - LEAST)
+    return bool(left > TOUCHING and loss.forces[newest] - zero < KEPT * left - loss.least)
 
 
 @compiled
@@ -215,6 +216,7 @@ class FreeMotion(Record):
 class Step(Record):
     """State of the watch for a step of the offset."""
 
+    least: float = LEAST_STEP  # [N]; more where friction of the robot shows as a force
     zero: float = math.nan  # [N], NaN before it is known
     edge: float = -math.inf  # innermost position of the newest free motion [m]
     quiet: float  # time without a step [s]
@@ -253,9 +255,9 @@ def restart_steps(step: Step) -> None:
 def _has_stepped(step: Step, second: float, force: float) -> bool:
     """Whether the force has stepped since the sample before the previous one, whose force is `second`."""
     spread = math.sqrt(step.variance)
-    if step.quiet < QUIET_BEFORE or abs(force - second) < max(LEAST_STEP, NOISE_FACTOR * spread):
+    if step.quiet < QUIET_BEFORE or abs(force - second) < max(step.least, NOISE_FACTOR * spread):
         return False
-    return bool(abs(second - step.level) <= 4.0 * spread + 0.1 * LEAST_STEP)
+    return bool(abs(second - step.level) <= 4.0 * spread + 0.1 * step.least)
 
 
 @compiled
@@ -277,7 +279,7 @@ def _judge(step: Step, second: tuple[float, float], force: float) -> None:
     step.age, step.confirmed, step.level_after = 0.0, 0, force
     _sets_out(step, -math.inf, 0.0, False)
     step.low = step.high = step.place = second[0]
-    step.catches = -LARGEST_PULL <= step.rise < 0.0 and not step.before > step.zero + LEAST_STEP
+    step.catches = -LARGEST_PULL <= step.rise < 0.0 and not step.before > step.zero + step.least
     step.quiet = 0.0
 
 
@@ -294,16 +296,16 @@ def _has_stayed(step: Step, position: float, force: float, period: float) -> boo
         step.confirmed += 1
         step.level_after += (force - step.level_after) / step.confirmed
         return False
-    if size < LEAST_STEP or abs(step.rise) < 0.8 * size:
+    if size < step.least or abs(step.rise) < 0.8 * size:
         step.age = math.inf
     if not HOLD <= step.age < math.inf:
         return False
-    is_still, is_below = step.high - step.low <= STILL, step.level_after < step.zero - LEAST_STEP
+    is_still, is_below = step.high - step.low <= STILL, step.level_after < step.zero - step.least
     comes_nearer = step.high - step.place > STILL and max(step.high - step.place, step.place - step.low) < CATCH_WAY
     if is_below and not is_still and step.catches and comes_nearer:
         return False
     step.age = math.inf
-    lets_go = step.before < step.zero - LEAST_STEP and abs(step.level_after - step.zero) < LEAST_STEP
+    lets_go = step.before < step.zero - step.least and abs(step.level_after - step.zero) < step.least
     return is_below or (is_still and not lets_go)
 
 
@@ -311,7 +313,7 @@ def _has_stayed(step: Step, position: float, force: float, period: float) -> boo
 def _is_free(step: Step, position: float, force: float, period: float, told: float) -> bool:
     """Whether free air shows that the zero is wrong; `told` is what is known of it otherwise [N], or NaN."""
     low, high = min(step.free.low, force), max(step.free.high, force)
-    if position > step.free.outermost + TURN or high - low > LEAST_STEP:
+    if position > step.free.outermost + TURN or high - low > step.least:
         _sets_out(step, position, force, False)
         return False
     step.free.low, step.free.high = low, high
@@ -322,10 +324,10 @@ def _is_free(step: Step, position: float, force: float, period: float, told: flo
         return False
     level = 0.5 * (low + high)
     # Something holds the probe, or this is not certainly free air; where that was known here, the zero may be wrong.
-    if level < told - LEAST_STEP or level > step.zero + FREE_SHARE * LEAST_STEP:
+    if level < told - step.least or level > step.zero + FREE_SHARE * step.least:
         _sets_out(step, position, force, False)
-        return bool(level >= step.zero + FREE_FACTOR * LEAST_STEP and begin <= step.edge)
-    if not level >= step.zero - LEAST_STEP:  # the first, or the earlier level was not free air
+        return bool(level >= step.zero + FREE_FACTOR * step.least and begin <= step.edge)
+    if not level >= step.zero - step.least:  # the first, or the earlier level was not free air
         step.zero, step.edge = level, begin
     elif not step.free.goes_on:
         step.edge = begin

@@ -20,6 +20,8 @@ from foretouch.identification.conditioning.fault_kernels import (
     ENCODER_JUMP,
     GOOD,
     HOLD,
+    LEAST,
+    LEAST_STEP,
     NOT_FINITE,
     OFFSET_STEP,
     SATURATED,
@@ -269,14 +271,16 @@ class SensorWatch:
     raises, costs the same at every sample, and holds a fixed number of numbers. A sample that is not later than the one
     before is left out.
 
-    What it cannot see: an offset step below 0.3 N; one in contact while the probe moves, of a robot that does not
-    measure the effort of its drive; drift; a wrong scale; and a sensor that is dead before it touches.
+    What it cannot see: an offset step below 0.3 N or the contact floor; one in contact while the probe moves, of a
+    robot that does not measure the effort of its drive; drift; a wrong scale; and a sensor that is dead before it
+    touches.
 
     Args:
         force_range: Smallest and largest force that the sensor can show [N]; infinite for an end that is not known, or
             at which the sensor may rest; None for both.
         largest_speed: No motion is faster [m/s], positive; an encoder's count is allowed on top.
         moving_mass: The most that an impact slows: carriage and tool [kg], positive.
+        contact_floor: Friction and the like show at most this as a force [N], not negative: it steps by as much.
         memory: Array of one `Watch` for the state, part of another record; None for one of its own.
 
     Attributes:
@@ -294,6 +298,7 @@ class SensorWatch:
         *,
         largest_speed: float = 1.0,
         moving_mass: float = 1.0,
+        contact_floor: float = 0.0,
         memory: NDArray[np.void] | None = None,
     ) -> None:
         low, high = (-math.inf, math.inf) if force_range is None else force_range
@@ -301,9 +306,12 @@ class SensorWatch:
             raise SettingError("force_range", force_range, "the largest force must be above the smallest")
         require("largest_speed", largest_speed, above=0.0)
         require("moving_mass", moving_mass, above=0.0)
+        require("contact_floor", contact_floor, at_least=0.0)
         near = [0.0 if math.isinf(end) else END_RATIO * abs(end) for end in (low, high)]
         ends = {"lowest": low + near[0], "highest": high - near[1]}
         self._first = Watch.new(**ends, largest_speed=largest_speed, mass=moving_mass)
+        self._first["step"]["least"] = max(LEAST_STEP, contact_floor)
+        self._first["loss"]["least"] = max(LEAST, contact_floor)
         self._look, self._memory = look.entry, Watch.new() if memory is None else memory
         self.reset()
 

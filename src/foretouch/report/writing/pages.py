@@ -270,14 +270,15 @@ def write_calibration_page(
     result: ToolWeight | SeriesCompliance,
     figures: Mapping[str, Any],
     made: Mapping[str, Any] | None = None,
+    poses: Sequence[str] | None = None,
 ) -> Path:
     """Write the result of a calibration, with its figures by name and that of the file in the heading, as `write_page`.
 
-    Of static poses it shows the residuals pose by pose; of presses on a rigid block the force over the deflection and
-    the residual.
+    Of static poses, which may be named, it shows the residuals pose by pose; of presses on a rigid block the force over
+    the deflection and the residual.
     """
     if isinstance(result, ToolWeight):
-        title, drawn = f"Sensor calibration from {name}", _weight_figure(result)
+        title, drawn = f"Sensor calibration from {name}", _weight_figure(result, poses)
     else:
         title, drawn = f"Series compliance from {name}", _compliance_figure(result)
     shown = {
@@ -288,17 +289,35 @@ def write_calibration_page(
     return write_html(directory, title, body, made)
 
 
-def _weight_figure(weight: ToolWeight) -> Any:
+def write_weight_figure(path: str | PathLike[str], weight: ToolWeight, poses: Sequence[str] | None = None) -> Path:
+    """Write the residuals of static poses, pose by pose, as a picture.
+
+    Args:
+        path: The file, ending with ``.png``.
+        weight: Whose residuals.
+        poses: Names of the poses; their numbers from 1 without.
+    """
+    with atomic_path(path) as part:
+        _weight_figure(weight, poses).savefig(part, format="png", dpi=120, bbox_inches="tight")
+    return Path(path)
+
+
+MOST_NAMES = 40  # Number of poses up to which each has its name below
+
+
+def _weight_figure(weight: ToolWeight, poses: Sequence[str] | None) -> Any:
     parts = [("force [N]", weight.force_residual)]
     if weight.torque_residual is not None:
         parts.append(("torque [N m]", weight.torque_residual))
     figure = new_figure(2.8 * len(parts) + 0.6)
     for row, (title, residual) in enumerate(parts, 1):
         axes = figure.add_subplot(len(parts), 1, row)
-        for column, axis in enumerate("xyz"):
+        for column, (axis, marker) in enumerate(zip("xyz", "os^", strict=True)):
             number = np.arange(1, len(residual) + 1) + 0.12 * (column - 1)
-            axes.plot(number, residual[:, column], "o", ms=4, color=COLOURS[column], label=axis)
+            axes.plot(number, residual[:, column], marker, ms=4, color=COLOURS[column], label=axis)
         axes.axhline(0.0, color="0.5", lw=0.8)
+        if poses is not None and len(residual) == len(poses) <= MOST_NAMES:
+            axes.set_xticks(np.arange(1, len(poses) + 1), poses)
         axes.set(title=f"Residual: measured less fitted {title.partition(' ')[0]}", ylabel=title, xlabel="pose")
         legend(axes, 3)
     return finished(figure, len(parts), gap=1.1)

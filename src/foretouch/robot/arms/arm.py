@@ -13,7 +13,7 @@ from foretouch.errors.checks import require
 from foretouch.robot.arms.body import Body
 from foretouch.robot.arms.description import ArmDescription
 from foretouch.robot.arms.kinematics import InverseKinematics
-from foretouch.robot.engine import LARGEST_CONTACT_FORCE, normal_draws
+from foretouch.robot.engine import LARGEST_CONTACT_FORCE
 from foretouch.robot.gantry_arm import LEAST_STEPS, TouchedWorld
 from foretouch.robot.robot import RobotSpecification, SpatialRobot, SpatialSample, Vector
 
@@ -77,7 +77,7 @@ class ArticulatedArm(SpatialRobot):
         require("force_limit", force_limit, above=0.0)
         require("substeps", substeps, at_least=LEAST_STEPS)
         self._fresh = True
-        self._world, self._fixture, self._noise = world, fixture, normal_draws(seed)
+        self._world, self._fixture = world, fixture
         self._period, self._steps, self._h = 1000 // description.rate, range(substeps), 1e-3 / substeps
         self.body = Body(description, self._h)
         low, high = description.reach
@@ -86,7 +86,7 @@ class ArticulatedArm(SpatialRobot):
         for corner in (low, high, (low[0], high[1], high[2]), (high[0], low[1], low[2]), start):
             pose = inverse.reach(tuple(corner))
         self.body.stand(pose)
-        self._sensing = SENSINGS[description.force](self.body)
+        self._sensing = SENSINGS[description.force](self.body, seed)
         self.specification = self._specified(force_limit)
         self._build(start, force_limit)
 
@@ -195,7 +195,7 @@ class ArticulatedArm(SpatialRobot):
         body, place = self.body, self.body.place
         off = self._sensing.positions() - body.positions  # small enough for the Jacobian
         seen: Any = tuple((place + body.jacobian[:3] @ off).tolist())
-        felt: Any = tuple(self._sensing.read(self._noise).tolist())
+        felt: Any = tuple(self._sensing.read().tolist())
         fixture = () if self._fixture is None else self._fixture()
         exact: Any = tuple(place.tolist())
         joints = tuple(body.counted.tolist())  # those of now, also where places are shown as late as the force

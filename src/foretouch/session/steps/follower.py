@@ -160,7 +160,12 @@ def start(
         run,
         ModelSender(round(1e9 / settings.model_rate), run),
         memory,
-        SensorWatch((-force, force), moving_mass=specification.moved_mass, memory=memory["watch"][0]),
+        SensorWatch(
+            (-force, force),
+            moving_mass=specification.moved_mass,
+            contact_floor=known.contact_floor,
+            memory=memory["watch"][0],
+        ),
         Freshness(settings.queueing_allowance, SAMPLE_PERIOD),
         Safety(limits, period, memory=memory["safety"][0]),
         Playout(memory["playing"][0]),

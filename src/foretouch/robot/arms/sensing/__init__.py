@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.robot.arms.sensing.current import CurrentForce
+from foretouch.robot.arms.sensing.tip_contact import TipContact
 from foretouch.robot.arms.sensing.wrist import WristForce
 
 Array = NDArray[np.float64]
 
 
 class Sensing(Protocol):
-    """How the contact force is known.
+    """How the contact force is known; made of a body and of the seed of its noise.
 
     Attributes:
         noise: Standard deviation of the force, on each axis [N].
@@ -23,6 +23,7 @@ class Sensing(Protocol):
         range: Largest force that it shows [N].
         largest_offset: Largest force that it shows with nothing on the probe [N].
         contact_floor: Largest force that it shows there while the arm moves, beside its offset [N].
+        contact: Where on the tool the newest force acts; None where only a force is known.
     """
 
     noise: float
@@ -30,10 +31,11 @@ class Sensing(Protocol):
     range: float
     largest_offset: float
     contact_floor: float
+    contact: TipContact | None
 
     @property
     def force(self) -> Array:
-        """As it is known now, on the probe, in the scene's frame [N], shape (3,)."""
+        """As it was read last, on the probe, in the scene's frame [N], shape (3,)."""
 
     def step(self) -> None:
         """Behind a physics step: take what the sensors feel."""
@@ -41,8 +43,8 @@ class Sensing(Protocol):
     def positions(self) -> Array:
         """The joints as they are shown [rad], as late as the force."""
 
-    def read(self, draws: Iterator[float]) -> Array:
-        """The force as it is shown at the end of a period [N], with draws of noise."""
+    def read(self) -> Array:
+        """The force as it is shown at the end of a period [N]."""
 
 
 SENSINGS: dict[str, Any] = {"wrist": WristForce, "current": CurrentForce}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,11 +34,13 @@ class CurrentForce:
 
     Args:
         body: Whose motors they are.
+        seed: Of no use: what is not known is friction, and the steps of the current.
     """
 
     noise, bandwidth, range = 0.05, CURRENT_BANDWIDTH, math.inf
+    contact = None  # motors that hold a tip know no torque about it
 
-    def __init__(self, body: Body) -> None:
+    def __init__(self, body: Body, seed: int) -> None:
         limits = body.limits()
         self._body, self._damping, self._friction = body, limits["damping"], limits["friction"]
         self._rate = 2.0 * math.pi * CURRENT_BANDWIDTH
@@ -63,7 +64,7 @@ class CurrentForce:
         """See `Sensing.positions`."""
         return np.array(self._second[1])
 
-    def read(self, draws: Iterator[float]) -> Array:
+    def read(self) -> Array:
         """See `Sensing.read`."""
         velocities = self._rate * (self._first[1] - self._second[1])
         moving = self._damping * velocities + FRICTION_KNOWN * self._friction * np.tanh(velocities / FRICTION_SPEED)

@@ -1,81 +1,133 @@
-"""The contact force by a sensor at an arm's wrist."""
+"""The contact force by a six-axis sensor at an arm's wrist, and where on the tool it acts."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core import kernel
+from foretouch.core import Record, kernel
 from foretouch.robot.arms.body import Body
+from foretouch.robot.arms.description import PROBE_RADIUS, SENSOR, TIP
+from foretouch.robot.arms.sensing.tip_contact import TipContact, TipSensing
+from foretouch.robot.arms.sensing.wrist_sensor import WristSensor
 from foretouch.robot.engine import OFFSET_UNCERTAINTY
 
 Array = NDArray[np.float64]
 
+ZEROED_BY = 100  # Samples of which the sensor's bias is the mean, before anything is touched
 
-@kernel("void(f8[::1], f8[::1], f8, f8)")
-def feel(felt: Array, sensed: Array, mass: float, gain: float) -> None:
-    """Move the low-pass of the contact force [N] by what the sensors feel behind a physics step.
+FORCE_LEFT, TORQUE_LEFT = 0.06, 2e-3
+"""Standard deviations of a force [N] and a torque [N m] with what no zero takes off: noise, drift, and the cross-talk
+where 5 N push."""
+
+
+class Tool(Record):
+    """The tool behind a sensor that is held upright, and what the sensor shows."""
+
+    mass: float  # [kg]
+    height: float  # of its centre of mass along the sensor's z axis [m]
+    gain: float  # share by which the accelerometer's low-pass moves
+    x: float  # acceleration of the centre of mass less gravity, behind the low-pass [m/s^2]
+    y: float
+    z: float
+
+
+@kernel("void(Tool[::1], f8[::1])")
+def move(tools: NDArray[np.void], sensed: Array) -> None:
+    """Move the low-pass of the accelerometer behind a physics step; it is that of the sensor.
 
     Args:
-        felt: Written, in the sensor's frame [N].
-        sensed: What the flange does to the tool (force [N] and torque [N m]), and what an accelerometer in it shows
-            [m/s^2].
-        mass: Of the tool [kg].
-        gain: Share by which the low-pass moves.
+        tools: Written.
+        sensed: What the flange does to the tool (force [N] and torque [N m]), and what an accelerometer in its centre
+            of mass shows [m/s^2].
     """
-    for axis in range(3):
-        felt[axis] += gain * (mass * sensed[6 + axis] - sensed[axis] - felt[axis])
+    tool = tools[0]
+    tool.x += tool.gain * (sensed[6] - tool.x)
+    tool.y += tool.gain * (sensed[7] - tool.y)
+    tool.z += tool.gain * (sensed[8] - tool.z)
 
 
-@kernel("void(f8[::1], f8[::1], f8[::1], f8[::1], f8)")
-def turn(shown: Array, rotation: Array, felt: Array, beside: Array, largest: float) -> None:
-    """Write a force of the sensor's frame, with what is beside it and within its range, in the scene's [N]."""
+@kernel("void(Tool[::1], f8[::1], f8[::1], f8[::1], f8[::1], f8[::1])", Tool)
+def take_off(tools: NDArray[np.void], shown: Array, zero: Array, rotation: Array, wrench: Array, force: Array) -> None:
+    r"""Take the tool's weight and inertia off, by Newton and Euler.
+
+    .. math:: f = y_F - b_F + m a, \qquad t = y_T - b_T + c \times m a
+
+    a being the acceleration of the centre of mass less gravity. The tool is held upright: what turns it is left out.
+
+    Args:
+        tools: One.
+        shown: y, the load on the sensor as it shows it (force [N] and torque [N m]).
+        zero: b, what it shows of no load.
+        rotation: Of the sensor's frame in the scene's, row by row.
+        wrench: Written: of the contact, about the sensor's origin in its frame.
+        force: Written: the same force in the scene's frame [N].
+    """
+    tool = tools[0]
+    a, b, c = tool.mass * tool.x, tool.mass * tool.y, tool.mass * tool.z
+    wrench[0], wrench[1], wrench[2] = shown[0] - zero[0] + a, shown[1] - zero[1] + b, shown[2] - zero[2] + c
+    wrench[3] = shown[3] - zero[3] - tool.height * b
+    wrench[4] = shown[4] - zero[4] + tool.height * a
+    wrench[5] = shown[5] - zero[5]
     for row in range(3):
-        shown[row] = 0.0
-        for axis in range(3):
-            value = min(max(felt[axis] + beside[axis], -largest), largest)
-            shown[row] += rotation[3 * row + axis] * value
+        at = 3 * row
+        force[row] = rotation[at] * wrench[0] + rotation[at + 1] * wrench[1] + rotation[at + 2] * wrench[2]
 
 
 class WristForce:
-    """A force sensor between flange and tool, with the tool's weight and inertia taken off by an accelerometer in it.
+    """A six-axis sensor between flange and tool, with weight and inertia taken off by an accelerometer in the tool.
+
+    Its bias is taken for the mean of what it shows before anything is touched; then it warms up.
 
     Args:
         body: Whose wrist it is.
-        offset: What it shows with nothing on it, in the sensor's frame [N].
+        seed: Of its noise, not negative.
+
+    Attributes:
+        contact: Where on the tool the contact force of the newest sample acts.
     """
 
-    noise, bandwidth, range, contact_floor = 0.03, 150.0, 145.0, 0.0
+    contact_floor = 0.0
 
-    def __init__(self, body: Body, offset: tuple[float, float, float] = (0.1, -0.15, 0.3)) -> None:
-        self._body, (_, self._mass) = body, body.description.probe
-        self._offset, self._nothing = np.asarray(offset), np.zeros(3)
-        self._sensed, self._rotation = body.data.sensordata, body.sensor_rotation
-        self._gain = -math.expm1(-2.0 * math.pi * self.bandwidth * float(body.model.opt.timestep))
-        self.largest_offset = math.hypot(*offset) + OFFSET_UNCERTAINTY
-        self._felt, self._force, self._shown = np.zeros(3), np.zeros(3), np.zeros(3)
-        self._feel, self._turn = feel.entry, turn.entry
-
-    @property
-    def force(self) -> Array:
-        """See `Sensing.force`."""
-        self._turn(self._force, self._rotation, self._felt, self._nothing, self.range)
-        return self._force
+    def __init__(self, body: Body, seed: int) -> None:
+        step = float(body.model.opt.timestep)
+        self._sensor = sensor = WristSensor(step, 1.0 / body.description.rate, seed=seed)
+        kind = sensor.kind
+        self.noise, self.bandwidth, self.range = kind.noise[0], kind.bandwidth, min(kind.largest[:3])
+        self.largest_offset = math.hypot(*sensor.drift[:3]) + OFFSET_UNCERTAINTY
+        self._body, (_, mass) = body, body.description.probe
+        model = body.model
+        root, tip = model.site(SENSOR).pos[2], model.site(TIP).pos[2]
+        height = float(model.body("tool").ipos[2] - root)
+        self._tool = Tool.new(mass=mass, height=height, gain=-math.expm1(-2.0 * math.pi * self.bandwidth * step))
+        self._sensed, self._interaction = body.data.sensordata, body.data.sensordata[:6]
+        self._wrench, self.force = np.zeros(6), np.zeros(3)
+        self._zero, self._is_zeroed = np.zeros(6), False
+        self._tip = TipSensing(PROBE_RADIUS, (0.0, 0.0, float(tip - root)), FORCE_LEFT, TORQUE_LEFT)
+        self.contact: TipContact | None = self._tip.locate(self._wrench)
+        self._move, self._take_off = move.entry, take_off.entry
 
     def step(self) -> None:
         """See `Sensing.step`."""
-        self._feel(self._felt, self._sensed, self._mass, self._gain)
+        self._sensor.feel(self._interaction)
+        self._move(self._tool, self._sensed)
 
     def positions(self) -> Array:
         """See `Sensing.positions`."""
         return self._body.counted
 
-    def read(self, draws: Iterator[float]) -> Array:
-        """See `Sensing.read`."""
-        noise, (x, y, z) = self.noise, self._offset.tolist()
-        beside = np.array((x + noise * next(draws), y + noise * next(draws), z + noise * next(draws)))
-        self._turn(self._shown, self._rotation, self._felt, beside, self.range)
-        return self._shown
+    def read(self) -> Array:
+        """See `Sensing.read`; the first call finds the bias."""
+        if not self._is_zeroed:
+            self._is_zeroed = True
+            self._zero = np.mean([self._contact_of(self._sensor.read()).copy() for _ in range(ZEROED_BY)], axis=0)
+        self._contact_of(self._sensor.read())
+        self.contact = self._tip.locate(self._wrench)
+        return self.force
+
+    def _contact_of(self, shown: Array) -> Array:
+        rotation = self._body.sensor_rotation
+        self._take_off(self._tool, shown, self._zero, rotation, self._wrench, self.force)
+        return self._wrench
