@@ -160,14 +160,12 @@ def take_handle(page: Any, press_mm: float, seconds: float = 1.0, steps: int = 1
 
 
 @contextlib.contextmanager
-def held_in_space(
-    page: Any, down_mm: float, seconds: float = 1.5, steps: int = 10, camera: Any = SPACE_CAMERA
-) -> Iterator[None]:
+def held_in_space(page: Any, down_mm: float, seconds: float = 1.5, steps: int = 10) -> Iterator[None]:
     """Take the upward arrow of the handle in space with the mouse and push it down by `down_mm` [mm]; let go behind."""
     x, y, z = (UNITS * value for value in HOME)
     grip = z + ARROW_SHARE * HANDLE_SIZE
-    start = on_screen(page, (x, y, grip), camera)
-    end = on_screen(page, (x, y, grip - down_mm * 1e-3 * UNITS), camera)
+    start = on_screen(page, (x, y, grip), SPACE_CAMERA)
+    end = on_screen(page, (x, y, grip - down_mm * 1e-3 * UNITS), SPACE_CAMERA)
     page.mouse.move(*start)
     page.wait_for_timeout(500)
     page.mouse.down()

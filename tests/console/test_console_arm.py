@@ -15,7 +15,7 @@ from console_driver import ARROW_SHARE, chromium, held_in_space, on_screen, open
 
 from foretouch.console import Console
 from foretouch.console.playback import Playback
-from foretouch.console.views.arms import ARM_CAMERA, ArmView, DrawnArm
+from foretouch.console.views.arms import ArmView, DrawnArm
 from foretouch.console.views.hold import HOME
 from foretouch.console.views.probes import UNITS
 from foretouch.console.views.shapes import ARM_DELAYED
@@ -135,17 +135,15 @@ def test_what_is_heard_of_is_drawn_as_late_as_it_is_and_what_is_now_besides(cons
 def test_there_is_an_arm_only_where_one_is_in_a_scene(console: Console) -> None:
     view, joints = console._arm, moving("so101")
     draw(view, *messages("so101"))
-    assert view.camera is ARM_CAMERA
     line = LeaderState(VERSION, 1, 1, 0.0, 0.0, 0.0, 0.0, 0.0, 1, 0, math.nan, False, 1, 1)
     draw(view, hello("so101"), line)
     assert not any(arm._root.visible for arm in view._arms)
-    assert view.camera is None
     draw(view, hello("so101"), telemetry(1, joints[0]), leader_state(1, 1))
     assert view._arms[0]._root.visible
     draw(view, hello("so101"), telemetry(1, joints[0][:4]), leader_state(1, 1))  # joints of another arm
     assert not any(arm._root.visible for arm in view._arms)
     draw(view, hello(SIMULATED), telemetry(1, ()), leader_state(1, 1))
-    assert (view._arms, view.camera, view.problem) == ((), None, "")
+    assert (view._arms, view.problem) == ((), "")
 
 
 def test_an_arm_of_ones_own_is_drawn_and_one_that_is_not_here_is_said(console: Console, tmp_path: Path) -> None:
@@ -165,7 +163,6 @@ def test_an_arm_of_ones_own_is_drawn_and_one_that_is_not_here_is_said(console: C
     assert view._arms == ()
     assert "The arm cannot be drawn here: only-there.xml" in console._panel.forces._text.content
     assert console._space._scene is not None  # all else is drawn
-    assert console._camera is SPACE_CAMERA
 
 
 def test_a_recording_shows_the_arm_of_its_moment(console: Console, tmp_path: Path) -> None:
@@ -185,13 +182,13 @@ def test_a_recording_shows_the_arm_of_its_moment(console: Console, tmp_path: Pat
 
 
 @pytest.mark.skipif(chromium() is None, reason="needs Chromium")
-def test_an_arm_before_the_handle_is_seen_and_catches_no_mouse(tmp_path: Path) -> None:
+def test_an_arm_before_the_handle_is_seen_catches_no_mouse_and_is_seen_as_a_whole(tmp_path: Path) -> None:
     from PIL import Image
 
     published: list[Message] = []
     console = Console(0, published.append, recordings=tmp_path)
     x, y, z = (UNITS * value for value in HOME)
-    grip, eye = np.array((x, y, z + ARROW_SHARE * HANDLE_SIZE)), np.array(ARM_CAMERA[0])
+    grip, eye = np.array((x, y, z + ARROW_SHARE * HANDLE_SIZE)), np.array(SPACE_CAMERA[0])
     before = grip + 0.15 * (eye - grip)  # on the line of sight, in the middle of the probe's holder
     joints = joints_at("fr3", tuple((before / UNITS - (0.0, 0.0, 0.06)).tolist()))
     said = hello("fr3"), telemetry(1, joints), leader_state(1, 1)
@@ -206,18 +203,27 @@ def test_an_arm_before_the_handle_is_seen_and_catches_no_mouse(tmp_path: Path) -
     drawing.start()
     try:
         with open_page(console.url, 1280, 800, "Drag the arrows") as (page, _):
-            wait_for(lambda: console._camera is ARM_CAMERA and console._arm._arms[0]._root.visible, page=page)
+            wait_for(lambda: console._arm._arms and console._arm._arms[0]._root.visible, page=page)
             page.wait_for_timeout(1500)
-            beside = on_screen(page, tuple(before - np.array((0.0, 0.0, 6.0))), ARM_CAMERA)  # below the handle
+            beside = on_screen(page, tuple(before - np.array((0.0, 0.0, 6.0))), SPACE_CAMERA)  # below the handle
             picture = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
             red, green, blue = picture.getpixel((round(beside[0]), round(beside[1])))
             assert red > green > blue
             assert np.abs(np.subtract((red, green, blue), ARM_DELAYED)).max() < 60
-            with held_in_space(page, 20.0, camera=ARM_CAMERA):
+            with held_in_space(page, 20.0):
                 wait_for(lambda: any(isinstance(one, Handle) and one.held for one in published), page=page)
+            page.keyboard.press("a")
+            wait_for(lambda: console._camera is console._arm.camera is not None, page=page)
+            whole = [on_screen(page, tuple(link.position), console._camera) for link in console._arm._arms[0]._links]
+            page.keyboard.press("a")
+            wait_for(lambda: console._camera is SPACE_CAMERA, page=page)
     finally:
         ended.set()
         drawing.join()
         console.close()
     places = [one for one in published if isinstance(one, Handle) and one.held]
+    wide, high = np.ptp(whole, axis=0)
+    assert 100 < wide < 810  # of a scene that is as wide and 800 high
+    assert 300 < high < 700
+    assert all(0 < x < 810 and 0 < y < 800 for x, y in whole)
     assert min(one.place[2] for one in places) < HOME[2] - 0.01

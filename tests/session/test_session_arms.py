@@ -29,7 +29,7 @@ def test_an_arm_is_predicted_about_as_well_as_the_plain_robot() -> None:
 @pytest.mark.parametrize("robot", ["ur5e", "simulated"])
 def test_telemetry_of_a_scene_says_how_the_joints_stand(robot: str) -> None:
     """A frame of the follower turns what it counts, and not its joints."""
-    frame = {"follower_frame": (0.1, 0.0, 0.0, 0.0, 0.0, 0.5)}
+    frame = {"follower_frame": "0.1,0,0,0,0,0.5"}
     chosen = SessionSettings(robot=robot, scene="plane", seed=3, **frame)
     space = simulate(chosen, duration=0.5).log.follower_space
     names = [f"joint_{number}" for number in range(1, MOST_JOINTS + 1)]

@@ -19,7 +19,7 @@ from foretouch.console.panels.session import CHOICES, SLIDERS, Actions, Publishe
 from foretouch.console.panels.stop import ASKING, LATCHED, READY, UNABLE, EmergencyCall
 from foretouch.console.playback import Library
 from foretouch.console.plots import SECONDS, put
-from foretouch.console.views.arms import ARM_CAMERA, ArmView
+from foretouch.console.views.arms import ArmView
 from foretouch.console.views.hold import Hold, SpaceHold
 from foretouch.console.views.line import LineView, look
 from foretouch.console.views.space import SpaceView
@@ -105,7 +105,7 @@ class Console:
         self._line = LineView(self._server, self._watched, Hold(self._watched, self._publisher))
         self._panel = Panel(self._server, self._actions(), live=live)
         self._space = SpaceView(self._server, self._panel, SpaceHold(self._watched, self._publisher))
-        self._arm = ArmView(self._server.scene)
+        self._arm = ArmView(self._server)
         self._picture: LineView | SpaceView = self._line
         self._camera: tuple[Vector, Vector] = self._line.camera
         self._server.on_client_disconnect(self._browser_gone)
@@ -291,7 +291,7 @@ class Console:
 
     def _turn(self) -> None:
         """Give the camera of this picture to a page that loaded while it changed, and began with that of the other."""
-        others = [one[0] for one in (self._line.camera, self._space.camera, ARM_CAMERA) if one is not self._camera]
+        others = [one.camera[0] for one in (self._line, self._space) if one.camera is not self._camera]
         for client in self._server.get_clients().values():
             if any(math.dist(client.camera.position, other) < 1e-3 for other in others):
                 client.camera.position, client.camera.look_at = self._camera

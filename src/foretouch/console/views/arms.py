@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from foretouch.console.history import Array
+from foretouch.console.panels.stop import WHOLE_ARM, add_keys
 from foretouch.console.views.probes import UNITS
 from foretouch.console.views.shapes import ARM_DELAYED, ARM_NOW, HANDLE_HEIGHT, Mesh, add_body, along, lathe
 from foretouch.console.watched import NOWHERE, Watched
@@ -19,8 +20,8 @@ from foretouch.quantities.pose import Vector
 from foretouch.robot import ArmPicture, Capsule, read_arm
 from foretouch.settings import SIMULATED, is_simulated
 
-ARM_CAMERA = ((-13.0, -80.0, 41.0), (-13.0, 0.0, 11.0))
-"""First position of the camera and the point at which it looks [scene units]: the wrist is seen, too."""
+FROM, FAR = np.array((0.3, -0.9, 0.3)), 1.75
+"""Where the camera stands that sees a whole arm, from the middle of it, and how far off for the arm's size."""
 APART = 1e-3  # Distance of any link from where it is heard of at which the arm of now is drawn, too [m]
 SMALLEST_CHANGE = np.array((2e-5, 2e-5, 2e-5, 1e-4, 1e-4, 1e-4, 1e-4))
 """Changes of a link's place [m] and turn below these are not drawn."""
@@ -33,12 +34,13 @@ class ArmView:
 
     Attributes:
         problem: Reason that the arm is not drawn, in a sentence; "" where it is, and where there is none.
-        camera: From where a scene is looked at first for the arm's sake; None without one.
+        camera: From where the whole arm is seen, and the point looked at [scene units]; None where it is not asked for.
     """
 
-    def __init__(self, scene: Any) -> None:
-        self._scene, self._name, self.problem = scene, "", ""
+    def __init__(self, server: Any) -> None:
+        self._scene, self._gui, self._name, self.problem = server.scene, server.gui, "", ""
         self.camera: tuple[Vector, Vector] | None = None
+        self._offered = self._wanted = False  # a key for it, and the whole arm
         self._picture: ArmPicture | None = None
         self._arms: tuple[DrawnArm, ...] = ()
 
@@ -49,7 +51,6 @@ class ArmView:
         in_space = shown.leader_space is not NOWHERE
         if in_space:
             self._find(shown.settings.get("robot", SIMULATED))
-        self.camera = ARM_CAMERA if in_space and self._arms else None
         picture, poses = self._picture, [np.empty((0, 7))] * 2
         if picture is not None:
             poses = [_poses(picture, joints) for joints in (heard, now)]
@@ -57,6 +58,14 @@ class ArmView:
                 poses[1] = poses[1][:0]
         for arm, where in zip(self._arms, poses, strict=False):
             arm.draw(where)
+        known = max(poses, key=len)
+        if not (self._wanted and len(known)):
+            self.camera = None
+        elif self.camera is None:
+            self.camera = _camera(known)
+
+    def _toggle(self, event: Any = None) -> None:
+        self._wanted = not self._wanted
 
     def _find(self, name: str) -> None:
         """Another robot has another picture; none where its description is not here."""
@@ -72,6 +81,9 @@ class ArmView:
         except (ForetouchError, OSError) as error:  # a file that only the other machine has, or nothing to read it with
             self.problem = f"The arm cannot be drawn here: {error}"
             return
+        if not self._offered:
+            self._offered = True
+            add_keys(self._gui, (*WHOLE_ARM, self._toggle))
         meshes = [_link(link) for link in (*self._picture.links[:-1], _holder(self._picture.links[-1]))]
         self._arms = (
             DrawnArm(self._scene, "/arm/delayed", meshes, ARM_DELAYED),
@@ -94,6 +106,15 @@ class DrawnArm:
             if (np.abs(pose - self._drawn[number]) > SMALLEST_CHANGE).any():
                 self._drawn[number] = pose
                 self._links[number].position, self._links[number].wxyz = tuple(UNITS * pose[:3]), tuple(pose[3:])
+
+
+def _camera(poses: Array) -> tuple[Vector, Vector]:
+    """From where all links and the scene are seen, and the middle of them [scene units]."""
+    places = UNITS * np.vstack((np.zeros(3), poses[:, :3]))
+    low, high = places.min(axis=0), places.max(axis=0)
+    middle = 0.5 * (low + high)
+    x, y, z = (middle + FAR * float(np.linalg.norm(high - low)) * FROM).tolist()
+    return (x, y, z), (*middle.tolist(),)
 
 
 def _poses(picture: ArmPicture, joints: tuple[float, ...]) -> Array:
