@@ -5,13 +5,15 @@ pressing; `console-model.png`, what was learnt; `console-recording.png`, a recor
 delay; `console-stopped.png`, after the emergency stop; and `console-unreached.png`, while the console hangs. A second
 session, over the phantom, gives
 `console-scene.png`, the script palpating with the virtual probe drawn over the image, and `console-scene-pressed.png`,
-the mouse pressing beside what is known of the fixture.
+the mouse pressing beside what is known of the fixture. Recordings of the three simulated arms that press the phantom
+give `console-arms.png`.
 
-Usage: `make screenshots`, or `.venv/bin/python docs/take_screenshots.py [PORT [line|scene]]`; both without a word.
+Usage: `make screenshots`, or `.venv/bin/python docs/take_screenshots.py [PORT [line|scene|arms]]`; all without a word.
 """
 
 from __future__ import annotations
 
+import io
 import subprocess
 import sys
 import tempfile
@@ -26,7 +28,8 @@ from console_driver import choose, held_handle, held_in_space, open_page, open_t
 from visitors import Printed  # noqa: E402
 
 from foretouch.console.gate.page import LOST  # noqa: E402
-from foretouch.console.panels.stop import ALERTS, LATCHED, READY  # noqa: E402
+from foretouch.console.panels.panel import CHOOSE_RECORDING  # noqa: E402
+from foretouch.console.panels.stop import ALERTS, LATCHED, READY, WHOLE_ARM  # noqa: E402
 from foretouch.console.views.space import SPACE_INSTRUCTION  # noqa: E402
 
 Hanging = Callable[[], None]
@@ -36,7 +39,12 @@ IMAGES = ROOT / "docs" / "images"
 PRESSED, MODEL, RECORDING, STOPPED, UNREACHED = (
     IMAGES / f"console{name}.png" for name in ("", "-model", "-recording", "-stopped", "-unreached")
 )
+ARMS_PRESSING = IMAGES / "console-arms.png"
 SCENE, SCENE_PRESSED = (IMAGES / f"{name}.png" for name in ("console-scene", "console-scene-pressed"))
+ARM_MOMENT = {"fr3": 7.0, "ur5e": 7.0, "so101": 7.6}
+"""When each arm presses in the session of its recording [s]."""
+NARROW, CLIP = 480, {"x": 40, "y": 84, "width": 400, "height": 370}
+"""Width of a page that is too narrow for the legend, and the part of it with the scene below the banner [pixel]."""
 PALPATED = 24.0
 """So long the script palpates before the picture is taken [s]: the stiff inclusion is found then."""
 DOWN_MM = 44.0
@@ -53,11 +61,14 @@ SETTLED = 1.5
 
 
 def main(port: int, which: str = "") -> None:
-    """Take the pictures of a session along a line, of one in three dimensions, or of both."""
+    """Take the pictures of a session along a line, of one in three dimensions, of arms, or of all."""
     if which in ("", "line"):
         _session(port, (), _take, (PRESSED, MODEL, RECORDING, STOPPED, UNREACHED))
     if which in ("", "scene"):
         _session(port, ("--scene", "phantom"), _take_scene, (SCENE, SCENE_PRESSED))
+    if which in ("", "arms"):
+        with tempfile.TemporaryDirectory() as folder:
+            _take_arms(port, Path(folder))
 
 
 def _session(
@@ -132,6 +143,51 @@ def _take_scene(url: str, _: Hanging) -> None:
             _scroll(page, to_end=True)
             page.wait_for_timeout(1500)
             _picture(page, SCENE_PRESSED)
+
+
+def _take_arms(port: int, folder: Path) -> None:
+    """Record a session with each arm, open them in a console, and put their pictures side by side."""
+    from PIL import Image
+
+    program = [sys.executable, "-m", "foretouch"]
+    for robot, moment in ARM_MOMENT.items():
+        options = ["--duration", str(moment + 1.0), "--recording", f"{robot}.mcap", "--robot", robot]
+        if not (folder / f"{robot}.mcap").exists():
+            subprocess.run([*program, "simulate", "--scene", "phantom", *options], cwd=folder, check=True)
+    console = [*program, "console", "--port", str(port), "--recordings", str(folder)]
+    shown = subprocess.Popen(console, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    try:
+        with open_page(Printed(shown).address(), NARROW, 1100, CHOOSE_RECORDING) as (page, _):
+            columns = [[Image.open(io.BytesIO(one)) for one in _arm(page, *each)] for each in ARM_MOMENT.items()]
+    finally:
+        shown.terminate()
+        shown.wait(60)
+    wide, high = CLIP["width"], CLIP["height"]
+    together = Image.new("RGB", (wide * len(columns), 2 * high))
+    for column, pictures in enumerate(columns):
+        for row, picture in enumerate(pictures):
+            together.paste(picture, (column * wide, row * high))
+    together.save(ARMS_PRESSING, optimize=True)
+    _shrink(ARMS_PRESSING)
+    print(f"{ARMS_PRESSING.relative_to(ROOT)}: {ARMS_PRESSING.stat().st_size / 1000:.0f} kB")
+
+
+def _arm(page: Any, robot: str, moment: float) -> tuple[bytes, bytes]:
+    """The scene of a recording at a moment [s], and the whole arm over it."""
+    open_tab(page, "Recordings")
+    choose(page, "Recording", f"{robot}.mcap")
+    page.get_by_text(f"robot {robot}").wait_for()
+    field = page.locator("input[type=text]:visible").nth(0)
+    field.fill(str(moment))
+    field.press("Enter")
+    page.get_by_text(f"{moment:.1f} of").wait_for()
+    page.wait_for_timeout(2000)  # first as one sees the scene, and then the whole arm
+    near = page.screenshot(clip=CLIP)
+    page.keyboard.press(WHOLE_ARM[1])
+    page.wait_for_timeout(2000)
+    whole = page.screenshot(clip=CLIP)
+    page.keyboard.press(WHOLE_ARM[1])
+    return near, whole
 
 
 def _picture(page: Any, path: Path) -> None:

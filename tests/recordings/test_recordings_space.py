@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 from session_messages import bits
 
 from foretouch.messages import (
+    MOST_JOINTS,
     VERSION,
     CameraImage,
     FieldUpdate,
@@ -51,7 +52,7 @@ def session():
         now = tick * 1_000_000
         state, hand = made.leader_state(tick), LeaderSpace(*odd(tick, 28))
         yield msgspec.structs.replace(state, energy=made.ODD[tick % 8], epoch=2**53 + 1, space=hand), now
-        probe = FollowerSpace(*odd(tick, 28), tick // 7)
+        probe = FollowerSpace(*odd(tick, 28), tick // 7, *odd(tick + 3, tick % (MOST_JOINTS + 1)))
         yield msgspec.structs.replace(made.telemetry(tick), run=2**62 + 1, space=probe), now
         if tick % 30 == 0:
             pose = (0.1 * np.sin(tick), -0.02, 0.3, 0.002 * tick, -1.1, 0.0)
@@ -136,6 +137,18 @@ def test_another_reader_gets_every_value_and_the_standard_types_say_the_same(pat
         assert (got.format, got.header.frame_id) == ("jpeg", "camera")
         assert bytes(got.data) == sent.jpeg
         assert cv2.imdecode(np.frombuffer(bytes(got.data), np.uint8), cv2.IMREAD_COLOR).shape == (24, 32, 3)
+
+
+def test_a_recording_from_before_there_were_joints_has_none(path, tmp_path):
+    """Its schema has no such fields: they are cut out of each message here, as an older version wrote it."""
+    topic = TOPICS[FollowerRow]
+    joints = [name for name in FollowerRow.__struct_fields__ if name.startswith("joint_")]
+    lines = topic.layout.schema.splitlines()
+    older = topic.layout.of_schema("\n".join(line for line in lines if line.split()[-1] not in joints))
+    assert len(joints) == MOST_JOINTS
+    assert older is not None
+    assert not set(joints) & set(older.dtype.names)
+    assert all(np.isnan(older.missing[name]) for name in joints)
 
 
 def test_a_session_along_a_line_has_nothing_of_a_scene(tmp_path):

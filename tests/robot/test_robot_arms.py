@@ -11,7 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from foretouch.errors import InputError
-from foretouch.robot import ArmAlongLine, ArticulatedArm, make_material, read_arm
+from foretouch.robot import ArmAlongLine, ArmPicture, ArticulatedArm, make_material, read_arm
 from foretouch.robot.arms.body import Body
 from foretouch.robot.arms.kinematics import InverseKinematics
 from foretouch.robot.engine import load_mujoco
@@ -262,3 +262,38 @@ def test_an_arm_that_cannot_reach_the_scene_is_refused(tmp_path: Path) -> None:
     path.write_text((DESCRIPTIONS / "fr3.xml").read_text().replace('data="0.5 0 0.2"', 'data="0.95 0 0.2"'))
     with pytest.raises(InputError, match=r"the arm stays .* mm away from .* of the scene"):
         ArticulatedArm(read_arm(str(path)), in_the_air, seed=0)
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_the_joints_that_an_arm_tells_of_put_its_tip_where_it_is(name: str) -> None:
+    """While it moves, too: as far as a joint's encoder counts, and as a tip goes in a period of the controller."""
+    arm, picture = ArticulatedArm(read_arm(name), floor(800.0), seed=1), ArmPicture(read_arm(name))
+    for tick in range(800):
+        sample = arm.exchange((0.02 * math.sin(tick / 300), 0.01, max(0.05 - 1e-4 * tick, -0.002)))
+        assert len(sample.joints) == picture.joints
+        away = math.dist(picture.tip(sample.joints), sample.exact_place)
+        assert away < (3e-3 if name == "so101" else 5e-4), tick
+    for _ in range(400):
+        sample = arm.exchange((0.0, 0.01, 0.01))
+    assert math.dist(picture.tip(sample.joints), sample.exact_place) < 1e-3
+
+
+def test_shapes_that_are_no_capsules_are_drawn_as_such_and_those_for_contacts_are_not(tmp_path: Path) -> None:
+    plain = ArmPicture(read_arm("fr3"))
+    text = read_arm("fr3").path.read_text()
+    site = '<site name="flange" pos="0 0 0.107"/>'
+    shapes = (
+        '<geom type="box" size="0.01 0.01 0.05" pos="0 0 0.05"/>'
+        '<geom type="cylinder" size="0.02 0.06" euler="0 1.5707963267948966 0"/>'
+        '<geom type="sphere" size="0.03" pos="0 0.1 0"/><geom type="sphere" size="0.5" group="3"/>'
+    )
+    (tmp_path / "own.xml").write_text(text.replace(site, shapes + site))
+    *_, hand, probe = ArmPicture(read_arm(str(tmp_path / "own.xml"))).links
+    box, cylinder, ball = hand[-3:]
+    assert len(hand) == len(plain.links[-2]) + 3
+    assert (len(probe), probe[0].radius) == (1, pytest.approx(0.004))
+    assert box.radius == pytest.approx(0.01)
+    np.testing.assert_allclose([box.begin, box.end], [(0.0, 0.0, 0.01), (0.0, 0.0, 0.09)], atol=1e-9)
+    assert cylinder.radius == pytest.approx(0.02)
+    np.testing.assert_allclose([cylinder.begin, cylinder.end], [(-0.04, 0.0, 0.0), (0.04, 0.0, 0.0)], atol=1e-9)
+    np.testing.assert_allclose([ball.begin, ball.end], [(0.0, 0.1, 0.0)] * 2, atol=1e-9)

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from foretouch import SessionSettings, simulate
 from foretouch.errors import UnknownNameError
+from foretouch.messages import MOST_JOINTS
 from foretouch.report import session_figures
+from foretouch.robot import ArmPicture, read_arm
 
 
 def error(seconds: float, **settings: object) -> float:
@@ -21,6 +24,25 @@ def error(seconds: float, **settings: object) -> float:
 
 def test_an_arm_is_predicted_about_as_well_as_the_plain_robot() -> None:
     assert error(8.0, robot="fr3") < 1.5 * error(8.0)
+
+
+@pytest.mark.parametrize("robot", ["ur5e", "simulated"])
+def test_telemetry_of_a_scene_says_how_the_joints_stand(robot: str) -> None:
+    """A frame of the follower turns what it counts, and not its joints."""
+    frame = {"follower_frame": "0.1,0,0,0,0,0.5"}
+    chosen = SessionSettings(robot=robot, scene="plane", seed=3, **frame)
+    space = simulate(chosen, duration=0.5).log.follower_space
+    names = [f"joint_{number}" for number in range(1, MOST_JOINTS + 1)]
+    joints = np.array([space[name] for name in names]).T
+    if robot == "simulated":
+        assert np.isnan(joints).all()
+        return
+    picture = ArmPicture(read_arm(robot))
+    assert np.isfinite(joints[:, : picture.joints]).all()
+    assert np.isnan(joints[:, picture.joints :]).all()
+    places = np.array([space[f"place_{axis}"] for axis in "xyz"]).T
+    tips = np.array([picture.tip(row[: picture.joints]) for row in joints])
+    assert np.abs(tips - places).max() < 1e-3
 
 
 @pytest.mark.long

@@ -206,7 +206,7 @@ class Led:
 
     def follower_says(self, *, status: Status = Status.FOLLOWING, epoch: int = 1) -> list[Telemetry]:
         self.sequence += 1
-        numbers = dict.fromkeys(FollowerSpace.__struct_fields__[:-1], 0.0)
+        numbers = dict.fromkeys(FollowerSpace.__struct_fields__[:28], 0.0)
         numbers |= dict(zip(("desired_x", "desired_y", "desired_z"), self.at, strict=True))
         space, said = FollowerSpace(**numbers), {"status": int(status), "epoch": epoch, "run": self.run}
         return [msgspec.structs.replace(SEEN, sequence=self.sequence, space=space, **said)]

@@ -19,6 +19,7 @@ from foretouch.console.panels.session import CHOICES, SLIDERS, Actions, Publishe
 from foretouch.console.panels.stop import ASKING, LATCHED, READY, UNABLE, EmergencyCall
 from foretouch.console.playback import Library
 from foretouch.console.plots import SECONDS, put
+from foretouch.console.views.arms import ArmView
 from foretouch.console.views.hold import Hold, SpaceHold
 from foretouch.console.views.line import LineView, look
 from foretouch.console.views.space import SpaceView
@@ -27,6 +28,7 @@ from foretouch.errors import MissingExtraError, one_line
 from foretouch.link import new_press
 from foretouch.link.access import free_port
 from foretouch.messages import Choice, EmergencyStop, Message, Settings, Status, Stop, Telemetry
+from foretouch.quantities.pose import Vector
 
 ROUND_PERIOD, PLOT_PERIOD, TEXT_PERIOD, LIST_PERIOD = 1 / 30, 1 / 12, 1 / 6, 2.0
 """Periods at which a due picture is looked for, and forces, numbers and the list of recordings are sent at most [s]."""
@@ -103,7 +105,9 @@ class Console:
         self._line = LineView(self._server, self._watched, Hold(self._watched, self._publisher))
         self._panel = Panel(self._server, self._actions(), live=live)
         self._space = SpaceView(self._server, self._panel, SpaceHold(self._watched, self._publisher))
+        self._arm = ArmView(self._server)
         self._picture: LineView | SpaceView = self._line
+        self._camera: tuple[Vector, Vector] = self._line.camera
         self._server.on_client_disconnect(self._browser_gone)
         self._next: dict[str, float] = {}  # when each is due again
 
@@ -278,15 +282,19 @@ class Console:
         if self._picture is not before:  # sessions along a line and in space take turns
             before.show(False)
             self._picture.show(True)
-            look(self._server, self._picture.camera)
         self._picture.draw(shown, live=live and self._live, useful=useful)  # without a session there is no handle
+        self._arm.draw(shown)
+        camera = self._arm.camera or self._picture.camera
+        if camera is not self._camera:
+            self._camera = camera
+            look(self._server, camera)
 
     def _turn(self) -> None:
         """Give the camera of this picture to a page that loaded while it changed, and began with that of the other."""
-        other = self._line if self._picture is self._space else self._space
+        others = [one.camera[0] for one in (self._line, self._space) if one.camera is not self._camera]
         for client in self._server.get_clients().values():
-            if math.dist(client.camera.position, other.camera[0]) < 1e-3:
-                client.camera.position, client.camera.look_at = self._picture.camera
+            if any(math.dist(client.camera.position, other) < 1e-3 for other in others):
+                client.camera.position, client.camera.look_at = self._camera
 
     def _plot(self, shown: Watched) -> None:
         playback = self._library.playback
@@ -300,7 +308,8 @@ class Console:
         other = None if playback is None else playback.other
         window = shown.window(SECONDS)
         status = self._status(now) if playback is None else "A recording is shown; see the tab Recordings."
-        notes = tuple(filter(None, (self._picture.problem, *sentences.warnings(self._watched, now))))
+        missing = self._picture.problem, self._arm.problem
+        notes = tuple(filter(None, (*missing, *sentences.warnings(self._watched, now))))
         depth, ahead = self._picture.depth(shown), self._picture.ahead
         panel.forces.write(numbers_html(shown, window, other, depth=depth, status=status, warnings=notes, ahead=ahead))
         panel.network.draw(window, shown.loss_trace(SECONDS, now))

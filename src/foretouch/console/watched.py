@@ -189,6 +189,11 @@ class Watched:
         return 0 if self.leader is None else self.leader.telemetry_sequence
 
     @property
+    def joints(self) -> tuple[float, ...]:
+        """Positions of the robot's joints as received last [rad]; empty where it tells of none, and along a line."""
+        return () if self.telemetry is None or self.telemetry.space is None else self.telemetry.space.joints
+
+    @property
     def operator(self) -> str:
         """Operator that moves the leader's hand: only the operator ``browser`` uses a handle."""
         return self.settings.get("operator", "browser")

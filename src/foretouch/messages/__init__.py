@@ -43,6 +43,7 @@ from foretouch.messages.session_log import (
     SessionRows,
 )
 from foretouch.messages.states import (
+    MOST_JOINTS,
     CameraImage,
     FieldUpdate,
     FixtureBelief,
@@ -63,6 +64,7 @@ __all__ = [
     "LEADER_DTYPE",
     "LEADER_SPACE_DTYPE",
     "LEAVES",
+    "MOST_JOINTS",
     "NEWS",
     "PROCESS",
     "SIDES",

@@ -15,7 +15,7 @@ import msgspec
 
 from foretouch.quantities import brief_text
 
-VERSION = 13
+VERSION = 14
 """Version of the schema. It changes with every change of a field or a key; peers must agree."""
 
 Count = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]

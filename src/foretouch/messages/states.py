@@ -17,6 +17,9 @@ from foretouch.messages.schema import Count, Message, Text
 POSE_NUMBERS = 6
 CAMERA_NUMBERS = 15
 
+MOST_JOINTS = 7
+"""Joints of a robot that are told of: one of more is not drawn."""
+
 Field = Annotated[bytes, msgspec.Meta(max_length=32_768)]
 LARGEST_JPEG = 45_000
 """[bytes]: with everything else that a `CameraImage` may hold it is less than `foretouch.messages.LARGEST_MESSAGE`."""
@@ -60,6 +63,14 @@ class FollowerSpace(msgspec.Struct, frozen=True, array_like=True, forbid_unknown
         touch_y: [m].
         touch_z: [m].
         touch_tick: `sequence` of the tick in which that contact began, 0 before the first.
+        joint_1: Position of the first joint from the base of a robot that has some [rad], as its encoders count it; NaN
+            where there is none, or more than `MOST_JOINTS` of them: for pictures alone.
+        joint_2: The same of the next.
+        joint_3: The same.
+        joint_4: The same.
+        joint_5: The same.
+        joint_6: The same.
+        joint_7: The same.
     """
 
     place_x: float
@@ -91,6 +102,19 @@ class FollowerSpace(msgspec.Struct, frozen=True, array_like=True, forbid_unknown
     touch_y: float = math.nan
     touch_z: float = math.nan
     touch_tick: Count = 0
+    joint_1: float = math.nan
+    joint_2: float = math.nan
+    joint_3: float = math.nan
+    joint_4: float = math.nan
+    joint_5: float = math.nan
+    joint_6: float = math.nan
+    joint_7: float = math.nan
+
+    @property
+    def joints(self) -> tuple[float, ...]:
+        """Positions of the joints that are known, from the base on [rad]."""
+        every = self.joint_1, self.joint_2, self.joint_3, self.joint_4, self.joint_5, self.joint_6, self.joint_7
+        return tuple(joint for joint in every if math.isfinite(joint))
 
 
 class Telemetry(Message, frozen=True, array_like=True, gc=False):

@@ -1,6 +1,6 @@
 """The follower robot and the materials it presses."""
 
-from foretouch.robot.arms import ArmAlongLine, ArmDescription, ArticulatedArm, read_arm
+from foretouch.robot.arms import ArmAlongLine, ArmDescription, ArmPicture, ArticulatedArm, Capsule, read_arm
 from foretouch.robot.camera_scene import MESA_PACKAGES, CameraScene, MissingGraphicsError, graphics_library
 from foretouch.robot.engine import REMOTE_CENTRE_HEIGHT, ROD_LENGTH, ROD_RADIUS, TIP_RADIUS, Tip
 from foretouch.robot.gantry_arm import GantryArm, TouchedWorld
@@ -43,8 +43,10 @@ __all__ = [
     "AnyRobot",
     "ArmAlongLine",
     "ArmDescription",
+    "ArmPicture",
     "ArticulatedArm",
     "CameraScene",
+    "Capsule",
     "FaultySensor",
     "FaultySpatialSensor",
     "FoamFit",

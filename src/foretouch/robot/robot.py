@@ -110,6 +110,8 @@ class SpatialSample(NamedTuple):
         fixture: The simulator's own pose of what is touched, a place [m] and a rotation vector [rad]; empty on
             hardware.
         clipped: Whether a force limit cut the command in this tick.
+        joints: Positions of its joints from the base on, as their encoders count them [rad], for pictures; empty where
+            it has none, or does not say.
     """
 
     place: Vector
@@ -118,6 +120,7 @@ class SpatialSample(NamedTuple):
     exact_place: Vector
     fixture: tuple[float, ...]
     clipped: bool
+    joints: tuple[float, ...] = ()
 
 
 Sample = TypeVar("Sample", RobotSample, SpatialSample)

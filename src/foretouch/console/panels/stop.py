@@ -151,8 +151,13 @@ HELP = (
 )
 """Letters and no arrows: those belong to sliders, tabs and lists."""
 
-SPACE_HELP = "<b>J</b>, <b>L</b> left, right · <b>I</b>, <b>K</b> away, nearer · <b>O</b> probe over image · "
+SPACE_HELP = (
+    "<b>J</b>, <b>L</b> left, right · <b>I</b>, <b>K</b> away, nearer · <b>O</b> probe over image · "
+    "<b>A</b> the whole of an arm · "
+)
 """In a session in three dimensions."""
+WHOLE_ARM = "Whole arm", "A"
+"""Key that shows the whole of a simulated arm, and then the scene again."""
 
 
 def add_keys(gui: Any, *keys: tuple[str, str, Callable[[Any], None]]) -> None:

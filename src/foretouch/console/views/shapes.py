@@ -277,10 +277,13 @@ LINES = (
     (INK, "Ribbon: stiffness predicted ahead, wider where less sure"),
 )
 """Legend of the lines and arrows of the picture."""
+ARM_DELAYED, ARM_NOW = (236, 205, 182), (150, 160, 172)
+"""Colours of an arm as its operator hears of it, and where it is now: pale, since map and probes are read."""
+ARMS = ((ARM_DELAYED, "Arm, delayed"), (ARM_NOW, "Arm, now"))
 
 
-def legend_html(edges: Array) -> str:
-    """Legend of the colours of the surface and of the lines, in a box over the picture."""
+def legend_html(edges: Array, *, arm: bool = False) -> str:
+    """Legend of the colours of the surface, of the lines and of an arm, in a box over the picture."""
     steps = [f"{low:,.0f} to {high:,.0f}" for low, high in itertools.pairwise(edges.tolist())]
     cells = [
         f'<tr><td><div style="width:26px;height:14px;background:{css(colour)};border:1px solid #555"></div></td>'
@@ -288,7 +291,8 @@ def legend_html(edges: Array) -> str:
         for colour, text in zip((UNKNOWN, *COLOURS), ("nothing learnt yet", *steps), strict=False)
     ]
     lines = [
-        f'<div><span style="color:{css(colour)}">&#9632;</span> {html.escape(text)}</div>' for colour, text in LINES
+        f'<div><span style="color:{css(colour)}">&#9632;</span> {html.escape(text)}</div>'
+        for colour, text in (*LINES, *(ARMS if arm else ()))
     ]
     title = html.escape(f"Local stiffness at {FIELD_DEPTH * 1e3:.0f} mm [N/m]")
     return (

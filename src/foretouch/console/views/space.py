@@ -361,7 +361,7 @@ class SpaceView:
         if self._fixture is not None:
             self._fixture.draw(shown, SECONDS, now, self.hold.hand if self._offered else None)
         if self._scene is not None:
-            put(self._legend, content=shapes.legend_html(self._scene.fixture.edges))
+            put(self._legend, content=shapes.legend_html(self._scene.fixture.edges, arm=bool(shown.joints)))
             robot = shown.space.follower_at(shown.telemetry_sequence)
             self._scene.probes.write("rendered force", "" if robot is None else "delayed robot")
 

@@ -198,7 +198,8 @@ class ArticulatedArm(SpatialRobot):
         felt: Any = tuple(self._sensing.read().tolist())
         fixture = () if self._fixture is None else self._fixture()
         exact: Any = tuple(place.tolist())
-        return SpatialSample(seen, felt, self._contact, exact, fixture, bool(self._clipped[0]))
+        joints = tuple(body.counted.tolist())  # those of now, also where places are shown as late as the force
+        return SpatialSample(seen, felt, self._contact, exact, fixture, bool(self._clipped[0]), joints)
 
 
 def _tip_speed(body: Body) -> float:

@@ -11,7 +11,7 @@ import numpy as np
 from foretouch.core import Kernel, compiled
 from foretouch.identification import ContactMap, FrictionEstimator, ScaleFieldLearner
 from foretouch.identification.friction import learn_friction, let_go
-from foretouch.messages import VERSION, Command, FixtureBelief, FollowerSpace, ModelUpdate
+from foretouch.messages import MOST_JOINTS, VERSION, Command, FixtureBelief, FollowerSpace, ModelUpdate
 from foretouch.quantities import pose as rigid
 from foretouch.quantities.pose import Vector
 from foretouch.rendering.surfaces import Surface
@@ -378,7 +378,8 @@ class ProbeInSpace(ProbeOnAxis):
         """What there is to tell in space in this tick."""
         x, y, z, rx, ry, rz = sample.fixture if len(sample.fixture) == 6 else (*NOWHERE, *NOWHERE)
         _, said, touch, tick = self.told
-        return FollowerSpace(*sample.place, *said, *self.line.pose, x, y, z, rx, ry, rz, *touch, tick)
+        joints = sample.joints if len(sample.joints) <= MOST_JOINTS else ()
+        return FollowerSpace(*sample.place, *said, *self.line.pose, x, y, z, rx, ry, rz, *touch, tick, *joints)
 
     def tip(self, state: State, sample: SpatialSample) -> Vector:
         """See `ProbeOnAxis.tip`."""
