@@ -43,8 +43,10 @@ ARMS_PRESSING = IMAGES / "console-arms.png"
 SCENE, SCENE_PRESSED = (IMAGES / f"{name}.png" for name in ("console-scene", "console-scene-pressed"))
 ARM_MOMENT = {"fr3": 7.0, "ur5e": 7.0, "so101": 7.6}
 """When each arm presses in the session of its recording [s]."""
-NARROW, CLIP = 480, {"x": 40, "y": 84, "width": 400, "height": 370}
-"""Width of a page that is too narrow for the legend, and the part of it with the scene below the banner [pixel]."""
+NARROW = 480
+"""Width of a page that is too narrow for the legend [pixel]."""
+NEAR, WHOLE = ({"x": 40, "y": 84, "width": 400, "height": height} for height in (240, 360))
+"""Parts of it, below the banner, with the scene and with the whole arm."""
 PALPATED = 24.0
 """So long the script palpates before the picture is taken [s]: the stiff inclusion is found then."""
 DOWN_MM = 44.0
@@ -162,11 +164,10 @@ def _take_arms(port: int, folder: Path) -> None:
     finally:
         shown.terminate()
         shown.wait(60)
-    wide, high = CLIP["width"], CLIP["height"]
-    together = Image.new("RGB", (wide * len(columns), 2 * high))
-    for column, pictures in enumerate(columns):
-        for row, picture in enumerate(pictures):
-            together.paste(picture, (column * wide, row * high))
+    together = Image.new("RGB", (NEAR["width"] * len(columns), NEAR["height"] + WHOLE["height"]))
+    for column, (near, whole) in enumerate(columns):
+        together.paste(near, (column * NEAR["width"], 0))
+        together.paste(whole, (column * NEAR["width"], NEAR["height"]))
     together.save(ARMS_PRESSING, optimize=True)
     _shrink(ARMS_PRESSING)
     print(f"{ARMS_PRESSING.relative_to(ROOT)}: {ARMS_PRESSING.stat().st_size / 1000:.0f} kB")
@@ -177,15 +178,18 @@ def _arm(page: Any, robot: str, moment: float) -> tuple[bytes, bytes]:
     open_tab(page, "Recordings")
     choose(page, "Recording", f"{robot}.mcap")
     page.get_by_text(f"robot {robot}").wait_for()
+    page.wait_for_timeout(3000)  # the bar has the length of this recording then
     field = page.locator("input[type=text]:visible").nth(0)
-    field.fill(str(moment))
-    field.press("Enter")
-    page.get_by_text(f"{moment:.1f} of").wait_for()
+    while not page.get_by_text(f"{moment:.1f} of").count():
+        field.fill(str(moment))
+        field.press("Enter")
+        page.wait_for_timeout(1000)
     page.wait_for_timeout(2000)  # first as one sees the scene, and then the whole arm
-    near = page.screenshot(clip=CLIP)
+    near = page.screenshot(clip=NEAR)
+    page.evaluate("document.activeElement.blur()")  # letters are text in a field
     page.keyboard.press(WHOLE_ARM[1])
     page.wait_for_timeout(2000)
-    whole = page.screenshot(clip=CLIP)
+    whole = page.screenshot(clip=WHOLE)
     page.keyboard.press(WHOLE_ARM[1])
     return near, whole
 

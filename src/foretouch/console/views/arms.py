@@ -20,7 +20,7 @@ from foretouch.quantities.pose import Vector
 from foretouch.robot import ArmPicture, Capsule, read_arm
 from foretouch.settings import SIMULATED, is_simulated
 
-FROM, FAR = np.array((0.3, -0.9, 0.3)), 1.75
+FROM, FAR = np.array((0.3, -0.9, 0.3)), 2.1
 """Where the camera stands that sees a whole arm, from the middle of it, and how far off for the arm's size."""
 APART = 1e-3  # Distance of any link from where it is heard of at which the arm of now is drawn, too [m]
 SMALLEST_CHANGE = np.array((2e-5, 2e-5, 2e-5, 1e-4, 1e-4, 1e-4, 1e-4))

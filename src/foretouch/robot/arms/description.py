@@ -237,7 +237,13 @@ DRAWN = 3  # Geoms of the groups before this are seen, as in MuJoCo's own viewer
 
 
 class Capsule(NamedTuple):
-    """A round bar in the frame of its link: the middles of both its ends, and its radius [m]."""
+    """A bar with round ends, in the frame of its link.
+
+    Attributes:
+        begin: Centre of one round end [m].
+        end: Centre of the other [m].
+        radius: Of the bar [m].
+    """
 
     begin: tuple[float, float, float]
     end: tuple[float, float, float]
