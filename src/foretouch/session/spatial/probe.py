@@ -363,6 +363,11 @@ class ProbeInSpace(ProbeOnAxis):
         """See `ProbeOnAxis.tip`."""
         return sample.place
 
+    def stand(self, state: State) -> Vector:
+        """See `ProbeOnAxis.stand`."""
+        super().stand(state)
+        return self.safety.stand()
+
     def back_off(self, state: State, sample: SpatialSample, position: Vector, way: float) -> Vector:
         """See `ProbeOnAxis.back_off`; whatever is believed of the fixture."""
         force = rigid.subtract(sample.force, self.safety.spaces["beside"]["bias"][0].tolist())

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from foretouch.core import Record, compiled, kernel
 from foretouch.robot.arms.body import Body
+from foretouch.robot.arms.control.links import LinkWatch
 from foretouch.robot.arms.control.reference import Reference, move_reference, take_command
 from foretouch.robot.robot import Vector
 
@@ -179,6 +180,7 @@ class ImpedanceControl:
         self._limits = np.ascontiguousarray(np.array([own[name] for name in names]))
         self._joints = np.zeros((7, description.home.size))
         self._joints[3], self._joints[4] = body.positions, body.bias
+        self.links = LinkWatch(body, self._h)
         self._tip = np.zeros((5, 9))
         self._tip[4] = body.rotation
 
@@ -190,6 +192,7 @@ class ImpedanceControl:
     def begin(self, place: Vector, force: Array) -> None:
         """See `Control.begin`."""
         body, joints, tip = self._body, self._joints, self._tip
+        self.links.hold(self.reference, force)
         self._take(self.reference, *place)
         tip[1, :3] = force
         self._move(self.reference, tip[1], tip[2], self._h)
@@ -200,4 +203,5 @@ class ImpedanceControl:
     def torques(self) -> Array:
         """See `Control.torques`."""
         torques: Array = self._joints[4]
+        self.links.add(torques)
         return torques

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from foretouch.core import kernel
 from foretouch.robot.arms.body import Body
+from foretouch.robot.arms.control.links import LinkWatch
 from foretouch.robot.arms.control.reference import move_reference, take_command
 from foretouch.robot.arms.kinematics import InverseKinematics
 from foretouch.robot.robot import Vector
@@ -70,6 +71,7 @@ class ServoControl:
         most, integral = TORQUE_MARGIN * own["torque"], np.full_like(own["torque"], description.integral)
         limits = description.stiffness, integral, description.damping, own["damping"], most
         self._limits = np.ascontiguousarray(np.array(limits))
+        self.links = LinkWatch(body, period)
         self._joints = np.zeros((7, description.home.size))
         self._joints[3] = body.positions
         self._resolution = description.encoder
@@ -85,6 +87,7 @@ class ServoControl:
     def begin(self, place: Vector, force: Array) -> None:
         """See `Control.begin`."""
         reference, inverse = self.reference, self._inverse
+        self.links.hold(reference, force)
         self._take(reference, *place)
         self._force[:3] = force
         for _ in self._ticks:
@@ -106,4 +109,5 @@ class ServoControl:
         self._serve(joints, self._limits, self._knows_weight, self._step)
         joints[3] += self._step * joints[4]
         torques: Array = joints[5]
+        self.links.add(torques)
         return torques
