@@ -55,6 +55,7 @@ class ArticulatedArm(SpatialRobot):
 
     Attributes:
         body: Of the arm in MuJoCo.
+        control: Of its kind; see `foretouch.robot.arms.control`.
         obstacle: As given.
 
     Raises:
@@ -135,7 +136,7 @@ class ArticulatedArm(SpatialRobot):
             yielding=YIELDING_RATE / control.stiffness_along(body, DOWN),
             period=1.0 / description.rate,
         )
-        self._control, self._reference = control(body, reference), reference
+        self.control, self._reference = control(body, reference), reference
         self._clipped, self._held = reference["clipped"], reference["held"]
         self._desired, self._waited = start, 0
         self._contact: Vector = (0.0, 0.0, 0.0)
@@ -152,6 +153,11 @@ class ArticulatedArm(SpatialRobot):
     def speed_share(self) -> float:
         """Share of its speed that the tip is allowed where the arm is: less than 1 near a singular pose."""
         return float(self._reference["share"][0])
+
+    @property
+    def largest_speed(self) -> float:
+        """Largest speed of the tip on its way [m/s]."""
+        return float(self._reference["speed"][0])
 
     @property
     def commanded(self) -> Vector:
@@ -182,13 +188,13 @@ class ArticulatedArm(SpatialRobot):
         for _ in self._steps:
             body.begin_step()
             if begins:
-                self._control.begin(self._desired, sensing.force)
+                self.control.begin(self._desired, sensing.force)
                 begins = False
             if touches:
                 self._touch()
             if self.obstacle is not None:
                 self.obstacle.push(self._h)
-            body.end_step(self._control.torques(), self._contact)
+            body.end_step(self.control.torques(), self._contact)
             sensing.step()
         self._waited = (self._waited + 1) % self._period
 

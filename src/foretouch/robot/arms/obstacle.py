@@ -50,7 +50,12 @@ class Obstacle:
         met = np.flatnonzero((model.geom_type == capsule) & (bodies != tool) & (bodies != still))
         self._data, self._met, self._bodies = data, met, bodies[met]
         self._radii, self._halves = model.geom_size[met, 0] + self.radius, model.geom_size[met, 1]
-        self._middle, self.force = origin + np.asarray(self.place), np.zeros(met.size)
+        self._origin, self.force = origin, np.zeros(met.size)
+        self.move(self.place)
+
+    def move(self, place: Vector) -> None:
+        """Stand elsewhere from now on, with its middle there [m]."""
+        self.place, self._middle = place, self._origin + np.asarray(place)
         self._before = self._overlap()[0]
 
     def _overlap(self) -> tuple[Array, Array, Array]:
@@ -75,6 +80,16 @@ class Obstacle:
             force = self.force[number] * away[number]
             applied[body, :3] += force
             applied[body, 3:] += np.cross(nearest[number] - self._data.xipos[body], force)
+
+    def places(self) -> Array:
+        """Middles of the capsules that it can meet, in the scene [m], shape (count, 3)."""
+        places: Array = self._data.geom_xpos[self._met] - self._origin
+        return places
+
+    def distances(self) -> Array:
+        """Distances between its middle and the axes of the capsules at which they touch [m], shape (count,)."""
+        distances: Array = self._radii
+        return distances
 
     def mass(self, model: Any, number: int) -> float:
         r"""Mass that the arm shows to it where a capsule is nearest [kg], :math:`1 / (n^T J M^{-1} J^T n)`."""

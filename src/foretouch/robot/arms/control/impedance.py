@@ -167,6 +167,10 @@ class ImpedanceControl:
     Args:
         body: That is driven.
         reference: Way of the tip, written.
+
+    Attributes:
+        commanded: The motors' torques [N m], shape (n,).
+        links: Notices what the links meet.
     """
 
     def __init__(self, body: Body, reference: NDArray[np.void]) -> None:
@@ -180,7 +184,7 @@ class ImpedanceControl:
         self._limits = np.ascontiguousarray(np.array([own[name] for name in names]))
         self._joints = np.zeros((7, description.home.size))
         self._joints[3], self._joints[4] = body.positions, body.bias
-        self.links = LinkWatch(body, self._h)
+        self.links, self.commanded = LinkWatch(body, self._h), self._joints[4]
         self._tip = np.zeros((5, 9))
         self._tip[4] = body.rotation
 

@@ -57,6 +57,10 @@ class ServoControl:
         body: That is driven.
         reference: Way of the tip, written.
         tick: The reference is moved in steps of this length [s].
+
+    Attributes:
+        commanded: Speeds of the joints [rad/s], shape (n,).
+        links: Notices what the links meet.
     """
 
     def __init__(self, body: Body, reference: NDArray[np.void], tick: float = 1e-3) -> None:
@@ -71,9 +75,9 @@ class ServoControl:
         most, integral = TORQUE_MARGIN * own["torque"], np.full_like(own["torque"], description.integral)
         limits = description.stiffness, integral, description.damping, own["damping"], most
         self._limits = np.ascontiguousarray(np.array(limits))
-        self.links = LinkWatch(body, period)
         self._joints = np.zeros((7, description.home.size))
         self._joints[3] = body.positions
+        self.links, self.commanded = LinkWatch(body, period), self._joints[4]
         self._resolution = description.encoder
         self._force, self._acceleration = np.zeros(9), np.zeros(9)
         self._step = float(body.model.opt.timestep)
