@@ -25,8 +25,15 @@ from measuring import figure, table
 from foretouch.link import Faults, FaultStage
 from foretouch.messages import VERSION, Command
 from foretouch.report import session_figures
-from foretouch.robot import SENSOR_FAULTS, ArticulatedArm, FaultySpatialSensor, GantryArm, SensorFault, SpatialRobot
-from foretouch.robot import read_arm
+from foretouch.robot import (
+    SENSOR_FAULTS,
+    ArticulatedArm,
+    FaultySpatialSensor,
+    GantryArm,
+    SensorFault,
+    SpatialRobot,
+    read_arm,
+)
 from foretouch.robot.arms import Obstacle
 from foretouch.session import SessionSettings
 from foretouch.session.runners.simulated import simulate
@@ -174,18 +181,22 @@ def met(name: str, stiffness: float, seed: int) -> Met:
     at = free.ticks // 2
     velocity = (places[at + 19] - places[at]) / 0.019
     speeds = np.linalg.norm(velocity, axis=1)
-    link = int(free.numbers.choice(np.flatnonzero(speeds > 0.5 * speeds.max())))
-    ahead = velocity[link] / speeds[link]
-    place = places[at][link] + ball.distances()[link] * ahead
     ball = Obstacle(AWAY, 0.03, stiffness)
-    crossing, began, noticed, bound, forces = Crossing(name, seed, ball), None, math.inf, 0.0, []
-    ball.move(tuple(place.tolist()))
+    crossing = Crossing(name, seed, ball)
+    for link in free.numbers.permutation(np.flatnonzero(speeds > 0.5 * speeds.max())):
+        place = places[at][link] + ball.distances()[link] * velocity[link] / speeds[link]
+        ball.move(tuple(place.tolist()))
+        if ball.clear:
+            break
+    else:
+        return Met(0.0, 0.0, math.inf, 0.0)
+    began, noticed, bound, forces = None, math.inf, 0.0, []
     for tick in range(crossing.ticks + 2000):
         says = crossing.go(tick)
         forces.append(float(ball.force.max()))
         if began is None and forces[-1] > 0.0:
             began, first = tick, int(ball.force.argmax())
-            bound = float(speeds[first]) * math.sqrt(stiffness * ball.mass(crossing.arm.body.model, first))
+            bound = float(speeds[first]) * math.sqrt(stiffness * ball.mass(crossing.arm.body, first))
         if says and began is not None:
             noticed = min(noticed, float(tick - began))
     return Met(max(forces), bound, noticed, statistics.fmean(forces[-200:]))
@@ -246,7 +257,11 @@ class Hostile:
         self.state = follower.start(
             self.robot.specification, settings, probe=ProbeInSpace(scene.surface, scene.nominal)
         )
-        bad = (Faults(0.0), Faults(0.05, jitter=0.05, loss=0.2, burst=10.0, seed=seed), Faults(0.0, outage=0.7, seed=seed))
+        bad = (
+            Faults(0.0),
+            Faults(0.05, jitter=0.05, loss=0.2, burst=10.0, seed=seed),
+            Faults(0.0, outage=0.7, seed=seed),
+        )
         self.network: FaultStage[Command] = FaultStage(bad[seed % len(bad)])
         self.sample = self.robot.read()
 
@@ -286,7 +301,10 @@ class Hostile:
         mass = self.robot.specification.moved_mass
         for _ in range(round(seconds * 1e3)):
             if self.numbers.random() < 0.004:
-                goal, speed = self.numbers.uniform((-0.3, -0.3, -0.1), (0.3, 0.3, 0.1)), 10.0 ** self.numbers.uniform(-2.0, 2.0)
+                goal, speed = (
+                    self.numbers.uniform((-0.3, -0.3, -0.1), (0.3, 0.3, 0.1)),
+                    10.0 ** self.numbers.uniform(-2.0, 2.0),
+                )
             silent = int(self.numbers.uniform(60, 1500)) if self.numbers.random() < 3e-4 else max(silent - 1, 0)
             left = goal - place
             place = place + left * min(speed * 1e-3 / max(float(np.linalg.norm(left)), 1e-12), 1.0)
@@ -317,8 +335,16 @@ def ceilings(seeds: int = 200) -> str:
             over = sum(one.force > SafetyLimits().force for one in found)
             shares = (worst.speed, worst.torque, worst.change)
             rows.append(
-                [f"`{name}`", f"{stiffness / 1e3:g}", str(seeds), figure(worst.force), str(over)]
-                + [figure(worst.later), figure(worst.bound), *(f"{100.0 * share:.0f}" for share in shares)]
+                [
+                    f"`{name}`",
+                    f"{stiffness / 1e3:g}",
+                    str(seeds),
+                    figure(worst.force),
+                    str(over),
+                    figure(worst.later),
+                    figure(worst.bound),
+                    *(f"{100.0 * share:.0f}" for share in shares),
+                ]
             )
     heads = ("`--robot`", "Floor [kN/m]", "Sessions", "Peak [N]", "Above 15 N", "Later than 0.1 s [N]")
     heads += ("v sqrt(k m) [N]", "Joint speed [%]", "Torque [%]", "Its change, or that of speed [%]")
@@ -330,7 +356,10 @@ MEASURED = {"line": line, "speed": speed, "links": links, "ceilings": ceilings}
 
 
 if __name__ == "__main__":
-    counts, names = [int(one) for one in sys.argv[1:] if one.isdigit()], [one for one in sys.argv[1:] if not one.isdigit()]
+    counts, names = (
+        [int(one) for one in sys.argv[1:] if one.isdigit()],
+        [one for one in sys.argv[1:] if not one.isdigit()],
+    )
     for name in chosen(names, MEASURED):
         text = ceilings(*counts) if name == "ceilings" else MEASURED[name]()
         print(f"{name}\n\n{text}\n", flush=True)

@@ -95,7 +95,7 @@ class ArticulatedArm(SpatialRobot):
         self.specification = self._specified(force_limit)
         self._build(start, force_limit)
         if obstacle is not None:
-            obstacle.join(self.body.model, self.body.data, self.body.origin)
+            obstacle.join(self.body)
             self.obstacle = obstacle
 
     def _specified(self, force_limit: float) -> RobotSpecification:

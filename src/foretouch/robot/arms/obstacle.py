@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.errors.checks import require
+from foretouch.robot.arms.body import Body
 from foretouch.robot.engine import load_mujoco
 from foretouch.robot.robot import Vector
 
@@ -42,15 +42,16 @@ class Obstacle:
         self.place, self.radius, self.stiffness, self.damping = place, radius, stiffness, damping
         self.force = np.zeros(0)
 
-    def join(self, model: Any, data: Any, origin: Array) -> None:
-        """Stand beside an arm in MuJoCo, whose scene has its origin there [m]."""
+    def join(self, arm: Body) -> None:
+        """Stand beside an arm."""
+        model, data = arm.model, arm.data
         capsule = load_mujoco().mjtGeom.mjGEOM_CAPSULE
         tool, still = model.body("tool").id, model.body("base").id
         bodies = model.geom_bodyid
         met = np.flatnonzero((model.geom_type == capsule) & (bodies != tool) & (bodies != still))
         self._data, self._met, self._bodies = data, met, bodies[met]
         self._radii, self._halves = model.geom_size[met, 0] + self.radius, model.geom_size[met, 1]
-        self._origin, self.force = origin, np.zeros(met.size)
+        self._origin, self.force = arm.origin, np.zeros(met.size)
         self.move(self.place)
 
     def move(self, place: Vector) -> None:
@@ -86,17 +87,24 @@ class Obstacle:
         places: Array = self._data.geom_xpos[self._met] - self._origin
         return places
 
+    @property
+    def clear(self) -> bool:
+        """Whether it meets no capsule where the arm is."""
+        return bool((self._overlap()[0] < 0.0).all())
+
     def distances(self) -> Array:
         """Distances between its middle and the axes of the capsules at which they touch [m], shape (count,)."""
         distances: Array = self._radii
         return distances
 
-    def mass(self, model: Any, number: int) -> float:
-        r"""Mass that the arm shows to it where a capsule is nearest [kg], :math:`1 / (n^T J M^{-1} J^T n)`."""
+    def mass(self, body: Body, number: int) -> float:
+        r"""Mass that the arm shows to it where a capsule is nearest [kg], :math:`1 / (n^T J M^{-1} J^T n)`.
+
+        What play its gears have is taken as closed: the rotors move with the links.
+        """
         mujoco, (_, away, nearest) = load_mujoco(), self._overlap()
-        jacobian, inertia = np.zeros((3, model.nv)), np.zeros((model.nv, model.nv))
-        mujoco.mj_jac(model, self._data, jacobian, None, nearest[number], self._bodies[number])
-        mujoco.mj_fullM(model, self._data, inertia)
-        row = away[number] @ jacobian
-        shown = float(row @ np.linalg.solve(inertia, row))
+        jacobian = np.zeros((3, body.model.nv))
+        mujoco.mj_jac(body.model, self._data, jacobian, None, nearest[number], self._bodies[number])
+        row = away[number] @ jacobian[:, body.joints]
+        shown = float(row @ np.linalg.solve(body.inertia, row))
         return 1.0 / shown if shown > 0.0 else math.inf

@@ -290,7 +290,7 @@ class SpatialSafety:
     def stand(self) -> Vector:
         """Begin again where the robot is in the next tick, at rest; the velocity that it was commanded [m/s]."""
         space = self.spaces[0]
-        velocity: Vector = tuple(space["path"]["velocity"].tolist())  # type: ignore[assignment]
+        velocity: Vector = tuple(space["path"]["velocity"].tolist())
         space["course"]["begun"] = False
         return velocity
 

@@ -55,7 +55,7 @@ class State:
         felt_commands: Commands applied in the newest ticks that were learnt from, for the delay of the sensor.
         released_tick: Number of the first telemetry behind the newest release, 0 before the first release.
         asked: Place of the newest command [m].
-        went: Velocity with which it was commanded when the robot met something [m/s]; empty while nothing is in its way.
+        went: Velocity that was commanded when the robot met something [m/s]; empty while nothing is in its way.
         before_release: Number of commands refused because their leader did not know of it.
     """
 
