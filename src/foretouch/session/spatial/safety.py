@@ -287,13 +287,6 @@ class SpatialSafety:
             self._told.touch(commanded)
             self._went(self.spaces[0], self._safety.memories[0], self.line.shape)
 
-    def stand(self) -> Vector:
-        """Begin again where the robot is in the next tick, at rest; the velocity that it was commanded [m/s]."""
-        space = self.spaces[0]
-        velocity: Vector = tuple(space["path"]["velocity"].tolist())
-        space["course"]["begun"] = False
-        return velocity
-
     def begin(self, place: Vector) -> None:
         """Begin again at the robot's position [m], at rest."""
         with suppress(Exception):  # the surface may be what has failed, and the robot is to leave it all the same

@@ -130,12 +130,13 @@ class ProbeOnAxis:
         give = state.memory["compliance"].item() * (force - offset if math.isfinite(offset) else force)
         return sample.position - give if give != 0.0 and math.isfinite(give) else sample.position
 
-    def stand(self, state: State) -> Vector:
-        """Begin again where the robot is, at rest; the velocity with which it was commanded [m/s]."""
-        motion = state.memory["safety"][0]["motion"][0]
-        velocity = float(motion["velocity"][0])
-        motion["position"] = math.nan
-        return velocity, 0.0, 0.0
+    def commanded_velocity(self, state: State) -> Vector:
+        """Velocity that the robot is commanded [m/s]."""
+        return state.safety.path["velocity"][0, 0].item(), 0.0, 0.0
+
+    def stand(self, state: State) -> None:
+        """Begin again where the robot is, at rest."""
+        state.safety.memories["motion"]["position"] = math.nan
 
     def back_off(self, state: State, sample: Any, position: Any, way: float) -> Any:
         """Retreat so far [m] from the robot's commanded position, according to the force in its sample alone."""

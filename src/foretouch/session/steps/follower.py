@@ -222,12 +222,15 @@ def _stand(state: State, sample: Any) -> None:
     try:
         tip = state.probe.tip(state, sample)
         ahead = subtract(state.asked, tip if isinstance(tip, tuple) else (tip, 0.0, 0.0))
-        if sample.held:
-            velocity = state.probe.stand(state)
-            state.went = state.went or (velocity if norm(velocity) > LEAST_SPEED else ahead)
-        elif state.went and not dot(ahead, state.went) > 0.0:
+        if not state.went:
+            velocity = state.probe.commanded_velocity(state)
+            state.went = velocity if norm(velocity) > LEAST_SPEED else ahead
+        leads_back = not dot(ahead, state.went) > 0.0
+        state.memory["obstructed"] = not leads_back
+        if not leads_back and sample.held:
+            state.probe.stand(state)
+        elif leads_back and not sample.held:
             state.went = ()
-        state.memory["obstructed"] = bool(state.went)
     except Exception as error:
         state.failures.note("what it has met", error)
 

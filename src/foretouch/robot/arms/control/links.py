@@ -20,15 +20,24 @@ TORQUE_SHARE = 0.04
 """Share of a joint's largest torque that may be unexplained beyond friction. Sessions in which no link meets anything
 show at most 0.7 of what is so allowed: see the tests."""
 
+STEP_SHARE = 0.15
+"""Share of the torque that a servo gives for one step of its encoder that may be unexplained, too: it pushes to and fro
+by that, and moves its rotor in the play of the gear, which the encoder does not show."""
+
+BY_SENSOR, BY_CURRENT = 100.0, 20.0
+"""How fast what disturbs the joints is known where a sensor tells the contact force, and where that is the motors'
+current [rad/s]."""
+
 GONE = 0.5  # Share of what may be unexplained below which nothing is met any more
 GONE_FOR = 0.1  # Time for which it has to be so [s]
-BESIDE = 2e-3  # Distance by which a command may still be ahead of a reference that it leads back [m]
+CREEPS = 1e-3  # Speed above which a reference goes on the way that it went [m/s]
+BESIDE = 2e-3  # Distance from a reference up to which a command leads neither on nor back [m]
 
 
 class Watching(Record):
     """State of the notice."""
 
-    rate: float = 100.0  # how fast what disturbs the joints is known [rad/s]
+    rate: float  # K [1/s]
     h: float  # period of the controller [s]
     worst: float  # largest unexplained torque of a joint as a share of what is allowed
     gone: float  # time since it was last near that [s]
@@ -47,15 +56,16 @@ def watch_links(
 
     is the observer of De Luca et al. (2006) of what disturbs the joints, less what is explained: the weight, the
     joints' damping and a known part of their Coulomb friction f, and the contact force F at the tip. What may be left
-    of each is, through the same low-pass, :math:`|P| (f (1 - 0.7 |\tanh|) + 0.04\, \tau_{max})`. P is the identity
-    where a sensor tells F. Where F is itself the motors' torque it takes off what a force at the tip explains: a link
-    that pushes just so is then felt as one, and the force limit holds it.
+    of each is, through the same low-pass, :math:`|P| (f (1 - 0.7 |\tanh|) + 0.04\, \tau_{max} + 0.15\, k \epsilon)`,
+    k being the stiffness of a servo and epsilon the step of its encoder. P is the identity where a sensor tells F. Where
+    F is itself the motors' torque it takes off what a force at the tip explains: a link that pushes just so is then
+    felt as one, and the force limit holds it.
 
     Args:
         watchings: One, written.
         joints: Shape (6, n): velocities [rad/s], gravity and Coriolis torques and the motors' mean torques [N m] of the
             period; velocities before it, r, and what of it may be left, which are written.
-        known: Shape (3, n): damping [N m s/rad], Coulomb friction and largest torque [N m].
+        known: Shape (3, n): damping [N m s/rad], Coulomb friction, and what may be left beside it [N m].
         inertia: M [kg m^2], shape (n, n).
         explained: P, shape (n, n).
         contact: Torques that the tip's contact force explains, :math:`J^T F` [N m].
@@ -67,11 +77,11 @@ def watch_links(
     gained = inertia @ ((velocity - before) / own.h)
     seen, may = np.empty(count), np.empty(count)
     for joint in range(count):
-        damping, friction, strongest = known[:, joint]
+        damping, friction, margin = known[:, joint]
         turning = FRICTION_KNOWN * math.tanh(velocity[joint] / FRICTION_SPEED)
         seen[joint] = gained[joint] - torque[joint] + bias[joint] + damping * velocity[joint] - contact[joint]
         seen[joint] += friction * turning
-        may[joint] = friction * (1.0 - abs(turning)) + TORQUE_SHARE * strongest
+        may[joint] = friction * (1.0 - abs(turning)) + margin
         before[joint] = velocity[joint]
     own.worst = 0.0
     for joint in range(count):
@@ -100,11 +110,14 @@ class LinkWatch:
     def __init__(self, body: Body, h: float) -> None:
         limits, count = body.limits(), body.description.home.size
         self._body, self._watch = body, watch_links.entry
-        self.states = Watching.new(h=h)
-        self._known = np.ascontiguousarray([limits[name] for name in ("damping", "friction", "torque")])
+        self._by_current = body.description.force == "current"
+        self.states = Watching.new(h=h, rate=BY_CURRENT if self._by_current else BY_SENSOR)
+        step = body.description.stiffness * body.description.encoder
+        margin = TORQUE_SHARE * limits["torque"] + STEP_SHARE * step
+        self._known = np.ascontiguousarray([limits["damping"], limits["friction"], margin])
         self._joints, self._explained, self._contact = np.zeros((6, count)), np.eye(count), np.zeros(count)
-        self._joints[5] = limits["friction"] + TORQUE_SHARE * limits["torque"]
-        self._by_current, self._torque, self._steps = body.description.force == "current", np.zeros(count), 0
+        self._joints[5] = limits["friction"] + margin
+        self._torque, self._steps = np.zeros(count), 0
         self._push = np.zeros(count)
 
     def add(self, torques: Array) -> None:
@@ -129,16 +142,18 @@ class LinkWatch:
     def hold(self, reference: States, force: Array) -> None:
         """A period is over, with this contact force at the tip [N]: hold the reference, or let it go on.
 
-        What is held is let go once nothing is unexplained any more and the command does not lead on the way that it
-        went.
+        What is held may go back on the way that it went. It may go anywhere once nothing is unexplained any more and
+        the command does not lead on that way.
         """
+        own, before = reference[0], bool(self.states["met"][0])
         if not self.look(force):
             return
-        own = reference[0]
-        if not own["held"]:
+        if not before:
             way = own["velocity"]
             own["ahead"] = way / max(math.sqrt(float(way @ way)), 1e-9)
         own["push"] = np.linalg.pinv(self._body.jacobian[:3].T) @ self._push
-        leads_on = float((own["newest"] - own["place"]) @ own["ahead"]) > BESIDE
-        own["held"] = met = leads_on or not float(self.states["gone"][0]) > GONE_FOR
+        further = float((own["newest"] - own["place"]) @ own["ahead"])
+        met = further > BESIDE or not float(self.states["gone"][0]) > GONE_FOR
+        goes_on = float(own["velocity"] @ own["ahead"]) > CREEPS
+        own["held"] = met and (further > -BESIDE if own["held"] or not before else goes_on)
         self.states["met"] = met
