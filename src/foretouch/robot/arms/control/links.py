@@ -57,9 +57,9 @@ def watch_links(
     is the observer of De Luca et al. (2006) of what disturbs the joints, less what is explained: the weight, the
     joints' damping and a known part of their Coulomb friction f, and the contact force F at the tip. What may be left
     of each is, through the same low-pass, :math:`|P| (f (1 - 0.7 |\tanh|) + 0.04\, \tau_{max} + 0.15\, k \epsilon)`,
-    k being the stiffness of a servo and epsilon the step of its encoder. P is the identity where a sensor tells F. Where
-    F is itself the motors' torque it takes off what a force at the tip explains: a link that pushes just so is then
-    felt as one, and the force limit holds it.
+    k being the stiffness of a servo and epsilon the step of its encoder. P is the identity where a sensor tells F.
+    Where F is itself the motors' torque, P takes off what a force at the tip explains: a link that pushes just so is
+    then felt as one, and the force limit holds it.
 
     Args:
         watchings: One, written.
