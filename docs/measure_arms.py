@@ -246,7 +246,7 @@ class Hostile:
     def __init__(self, name: str, stiffness: float, seed: int) -> None:
         self.numbers, scene = np.random.default_rng(seed), make_scene("plane")
         self.stiffness, self.now, self.sequence = stiffness, 0, 0
-        self.arm = ArticulatedArm(read_arm(name), self._floor, seed=seed)
+        self.arm = ArticulatedArm(read_arm(name), self._floor, seed=seed, start=(0.0, 0.0, 0.004))
         kinds = (*SENSOR_FAULTS, *[""] * len(SENSOR_FAULTS))
         kind, begin = str(self.numbers.choice(kinds)), self.numbers.uniform(0.5, 4.0)
         self.robot: SpatialRobot = self.arm
@@ -300,9 +300,10 @@ class Hostile:
         place = goal.copy()
         mass = self.robot.specification.moved_mass
         for _ in range(round(seconds * 1e3)):
-            if self.numbers.random() < 0.004:
+            if self.numbers.random() < 0.002:
+                wide = 0.3 if self.numbers.random() < 0.2 else 0.02  # beyond the box, or over the floor
                 goal, speed = (
-                    self.numbers.uniform((-0.3, -0.3, -0.1), (0.3, 0.3, 0.1)),
+                    self.numbers.uniform((-1.0, -1.0, -0.05), (1.0, 1.0, 0.01)) * (wide, wide, 1.0),
                     10.0 ** self.numbers.uniform(-2.0, 2.0),
                 )
             silent = int(self.numbers.uniform(60, 1500)) if self.numbers.random() < 3e-4 else max(silent - 1, 0)
