@@ -1,24 +1,46 @@
 """Measure sessions with the arms of the package beside the plain robot: the blocks of `docs/arms.md`.
 
-Usage: `.venv/bin/python docs/measure_arms.py [line] [speed]`; all without arguments, in about ten
-minutes on two cores.
+- `line`, `speed`: how well a session goes with each, and how long it takes.
+- `links`: how hard a link presses on something that stands in its way.
+- `ceilings`: how hard the probe presses, whatever is commanded and whatever fails, by SEEDS seeds, 200 without.
+
+Usage: `.venv/bin/python docs/measure_arms.py [TABLE ...] [SEEDS]`, without names for all. On two cores the first two
+take about ten minutes, `links` two, and `ceilings` about a minute for two seeds.
 """
 
 from __future__ import annotations
 
+import math
 import statistics
 import sys
 import time
 from pathlib import Path
+from typing import Any, NamedTuple
 
+import numpy as np
 from joblib import Parallel, delayed
 from measured_blocks import chosen, fill
 from measuring import figure, table
 
+from foretouch.link import Faults, FaultStage
+from foretouch.messages import VERSION, Command
 from foretouch.report import session_figures
-from foretouch.robot import ArticulatedArm, GantryArm, SpatialRobot, read_arm
+from foretouch.robot import (
+    SENSOR_FAULTS,
+    ArticulatedArm,
+    FaultySpatialSensor,
+    GantryArm,
+    SensorFault,
+    SpatialRobot,
+    read_arm,
+)
+from foretouch.robot.arms import Obstacle
 from foretouch.session import SessionSettings
 from foretouch.session.runners.simulated import simulate
+from foretouch.session.safety.safety import SafetyLimits
+from foretouch.session.spatial import make_scene
+from foretouch.session.spatial.probe import ProbeInSpace
+from foretouch.session.steps import follower
 from foretouch.settings import ARMS, SIMULATED
 
 PAGE = Path(__file__).parent / "arms.md"
@@ -94,9 +116,6 @@ def speed() -> str:
 def exchange_times(name: str) -> list[float]:
     """Times of exchanges [s]."""
 
-    def nothing(*_: object) -> tuple[float, float, float]:
-        return 0.0, 0.0, 0.0
-
     plain = name == SIMULATED
     robot: SpatialRobot = GantryArm(nothing, seed=0) if plain else ArticulatedArm(read_arm(name), nothing, seed=0)
     took = []
@@ -108,11 +127,241 @@ def exchange_times(name: str) -> list[float]:
     return took
 
 
-MEASURED = {"line": line, "speed": speed}
+STIFFNESSES = (1e3, 1e4, 1e5)
+MS = 1_000_000
+
+
+AWAY = (0.0, 0.0, -9.0)  # Where no link comes [m]
+
+
+def nothing(*_: object) -> tuple[float, float, float]:
+    """Free air."""
+    return 0.0, 0.0, 0.0
+
+
+class Met(NamedTuple):
+    """What came of a link that met an obstacle."""
+
+    peak: float  # largest force at the link [N]
+    bound: float  # v sqrt(k m) [N]
+    noticed: float  # time from the first touch until the arm noticed it [ms], infinite where it did not
+    held: float  # force in the end [N]
+
+
+class Crossing:
+    """An arm whose tip crosses its box in a seeded direction, level, at the largest speed that a session lets it have.
+
+    It begins at the one side, at rest.
+    """
+
+    def __init__(self, name: str, seed: int, obstacle: Obstacle) -> None:
+        self.arm = ArticulatedArm(read_arm(name), nothing, seed=seed, obstacle=obstacle)
+        numbers = np.random.default_rng(seed)
+        turned, (_, highest) = numbers.uniform(0.0, 2.0 * math.pi), self.arm.reach
+        half = 0.9 * min(highest[:2]) * np.array((math.cos(turned), math.sin(turned), 0.0))
+        middle = np.array(self.arm.read().exact_place)
+        self.numbers, self._from, self._way = numbers, middle - half, 2.0 * half
+        speed = min(SafetyLimits().speed, self.arm.largest_speed)
+        self.ticks = round(1e3 * float(np.linalg.norm(self._way)) / speed)
+        for k in range(1500):
+            self.arm.exchange(tuple(middle - half * min(k / 1e3, 1.0)))
+
+    def go(self, tick: int) -> bool:
+        """Go on for a tick; whether the arm says that it has met something."""
+        return self.arm.exchange(tuple(self._from + self._way * min(tick / self.ticks, 1.0))).held
+
+
+def met(name: str, stiffness: float, seed: int) -> Met:
+    """A link that moves at least half as fast as the fastest meets a ball halfway."""
+    ball = Obstacle(AWAY, 0.03, stiffness)
+    free, places = Crossing(name, seed, ball), []
+    for tick in range(free.ticks // 2 + 20):
+        free.go(tick)
+        places.append(ball.places())
+    at = free.ticks // 2
+    velocity = (places[at + 19] - places[at]) / 0.019
+    speeds = np.linalg.norm(velocity, axis=1)
+    ball = Obstacle(AWAY, 0.03, stiffness)
+    crossing = Crossing(name, seed, ball)
+    for link in free.numbers.permutation(np.flatnonzero(speeds > 0.5 * speeds.max())):
+        place = places[at][link] + ball.distances()[link] * velocity[link] / speeds[link]
+        ball.move(tuple(place.tolist()))
+        if ball.clear:
+            break
+    else:
+        return Met(0.0, 0.0, math.inf, 0.0)
+    began, noticed, bound, forces = None, math.inf, 0.0, []
+    for tick in range(crossing.ticks + 2000):
+        says = crossing.go(tick)
+        forces.append(float(ball.force.max()))
+        if began is None and forces[-1] > 0.0:
+            began, first = tick, int(ball.force.argmax())
+            bound = float(speeds[first]) * math.sqrt(stiffness * ball.mass(crossing.arm.body, first))
+        if says and began is not None:
+            noticed = min(noticed, float(tick - began))
+    return Met(max(forces), bound, noticed, statistics.fmean(forces[-200:]))
+
+
+def links() -> str:
+    """A table of the worst by arm and stiffness, and how often it was noticed."""
+    rows = []
+    for name in ARMS:
+        for stiffness in STIFFNESSES:
+            found = Parallel(n_jobs=2)(delayed(met)(name, stiffness, seed) for seed in LINK_SEEDS)
+            found = [one for one in found if one.bound > 0.0]
+            worst = max(found, key=lambda one: one.peak)
+            seen = [one.noticed for one in found if math.isfinite(one.noticed)]
+            rows.append(
+                [
+                    f"`{name}`",
+                    f"{stiffness / 1e3:g}",
+                    figure(worst.peak),
+                    figure(worst.bound),
+                    f"{len(seen)} of {len(found)}",
+                    f"{max(seen):.0f}" if seen else "",
+                    figure(max(one.held for one in found)),
+                ]
+            )
+    heads = ("`--robot`", "Obstacle [kN/m]", "Peak [N]", "There v sqrt(k m) [N]", "Noticed", "After [ms]", "Held [N]")
+    return table(heads, rows)
+
+
+LINK_SEEDS = range(3)
+
+
+class Pressed(NamedTuple):
+    """What came of a hostile session."""
+
+    force: float  # largest at the probe [N]
+    later: float  # largest that is no impact: later than 0.1 s after the contact began [N]
+    bound: float  # the largest v sqrt(k m) of an impact [N]
+    speed: float  # of the joints, as a share of their limit
+    torque: float  # likewise
+    change: float  # of the commanded joint speeds, or of the torques where these are commanded, likewise
+
+
+class Hostile:
+    """A session whose commands and network are as bad as a seed makes them, over a stiff floor."""
+
+    def __init__(self, name: str, stiffness: float, seed: int) -> None:
+        self.numbers, scene = np.random.default_rng(seed), make_scene("plane")
+        self.stiffness, self.now, self.sequence = stiffness, 0, 0
+        self.arm = ArticulatedArm(read_arm(name), self._floor, seed=seed, start=(0.0, 0.0, 0.004))
+        kinds = (*SENSOR_FAULTS, *[""] * len(SENSOR_FAULTS))
+        kind, begin = str(self.numbers.choice(kinds)), self.numbers.uniform(0.5, 4.0)
+        self.robot: SpatialRobot = self.arm
+        if kind:
+            fault = SensorFault(kind, begin, begin + self.numbers.uniform(0.1, 2.0))
+            self.robot = FaultySpatialSensor(self.arm, fault, seed=seed)
+        settings = SessionSettings(robot=name, scene="plane", seed=seed, first_touch="follow")
+        self.state = follower.start(
+            self.robot.specification, settings, probe=ProbeInSpace(scene.surface, scene.nominal)
+        )
+        bad = (
+            Faults(0.0),
+            Faults(0.05, jitter=0.05, loss=0.2, burst=10.0, seed=seed),
+            Faults(0.0, outage=0.7, seed=seed),
+        )
+        self.network: FaultStage[Command] = FaultStage(bad[seed % len(bad)])
+        self.sample = self.robot.read()
+
+    def _floor(self, place: Any, velocity: Any, elapsed: float) -> tuple[float, float, float]:
+        return 0.0, 0.0, max(-self.stiffness * place[2], 0.0)
+
+    def tick(self, place: tuple[float, ...] | None) -> None:
+        """One tick, with a command or without one."""
+        self.now += MS
+        if place is not None:
+            self.sequence += 1
+            late = self.now - (MS * 2000 if self.numbers.random() < 0.02 else 0)
+            fields = {"holder": "enemy", "epoch": 1, "telemetry_sequence": self.state.tick, "run": 1}
+            self.network.push(self.now, Command(VERSION, self.sequence, late, 0.0, 0, place=place, **fields))
+        inputs = follower.Inputs(self.network.pop_due(self.now), self.sample, MS, 0)
+        self.state, told = follower.step(self.state, inputs, self.now)
+        self.sample = self.robot.exchange(told.desired_position)
+
+    def _shares(self, before: Any) -> tuple[float, float, float]:
+        """Speed, torque, and the change of what the joints are commanded, as shares of their limits."""
+        body, commanded, period = self.arm.body, self.arm.control.commanded, 1.0 / self.arm.body.description.rate
+        description = body.description
+        by_torque = description.control == "impedance"
+        changes = description.torque_rate if by_torque else description.joint_acceleration
+        speeds = body.velocities if by_torque else commanded
+        return (
+            float((np.abs(speeds) / description.joint_speed).max()),
+            float((np.abs(body.data.ctrl) / body.limits()["torque"]).max()),
+            float((np.abs(commanded - before) / (changes * period)).max()),
+        )
+
+    def run(self, seconds: float) -> Pressed:
+        """Steps, ramps, silence and what is no number, into the floor and beyond the box's sides."""
+        worst, touching, before = np.zeros(6), 0, self.arm.control.commanded.copy()
+        goal, speed, silent = np.array(self.sample.place), 1.0, 0
+        place = goal.copy()
+        mass = self.robot.specification.moved_mass
+        for _ in range(round(seconds * 1e3)):
+            if self.numbers.random() < 0.002:
+                wide = 0.3 if self.numbers.random() < 0.2 else 0.02  # beyond the box, or over the floor
+                goal, speed = (
+                    self.numbers.uniform((-1.0, -1.0, -0.05), (1.0, 1.0, 0.01)) * (wide, wide, 1.0),
+                    10.0 ** self.numbers.uniform(-2.0, 2.0),
+                )
+            silent = int(self.numbers.uniform(60, 1500)) if self.numbers.random() < 3e-4 else max(silent - 1, 0)
+            left = goal - place
+            place = place + left * min(speed * 1e-3 / max(float(np.linalg.norm(left)), 1e-12), 1.0)
+            told = (math.nan,) * 3 if self.numbers.random() < 0.01 else tuple(place.tolist())
+            sinks = -float(self.arm.body.velocity[2])
+            self.tick(None if silent else told)
+            force = self.sample.exact_force[2]
+            if force > 0.0 and not touching:
+                worst[2] = max(worst[2], sinks * math.sqrt(mass * self.stiffness))
+            touching = touching + 1 if force > 0.0 else 0
+            shares, before = self._shares(before), self.arm.control.commanded.copy()
+            worst = np.maximum(worst, (force, force if touching > 100 else 0.0, 0.0, *shares))
+        return Pressed(*worst.tolist())
+
+
+def pressed(name: str, stiffness: float, seed: int) -> Pressed:
+    """A hostile session of 6 s."""
+    return Hostile(name, stiffness, seed).run(6.0)
+
+
+def ceilings(seeds: int = 200) -> str:
+    """A table of the largest by arm and stiffness."""
+    rows = []
+    for name in ARMS:
+        for stiffness in STIFFNESSES:
+            found = Parallel(n_jobs=JOBS)(delayed(pressed)(name, stiffness, seed) for seed in range(seeds))
+            worst = Pressed(*np.max(np.array(found), axis=0).tolist())
+            over = sum(one.force > SafetyLimits().force for one in found)
+            shares = (worst.speed, worst.torque, worst.change)
+            rows.append(
+                [
+                    f"`{name}`",
+                    f"{stiffness / 1e3:g}",
+                    str(seeds),
+                    figure(worst.force),
+                    str(over),
+                    figure(worst.later),
+                    figure(worst.bound),
+                    *(f"{100.0 * share:.0f}" for share in shares),
+                ]
+            )
+    heads = ("`--robot`", "Floor [kN/m]", "Sessions", "Peak [N]", "Above 15 N", "Later than 0.1 s [N]")
+    heads += ("v sqrt(k m) [N]", "Joint speed [%]", "Torque [%]", "Its change, or that of speed [%]")
+    return table(heads, rows)
+
+
+JOBS = 2
+MEASURED = {"line": line, "speed": speed, "links": links, "ceilings": ceilings}
 
 
 if __name__ == "__main__":
-    for name in chosen(sys.argv[1:], MEASURED):
-        text = MEASURED[name]()
+    counts, names = (
+        [int(one) for one in sys.argv[1:] if one.isdigit()],
+        [one for one in sys.argv[1:] if not one.isdigit()],
+    )
+    for name in chosen(names, MEASURED):
+        text = ceilings(*counts) if name == "ceilings" else MEASURED[name]()
         print(f"{name}\n\n{text}\n", flush=True)
         fill(PAGE, {name: text})

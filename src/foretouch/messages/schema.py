@@ -55,6 +55,7 @@ class Status(IntEnum):
     SENSOR_FAULT = 7
     SHADOW = 8
     TOO_SLOW = 9
+    OBSTRUCTED = 10
 
 
 STATUS_SENTENCES = {
@@ -68,6 +69,7 @@ STATUS_SENTENCES = {
     Status.SENSOR_FAULT: "its sensors are not to be trusted: learns nothing, holds, and then goes out as it came",
     Status.SHADOW: "learns and predicts, and commands nothing: somebody else moves the robot",
     Status.TOO_SLOW: "makes fewer than 500 ticks a second, too few to be safe: holds its place",
+    Status.OBSTRUCTED: "has met something beside its probe: holds, and waits for a command that leads back from there",
 }
 """Meaning of each `Status`, as the end of a sentence that begins with "The robot"."""
 

@@ -28,6 +28,7 @@ class RobotSample(NamedTuple):
         clipped: Whether the force limit cut the command in this tick.
         effort: What the drive pushes the probe inwards with [N], net of gravity, by its own current; NaN where it does
             not say. It bears the force sensor out, or not.
+        held: Whether the robot holds by itself, because it has met something on its way beside the probe.
     """
 
     position: float
@@ -38,6 +39,7 @@ class RobotSample(NamedTuple):
     commanded_position: float
     clipped: bool
     effort: float = math.nan
+    held: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,6 +112,7 @@ class SpatialSample(NamedTuple):
         fixture: The simulator's own pose of what is touched, a place [m] and a rotation vector [rad]; empty on
             hardware.
         clipped: Whether a force limit cut the command in this tick.
+        held: Whether the robot holds by itself, because it has met something on its way beside the probe.
         joints: Positions of its joints from the base on, as their encoders count them [rad], for pictures; empty where
             it has none, or does not say.
     """
@@ -120,6 +123,7 @@ class SpatialSample(NamedTuple):
     exact_place: Vector
     fixture: tuple[float, ...]
     clipped: bool
+    held: bool = False
     joints: tuple[float, ...] = ()
 
 

@@ -5,5 +5,6 @@ from __future__ import annotations
 from foretouch.robot.arms.along_line import ArmAlongLine
 from foretouch.robot.arms.arm import ArticulatedArm
 from foretouch.robot.arms.description import ArmDescription, ArmPicture, Capsule, read_arm
+from foretouch.robot.arms.obstacle import Obstacle
 
-__all__ = ["ArmAlongLine", "ArmDescription", "ArmPicture", "ArticulatedArm", "Capsule", "read_arm"]
+__all__ = ["ArmAlongLine", "ArmDescription", "ArmPicture", "ArticulatedArm", "Capsule", "Obstacle", "read_arm"]

@@ -64,4 +64,6 @@ class ArmAlongLine(Robot):
     def _along(self, sample: SpatialSample) -> RobotSample:
         felt, exact = sample.force[2], sample.exact_force[2]
         places = -sample.place[2], -sample.exact_place[2]
-        return RobotSample(places[0], felt, 0.0, exact, places[1], -self.arm.commanded[2], sample.clipped)
+        return RobotSample(
+            places[0], felt, 0.0, exact, places[1], -self.arm.commanded[2], sample.clipped, math.nan, sample.held
+        )

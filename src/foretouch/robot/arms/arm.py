@@ -13,6 +13,7 @@ from foretouch.errors.checks import require
 from foretouch.robot.arms.body import Body
 from foretouch.robot.arms.description import ArmDescription
 from foretouch.robot.arms.kinematics import InverseKinematics
+from foretouch.robot.arms.obstacle import Obstacle
 from foretouch.robot.engine import LARGEST_CONTACT_FORCE
 from foretouch.robot.gantry_arm import LEAST_STEPS, TouchedWorld
 from foretouch.robot.robot import RobotSpecification, SpatialRobot, SpatialSample, Vector
@@ -50,9 +51,12 @@ class ArticulatedArm(SpatialRobot):
         start: Position of the tip at first, in the scene [m].
         force_limit: The contact force that it holds in the end, at most [N].
         substeps: Physics steps in a millisecond.
+        obstacle: What its links can meet; None for nothing.
 
     Attributes:
         body: Of the arm in MuJoCo.
+        control: Of its kind; see `foretouch.robot.arms.control`.
+        obstacle: As given.
 
     Raises:
         InputError: The arm cannot reach the scene.
@@ -70,6 +74,7 @@ class ArticulatedArm(SpatialRobot):
         start: Vector = START,
         force_limit: float = 15.0,
         substeps: int = LEAST_STEPS,
+        obstacle: Obstacle | None = None,
     ) -> None:
         from foretouch.robot.arms.sensing import SENSINGS  # Numba is slow to import: only when used
 
@@ -77,7 +82,7 @@ class ArticulatedArm(SpatialRobot):
         require("force_limit", force_limit, above=0.0)
         require("substeps", substeps, at_least=LEAST_STEPS)
         self._fresh = True
-        self._world, self._fixture = world, fixture
+        self._world, self._fixture, self.obstacle = world, fixture, None
         self._period, self._steps, self._h = 1000 // description.rate, range(substeps), 1e-3 / substeps
         self.body = Body(description, self._h)
         low, high = description.reach
@@ -89,6 +94,9 @@ class ArticulatedArm(SpatialRobot):
         self._sensing = SENSINGS[description.force](self.body, seed)
         self.specification = self._specified(force_limit)
         self._build(start, force_limit)
+        if obstacle is not None:
+            obstacle.join(self.body)
+            self.obstacle = obstacle
 
     def _specified(self, force_limit: float) -> RobotSpecification:
         body, sensing = self.body, self._sensing
@@ -128,8 +136,8 @@ class ArticulatedArm(SpatialRobot):
             yielding=YIELDING_RATE / control.stiffness_along(body, DOWN),
             period=1.0 / description.rate,
         )
-        self._control, self._reference = control(body, reference), reference
-        self._clipped = reference["clipped"]
+        self.control, self._reference = control(body, reference), reference
+        self._clipped, self._held = reference["clipped"], reference["held"]
         self._desired, self._waited = start, 0
         self._contact: Vector = (0.0, 0.0, 0.0)
         for _ in range(SETTLING):
@@ -145,6 +153,11 @@ class ArticulatedArm(SpatialRobot):
     def speed_share(self) -> float:
         """Share of its speed that the tip is allowed where the arm is: less than 1 near a singular pose."""
         return float(self._reference["share"][0])
+
+    @property
+    def largest_speed(self) -> float:
+        """Largest speed of the tip on its way [m/s]."""
+        return float(self._reference["speed"][0])
 
     @property
     def commanded(self) -> Vector:
@@ -175,11 +188,13 @@ class ArticulatedArm(SpatialRobot):
         for _ in self._steps:
             body.begin_step()
             if begins:
-                self._control.begin(self._desired, sensing.force)
+                self.control.begin(self._desired, sensing.force, sensing.beside_tip)
                 begins = False
             if touches:
                 self._touch()
-            body.end_step(self._control.torques(), self._contact)
+            if self.obstacle is not None:
+                self.obstacle.push(self._h)
+            body.end_step(self.control.torques(), self._contact)
             sensing.step()
         self._waited = (self._waited + 1) % self._period
 
@@ -199,7 +214,8 @@ class ArticulatedArm(SpatialRobot):
         fixture = () if self._fixture is None else self._fixture()
         exact: Any = tuple(place.tolist())
         joints = tuple(body.counted.tolist())  # those of now, also where places are shown as late as the force
-        return SpatialSample(seen, felt, self._contact, exact, fixture, bool(self._clipped[0]), joints)
+        flags = bool(self._clipped[0]), bool(self._held[0])
+        return SpatialSample(seen, felt, self._contact, exact, fixture, *flags, joints)
 
 
 def _tip_speed(body: Body) -> float:

@@ -14,6 +14,9 @@ from foretouch.robot.robot import Vector
 
 Array = NDArray[np.float64]
 
+FRICTION_KNOWN, FRICTION_SPEED = 0.7, 0.05
+"""Share of the joints' Coulomb friction that an arm knows and takes off, and speed from which most of it is [rad/s]."""
+
 
 class Body:
     """An arm with its probe, standing in its home pose at first.

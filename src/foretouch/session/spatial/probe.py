@@ -385,6 +385,16 @@ class ProbeInSpace(ProbeOnAxis):
         """See `ProbeOnAxis.tip`."""
         return sample.place
 
+    def commanded_velocity(self, state: State) -> Vector:
+        """See `ProbeOnAxis.commanded_velocity`."""
+        x, y, z = self.safety.spaces["path"]["velocity"][0].tolist()
+        return x, y, z
+
+    def stand(self, state: State) -> None:
+        """See `ProbeOnAxis.stand`."""
+        super().stand(state)
+        self.safety.spaces["course"]["begun"] = False
+
     def back_off(self, state: State, sample: SpatialSample, position: Vector, way: float) -> Vector:
         """See `ProbeOnAxis.back_off`; whatever is believed of the fixture."""
         force = rigid.subtract(sample.force, self.safety.spaces["beside"]["bias"][0].tolist())

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 from foretouch.core import Kernel
 from foretouch.identification import ScaleFieldLearner, SensorState
 from foretouch.messages import Command, FieldUpdate, FollowerSpace, LeaderSpace, Message, ModelUpdate
+from foretouch.quantities.pose import Vector
 from foretouch.rendering import Renderer
 from foretouch.rendering.renderer import ContactFrame
 from foretouch.rendering.surfaces.line import Coordinates
@@ -96,7 +97,7 @@ class ProbeOnAxis:
 
     def given(self, state: State, sample: Any) -> Any:
         """What compiled code is given of a tick, beside what all of them need."""
-        return sample
+        return sample[:8]
 
     def exact_force(self, sample: Any) -> float:
         """The simulator's own contact force [N]."""
@@ -109,12 +110,12 @@ class ProbeOnAxis:
             state.watch.taken(stages.sense_alone.entry(state.states, given, now_ns))
         except Exception as error:
             state.failures.note("its sensors", error)
-            record.validity, record.position, record.force = SensorState.NOT_FINITE, given.position, math.nan
+            record.validity, record.position, record.force = SensorState.NOT_FINITE, given[0], math.nan
         return position
 
     def allow(self, state: State, given: Any, *asked: Any) -> stages.Acted:
         """The last stages: `foretouch.session.steps.tick.allow_on_axis`."""
-        acted: stages.Acted = stages.allow_alone.entry(state.states, given.position, *asked)
+        acted: stages.Acted = stages.allow_alone.entry(state.states, given[0], *asked)
         return acted
 
     def finish(
@@ -128,6 +129,14 @@ class ProbeOnAxis:
         offset, force = state.learner.conditioner.force_offset, state.sensor_force(sample)
         give = state.memory["compliance"].item() * (force - offset if math.isfinite(offset) else force)
         return sample.position - give if give != 0.0 and math.isfinite(give) else sample.position
+
+    def commanded_velocity(self, state: State) -> Vector:
+        """Velocity that the robot is commanded [m/s]."""
+        return state.safety.path["velocity"][0, 0].item(), 0.0, 0.0
+
+    def stand(self, state: State) -> None:
+        """Begin again where the robot is, at rest."""
+        state.safety.memories["motion"]["position"] = math.nan
 
     def back_off(self, state: State, sample: Any, position: Any, way: float) -> Any:
         """Retreat so far [m] from the robot's commanded position, according to the force in its sample alone."""

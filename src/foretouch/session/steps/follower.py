@@ -20,10 +20,11 @@ from foretouch.identification import ContactMap, Estimator, Learner, SensorState
 from foretouch.identification.conditioning.kernel import CONTACT_FLOOR
 from foretouch.link import SequenceCounter
 from foretouch.messages import VERSION, Command, FieldUpdate, FixtureBelief, ModelUpdate, Status, Telemetry
+from foretouch.quantities.pose import Vector, dot, norm, subtract
 from foretouch.robot import RobotSample, RobotSpecification
 from foretouch.session.network.lease import ControlLease
 from foretouch.session.network.model_sender import ModelSender
-from foretouch.session.network.playout import Arrival, Freshness, Playout
+from foretouch.session.network.playout import NOWHERE, Arrival, Freshness, Playout
 from foretouch.session.safety.force_guard import first_touch
 from foretouch.session.safety.safety import STATES, Safety
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
@@ -34,6 +35,7 @@ from foretouch.session.steps.sensing import Failures, calibrated, safety_limits
 # Constants used in every tick: a member of an enumeration costs more to look up than to compare.
 GOOD = SensorState.GOOD
 FRESH, FUTURE = Arrival.FRESH, Arrival.FUTURE
+LEAST_SPEED = 1e-3  # Below this, the way on which a robot met something is that to the newest command [m/s]
 OF_ROBOT = ("tool_mass", "gravity", "moved_mass", "largest_offset")  # What a tick knows of the robot's specification
 HOLDING, RETREATING, TOO_SLOW = int(Status.HOLDING), int(Status.RETREATING), int(Status.TOO_SLOW)
 
@@ -52,6 +54,8 @@ class State:
         probe: The robot's probe, on an axis or in space.
         felt_commands: Commands applied in the newest ticks that were learnt from, for the delay of the sensor.
         released_tick: Number of the first telemetry behind the newest release, 0 before the first release.
+        asked: Place of the newest command [m].
+        went: Velocity that was commanded when the robot met something [m/s]; empty while nothing is in its way.
         before_release: Number of commands refused because their leader did not know of it.
     """
 
@@ -77,6 +81,8 @@ class State:
     failures: Failures = field(default_factory=Failures)
     released_tick: int = 0
     before_release: int = 0
+    asked: Vector = NOWHERE
+    went: Vector | tuple[()] = ()
 
     def sensor_force(self, sample: RobotSample) -> float:
         """Sensor force less weight and inertia of the tool, which are no contact, and its calibrated zero [N]."""
@@ -188,6 +194,8 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     safety, sender, probe, sample = state.safety, state.sender, state.probe, inputs.sample
     probe.hear(state, inputs, now_ns)
     _hear(state, inputs.commands, now_ns)
+    if sample.held or state.went:
+        _stand(state, sample)
     heard_ns = state.freshness.newest_ns
     heard = -1 if heard_ns is None or inputs.ended else heard_ns
     times_ns, acted = (now_ns, heard, inputs.period_ns, state.start_ns or 0), None
@@ -212,6 +220,24 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         sensors, state.lease.epoch, state.run, space,
     )  # fmt: skip
     return state, Outputs(commanded, telemetry, model, materials)
+
+
+def _stand(state: State, sample: Any) -> None:
+    """Stand where a robot stands that has met something, until a command leads back from there."""
+    try:
+        tip = state.probe.tip(state, sample)
+        ahead = subtract(state.asked, tip if isinstance(tip, tuple) else (tip, 0.0, 0.0))
+        if not state.went:
+            velocity = state.probe.commanded_velocity(state)
+            state.went = velocity if norm(velocity) > LEAST_SPEED else ahead
+        leads_back = not dot(ahead, state.went) > 0.0
+        state.memory["obstructed"] = not leads_back
+        if not leads_back and sample.held:
+            state.probe.stand(state)
+        elif leads_back and not sample.held:
+            state.went = ()
+    except Exception as error:
+        state.failures.note("what it has met", error)
 
 
 def _hear(state: State, commands: list[Command], now_ns: int) -> None:
@@ -328,6 +354,7 @@ def _take(state: State, command: Command, now_ns: int) -> None:
         return
     position = state.probe.wanted(command)
     if math.isfinite(position):  # a command without a position is never played
+        state.asked = command.place if len(command.place) == 3 else (command.position, 0.0, 0.0)
         surface = state.sender.surface_of(command.acknowledged_model)
         state.playout.push(sequence, position, command.place, surface)
         state.sender.round_trip.commanded(sequence, command.acknowledged_model)

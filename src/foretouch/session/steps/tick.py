@@ -87,9 +87,10 @@ class Follower(Record):
     force: float  # of the sensor less tool and zero in this tick [N]
     validity: int  # of the sensors in this tick
     status: int  # in this tick
+    obstructed: bool  # the robot has met something on its way, and no command has led back since
 
 
-HOLDING, TOO_SLOW = int(Status.HOLDING), int(Status.TOO_SLOW)
+HOLDING, TOO_SLOW, OBSTRUCTED = int(Status.HOLDING), int(Status.TOO_SLOW), int(Status.OBSTRUCTED)
 
 _advance, _look, _guarded = advance.function, look.function, guarded_position.function
 _keep_safe, _limit, _is_too_slow = keep_safe.function, limit.function, is_too_slow.function
@@ -178,14 +179,16 @@ def allow(states: States, position: float, times_ns: Times, guarded: bool, desir
         desired = _guarded(follower.touch, desired, position, math.nan if faulty else felt, touches, known)
     silence = math.inf if heard_ns < 0 else (now_ns - heard_ns) * 1e-9
     too_slow = _is_too_slow(follower.rate, period_ns)
-    if too_slow:
+    if too_slow or follower.obstructed:
         silence = max(silence, limits.hold_after)
     surface, held_back, uncertain = states[1][0][0].surface, touch.held_back != 0.0, follower.watch[0].loss.uncertain
     safety, free = follower.safety, follower.free
     aim, status = _keep_safe(
         safety, stopped, desired, position, felt, touches, surface, silence, faulty, held_back, free, uncertain
     )
-    follower.status = TOO_SLOW if too_slow and status == HOLDING else status
+    if status == HOLDING:
+        status = OBSTRUCTED if follower.obstructed else TOO_SLOW if too_slow else HOLDING
+    follower.status = status
     return aim, int(follower.status)
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from foretouch.core import Record, compiled, kernel
 from foretouch.robot.arms.body import Body
+from foretouch.robot.arms.control.links import LinkWatch
 from foretouch.robot.arms.control.reference import Reference, move_reference, take_command
 from foretouch.robot.robot import Vector
 
@@ -166,6 +167,10 @@ class ImpedanceControl:
     Args:
         body: That is driven.
         reference: Way of the tip, written.
+
+    Attributes:
+        commanded: The motors' torques [N m], shape (n,).
+        links: Notices what the links meet.
     """
 
     def __init__(self, body: Body, reference: NDArray[np.void]) -> None:
@@ -179,6 +184,7 @@ class ImpedanceControl:
         self._limits = np.ascontiguousarray(np.array([own[name] for name in names]))
         self._joints = np.zeros((7, description.home.size))
         self._joints[3], self._joints[4] = body.positions, body.bias
+        self.links, self.commanded = LinkWatch(body, self._h), self._joints[4]
         self._tip = np.zeros((5, 9))
         self._tip[4] = body.rotation
 
@@ -187,9 +193,10 @@ class ImpedanceControl:
         """Stiffness that the tip shows along a unit direction [N/m]."""
         return float(Impedance.new()["stiffness"][0])
 
-    def begin(self, place: Vector, force: Array) -> None:
+    def begin(self, place: Vector, force: Array, beside_tip: bool) -> None:
         """See `Control.begin`."""
         body, joints, tip = self._body, self._joints, self._tip
+        self.links.hold(self.reference, force, beside_tip)
         self._take(self.reference, *place)
         tip[1, :3] = force
         self._move(self.reference, tip[1], tip[2], self._h)
@@ -200,4 +207,5 @@ class ImpedanceControl:
     def torques(self) -> Array:
         """See `Control.torques`."""
         torques: Array = self._joints[4]
+        self.links.add(torques)
         return torques

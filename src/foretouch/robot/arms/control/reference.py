@@ -41,7 +41,9 @@ class Reference(Record):
 
     .. math:: -n \cdot v_c \le Y (F_{limit} - F)
 
-    n being the direction of the force; above the limit it goes back.
+    n being the direction of the force; above the limit it goes back. While a link of the arm has met something, r is
+    held, and goes only where the force at the tip that would push as that does leads it, Y metres a second for each
+    newton.
     """
 
     newest: Vector3  # the newest command [m]
@@ -59,6 +61,9 @@ class Reference(Record):
     period: float  # of the commands [s]
     share: float = 1.0  # of the speed that is allowed where the arm is, 0 to 1
     clipped: bool  # whether the force limit has cut since the newest command
+    held: bool  # because a link has met something
+    ahead: Vector3  # direction in which it went then
+    push: Vector3  # force at the tip that would push as what was met does [N]
 
 
 def make_reference(place: Any, reach: Any, **limits: float) -> States:
@@ -118,6 +123,10 @@ def move_reference(references: States, force: Array, acceleration: Array, h: flo
         if more > 0.0:
             v0, v1, v2 = v0 + more * n0, v1 + more * n1, v2 + more * n2
             reference.clipped = True
+    if reference.held:
+        away = reference.yielding
+        v0, v1, v2 = away * reference.push[0], away * reference.push[1], away * reference.push[2]
+        reference.clipped = True
     v0, v1, v2 = _limited(v0, v1, v2, reference.share * reference.speed)
     gain = 2.0 * RATE
     a0, a1, a2 = _limited(

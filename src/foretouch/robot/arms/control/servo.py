@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from foretouch.core import kernel
 from foretouch.robot.arms.body import Body
+from foretouch.robot.arms.control.links import LinkWatch
 from foretouch.robot.arms.control.reference import move_reference, take_command
 from foretouch.robot.arms.kinematics import InverseKinematics
 from foretouch.robot.robot import Vector
@@ -56,6 +57,10 @@ class ServoControl:
         body: That is driven.
         reference: Way of the tip, written.
         tick: The reference is moved in steps of this length [s].
+
+    Attributes:
+        commanded: Speeds of the joints [rad/s], shape (n,).
+        links: Notices what the links meet.
     """
 
     def __init__(self, body: Body, reference: NDArray[np.void], tick: float = 1e-3) -> None:
@@ -72,6 +77,7 @@ class ServoControl:
         self._limits = np.ascontiguousarray(np.array(limits))
         self._joints = np.zeros((7, description.home.size))
         self._joints[3] = body.positions
+        self.links, self.commanded = LinkWatch(body, period), self._joints[4]
         self._resolution = description.encoder
         self._force, self._acceleration = np.zeros(9), np.zeros(9)
         self._step = float(body.model.opt.timestep)
@@ -82,9 +88,10 @@ class ServoControl:
         row = direction @ body.jacobian[:3]
         return 1.0 / float(row @ (row / body.description.stiffness))
 
-    def begin(self, place: Vector, force: Array) -> None:
+    def begin(self, place: Vector, force: Array, beside_tip: bool) -> None:
         """See `Control.begin`."""
         reference, inverse = self.reference, self._inverse
+        self.links.hold(reference, force, beside_tip)
         self._take(reference, *place)
         self._force[:3] = force
         for _ in self._ticks:
@@ -106,4 +113,5 @@ class ServoControl:
         self._serve(joints, self._limits, self._knows_weight, self._step)
         joints[3] += self._step * joints[4]
         torques: Array = joints[5]
+        self.links.add(torques)
         return torques

@@ -24,6 +24,7 @@ class Sensing(Protocol):
         largest_offset: Largest force that it shows with nothing on the probe [N].
         contact_floor: Largest force that it shows there while the arm moves, beside its offset [N].
         contact: Where on the tool the newest force acts; None where only a force is known.
+        beside_tip: Whether something else of the tool than its tip touches.
     """
 
     noise: float
@@ -32,6 +33,7 @@ class Sensing(Protocol):
     largest_offset: float
     contact_floor: float
     contact: TipContact | None
+    beside_tip: bool
 
     @property
     def force(self) -> Array:

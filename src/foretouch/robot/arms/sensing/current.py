@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.robot.arms.body import Body
+from foretouch.robot.arms.body import FRICTION_KNOWN, FRICTION_SPEED, Body
 
 Array = NDArray[np.float64]
 
@@ -18,10 +18,6 @@ for an ampere."""
 CURRENT_BANDWIDTH = 6.0
 """Cut-off of the two low-passes behind a current [Hz]: a servo with a coarse encoder pushes to and fro by a step of it
 times its stiffness, 1.5 N m for 12 bits."""
-
-
-FRICTION_KNOWN, FRICTION_SPEED = 0.7, 0.05
-"""Share of the joints' Coulomb friction that is known and taken off, and speed from which most of it is [rad/s]."""
 
 
 class CurrentForce:
@@ -38,7 +34,7 @@ class CurrentForce:
     """
 
     noise, bandwidth, range = 0.05, CURRENT_BANDWIDTH, math.inf
-    contact = None  # motors that hold a tip know no torque about it
+    contact, beside_tip = None, False  # motors that hold a tip know no torque about it
 
     def __init__(self, body: Body, seed: int) -> None:
         limits = body.limits()

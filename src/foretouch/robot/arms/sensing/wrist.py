@@ -10,13 +10,15 @@ from numpy.typing import NDArray
 from foretouch.core import Record, kernel
 from foretouch.robot.arms.body import Body
 from foretouch.robot.arms.description import PROBE_RADIUS, SENSOR, TIP
-from foretouch.robot.arms.sensing.tip_contact import TipContact, TipSensing
+from foretouch.robot.arms.sensing.tip_contact import TipContact, TipSensing, Touching
 from foretouch.robot.arms.sensing.wrist_sensor import WristSensor
 from foretouch.robot.engine import OFFSET_UNCERTAINTY
 
 Array = NDArray[np.float64]
 
 ZEROED_BY = 100  # Samples of which the sensor's bias is the mean, before anything is touched
+
+BESIDE_FOR = 5  # Samples in a row that show a contact beside the tip: a blow shakes the tool for less
 
 FORCE_LEFT, TORQUE_LEFT = 0.06, 2e-3
 """Standard deviations of a force [N] and a torque [N m] with what no zero takes off: noise, drift, and the cross-talk
@@ -87,6 +89,7 @@ class WristForce:
 
     Attributes:
         contact: Where on the tool the contact force of the newest sample acts.
+        beside_tip: Whether no contact at the tip has explained the newest `BESIDE_FOR` samples.
     """
 
     contact_floor = 0.0
@@ -105,6 +108,7 @@ class WristForce:
         self._sensed, self._interaction = body.data.sensordata, body.data.sensordata[:6]
         self._wrench, self.force = np.zeros(6), np.zeros(3)
         self._zero, self._is_zeroed = np.zeros(6), False
+        self._beside, self.beside_tip = 0, False
         self._tip = TipSensing(PROBE_RADIUS, (0.0, 0.0, float(tip - root)), FORCE_LEFT, TORQUE_LEFT)
         self.contact: TipContact | None = self._tip.locate(self._wrench)
         self._move, self._take_off = move.entry, take_off.entry
@@ -124,7 +128,9 @@ class WristForce:
             self._is_zeroed = True
             self._zero = np.mean([self._contact_of(self._sensor.read()).copy() for _ in range(ZEROED_BY)], axis=0)
         self._contact_of(self._sensor.read())
-        self.contact = self._tip.locate(self._wrench)
+        self.contact = contact = self._tip.locate(self._wrench)
+        self._beside = self._beside + 1 if contact.touching is Touching.ELSEWHERE else 0
+        self.beside_tip = self._beside >= BESIDE_FOR
         return self.force
 
     def _contact_of(self, shown: Array) -> Array:
