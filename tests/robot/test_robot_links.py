@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -129,3 +130,25 @@ def test_a_follower_stands_there_says_so_and_waits_for_a_way_back() -> None:
     assert Status.RETURNING in statuses[3000:]
     assert not ball.force.any()
     assert sample.position < 0.002
+
+
+@pytest.mark.parametrize("name", ["fr3", "ur5e"])
+@pytest.mark.parametrize(("share", "beside"), [(1.0, False), (0.5, True)])
+def test_a_tool_that_touches_beside_its_tip_holds_the_arm(
+    name: str, share: float, beside: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A force of 3 N across the probe, at its tip and half way up its rod: the same force, and another torque."""
+    arm = ArticulatedArm(read_arm(name), in_the_air, seed=1)
+    data, tool = arm.body.data, arm.body.model.body("tool").id
+    root, tip = data.site("sensor").xpos, data.site("tip").xpos
+
+    def pushed(torques: np.ndarray, _: object) -> None:
+        force = np.array((3.0, 0.0, 0.0))
+        lever = root + share * (tip - root) - data.xipos[tool]
+        data.xfrc_applied[tool] = *force, *np.cross(lever, force)
+        data.ctrl[:] = torques
+        mujoco.mj_step2(arm.body.model, data)
+
+    monkeypatch.setattr(arm.body, "end_step", pushed)
+    held = [arm.exchange((0.0, 0.0, 0.05)).held for _ in range(400)]
+    assert any(held) is beside

@@ -241,13 +241,13 @@ LEAST_SHARE = 0.05  # Least step as a fraction of the scale's stiff end: less is
 
 
 def scale_edges(edges: Array, stiffness: Array) -> Array:
-    """Round numbers at equal steps [N/m], one more than there are colours, that hold what was learnt and these edges.
+    """Round numbers at equal steps from 0 up [N/m], one more than there are colours, for what was learnt and these.
 
     Since a scale grows when more is learnt and does not shrink, colours keep; it has no edges before anything was.
     """
     if not len(stiffness):
         return edges
-    low, high = np.percentile(stiffness, (2.0, 98.0)).tolist()
+    low, high = np.maximum(np.percentile(stiffness, (2.0, 98.0)), 0.0).tolist()  # less is what a young law says
     if len(edges):
         low, high = min(low, float(edges[0])), max(high, float(edges[-1]))
     count = len(COLOURS)
