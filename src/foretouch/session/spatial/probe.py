@@ -191,18 +191,12 @@ class Learns(Protocol):
 
 
 class Earlier:
-    """What was learnt one to two times `KEPT_EVERY` ago, to go back to where a bump spoilt it since.
-
-    Args:
-        law: Of the material.
-        *others: What else learns from the same touches.
-    """
+    """What was learnt one to two times `KEPT_EVERY` ago, to go back to where a bump spoilt it since."""
 
     def __init__(self, law: ContactMap, *others: Learns) -> None:
         self._law = law
-        self._learners: list[tuple[Learns, list[Records]]] = [
-            (one, [one.states.copy(), one.states.copy()]) for one in (law, *others)
-        ]
+        every: tuple[Learns, ...] = law, *others
+        self._learners = [(one, [one.states.copy(), one.states.copy()]) for one in every]
         self._below = [math.nan, math.nan]
 
     def keep(self, tick: int, below: float) -> None:

@@ -29,7 +29,7 @@ current [rad/s]."""
 GONE = 0.5  # Share of what may be unexplained below which nothing is met any more
 GONE_FOR = 0.1  # Time for which it has to be so [s]
 CREEPS = 1e-3  # Speed above which a reference goes on the way that it went [m/s]
-BESIDE = 2e-3  # Distance from a reference up to which a command leads neither on nor back [m]
+BESIDE = 2e-3  # Distance from where something was met up to which a command leads neither on nor back [m]
 
 
 class Watching(Record):
@@ -116,7 +116,7 @@ class LinkWatch:
         self._joints, self._explained, self._contact = np.zeros((6, count)), np.eye(count), np.zeros(count)
         self._joints[5] = limits["friction"] + margin
         self._torque, self._steps = np.zeros(count), 0
-        self._push = np.zeros(count)
+        self._push, self._where = np.zeros(count), np.zeros(3)  # where the tip was told to be when something was met
 
     def add(self, torques: Array) -> None:
         """The motors' torques of a physics step [N m]."""
@@ -151,8 +151,9 @@ class LinkWatch:
         if not before:
             way = own["velocity"]
             own["ahead"] = way / max(math.sqrt(float(way @ way)), 1e-9)
+            self._where[:] = own["place"]
         own["push"] = np.linalg.pinv(self._body.jacobian[:3].T) @ self._push
-        further = float((own["newest"] - own["place"]) @ own["ahead"])
+        further = float((own["newest"] - self._where) @ own["ahead"])
         met = further > BESIDE or not float(self.states["gone"][0]) > GONE_FOR
         goes_on = float(own["velocity"] @ own["ahead"]) > CREEPS
         own["held"] = met and (further > -BESIDE if own["held"] or not before else goes_on)
