@@ -5,6 +5,7 @@ The arm is an MJCF text with its dimensions as plain numbers.
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -81,7 +82,17 @@ MOVED_MASS = CARRIAGE_MASS + TOOL_MASS  # Mass that a drive moves [kg]
 RAIL_DAMPING = 1.0  # Damping of a driven joint [N s/m]
 
 LARGEST_CONTACT_FORCE = 1000.0
-"""Bound to which a contact force that is more, or no number, is cut, so that the physics stay finite [N]."""
+"""Bound to which a contact force is cut, so that the physics stay finite [N]."""
+
+
+def bounded_force(force: tuple[float, float, float]) -> tuple[float, float, float]:
+    """A contact force [N] within `LARGEST_CONTACT_FORCE`, and none for one that is no number."""
+    size = math.hypot(*force)
+    if size <= LARGEST_CONTACT_FORCE:
+        return force
+    scale = LARGEST_CONTACT_FORCE / size if math.isfinite(size) else 0.0
+    return (force[0] * scale, force[1] * scale, force[2] * scale) if scale else (0.0, 0.0, 0.0)
+
 
 OFFSET_UNCERTAINTY = 0.2  # Part of the force sensor's largest offset beyond its mean one, ten times its noise [N]
 

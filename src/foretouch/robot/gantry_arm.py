@@ -10,7 +10,6 @@ from foretouch.errors.checks import require
 from foretouch.robot.engine import (
     CARRIAGE_MASS,
     GRAVITY,
-    LARGEST_CONTACT_FORCE,
     OFFSET_UNCERTAINTY,
     RAIL_DAMPING,
     ROD_LENGTH,
@@ -18,6 +17,7 @@ from foretouch.robot.engine import (
     TIP_RADIUS,
     TOOL_MASS,
     ArmSettings,
+    bounded_force,
     load_mujoco,
     normal_draws,
 )
@@ -137,12 +137,7 @@ class GantryArm(SpatialRobot):
 
     def _touch(self) -> None:
         (x, y, z), (u, v, w) = self._data.qpos.tolist(), self._data.qvel.tolist()
-        force = self._world((x, y, z), (u, v, w), self._h)
-        size = math.hypot(*force)
-        if not size <= LARGEST_CONTACT_FORCE:
-            scale = LARGEST_CONTACT_FORCE / size if math.isfinite(size) else 0.0
-            force = (force[0] * scale, force[1] * scale, force[2] * scale) if scale else (0.0, 0.0, 0.0)
-        self._contact = force
+        self._contact = bounded_force(self._world((x, y, z), (u, v, w), self._h))
 
     def _measure(self) -> SpatialSample:
         x, y, z = self._data.qpos.tolist()

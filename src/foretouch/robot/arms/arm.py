@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +14,12 @@ from foretouch.robot.arms.body import Body
 from foretouch.robot.arms.description import ArmDescription
 from foretouch.robot.arms.kinematics import InverseKinematics
 from foretouch.robot.arms.obstacle import Obstacle
-from foretouch.robot.engine import LARGEST_CONTACT_FORCE
+from foretouch.robot.engine import bounded_force
 from foretouch.robot.gantry_arm import LEAST_STEPS, TouchedWorld
 from foretouch.robot.robot import RobotSpecification, SpatialRobot, SpatialSample, Vector
+
+if TYPE_CHECKING:
+    from foretouch.robot.arms.control import Control
 
 Array = NDArray[np.float64]
 
@@ -55,7 +58,7 @@ class ArticulatedArm(SpatialRobot):
 
     Attributes:
         body: Of the arm in MuJoCo.
-        control: Of its kind; see `foretouch.robot.arms.control`.
+        control: Of its kind.
         obstacle: As given.
 
     Raises:
@@ -136,7 +139,8 @@ class ArticulatedArm(SpatialRobot):
             yielding=YIELDING_RATE / control.stiffness_along(body, DOWN),
             period=1.0 / description.rate,
         )
-        self.control, self._reference = control(body, reference), reference
+        self.control: Control = control(body, reference)
+        self._reference = reference
         self._clipped, self._held = reference["clipped"], reference["held"]
         self._desired, self._waited = start, 0
         self._contact: Vector = (0.0, 0.0, 0.0)
@@ -199,12 +203,8 @@ class ArticulatedArm(SpatialRobot):
         self._waited = (self._waited + 1) % self._period
 
     def _touch(self) -> None:
-        force = self._world(tuple(self.body.place.tolist()), tuple(self.body.velocity.tolist()), self._h)
-        size = math.hypot(*force)
-        if not size <= LARGEST_CONTACT_FORCE:
-            scale = LARGEST_CONTACT_FORCE / size if math.isfinite(size) else 0.0
-            force = (force[0] * scale, force[1] * scale, force[2] * scale) if scale else (0.0, 0.0, 0.0)
-        self._contact = force
+        place, velocity = self.body.place.tolist(), self.body.velocity.tolist()
+        self._contact = bounded_force(self._world(tuple(place), tuple(velocity), self._h))
 
     def _measure(self) -> SpatialSample:
         body, place = self.body, self.body.place

@@ -162,7 +162,7 @@ def push(
 
 
 class ImpedanceControl:
-    """Cartesian impedance through joint torques; see `foretouch.robot.arms.impedance_Impedance`.
+    """Cartesian impedance through joint torques; see `Impedance`.
 
     Args:
         body: That is driven.
