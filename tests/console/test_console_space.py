@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from foretouch.console.panels.session import Publisher
 from foretouch.console.panels.space import MARKERS, draw_over, pose_sentence
 from foretouch.console.playback import Playback
-from foretouch.console.space_state import SpaceState, newest_image
+from foretouch.console.space_state import MOST_FIELDS, SpaceState, newest_image
 from foretouch.console.views import shapes as shape
 from foretouch.console.views.hold import HOME, REACH, SpaceHold
 from foretouch.console.views.shapes import COLOURS, along, legend_html, levels_of, scale_edges, wxyz_of
@@ -147,13 +147,24 @@ def test_an_image_is_shown_late_and_the_one_of_another_process_never() -> None:
         assert (image.tick if image else None) == (max(due) if due else None)
 
 
+def ticked(sequence: int, run: int) -> Telemetry:
+    numbers, robot = (0.0,) * 6, FollowerSpace(*(0.0,) * 19)
+    return Telemetry(VERSION, sequence, sequence, 0, *numbers, False, False, 0, 1, 1, run=run, space=robot)
+
+
+def test_what_was_felt_long_ago_stays_in_every_picture() -> None:
+    seen, count = Watched(), MOST_FIELDS + 50
+    for k in range(1, count):
+        seen.take(ticked(k, 1), 0.0)
+        content = packed([k // 100], [k % 100], [0.0], [0.01])
+        seen.take(FieldUpdate(VERSION, k, k, content, run=1), 0.0)
+        field = seen.at_once().space.field(k)
+        assert field is not None
+        assert field.count == k
+
+
 def test_a_robot_that_begins_anew_is_not_mixed_with_the_one_before() -> None:
     space = SpaceState()
-
-    def ticked(sequence: int, run: int) -> Telemetry:
-        numbers, robot = (0.0,) * 6, FollowerSpace(*(0.0,) * 19)
-        return Telemetry(VERSION, sequence, sequence, 0, *numbers, False, False, 0, 1, 1, run=run, space=robot)
-
     for sequence in (5, 6):
         space.take(ticked(sequence, 1), 0.0)
     space.take(FieldUpdate(VERSION, 1, 5, packed([1], [1], [0.0], [0.01]), run=1), 0.0)

@@ -55,20 +55,38 @@ class PoseTrace(NamedTuple):
         return cls(*table[(table[:, 0] >= -seconds) & (table[:, 0] <= 0.0)].T)
 
 
-class Learnt(NamedTuple):
-    """What a follower's process had told of material and shape, up to a message of this number."""
+class Learnt:
+    """What a follower's process told of material and shape, up to a message of a number.
 
-    run: int
-    newest: int
-    field: ScaleField
-    shape: ShapeField
+    Attributes:
+        field: Of the material.
+        shape: Of a surface whose shape is learnt.
+    """
+
+    def __init__(self) -> None:
+        self._run = self._newest = 0
+        self.field, self.shape = ScaleField(), ShapeField()
+
+    def take(self, run: int, told: Sequence[FieldUpdate]) -> None:
+        """Take what is new of the messages of a process, in their order, all that had come and are still kept."""
+        last = told[-1].sequence if told else 0
+        if run != self._run or last < self._newest:  # another process, or back in a recording
+            self._run, self._newest, self.field, self.shape = run, 0, ScaleField(), ShapeField()
+        for one in told:
+            if one.sequence > self._newest:
+                with suppress(DecodeError):
+                    self.field.take(one.content)
+                    if one.shape:
+                        self.shape.take(one.shape)
+        self._newest = last
 
 
 class SpaceState:
     """The newest messages in space, and those of the robot's side that the operator's had received by then.
 
     Images and fields come to a console as soon as they are made, and to an operator over a slow network. Those shown
-    are selected by the follower's tick that the leader received last, and by no clock.
+    are selected by the follower's tick that the leader received last, and by no clock. Copies share what is shown of
+    material and shape, for it is more than the messages that are kept told.
 
     One thread calls `take`; others read.
     """
@@ -80,7 +98,7 @@ class SpaceState:
         self._ticks: list[Telemetry | None] = [None] * LENGTH
         self._images: deque[CameraImage] = deque(maxlen=MOST_IMAGES)
         self._fields: deque[FieldUpdate] = deque(maxlen=MOST_FIELDS)
-        self._learnt = Learnt(0, 0, ScaleField(), ShapeField())  # what is shown of them
+        self._learnt = Learnt()  # what is shown of them
         self._trace: deque[tuple[float, ...]] = deque(maxlen=TRACE_LENGTH)
         self._traced: LeaderState | None = None
 
@@ -124,20 +142,11 @@ class SpaceState:
         return learnt.shape if learnt is not None and learnt.shape.count else None
 
     def _learnt_by(self, sequence: int) -> Learnt | None:
-        tick, (run, newest, field, shape) = self.tick(sequence), self._learnt
+        tick = self.tick(sequence)
         if tick is None:
             return None
-        came = [one for one in tuple(self._fields) if one.run == tick.run and one.time_ns <= tick.time_ns]
-        last = came[-1].sequence if came else 0
-        if run != tick.run or last < newest:  # another process, or back in a recording
-            newest, field, shape = 0, ScaleField(), ShapeField()
-        for one in came:
-            if one.sequence > newest:
-                with suppress(DecodeError):
-                    field.take(one.content)
-                    if one.shape:
-                        shape.take(one.shape)
-        self._learnt = Learnt(tick.run, last, field, shape)
+        mine = (one for one in tuple(self._fields) if one.run == tick.run)
+        self._learnt.take(tick.run, [one for one in mine if one.time_ns <= tick.time_ns])
         return self._learnt
 
     def camera_silence(self, now: float) -> float:
