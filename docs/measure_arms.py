@@ -1,19 +1,23 @@
 """Measure sessions with the arms of the package beside the plain robot: the blocks of `docs/arms.md`.
 
 - `line`, `speed`: how well a session goes with each, and how long it takes.
+- `grips`: whether a session stays stable in a closed loop, with each grip and over both networks.
+- `scenes`: how well a session in a scene goes with each.
 - `links`: how hard a link presses on something that stands in its way.
 - `ceilings`: how hard the probe presses, whatever is commanded and whatever fails, by SEEDS seeds, 200 without.
 
-Usage: `.venv/bin/python docs/measure_arms.py [TABLE ...] [SEEDS]`, without names for all. On two cores the first two
-take about ten minutes, `links` two, and `ceilings` about a minute for two seeds.
+Usage: `.venv/bin/python docs/measure_arms.py [TABLE ...] [SEEDS]`, without names for all. On two cores `line`
+takes about eight minutes, `links` two, and `ceilings` about a minute for two seeds.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 import statistics
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -22,6 +26,7 @@ from joblib import Parallel, delayed
 from measured_blocks import chosen, fill
 from measuring import figure, table
 
+from foretouch.devices import GRIPS
 from foretouch.link import Faults, FaultStage
 from foretouch.messages import VERSION, Command
 from foretouch.report import session_figures
@@ -50,52 +55,107 @@ SEEDS = range(310, 318)
 
 ROBOTS = (SIMULATED, *ARMS)
 MATERIALS = ("hunt-crossley", "kelvin-voigt", "foam-measured")
-LENGTH = 20.0  # Of a session [s]
+LENGTH = 20.0  # Of a session whose time is taken [s]
 
 
-def predicted(robot: str, material: str, scene: str, seed: int) -> tuple[float, float] | None:
-    """Errors of the prediction, at equal command and with the same model at the robot's place [%]; None without one."""
+class Went(NamedTuple):
+    """How a session went."""
+
+    error: float | None  # of the prediction at equal command [%]; None where there is no score
+    there: float | None  # of the same model at the robot's place [%]
+    held: bool  # whether the robot held although nothing stood in its way
+
+
+def went(robot: str, material: str, scene: str, seed: int) -> Went:
+    """A session of 20 s."""
     settings = SessionSettings(robot=robot, material=material, scene=scene, seed=seed)
-    figures = session_figures(simulate(settings, duration=LENGTH, say=lambda _: None).log)
-    error, there = figures["prediction_error_percent"], figures["equal_position"]["prediction_error_percent"]
-    return None if error is None or there is None else (error, there)
+    figures = session_figures(simulate(settings, duration=20.0, say=lambda _: None).log)
+    held = "obstructed" in figures["safety"]["statuses"]
+    return Went(figures["prediction_error_percent"], figures["equal_position"]["prediction_error_percent"], held)
 
 
-def errors(places: tuple[tuple[str, str], ...], heads: tuple[str, ...]) -> str:
-    """A table of medians and worst cases by robot, with the ratio of the medians to those of the plain robot."""
-    cases = [(robot, material, scene, seed) for robot in ROBOTS for material, scene in places for seed in SEEDS]
-    found = dict(zip(cases, Parallel(n_jobs=2)(delayed(predicted)(*case) for case in cases), strict=True))
-    rows, plain = [], {}
-    for robot in ROBOTS:
-        for place in places:
-            several = [one for seed in SEEDS if (one := found[robot, *place, seed]) is not None]
-            errors, there = zip(*several, strict=True)
-            median = statistics.median(errors)
-            plain.setdefault(place, median)
-            rows.append(
-                [
-                    f"`{robot}`",
-                    place[1] or place[0],
-                    str(len(several)),
-                    f"{figure(median)} / {figure(max(errors))}",
-                    f"{median / plain[place]:.2f}",
-                    f"{figure(statistics.median(there))} / {figure(max(there))}",
-                ]
-            )
-    return table(heads, rows)
+def errors(what: str, places: Sequence[tuple[str, str]], seeds: Sequence[int]) -> str:
+    """A table of medians and worst cases by robot and place, with the ratio of the medians to those of the plain robot.
+
+    A place is a material and a scene, the line where that is empty.
+    """
+    cases = list(itertools.product(ROBOTS, places, seeds))
+    each = Parallel(n_jobs=JOBS)(delayed(went)(robot, *place, seed) for robot, place, seed in cases)
+    found, rows, plain = dict(zip(cases, each, strict=True)), [], {}
+    for robot, place in itertools.product(ROBOTS, places):
+        several = [found[robot, place, seed] for seed in seeds]
+        known = [(one.error, one.there) for one in several if one.error is not None and one.there is not None]
+        error, there = zip(*known, strict=True)
+        median = statistics.median(error)
+        plain.setdefault(place, median)
+        rows.append(
+            [
+                f"`{robot}`",
+                place[1] or place[0],
+                str(len(known)),
+                f"{figure(median)} / {figure(max(error))}",
+                f"{median / plain[place]:.2f}",
+                f"{figure(statistics.median(there))} / {figure(max(there))}",
+                str(sum(one.held for one in several)),
+            ]
+        )
+    heads = ("`--robot`", what, "Sessions with a score", "Prediction error [%]", "To that of `simulated`")
+    return table((*heads, "At the robot's place [%]", "Held for nothing"), rows)
 
 
 def line() -> str:
     """Along a line, by material."""
+    return errors("Material", [(material, "") for material in MATERIALS], SEEDS)
+
+
+def scenes() -> str:
+    """On the hill, with half of the seeds: a session takes a minute."""
+    return errors("Scene", [("hunt-crossley", "hill")], SEEDS[:4])
+
+
+def looped(robot: str, grip: str, material: str, network: tuple[float, float]) -> dict[str, Any]:
+    """Figures of a session in which the force moves a hand."""
+    there, back = network
+    settings = SessionSettings(
+        robot=robot, grip=grip, material=material, position_delay=there, force_delay=back, seed=SEEDS[0]
+    )
+    return session_figures(simulate(settings, duration=12.0, say=lambda _: None).log)
+
+
+def grips() -> str:
+    """The account of energy, and the largest forces, by arm and grip: the worst of materials and networks."""
+    rows = []
+    for robot, grip in itertools.product(ROBOTS, GRIPS):
+        cases = itertools.product(MATERIALS, NETWORKS)
+        found = Parallel(n_jobs=JOBS)(delayed(looped)(robot, grip, *case) for case in cases)
+        hands = [one["hand"] for one in found]
+        rows.append(
+            [
+                f"`{robot}`",
+                grip,
+                str(len(found)),
+                str(sum(one["stable"] is True for one in found)),
+                str(sum(hand["certificate_holds"] for hand in hands)),
+                figure(max(one["energy_used_percent"] for one in found)),
+                figure(max(hand["peak_force_hand_N"] for hand in hands)),
+                figure(max(hand["peak_force_robot_N"] for hand in hands)),
+                str(sum(bool(one["safety"]["statuses"]) for one in found)),
+            ]
+        )
     heads = (
         "`--robot`",
-        "Material",
-        "Sessions with a score",
-        "Prediction error [%]",
-        "To that of `simulated`",
-        "At the robot's place [%]",
+        "Grip",
+        "Sessions",
+        "Stable",
+        "Certificate kept",
+        "Used of its bound [%]",
+        "Peak at the hand [N]",
     )
-    return errors(tuple((material, "") for material in MATERIALS), heads)
+    return table((*heads, "Peak at the robot [N]", "Robot held in"), rows)
+
+
+NETWORKS = ((0.08, 0.3), (1.0, 1.0))
+"""Delays of the position and of the force [s]."""
 
 
 def speed() -> str:
@@ -353,7 +413,7 @@ def ceilings(seeds: int = 200) -> str:
 
 
 JOBS = 2
-MEASURED = {"line": line, "speed": speed, "links": links, "ceilings": ceilings}
+MEASURED = {"line": line, "grips": grips, "scenes": scenes, "speed": speed, "links": links, "ceilings": ceilings}
 
 
 if __name__ == "__main__":

@@ -205,6 +205,41 @@ def test_the_same_seed_and_commands_give_the_same_samples() -> None:
     assert lowered(first, -0.005, 0.3, 0.0) == lowered(second, -0.005, 0.3, 0.0)
 
 
+@pytest.mark.parametrize("name", ["fr3", "ur5e"])
+def test_a_tool_turns_to_the_commanded_orientation_about_its_tip(name: str) -> None:
+    arm = ArticulatedArm(read_arm(name), in_the_air, seed=0)
+    home, place = arm.body.rotation.reshape(3, 3).copy(), (0.0, 0.0, 0.05)
+    for orientation in ((0.2, -0.2, 0.3), (0.0, -2.0, 0.0), (math.nan, 0.0, 0.0)):
+        arm.turn(orientation)
+        angles, away = [], []
+        for _ in range(2500):
+            sample = arm.exchange(place)
+            turned = Rotation.from_matrix(arm.body.rotation.reshape(3, 3) @ home.T)
+            angles.append(turned.magnitude())
+            away.append(math.dist(sample.exact_place, place))
+        assert np.abs(np.diff(angles)).max() < 1.5e-3  # rad in a millisecond: nothing jumps
+        assert max(away) < 4e-3
+        expected = (0.0, -0.6, 0.0) if not abs(orientation[1]) < 0.6 or math.isnan(orientation[0]) else orientation
+        assert (turned * Rotation.from_rotvec(expected).inv()).magnitude() < 2e-3
+
+
+def test_an_arm_of_five_joints_holds_its_tool() -> None:
+    arm, other = (ArticulatedArm(read_arm("so101"), in_the_air, seed=0) for _ in range(2))
+    arm.turn((0.3, 0.0, 0.0))
+    assert [arm.exchange((0.0, 0.0, 0.05)) for _ in range(200)] == [
+        other.exchange((0.0, 0.0, 0.05)) for _ in range(200)
+    ]
+
+
+def test_it_says_where_it_goes_slower() -> None:
+    arm = ArticulatedArm(read_arm("so101"), in_the_air, seed=0)
+    assert (arm.speed_share, arm.says) == (1.0, "")
+    for _ in range(1500):
+        arm.exchange((-0.05, -0.05, -0.03))
+    assert arm.speed_share < 1.0
+    assert "goes slower" in arm.says
+
+
 def test_inverse_kinematics_comes_back_to_the_joints_that_made_the_pose() -> None:
     for name in ARMS:
         description = read_arm(name)

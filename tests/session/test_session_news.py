@@ -59,6 +59,9 @@ def test_a_wanted_restart_is_said_to_be_that_and_who_shares_the_terminal_says_no
     assert follower_news(state, anew=True) == ANEW
     state.safety.status = Status.TOO_SLOW
     assert follower_news(state, anew=True) != ANEW
+    state.safety.status = Status.OBSTRUCTED
+    assert "has met something" in follower_news(state, anew=True)
+    assert follower_news(state, "it goes slower here").endswith("; the robot says: it goes slower here")
     received = FollowerView(1)
     received.in_control = True
     assert leader_news(received, {"trouble": HOLDS}) == HOLDS

@@ -147,6 +147,14 @@ class AnyRobot(ABC, Generic[Place, Sample]):
         """Whether no exchange has been yet, so that a simulated session can begin; True where a class does not say."""
         return True
 
+    @property
+    def says(self) -> str:
+        """What a person should know of how the robot goes now, as a sentence without a full stop; "" for nothing.
+
+        Asked for twice a second, by another thread than the one that exchanges.
+        """
+        return ""
+
     @abstractmethod
     def read(self) -> Sample:
         """What the sensors show now; no time passes and nothing moves."""
@@ -202,6 +210,11 @@ class Wrapped(Generic[Place, Sample]):
     def fresh(self) -> bool:
         """Whether no exchange has been yet."""
         return self.robot.fresh
+
+    @property
+    def says(self) -> str:
+        """See `AnyRobot.says`."""
+        return self.robot.says
 
     def read(self) -> Sample:
         """What the sensors show now; no time passes and nothing moves."""

@@ -51,6 +51,11 @@ class ArmAlongLine(Robot):
         """Whether no exchange has been yet."""
         return self.arm.fresh
 
+    @property
+    def says(self) -> str:
+        """See `AnyRobot.says`."""
+        return self.arm.says
+
     def read(self) -> RobotSample:
         """What the sensors show now; no time passes and nothing moves."""
         return self._along(self.arm.read())

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.errors.checks import require
+from foretouch.quantities.pose import add, norm, rotation_of, scaled, subtract
 from foretouch.robot.arms.body import Body
 from foretouch.robot.arms.description import ArmDescription
 from foretouch.robot.arms.kinematics import InverseKinematics
@@ -31,6 +32,14 @@ SPEED = 0.5  # Largest of the tip on its way [m/s]
 LOSSES = 0.5
 """Share of a joint's torque that its own damping may take on the way: with more of it a servo falls behind, and swings
 over where it stops."""
+
+TURNING_SPEED, LARGEST_TURN = 0.5, 0.6
+"""How fast the tool turns to a commanded orientation [rad/s], a tenth of what these wrists can; and how far from
+home it may be [rad], for beyond that a wrist's range may end within the box."""
+
+POSE = 6  # Numbers of a pose, and so the least joints that can turn a tool whose tip stays
+
+SINGULAR = "it goes slower here, near a pose from which its arm cannot go in every direction"
 
 DOWN = np.array((0.0, 0.0, -1.0))
 
@@ -143,6 +152,7 @@ class ArticulatedArm(SpatialRobot):
         self._reference = reference
         self._clipped, self._held = reference["clipped"], reference["held"]
         self._desired, self._waited = start, 0
+        self._orientation = self._turned = (0.0, 0.0, 0.0)
         self._contact: Vector = (0.0, 0.0, 0.0)
         for _ in range(SETTLING):
             self._go_on(touches=False)
@@ -157,6 +167,11 @@ class ArticulatedArm(SpatialRobot):
     def speed_share(self) -> float:
         """Share of its speed that the tip is allowed where the arm is: less than 1 near a singular pose."""
         return float(self._reference["share"][0])
+
+    @property
+    def says(self) -> str:
+        """That it goes slower, where it does: see `AnyRobot.says`."""
+        return SINGULAR if self.speed_share < 1.0 else ""
 
     @property
     def largest_speed(self) -> float:
@@ -186,12 +201,34 @@ class ArticulatedArm(SpatialRobot):
             self._sample = self._sample._replace(exact_force=self._contact, exact_place=exact)
         return self._sample
 
+    def turn(self, orientation: Vector) -> None:
+        """Turn the tool about its tip to an orientation, in the scene's axes.
+
+        It goes there at 0.5 rad/s while the robot is exchanged with. An arm of five joints cannot, and holds its tool.
+
+        Args:
+            orientation: Rotation vector from that at home [rad], shortened to 0.6 rad; left out where not finite.
+        """
+        if self.body.joints.size >= POSE and len(orientation) == 3 and all(map(math.isfinite, orientation)):
+            angle = max(norm(orientation), LARGEST_TURN)
+            self._orientation = scaled(orientation, LARGEST_TURN / angle)
+
+    def _turn_on(self) -> None:
+        """Let the commanded orientation go on for a period of the controller."""
+        left = subtract(self._orientation, self._turned)
+        angle = norm(left)
+        if angle > 0.0:
+            most = TURNING_SPEED * 1e-3 * self._period
+            self._turned = self._orientation if angle <= most else add(self._turned, scaled(left, most / angle))
+            self.control.turn(np.array(rotation_of(*self._turned)))
+
     def _go_on(self, *, touches: bool) -> None:
         """Let a millisecond pass, in which the world is touched or is not there yet."""
         body, sensing, begins = self.body, self._sensing, self._waited == 0
         for _ in self._steps:
             body.begin_step()
             if begins:
+                self._turn_on()
                 self.control.begin(self._desired, sensing.force, sensing.beside_tip)
                 begins = False
             if touches:

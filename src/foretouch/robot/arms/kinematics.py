@@ -43,7 +43,8 @@ class InverseKinematics:
     .. math:: \min_{\dot q} \|J \dot q \, \Delta t - e\|^2 + \epsilon \|q - q_0\|^2
 
     within the joints' positions and speeds, e being what is left of the tip's pose. The tool stays as it stands at
-    home; an arm of five joints lets it turn about its own axis. Where no motion is allowed, the joints stay.
+    home, or turns from there as it is told; an arm of five joints lets it turn about its own axis. Where no motion is
+    allowed, the joints stay.
 
     Args:
         description: Of the arm.
@@ -60,7 +61,7 @@ class InverseKinematics:
         upright = np.array([1.0, 1.0, 1.0 if count > 5 else 0.0])
         self._tip = mink.FrameTask(TIP, "site", position_cost=10.0, orientation_cost=upright, lm_damping=DAMPING)
         self._tip.set_target_from_configuration(self._at)
-        self._turned = self._tip.transform_target_to_world.rotation()
+        self._home = self._turned = self._tip.transform_target_to_world.rotation()
         elbow = mink.PostureTask(model, cost=ELBOW)
         elbow.set_target(description.home)
         self._tasks = [self._tip, elbow]
@@ -91,6 +92,10 @@ class InverseKinematics:
         """Stand still with these joints [rad]."""
         self._at.update(positions)
         self.velocities = np.zeros_like(self.velocities)
+
+    def turn(self, rotation: Array) -> None:
+        """Turn the tool from its orientation at home by a rotation matrix, shape (3, 3), on the way from now on."""
+        self._turned = self._mink.SO3.from_matrix(rotation) @ self._home
 
     def follow(self, place: Array) -> None:
         """Let the joints go on for a period, towards a place of the tip in the scene [m]."""

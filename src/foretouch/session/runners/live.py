@@ -219,10 +219,11 @@ def run_follower(
 
     def describe() -> dict[str, str]:
         contested = contest.sentence(time.monotonic_ns())
-        return description | loop.texts() | follower_says(state, contested, anew=house.leader_leaves)
+        return description | loop.texts() | follower_says(state, contested, robot.says, anew=house.leader_leaves)
 
     def news(_: Mapping[str, Mapping[str, str]]) -> str:
-        return all_of(contest.sentence(time.monotonic_ns()), follower_news(state, anew=house.leader_leaves))
+        contested = contest.sentence(time.monotonic_ns())
+        return all_of(contested, follower_news(state, robot.says, anew=house.leader_leaves))
 
     def hear(now: int) -> tuple[str, bool]:
         for arrival, command in link.take("command"):

@@ -122,13 +122,13 @@ ANEW = "the leader begins anew, as was chosen: the robot waits for it"
 """Sentence of a follower that receives no fresh commands because another choice was made at the console."""
 
 
-def follower_says(state: follower.State, contest: str, *, anew: bool = False) -> dict[str, str]:
+def follower_says(state: follower.State, contest: str, says: str, *, anew: bool = False) -> dict[str, str]:
     """Texts of a follower's `Hello` beside its settings: its process, the holder of control, and what is wrong."""
     return {
         PROCESS: str(state.run),
         "control": state.lease.holder,
         "contest": contest,
-        "trouble": follower_news(state, anew=anew),
+        "trouble": follower_news(state, says, anew=anew),
         "stopped": state.safety.stop_reason,
     }
 
@@ -156,8 +156,11 @@ def over(state: follower.State) -> str:
     return f"that is over: the robot {STATUS_SENTENCES[state.safety.status]}"
 
 
-def follower_news(state: follower.State, *, anew: bool = False) -> str:
-    """One sentence about a robot that does not follow the received commands; `anew` while its leader restarts."""
+def follower_news(state: follower.State, says: str = "", *, anew: bool = False) -> str:
+    """One sentence about a robot that does not follow the received commands; `anew` while its leader restarts.
+
+    Beside it stands what the robot `says` of itself.
+    """
     safety, watch = state.safety, state.watch
     if safety.stop_reason and watch.state is not SensorState.GOOD:
         why = f"nobody knows what it feels, and it goes out as it came: {SENSOR_SENTENCES[watch.state]}"
@@ -169,10 +172,11 @@ def follower_news(state: follower.State, *, anew: bool = False) -> str:
         again = f"; once that is mended: {release_command()}"
         held = "the robot learns nothing, holds its place and then goes out as it came"
         return f"{held}: {SENSOR_SENTENCES[watch.state]}{again}"
-    if safety.status in (Status.HOLDING, Status.UNLOADING, Status.RETREATING, Status.TOO_SLOW) and state.lease.epoch:
-        silent = anew and safety.status is not Status.TOO_SLOW
-        return all_of(ANEW if silent else f"the robot {STATUS_SENTENCES[safety.status]}", failure_news(state))
-    return failure_news(state)
+    status, unheard = safety.status, (Status.HOLDING, Status.UNLOADING, Status.RETREATING)
+    news = ""
+    if status in (*unheard, Status.TOO_SLOW, Status.OBSTRUCTED) and state.lease.epoch:
+        news = ANEW if anew and status in unheard else f"the robot {STATUS_SENTENCES[status]}"
+    return all_of(news, failure_news(state), says and f"the robot says: {says}")
 
 
 def failure_news(state: follower.State) -> str:

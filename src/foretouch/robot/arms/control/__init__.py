@@ -38,5 +38,8 @@ class Control(Protocol):
             beside_tip: Whether something else of the tool than its tip touches.
         """
 
+    def turn(self, rotation: Array) -> None:
+        """Hold the tool turned from its orientation at home by a rotation matrix in the scene's axes, shape (3, 3)."""
+
     def torques(self) -> Array:
         """The motors' torques for the next physics step [N m], shape (n,)."""

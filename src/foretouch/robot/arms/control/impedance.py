@@ -187,6 +187,7 @@ class ImpedanceControl:
         self.links, self.commanded = LinkWatch(body, self._h), self._joints[4]
         self._tip = np.zeros((5, 9))
         self._tip[4] = body.rotation
+        self._home = body.rotation.reshape(3, 3).copy()
 
     @staticmethod
     def stiffness_along(body: Body, direction: Array) -> float:
@@ -203,6 +204,10 @@ class ImpedanceControl:
         joints[0], joints[1], joints[2] = body.positions, body.velocities, body.bias
         tip[0, :3], tip[3] = body.place, body.rotation
         self._push(self._own, self.reference, body.jacobian, body.inertia, joints, self._limits, tip)
+
+    def turn(self, rotation: Array) -> None:
+        """See `Control.turn`."""
+        self._tip[4] = (rotation @ self._home).ravel()
 
     def torques(self) -> Array:
         """See `Control.torques`."""

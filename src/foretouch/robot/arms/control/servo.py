@@ -105,6 +105,10 @@ class ServoControl:
             reference["place"][0] -= (1.0 - WINDS_UP / distance) * behind
         reference["share"] = min(max(inverse.least_singular / WELL_AWAY, STILL_ALLOWED), 1.0)
 
+    def turn(self, rotation: Array) -> None:
+        """See `Control.turn`."""
+        self._inverse.turn(rotation)
+
     def torques(self) -> Array:
         """See `Control.torques`."""
         body, joints = self._body, self._joints
