@@ -172,6 +172,18 @@ def test_without_a_wrist_sensor_the_current_tells_the_force_within_its_friction(
     assert abs(samples[-1].force[2] - samples[-1].exact_force[2]) < arm.specification.contact_floor
 
 
+def test_what_moves_the_arm_itself_is_no_contact_force() -> None:
+    arm = ArticulatedArm(read_arm("so101"), in_the_air, seed=0)
+    numbers, place, goal, forces = np.random.default_rng(5), np.zeros(3), np.zeros(3), []
+    for tick in range(4000):
+        if tick % 400 == 0:
+            goal = numbers.uniform(*arm.reach)
+        left = goal - place
+        place = place + left * min(2e-4 / max(float(np.linalg.norm(left)), 1e-9), 1.0)
+        forces.append(arm.exchange(tuple(place)).force)
+    assert np.sqrt(np.square(forces[500:]).mean(0)).max() < 1.0  # N: the joints' friction; its mass alone would show 3
+
+
 @pytest.mark.parametrize(("name", "ticks"), [("fr3", 1), ("ur5e", 2), ("so101", 5)])
 def test_it_shows_new_samples_at_its_own_rate(name: str, ticks: int) -> None:
     arm = ArticulatedArm(read_arm(name), in_the_air, seed=0)

@@ -21,12 +21,12 @@ times its stiffness, 1.5 N m for 12 bits."""
 
 
 class CurrentForce:
-    r"""The force at the tip by what the motors push beyond the arm's own weight, without a sensor.
+    r"""The force at the tip by what the motors push beyond the arm's own weight and motion, without a sensor.
 
-    .. math:: \hat F = (J_t^T)^+ \left(g(q) + b \dot q - \tau_m\right)
+    .. math:: \hat F = (J_t^T)^+ \left(M \ddot q + b \dot q + g(q) - \tau_m\right)
 
-    with a part of the joints' Coulomb friction taken off. The rest of it is in the force, and what accelerates the
-    arm. Torques and positions go through the same two low-passes, so that a force belongs to its place.
+    with a part of the joints' Coulomb friction taken off; the rest of it is in the force. Torques and positions go
+    through the same two low-passes, so that a force belongs to its place, and give velocities and accelerations too.
 
     Args:
         body: Whose motors they are.
@@ -62,7 +62,8 @@ class CurrentForce:
 
     def read(self) -> Array:
         """See `Sensing.read`."""
-        velocities = self._rate * (self._first[1] - self._second[1])
+        body, (once, twice) = self._body, (self._first[1], self._second[1])
+        velocities, accelerations = self._rate * (once - twice), self._rate**2 * (body.counted - 2.0 * once + twice)
         moving = self._damping * velocities + FRICTION_KNOWN * self._friction * np.tanh(velocities / FRICTION_SPEED)
-        self.force = self._inverse() @ (self._second[0] + moving)
+        self.force = self._inverse() @ (self._second[0] + moving + body.inertia @ accelerations)
         return self.force
