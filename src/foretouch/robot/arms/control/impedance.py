@@ -133,8 +133,8 @@ def push(
     turning_damping = task[3, 3] + task[4, 4] + task[5, 5]
     turning -= 2.0 * own.damping_ratio * math.sqrt(own.turning_stiffness * turning_damping / 3.0) * moved[3:]
     _shortened(turning, TURNING)
-    wrench[:3] = held + np.ascontiguousarray(task[:3, :3]) @ tip[2, :3]
-    wrench[3:] = turning
+    driven = np.ascontiguousarray(task[:, :3]) @ tip[2, :3]  # with the torque that keeps the tool from turning then
+    wrench[:3], wrench[3:] = held + driven[:3], turning + driven[3:]
 
     drawn = np.empty(count)
     for joint in range(count):
