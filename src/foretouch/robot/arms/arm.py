@@ -37,6 +37,10 @@ TURNING_SPEED, LARGEST_TURN = 0.5, 0.6
 """How fast the tool turns to a commanded orientation [rad/s], a tenth of what these wrists can; and how far from
 home it may be [rad], for beyond that a wrist's range may end within the box."""
 
+HELD = 0.9
+"""Share of the force limit that its own control holds: by a tenth a measured force is too low while it rises against
+something stiff, which its low-pass and the controller's period make late."""
+
 POSE = 6  # Numbers of a pose, and so the least joints that can turn a tool whose tip stays
 
 SINGULAR = "it goes slower here, near a pose from which its arm cannot go in every direction"
@@ -144,7 +148,7 @@ class ArticulatedArm(SpatialRobot):
             self.reach,
             speed=_tip_speed(body),
             acceleration=float(description.joint_acceleration.min() * least),
-            force_limit=force_limit,
+            force_limit=HELD * force_limit,
             yielding=YIELDING_RATE / control.stiffness_along(body, DOWN),
             period=1.0 / description.rate,
         )

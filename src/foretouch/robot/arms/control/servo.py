@@ -18,36 +18,53 @@ Array = NDArray[np.float64]
 
 TORQUE_MARGIN = 0.9  # Share of a joint's largest torque that its controller asks for
 
+SUDDEN = 0.4
+"""Share of the force limit with which joints push whose force is known late, by their current: what is pushed suddenly,
+as when a rotor has gone through its play, is felt twice as much for a moment, and a fifth is left for the damping."""
+
 WINDS_UP = 0.02  # Distance by which the reference may be ahead of what the joints can follow [m]
 
 WELL_AWAY, STILL_ALLOWED = 0.1, 0.1
 """Below this smallest singular value of the tip's Jacobian [m/rad] it slows down in proportion, to this share."""
 
 
-@kernel("void(f8[:,::1], f8[:,::1], b1, f8)")
-def serve(joints: Array, limits: Array, compensates: bool, h: float) -> None:
+@kernel("void(f8[:,::1], f8[:,::1], f8[:,::1], f8, b1, f8)")
+def serve(joints: Array, limits: Array, pushed: Array, most: float, compensates: bool, h: float) -> None:
     r"""Write the torques with which the joints' servos hold their positions [N m].
 
-    .. math:: \tau = k (e + k_i \int e) + b_m (\dot q_d - \dot q) + b \dot q_d + g(q), \quad e = q_d - q
+    .. math:: \tau = s\,[k (e + k_i \int e) + b \dot q_d] + b_m (\dot q_d - \dot q) + g(q), \quad e = q_d - q
 
-    b being the damping of the joint itself, which the servo knows, and the last term for a servo that knows the arm's
-    weight; q as its encoder shows it. The integral stands still while the torque is at its limit.
+    b being the damping of the joint itself, which the servo knows; q as its encoder shows it. A servo that does not
+    know the arm's weight has g in the brackets, too, with a minus. The share s leaves of them what presses with the
+    largest force at the tip, at once, for a measured force is late. The integral stands still where s or the largest
+    torque cuts.
 
     Args:
         joints: Shape (7, n): positions as measured [rad], velocities [rad/s], gravity torques [N m], commanded
             positions [rad] and velocities [rad/s]; the torques [N m] and the integrals [rad s], which are written.
         limits: Shape (5, n): k [N m/rad], k_i [1/s], b_m [N m s/rad], b [N m s/rad], and the largest torque [N m].
+        pushed: Force at the tip by torques, shape (3, n) [1/m].
+        most: Its largest [N].
         compensates: Whether the servo knows the weight.
         h: Until the next call [s].
     """
-    for joint in range(joints.shape[1]):
-        stiffness, integral, damping, own, strongest = limits[:, joint]
-        error, wanted = joints[3, joint] - joints[0, joint], joints[4, joint]
-        torque = stiffness * (error + integral * joints[6, joint]) + own * wanted
-        torque += damping * (wanted - joints[1, joint])
-        torque += joints[2, joint] if compensates else 0.0
-        joints[6, joint] += h * error if abs(torque) < strongest else 0.0
-        joints[5, joint] = min(max(torque, -strongest), strongest)
+    count, size = joints.shape[1], 0.0
+    for joint in range(count):
+        error = joints[3, joint] - joints[0, joint] + limits[1, joint] * joints[6, joint]
+        joints[5, joint] = limits[0, joint] * error + limits[3, joint] * joints[4, joint]
+        joints[5, joint] -= 0.0 if compensates else joints[2, joint]
+    for axis in range(3):
+        force = 0.0
+        for joint in range(count):
+            force += pushed[axis, joint] * joints[5, joint]
+        size += force * force
+    share = min(most / max(math.sqrt(size), 1e-12), 1.0)
+    for joint in range(count):
+        torque = share * joints[5, joint] + joints[2, joint]
+        torque += limits[2, joint] * (joints[4, joint] - joints[1, joint])
+        if share == 1.0 and abs(torque) < limits[4, joint]:
+            joints[6, joint] += h * (joints[3, joint] - joints[0, joint])
+        joints[5, joint] = min(max(torque, -limits[4, joint]), limits[4, joint])
 
 
 class ServoControl:
@@ -78,8 +95,10 @@ class ServoControl:
         self._joints = np.zeros((7, description.home.size))
         self._joints[3] = body.positions
         self.links, self.commanded = LinkWatch(body, period), self._joints[4]
-        self._resolution = description.encoder
+        self._resolution, limit = description.encoder, float(reference["force_limit"][0])
+        self._most = SUDDEN * limit if description.force == "current" else math.inf
         self._force, self._acceleration = np.zeros(9), np.zeros(9)
+        self._pushed = np.zeros((3, description.home.size))
         self._step = float(body.model.opt.timestep)
 
     @staticmethod
@@ -103,6 +122,7 @@ class ServoControl:
         distance = math.sqrt(float(behind @ behind))
         if distance > WINDS_UP:  # a limit of the joints holds it: the reference waits
             reference["place"][0] -= (1.0 - WINDS_UP / distance) * behind
+        self._pushed[:] = np.linalg.pinv(self._body.jacobian[:3].T)
         reference["share"] = min(max(inverse.least_singular / WELL_AWAY, STILL_ALLOWED), 1.0)
 
     def turn(self, rotation: Array) -> None:
@@ -114,7 +134,7 @@ class ServoControl:
         body, joints = self._body, self._joints
         joints[0] = np.round(body.positions / self._resolution) * self._resolution
         joints[1], joints[2] = body.velocities, body.bias
-        self._serve(joints, self._limits, self._knows_weight, self._step)
+        self._serve(joints, self._limits, self._pushed, self._most, self._knows_weight, self._step)
         joints[3] += self._step * joints[4]
         torques: Array = joints[5]
         self.links.add(torques)
