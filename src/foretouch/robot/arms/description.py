@@ -16,14 +16,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from foretouch.errors import InputError
+from foretouch.quantities import BASE, FLANGE, SENSOR, TIP
 from foretouch.robot.engine import GRAVITY, load_mujoco
 from foretouch.settings import ARMS
 
 Array = NDArray[np.float64]
 
-BASE, FLANGE, SENSOR, TIP, WEIGHT = "base", "flange", "sensor", "tip", "tool_mass"
-"""Frames of an arm by name: sites of its description, of the sensor between flange and tool, of the probe's tip, and of
-the tool's centre of mass."""
+WEIGHT = "tool_mass"
+"""Site of the tool's centre of mass. The others are named after their frames: base and flange, of the description, the
+sensor between flange and tool, and the tip, whose site has the axes of the flange."""
 
 CONTROLS, FORCES = ("impedance", "servo"), ("wrist", "current")
 BACKLASH = "_backlash"  # A joint whose name ends so is the play of the gear of the joint before it

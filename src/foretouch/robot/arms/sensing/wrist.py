@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.core import Record, kernel
+from foretouch.quantities import SENSOR, TIP
 from foretouch.robot.arms.body import Body
-from foretouch.robot.arms.description import PROBE_RADIUS, SENSOR, TIP
+from foretouch.robot.arms.description import PROBE_RADIUS
 from foretouch.robot.arms.sensing.tip_contact import TipContact, TipSensing, Touching
 from foretouch.robot.arms.sensing.wrist_sensor import WristSensor
 from foretouch.robot.engine import OFFSET_UNCERTAINTY
