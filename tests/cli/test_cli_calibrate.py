@@ -115,6 +115,16 @@ def test_torques_of_the_wrong_sign_are_said(tmp_path: Path) -> None:
     assert "behind" not in right.stderr
 
 
+def test_an_arm_without_a_sensor_at_its_wrist_refuses_the_file_in_one_line(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco")
+    output_of("calibrate", "sensor", WRIST, "--output", tmp_path / "wrist.toml")
+    session = ("--calibration", tmp_path / "wrist.toml", "--duration", 0.1)
+    for command in (("simulate",), ("teleop", "--headless")):
+        refused = refusal_of(*command, "--robot", "so101", *session)
+        assert "so101 has no sensor at its wrist: leave it out" in refused
+        assert len(refused.strip().splitlines()) == 1
+
+
 def test_both_commands_fill_one_file_and_identify_takes_it(truth: ModuleType, tmp_path: Path) -> None:
     output = tmp_path / "sensor.toml"
     lag = output_of("calibrate", "sensor", POSES, "--motion", SPRING, "--output", output)

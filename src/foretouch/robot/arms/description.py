@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from foretouch.errors import InputError
-from foretouch.quantities import BASE, FLANGE, SENSOR, TIP
+from foretouch.quantities import BASE, FLANGE, SENSOR, TIP, ToolLoad
 from foretouch.robot.engine import GRAVITY, load_mujoco
 from foretouch.settings import ARMS
 
@@ -52,6 +52,8 @@ class ArmDescription:
         scene: Origin of a scene in the base's frame [m]; the axes are parallel.
         reach: Lowest and highest place of the tip in the scene [m], shape (2, 3).
         probe: Length [m] and mass [kg] of the tool that presses.
+        tool: The same tool as a calibration of the sensor at the wrist found it, with the sensor's bias; None where the
+            arm knows its weight exactly, and takes the bias for what the sensor shows at first.
     """
 
     name: str
@@ -70,6 +72,7 @@ class ArmDescription:
     scene: Array
     reach: Array
     probe: tuple[float, float]
+    tool: ToolLoad | None = None
 
     def model(self, step: float, *, backlash: bool = True) -> Any:
         """The arm with its probe as a MuJoCo model, without contacts: what is touched acts from outside.
