@@ -143,6 +143,8 @@ class Plan:
 
     Raises:
         SettingError: A number out of range, or a robot that is not simulated.
+        InputError: No such description of an arm, or one that breaks a rule.
+        MissingExtraError: MuJoCo is not installed, and the robot is an arm.
     """
 
     sessions: int = 1000
@@ -159,6 +161,8 @@ class Plan:
         if not is_simulated(self.robot):
             rule = f"must be simulated, {', '.join(ARMS)}, or the .xml of an arm's description"
             raise SettingError("robot", self.robot, rule)
+        if is_arm(self.robot):
+            read_arm(self.robot)  # one line here, and not one in each session
 
     def cases(self) -> list[Case]:
         """All sessions; a baseline's follow ours of the same number, so that a partial sweep can be compared."""
@@ -188,10 +192,8 @@ def run_sweep(
         One row for each session of the plan, those that failed too, in its order.
 
     Raises:
-        InputError: The folder cannot be used, or holds the rows of another sweep; no such arm.
+        InputError: The folder cannot be used, or holds the rows of another sweep.
     """
-    if is_arm(plan.robot):
-        read_arm(plan.robot)  # one line here, and not one in each session
     cases = plan.cases()
     store = Store(folder, seed=plan.seed, duration=plan.duration, robot=plan.robot)
     missing = [case for case in cases if (case.number, case.baseline) not in store.rows]

@@ -194,8 +194,8 @@ def sweep(
         raise SettingError("baseline", baseline, "is of the session to replay: give its number by --replay")
     from foretouch.sweep import render_table, run_sweep, summary, write_sweep_page
 
-    make_folder(out)
     plan = which.plan(quick)
+    make_folder(out)
     compile_first()
     with progress_bar("sessions") as bar:
 
