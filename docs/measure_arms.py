@@ -4,10 +4,11 @@
 - `grips`: whether a session stays stable in a closed loop, with each grip and over both networks.
 - `scenes`: how well a session in a scene goes with each.
 - `links`: how hard a link presses on something that stands in its way.
+- `weight`: what a calibration of the sensor at the wrist leaves of the tool's weight.
 - `ceilings`: how hard the probe presses, whatever is commanded and whatever fails, by SEEDS seeds, 200 without.
 
 Usage: `.venv/bin/python docs/measure_arms.py [TABLE ...] [SEEDS]`, without names for all. On two cores `line`
-takes about eight minutes, `links` two, and `ceilings` about a minute for two seeds.
+takes about eight minutes, `links` two, `weight` some seconds, and `ceilings` 20 s for a seed.
 """
 
 from __future__ import annotations
@@ -21,12 +22,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import mujoco
 import numpy as np
 from joblib import Parallel, delayed
 from measured_blocks import chosen, fill
 from measuring import figure, table
 
 from foretouch.devices import GRIPS
+from foretouch.identification import fit_tool_load
 from foretouch.link import Faults, FaultStage
 from foretouch.messages import VERSION, Command
 from foretouch.report import session_figures
@@ -40,6 +43,9 @@ from foretouch.robot import (
     read_arm,
 )
 from foretouch.robot.arms import Obstacle
+from foretouch.robot.arms.body import Body
+from foretouch.robot.arms.sensing.wrist_sensor import WristSensor
+from foretouch.robot.gantry_arm import LEAST_STEPS
 from foretouch.session import SessionSettings
 from foretouch.session.runners.simulated import simulate
 from foretouch.session.safety.safety import SafetyLimits
@@ -290,6 +296,70 @@ def links() -> str:
 LINK_SEEDS = range(3)
 
 
+class Standing:
+    """An arm that stands still in one pose after another, with its own kind of sensor at its wrist.
+
+    Args:
+        name: Of the arm.
+        seed: Of poses and noise.
+        piece: Which sensor of its kind it is; 0 is the one that the arm has in a session.
+    """
+
+    def __init__(self, name: str, seed: int, piece: int = 0) -> None:
+        self.body, self._numbers = Body(read_arm(name), 1e-3 / LEAST_STEPS), np.random.default_rng(seed)
+        self.sensor = WristSensor(1e-3 / LEAST_STEPS, seed=seed, piece=piece)
+
+    def pose(self) -> tuple[np.ndarray, np.ndarray]:
+        """Go to a random pose that its joints reach; the flange's matrix, and what the sensor shows: 100 samples."""
+        limits, data = self.body.limits(), self.body.data
+        self.body.stand(self._numbers.uniform(limits["low"], limits["high"]))
+        data.qacc[:] = 0.0  # it stands still: `mj_inverse` then finds what holds it, and its sensors show the weight
+        mujoco.mj_inverse(self.body.model, data)
+        self.sensor.settle(data.sensordata[:6])
+        rotation = np.array(self.body.sensor_rotation).reshape(3, 3)
+        return rotation, np.array([self.sensor.read().copy() for _ in range(100)])
+
+    def poses(self, count: int) -> tuple[np.ndarray, np.ndarray]:
+        """So many of them: matrices, and the means of what is shown."""
+        matrices, shown = zip(*[self.pose() for _ in range(count)], strict=True)
+        return np.array(matrices), np.array([one.mean(axis=0) for one in shown])
+
+
+class Left(NamedTuple):
+    """What is left of the tool's weight where it was not calibrated, the largest of 50 poses."""
+
+    force: float  # [N]
+    torque: float  # [N m]
+
+
+def left(name: str, piece: int = 0, poses: int = 12) -> Left:
+    """Calibrate an arm in so many random poses, and look in 50 others, all with a cold sensor."""
+    arm = Standing(name, 1000 + piece, piece)
+    matrices, shown = arm.poses(poses)
+    load = fit_tool_load(-matrices[:, 2, :], shown[:, :3], shown[:, 3:]).load
+    assert load is not None
+    there = [load.contact(wrench, matrix) for matrix, wrench in zip(*arm.poses(50), strict=True)]
+    sizes = np.linalg.norm(np.reshape(there, (50, 2, 3)), axis=2).max(axis=0)
+    return Left(*sizes.tolist())
+
+
+PIECES = range(400, 430)
+"""Sensors of their kind, on which nothing was chosen."""
+
+
+def weight() -> str:
+    """A table by arm with a sensor at its wrist: with the arm's own, and with others of its kind."""
+    rows = []
+    for name in (one for one in ARMS if read_arm(one).force == "wrist"):
+        own, others = left(name), [left(name, piece) for piece in PIECES]
+        forces, torques = [one.force for one in others], [one.torque for one in others]
+        rows.append([f"`{name}`", f"{own.force:.3f}", f"{own.torque:.4f}"])
+        rows[-1] += [f"{statistics.median(forces):.3f} / {max(forces):.3f}"]
+        rows[-1] += [f"{statistics.median(torques):.4f} / {max(torques):.4f}"]
+    heads = ("`--robot`", "Force [N]", "Torque [N m]", "30 other sensors: force [N]", "Their torque [N m]")
+    return table(heads, rows)
+
+
 class Pressed(NamedTuple):
     """What came of a hostile session."""
 
@@ -415,7 +485,15 @@ def ceilings(seeds: int = 200) -> str:
 
 
 JOBS = 2
-MEASURED = {"line": line, "grips": grips, "scenes": scenes, "speed": speed, "links": links, "ceilings": ceilings}
+MEASURED = {
+    "line": line,
+    "grips": grips,
+    "scenes": scenes,
+    "speed": speed,
+    "links": links,
+    "weight": weight,
+    "ceilings": ceilings,
+}
 
 
 if __name__ == "__main__":

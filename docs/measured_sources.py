@@ -86,7 +86,7 @@ _OF_PAGES: dict[str, dict[str, tuple[str, ...]]] = {
     | {"blind-sensors": ("measure_sensor_faults:blind_sensors",)},
     "docs/scale.md": {"costs": ("measure_scale:costs", "foretouch.recordings.session.writer", *LIVE)},
     "docs/arms.md": {
-        name: (f"measure_arms:{name}",) for name in ("line", "grips", "scenes", "speed", "links", "ceilings")
+        name: (f"measure_arms:{name}",) for name in ("line", "grips", "scenes", "speed", "links", "weight", "ceilings")
     },
     "docs/scenes.md": {
         **{name: (f"measure_scenes:{name}",) for name in ("fusion", "images", "blind", "palpation", "hand")},

@@ -33,7 +33,12 @@ ARMS = ("fr3", "ur5e", "so101")
 
 def is_simulated(robot: str) -> bool:
     """Whether a robot of this name presses the settings' material in MuJoCo."""
-    return robot in (SIMULATED, *ARMS) or robot.endswith(ARM_ENDING)
+    return robot == SIMULATED or is_arm(robot)
+
+
+def is_arm(robot: str) -> bool:
+    """Whether a robot of this name is a simulated arm: one of the package, or the file of a description."""
+    return robot in ARMS or robot.endswith(ARM_ENDING)
 
 
 ARM_ENDING = ".xml"

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import importlib.util
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from typed_commands import output_of, refusal_of, run
 
 from foretouch.recordings import read_calibration
@@ -61,6 +63,66 @@ def test_a_turned_sensor_and_a_touch_at_the_wrist_are_said(truth: ModuleType, tm
     assert load.mass == pytest.approx(true.mass, abs=0.003)
     np.testing.assert_allclose(load.centre_of_mass, true.centre_of_mass, atol=1e-3)
     np.testing.assert_allclose(load.sensor_turn, true.sensor_turn, atol=0.01)
+
+
+def wrist_table(folder: Path, change: Callable[[dict[str, np.ndarray]], object]) -> Path:
+    """The table of the wrist's poses without the one that touches, changed; columns by the first letter of a group."""
+    header, *lines = WRIST.read_text().splitlines()
+    rows = np.array([[float(value) for value in line.split(",")] for line in lines if not line.startswith("9,")])
+    groups = {"pose": rows[:, :1], "force": rows[:, 1:4], "torque": rows[:, 4:7], "turn": rows[:, 7:]}
+    change(groups)
+    path = folder / "changed.csv"
+    changed = "\n".join(",".join(f"{value:.6f}" for value in row) for row in np.hstack(list(groups.values())))
+    path.write_text(f"{header}\n{changed}\n")
+    return path
+
+
+def upright_about_x(groups: dict[str, np.ndarray]) -> None:
+    """Orientations in a base whose x axis points up."""
+    tilt = Rotation.from_euler("y", 90.0, degrees=True)
+    groups["turn"][:] = (tilt * Rotation.from_rotvec(groups["turn"])).as_rotvec()
+
+
+WRONG: dict[str, tuple[Callable[[dict[str, np.ndarray]], object], str]] = {
+    "reaction": (lambda all_: (all_["force"].__imul__(-1), all_["torque"].__imul__(-1)), "the sensor's axes are left-"),
+    "one axis": (lambda all_: all_["force"].__imul__((1, 1, -1)), "left-handed against the flange's"),
+    "inverse": (
+        lambda all_: all_["turn"].__imul__(-1),
+        "give what turns vectors of the flange into the frame of the base",
+    ),
+    "base": (upright_about_x, "gravity pulls along its x axis; give them in a base whose z"),
+    "torque axes": (lambda all_: all_["torque"].__imul__((-1, 1, 1)), "no centre of mass explains the torques"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_wrong_sign_or_frame_is_one_line_that_names_it(tmp_path: Path, name: str) -> None:
+    change, said = WRONG[name]
+    refused = refusal_of("calibrate", "sensor", wrist_table(tmp_path, change), "--output", tmp_path / "wrist.toml")
+    assert said in refused
+    assert len(refused.strip().splitlines()) == 1
+    assert not (tmp_path / "wrist.toml").exists()
+
+
+def test_torques_of_the_wrong_sign_are_said(tmp_path: Path) -> None:
+    """They are explained by a centre of mass on the other side of the sensor: no data tells the two apart."""
+    table = wrist_table(tmp_path, lambda all_: all_["torque"].__imul__(-1))
+    assert (
+        "behind the sensor, along -z of the flange: the sign of the torques" in run("calibrate", "sensor", table).stderr
+    )
+    right = run("calibrate", "sensor", wrist_table(tmp_path, lambda _: None))
+    assert right.exit_code == 0, right.exception
+    assert "behind" not in right.stderr
+
+
+def test_an_arm_without_a_sensor_at_its_wrist_refuses_the_file_in_one_line(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco")
+    output_of("calibrate", "sensor", WRIST, "--output", tmp_path / "wrist.toml")
+    session = ("--calibration", tmp_path / "wrist.toml", "--duration", 0.1)
+    for command in (("simulate",), ("teleop", "--headless")):
+        refused = refusal_of(*command, "--robot", "so101", *session)
+        assert "so101 has no sensor at its wrist: leave it out" in refused
+        assert len(refused.strip().splitlines()) == 1
 
 
 def test_both_commands_fill_one_file_and_identify_takes_it(truth: ModuleType, tmp_path: Path) -> None:

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from foretouch.errors import InputError
-from foretouch.identification import fit_sensor_frame, fit_tool_weight, outlying_poses
+from foretouch.identification import check_orientations, fit_sensor_frame, fit_tool_weight, outlying_poses
+from foretouch.identification.calibration import check_torques
 
 GRAVITY = 9.80665
 BIAS, MASS = np.array([1.0, -2.0, 0.5]), 0.3
@@ -78,7 +79,7 @@ def test_a_wrong_sign_is_found_and_said() -> None:
     true = forces(d, Rotation.identity(), 2)
     with pytest.raises(InputError, match="change the sign of forces and torques"):
         fit_sensor_frame(d, -true)
-    with pytest.raises(InputError, match="the sign of one axis is wrong"):
+    with pytest.raises(InputError, match="the sign of one axis of the forces is wrong"):
         fit_sensor_frame(d, true * (1.0, 1.0, -1.0))
     with pytest.raises(InputError, match="two axes are exchanged"):
         fit_sensor_frame(d, true[:, [1, 0, 2]])
@@ -101,3 +102,41 @@ def test_a_pose_that_touches_something_is_left_out_and_the_others_never() -> Non
         touched[3] += (0.0, 0.6, 1.0)
         assert outlying_poses(d, touched) == [3]
     assert wrong == 0
+
+
+def orientations(count: int, seed: int) -> np.ndarray:
+    return Rotation.random(count, rng=np.random.default_rng(seed)).as_matrix()
+
+
+@pytest.mark.parametrize("count", [6, 8, 12])
+def test_right_orientations_pass_and_the_inverse_never(count: int) -> None:
+    """Whatever the poses are; the sensor is turned, and the noise is that of a wrist's."""
+    turn, wrong = Rotation.from_rotvec((0.3, -0.4, 1.2)), 0
+    for seed in range(200):
+        matrices = orientations(count, seed)
+        shown = forces(-matrices[:, 2, :], turn, seed)  # gravity along -z of the base, in the flange's frame
+        check_orientations(matrices, shown)
+        try:
+            check_orientations(matrices.transpose(0, 2, 1), shown)
+        except InputError as error:
+            wrong += "inverse" in str(error)
+    assert wrong >= 195
+
+
+def test_poses_about_one_axis_tell_no_other_frame() -> None:
+    """The inverse of turns about x is a sensor turned by half about z: both explain the forces."""
+    matrices = Rotation.from_euler("x", np.linspace(0.0, 5.0, 10)[:, None]).as_matrix()
+    shown = forces(-matrices[:, 2, :], Rotation.identity(), 3)
+    check_orientations(matrices.transpose(0, 2, 1), shown)
+
+
+def test_torques_of_a_turned_sensor_and_of_a_centre_to_the_side_pass() -> None:
+    for seed in range(200):
+        d = directions(8, seed)
+        shown = forces(d, Rotation.from_rotvec((0.3, -0.4, 1.2)), seed)
+        noise = np.random.default_rng(seed).normal(0.0, 8e-4, d.shape)
+        centre = np.random.default_rng(seed).uniform(-0.1, 0.1, 3)
+        torque = 0.05 + np.cross(centre, shown - BIAS) + noise
+        check_torques(shown, torque)
+        with pytest.raises(InputError, match="no centre of mass explains"):
+            check_torques(shown, torque[:, [1, 0, 2]])

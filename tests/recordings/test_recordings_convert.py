@@ -84,6 +84,8 @@ def test_two_other_readers_find_the_numbers(tmp_path):
     with path.open("rb") as file:
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
         got = [(channel.topic, message) for _, channel, _, message in reader.iter_decoded_messages()]
+        said = {channel.topic: channel.metadata["frame_id"] for channel in reader.get_summary().channels.values()}
+    assert said == {"/probe/joint_states": "tip", "/probe/wrench": "tip", "/probe/pose": "world"}
     with AnyReader([path]) as reader:
         also = [(one.topic, reader.deserialize(raw, one.msgtype)) for one, _, raw in reader.messages()]
     for messages in (got, also):
@@ -94,7 +96,9 @@ def test_two_other_readers_find_the_numbers(tmp_path):
         wrenches = [message for topic, message in messages if topic == "/probe/wrench"]
         assert [one.wrench.force.z for one in wrenches] == expected.force.tolist()
         poses = [message for topic, message in messages if topic == "/probe/pose"]
-        assert [one.pose.position.z for one in poses] == expected.position.tolist()
+        # z of the world points out of the material, as that of the tip, and as in a session's recording
+        assert [one.pose.position.z for one in poses] == (-expected.position).tolist()
+        assert all(message.header.frame_id == said[topic] for topic, message in messages)
         stamps = [one.header.stamp.sec * 10**9 + one.header.stamp.nanosec for one in poses]
         assert stamps == np.rint(expected.time * 1e9).astype(int).tolist()
 

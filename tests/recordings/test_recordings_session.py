@@ -33,6 +33,7 @@ from foretouch.messages import (
     Telemetry,
 )
 from foretouch.messages.states import FollowerRow, LeaderRow
+from foretouch.quantities import FRAMES
 from foretouch.recordings import SessionWriter, read_recording, read_session
 from foretouch.recordings.formats.cdr import HEADER, Layout
 from foretouch.recordings.formats.topics import TOPICS
@@ -123,16 +124,35 @@ def test_an_independent_reader_gets_every_value(tmp_path):
     ):
         for (_, state), message in zip(read[topic], [m for m, _ in sent if type(m) is kind], strict=True):
             assert state.header.stamp.sec * 10**9 + state.header.stamp.nanosec == message.time_ns
-            assert (state.header.frame_id, list(state.name)) == ("probe", ["probe"])
+            assert (state.header.frame_id, list(state.name)) == ("tip", ["probe"])
             assert bits([*state.position, *state.velocity, *state.effort]) == bits(
                 [message.position, message.velocity, getattr(message, force)]
             )
     for (_, got), message in zip(read["/follower/wrench"], [m for m, _ in sent if type(m) is Telemetry], strict=True):
         force, torque = got.wrench.force, got.wrench.torque
-        assert got.header.frame_id == "probe"
+        assert got.header.frame_id == "tip"
         assert bits([force.x, force.y, force.z, torque.x, torque.y, torque.z]) == bits(
             [0.0, 0.0, message.force, 0.0, 0.0, 0.0]
         )
+
+
+def test_another_reader_gets_the_frame_of_every_topic(tmp_path):
+    path = tmp_path / "session.mcap"
+    made.write_session(path, 120)
+    with path.open("rb") as file:
+        channels = {channel.topic: channel.metadata for channel in make_reader(file).get_summary().channels.values()}
+    said = {topic: metadata["frame_id"] for topic, metadata in channels.items() if "frame_id" in metadata}
+    assert set(said.values()) <= set(FRAMES)
+    assert {topic for topic in channels if topic not in said} == {
+        f"/session/{name}" for name in ("hello", "settings", "choice", "stop", "emergency")
+    }
+    assert (said["/follower/wrench"], said["/follower/space"], said["/follower/field"]) == ("tip", "world", "fixture")
+    headers = defaultdict(set)
+    for channel, _, message in decoded(path):
+        if hasattr(message, "header"):
+            headers[channel.topic].add(message.header.frame_id)
+    assert len(headers) >= 5
+    assert all(names == {said[topic]} for topic, names in headers.items())
 
 
 def test_the_index_serves_tools_that_seek(tmp_path):

@@ -67,6 +67,20 @@ def test_it_is_a_mesh_that_opens_again(tmp_path: Path) -> None:
     assert np.cross(b - a, c - a)[2] > 0.0  # it faces up, as a specimen does
 
 
+def test_it_says_its_frame_and_another_is_one_line(tmp_path: Path) -> None:
+    content, path = map_file(touched(300.0, 0.1)), tmp_path / "map.ply"
+    assert b"\ncomment frame fixture\n" in content.partition(b"end_header")[0]
+    path.write_bytes(content.replace(b"comment frame fixture", b"comment frame base"))
+    with pytest.raises(InputError, match=r"map.ply: is in the frame base \(at the arm's foot, z up\), and .* fixture"):
+        read_map(path)
+    path.write_bytes(content.replace(b"comment frame fixture", b"comment frame table"))
+    with pytest.raises(InputError, match=r"frame table \(unknown here; there are world, base, .*") as refused:
+        read_map(path)
+    assert "\n" not in str(refused.value)
+    path.write_bytes(content.replace(b"comment frame fixture\n", b""))  # as maps were before they named it
+    assert len(read_map(path).points) == 16
+
+
 @pytest.mark.parametrize(
     ("content", "problem"),
     [(b"", "no mesh"), (b"ply\nformat ascii 1.0\nend_header\n", "no mesh"), (None, "no such file")],

@@ -307,7 +307,7 @@ def test_a_description_that_breaks_a_rule_is_refused_in_one_line(change: str, tm
 def test_an_arm_that_cannot_reach_the_scene_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "far.xml"
     path.write_text((DESCRIPTIONS / "fr3.xml").read_text().replace('data="0.5 0 0.2"', 'data="0.95 0 0.2"'))
-    with pytest.raises(InputError, match=r"the arm stays .* mm away from .* of the scene"):
+    with pytest.raises(InputError, match=r"the arm's tip stays .* mm away from .* of the scene, in world"):
         ArticulatedArm(read_arm(str(path)), in_the_air, seed=0)
 
 

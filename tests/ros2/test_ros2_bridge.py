@@ -127,7 +127,7 @@ def test_every_number_of_a_session_is_read_by_another_implementation(
     offset = wall_offset_ns()
     for tick, (data, _) in zip(ticks, there.of("/robot1/follower/wrench"), strict=True):
         wrench = read(data, "geometry_msgs/msg/WrenchStamped")
-        assert wrench.header.frame_id == "probe"
+        assert wrench.header.frame_id == "tip"
         force, torque = wrench.wrench.force, wrench.wrench.torque
         assert (force.x, force.y, force.z, torque.x, torque.y, torque.z) == (0.0, 0.0, tick.force, 0.0, 0.0, 0.0)
         stamp = wrench.header.stamp.sec * 10**9 + wrench.header.stamp.nanosec

@@ -123,3 +123,15 @@ def test_a_plan_runs_each_session_once_and_some_three_times() -> None:
 def test_a_bad_plan_is_refused(name: str, plan: dict[str, float]) -> None:
     with pytest.raises(SettingError, match=name):
         Plan(**plan)  # type: ignore[arg-type]
+
+
+def test_another_robot_changes_nothing_else() -> None:
+    for number in range(40):
+        plain, arm = draw_case(number), draw_case(number, robot="fr3")
+        assert arm.options == plain.options | {"robot": "fr3"}
+        assert (arm.duration, arm.network) == (plain.duration, plain.network)
+        assert "--robot fr3" in arm.command
+        assert "robot" not in plain.options
+    assert {case.settings().robot for case in Plan(5, 2, robot="ur5e").cases()} == {"ur5e"}
+    with pytest.raises(SettingError, match="robot = 'kuka'"):
+        Plan(robot="kuka")

@@ -228,3 +228,25 @@ def test_a_replay_of_nothing_is_refused(
         error = capsys.readouterr().err
         assert text in error
         assert len(error.splitlines()) == 1
+
+
+def test_a_sweep_with_an_arm_is_a_folder_of_its_own_and_runs_again(tmp_path: Path) -> None:
+    pytest.importorskip("mink")
+    row = run_sweep(tmp_path, Plan(1, 0, 2.0, robot="fr3"), processes=1)[0]
+    assert row.error == ""
+    assert row.options["robot"] == "fr3"
+    assert replay_session(tmp_path, 0).identical
+    with pytest.raises(InputError, match=r"was made with --seed 0 --duration 2 --robot fr3; give another --out"):
+        run_sweep(tmp_path, Plan(1, 0, 2.0), processes=1)
+    with pytest.raises(InputError, match=r"nowhere\.xml: MuJoCo cannot read it"):
+        run_sweep(tmp_path / "other", Plan(1, 0, 2.0, robot="nowhere.xml"), processes=1)
+    assert not (tmp_path / "other").exists()
+
+
+def test_a_folder_from_before_there_were_arms_is_one_of_the_plain_robot(one: Path) -> None:
+    lines = (one / FILE_NAME).read_text().splitlines()
+    assert '"robot":"simulated"' in lines[0]
+    (one / "older").mkdir()
+    older = one / "older" / FILE_NAME
+    older.write_text("\n".join([lines[0].replace(',"robot":"simulated"', ""), *lines[1:]]) + "\n")
+    assert Store(one / "older", duration=4.0).rows.keys() == {(0, "none")}

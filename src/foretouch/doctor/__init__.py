@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from foretouch.doctor import surroundings
+from foretouch.doctor.arms import check_arm
 from foretouch.doctor.finding import Finding, Verdict, render_findings, worst
 from foretouch.doctor.hardware import check_cores, check_governor, check_graphics, check_real_time
 from foretouch.doctor.loops import LoopReport, check_loops, run_loops
@@ -28,12 +29,18 @@ Way = tuple[str, str, int, "Callable[[Callable[[Message], None]], ZenohLink]"]
 
 
 def examine(
-    *, seconds: float = 5.0, keys: Path | None = None, ways: tuple[Way, ...] = (), say: Callable[[str], None]
+    *,
+    seconds: float = 5.0,
+    keys: Path | None = None,
+    ways: tuple[Way, ...] = (),
+    arm: str = "",
+    say: Callable[[str], None],
 ) -> Iterator[Finding]:
     """Make every check, those first that disturb the others least, and give each finding as soon as it is there.
 
     The loops run, and each peer of the `ways` is asked, for `seconds` [s], above 0; `keys` is a folder, else the usual
-    one. `say` is called with what is examined next, where it takes long.
+    one; `arm` a simulated arm that is made and timed, or the file of its description. `say` is called with what is
+    examined next, where it takes long.
     """
     yield from (surroundings.check_python(), surroundings.check_packages(), surroundings.check_extras())
     yield from (check_cores(), check_governor())
@@ -43,6 +50,9 @@ def examine(
     yield _made("keys", lambda: surroundings.check_keys(keys))
     say("drawing an image")
     yield check_graphics()
+    if arm:
+        say(f"timing the arm {arm}")
+        yield check_arm(arm)
     say(f"running two loops for {seconds:g} s")
     reports: dict[str, LoopReport] | str
     try:

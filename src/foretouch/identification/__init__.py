@@ -6,6 +6,7 @@ Nothing here sees a robot or a file: the same code runs on recordings, simulatio
 from foretouch.identification.calibration import (
     SensorFrame,
     ToolLoadFit,
+    check_orientations,
     fit_sensor_frame,
     fit_tool_load,
     outlying_poses,
@@ -132,6 +133,7 @@ __all__ = [
     "ToolWeight",
     "TwoStageOptions",
     "all_estimators",
+    "check_orientations",
     "correct_recording",
     "default_estimator",
     "find_sensor_lag",

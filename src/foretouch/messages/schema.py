@@ -166,7 +166,7 @@ class Handle(Message, frozen=True, array_like=True, gc=False):
     """Console to leader, on every mouse move: where the handle is and whether it is held.
 
     Attributes:
-        position: Handle position [m], in the frame of the probe.
+        position: Handle position [m], along the axis of the probe.
         held: True while the handle is dragged.
         clutched: True while the clutch is pressed: the hand moves and the follower stays.
         place: Position of the handle in the world, in a session in three dimensions; empty along a line.

@@ -13,15 +13,24 @@ from foretouch.quantities.columns import (
     new_figure,
     parameter_unit,
 )
+from foretouch.quantities.frames import BASE, CAMERA, FIXTURE, FLANGE, FRAMES, SENSOR, TIP, WORLD, wrong_frame
 from foretouch.quantities.pose import Pose, cross_matrix
 from foretouch.quantities.recording import LARGEST_POSITION, Frame, Recording, SpatialFrame, numbers_of
 from foretouch.quantities.sensor_calibration import SensorCalibration
 from foretouch.quantities.tool_load import STANDARD_GRAVITY, ToolLoad
 
 __all__ = [
+    "BASE",
+    "CAMERA",
+    "FIXTURE",
+    "FLANGE",
+    "FRAMES",
     "LARGEST_POSITION",
     "QUANTITIES",
+    "SENSOR",
     "STANDARD_GRAVITY",
+    "TIP",
+    "WORLD",
     "Array",
     "Brief",
     "ByValue",
@@ -45,4 +54,5 @@ __all__ = [
     "numbers_of",
     "parameter_unit",
     "shortest",
+    "wrong_frame",
 ]

@@ -30,7 +30,7 @@ class SensorCalibration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
         centre_of_mass: Centre of mass of the tool, from the sensor's origin [m].
         centre_of_mass_error: [m].
         tool_inertia: Of the tool about its centre of mass, as `ToolLoad.inertia` [kg m^2]; no command finds it.
-        sensor_turn: Rotation vector from the frame in which gravity was given to the sensor's [rad].
+        sensor_turn: Rotation vector from the frame in which gravity was given, the flange's, to the sensor's [rad].
         sensor_turn_error: [rad].
         approach_axis: Unit vector along which the probe approaches.
         approach_gravity: Gravity along the approach [m/s^2], 9.80665 where the probe approaches downwards.

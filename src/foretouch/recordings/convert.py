@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from foretouch.errors import RecordingError
-from foretouch.quantities import Recording
+from foretouch.quantities import TIP, WORLD, Recording
 from foretouch.recordings.formats import topics
 from foretouch.recordings.meaning.mapping import Mapping, Signal, TimeSource, Velocity, mapping_text
 from foretouch.recordings.output import atomic_path, optional, write_columns
@@ -22,9 +22,9 @@ OUTPUTS: Final = (".csv", ".parquet", ".mcap")
 
 JOINTS, WRENCH, POSE = "/probe/joint_states", "/probe/wrench", "/probe/pose"
 _TOPICS: Final = {
-    JOINTS: ("sensor_msgs/msg/JointState", topics.JOINT_STATE_SCHEMA),
-    WRENCH: ("geometry_msgs/msg/WrenchStamped", topics.WRENCH_SCHEMA),
-    POSE: ("geometry_msgs/msg/PoseStamped", topics.POSE_SCHEMA),
+    JOINTS: ("sensor_msgs/msg/JointState", topics.JOINT_STATE_SCHEMA, TIP),
+    WRENCH: ("geometry_msgs/msg/WrenchStamped", topics.WRENCH_SCHEMA, TIP),
+    POSE: ("geometry_msgs/msg/PoseStamped", topics.POSE_SCHEMA, WORLD),
 }
 
 
@@ -32,7 +32,7 @@ def write_recording(path: str | PathLike[str], recording: Recording) -> list[str
     """Write a recording; the ending of the name says the format. What is written reads back as the same recording.
 
     - CSV and Parquet: ``time_s``, ``position_m``, ``force_N`` and, where it was measured, ``velocity_m_s``.
-    - MCAP: `JointState`, `WrenchStamped` (force along z) and `PoseStamped` (position along z), one of each a sample,
+    - MCAP: `JointState`, `WrenchStamped` (force along z) and `PoseStamped` (position against z), one of each a sample,
       and the map that reads them, as a metadata record. Stamps and log times are the times of the recording.
 
     Args:
@@ -82,9 +82,10 @@ def _write_mcap(path: str | PathLike[str], recording: Recording) -> list[str]:
         mcap = writer.Writer(file, compression=writer.CompressionType.LZ4)
         mcap.start(profile="ros2", library="foretouch")
         channels = {}
-        for topic, (kind, schema) in _TOPICS.items():
+        for topic, (kind, schema, frame) in _TOPICS.items():
             number = mcap.register_schema(kind, "ros2msg", schema.encode())
-            channels[topic] = mcap.register_channel(topic, "cdr", number, {"offered_qos_profiles": ""})
+            said = {"offered_qos_profiles": "", "frame_id": frame}
+            channels[topic] = mcap.register_channel(topic, "cdr", number, said)
         for sequence, (topic, stamp, data) in enumerate(_messages(recording, stamps.tolist())):
             mcap.add_message(channels[topic], stamp, data, stamp, sequence // len(_TOPICS))
         mcap.add_metadata(MAP_NAME, {"toml": mapping_text(mapping)})
@@ -98,4 +99,4 @@ def _messages(recording: Recording, stamps: list[int]) -> Iterator[tuple[str, in
     for stamp, position, force, speed in zip(*columns, strict=False):
         yield JOINTS, stamp, topics.joint_state(stamp, position, speed, force)
         yield WRENCH, stamp, topics.wrench(stamp, force)
-        yield POSE, stamp, topics.pose(stamp, (0.0, 0.0, position))
+        yield POSE, stamp, topics.pose(stamp, (0.0, 0.0, -position))

@@ -41,6 +41,8 @@ class StaticPoses(NamedTuple):
         force_noise: Standard deviation of the force between rows of the same pose, all axes together [N]; None where no
             pose has two rows.
         torque_noise: The same of the torque [N m]; None without torques, too.
+        orientation: Matrices that turn vectors of the flange, or of the sensor, into the base's frame, shape (n, 3, 3);
+            None where gravity's direction was given.
     """
 
     gravity: Array
@@ -49,6 +51,7 @@ class StaticPoses(NamedTuple):
     names: tuple[str, ...]
     force_noise: float | None = None
     torque_noise: float | None = None
+    orientation: Array | None = None
 
 
 def read_poses(path: str | PathLike[str]) -> StaticPoses:
@@ -72,13 +75,12 @@ def _poses_in(path: str | PathLike[str]) -> StaticPoses:
         table = CsvTable(path, skip_empty=True)
     force = _vectors(table, FORCE)
     torque = _vectors(table, TORQUE) if any(name in table.header for name in TORQUE) else None
-    if QUATERNION[0] in table.header:
-        quaternions = _unit(table, _vectors(table, QUATERNION), "quaternion", strict=True)
-        gravity = _down(Rotation.from_quat(quaternions, scalar_first=True))
-    elif ROTATION_VECTOR[0] in table.header:
-        gravity = _down(Rotation.from_rotvec(_vectors(table, ROTATION_VECTOR)))
-    else:
+    turns = _turns(table)
+    if turns is None:
         gravity = _unit(table, _vectors(table, GRAVITY), "gravity direction", strict=False)
+    else:
+        gravity = _down(turns)
+    orientation = None if turns is None else np.asarray(turns.as_matrix(), np.float64)
     names = tuple(map(str, range(1, len(force) + 1)))
     noise = torque_noise = None
     if POSE in table.header:
@@ -91,7 +93,19 @@ def _poses_in(path: str | PathLike[str]) -> StaticPoses:
         force, gravity = _means(force, group), _means(gravity, group)
         gravity /= np.linalg.norm(gravity, axis=1, keepdims=True)
         torque = None if torque is None else _means(torque, group)
-    return StaticPoses(gravity, force, torque, names, noise, torque_noise)
+        first = np.unique(group, return_index=True)[1]
+        orientation = None if orientation is None else orientation[first]
+    return StaticPoses(gravity, force, torque, names, noise, torque_noise, orientation)
+
+
+def _turns(table: CsvTable) -> Rotation | None:
+    """Orientations of all rows; None where the table has none."""
+    if QUATERNION[0] in table.header:
+        quaternions = _unit(table, _vectors(table, QUATERNION), "quaternion", strict=True)
+        return Rotation.from_quat(quaternions, scalar_first=True)
+    if ROTATION_VECTOR[0] in table.header:
+        return Rotation.from_rotvec(_vectors(table, ROTATION_VECTOR))
+    return None
 
 
 def _vectors(table: CsvTable, names: tuple[str, ...]) -> Array:

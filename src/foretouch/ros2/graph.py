@@ -22,7 +22,7 @@ from foretouch.errors import LinkError
 from foretouch.link import check_endpoint, is_encrypted
 from foretouch.link.zenoh_link import zenoh_config, zenoh_module
 from foretouch.messages import Message, Telemetry
-from foretouch.recordings.formats.topics import BESIDE, FIXTURE, MODEL, NUMBERS, PROBE, StandardTopic, probe
+from foretouch.recordings.formats.topics import BESIDE, FIXTURE_POSE, MODEL, NUMBERS, PROBE, StandardTopic, probe
 from foretouch.ros2.keys import DEFAULT, SENSOR_DATA, Node, TopicType, attachment, publisher_gid
 
 NESTED: Final = 1
@@ -126,7 +126,7 @@ def _referenced(type_name: str, fields: dict[str, list[dict[str, Any]]]) -> set[
     return names
 
 
-KEPT: Final = (MODEL.name, NUMBERS.name, FIXTURE.name)
+KEPT: Final = (MODEL.name, NUMBERS.name, FIXTURE_POSE.name)
 """Topics whose last message must not be missed: reliable. The others are streams of samples, as sensor data."""
 
 

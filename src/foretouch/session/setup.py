@@ -17,7 +17,6 @@ from foretouch.robot import (
     make_material,
     make_robot,
     material_names,
-    read_arm,
 )
 from foretouch.session import spatial
 from foretouch.session.operators import (
@@ -29,6 +28,7 @@ from foretouch.session.operators import (
     robot_inside,
 )
 from foretouch.session.settings import SessionSettings, shadow_settings
+from foretouch.session.steps.sensing import calibrated_arm
 from foretouch.session.workspace import LINE, SPACE, framed_device, inverse
 from foretouch.settings import SIMULATED, is_simulated
 
@@ -51,7 +51,7 @@ class LineSetup:
         if settings.robot == SIMULATED:
             arm = make_robot(settings.material, seed=settings.seed)
         else:
-            arm = ArmAlongLine(read_arm(settings.robot), make_material(settings.material), seed=settings.seed)
+            arm = ArmAlongLine(calibrated_arm(settings), make_material(settings.material), seed=settings.seed)
         return mounted_robot(settings, arm), arm.material
 
     def operator(self, reach: Any, say: Say) -> Any:

@@ -15,6 +15,7 @@ from foretouch.errors.checks import require
 from foretouch.robot import MATERIALS, make_material
 from foretouch.session import SessionSettings
 from foretouch.session.operators import SHALLOWEST
+from foretouch.settings import SIMULATED
 
 LONGEST_ROUND_TRIP = 5.0  # Largest round trip [s]
 CLEAN = "delay only"  # The network with delay only
@@ -89,7 +90,7 @@ class Case:
         return shlex.join(words)
 
 
-def draw_case(number: int, *, seed: int = 0, duration: float = 30.0) -> Case:
+def draw_case(number: int, *, seed: int = 0, duration: float = 30.0, robot: str = SIMULATED) -> Case:
     r"""The session with this number.
 
     Round trip, model rate, network, material and grip are spread evenly over any run of numbers by an additive
@@ -100,7 +101,7 @@ def draw_case(number: int, *, seed: int = 0, duration: float = 30.0) -> Case:
     A tenth of the round trips is 0, half of the others is uniform from 0 to 5 s, the other half uniform in its
     logarithm from 10 ms to 5 s. Where it is long the session is too, by 4 round trips: knowledge of a surface takes
     that long to arrive. Number and seed are 0 or more, the duration [s] is 2 or more, of which whole milliseconds are
-    taken; an argument out of range is a SettingError.
+    taken; an argument out of range is a SettingError. Another robot changes nothing else of the session.
 
     References:
         The recurrence: Roberts (2018), The unreasonable effectiveness of quasirandom sequences.
@@ -122,6 +123,7 @@ def draw_case(number: int, *, seed: int = 0, duration: float = 30.0) -> Case:
     options |= {} if law == SessionSettings().model else {"model": law}
     options |= _faults(random, network, round_trip)
     options |= _hands(random, lasting, str(options["material"]))
+    options |= {} if robot == SIMULATED else {"robot": robot}
     return Case(number, lasting, network, options)
 
 

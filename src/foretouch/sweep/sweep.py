@@ -16,9 +16,10 @@ import msgspec
 
 from foretouch import __version__
 from foretouch.comparison.parallel import run_all
-from foretouch.errors import InputError, UnknownNameError
+from foretouch.errors import InputError, SettingError, UnknownNameError
 from foretouch.errors.checks import require
-from foretouch.settings import BASELINES
+from foretouch.robot import read_arm
+from foretouch.settings import ARMS, BASELINES, SIMULATED, is_arm, is_simulated
 from foretouch.sweep.cases import Case, baseline_numbers, draw_case
 from foretouch.sweep.outcome import Outcome, failed, run_case
 
@@ -48,6 +49,7 @@ class Header(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     code: str  # digest of the code that ran the sessions
     seed: int  # seed of the sweep
     duration_s: float  # duration of sessions without delay [s]
+    robot: str = SIMULATED  # of all sessions
 
 
 @functools.cache
@@ -64,14 +66,14 @@ def code_digest() -> str:
 
 
 class Store:
-    """The rows in a folder, which is made if it is not there, of a seed and a duration [s] of sessions without delay.
+    """The rows in a folder, which is made if it is not there, of a seed, a robot and a duration without delay [s].
 
     An InputError says that the folder cannot be used, or holds the rows of another sweep.
     """
 
-    def __init__(self, folder: str | Path, *, seed: int = 0, duration: float = 30.0) -> None:
+    def __init__(self, folder: str | Path, *, seed: int = 0, duration: float = 30.0, robot: str = SIMULATED) -> None:
         self.path = Path(folder) / FILE_NAME
-        self.header = Header(__version__, code_digest(), seed, duration)  # it is, or will be, in the first line
+        self.header = Header(__version__, code_digest(), seed, duration, robot)  # it is, or will be, in the first line
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             if self.path.exists():
@@ -82,7 +84,7 @@ class Store:
             raise InputError(f"{self.path}: cannot be written: {error.strerror}") from None
         header, rows = read_store(self.path)
         if header != self.header:
-            differs = f"was made with --seed {header.seed} --duration {header.duration_s:g}"
+            differs = f"was made with --seed {header.seed} --duration {header.duration_s:g} --robot {header.robot}"
             if (header.version, header.code) != (self.header.version, self.header.code):
                 differs = "was made by other code, whose sessions are not comparable"
             raise InputError(f"{self.path}: {differs}; give another --out, or remove the file")
@@ -137,25 +139,35 @@ class Plan:
         baselines: Number of them that are run with each baseline too.
         duration: Duration of a session without delay [s], from 2 on.
         seed: Seed of all sessions.
+        robot: Simulated robot of all sessions.
 
     Raises:
-        SettingError: A number out of range.
+        SettingError: A number out of range, or a robot that is not simulated.
+        InputError: No such description of an arm, or one that breaks a rule.
+        MissingExtraError: MuJoCo is not installed, and the robot is an arm.
     """
 
     sessions: int = 1000
     baselines: int = 100
     duration: float = 30.0
     seed: int = 0
+    robot: str = SIMULATED
 
     def __post_init__(self) -> None:
         require("sessions", self.sessions, at_least=1)
         require("baselines", self.baselines, at_least=0, at_most=self.sessions)
         require("duration", self.duration, at_least=2.0)
         require("seed", self.seed, at_least=0)
+        if not is_simulated(self.robot):
+            rule = f"must be simulated, {', '.join(ARMS)}, or the .xml of an arm's description"
+            raise SettingError("robot", self.robot, rule)
+        if is_arm(self.robot):
+            read_arm(self.robot)  # one line here, and not one in each session
 
     def cases(self) -> list[Case]:
         """All sessions; a baseline's follow ours of the same number, so that a partial sweep can be compared."""
-        ours = [draw_case(number, seed=self.seed, duration=self.duration) for number in range(self.sessions)]
+        same: Any = {"seed": self.seed, "duration": self.duration, "robot": self.robot}
+        ours = [draw_case(number, **same) for number in range(self.sessions)]
         both = set(baseline_numbers(ours, self.baselines))
         return [
             case.rendering(baseline) for case in ours for baseline in (BASELINES if case.number in both else ("none",))
@@ -183,7 +195,7 @@ def run_sweep(
         InputError: The folder cannot be used, or holds the rows of another sweep.
     """
     cases = plan.cases()
-    store = Store(folder, seed=plan.seed, duration=plan.duration)
+    store = Store(folder, seed=plan.seed, duration=plan.duration, robot=plan.robot)
     missing = [case for case in cases if (case.number, case.baseline) not in store.rows]
     done = len(cases) - len(missing)
     for _, row in run_all(run_case, missing, processes=processes, cluster=cluster, lost=failed, say=say):
@@ -252,5 +264,5 @@ def replay_session(folder: str | Path, number: int, *, baseline: str = "none") -
     if stored is None:
         of = "" if baseline == "none" else f" with the baseline {baseline}"
         raise InputError(f"{Path(folder) / FILE_NAME}: has no session {number}{of}, but {len(rows)} others")
-    case = draw_case(number, seed=header.seed, duration=header.duration_s).rendering(baseline)
+    case = draw_case(number, seed=header.seed, duration=header.duration_s, robot=header.robot).rendering(baseline)
     return Replayed(stored, run_case(case), header.code == code_digest())

@@ -47,7 +47,7 @@ def sensor(
     """Estimate force bias, tool mass and centre of mass from six or more static poses, and the sensor's lag.
 
     A pose in which the tool touched something is left out and named; a sensor that is turned, or whose signs are wrong,
-    is found and said.
+    is found and said; so is another frame than that of the flange.
 
     Units and direction are those of the recording of `--motion`.
 
@@ -55,7 +55,7 @@ def sensor(
     """
     import msgspec
 
-    from foretouch.identification import find_sensor_lag, fit_tool_load
+    from foretouch.identification import check_orientations, find_sensor_lag, fit_tool_load
     from foretouch.recordings import read_poses
 
     direction = _unit_vector(axis)
@@ -63,6 +63,8 @@ def sensor(
     _before_figure(figure, output, poses, motion)
     make_folder(report_directory)
     measured = read_poses(poses)
+    if measured.orientation is not None:
+        check_orientations(measured.orientation, measured.force)
     fit = fit_tool_load(measured.gravity, measured.force, measured.torque)
     weight, frame = fit.weight, fit.frame
     left_out = ", ".join(measured.names[number] for number in fit.left_out)
@@ -207,6 +209,11 @@ def _sentences(fit: ToolLoadFit, left_out: str) -> Iterator[str]:
         yield "the sensor's frame stays open: turn the tool about a second axis, so that gravity pulls along all three"
     elif fit.frame.is_turned:
         yield fit.frame.sentence
+    if fit.is_behind:
+        yield (
+            "the centre of mass lies behind the sensor, along -z of the flange: the sign of the torques is wrong, "
+            "unless that axis points into the arm"
+        )
 
 
 def _rms(residual: Any) -> float:

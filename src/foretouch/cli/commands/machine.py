@@ -13,6 +13,7 @@ import typer
 from foretouch.cli.options import Answer, Duration, Endpoints, command, open_link, require_duration, say
 from foretouch.cli.progress import compile_first, progress_bar
 from foretouch.errors import ForetouchError, LinkError, SettingError
+from foretouch.settings import ARMS, is_arm
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -120,21 +121,28 @@ def doctor(
     *,
     endpoints: Endpoints,
     seconds: Annotated[float, typer.Option(help="That the loops run, and that a peer is asked [s].")] = 5.0,
+    robot: Annotated[
+        str, typer.Option(help="A simulated arm that is looked at too: fr3, ur5e, so101, or its description's file.")
+    ] = "",
     duration: Duration = None,
     json_output: bool,
 ) -> Answer:
     """Is this machine fit for a session, and the way to another? Each check with a verdict and what mends it.
 
-    With --connect a peer is asked too: a `foretouch doctor --listen` there answers, and a session that runs there is
-    listened to. With --listen nothing is checked: it answers until Ctrl-C, or for --duration. Exit code 1 where
-    something is bad.
+    With --robot a simulated arm is made and timed. With --connect a peer is asked too: a `foretouch doctor --listen`
+    there answers, and a session that runs there is listened to. With --listen nothing is checked: it answers until
+    Ctrl-C, or for --duration. Exit code 1 where something is bad.
 
     Example: foretouch doctor --connect tcp/127.0.0.1:7447 --seconds 5
     """
     if not 0.0 < seconds <= LONGEST:
         raise SettingError("seconds", seconds, f"must be above 0 and at most {LONGEST:g}")
     require_duration(duration)
+    if robot and not is_arm(robot):
+        rule = f"must be {', '.join(ARMS)} or the .xml of a description; a plug-in's: `foretouch plugins check NAME`"
+        raise SettingError("robot", robot, rule)
     if endpoints.listen:
+        _refuse("--listen", {"--robot": bool(robot)})
         if endpoints.connect:
             raise LinkError("give --listen on one machine and --connect on the other")
         return _answer(endpoints, duration)
@@ -143,7 +151,13 @@ def doctor(
     ways = tuple(_way(endpoints, each) for each in endpoints.connect or ())
     with progress_bar("looking at this machine", refreshing=False) as bar:
         findings = list(
-            examine(seconds=seconds, keys=endpoints.keys, ways=ways, say=lambda what: bar.update(0.0, None, what))
+            examine(
+                seconds=seconds,
+                keys=endpoints.keys,
+                ways=ways,
+                arm=robot,
+                say=lambda what: bar.update(0.0, None, what),
+            )
         )
     verdict, lines = worst(findings), ""
     if not json_output:

@@ -14,6 +14,7 @@ from foretouch.cli.options import Answer, ReportDirectory, command, made_by, mak
 from foretouch.cli.progress import compile_first, progress_bar
 from foretouch.cli.reading import RECORDING_HELP, Scored, recording_options, say_how_it_is_read
 from foretouch.errors import SettingError, plural
+from foretouch.settings import SIMULATED
 
 if TYPE_CHECKING:
     from foretouch.comparison import Case
@@ -151,15 +152,18 @@ class Sessions:
     ] = None
     duration: Annotated[float, typer.Option(help="Of a session without delay [s]; 4 round trips more with one.")] = 30.0
     seed: Annotated[int, typer.Option(help="Of all sessions.")] = 0
+    robot: Annotated[
+        str, typer.Option(help="Of all sessions: simulated, fr3, ur5e, so101, or the file of an arm's description.")
+    ] = SIMULATED
 
     def plan(self, quick: bool) -> Plan:
         """What is run, or a dozen short sessions."""
         from foretouch.sweep import Plan
 
         if quick:
-            return Plan(12, 2, 4.0, self.seed)
+            return Plan(12, 2, 4.0, self.seed, self.robot)
         compared = min(100, self.sessions) if self.baselines is None else self.baselines
-        return Plan(self.sessions, compared, self.duration, self.seed)
+        return Plan(self.sessions, compared, self.duration, self.seed, self.robot)
 
 
 @command(which=Sessions, workers=Workers)
@@ -190,8 +194,8 @@ def sweep(
         raise SettingError("baseline", baseline, "is of the session to replay: give its number by --replay")
     from foretouch.sweep import render_table, run_sweep, summary, write_sweep_page
 
-    make_folder(out)
     plan = which.plan(quick)
+    make_folder(out)
     compile_first()
     with progress_bar("sessions") as bar:
 
@@ -203,7 +207,11 @@ def sweep(
                 bar.say(f"{done} of {total} sessions")
 
         rows = run_sweep(out, plan, processes=workers.jobs, cluster=workers.cluster, progress=progress, say=say)
-    made = made_by(plan=", ".join(f"{name} {value:g}" for name, value in asdict(plan).items()))
+    made = made_by(
+        plan=", ".join(
+            f"{name} {value if isinstance(value, str) else format(value, 'g')}" for name, value in asdict(plan).items()
+        )
+    )
     page = write_sweep_page(out, rows, made)
     content = summary(rows)
     say(f"page: {page}")

@@ -11,11 +11,18 @@ from scipy.optimize import least_squares as refine
 from scipy.spatial.transform import Rotation
 
 from foretouch.errors import InputError
-from foretouch.identification.calibration.sensor_frame import SensorFrame, fit_sensor_frame, outlying_poses
+from foretouch.identification.calibration.sensor_frame import (
+    SensorFrame,
+    check_torques,
+    fit_sensor_frame,
+    outlying_poses,
+)
 from foretouch.identification.force_calibration import ToolWeight, fit_tool_weight
 from foretouch.quantities import ByValue, ToolLoad
 
 Array = NDArray[np.float64]
+
+SURE = 3.0  # Number of standard errors from which a centre of mass is on a side
 
 LEAST_NOISE = 1e-9  # of residuals that are exactly 0, as weights need one
 
@@ -42,6 +49,15 @@ class ToolLoadFit(ByValue):
     force_noise: float
     torque_noise: float | None
     condition: float
+
+    @property
+    def is_behind(self) -> bool:
+        """Whether the centre of mass lies on the arm's side of the sensor, by the flange's z: as of a wrong sign."""
+        centre, error = self.weight.centre_of_mass, self.weight.centre_of_mass_error
+        if centre is None or error is None:
+            return False
+        turn = Rotation.identity() if self.frame is None else Rotation.from_rotvec(self.frame.turn)
+        return float(turn.inv().apply(centre)[2]) < -SURE * float(np.max(error))
 
     @property
     def load(self) -> ToolLoad | None:
@@ -78,7 +94,7 @@ def fit_tool_load(
         gravity: g [m/s^2], positive.
 
     Raises:
-        InputError: As `fit_tool_weight` and `fit_sensor_frame`.
+        InputError: As `fit_tool_weight`, `fit_sensor_frame` and `check_torques`.
     """
     d, forces = np.asarray(gravity_direction, np.float64), np.asarray(force, np.float64)
     torques = None if torque is None else np.asarray(torque, np.float64)
@@ -87,6 +103,8 @@ def fit_tool_load(
     d, forces = np.delete(d, left_out, axis=0), np.delete(forces, left_out, axis=0)
     torques = None if torques is None else np.delete(torques, left_out, axis=0)
     frame = fit_sensor_frame(d, forces, gravity=gravity)
+    if torques is not None:
+        check_torques(forces, torques)
     first = Rotation.identity() if frame is None else Rotation.from_rotvec(frame.turn)
     weight = fit_tool_weight(first.apply(d), forces, torques, gravity=gravity)
     problem = _Problem(gravity * d, forces, torques, first, weight, turns=frame is not None)

@@ -33,6 +33,7 @@ from foretouch.messages import (
 )
 from foretouch.messages.states import FollowerRow, LeaderRow
 from foretouch.models import LAWS
+from foretouch.quantities import CAMERA, FIXTURE, TIP, WORLD
 from foretouch.recordings.formats.cdr import HEADER, Layout, pack_fields
 
 COUNTS: Final = "foretouch_counts"  # name of the metadata record that holds the counters of the session's end
@@ -46,6 +47,7 @@ class Topic:
     name: str
     type_name: str
     layout: Layout
+    frame: str = ""  # of its vectors and poses, of `foretouch.quantities.FRAMES`; empty where it has none
     former: str = ""
 
 
@@ -55,30 +57,30 @@ FORMER: Final[dict[type[Message], str]] = {ModelUpdate: CONTACT_MODEL_TYPE}
 """Type names of former recordings; that name now belongs to the message of the same topic with only standard parts."""
 
 TOPICS: Final[dict[type[Message], Topic]] = {
-    kind: Topic(name, f"foretouch_msgs/msg/{type_name}", Layout(kind), FORMER.get(kind, ""))
-    for kind, name, type_name in (
-        (Telemetry, "/follower/state", "FollowerState"),
-        (LeaderState, "/leader/state", "LeaderState"),
-        (ModelUpdate, "/follower/model", "ModelUpdate"),
-        (Hello, "/session/hello", "Hello"),
-        (Settings, "/session/settings", "Settings"),
-        (Choice, "/session/choice", "Choice"),
-        (Stop, "/session/stop", "Stop"),
-        (EmergencyStop, "/session/emergency", "EmergencyStop"),
-        (Handle, "/console/handle", "Handle"),
-        (Command, "/leader/command", "Command"),
-        (FollowerRow, "/follower/space", "FollowerSpace"),
-        (LeaderRow, "/leader/space", "LeaderSpace"),
-        (FieldUpdate, "/follower/field", "ScaleField"),
-        (FixtureBelief, "/camera/fixture", "FixtureBelief"),
-        (CameraImage, "/camera/image", "CameraImage"),
+    kind: Topic(name, f"foretouch_msgs/msg/{type_name}", Layout(kind), frame, FORMER.get(kind, ""))
+    for kind, name, type_name, frame in (
+        (Telemetry, "/follower/state", "FollowerState", TIP),
+        (LeaderState, "/leader/state", "LeaderState", TIP),
+        (ModelUpdate, "/follower/model", "ModelUpdate", TIP),
+        (Hello, "/session/hello", "Hello", ""),
+        (Settings, "/session/settings", "Settings", ""),
+        (Choice, "/session/choice", "Choice", ""),
+        (Stop, "/session/stop", "Stop", ""),
+        (EmergencyStop, "/session/emergency", "EmergencyStop", ""),
+        (Handle, "/console/handle", "Handle", WORLD),
+        (Command, "/leader/command", "Command", WORLD),
+        (FollowerRow, "/follower/space", "FollowerSpace", WORLD),
+        (LeaderRow, "/leader/space", "LeaderSpace", WORLD),
+        (FieldUpdate, "/follower/field", "ScaleField", FIXTURE),
+        (FixtureBelief, "/camera/fixture", "FixtureBelief", WORLD),
+        (CameraImage, "/camera/image", "CameraImage", WORLD),
     )
 }
 
 CONTACT_MODEL_MSG: Final = """\
 # A contact model as the follower learns it. All numbers are in SI units: metres, newtons, seconds.
 
-# When the follower had it. frame_id is "probe", whose z points out of the surface, as the force does.
+# When the follower had it. frame_id is "tip", whose z points out of the surface, as the force does.
 std_msgs/Header header
 
 # Name of the contact law, such as "contact-map" or "hunt-crossley".
@@ -144,6 +146,7 @@ class StandardTopic:
     name: str
     type_name: str
     schema: str
+    frame: str  # as of `Topic`; the same as in its headers, where it has such
 
 
 _PARTS: Final = {
@@ -178,15 +181,15 @@ POSE_SCHEMA = _schema(f"{_HEAD}geometry_msgs/Pose pose\n")
 _IMAGE_SCHEMA = _schema(f"{_HEAD}string format\nuint8[] data\n")
 _MODEL_SCHEMA = _schema(CONTACT_MODEL_MSG)
 _ARRAY_SCHEMA = _schema("std_msgs/MultiArrayLayout layout\nfloat64[] data\n")
-WRENCH: Final = StandardTopic("/follower/wrench", "geometry_msgs/msg/WrenchStamped", WRENCH_SCHEMA)
-FOLLOWER_JOINTS: Final = StandardTopic("/follower/joint_states", "sensor_msgs/msg/JointState", JOINT_STATE_SCHEMA)
-LEADER_JOINTS: Final = StandardTopic("/leader/joint_states", "sensor_msgs/msg/JointState", JOINT_STATE_SCHEMA)
-PROBE: Final = StandardTopic("/follower/probe", "geometry_msgs/msg/PoseStamped", POSE_SCHEMA)
-FIXTURE: Final = StandardTopic("/camera/fixture/pose", "geometry_msgs/msg/PoseStamped", POSE_SCHEMA)
-IMAGE: Final = StandardTopic("/camera/image/compressed", "sensor_msgs/msg/CompressedImage", _IMAGE_SCHEMA)
-MODEL: Final = StandardTopic("/follower/contact_model", CONTACT_MODEL_TYPE, _MODEL_SCHEMA)
-NUMBERS: Final = StandardTopic("/follower/contact_model/values", "std_msgs/msg/Float64MultiArray", _ARRAY_SCHEMA)
-STANDARD: Final = (WRENCH, FOLLOWER_JOINTS, LEADER_JOINTS, PROBE, FIXTURE, IMAGE, MODEL, NUMBERS)
+WRENCH: Final = StandardTopic("/follower/wrench", "geometry_msgs/msg/WrenchStamped", WRENCH_SCHEMA, TIP)
+FOLLOWER_JOINTS: Final = StandardTopic("/follower/joint_states", "sensor_msgs/msg/JointState", JOINT_STATE_SCHEMA, TIP)
+LEADER_JOINTS: Final = StandardTopic("/leader/joint_states", "sensor_msgs/msg/JointState", JOINT_STATE_SCHEMA, TIP)
+PROBE: Final = StandardTopic("/follower/probe", "geometry_msgs/msg/PoseStamped", POSE_SCHEMA, WORLD)
+FIXTURE_POSE: Final = StandardTopic("/camera/fixture/pose", "geometry_msgs/msg/PoseStamped", POSE_SCHEMA, WORLD)
+IMAGE: Final = StandardTopic("/camera/image/compressed", "sensor_msgs/msg/CompressedImage", _IMAGE_SCHEMA, CAMERA)
+MODEL: Final = StandardTopic("/follower/contact_model", CONTACT_MODEL_TYPE, _MODEL_SCHEMA, TIP)
+NUMBERS: Final = StandardTopic("/follower/contact_model/values", "std_msgs/msg/Float64MultiArray", _ARRAY_SCHEMA, TIP)
+STANDARD: Final = (WRENCH, FOLLOWER_JOINTS, LEADER_JOINTS, PROBE, FIXTURE_POSE, IMAGE, MODEL, NUMBERS)
 
 
 def _text(value: str) -> bytes:
@@ -195,16 +198,22 @@ def _text(value: str) -> bytes:
     return struct.pack("<I", len(data)) + data + bytes(-len(data) % 4)
 
 
-# Frames and the joint have fixed names of fixed length, so that everything between the numbers is constant.
-# Behind the encapsulation header: stamp 8 bytes, frame_id 12 bytes ("probe" or "world" and NUL, padded), and so on.
-_FRAME, _WORLD = _text("probe"), _text("world")
-_JOINT = _FRAME + struct.pack("<I", 1) + _text("probe") + struct.pack("<I", 1)  # frame_id, one name, one position
+def _before_numbers(*parts: bytes) -> bytes:
+    """What stands between a stamp of 8 bytes and numbers of 8, which begin at a multiple of 8 behind the head."""
+    content = b"".join(parts)
+    return content + bytes(-len(content) % 8)
+
+
+# Frames and the joint have fixed names, so that everything between the numbers is constant.
+_FRAME, _WORLD = _before_numbers(_text(TIP)), _before_numbers(_text(WORLD))
+_ONE_NAME = struct.pack("<I", 1) + _text("probe")
+_JOINT = _before_numbers(_text(TIP), _ONE_NAME, struct.pack("<I", 1))  # frame_id, one name, one position
 _ONE = struct.pack("<II", 1, 0)  # count 1, padded to the next multiple of 8
 _NONE_AND_ONE = struct.pack("<II", 0, 1)  # no velocity, one effort
-_wrench = struct.Struct(f"<4siI{len(_FRAME)}s4x6d")
+_wrench = struct.Struct(f"<4siI{len(_FRAME)}s6d")
 _joint_state = struct.Struct(f"<4siI{len(_JOINT)}sd8sd8sd")
 _joint_at_rest = struct.Struct(f"<4siI{len(_JOINT)}sd8sd")
-_pose = struct.Struct(f"<4siI{len(_WORLD)}s4x7d")
+_pose = struct.Struct(f"<4siI{len(_WORLD)}s7d")
 LARGEST_SECOND = 2**31 - 1
 
 
@@ -250,7 +259,7 @@ def quaternion(turn: Sequence[float]) -> tuple[float, float, float, float]:
 
 def compressed_image(time_ns: int, jpeg: bytes) -> bytes:
     """CDR bytes of a CompressedImage."""
-    return pack_fields(_HEADER | {"format": "string", "data": "uint8[]"}, (*_stamp(time_ns), "camera", "jpeg", jpeg))
+    return pack_fields(_HEADER | {"format": "string", "data": "uint8[]"}, (*_stamp(time_ns), CAMERA, "jpeg", jpeg))
 
 
 Packed: TypeAlias = tuple[tuple[StandardTopic, bytes], ...]
@@ -264,11 +273,11 @@ BESIDE: Final[dict[type[Message], Callable[[Any], Packed]]] = {
         (LEADER_JOINTS, joint_state(message.time_ns, message.position, message.velocity, message.rendered_force)),
     ),
     ModelUpdate: lambda message: (
-        (MODEL, contact_model(message, _stamp(message.time_ns), "probe")),
+        (MODEL, contact_model(message, _stamp(message.time_ns), TIP)),
         (NUMBERS, number_array(message)),
     ),
     FixtureBelief: lambda message: (
-        ((FIXTURE, pose(message.time_ns, message.pose[:3], message.pose[3:])),) if len(message.pose) == 6 else ()
+        ((FIXTURE_POSE, pose(message.time_ns, message.pose[:3], message.pose[3:])),) if len(message.pose) == 6 else ()
     ),
     CameraImage: lambda message: ((IMAGE, compressed_image(message.time_ns, message.jpeg)),) if message.jpeg else (),
 }

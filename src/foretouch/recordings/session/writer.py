@@ -154,16 +154,16 @@ class SessionWriter:
 
 def _declarations(records: Any) -> tuple[list[Any], list[Any]]:
     """Schema and channel records of the library for all topics, numbered as its writer numbers them."""
-    topics = [(topic.name, topic.type_name, topic.layout.schema) for topic in TOPICS.values()]
-    topics += [(topic.name, topic.type_name, topic.schema) for topic in STANDARD]
+    topics = [(topic.name, topic.type_name, topic.layout.schema, topic.frame) for topic in TOPICS.values()]
+    topics += [(topic.name, topic.type_name, topic.schema, topic.frame) for topic in STANDARD]
     numbers: dict[str, int] = {}
     schemas: list[Any] = []
     channels: list[Any] = []
-    for name, type_name, text in topics:
+    for name, type_name, text, frame in topics:
         if type_name not in numbers:
             numbers[type_name] = len(numbers) + 1
             schemas.append(records.Schema(numbers[type_name], text.encode(), "ros2msg", type_name))
-        metadata = {"offered_qos_profiles": ""}
+        metadata = {"offered_qos_profiles": ""} | ({"frame_id": frame} if frame else {})
         channels.append(records.Channel(len(channels) + 1, name, "cdr", metadata, numbers[type_name]))
     return schemas, channels
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from foretouch.errors import InputError, MissingExtraError, SettingError
 from foretouch.errors.checks import require
 from foretouch.files import within_budget
+from foretouch.quantities import wrong_frame
 from foretouch.rendering.surfaces.mesh import LARGEST_COORDINATE, TriangleMesh
 
 Array = NDArray[np.float64]
@@ -228,8 +229,13 @@ def _short(error: Exception) -> str:
     return " ".join(str(error).split())[:120] or type(error).__name__
 
 
+FRAME_LINE: Final = b"comment frame "  # Begins the line of a PLY file's head that names the frame of its vertices
+
+LONGEST_HEAD = 65_536  # Beginning of a file in which that line is looked for [bytes]: that of a PLY takes a few hundred
+
+
 def coloured_mesh(
-    vertices: Array, faces: NDArray[np.int64], colours: NDArray[np.uint8], values: Mapping[str, Array]
+    vertices: Array, faces: NDArray[np.int64], colours: NDArray[np.uint8], values: Mapping[str, Array], frame: str
 ) -> bytes:
     """Content of a binary PLY file: single precision, which is what viewers of meshes read.
 
@@ -238,6 +244,7 @@ def coloured_mesh(
         faces: Indices of vertices, shape (m, 3).
         colours: Red, green, blue and opacity of each vertex, shape (n, 4).
         values: Named numbers of each vertex, each of shape (n,).
+        frame: Name of the vertices' frame, which a comment of the file's head says.
 
     Raises:
         MissingExtraError: trimesh is not installed.
@@ -245,21 +252,37 @@ def coloured_mesh(
     mesh = _trimesh().Trimesh(vertices, faces, process=False, vertex_colors=colours)
     mesh.vertex_attributes.update({name: np.asarray(value, np.float32) for name, value in values.items()})
     content: bytes = mesh.export(file_type="ply")
-    return content
+    kind, encoding, rest = content.split(b"\n", 2)
+    return b"\n".join((kind, encoding, FRAME_LINE + frame.encode(), rest))
 
 
-def read_vertex_values(path: Path, *names: str) -> tuple[Array, dict[str, Array]]:
+def _said_frame(path: Path) -> str:
+    """Name of the frame that the head of a PLY file says; "" where it says none."""
+    with path.open("rb") as file:
+        head = file.read(LONGEST_HEAD).partition(b"end_header")[0]
+    said = [line.removeprefix(FRAME_LINE) for line in head.splitlines() if line.startswith(FRAME_LINE)]
+    return said[0].decode(errors="replace").strip()[:40] if said else ""
+
+
+def read_vertex_values(path: Path, *names: str, frame: str) -> tuple[Array, dict[str, Array]]:
     """Vertices [m] of a PLY file, shape (n, 3), and its named numbers, each of shape (n,).
 
+    Args:
+        path: Of the file.
+        *names: Of the numbers.
+        frame: The frame in which its vertices have to be; a file that says none is taken to be in it.
+
     Raises:
-        InputError: No such file, no PLY file, one without these numbers, or a number in it that is none.
+        InputError: No such file, no PLY file, one without these numbers, a number in it that is none, or another frame.
         MissingExtraError: trimesh is not installed.
     """
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     if path.stat().st_size > MOST_BYTES:
         raise InputError(f"{path}: {path.stat().st_size / 1e6:.0f} MB, at most {MOST_BYTES / 1e6:.0f} MB are read")
-    trimesh = _trimesh()
+    trimesh, said = _trimesh(), _said_frame(path)
+    if said not in ("", frame):
+        raise InputError(f"{path}: {wrong_frame(said, frame)}")
     try:
         mesh = trimesh.load(path, force="mesh", process=False, file_type="ply")
         rows = mesh.metadata["_ply_raw"]["vertex"]["data"]

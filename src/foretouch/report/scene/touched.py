@@ -14,7 +14,7 @@ from foretouch.errors import InputError
 from foretouch.messages import SessionLog
 from foretouch.models import FIELD_DEPTH, stiffness_at_rest
 from foretouch.models.scale_field_kernel import SIDE, SPACING
-from foretouch.quantities import Array, ByValue
+from foretouch.quantities import FIXTURE, Array, ByValue
 from foretouch.rendering.surfaces.mesh_files import coloured_mesh, read_vertex_values
 from foretouch.report.rows import model_of
 from foretouch.report.scene.map import height_of, learnt_field
@@ -127,17 +127,17 @@ def map_file(touched: TouchedMap) -> bytes:
     low, high = float(logs.min()), float(logs.max())
     colours = colormaps["cividis"]((logs - low) / max(high - low, 1e-9), bytes=True)
     values = dict(zip(VALUES, (touched.stiffness, touched.deviation), strict=True))
-    return coloured_mesh(touched.points, _faces(touched.nodes), colours, values)
+    return coloured_mesh(touched.points, _faces(touched.nodes), colours, values, FIXTURE)
 
 
 def read_map(path: Path) -> TouchedMap:
     """Open a file of `map_file` again.
 
     Raises:
-        InputError: No such file, or another kind of file.
+        InputError: No such file, another kind of file, or a map in another frame than the fixture's.
         MissingExtraError: trimesh is not installed.
     """
-    points, values = read_vertex_values(path, *VALUES)
+    points, values = read_vertex_values(path, *VALUES, frame=FIXTURE)
     stiffness, deviation = (values[name] for name in VALUES)
     touched = TouchedMap(points, stiffness, deviation)
     off = np.abs(points[:, :2] - SPACING * (touched.nodes - SIDE // 2)).max(initial=0.0)

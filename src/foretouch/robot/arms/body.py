@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.errors import InputError
-from foretouch.robot.arms.description import BACKLASH, BASE, SENSOR, TIP, ArmDescription, driven
+from foretouch.quantities import BASE, SENSOR, TIP, WORLD
+from foretouch.robot.arms.description import BACKLASH, ArmDescription, driven
 from foretouch.robot.engine import load_mujoco
 from foretouch.robot.robot import Vector
 
@@ -148,6 +149,6 @@ def too_far(description: ArmDescription, place: Vector, away: float) -> InputErr
     """The error of an arm that cannot bring its tip to a place of the scene [m]; how far it stays away [m]."""
     at = ", ".join(f"{value:.3g}" for value in place)
     return InputError(
-        f"{description.path}: the arm stays {1e3 * away:.3g} mm away from ({at}) m of the scene: "
-        "move the scene nearer to its base (numeric scene), or take a shorter probe"
+        f"{description.path}: the arm's {TIP} stays {1e3 * away:.3g} mm away from ({at}) m of the scene, in {WORLD}: "
+        f"move the scene nearer to its {BASE} (numeric scene), or take a shorter probe"
     )

@@ -16,14 +16,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from foretouch.errors import InputError
+from foretouch.quantities import BASE, FLANGE, SENSOR, TIP, ToolLoad
 from foretouch.robot.engine import GRAVITY, load_mujoco
 from foretouch.settings import ARMS
 
 Array = NDArray[np.float64]
 
-BASE, FLANGE, SENSOR, TIP, WEIGHT = "base", "flange", "sensor", "tip", "tool_mass"
-"""Frames of an arm by name: sites of its description, of the sensor between flange and tool, of the probe's tip, and of
-the tool's centre of mass."""
+WEIGHT = "tool_mass"
+"""Site of the tool's centre of mass. The others are named after their frames: base and flange, of the description, the
+sensor between flange and tool, and the tip, whose site has the axes of the flange."""
 
 CONTROLS, FORCES = ("impedance", "servo"), ("wrist", "current")
 BACKLASH = "_backlash"  # A joint whose name ends so is the play of the gear of the joint before it
@@ -51,6 +52,8 @@ class ArmDescription:
         scene: Origin of a scene in the base's frame [m]; the axes are parallel.
         reach: Lowest and highest place of the tip in the scene [m], shape (2, 3).
         probe: Length [m] and mass [kg] of the tool that presses.
+        tool: The same tool as a calibration of the sensor at the wrist found it, with the sensor's bias; None where the
+            arm knows its weight exactly, and takes the bias for what the sensor shows at first.
     """
 
     name: str
@@ -69,6 +72,7 @@ class ArmDescription:
     scene: Array
     reach: Array
     probe: tuple[float, float]
+    tool: ToolLoad | None = None
 
     def model(self, step: float, *, backlash: bool = True) -> Any:
         """The arm with its probe as a MuJoCo model, without contacts: what is touched acts from outside.

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.errors import MissingExtraError
+from foretouch.quantities import BASE, TIP
 from foretouch.robot.arms.body import too_far
-from foretouch.robot.arms.description import BASE, TIP, ArmDescription
+from foretouch.robot.arms.description import ArmDescription
 from foretouch.robot.robot import Vector
 
 Array = NDArray[np.float64]

@@ -24,7 +24,7 @@ from foretouch.errors import MissingExtraError, SettingError
 from foretouch.quantities import Pose
 from foretouch.quantities.pose import RigidMotion, Vector, add, dot, scaled, subtract
 from foretouch.rendering.surfaces import SurfaceProxy
-from foretouch.robot import ArticulatedArm, GantryArm, Material, SpatialRobot, make_material, read_arm
+from foretouch.robot import ArticulatedArm, GantryArm, Material, SpatialRobot, make_material
 from foretouch.robot.engine import MOVED_MASS
 from foretouch.robot.gantry_arm import LEAST_STEPS
 from foretouch.session.operators import (
@@ -38,6 +38,7 @@ from foretouch.session.operators import (
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.spatial.camera import SimulatedCamera
 from foretouch.session.spatial.scenes import HOVER, Scene, palpation, recorded_palpation
+from foretouch.session.steps.sensing import calibrated_arm
 from foretouch.settings import NO_GRIP, SIMULATED, is_simulated
 
 BUMP_TIME = 0.15  # Duration of a bump of the fixture [s]
@@ -169,7 +170,7 @@ def make_spatial_robot(settings: SessionSettings, scene: Scene, *, force_limit: 
     if settings.robot == SIMULATED:
         arm = GantryArm(world.touch, world.fixture, **options)
     else:
-        arm = ArticulatedArm(read_arm(settings.robot), world.touch, world.fixture, **options)
+        arm = ArticulatedArm(calibrated_arm(settings), world.touch, world.fixture, **options)
     return cast("SpatialRobot", mounted_robot(settings, arm))
 
 

@@ -11,11 +11,11 @@ from foretouch.identification.conditioning.conditioner import LONGEST_LAG
 from foretouch.identification.conditioning.kernel import CONTACT_FLOOR
 from foretouch.quantities import SensorCalibration
 from foretouch.recordings import read_calibration
-from foretouch.robot import RobotSpecification
+from foretouch.robot import ArmDescription, RobotSpecification, read_arm
 from foretouch.session.safety.safety import SafetyLimits
 from foretouch.session.settings import SessionSettings
 from foretouch.session.workspace import LINE, SPACE
-from foretouch.settings import SAFETY_LIMITS
+from foretouch.settings import SAFETY_LIMITS, is_arm
 
 LARGEST_GIVE = 5e-3
 """Largest deflection of an arm under the force ceiling [m]; more means a stiffness measured on something soft, which
@@ -53,7 +53,7 @@ def session_calibration(settings: SessionSettings) -> SensorCalibration | None:
 
     Raises:
         RecordingError: The file cannot be read, or is no calibration.
-        SettingError: It contains nothing that a session uses.
+        SettingError: It contains nothing that a session uses, or does not fit the settings' arm.
     """
     if not settings.calibration:
         return None
@@ -62,7 +62,31 @@ def session_calibration(settings: SessionSettings) -> SensorCalibration | None:
         value is None for value in (result.force_bias, result.tool_mass, result.sensor_lag, result.series_stiffness)
     ):
         _refuse(settings, "holds neither bias, tool, lag nor series stiffness: there is nothing to correct")
+    if is_arm(settings.robot) and (result.force_bias is not None or result.tool_mass is not None):
+        _check_arm(result, read_arm(settings.robot), settings)
     return result
+
+
+def _check_arm(result: SensorCalibration, arm: ArmDescription, settings: SessionSettings) -> None:
+    if arm.force != "wrist":
+        _refuse(settings, f"has a sensor's bias and its tool, and {arm.name} has no sensor at its wrist: leave it out")
+    if result.tool_load is None:
+        _refuse(settings, f"holds no torques, and the sensor at the wrist of {arm.name} has six axes: calibrate anew")
+    if (result.tool_mass or 0.0) > arm.payload:
+        _refuse(settings, f"has a tool of {result.tool_mass:.3g} kg, and {arm.name} carries {arm.payload:g} kg")
+
+
+def calibrated_arm(settings: SessionSettings) -> ArmDescription:
+    """The description of the settings' arm, with tool and sensor as their calibration found them.
+
+    Raises:
+        InputError: The description breaks a rule.
+        RecordingError: As `session_calibration`.
+        SettingError: The same.
+        MissingExtraError: MuJoCo is not installed.
+    """
+    known, arm = session_calibration(settings), read_arm(settings.robot)
+    return arm if known is None else replace(arm, tool=known.tool_load)
 
 
 def calibrated(specification: RobotSpecification, settings: SessionSettings) -> Calibrated:
@@ -70,7 +94,8 @@ def calibrated(specification: RobotSpecification, settings: SessionSettings) -> 
 
     Along a line the sensor shows :math:`F_0 - m (\ddot p - g)` less in contact, :math:`F_0 = -a \cdot b` being its bias
     along the approach. In space the sensor may turn, and the tool is weighed out by the robot: of the bias only its
-    size is used, as the largest offset that the sensor can have.
+    size is used, as the largest offset that the sensor can have. A simulated arm takes off both by itself
+    (`calibrated_arm`).
 
     Args:
         specification: The robot's own specification.
@@ -91,7 +116,9 @@ def calibrated(specification: RobotSpecification, settings: SessionSettings) -> 
     if give > LARGEST_GIVE:
         what = f"gives way by {1e3 * give:.3g} mm under {settings.force_ceiling:g} N"
         _refuse(settings, f"{what}: at most {1e3 * LARGEST_GIVE:g} mm are an arm's; calibrate it on a rigid block")
-    own, zero = OWN[settings.workspace](result, specification, settings)
+    own, zero = specification, None
+    if not is_arm(settings.robot):
+        own, zero = OWN[settings.workspace](result, specification, settings)
     if result.force_bias is not None and math.hypot(*result.force_bias) >= specification.sensor_range:
         shown = f"{math.hypot(*result.force_bias):.4g} N, and the robot's sensor shows at most"
         _refuse(settings, f"has a force bias of {shown} {specification.sensor_range:g} N: it is another sensor's")

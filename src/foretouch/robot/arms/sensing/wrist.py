@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.core import Record, kernel
+from foretouch.quantities import SENSOR, TIP, ToolLoad
+from foretouch.quantities.pose import rotation_of
 from foretouch.robot.arms.body import Body
-from foretouch.robot.arms.description import PROBE_RADIUS, SENSOR, TIP
+from foretouch.robot.arms.description import PROBE_RADIUS
 from foretouch.robot.arms.sensing.tip_contact import TipContact, TipSensing, Touching
 from foretouch.robot.arms.sensing.wrist_sensor import WristSensor
 from foretouch.robot.engine import OFFSET_UNCERTAINTY
@@ -25,13 +28,18 @@ FORCE_LEFT, TORQUE_LEFT = 0.06, 2e-3
 where 5 N push."""
 
 
+Numbers3 = Annotated[Array, float, 3]
+Numbers9 = Annotated[Array, float, 9]
+
+
 class Tool(Record):
-    """The tool behind a sensor that is held upright, and what the sensor shows."""
+    """The tool behind a sensor that is held upright, as far as it is known, and what its accelerometer shows."""
 
     mass: float  # [kg]
-    height: float  # of its centre of mass along the sensor's z axis [m]
+    centre: Numbers3  # of mass, from the sensor's origin in its frame [m]
+    turn: Numbers9  # from the flange's frame to the sensor's, row by row
     gain: float  # share by which the accelerometer's low-pass moves
-    x: float  # acceleration of the centre of mass less gravity, behind the low-pass [m/s^2]
+    x: float  # acceleration of the centre of mass less gravity in the flange's frame, behind the low-pass [m/s^2]
     y: float
     z: float
 
@@ -57,31 +65,40 @@ def take_off(tools: NDArray[np.void], shown: Array, zero: Array, rotation: Array
 
     .. math:: f = y_F - b_F + m a, \qquad t = y_T - b_T + c \times m a
 
-    a being the acceleration of the centre of mass less gravity. The tool is held upright: what turns it is left out.
+    a being the acceleration of the centre of mass less gravity, turned into the sensor's frame. The tool is held
+    upright: what turns it is left out.
 
     Args:
         tools: One.
         shown: y, the load on the sensor as it shows it (force [N] and torque [N m]).
         zero: b, what it shows of no load.
-        rotation: Of the sensor's frame in the scene's, row by row.
+        rotation: Of the flange's frame in the scene's, row by row.
         wrench: Written: of the contact, about the sensor's origin in its frame.
         force: Written: the same force in the scene's frame [N].
     """
     tool = tools[0]
-    a, b, c = tool.mass * tool.x, tool.mass * tool.y, tool.mass * tool.z
+    turn = tool.turn
+    a = tool.mass * (turn[0] * tool.x + turn[1] * tool.y + turn[2] * tool.z)
+    b = tool.mass * (turn[3] * tool.x + turn[4] * tool.y + turn[5] * tool.z)
+    c = tool.mass * (turn[6] * tool.x + turn[7] * tool.y + turn[8] * tool.z)
+    x, y, z = tool.centre[0], tool.centre[1], tool.centre[2]
     wrench[0], wrench[1], wrench[2] = shown[0] - zero[0] + a, shown[1] - zero[1] + b, shown[2] - zero[2] + c
-    wrench[3] = shown[3] - zero[3] - tool.height * b
-    wrench[4] = shown[4] - zero[4] + tool.height * a
-    wrench[5] = shown[5] - zero[5]
+    wrench[3] = shown[3] - zero[3] + (y * c - z * b)
+    wrench[4] = shown[4] - zero[4] + (z * a - x * c)
+    wrench[5] = shown[5] - zero[5] + (x * b - y * a)
     for row in range(3):
         at = 3 * row
-        force[row] = rotation[at] * wrench[0] + rotation[at + 1] * wrench[1] + rotation[at + 2] * wrench[2]
+        force[row] = 0.0
+        for axis in range(3):
+            along = turn[axis] * wrench[0] + turn[3 + axis] * wrench[1] + turn[6 + axis] * wrench[2]
+            force[row] += rotation[at + axis] * along
 
 
 class WristForce:
     """A six-axis sensor between flange and tool, with weight and inertia taken off by an accelerometer in the tool.
 
-    Its bias is taken for the mean of what it shows before anything is touched; then it warms up.
+    Its bias is taken for the mean of what it shows before anything is touched, and the tool for the description's,
+    unless a calibration gave both (`ArmDescription.tool`); then it warms up.
 
     Args:
         body: Whose wrist it is.
@@ -104,12 +121,15 @@ class WristForce:
         model = body.model
         root, tip = model.site(SENSOR).pos[2], model.site(TIP).pos[2]
         height = float(model.body("tool").ipos[2] - root)
-        self._tool = Tool.new(mass=mass, height=height, gain=-math.expm1(-2.0 * math.pi * self.bandwidth * step))
+        load = body.description.tool or ToolLoad((0.0,) * 6, mass, (0.0, 0.0, height))
+        turn = np.array(rotation_of(*load.sensor_turn))
+        gain = -math.expm1(-2.0 * math.pi * self.bandwidth * step)
+        self._tool = Tool.new(mass=load.mass, centre=np.array(load.centre_of_mass), turn=turn.ravel(), gain=gain)
         self._sensed, self._interaction = body.data.sensordata, body.data.sensordata[:6]
         self._wrench, self.force = np.zeros(6), np.zeros(3)
-        self._zero, self._is_zeroed = np.zeros(6), False
+        self._zero, self._is_zeroed = np.array(load.bias), body.description.tool is not None
         self._beside, self.beside_tip = 0, False
-        self._tip = TipSensing(PROBE_RADIUS, (0.0, 0.0, float(tip - root)), FORCE_LEFT, TORQUE_LEFT)
+        self._tip = TipSensing(PROBE_RADIUS, tuple((turn[:, 2] * (tip - root)).tolist()), FORCE_LEFT, TORQUE_LEFT)
         self.contact: TipContact | None = self._tip.locate(self._wrench)
         self._move, self._take_off = move.entry, take_off.entry
 
@@ -123,7 +143,7 @@ class WristForce:
         return self._body.counted
 
     def read(self) -> Array:
-        """See `Sensing.read`; the first call finds the bias."""
+        """See `Sensing.read`; the first call finds the bias, where no calibration gave it."""
         if not self._is_zeroed:
             self._is_zeroed = True
             self._zero = np.mean([self._contact_of(self._sensor.read()).copy() for _ in range(ZEROED_BY)], axis=0)
