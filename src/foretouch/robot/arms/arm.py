@@ -207,13 +207,13 @@ class ArticulatedArm(SpatialRobot):
         self._contact = bounded_force(self._world(tuple(place), tuple(velocity), self._h))
 
     def _measure(self) -> SpatialSample:
-        body, place = self.body, self.body.place
-        off = self._sensing.positions() - body.positions  # small enough for the Jacobian
-        seen: Any = tuple((place + body.jacobian[:3] @ off).tolist())
+        body, place, counted = self.body, self.body.place, self.body.counted
+        off = self._sensing.positions(counted) - body.positions  # small enough for the Jacobian
+        seen: Any = tuple((place + body.jacobian[:3].dot(off)).tolist())
         felt: Any = tuple(self._sensing.read().tolist())
         fixture = () if self._fixture is None else self._fixture()
         exact: Any = tuple(place.tolist())
-        joints = tuple(body.counted.tolist())  # those of now, also where places are shown as late as the force
+        joints = tuple(counted.tolist())  # those of now, also where places are shown as late as the force
         flags = bool(self._clipped[0]), bool(self._held[0])
         return SpatialSample(seen, felt, self._contact, exact, fixture, *flags, joints)
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from foretouch.core import kernel
 from foretouch.robot.arms.body import Body
 from foretouch.robot.arms.control.links import LinkWatch
-from foretouch.robot.arms.control.reference import move_reference, take_command
+from foretouch.robot.arms.control.reference import allowed_share, move_reference, take_command
 from foretouch.robot.arms.kinematics import InverseKinematics
 from foretouch.robot.robot import Vector
 
@@ -20,13 +20,18 @@ TORQUE_MARGIN = 0.9  # Share of a joint's largest torque that its controller ask
 
 WINDS_UP = 0.02  # Distance by which the reference may be ahead of what the joints can follow [m]
 
-WELL_AWAY, STILL_ALLOWED = 0.1, 0.1
-"""Below this smallest singular value of the tip's Jacobian [m/rad] it slows down in proportion, to this share."""
+WELL_AWAY = 0.1  # Smallest singular value of the tip's Jacobian below which it slows down [m/rad]
+
+
+@kernel("f8(f8[:,::1])")
+def share_of_speed(jacobian: Array) -> float:
+    """Share of its speed that the tip is allowed with the Jacobian of its place, shape (3, n)."""
+    return allowed_share(jacobian, WELL_AWAY)
 
 
 @kernel("void(f8[:,::1], f8[:,::1], b1, f8)")
 def serve(joints: Array, limits: Array, compensates: bool, h: float) -> None:
-    r"""Write the torques with which the joints' servos hold their positions [N m].
+    r"""Write the torques with which the joints' servos hold their positions [N m], and let these go on.
 
     .. math:: \tau = k (e + k_i \int e) + b_m (\dot q_d - \dot q) + b \dot q_d + g(q), \quad e = q_d - q
 
@@ -35,7 +40,8 @@ def serve(joints: Array, limits: Array, compensates: bool, h: float) -> None:
 
     Args:
         joints: Shape (7, n): positions as measured [rad], velocities [rad/s], gravity torques [N m], commanded
-            positions [rad] and velocities [rad/s]; the torques [N m] and the integrals [rad s], which are written.
+            positions [rad], which are written, and velocities [rad/s]; the torques [N m] and the integrals [rad s],
+            which are written.
         limits: Shape (5, n): k [N m/rad], k_i [1/s], b_m [N m s/rad], b [N m s/rad], and the largest torque [N m].
         compensates: Whether the servo knows the weight.
         h: Until the next call [s].
@@ -48,6 +54,7 @@ def serve(joints: Array, limits: Array, compensates: bool, h: float) -> None:
         torque += joints[2, joint] if compensates else 0.0
         joints[6, joint] += h * error if abs(torque) < strongest else 0.0
         joints[5, joint] = min(max(torque, -strongest), strongest)
+        joints[3, joint] += h * wanted
 
 
 class ServoControl:
@@ -67,6 +74,7 @@ class ServoControl:
         description, own = body.description, body.limits()
         self._body, self.reference = body, reference
         self._take, self._move, self._serve = take_command.entry, move_reference.entry, serve.entry
+        self._share = share_of_speed.entry
         period = 1.0 / description.rate
         self._tick, self._ticks = tick, range(round(period / tick))
         self._inverse = InverseKinematics(description, period)
@@ -78,7 +86,6 @@ class ServoControl:
         self._joints = np.zeros((7, description.home.size))
         self._joints[3] = body.positions
         self.links, self.commanded = LinkWatch(body, period), self._joints[4]
-        self._resolution = description.encoder
         self._force, self._acceleration = np.zeros(9), np.zeros(9)
         self._step = float(body.model.opt.timestep)
 
@@ -103,15 +110,13 @@ class ServoControl:
         distance = math.sqrt(float(behind @ behind))
         if distance > WINDS_UP:  # a limit of the joints holds it: the reference waits
             reference["place"][0] -= (1.0 - WINDS_UP / distance) * behind
-        reference["share"] = min(max(inverse.least_singular / WELL_AWAY, STILL_ALLOWED), 1.0)
+        reference["share"] = self._share(inverse.jacobian())
 
     def torques(self) -> Array:
         """See `Control.torques`."""
         body, joints = self._body, self._joints
-        joints[0] = np.round(body.positions / self._resolution) * self._resolution
-        joints[1], joints[2] = body.velocities, body.bias
+        joints[0], joints[1], joints[2] = body.counted, body.velocities, body.bias
         self._serve(joints, self._limits, self._knows_weight, self._step)
-        joints[3] += self._step * joints[4]
         torques: Array = joints[5]
         self.links.add(torques)
         return torques
