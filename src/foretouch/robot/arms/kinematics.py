@@ -133,8 +133,12 @@ class InverseKinematics:
         self.velocities = self.velocities + change
         self._at.integrate_inplace(self.velocities, self._period)
 
-    def reach(self, place: Vector) -> Array:
+    def reach(self, place: Vector, enough: float = 0.0) -> Array:
         """The joints that bring the tip to a place of the scene [rad], from home; there it stands still.
+
+        Args:
+            place: Of the tip [m].
+            enough: Distance from it that ends the way there [m], of `CLOSE` at most.
 
         Raises:
             InputError: The arm cannot.
@@ -144,8 +148,10 @@ class InverseKinematics:
         self._accelerated = np.full_like(unlimited, np.inf)
         for _ in range(TURN_STEPS):
             self.follow(target)
+            away = float(np.linalg.norm(self.place - target))
+            if away <= enough:
+                break
         self.velocities[:], self._accelerated = 0.0, unlimited
-        away = float(np.linalg.norm(self.place - target))
         if away > CLOSE:
             raise too_far(self._description, place, away)
         return np.array(self.positions)
