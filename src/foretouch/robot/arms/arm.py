@@ -13,7 +13,7 @@ from foretouch.errors.checks import require
 from foretouch.quantities.pose import add, norm, rotation_of, scaled, subtract
 from foretouch.robot.arms.body import Body
 from foretouch.robot.arms.description import ArmDescription
-from foretouch.robot.arms.kinematics import InverseKinematics
+from foretouch.robot.arms.kinematics import CLOSE, InverseKinematics
 from foretouch.robot.arms.obstacle import Obstacle
 from foretouch.robot.engine import bounded_force
 from foretouch.robot.gantry_arm import LEAST_STEPS, TouchedWorld
@@ -104,9 +104,9 @@ class ArticulatedArm(SpatialRobot):
         low, high = description.reach
         self.reach = tuple(low), tuple(high)
         inverse = InverseKinematics(description, 0.02)
-        for corner in (low, high, (low[0], high[1], high[2]), (high[0], low[1], low[2]), start):
-            pose = inverse.reach(tuple(corner))
-        self.body.stand(pose)
+        for corner in (low, high, (low[0], high[1], high[2]), (high[0], low[1], low[2])):
+            inverse.reach(tuple(corner), CLOSE)
+        self.body.stand(inverse.reach(start))
         self._sensing = SENSINGS[description.force](self.body, seed)
         self.specification = self._specified(force_limit)
         self._build(start, force_limit)
@@ -201,8 +201,7 @@ class ArticulatedArm(SpatialRobot):
         if self._waited == 0:
             self._sample = self._measure()
         else:
-            exact: Any = tuple(self.body.place.tolist())
-            self._sample = self._sample._replace(exact_force=self._contact, exact_place=exact)
+            self._sample = self._sample._replace(exact_force=self._contact, exact_place=self._place)
         return self._sample
 
     def turn(self, orientation: Vector) -> None:
@@ -235,28 +234,25 @@ class ArticulatedArm(SpatialRobot):
                 self._turn_on()
                 self.control.begin(self._desired, sensing.force, sensing.beside_tip)
                 begins = False
+            self._place: Any = tuple(body.place.tolist())
             if touches:
-                self._touch()
+                velocity: Any = tuple(body.velocity.tolist())
+                self._contact = bounded_force(self._world(self._place, velocity, self._h))
             if self.obstacle is not None:
                 self.obstacle.push(self._h)
             body.end_step(self.control.torques(), self._contact)
             sensing.step()
         self._waited = (self._waited + 1) % self._period
 
-    def _touch(self) -> None:
-        place, velocity = self.body.place.tolist(), self.body.velocity.tolist()
-        self._contact = bounded_force(self._world(tuple(place), tuple(velocity), self._h))
-
     def _measure(self) -> SpatialSample:
-        body, place = self.body, self.body.place
-        off = self._sensing.positions() - body.positions  # small enough for the Jacobian
-        seen: Any = tuple((place + body.jacobian[:3] @ off).tolist())
+        body, counted = self.body, self.body.counted
+        off = self._sensing.positions(counted) - body.positions  # small enough for the Jacobian
+        seen: Any = tuple((body.place + body.jacobian[:3].dot(off)).tolist())
         felt: Any = tuple(self._sensing.read().tolist())
         fixture = () if self._fixture is None else self._fixture()
-        exact: Any = tuple(place.tolist())
-        joints = tuple(body.counted.tolist())  # those of now, also where places are shown as late as the force
+        joints = tuple(counted.tolist())  # those of now, also where places are shown as late as the force
         flags = bool(self._clipped[0]), bool(self._held[0])
-        return SpatialSample(seen, felt, self._contact, exact, fixture, *flags, joints)
+        return SpatialSample(seen, felt, self._contact, self._place, fixture, *flags, joints)
 
 
 def _tip_speed(body: Body) -> float:

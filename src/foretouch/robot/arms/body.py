@@ -48,6 +48,10 @@ class Body:
         self._play = np.asarray(play, np.int64) if play else None
         tip, tool = self.model.site(TIP).id, self.model.body("tool").id
         self._tip, self._whole, self._inertia = tip, np.zeros((6, count)), np.zeros((count, count))
+        self._along, self._about = self._whole[:3], self._whole[3:]
+        # Asking MuJoCo's data for an array costs as much as using it.
+        self._qpos, self._qvel, self._ctrl = self.data.qpos, self.data.qvel, self.data.ctrl
+        self._bias = self.data.qfrc_bias
         self._place, self.rotation = self.data.site_xpos[tip], self.data.site_xmat[tip]
         self.sensor_rotation = self.data.site_xmat[self.model.site(SENSOR).id]
         self._middle, self._applied = self.data.xipos[tool], self.data.xfrc_applied[tool]
@@ -74,30 +78,30 @@ class Body:
     @property
     def velocity(self) -> Array:
         """Velocity of the tip [m/s], shape (3,)."""
-        velocity: Array = self._whole[:3] @ self.data.qvel
+        velocity: Array = self._along.dot(self._qvel)
         return velocity
 
     @property
     def positions(self) -> Array:
         """Positions of the joints [rad], shape (n,)."""
-        return self._of_joints(self.data.qpos)
+        return self._of_joints(self._qpos)
 
     @property
     def counted(self) -> Array:
         """Positions of the joints as their encoders count them [rad], shape (n,)."""
         resolution = self.description.encoder
-        counted: Array = np.round(self.positions / resolution) * resolution
+        counted: Array = np.rint(self.positions / resolution) * resolution
         return counted
 
     @property
     def velocities(self) -> Array:
         """Velocities of the joints [rad/s], shape (n,)."""
-        return self._of_joints(self.data.qvel)
+        return self._of_joints(self._qvel)
 
     @property
     def bias(self) -> Array:
         """Torques of gravity, Coriolis and centrifugal forces on the joints [N m], shape (n,)."""
-        bias: Array = self.data.qfrc_bias[self.joints]
+        bias: Array = self._bias[self.joints]
         return bias
 
     @property
@@ -111,7 +115,7 @@ class Body:
 
     def look(self) -> None:
         """Take the tip's Jacobian from the present state."""
-        self._mujoco.mj_jacSite(self.model, self.data, self._whole[:3], self._whole[3:], self._tip)
+        self._mujoco.mj_jacSite(self.model, self.data, self._along, self._about, self._tip)
         if not self._all:
             self.jacobian[:] = self._whole[:, self.joints]
 
@@ -124,7 +128,7 @@ class Body:
         """End it, with the motors' torques [N m] and a force on the tip [N], which the wrist's sensor feels."""
         (x, y, z), (a, b, c) = (self._place - self._middle).tolist(), force
         self._applied[:] = (a, b, c, y * c - z * b, z * a - x * c, x * b - y * a)
-        self.data.ctrl[:] = torques
+        self._ctrl[:] = torques
         self._mujoco.mj_step2(self.model, self.data)
 
     def mass_along(self, direction: Array) -> float:

@@ -83,6 +83,8 @@ class ArmDescription:
         """
         spec = load_mujoco().MjSpec.from_file(str(self.path))
         spec.option.timestep, spec.option.gravity = step, (0.0, 0.0, -GRAVITY)
+        without = load_mujoco().mjtDisableBit  # to look for contacts, and for parts that move apart, takes time
+        spec.option.disableflags |= without.mjDSBL_CONTACT | without.mjDSBL_ISLAND
         if not backlash:
             for joint in list(spec.joints):
                 if joint.name.endswith(BACKLASH):

@@ -11,15 +11,13 @@ from numpy.typing import NDArray
 from foretouch.core import Record, compiled, kernel
 from foretouch.robot.arms.body import Body
 from foretouch.robot.arms.control.links import LinkWatch
-from foretouch.robot.arms.control.reference import Reference, move_reference, take_command
+from foretouch.robot.arms.control.reference import Reference, allowed_share, move_reference, take_command
 from foretouch.robot.robot import Vector
 
 Array = NDArray[np.float64]
 States = NDArray[np.void]
 
-WELL_AWAY, STILL_ALLOWED = 0.15, 0.1
-"""Below this smallest singular value of the translational Jacobian [m/rad] the tip slows down in proportion, to this
-share of its speed."""
+WELL_AWAY = 0.15  # Smallest singular value of the tip's Jacobian below which it slows down [m/rad]
 
 TORQUE_MARGIN = 0.9  # Share of a joint's largest torque that its controller asks for
 
@@ -154,9 +152,7 @@ def push(
         told = min(max(push + bias[joint], before - most), before + most)
         torque[joint] = min(max(told, -strongest), strongest)
 
-    translational = np.ascontiguousarray(jacobian[:3])
-    least = math.sqrt(max(np.linalg.eigvalsh(translational @ translational.T)[0], 0.0))
-    reference.share = min(max(least / WELL_AWAY, STILL_ALLOWED), 1.0)
+    reference.share = allowed_share(jacobian, WELL_AWAY)
     reference.clipped = reference.clipped or clipped
     return bool(reference.clipped)
 

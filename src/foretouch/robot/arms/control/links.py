@@ -132,7 +132,7 @@ class LinkWatch:
         if self._by_current:
             self._explained[:] = np.eye(self._contact.size) - along.T @ np.linalg.pinv(along.T)
         else:
-            self._contact[:] = along.T @ force
+            self._contact = along.T.dot(force)
         self._watch(self.states, joints, self._known, body.inertia, self._explained, self._contact, self._push)
         if beside_tip:
             self.states["met"], self.states["gone"] = True, 0.0

@@ -22,6 +22,8 @@ YIELDING_RATE = 30.0
 """Rate at which a force comes back to its limit against something rigid [rad/s], which the slowest controller follows.
 The stiffness that the arm itself shows at its tip says how fast it goes back for each newton."""
 
+STILL_ALLOWED = 0.1  # Share of its speed that the tip keeps at a singular pose
+
 FELT = 0.1  # Share of the force limit from which a force counts: what is less is no contact yet
 
 
@@ -94,6 +96,19 @@ def _limited(x: float, y: float, z: float, largest: float) -> tuple[float, float
     size = math.sqrt(x * x + y * y + z * z)
     share = largest / size if size > largest else 1.0
     return share * x, share * y, share * z
+
+
+@compiled
+def allowed_share(jacobian: Array, well_away: float) -> float:
+    """Share of its speed that the tip is allowed, which is less than 1 near a singular pose.
+
+    Args:
+        jacobian: Of the tip, shape (3, n) or more, of which the first three rows count.
+        well_away: Its smallest singular value below which the share is less, in proportion [m/rad].
+    """
+    translational = np.ascontiguousarray(jacobian[:3])
+    least = math.sqrt(max(np.linalg.eigvalsh(translational @ translational.T)[0], 0.0))
+    return min(max(least / well_away, STILL_ALLOWED), 1.0)
 
 
 @kernel("void(Reference[::1], f8[::1], f8[::1], f8)")

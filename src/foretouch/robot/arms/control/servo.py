@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from foretouch.core import kernel
 from foretouch.robot.arms.body import Body
 from foretouch.robot.arms.control.links import LinkWatch
-from foretouch.robot.arms.control.reference import move_reference, take_command
+from foretouch.robot.arms.control.reference import allowed_share, move_reference, take_command
 from foretouch.robot.arms.kinematics import InverseKinematics
 from foretouch.robot.robot import Vector
 
@@ -24,13 +24,18 @@ as when a rotor has gone through its play, is felt twice as much for a moment, a
 
 WINDS_UP = 0.02  # Distance by which the reference may be ahead of what the joints can follow [m]
 
-WELL_AWAY, STILL_ALLOWED = 0.1, 0.1
-"""Below this smallest singular value of the tip's Jacobian [m/rad] it slows down in proportion, to this share."""
+WELL_AWAY = 0.1  # Smallest singular value of the tip's Jacobian below which it slows down [m/rad]
+
+
+@kernel("f8(f8[:,::1])")
+def share_of_speed(jacobian: Array) -> float:
+    """Share of its speed that the tip is allowed with the Jacobian of its place, shape (3, n)."""
+    return allowed_share(jacobian, WELL_AWAY)
 
 
 @kernel("void(f8[:,::1], f8[:,::1], f8[:,::1], f8, b1, f8)")
 def serve(joints: Array, limits: Array, pushed: Array, most: float, compensates: bool, h: float) -> None:
-    r"""Write the torques with which the joints' servos hold their positions [N m].
+    r"""Write the torques with which the joints' servos hold their positions [N m], and let these go on.
 
     .. math:: \tau = s\,[k (e + k_i \int e) + b \dot q_d] + b_m (\dot q_d - \dot q) + g(q), \quad e = q_d - q
 
@@ -41,7 +46,8 @@ def serve(joints: Array, limits: Array, pushed: Array, most: float, compensates:
 
     Args:
         joints: Shape (7, n): positions as measured [rad], velocities [rad/s], gravity torques [N m], commanded
-            positions [rad] and velocities [rad/s]; the torques [N m] and the integrals [rad s], which are written.
+            positions [rad], which are written, and velocities [rad/s]; the torques [N m] and the integrals [rad s],
+            which are written.
         limits: Shape (5, n): k [N m/rad], k_i [1/s], b_m [N m s/rad], b [N m s/rad], and the largest torque [N m].
         pushed: Force at the tip by torques, shape (3, n) [1/m].
         most: Its largest [N].
@@ -65,6 +71,7 @@ def serve(joints: Array, limits: Array, pushed: Array, most: float, compensates:
         if share == 1.0 and abs(torque) < limits[4, joint]:
             joints[6, joint] += h * (joints[3, joint] - joints[0, joint])
         joints[5, joint] = min(max(torque, -limits[4, joint]), limits[4, joint])
+        joints[3, joint] += h * joints[4, joint]
 
 
 class ServoControl:
@@ -84,6 +91,7 @@ class ServoControl:
         description, own = body.description, body.limits()
         self._body, self.reference = body, reference
         self._take, self._move, self._serve = take_command.entry, move_reference.entry, serve.entry
+        self._share = share_of_speed.entry
         period = 1.0 / description.rate
         self._tick, self._ticks = tick, range(round(period / tick))
         self._inverse = InverseKinematics(description, period)
@@ -95,7 +103,7 @@ class ServoControl:
         self._joints = np.zeros((7, description.home.size))
         self._joints[3] = body.positions
         self.links, self.commanded = LinkWatch(body, period), self._joints[4]
-        self._resolution, limit = description.encoder, float(reference["force_limit"][0])
+        limit = float(reference["force_limit"][0])
         self._most = SUDDEN * limit if description.force == "current" else math.inf
         self._force, self._acceleration = np.zeros(9), np.zeros(9)
         self._pushed = np.zeros((3, description.home.size))
@@ -122,8 +130,9 @@ class ServoControl:
         distance = math.sqrt(float(behind @ behind))
         if distance > WINDS_UP:  # a limit of the joints holds it: the reference waits
             reference["place"][0] -= (1.0 - WINDS_UP / distance) * behind
-        self._pushed[:] = np.linalg.pinv(self._body.jacobian[:3].T)
-        reference["share"] = min(max(inverse.least_singular / WELL_AWAY, STILL_ALLOWED), 1.0)
+        if self._most < math.inf:
+            self._pushed[:] = np.linalg.pinv(self._body.jacobian[:3].T)
+        reference["share"] = self._share(inverse.jacobian())
 
     def turn(self, rotation: Array) -> None:
         """See `Control.turn`."""
@@ -132,10 +141,8 @@ class ServoControl:
     def torques(self) -> Array:
         """See `Control.torques`."""
         body, joints = self._body, self._joints
-        joints[0] = np.round(body.positions / self._resolution) * self._resolution
-        joints[1], joints[2] = body.velocities, body.bias
+        joints[0], joints[1], joints[2] = body.counted, body.velocities, body.bias
         self._serve(joints, self._limits, self._pushed, self._most, self._knows_weight, self._step)
-        joints[3] += self._step * joints[4]
         torques: Array = joints[5]
         self.links.add(torques)
         return torques

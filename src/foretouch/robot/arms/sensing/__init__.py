@@ -42,8 +42,8 @@ class Sensing(Protocol):
     def step(self) -> None:
         """Behind a physics step: take what the sensors feel."""
 
-    def positions(self) -> Array:
-        """The joints as they are shown [rad], as late as the force."""
+    def positions(self, counted: Array) -> Array:
+        """The joints as they are shown [rad], as late as the force, of those that the encoders count now."""
 
     def read(self) -> Array:
         """The force as it is shown at the end of a period [N]."""

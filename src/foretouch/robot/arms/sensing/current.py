@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from foretouch.core import kernel
 from foretouch.robot.arms.body import FRICTION_KNOWN, FRICTION_SPEED, Body
 
 Array = NDArray[np.float64]
@@ -18,6 +19,25 @@ for an ampere."""
 CURRENT_BANDWIDTH = 6.0
 """Cut-off of the two low-passes behind a current [Hz]: a servo with a coarse encoder pushes to and fro by a step of it
 times its stiffness, 1.5 N m for 12 bits."""
+
+
+@kernel("void(f8[:,:,::1], f8[::1], f8[::1], f8[::1], f8)")
+def take_current(passes: Array, bias: Array, torques: Array, counted: Array, gain: float) -> None:
+    """Move two low-passes behind each other by a physics step.
+
+    Args:
+        passes: Shape (2, 2, n), written: of each the torques of the weight less those of the motors [N m], and the
+            positions of the joints [rad].
+        bias: Torques of the arm's weight [N m], shape (n,).
+        torques: Of the motors [N m].
+        counted: Positions of the joints [rad].
+        gain: Share of the way in a step.
+    """
+    for joint in range(bias.size):
+        seen = bias[joint] - np.rint(torques[joint] / CURRENT_STEP) * CURRENT_STEP, counted[joint]
+        for kind in range(2):
+            passes[0, kind, joint] += gain * (seen[kind] - passes[0, kind, joint])
+            passes[1, kind, joint] += gain * (passes[0, kind, joint] - passes[1, kind, joint])
 
 
 class CurrentForce:
@@ -44,7 +64,8 @@ class CurrentForce:
         self.largest_offset = float(np.linalg.norm(np.abs(self._inverse()) @ limits["friction"]))
         self.contact_floor = 2.0 * self.largest_offset  # where a joint turns around
         first = np.stack([np.zeros(limits["damping"].size), body.counted])
-        self._first, self._second, self.force = first, first.copy(), np.zeros(3)
+        self._passes, self.force = np.stack([first, first]), np.zeros(3)
+        (self._first, self._second), self._take = self._passes, take_current.entry
 
     def _inverse(self) -> Array:
         return np.asarray(np.linalg.pinv(self._body.jacobian[:3].T), np.float64)
@@ -52,11 +73,9 @@ class CurrentForce:
     def step(self) -> None:
         """See `Sensing.step`."""
         body = self._body
-        torques = np.round(body.data.actuator_force / CURRENT_STEP) * CURRENT_STEP
-        self._first += self._gain * (np.stack([body.bias - torques, body.counted]) - self._first)
-        self._second += self._gain * (self._first - self._second)
+        self._take(self._passes, body.bias, body.data.actuator_force, body.counted, self._gain)
 
-    def positions(self) -> Array:
+    def positions(self, counted: Array) -> Array:
         """See `Sensing.positions`."""
         return np.array(self._second[1])
 

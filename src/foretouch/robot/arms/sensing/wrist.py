@@ -138,9 +138,9 @@ class WristForce:
         self._sensor.feel(self._interaction)
         self._move(self._tool, self._sensed)
 
-    def positions(self) -> Array:
+    def positions(self, counted: Array) -> Array:
         """See `Sensing.positions`."""
-        return self._body.counted
+        return counted
 
     def read(self) -> Array:
         """See `Sensing.read`; the first call finds the bias, where no calibration gave it."""
