@@ -344,3 +344,22 @@ def test_shapes_that_are_no_capsules_are_drawn_as_such_and_those_for_contacts_ar
     assert cylinder.radius == pytest.approx(0.02)
     np.testing.assert_allclose([cylinder.begin, cylinder.end], [(-0.04, 0.0, 0.0), (0.04, 0.0, 0.0)], atol=1e-9)
     np.testing.assert_allclose([ball.begin, ball.end], [(0.0, 0.1, 0.0)] * 2, atol=1e-9)
+
+
+def test_an_arm_with_play_that_feels_late_slides_to_and_fro_on_a_stiff_floor_without_striking_it() -> None:
+    arm = ArticulatedArm(read_arm("so101"), floor(1e5), seed=3, start=(0.0, 0.0, 0.004))
+    lowered(arm, -0.003, 0.3, 0.0)
+    turns = 2.0 * np.pi * np.arange(1500) / 500.0
+    forces = [arm.exchange((0.03 * math.sin(turn), 0.0, -0.003)).exact_force[2] for turn in turns]
+    assert max(forces) < 40.0  # 101 N where the slide is as fast as in the air
+
+
+def test_a_quick_way_to_the_side_neither_turns_the_tool_nor_lowers_it() -> None:
+    arm = ArticulatedArm(read_arm("fr3"), in_the_air, seed=3)
+    held, turned, lowers = arm.body.rotation.copy(), 0.0, 0.0
+    for _ in range(500):
+        arm.exchange((0.1, 0.0, 0.05))
+        turned = max(turned, float(np.abs(arm.body.rotation - held).max()))
+        lowers = max(lowers, abs(float(arm.body.place[2]) - 0.05))
+    assert turned < 0.01  # 0.05 where the force that accelerates the tip turns the tool, too
+    assert lowers < 2e-3

@@ -45,6 +45,11 @@ POSE = 6  # Numbers of a pose, and so the least joints that can turn a tool whos
 
 SINGULAR = "it goes slower here, near a pose from which its arm cannot go in every direction"
 
+STIFFEST, SLIDES = 1e5, 0.5
+"""An arm that feels late slides over what it touches so fast that the same speed into a floor of this stiffness [N/m],
+which is bone under a probe, gives this share of its force limit: the play in its gears turns the one into the other
+when it closes, and the other half is for what it presses with."""
+
 DOWN = np.array((0.0, 0.0, -1.0))
 
 
@@ -143,6 +148,8 @@ class ArticulatedArm(SpatialRobot):
         body, description = self.body, self.body.description
         least = np.linalg.svd(body.jacobian[:3], compute_uv=False)[-1]  # what a joint gives the tip at least
         control: Any = {"impedance": ImpedanceControl, "servo": ServoControl}[description.control]
+        late, impedance = description.force == "current", math.sqrt(STIFFEST * body.mass_along(DOWN))
+        sliding = SLIDES * force_limit / impedance if late else math.inf
         reference = make_reference(
             start,
             self.reach,
@@ -150,6 +157,7 @@ class ArticulatedArm(SpatialRobot):
             acceleration=float(description.joint_acceleration.min() * least),
             force_limit=HELD * force_limit,
             yielding=YIELDING_RATE / control.stiffness_along(body, DOWN),
+            sliding=sliding,
             period=1.0 / description.rate,
         )
         self.control: Control = control(body, reference)

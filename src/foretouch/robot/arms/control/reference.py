@@ -43,7 +43,8 @@ class Reference(Record):
 
     .. math:: -n \cdot v_c \le Y (F_{limit} - F)
 
-    n being the direction of the force; above the limit it goes back. While a link of the arm has met something, r is
+    n being the direction of the force; above the limit it goes back. Across the force it goes no faster than `sliding`.
+    While a link of the arm has met something, r is
     held, and goes only where the force at the tip that would push as that does leads it, Y metres a second for each
     newton.
     """
@@ -61,6 +62,7 @@ class Reference(Record):
     force_limit: float  # [N]
     yielding: float  # Y, `YIELDING_RATE` by the stiffness of the tip [m/s/N]
     period: float  # of the commands [s]
+    sliding: float = math.inf  # largest speed across a force that is felt [m/s]
     share: float = 1.0  # of the speed that is allowed where the arm is, 0 to 1
     clipped: bool  # whether the force limit has cut since the newest command
     held: bool  # because a link has met something
@@ -138,6 +140,9 @@ def move_reference(references: States, force: Array, acceleration: Array, h: flo
         if more > 0.0:
             v0, v1, v2 = v0 + more * n0, v1 + more * n1, v2 + more * n2
             reference.clipped = True
+        along = v0 * n0 + v1 * n1 + v2 * n2
+        a0, a1, a2 = _limited(v0 - along * n0, v1 - along * n1, v2 - along * n2, reference.sliding)
+        v0, v1, v2 = along * n0 + a0, along * n1 + a1, along * n2 + a2
     if reference.held:
         away = reference.yielding
         v0, v1, v2 = away * reference.push[0], away * reference.push[1], away * reference.push[2]
