@@ -369,25 +369,45 @@ class Pressed(NamedTuple):
     """What came of a hostile session."""
 
     force: float  # largest at the probe [N]
-    later: float  # largest that is no impact: later than 0.1 s after the contact began [N]
+    later: float  # largest that is no first impact: later than 0.1 s after the contact began [N]
     bound: float  # the largest of an impact that pushes with the ceiling P meanwhile: P + sqrt(P^2 + k m v^2) [N]
+    beyond: float  # largest force of a first impact over its own such bound, or over P where none was
     speed: float  # of the joints, as a share of their limit
     torque: float  # likewise
     change: float  # of the commanded joint speeds, or of the torques where these are commanded, likewise
+    touched: bool
+    singular: bool  # whether it touched in a pose so nearly singular that the arm slows down
+    side: bool  # whether it touched where the box's side holds the tip back
+    fault: bool  # whether the sensor failed while it touched
+
+
+APART = 100
+"""Milliseconds in which an impact is over; and in the air until what comes next is an impact of its own, no bounce."""
+
+EDGE = 2e-3  # Distance from the side of a box within which the tip is held by it [m]
 
 
 class Hostile:
-    """A session whose commands and network are as bad as a seed makes them, over a stiff floor."""
+    """A session whose commands and network are as bad as a seed makes them, over a stiff floor.
+
+    Every other one begins at a side or a corner of the box, where commands lead beyond it and, at the side near its
+    base, an arm is nearest to a singular pose.
+    """
 
     def __init__(self, name: str, stiffness: float, seed: int) -> None:
         self.numbers, scene = np.random.default_rng(seed), make_scene("plane")
         self.stiffness, self.now, self.sequence = stiffness, 0, 0
-        self.arm = ArticulatedArm(read_arm(name), self._floor, seed=seed, start=(0.0, 0.0, 0.004))
+        description, aside = read_arm(name), self.numbers.integers(-1, 2, 2) * int(self.numbers.random() < 0.5)
+        low, high = description.reach[:, :2]
+        x, y = np.where(aside < 0, low, np.where(aside > 0, high, 0.0)).tolist()
+        self.arm = ArticulatedArm(description, self._floor, seed=seed, start=(x, y, 0.004))
+        self.middle, self.began, self.left = np.array((x, y, 0.0)), -APART, -APART
         kinds = (*SENSOR_FAULTS, *[""] * len(SENSOR_FAULTS))
         kind, begin = str(self.numbers.choice(kinds)), self.numbers.uniform(0.5, 4.0)
+        self.failing = (begin, begin) if not kind else (begin, begin + self.numbers.uniform(0.1, 2.0))
         self.robot: SpatialRobot = self.arm
         if kind:
-            fault = SensorFault(kind, begin, begin + self.numbers.uniform(0.1, 2.0))
+            fault = SensorFault(kind, *self.failing)
             self.robot = FaultySpatialSensor(self.arm, fault, seed=seed)
         settings = SessionSettings(robot=name, scene="plane", seed=seed, first_touch="follow")
         self.state = follower.start(
@@ -429,17 +449,33 @@ class Hostile:
             float((np.abs(commanded - before) / (changes * period)).max()),
         )
 
+    def _happened(self, tick: int) -> tuple[bool, bool, bool, bool]:
+        """What happens while it touches: see `Pressed`."""
+        place, (low, high) = np.array(self.sample.exact_place), np.array(self.arm.reach)
+        side = bool((np.minimum(place - low, high - place)[:2] < EDGE).any())
+        begins, ends = self.failing
+        return True, self.arm.speed_share < 1.0, side, begins <= 1e-3 * tick < ends
+
+    def _impact(self, tick: int, force: float, sinks: float) -> tuple[float, bool]:
+        """Bound of a first impact that begins now [N], else 0; and whether the force is still of one."""
+        if force > 0.0:
+            begins = tick - self.left > APART
+            self.began, self.left = tick if begins else self.began, tick
+            if begins:
+                mass = self.arm.body.mass_along(np.array((0.0, 0.0, -1.0)))
+                return CEILING + math.hypot(CEILING, max(sinks, 0.0) * math.sqrt(mass * self.stiffness)), True
+        return 0.0, tick - self.began <= APART
+
     def run(self, seconds: float) -> Pressed:
         """Steps, ramps, silence and what is no number, into the floor and beyond the box's sides."""
-        worst, touching, before = np.zeros(6), 0, self.arm.control.commanded.copy()
+        worst, before, bound = np.zeros(len(Pressed._fields)), self.arm.control.commanded.copy(), 0.0
         goal, speed, silent = np.array(self.sample.place), 1.0, 0
         place = goal.copy()
-        mass = self.robot.specification.moved_mass
-        for _ in range(round(seconds * 1e3)):
+        for tick in range(round(seconds * 1e3)):
             if self.numbers.random() < 0.002:
                 wide = 0.3 if self.numbers.random() < 0.2 else 0.02  # beyond the box, or over the floor
                 goal, speed = (
-                    self.numbers.uniform((-1.0, -1.0, -0.05), (1.0, 1.0, 0.01)) * (wide, wide, 1.0),
+                    self.middle + self.numbers.uniform((-1.0, -1.0, -0.05), (1.0, 1.0, 0.01)) * (wide, wide, 1.0),
                     10.0 ** self.numbers.uniform(-2.0, 2.0),
                 )
             silent = int(self.numbers.uniform(60, 1500)) if self.numbers.random() < 3e-4 else max(silent - 1, 0)
@@ -449,17 +485,21 @@ class Hostile:
             sinks = -float(self.arm.body.velocity[2])
             self.tick(None if silent else told)
             force = self.sample.exact_force[2]
-            if force > 0.0 and not touching:
-                worst[2] = max(worst[2], CEILING + math.hypot(CEILING, sinks * math.sqrt(mass * self.stiffness)))
-            touching = touching + 1 if force > 0.0 else 0
+            begun, first = self._impact(tick, force, sinks)
+            bound = begun or bound
+            beyond = force / max(bound, CEILING) if first else 0.0
             shares, before = self._shares(before), self.arm.control.commanded.copy()
-            worst = np.maximum(worst, (force, force if touching > 100 else 0.0, 0.0, *shares))
+            happened = self._happened(tick) if force > 0.0 else (False,) * 4
+            worst = np.maximum(worst, (force, 0.0 if first else force, begun, beyond, *shares, *happened))
         return Pressed(*worst.tolist())
 
 
 def pressed(name: str, stiffness: float, seed: int) -> Pressed:
     """A hostile session of 6 s."""
     return Hostile(name, stiffness, seed).run(6.0)
+
+
+SESSIONS = "Sessions / touch / singular / side / fault"
 
 
 def ceilings(seeds: int = 200) -> str:
@@ -470,21 +510,22 @@ def ceilings(seeds: int = 200) -> str:
             found = Parallel(n_jobs=JOBS)(delayed(pressed)(name, stiffness, seed) for seed in range(seeds))
             worst = Pressed(*np.max(np.array(found), axis=0).tolist())
             over, later = (sum(force > CEILING for force in column) for column in list(zip(*found, strict=True))[:2])
+            happened = [sum(map(int, kind)) for kind in list(zip(*found, strict=True))[-4:]]
             shares = (worst.speed, worst.torque, worst.change)
             rows.append(
                 [
                     f"`{name}`",
                     f"{stiffness / 1e3:g}",
-                    str(seeds),
+                    " / ".join(map(str, (seeds, *happened))),
                     figure(worst.force),
                     str(over),
-                    str(sum(one.force > one.bound for one in found)),
+                    str(sum(one.beyond > 1.0 for one in found)),
                     figure(worst.later),
                     str(later),
                     *(f"{100.0 * share:.0f}" for share in shares),
                 ]
             )
-    heads = ("`--robot`", "Floor [kN/m]", "Sessions", "Peak [N]", "Above 15 N in", "Beyond its bound in", "Later [N]")
+    heads = ("`--robot`", "Floor [kN/m]", SESSIONS, "Peak [N]", "Above 15 N in", "Beyond its bound in", "Later [N]")
     limits = ("Joint speed [%]", "Torque [%]", "Its change, or that of speed [%]")
     return table((*heads, "Above 15 N in", *limits), rows)
 
