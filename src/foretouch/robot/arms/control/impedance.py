@@ -37,8 +37,10 @@ class Impedance(Record):
 
     r being the reference, x the tip, :math:`\Lambda = (J M^{-1} J^T)^{-1}` the inertia that the tip shows, lambda the
     mean of its diagonal, and F-hat the measured contact force: fed forward, it leaves to the stiffness only what the
-    joints' friction does. What of F is not for acceleration is at most the force limit. tau_0 draws the elbow to where
-    it began; tau_f is a share of the joints' Coulomb friction in the direction in which the reference moves them.
+    joints' friction does. What of F is not for acceleration is at most the force limit; what of the acceleration goes
+    against F-hat counts the less, the nearer that is to the limit. tau_0 draws the elbow to where it began; tau_f is a
+    share of the joints' Coulomb friction in the direction in which the reference moves them. Where torques would change
+    faster than they may, all go the same share of their way.
     """
 
     stiffness: float = 3000.0  # K, of the tip's place: the largest that Franka's own impedance takes [N/m]
@@ -131,7 +133,11 @@ def push(
     turning_damping = task[3, 3] + task[4, 4] + task[5, 5]
     turning -= 2.0 * own.damping_ratio * math.sqrt(own.turning_stiffness * turning_damping / 3.0) * moved[3:]
     _shortened(turning, TURNING)
-    driven = np.ascontiguousarray(task[:, :3]) @ tip[2, :3]  # with the torque that keeps the tool from turning then
+    force, ahead = tip[1, :3], tip[2, :3].copy()
+    against, size = ahead @ force, math.sqrt(force @ force)
+    if against < 0.0:  # the nearer to the limit, the less presses on for the arm's inertia: it would swing there
+        ahead -= min(size / reference.force_limit, 1.0) * against / size**2 * force
+    driven = np.ascontiguousarray(task[:, :3]) @ ahead  # with the torque that keeps the tool from turning then
     wrench[:3], wrench[3:] = held + driven[:3], turning + driven[3:]
 
     drawn = np.empty(count)
@@ -141,6 +147,7 @@ def push(
     disturbed = _observed(own, inertia, joints)
     felt = np.ascontiguousarray(jacobian[:3]).T @ tip[1, :3]
     active = jacobian.T @ (wrench - task @ (spread.T @ drawn)) + drawn
+    change, share = np.empty(count), 1.0
     for joint in range(count):
         low, high, fastest, strongest, friction = limits[:, joint]
         push = active[joint] - min(max(disturbed[joint] - felt[joint], -friction), friction)
@@ -148,9 +155,9 @@ def push(
         push -= LIMIT_STIFFNESS * near
         if push * velocity[joint] > 0.0:
             push *= min(max((fastest - abs(velocity[joint])) / ((1.0 - SPEED_ZONE) * fastest), 0.0), 1.0)
-        most, before = own.torque_step, torque[joint]
-        told = min(max(push + bias[joint], before - most), before + most)
-        torque[joint] = min(max(told, -strongest), strongest)
+        change[joint] = min(max(push + bias[joint], -strongest), strongest) - torque[joint]
+        share = min(share, own.torque_step / max(abs(change[joint]), 1e-12))
+    torque += share * change  # as one: a joint that were later than others would turn a quick step across into a push
 
     reference.share = allowed_share(jacobian, WELL_AWAY)
     reference.clipped = reference.clipped or clipped
