@@ -14,6 +14,7 @@ Usage: `make screenshots`, or `.venv/bin/python docs/take_screenshots.py [PORT [
 from __future__ import annotations
 
 import io
+import itertools
 import subprocess
 import sys
 import tempfile
@@ -31,6 +32,7 @@ from foretouch.console.gate.page import LOST  # noqa: E402
 from foretouch.console.panels.panel import CHOOSE_RECORDING  # noqa: E402
 from foretouch.console.panels.stop import ALERTS, LATCHED, READY, WHOLE_ARM  # noqa: E402
 from foretouch.console.views.space import SPACE_INSTRUCTION  # noqa: E402
+from foretouch.recordings import read_session  # noqa: E402
 
 Hanging = Callable[[], None]
 """Lets the console hang."""
@@ -41,12 +43,15 @@ PRESSED, MODEL, RECORDING, STOPPED, UNREACHED = (
 )
 ARMS_PRESSING = IMAGES / "console-arms.png"
 SCENE, SCENE_PRESSED = (IMAGES / f"{name}.png" for name in ("console-scene", "console-scene-pressed"))
-ARM_MOMENT = {"fr3": 7.0, "ur5e": 7.0, "so101": 7.6}
-"""When each arm presses in the session of its recording [s]."""
+ARM_NAMES = {"fr3": "FR3", "ur5e": "UR5e", "so101": "SO-101"}
+ARM_SESSION = 12.0
+"""Length of the recording with each arm [s]: the script has pressed some times then."""
 NARROW = 480
 """Width of a page that is too narrow for the legend [pixel]."""
 NEAR, WHOLE = ({"x": 40, "y": 84, "width": 400, "height": height} for height in (240, 360))
 """Parts of it, below the banner, with the scene and with the whole arm."""
+HEAD = 36
+"""Height of the line with an arm's name, above its pictures [pixel]."""
 PALPATED = 24.0
 """So long the script palpates before the picture is taken [s]: the stiff inclusion is found then."""
 DOWN_MM = 44.0
@@ -149,32 +154,43 @@ def _take_scene(url: str, _: Hanging) -> None:
 
 def _take_arms(port: int, folder: Path) -> None:
     """Record a session with each arm, open them in a console, and put their pictures side by side."""
-    from PIL import Image
+    from PIL import Image, ImageDraw
 
     program = [sys.executable, "-m", "foretouch"]
-    for robot, moment in ARM_MOMENT.items():
-        options = ["--duration", str(moment + 1.0), "--recording", f"{robot}.mcap", "--robot", robot]
-        if not (folder / f"{robot}.mcap").exists():
-            subprocess.run([*program, "simulate", "--scene", "phantom", *options], cwd=folder, check=True)
+    for robot in ARM_NAMES:
+        options = ["--duration", str(ARM_SESSION), "--recording", f"{robot}.mcap", "--robot", robot]
+        subprocess.run([*program, "simulate", "--scene", "phantom", *options], cwd=folder, check=True)
     console = [*program, "console", "--port", str(port), "--recordings", str(folder)]
     shown = subprocess.Popen(console, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
     try:
         with open_page(Printed(shown).address(), NARROW, 1100, CHOOSE_RECORDING) as (page, _):
-            columns = [[Image.open(io.BytesIO(one)) for one in _arm(page, *each)] for each in ARM_MOMENT.items()]
+            columns = [_arm(page, folder, robot) for robot in ARM_NAMES]
     finally:
         shown.terminate()
         shown.wait(60)
-    together = Image.new("RGB", (NEAR["width"] * len(columns), NEAR["height"] + WHOLE["height"]))
-    for column, (near, whole) in enumerate(columns):
-        together.paste(near, (column * NEAR["width"], 0))
-        together.paste(whole, (column * NEAR["width"], NEAR["height"]))
+    width, heights = NEAR["width"], (HEAD, NEAR["height"], WHOLE["height"])
+    together = Image.new("RGB", (width * len(columns), sum(heights)), "white")
+    for column, (name, parts) in enumerate(zip(ARM_NAMES.values(), columns, strict=True)):
+        middle = (width * column + width // 2, HEAD // 2)
+        ImageDraw.Draw(together).text(middle, name, fill="black", anchor="mm", font_size=20)
+        for part, top in zip(parts, itertools.accumulate(heights), strict=False):
+            together.paste(Image.open(io.BytesIO(part)), (width * column, top))
     together.save(ARMS_PRESSING, optimize=True)
     _shrink(ARMS_PRESSING)
     print(f"{ARMS_PRESSING.relative_to(ROOT)}: {ARMS_PRESSING.stat().st_size / 1000:.0f} kB")
 
 
-def _arm(page: Any, robot: str, moment: float) -> tuple[bytes, bytes]:
-    """The scene of a recording at a moment [s], and the whole arm over it."""
+def _pressing(recording: Path) -> float:
+    """When the operator hears of the largest force in a recording [s]."""
+    log = read_session(recording)
+    told = log.follower[log.follower["time_ns"] < log.follower["time_ns"][0] + 1e9 * (ARM_SESSION - 1.0)]
+    felt = 1e-9 * float(told["time_ns"][told["exact_force"].argmax()] - told["time_ns"][0])
+    return felt + float(log.settings["force_delay"])
+
+
+def _arm(page: Any, folder: Path, robot: str) -> tuple[bytes, bytes]:
+    """The scene of a recording while the arm presses most, and the whole arm over it."""
+    moment = _pressing(folder / f"{robot}.mcap")
     open_tab(page, "Recordings")
     choose(page, "Recording", f"{robot}.mcap")
     page.get_by_text(f"robot {robot}").wait_for()
