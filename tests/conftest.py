@@ -74,11 +74,12 @@ def measured() -> Callable[[str], Path]:
 def original(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], Path]:
     """Path of the original, where it is in the data folder or in the cache; nothing is downloaded for a test."""
     from foretouch.errors import DatasetError
-    from foretouch.recordings import datasets, fetch_dataset
+    from foretouch.files import origins
+    from foretouch.recordings import fetch_dataset
 
     def path_of(name: str) -> Path:
         with monkeypatch.context() as offline:
-            offline.setattr(datasets, "HOST", "http://127.0.0.1:9")  # nobody listens there
+            offline.setattr(origins, "HOST", "http://127.0.0.1:9")  # nobody listens there
             offline.setenv("NO_PROXY", "127.0.0.1")
             try:
                 return fetch_dataset(name)

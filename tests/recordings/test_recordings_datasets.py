@@ -9,7 +9,8 @@ from threading import Thread
 import pytest
 
 from foretouch.errors import DatasetError, MissingExtraError, UnknownNameError
-from foretouch.recordings import DATA_DIR, DATASETS, datasets, excerpt, fetch_all, fetch_dataset, list_datasets
+from foretouch.files import origins
+from foretouch.recordings import DATA_DIR, DATASETS, excerpt, fetch_all, fetch_dataset, list_datasets
 
 NAME = "aurora/400-mN"
 
@@ -33,7 +34,7 @@ def elsewhere(monkeypatch, tmp_path):
     monkeypatch.delenv(DATA_DIR, raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.setenv("NO_PROXY", "127.0.0.1")
-    monkeypatch.setattr(datasets, "HOST", "http://127.0.0.1:9")  # nobody listens there
+    monkeypatch.setattr(origins, "HOST", "http://127.0.0.1:9")  # nobody listens there
     return tmp_path
 
 
@@ -48,7 +49,7 @@ def origin(published, elsewhere, monkeypatch):
     server = ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=str(elsewhere / "www")))
     thread = Thread(target=server.serve_forever, daemon=True)
     thread.start()
-    monkeypatch.setattr(datasets, "HOST", f"http://127.0.0.1:{server.server_port}")
+    monkeypatch.setattr(origins, "HOST", f"http://127.0.0.1:{server.server_port}")
     yield path
     server.shutdown()
     server.server_close()
@@ -143,7 +144,7 @@ def test_the_origin_is_asked_once_and_then_the_cache(origin, elsewhere, monkeypa
     path = fetch_dataset(NAME)
     assert path.read_bytes() == origin.read_bytes()
     assert elsewhere / "cache" in path.parents
-    monkeypatch.setattr(datasets, "HOST", "http://127.0.0.1:9")
+    monkeypatch.setattr(origins, "HOST", "http://127.0.0.1:9")
     assert fetch_dataset(NAME) == path
 
 
