@@ -107,6 +107,8 @@ def fetch(origin: Origin, file: str, what: str, sha256: str | None = None) -> Pa
             )
         )
     except (OSError, ValueError) as error:  # requests' errors are OSErrors; ValueError is a wrong checksum
+        if (answer := getattr(error, "response", None)) is not None:
+            answer.close()  # pooch leaves the connection of a refusal open
         raise DatasetError(
             f"{what} is not here and could not be fetched from {HOST} ({_cause(error)}): "
             f"connect to the network once, or set {DATA_DIR} to a folder that has {origin.local_folder}/"
