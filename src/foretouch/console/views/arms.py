@@ -29,6 +29,7 @@ SMALLEST_CHANGE = np.array((2e-5, 2e-5, 2e-5, 1e-4, 1e-4, 1e-4, 1e-4))
 """Changes of a link's place [m] and turn below these are not drawn."""
 ROD = 0.7e-3  # Radius of the arm's own probe, within that of the delayed robot [m]
 MOST_TRIANGLES = 8000  # Of a link that is drawn by its meshes: a browser may be far away
+EDGED = {"material": "standard", "flat_shading": True}  # Links of few triangles have edges: they are not rounded
 ROUND = np.linspace(0.0, 0.5 * np.pi, 5)  # Angles of the rings of an end [rad]
 
 
@@ -103,17 +104,18 @@ class ArmView:
         self._reading, self.problem = None, reading.problem
         if reading.meshes:
             pairs = zip(reading.meshes, self._capsules[:-1], strict=True)
-            self._show([*(mesh if len(mesh[1]) else capsules for mesh, capsules in pairs), self._capsules[-1]])
+            links = [mesh if len(mesh[1]) else capsules for mesh, capsules in pairs]
+            self._show([*links, self._capsules[-1]], edged=True)
 
-    def _show(self, meshes: list[Mesh]) -> None:
+    def _show(self, meshes: list[Mesh], *, edged: bool = False) -> None:
         """Draw other links, the last of which is the probe; none of them draws no arm."""
         if self._arms:
             self._scene.remove_by_name("/arm")
         self._arms = ()
         if meshes:
             self._arms = (
-                DrawnArm(self._scene, "/arm/delayed", meshes, ARM_DELAYED),
-                DrawnArm(self._scene, "/arm/now", meshes, ARM_NOW, opacity=0.4),
+                DrawnArm(self._scene, "/arm/delayed", meshes, ARM_DELAYED, edged=edged),
+                DrawnArm(self._scene, "/arm/now", meshes, ARM_NOW, opacity=0.4, edged=edged),
             )
 
 
@@ -144,11 +146,24 @@ class MeshReading:
 
 
 class DrawnArm:
-    """The links of one arm, each a mesh of its own that moves."""
+    """The links of one arm, each a mesh that moves; those before the probe may be `edged`, with flat faces."""
 
-    def __init__(self, scene: Any, root: str, meshes: list[Mesh], colour: Colour, opacity: float | None = None) -> None:
+    def __init__(
+        self,
+        scene: Any,
+        root: str,
+        meshes: list[Mesh],
+        colour: Colour,
+        opacity: float | None = None,
+        *,
+        edged: bool = False,
+    ) -> None:
         self._root = scene.add_frame(root, show_axes=False, visible=False)
-        self._links = [add_body(scene, f"{root}/{number}", mesh, colour, opacity) for number, mesh in enumerate(meshes)]
+        looks = [EDGED if edged else {}] * (len(meshes) - 1) + [{}]
+        self._links = [
+            add_body(scene, f"{root}/{number}", mesh, colour, opacity, **look)
+            for number, (mesh, look) in enumerate(zip(meshes, looks, strict=True))
+        ]
         self._drawn = np.full((len(meshes), 7), np.inf)
 
     def draw(self, poses: Array) -> None:
