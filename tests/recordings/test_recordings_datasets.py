@@ -40,6 +40,7 @@ def test_the_registry_is_whole():
         assert re.fullmatch("[0-9a-f]{64}", dataset.sha256)
         assert re.fullmatch("[0-9a-f]{40}", dataset.origin.commit)
         assert dataset.origin.commit in dataset.url
+        assert dataset.url == origins.address(dataset.origin, dataset.file)
         assert " " not in dataset.url
         assert dataset.origin.licence.startswith("MIT, Copyright (c) ")
     assert [dataset.name for dataset in list_datasets("rigid") if dataset.seen] == ["tue/a-rigid"]

@@ -57,7 +57,9 @@ def test_every_arm_has_meshes_with_a_licence_at_the_commit_of_its_description() 
         assert f"{origin.folder}/{name}.xml" in text
         assert origin.commit in text
         assert origin.licence.split(",")[0] in text
-        assert origin.url(f"{name}.xml").startswith("https://raw.githubusercontent.com/google-deepmind/mujoco_menage")
+        assert origins.address(origin, f"{name}.xml").startswith(
+            "https://raw.githubusercontent.com/google-deepmind/mujoco_menage"
+        )
 
 
 @pytest.mark.parametrize("name", ARMS)

@@ -41,9 +41,10 @@ class Origin:
     licence: str
     about: str
 
-    def url(self, file: str) -> str:
-        """Address of one of the files."""
-        return f"{HOST}/" + quote(f"{self.repository}/{self.commit}/{self.folder}/{file}")
+
+def address(origin: Origin, file: str) -> str:
+    """Address of a file, by its path below the folder of its origin."""
+    return f"{HOST}/" + quote(f"{origin.repository}/{origin.commit}/{origin.folder}/{file}")
 
 
 def in_data_dir(below: str) -> Path | None:
@@ -99,7 +100,7 @@ def fetch(origin: Origin, file: str, what: str, sha256: str | None = None) -> Pa
     try:
         return Path(
             pooch.retrieve(
-                origin.url(file),
+                address(origin, file),
                 known_hash=sha256 and f"sha256:{sha256}",
                 path=path.parent,
                 fname=path.name,

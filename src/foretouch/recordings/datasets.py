@@ -16,10 +16,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
+from urllib.parse import quote
 
 from foretouch.errors import UnknownNameError
 from foretouch.errors.checks import require_type
-from foretouch.files.origins import Origin, fetch, in_data_dir, require_checksum
+from foretouch.files.origins import HOST, Origin, fetch, in_data_dir, require_checksum
 from foretouch.recordings.formats.published import SUFFIX
 
 EXCERPTS: Final = Path(__file__).parent / "measured"
@@ -50,7 +51,8 @@ class Dataset:
     @property
     def url(self) -> str:
         """Address of the file at its origin."""
-        return self.origin.url(self.file)
+        origin = self.origin
+        return f"{HOST}/" + quote(f"{origin.repository}/{origin.commit}/{origin.folder}/{self.file}")
 
 
 _TUE = Origin(

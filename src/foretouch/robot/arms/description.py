@@ -278,9 +278,10 @@ class ArmPicture:
         self._data: Any = mujoco.MjData(model)
         self._kinematics, self._driven, self._tip = mujoco.mj_kinematics, driven(model), model.site(TIP).id
         self.joints = int(self._driven.size)
-        geoms_of = links_of(model)
-        self._bodies = list(geoms_of)
-        self.links = tuple(tuple(_capsule(model, geom) for geom in geoms) for geoms in geoms_of.values())
+        seen = [geom for geom in range(model.ngeom) if model.geom_group[geom] < DRAWN and model.geom_bodyid[geom] > 0]
+        of_link = {int(body): [geom for geom in seen if model.geom_bodyid[geom] == body] for body in range(model.nbody)}
+        self._bodies = [body for body, geoms in of_link.items() if geoms]
+        self.links = tuple(tuple(_capsule(model, geom) for geom in of_link[body]) for body in self._bodies)
         self._kinematics(model, self._data)
         self._origin = self._data.site(BASE).xpos + description.scene
 
@@ -299,15 +300,6 @@ class ArmPicture:
         self.poses(joints)
         place: Array = self._data.site_xpos[self._tip] - self._origin
         return place
-
-
-def links_of(model: Any) -> dict[int, list[int]]:
-    """The bodies that are seen, in the order of the model, and the geoms of each that are."""
-    result: dict[int, list[int]] = {}
-    for geom, body in enumerate(model.geom_bodyid.tolist()):
-        if model.geom_group[geom] < DRAWN and body > 0:
-            result.setdefault(body, []).append(geom)
-    return result
 
 
 def _capsule(model: Any, geom: int) -> Capsule:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from foretouch.errors import DatasetError, MissingExtraError, UnknownNameError
 from foretouch.files.origins import DATA_DIR, Origin, cache_of, fetch, in_data_dir
-from foretouch.robot.arms.description import DRAWN, ArmDescription, Array, driven, links_of, read_arm
+from foretouch.robot.arms.description import DRAWN, ArmDescription, Array, driven, read_arm
 from foretouch.robot.engine import load_mujoco
 
 
@@ -188,7 +188,9 @@ def _read(path: Path, description: ArmDescription) -> tuple[LinkMesh, ...]:
         raise UnusableMeshesError(path, f"it has no joint {missing[0]!r}, as the description of {description.name} has")
     ours, theirs = _Links(model, joints), _Links(published, joints)
     _compare(path, ours, theirs, description.home)
-    return tuple(theirs.mesh(ours.link_of(body)) for body in list(links_of(model))[:-1])
+    seen = zip(model.geom_bodyid.tolist(), model.geom_group.tolist(), strict=True)
+    bodies = sorted({body for body, group in seen if group < DRAWN and body > 0})  # as `ArmPicture` draws them
+    return tuple(theirs.mesh(ours.link_of(body)) for body in bodies[:-1])
 
 
 def _require_triangles(path: Path, file: str) -> None:
