@@ -102,6 +102,12 @@ def draw(view: ArmView, *said: Message) -> Watched:
     return watched
 
 
+def with_meshes(view: ArmView, *said: Message) -> None:
+    """Draw until the meshes of the arm were looked for."""
+    draw(view, *said)
+    wait_for(lambda: view._reading is None or draw(view, *said) is None)
+
+
 @pytest.mark.parametrize("name", ARMS)
 def test_the_drawn_arm_is_where_the_arm_is(console: Console, name: str) -> None:
     arm = ArticulatedArm(read_arm(name), lambda place, velocity, elapsed: (0.0, 0.0, 0.0), seed=0)
@@ -136,7 +142,7 @@ def test_what_is_heard_of_is_drawn_as_late_as_it_is_and_what_is_now_besides(cons
 
 def test_there_is_an_arm_only_where_one_is_in_a_scene(console: Console) -> None:
     view, joints = console._arm, moving("so101")
-    draw(view, *messages("so101"))
+    with_meshes(view, *messages("so101"))
     line = LeaderState(VERSION, 1, 1, 0.0, 0.0, 0.0, 0.0, 0.0, 1, 0, math.nan, False, 1, 1)
     draw(view, hello("so101"), line)
     assert not any(arm._root.visible for arm in view._arms)
@@ -181,12 +187,6 @@ def test_a_recording_shows_the_arm_of_its_moment(console: Console, tmp_path: Pat
         delayed, now = view._arms
         assert (delayed._root.visible, now._root.visible) == (True, False)  # what its operator heard of by then
         assert tip_of(delayed, length) == pytest.approx(picture.tip(joints[tick - HEARD]), abs=1e-4)
-
-
-def with_meshes(view: ArmView, *said: Message) -> None:
-    """Draw until the meshes of the arm were looked for."""
-    draw(view, *said)
-    wait_for(lambda: view._reading is None or draw(view, *said) is None)
 
 
 def seen(arm: DrawnArm, link: int) -> Places:

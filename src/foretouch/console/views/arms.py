@@ -57,8 +57,8 @@ class ArmView:
         heard, now = () if robot is None else robot.joints, shown.joints
         in_space = shown.leader_space is not NOWHERE
         if in_space:
-            self._find(shown.settings.get("robot", SIMULATED))
             self._take_meshes()
+            self._find(shown.settings.get("robot", SIMULATED))
         picture, poses = self._picture, [np.empty((0, 7))] * 2
         if picture is not None:
             poses = [_poses(picture, joints) for joints in (heard, now)]
@@ -76,8 +76,12 @@ class ArmView:
         self._wanted = not self._wanted
 
     def _find(self, name: str) -> None:
-        """Another robot has another picture; none where its description is not here."""
-        if name == self._name:
+        """Another robot has another picture; none where its description is not here.
+
+        It waits for meshes that are being read: loading MuJoCo sets the environment for a moment, which no two threads
+        may do at once.
+        """
+        if name == self._name or self._reading is not None:
             return
         self._show([])
         self._name, self._picture, self._reading, self.problem = name, None, None, ""
