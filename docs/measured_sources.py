@@ -21,7 +21,9 @@ Key = tuple[str, str]
 IGNORED = (
     # what only says, shows or refuses
     *("measured_blocks", "foretouch.console", "foretouch.errors", "foretouch.plugins", "foretouch.ros2"),
-    *("foretouch.core.compiling", "foretouch.files"),
+    "foretouch.core.compiling",
+    *(f"foretouch.files.{name}" for name in ("budget", "children", "toml", "within")),
+    "foretouch.robot.arms.meshes",
     *(f"foretouch.cli.{name}" for name in ("app", "options", "progress")),
     *("foretouch.report.writing", "foretouch.report.drawing", "foretouch.report.sections.scene"),
     *("foretouch.comparison.figures", "foretouch.comparison.page", "foretouch.sweep.page"),

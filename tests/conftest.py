@@ -5,8 +5,11 @@ from __future__ import annotations
 import functools
 import gc
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from threading import Thread
 
 import pytest
 import typer.testing
@@ -74,11 +77,12 @@ def measured() -> Callable[[str], Path]:
 def original(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], Path]:
     """Path of the original, where it is in the data folder or in the cache; nothing is downloaded for a test."""
     from foretouch.errors import DatasetError
-    from foretouch.recordings import datasets, fetch_dataset
+    from foretouch.files import origins
+    from foretouch.recordings import fetch_dataset
 
     def path_of(name: str) -> Path:
         with monkeypatch.context() as offline:
-            offline.setattr(datasets, "HOST", "http://127.0.0.1:9")  # nobody listens there
+            offline.setattr(origins, "HOST", "http://127.0.0.1:9")  # nobody listens there
             offline.setenv("NO_PROXY", "127.0.0.1")
             try:
                 return fetch_dataset(name)
@@ -88,3 +92,44 @@ def original(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], Path]:
         pytest.skip("the originals are not here: FORETOUCH_DATA_DIR, or `foretouch datasets fetch all`")
 
     return path_of
+
+
+@pytest.fixture
+def elsewhere(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    """No data folder, an empty cache, no network, and no proxy between us and the loopback."""
+    from foretouch.files import origins
+
+    monkeypatch.delenv(origins.DATA_DIR, raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setenv("NO_PROXY", "127.0.0.1")
+    monkeypatch.setattr(origins, "HOST", "http://127.0.0.1:9")  # nobody listens there
+    return tmp_path
+
+
+class Published(SimpleHTTPRequestHandler):
+    """Serves a folder; of a file with ``cut_short`` in its name it sends half."""
+
+    def log_message(self, *_: object) -> None:
+        """Say nothing."""
+
+    def copyfile(self, source: object, outputfile: object) -> None:
+        """Send the file, of which the header has said how long it is."""
+        content = source.read()  # type: ignore[attr-defined]
+        outputfile.write(content[: len(content) // 2] if "cut_short" in self.path else content)  # type: ignore[attr-defined]
+
+
+@pytest.fixture
+def www(elsewhere: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A folder that is served where the origins of files are."""
+    from foretouch.files import origins
+
+    folder = elsewhere / "www"
+    folder.mkdir()
+    server = ThreadingHTTPServer(("127.0.0.1", 0), partial(Published, directory=str(folder)))
+    thread = Thread(target=server.serve_forever, args=(0.02,), daemon=True)
+    thread.start()
+    monkeypatch.setattr(origins, "HOST", f"http://127.0.0.1:{server.server_port}")
+    yield folder
+    server.shutdown()
+    server.server_close()
+    thread.join()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import math
 import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -15,10 +16,10 @@ from console_driver import ARROW_SHARE, chromium, held_in_space, on_screen, open
 
 from foretouch.console import Console
 from foretouch.console.playback import Playback
-from foretouch.console.views.arms import ArmView, DrawnArm
+from foretouch.console.views.arms import MOST_TRIANGLES, ArmView, DrawnArm
 from foretouch.console.views.hold import HOME
 from foretouch.console.views.probes import UNITS
-from foretouch.console.views.shapes import ARM_DELAYED
+from foretouch.console.views.shapes import ARM_DELAYED, ARM_NOW
 from foretouch.console.views.space import HANDLE_SIZE, SPACE_CAMERA
 from foretouch.console.watched import Watched
 from foretouch.messages import (
@@ -32,16 +33,17 @@ from foretouch.messages import (
     SessionLog,
     Telemetry,
 )
-from foretouch.recordings import SessionWriter, read_session
+from foretouch.recordings import DATA_DIR, SessionWriter, read_session
 from foretouch.robot import ArmPicture, ArticulatedArm, read_arm
 from foretouch.robot.arms.kinematics import InverseKinematics
 from foretouch.settings import ARMS, SIMULATED
 
 pytest.importorskip("viser")
-pytest.importorskip("mujoco")
+mujoco = pytest.importorskip("mujoco")
 pytest.importorskip("mink")
 
 Joints = tuple[float, ...]
+Places = np.ndarray[Any, np.dtype[np.float64]]
 TICKS = 40
 HEARD = 20  # The tick of the follower that its operator has heard of last
 
@@ -82,13 +84,13 @@ def console(tmp_path: Path) -> Iterator[Console]:
     made.close()
 
 
-def tip_of(arm: DrawnArm, length: float) -> np.ndarray[Any, np.dtype[np.float64]]:
+def tip_of(arm: DrawnArm, length: float) -> Places:
     """Where the end of the drawn probe is [m]."""
     tool = arm._links[-1]
     w, *turn = np.asarray(tool.wxyz, np.float64)
     way = np.array((0.0, 0.0, length * UNITS))
     twice = 2.0 * np.cross(turn, way)
-    end: np.ndarray[Any, np.dtype[np.float64]] = np.asarray(tool.position) + way + w * twice + np.cross(turn, twice)
+    end: Places = np.asarray(tool.position) + way + w * twice + np.cross(turn, twice)
     return end / UNITS
 
 
@@ -98,6 +100,12 @@ def draw(view: ArmView, *said: Message) -> Watched:
         watched.take(message, 0.0)
     view.draw(watched)
     return watched
+
+
+def with_meshes(view: ArmView, *said: Message) -> None:
+    """Draw until the meshes of the arm were looked for."""
+    draw(view, *said)
+    wait_for(lambda: view._reading is None or draw(view, *said) is None)
 
 
 @pytest.mark.parametrize("name", ARMS)
@@ -134,7 +142,7 @@ def test_what_is_heard_of_is_drawn_as_late_as_it_is_and_what_is_now_besides(cons
 
 def test_there_is_an_arm_only_where_one_is_in_a_scene(console: Console) -> None:
     view, joints = console._arm, moving("so101")
-    draw(view, *messages("so101"))
+    with_meshes(view, *messages("so101"))
     line = LeaderState(VERSION, 1, 1, 0.0, 0.0, 0.0, 0.0, 0.0, 1, 0, math.nan, False, 1, 1)
     draw(view, hello("so101"), line)
     assert not any(arm._root.visible for arm in view._arms)
@@ -179,6 +187,83 @@ def test_a_recording_shows_the_arm_of_its_moment(console: Console, tmp_path: Pat
         delayed, now = view._arms
         assert (delayed._root.visible, now._root.visible) == (True, False)  # what its operator heard of by then
         assert tip_of(delayed, length) == pytest.approx(picture.tip(joints[tick - HEARD]), abs=1e-4)
+
+
+def seen(arm: DrawnArm, link: int) -> Places:
+    """Where the vertices of a drawn link are in the scene [m]."""
+    drawn = arm._links[link]
+    w, *turn = np.asarray(drawn.wxyz, np.float64)
+    vertices = np.asarray(drawn.vertices, np.float64)
+    twice = 2.0 * np.cross(turn, vertices)
+    places: Places = np.asarray(drawn.position) + vertices + w * twice + np.cross(turn, twice)
+    return places / UNITS
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_meshes_that_are_here_are_drawn_where_the_links_are(
+    console: Console, name: str, elsewhere: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from menagerie import write_arm
+
+    bodies = write_arm(name, elsewhere / "store")
+    monkeypatch.setenv(DATA_DIR, str(elsewhere / "store"))
+    view, joints = console._arm, moving(name)
+    with_meshes(view, *messages(name))
+    assert view.problem == ""
+    arm = ArticulatedArm(read_arm(name), lambda place, velocity, elapsed: (0.0, 0.0, 0.0), seed=0)
+    model, data = arm.body.model, arm.body.data
+    for drawn, tick in zip(view._arms, (HEARD, TICKS), strict=True):
+        assert drawn._root.visible
+        data.qpos[model.jnt_qposadr[model.actuator_trnid[:, 0]]] = joints[tick]
+        data.qpos[[number for number in range(model.njnt) if model.joint(number).name.endswith("_backlash")]] = 0.0
+        mujoco.mj_kinematics(model, data)
+        for link, (body, vertices) in enumerate(bodies.items()):
+            where = vertices @ data.body(body).xmat.reshape(3, 3).T + data.body(body).xpos - arm.body.origin
+            apart = np.linalg.norm(seen(drawn, link)[:, None] - where, axis=2)
+            assert max(apart.min(axis=0).max(), apart.min(axis=1).max()) < 1e-4
+        assert tip_of(drawn, read_arm(name).probe[0]) == pytest.approx(
+            ArmPicture(read_arm(name)).tip(joints[tick]), abs=1e-4
+        )
+    assert [link.color for link in (view._arms[0]._links[2], view._arms[1]._links[2])] == [ARM_DELAYED, ARM_NOW]
+
+
+def test_meshes_that_are_another_arms_are_not_drawn_and_the_console_says_why(
+    console: Console, elsewhere: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from menagerie import write_arm
+
+    write_arm("ur5e", elsewhere)
+    path = elsewhere / "universal_robots_ur5e" / "ur5e.xml"
+    path.write_text(path.read_text().replace("0.425", "0.5"))  # the upper arm of a larger one
+    monkeypatch.setenv(DATA_DIR, str(elsewhere))
+    view, joints = console._arm, moving("ur5e")
+    with_meshes(view, *messages("ur5e"))
+    assert "The arm is drawn without its meshes: " in view.problem
+    assert "behind elbow_joint stands 75.0 mm" in view.problem
+    assert tip_of(view._arms[0], 0.16) == pytest.approx(ArmPicture(read_arm("ur5e")).tip(joints[HEARD]), abs=1e-4)
+    assert len(view._arms[0]._links[2].vertices) > 100  # capsules
+    with_meshes(view, *messages("so101"))  # of which there are none
+    assert view.problem == ""
+    assert len(view._arms[0]._links[2].vertices) > 100
+
+
+def test_large_meshes_are_read_beside_the_loop_and_thinned(
+    console: Console, elsewhere: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from menagerie import write_arm
+
+    write_arm("ur5e", elsewhere, fine=32)
+    monkeypatch.setenv(DATA_DIR, str(elsewhere))
+    view, said, longest = console._arm, messages("ur5e"), 0.0
+    draw(view, *said)
+    while view._reading is not None:
+        begun = time.perf_counter()
+        draw(view, *said)
+        longest = max(longest, time.perf_counter() - begun)
+        time.sleep(0.005)
+    counts = [len(link.faces) for link in view._arms[0]._links[:-1]]
+    assert all(1000 < count <= MOST_TRIANGLES for count in counts)
+    assert longest < 1.0  # 0.05 s on a machine that does nothing else
 
 
 @pytest.mark.skipif(chromium() is None, reason="needs Chromium")

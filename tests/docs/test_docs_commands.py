@@ -29,6 +29,7 @@ from typer.testing import CliRunner
 from foretouch.cli.app import app
 from foretouch.link import ZenohLink
 from foretouch.recordings import DATA_DIR, DATASETS
+from menagerie import write_arm
 
 
 def lasting(seconds: float) -> Callable[[list[str]], list[str]]:
@@ -100,6 +101,7 @@ OFFLINE: dict[tuple[str, ...], Callable[[list[str]], list[str]]] = {
     ("replay",): as_it_is,
     ("calibrate", "sensor"): as_it_is,
     ("calibrate", "compliance"): as_it_is,
+    ("arms", "meshes"): as_it_is,
     ("datasets", "list"): as_it_is,
     ("datasets", "fetch"): as_it_is,
     ("recordings", "repair"): as_it_is,
@@ -293,6 +295,9 @@ def test_a_command_runs_in_its_short_form(text: str, folder: Path, monkeypatch: 
     arguments = shlex.split(text)
     if key == ("datasets", "fetch"):
         publish(arguments[2], folder, monkeypatch)
+    if key == ("arms", "meshes"):
+        write_arm(arguments[2], folder / "menagerie")
+        monkeypatch.setenv(DATA_DIR, str(folder))
     if "--replay" in arguments:
         run(short_sessions(["sweep", "--out", "out/sweep"], 2))
     if "--position-unit mm" in text:

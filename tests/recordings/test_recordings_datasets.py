@@ -2,21 +2,14 @@ import hashlib
 import re
 import sys
 from dataclasses import replace
-from functools import partial
-from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
-from threading import Thread
 
 import pytest
 
 from foretouch.errors import DatasetError, MissingExtraError, UnknownNameError
-from foretouch.recordings import DATA_DIR, DATASETS, datasets, excerpt, fetch_all, fetch_dataset, list_datasets
+from foretouch.files import origins
+from foretouch.recordings import DATA_DIR, DATASETS, excerpt, fetch_all, fetch_dataset, list_datasets
 
 NAME = "aurora/400-mN"
-
-
-class Quiet(SimpleHTTPRequestHandler):
-    def log_message(self, *_):
-        pass
 
 
 @pytest.fixture
@@ -28,31 +21,14 @@ def published(monkeypatch):
 
 
 @pytest.fixture
-def elsewhere(monkeypatch, tmp_path):
-    """No data folder, an empty cache, and no proxy between us and the loopback."""
-    monkeypatch.delenv(DATA_DIR, raising=False)
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.setenv("NO_PROXY", "127.0.0.1")
-    monkeypatch.setattr(datasets, "HOST", "http://127.0.0.1:9")  # nobody listens there
-    return tmp_path
-
-
-@pytest.fixture
-def origin(published, elsewhere, monkeypatch):
-    """A server that publishes one file where the real origin has it."""
+def origin(published, www):
+    """The file where the real origin has it."""
     dataset = DATASETS[NAME]
     where = dataset.origin
-    path = elsewhere / "www" / where.repository / where.commit / where.folder / dataset.file
+    path = www / where.repository / where.commit / where.folder / dataset.file
     path.parent.mkdir(parents=True)
     path.write_bytes(published)
-    server = ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=str(elsewhere / "www")))
-    thread = Thread(target=server.serve_forever, daemon=True)
-    thread.start()
-    monkeypatch.setattr(datasets, "HOST", f"http://127.0.0.1:{server.server_port}")
-    yield path
-    server.shutdown()
-    server.server_close()
-    thread.join()
+    return path
 
 
 def test_the_registry_is_whole():
@@ -64,6 +40,7 @@ def test_the_registry_is_whole():
         assert re.fullmatch("[0-9a-f]{64}", dataset.sha256)
         assert re.fullmatch("[0-9a-f]{40}", dataset.origin.commit)
         assert dataset.origin.commit in dataset.url
+        assert dataset.url == origins.address(dataset.origin, dataset.file)
         assert " " not in dataset.url
         assert dataset.origin.licence.startswith("MIT, Copyright (c) ")
     assert [dataset.name for dataset in list_datasets("rigid") if dataset.seen] == ["tue/a-rigid"]
@@ -143,7 +120,7 @@ def test_the_origin_is_asked_once_and_then_the_cache(origin, elsewhere, monkeypa
     path = fetch_dataset(NAME)
     assert path.read_bytes() == origin.read_bytes()
     assert elsewhere / "cache" in path.parents
-    monkeypatch.setattr(datasets, "HOST", "http://127.0.0.1:9")
+    monkeypatch.setattr(origins, "HOST", "http://127.0.0.1:9")
     assert fetch_dataset(NAME) == path
 
 

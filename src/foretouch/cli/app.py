@@ -9,6 +9,7 @@ from typer.core import TyperCommand
 
 from foretouch import __version__
 from foretouch.cli.commands import (
+    arms,
     calibrate,
     keys,
     machine,
@@ -101,6 +102,7 @@ for command in (
 ):
     app.command(cls=PanelledCommand)(command)
 for name, group in {
+    "arms": arms.arms,
     "bridge": watchers.bridge,
     "calibrate": calibrate.calibrate,
     "datasets": recordings.datasets,

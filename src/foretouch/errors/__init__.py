@@ -6,7 +6,7 @@
     │   ├── UnknownNameError  no such model, estimator, material ...: the valid names
     │   ├── SettingError      an option or a constructor argument out of range
     │   │   └── ArgumentTypeError  of another type than is wanted; a TypeError too
-    │   └── DatasetError      a measured file is not here and cannot be fetched
+    │   └── DatasetError      a measured file or an arm's mesh is not here and cannot be fetched
     ├── LinkError             the network: a port in use, no peer: exit code 2
     │   └── PeerVersionError  the peer speaks another version of the messages
     ├── SideError             the loop of a side raised, as a driver may: exit code 1, and its traceback
@@ -139,7 +139,7 @@ class ArgumentTypeError(SettingError, TypeError):
 
 
 class DatasetError(InputError):
-    """An original of a measured recording is neither here (``FORETOUCH_DATA_DIR``, cache) nor could it be fetched."""
+    """What others published is neither here (``FORETOUCH_DATA_DIR``, cache) nor can be fetched, or is damaged."""
 
 
 class SideError(ForetouchError):

@@ -1,7 +1,7 @@
-"""Reads files that others made: within a budget of memory and time, and in a process that may fail.
+"""Reads and finds files that others made: within a budget of memory and time, and in a process that may fail.
 
-`within_budget` runs any reader so; `read_toml` reads the small files of settings.
-`children` runs processes of our own, of which none is left behind.
+`within_budget` runs any reader so; `read_toml` reads the small files of settings; `origins` finds what others
+published, and fetches it once. `children` runs processes of our own, of which none is left behind.
 """
 
 from foretouch.files.budget import VARIABLE, Budget, budget_for

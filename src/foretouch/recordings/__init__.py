@@ -5,17 +5,9 @@
 measured recording, `fetch_dataset` that of its original.
 """
 
+from foretouch.files.origins import DATA_DIR, Origin
 from foretouch.recordings.convert import OUTPUTS, write_recording
-from foretouch.recordings.datasets import (
-    DATA_DIR,
-    DATASETS,
-    Dataset,
-    Origin,
-    excerpt,
-    fetch_all,
-    fetch_dataset,
-    list_datasets,
-)
+from foretouch.recordings.datasets import DATASETS, Dataset, excerpt, fetch_all, fetch_dataset, list_datasets
 from foretouch.recordings.formats.published import read_leader_motion
 from foretouch.recordings.inspection import Contents, inspect_recording
 from foretouch.recordings.material_memory import memory_path, read_memory, write_memory

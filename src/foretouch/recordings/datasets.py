@@ -12,50 +12,19 @@ calls it; ``tue/m1-<letter>-<what>`` for an earlier run of the same course, with
 
 from __future__ import annotations
 
-import hashlib
-import logging
-import os
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 from urllib.parse import quote
 
-from foretouch.errors import DatasetError, UnknownNameError
+from foretouch.errors import UnknownNameError
 from foretouch.errors.checks import require_type
+from foretouch.files.origins import HOST, Origin, fetch, in_data_dir, require_checksum
 from foretouch.recordings.formats.published import SUFFIX
-from foretouch.recordings.output import optional
-
-DATA_DIR: Final = "FORETOUCH_DATA_DIR"
-"""Environment variable that names a folder which already has the originals."""
 
 EXCERPTS: Final = Path(__file__).parent / "measured"
 """Folder of the excerpts: in it one for each origin, with its licence."""
-
-HOST = "https://raw.githubusercontent.com"  # where the origins' files are served from
-TIMEOUT = (5.0, 20.0)  # how long to wait for a connection, and for the next bytes of an answer [s]
-
-
-@dataclass(frozen=True)
-class Origin:
-    """Where a set of files was published.
-
-    Attributes:
-        repository: GitHub repository.
-        commit: The pinned commit.
-        folder: Folder in the repository.
-        local_folder: Folder that holds the files in `DATA_DIR` and in the cache.
-        licence: Licence and its copyright line.
-        about: What was measured, in one sentence.
-    """
-
-    repository: str
-    commit: str
-    folder: str
-    local_folder: str
-    licence: str
-    about: str
 
 
 @dataclass(frozen=True)
@@ -204,7 +173,11 @@ def fetch_dataset(name: str) -> Path:
         MissingExtraError: The package ``pooch`` is needed and not installed.
     """
     dataset = _named(name)
-    return _in_data_dir(dataset) or _through_pooch(dataset)
+    path = in_data_dir(f"{dataset.origin.local_folder}/{dataset.file}")
+    if path is None:
+        return fetch(dataset.origin, dataset.file, f"the original of {dataset.name}", dataset.sha256)
+    require_checksum(path, dataset.name, dataset.sha256)
+    return path
 
 
 def fetch_all(kind: str | None = None) -> list[Path]:
@@ -222,47 +195,3 @@ def _named(name: str) -> Dataset:
     if name not in DATASETS:
         raise UnknownNameError("dataset", name, DATASETS)
     return DATASETS[name]
-
-
-def _in_data_dir(dataset: Dataset) -> Path | None:
-    root = os.environ.get(DATA_DIR)
-    if not root:
-        return None
-    if not Path(root).is_dir():
-        raise DatasetError(f"{DATA_DIR} = {root!r} is no folder: name the one that has the recordings, or unset it")
-    below = f"{dataset.origin.local_folder}/{dataset.file}"
-    direct = Path(root, below)
-    path = direct if direct.is_file() else next(iter(sorted(Path(root).rglob(below))), None)
-    if path is not None and hashlib.sha256(path.read_bytes()).hexdigest() != dataset.sha256:
-        raise DatasetError(f"{path} is not {dataset.name}: its SHA-256 differs; remove it or fetch it again")
-    return path
-
-
-def _through_pooch(dataset: Dataset) -> Path:
-    pooch = optional("pooch")
-    pooch.get_logger().setLevel(logging.WARNING)
-    try:
-        return Path(
-            pooch.retrieve(
-                dataset.url,
-                known_hash=f"sha256:{dataset.sha256}",
-                path=pooch.os_cache("foretouch") / dataset.origin.local_folder,
-                fname=dataset.file,
-                downloader=pooch.HTTPDownloader(timeout=TIMEOUT),
-            )
-        )
-    except (OSError, ValueError) as error:  # requests' errors are OSErrors; ValueError is a wrong checksum
-        raise DatasetError(
-            f"the original of {dataset.name} is not here and could not be fetched from {HOST} ({_cause(error)}): "
-            f"connect to the network once, or set {DATA_DIR} to a folder that has {dataset.origin.local_folder}/"
-        ) from None
-
-
-def _cause(error: Exception) -> str:
-    if isinstance(error, ValueError):
-        return "what came has another SHA-256"
-    reason: Any = error
-    while getattr(reason, "args", None) and isinstance(reason.args[0], Exception):
-        reason = reason.args[0]
-    text = " ".join(str(getattr(reason, "reason", None) or reason).split())
-    return re.sub(r"^\w+\(.*?\): ", "", text)[:160]  # without the connection object

@@ -1,6 +1,17 @@
 """The follower robot and the materials it presses."""
 
-from foretouch.robot.arms import ArmAlongLine, ArmDescription, ArmPicture, ArticulatedArm, Capsule, read_arm
+from foretouch.robot.arms import (
+    ARM_MESHES,
+    ArmAlongLine,
+    ArmDescription,
+    ArmPicture,
+    ArticulatedArm,
+    Capsule,
+    LinkMesh,
+    fetch_arm_meshes,
+    read_arm,
+    read_arm_meshes,
+)
 from foretouch.robot.camera_scene import MESA_PACKAGES, CameraScene, MissingGraphicsError, graphics_library
 from foretouch.robot.engine import REMOTE_CENTRE_HEIGHT, ROD_LENGTH, ROD_RADIUS, TIP_RADIUS, Tip
 from foretouch.robot.gantry_arm import GantryArm, TouchedWorld
@@ -31,6 +42,7 @@ from foretouch.robot.robot import (
 from foretouch.robot.sensor_faults import SENSOR_FAULTS, FaultySensor, FaultySpatialSensor, SensorFault
 
 __all__ = [
+    "ARM_MESHES",
     "DEFAULT_MATERIAL",
     "FOAM_DATASETS",
     "MATERIALS",
@@ -51,6 +63,7 @@ __all__ = [
     "FaultySpatialSensor",
     "FoamFit",
     "GantryArm",
+    "LinkMesh",
     "Material",
     "MissingGraphicsError",
     "MovedRobot",
@@ -66,6 +79,7 @@ __all__ = [
     "TouchedWorld",
     "WrappedRobot",
     "WrappedSpatialRobot",
+    "fetch_arm_meshes",
     "fit_foam",
     "foam_fit_json",
     "graphics_library",
@@ -73,4 +87,5 @@ __all__ = [
     "make_robot",
     "material_names",
     "read_arm",
+    "read_arm_meshes",
 ]

@@ -1,10 +1,12 @@
 """A simulated arm in the picture of a scene, as its joints stand: delayed, as its operator hears of it, and now.
 
-It is drawn by its description, which is read where the console runs; nothing of its simulation is.
+It is drawn by its description, which is read where the console runs; nothing of its simulation is. Where its published
+meshes are there, too, they take the place of the description's capsules once they are read.
 """
 
 from __future__ import annotations
 
+import threading
 from typing import Any
 
 import numpy as np
@@ -12,12 +14,12 @@ import numpy as np
 from foretouch.console.history import Array
 from foretouch.console.panels.stop import WHOLE_ARM, add_keys
 from foretouch.console.views.probes import UNITS
-from foretouch.console.views.shapes import ARM_DELAYED, ARM_NOW, HANDLE_HEIGHT, Mesh, add_body, along, lathe
+from foretouch.console.views.shapes import ARM_DELAYED, ARM_NOW, HANDLE_HEIGHT, Mesh, add_body, along, lathe, thinned
 from foretouch.console.watched import NOWHERE, Watched
 from foretouch.errors import ForetouchError
 from foretouch.quantities.colours import Colour
 from foretouch.quantities.pose import Vector
-from foretouch.robot import ArmPicture, Capsule, read_arm
+from foretouch.robot import ArmDescription, ArmPicture, Capsule, LinkMesh, read_arm, read_arm_meshes
 from foretouch.settings import SIMULATED, is_simulated
 
 FROM, FAR = np.array((0.3, -0.9, 0.3)), 2.1
@@ -26,6 +28,8 @@ APART = 1e-3  # Distance of any link from where it is heard of at which the arm 
 SMALLEST_CHANGE = np.array((2e-5, 2e-5, 2e-5, 1e-4, 1e-4, 1e-4, 1e-4))
 """Changes of a link's place [m] and turn below these are not drawn."""
 ROD = 0.7e-3  # Radius of the arm's own probe, within that of the delayed robot [m]
+MOST_TRIANGLES = 8000  # Of a link that is drawn by its meshes: a browser may be far away
+EDGED = {"material": "standard", "flat_shading": True}  # Links of few triangles have edges: they are not rounded
 ROUND = np.linspace(0.0, 0.5 * np.pi, 5)  # Angles of the rings of an end [rad]
 
 
@@ -33,7 +37,8 @@ class ArmView:
     """Both arms of the session that is looked at; none along a line, and none of a robot that tells of no joints.
 
     Attributes:
-        problem: Reason that the arm is not drawn, in a sentence; "" where it is, and where there is none.
+        problem: Reason that the arm is not drawn, or without the meshes that are here, in a sentence; "" where it is as
+            it should be, and where there is none.
         camera: From where the whole arm is seen, and the point looked at [scene units]; None where it is not asked for.
     """
 
@@ -43,6 +48,8 @@ class ArmView:
         self._offered = self._wanted = False  # a key for it, and the whole arm
         self._picture: ArmPicture | None = None
         self._arms: tuple[DrawnArm, ...] = ()
+        self._capsules: list[Mesh] = []
+        self._reading: MeshReading | None = None
 
     def draw(self, shown: Watched) -> None:
         """Draw the arm as heard of with the operator's delay, and where it is now if that is elsewhere."""
@@ -50,6 +57,7 @@ class ArmView:
         heard, now = () if robot is None else robot.joints, shown.joints
         in_space = shown.leader_space is not NOWHERE
         if in_space:
+            self._take_meshes()
             self._find(shown.settings.get("robot", SIMULATED))
         picture, poses = self._picture, [np.empty((0, 7))] * 2
         if picture is not None:
@@ -68,35 +76,98 @@ class ArmView:
         self._wanted = not self._wanted
 
     def _find(self, name: str) -> None:
-        """Another robot has another picture; none where its description is not here."""
-        if name == self._name:
+        """Another robot has another picture; none where its description is not here.
+
+        It waits for meshes that are being read: loading MuJoCo sets the environment for a moment, which no two threads
+        may do at once.
+        """
+        if name == self._name or self._reading is not None:
             return
-        if self._arms:
-            self._scene.remove_by_name("/arm")
-        self._name, self._picture, self._arms, self.problem = name, None, (), ""
+        self._show([])
+        self._name, self._picture, self._reading, self.problem = name, None, None, ""
         if name == SIMULATED or not is_simulated(name):
             return
         try:
-            self._picture = ArmPicture(read_arm(name))
+            description = read_arm(name)
+            self._picture = ArmPicture(description)
         except (ForetouchError, OSError) as error:  # a file that only the other machine has, or nothing to read it with
             self.problem = f"The arm cannot be drawn here: {error}"
             return
         if not self._offered:
             self._offered = True
             add_keys(self._gui, (*WHOLE_ARM, self._toggle))
-        meshes = [_link(link) for link in (*self._picture.links[:-1], _holder(self._picture.links[-1]))]
-        self._arms = (
-            DrawnArm(self._scene, "/arm/delayed", meshes, ARM_DELAYED),
-            DrawnArm(self._scene, "/arm/now", meshes, ARM_NOW, opacity=0.4),
-        )
+        self._capsules = [_link(link) for link in (*self._picture.links[:-1], _holder(self._picture.links[-1]))]
+        self._show(self._capsules)
+        self._reading = MeshReading(description)
+
+    def _take_meshes(self) -> None:
+        """Draw the meshes in place of the capsules, once they are read; a link that has none keeps its capsules."""
+        reading = self._reading
+        if reading is None or not reading.ended:
+            return
+        self._reading, self.problem = None, reading.problem
+        if reading.meshes:
+            pairs = zip(reading.meshes, self._capsules[:-1], strict=True)
+            links = [mesh if len(mesh[1]) else capsules for mesh, capsules in pairs]
+            self._show([*links, self._capsules[-1]], edged=True)
+
+    def _show(self, meshes: list[Mesh], *, edged: bool = False) -> None:
+        """Draw other links, the last of which is the probe; none of them draws no arm."""
+        if self._arms:
+            self._scene.remove_by_name("/arm")
+        self._arms = ()
+        if meshes:
+            self._arms = (
+                DrawnArm(self._scene, "/arm/delayed", meshes, ARM_DELAYED, edged=edged),
+                DrawnArm(self._scene, "/arm/now", meshes, ARM_NOW, opacity=0.4, edged=edged),
+            )
+
+
+class MeshReading:
+    """The meshes of an arm, being read beside the console's loop, which goes on meanwhile.
+
+    Attributes:
+        meshes: One for each link but the probe; none where no meshes are here, or they cannot be read.
+        problem: Reason that those which are here are not drawn, in a sentence.
+    """
+
+    def __init__(self, description: ArmDescription) -> None:
+        self.meshes: list[Mesh] = []
+        self.problem = ""
+        self._thread = threading.Thread(target=self._read, args=(description,), daemon=True)
+        self._thread.start()
+
+    @property
+    def ended(self) -> bool:
+        """Whether they are read, as far as they can be."""
+        return not self._thread.is_alive()
+
+    def _read(self, description: ArmDescription) -> None:
+        try:
+            self.meshes = [_drawn(mesh) for mesh in read_arm_meshes(description)]
+        except (ForetouchError, OSError) as error:
+            self.problem = f"The arm is drawn without its meshes: {error}"
 
 
 class DrawnArm:
-    """The links of one arm, each a mesh of its own that moves."""
+    """The links of one arm, each a mesh that moves; those before the probe may be `edged`, with flat faces."""
 
-    def __init__(self, scene: Any, root: str, meshes: list[Mesh], colour: Colour, opacity: float | None = None) -> None:
+    def __init__(
+        self,
+        scene: Any,
+        root: str,
+        meshes: list[Mesh],
+        colour: Colour,
+        opacity: float | None = None,
+        *,
+        edged: bool = False,
+    ) -> None:
         self._root = scene.add_frame(root, show_axes=False, visible=False)
-        self._links = [add_body(scene, f"{root}/{number}", mesh, colour, opacity) for number, mesh in enumerate(meshes)]
+        looks = [EDGED if edged else {}] * (len(meshes) - 1) + [{}]
+        self._links = [
+            add_body(scene, f"{root}/{number}", mesh, colour, opacity, **look)
+            for number, (mesh, look) in enumerate(zip(meshes, looks, strict=True))
+        ]
         self._drawn = np.full((len(meshes), 7), np.inf)
 
     def draw(self, poses: Array) -> None:
@@ -134,6 +205,14 @@ def _holder(probe: tuple[Capsule, ...]) -> tuple[Capsule, ...]:
     middle = max(high - HANDLE_HEIGHT / UNITS - radius, low)
     thick = Capsule((0.0, 0.0, low), (0.0, 0.0, middle), radius)
     return thick, Capsule((0.0, 0.0, middle), (0.0, 0.0, high), ROD)
+
+
+def _drawn(mesh: LinkMesh) -> Mesh:
+    """The mesh of a link with as many triangles as a browser is sent [scene units]."""
+    vertices, faces = mesh
+    if len(faces) > MOST_TRIANGLES:
+        vertices, faces = thinned(vertices, faces, MOST_TRIANGLES)
+    return (UNITS * vertices).astype(np.float32), faces.astype(np.uint32)
 
 
 def _link(capsules: tuple[Capsule, ...]) -> Mesh:

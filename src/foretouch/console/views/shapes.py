@@ -124,9 +124,10 @@ def sinking(square: Array, depth: float, width: float, reach: float, tip: float)
     return sunk
 
 
-def add_body(scene: Any, name: str, mesh: Mesh, colour: tuple[int, int, int], opacity: float | None = None) -> Any:
-    """One coloured mesh of the scene."""
-    return scene.add_mesh_simple(name, *mesh, color=colour, opacity=opacity, side="double", material="toon5")
+def add_body(scene: Any, name: str, mesh: Mesh, colour: Colour, opacity: float | None = None, **look: Any) -> Any:
+    """One coloured mesh of the scene; `look` says how else it is to look, in the viewer's own words."""
+    look = {"side": "double", "material": "toon5"} | look
+    return scene.add_mesh_simple(name, *mesh, color=colour, opacity=opacity, **look)
 
 
 def wxyz_of(vector: Sequence[float]) -> Quaternion:
