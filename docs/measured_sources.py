@@ -37,6 +37,9 @@ IGNORED = (
 )
 """Nothing in these moves a figure, so what is in them makes no block stale."""
 
+ARMS, ARMS_PAGE = ("foretouch.robot.arms",), "docs/arms.md"
+"""Nor does an arm move a figure of another page than this: their sessions are the plain robot's."""
+
 COMPARE = "foretouch.cli.commands.studies:compare"
 EXCERPT = "foretouch.recordings.datasets:excerpt"
 IDENTIFY = "foretouch.cli.commands.offline:identify"
@@ -87,7 +90,7 @@ _OF_PAGES: dict[str, dict[str, tuple[str, ...]]] = {
     | {"lying-sensors": ("measure_sensor_faults:lying_sensors",)}
     | {"blind-sensors": ("measure_sensor_faults:blind_sensors",)},
     "docs/scale.md": {"costs": ("measure_scale:costs", "foretouch.recordings.session.writer", *LIVE)},
-    "docs/arms.md": {
+    ARMS_PAGE: {
         name: (f"measure_arms:{name}",) for name in ("line", "grips", "scenes", "speed", "links", "weight", "ceilings")
     },
     "docs/scenes.md": {
@@ -138,13 +141,13 @@ BLOCKS: dict[Key, tuple[str, ...]] = {
 def sources_of() -> Sources:
     """Of the package, of the scripts of the documentation, and of the parts of the tests that these use."""
     return Sources(
-        [ROOT / folder for folder in ("src", "docs", "tests/session", "tests/console", "tests/identification")], IGNORED
+        [ROOT / folder for folder in ("src", "docs", "tests/session", "tests/console", "tests/identification")]
     )
 
 
 def reached_by(key: Key, sources: Sources) -> dict[Definition, str]:
     """Every definition that a block depends on, and its digest."""
-    return sources.reached(BLOCKS[key])
+    return sources.reached(BLOCKS[key], IGNORED if key[0] == ARMS_PAGE else IGNORED + ARMS)
 
 
 def digests(sources: Sources) -> dict[Key, str]:

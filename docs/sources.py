@@ -102,11 +102,10 @@ class Sources:
 
     Args:
         folders: In which modules are looked for, in this order.
-        ignored: Modules and packages that are not followed from others; as roots they are.
     """
 
-    def __init__(self, folders: Iterable[Path], ignored: Iterable[str] = ()) -> None:
-        self._folders, self._ignored = tuple(folders), tuple(ignored)
+    def __init__(self, folders: Iterable[Path]) -> None:
+        self._folders = tuple(folders)
         self._modules: dict[str, Module | None] = {}
         self._uses: dict[Definition, frozenset[Definition]] = {}
 
@@ -124,19 +123,18 @@ class Sources:
                     return Module(name, path, path.read_text(encoding="utf-8"))
         return None
 
-    def _followed(self, name: str) -> bool:
-        return not any(name == one or name.startswith(f"{one}.") for one in self._ignored)
-
-    def reached(self, roots: Iterable[str]) -> dict[Definition, str]:
+    def reached(self, roots: Iterable[str], ignored: Iterable[str] = ()) -> dict[Definition, str]:
         """Digest of every definition that is reached from some roots.
 
         Args:
             roots: Each ``module:name``, or ``module`` for all of it, or ``package.*`` for all modules of a package.
+            ignored: Modules and packages that are not followed from others; as roots they are.
 
         Raises:
             LookupError: There is no such root.
         """
         waiting = [definition for root in roots for definition in self._root(root)]
+        left_out = tuple(f"{one}." for one in ignored)
         found: dict[Definition, str] = {}
         while waiting:
             definition = waiting.pop()
@@ -145,7 +143,9 @@ class Sources:
             module = self.module(definition[0])
             assert module is not None  # only such are resolved to
             found[definition] = module.digest(definition[1])
-            waiting.extend(one for one in self.uses(definition) if one not in found)
+            for one in self.uses(definition):
+                if one not in found and (one[0] == definition[0] or not f"{one[0]}.".startswith(left_out)):
+                    waiting.append(one)
         return found
 
     def _root(self, root: str) -> list[Definition]:
@@ -165,9 +165,7 @@ class Sources:
             module = self.module(definition[0])
             assert module is not None
             resolved = {self._resolve(one) for one in self._named(module, definition[1])}
-            self._uses[definition] = frozenset(
-                one for one in resolved if one is not None and (one[0] == definition[0] or self._followed(one[0]))
-            )
+            self._uses[definition] = frozenset(one for one in resolved if one is not None)
         return self._uses[definition]
 
     def _named(self, module: Module, name: str) -> Iterator[Definition]:

@@ -78,7 +78,7 @@ def small(tmp_path: Path) -> Path:
 
 
 def reached(docs: SimpleNamespace, folder: Path, *roots: str, ignored: tuple[str, ...] = ()) -> set[str]:
-    result = docs.sources.Sources([folder], ignored).reached(roots)
+    result = docs.sources.Sources([folder]).reached(roots, ignored)
     return {f"{module.removeprefix('pack.')}:{name}" for module, name in result if name}
 
 
@@ -207,6 +207,8 @@ def test_blocks_depend_on_what_moves_their_figures(depends: dict[tuple[str, str]
     assert "foretouch.rendering.renderer" in depends["docs/stability.md", "first-touch"]
     assert "foretouch.reproduction.figures.fig8" in depends["docs/results.md", "claims"]
     assert not any(kernel in depends["docs/identifiability.md", name] for name in ("bounds", "twins"))
+    impedance = "foretouch.robot.arms.control.impedance"
+    assert {page for (page, _), modules in depends.items() if impedance in modules} == {"docs/arms.md"}
     for modules in depends.values():
         assert not any("drawing" in module or module.startswith("foretouch.plugins") for module in modules)
 
