@@ -297,7 +297,7 @@ def test_an_arm_before_the_handle_is_seen_catches_no_mouse_and_is_seen_as_a_whol
             assert np.abs(np.subtract((red, green, blue), ARM_DELAYED)).max() < 60
             with held_in_space(page, 20.0):
                 wait_for(lambda: any(isinstance(one, Handle) and one.held for one in published), page=page)
-            page.keyboard.press("a")
+            page.get_by_label("Whole arm").check()
             wait_for(lambda: console._camera is console._arm.camera is not None, page=page)
             whole = [on_screen(page, tuple(link.position), console._camera) for link in console._arm._arms[0]._links]
             page.keyboard.press("a")

@@ -105,7 +105,7 @@ class Console:
         self._line = LineView(self._server, self._watched, Hold(self._watched, self._publisher))
         self._panel = Panel(self._server, self._actions(), live=live)
         self._space = SpaceView(self._server, self._panel, SpaceHold(self._watched, self._publisher))
-        self._arm = ArmView(self._server)
+        self._arm = ArmView(self._server, self._panel.whole_arm)
         self._picture: LineView | SpaceView = self._line
         self._camera: tuple[Vector, Vector] = self._line.camera
         self._server.on_client_disconnect(self._browser_gone)

@@ -85,9 +85,11 @@
   window.addEventListener("keyup", heard, true); // with this a space presses the button that has the focus
 })();
 
-// A list that was chosen from keeps no keys to itself: the next ones are the session's.
+// A list that was chosen from, and a box that was clicked, keep no keys to themselves: the next are the session's.
 window.addEventListener("click", (event) => {
-  if (event.target.closest?.("[role=option]")) setTimeout(() => document.activeElement?.blur());
+  const byPointer = event.detail > 0; // who goes by the keyboard goes on from the box
+  if (event.target.closest?.(byPointer ? "[role=option], .mantine-Checkbox-root" : "[role=option]"))
+    setTimeout(() => document.activeElement?.blur());
 }, true);
 
 // What is typed into the box of a slider is within its range, or goes nowhere, and the box says so.

@@ -10,7 +10,7 @@ from typing import Any
 from foretouch.console.panels.figures import EnergyPanel, ForcePanel, ModelPanel
 from foretouch.console.panels.session import LONGEST_DELAY, SLIDERS, Actions, NetworkPanel, SessionPanel
 from foretouch.console.panels.space import ImagePanel
-from foretouch.console.panels.stop import HELP, STEP, Alarm, add_keys
+from foretouch.console.panels.stop import HELP, STEP, WHOLE_ARM, Alarm, add_keys
 from foretouch.console.playback import Playback
 from foretouch.console.plots import by_person, handler, put
 from foretouch.console.sentences import WAITING_INSTRUCTION
@@ -94,6 +94,7 @@ class Panel:
         self._head = gui.add_html(_head_html(WAITING_INSTRUCTION, felt("", True)))
         self.forces = ForcePanel(gui)
         self.image = ImagePanel(gui)
+        self.whole_arm = gui.add_checkbox(WHOLE_ARM[0], False, hint=f"Key {WHOLE_ARM[1]}", visible=False)
         self.clutch = gui.add_button(PRESS_CLUTCH, color=GREY, hint=CLUTCH)
         self.clutch.on_click(handler(lambda event: actions.clutch(event.client_id)))
         self.tabs = tabs = gui.add_tab_group()

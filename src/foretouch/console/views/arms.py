@@ -13,6 +13,7 @@ import numpy as np
 
 from foretouch.console.history import Array
 from foretouch.console.panels.stop import WHOLE_ARM, add_keys
+from foretouch.console.plots import put
 from foretouch.console.views.probes import UNITS
 from foretouch.console.views.shapes import ARM_DELAYED, ARM_NOW, HANDLE_HEIGHT, Mesh, add_body, along, lathe, thinned
 from foretouch.console.watched import NOWHERE, Watched
@@ -40,12 +41,16 @@ class ArmView:
         problem: Reason that the arm is not drawn, or without the meshes that are here, in a sentence; "" where it is as
             it should be, and where there is none.
         camera: From where the whole arm is seen, and the point looked at [scene units]; None where it is not asked for.
+
+    Args:
+        server: Of the page.
+        whole: The page's box that asks for the whole arm.
     """
 
-    def __init__(self, server: Any) -> None:
+    def __init__(self, server: Any, whole: Any) -> None:
         self._scene, self._gui, self._name, self.problem = server.scene, server.gui, "", ""
         self.camera: tuple[Vector, Vector] | None = None
-        self._offered = self._wanted = False  # a key for it, and the whole arm
+        self._whole, self._offered = whole, False
         self._picture: ArmPicture | None = None
         self._arms: tuple[DrawnArm, ...] = ()
         self._capsules: list[Mesh] = []
@@ -67,13 +72,14 @@ class ArmView:
         for arm, where in zip(self._arms, poses, strict=False):
             arm.draw(where)
         known = max(poses, key=len)
-        if not (self._wanted and len(known)):
+        put(self._whole, visible=len(known) > 0)
+        if not (self._whole.value and len(known)):
             self.camera = None
         elif self.camera is None:
             self.camera = _camera(known)
 
     def _toggle(self, event: Any = None) -> None:
-        self._wanted = not self._wanted
+        self._whole.value = not self._whole.value
 
     def _find(self, name: str) -> None:
         """Another robot has another picture; none where its description is not here.
