@@ -48,8 +48,10 @@ ARM_SESSION = 12.0
 """Length of the recording with each arm [s]: the script has pressed some times then."""
 NARROW = 480
 """Width of a page that is too narrow for the legend [pixel]."""
-NEAR, WHOLE = ({"x": 40, "y": 84, "width": 400, "height": height} for height in (240, 360))
-"""Parts of it, below the banner, with the scene and with the whole arm."""
+NEAR, WHOLE = ({"x": 40, "y": top, "width": 400, "height": height} for top, height in ((84, 240), (12, 440)))
+"""Parts of it with the scene and with the whole arm."""
+BANNER = "[role=status]{visibility:hidden}"
+"""Style without the banner over the scene, which says that this is a recording."""
 HEAD = 36
 """Height of the line with an arm's name, above its pictures [pixel]."""
 PALPATED = 24.0
@@ -164,6 +166,7 @@ def _take_arms(port: int, folder: Path) -> None:
     shown = subprocess.Popen(console, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
     try:
         with open_page(Printed(shown).address(), NARROW, 1100, CHOOSE_RECORDING) as (page, _):
+            page.add_style_tag(content=BANNER)
             columns = [_arm(page, folder, robot) for robot in ARM_NAMES]
     finally:
         shown.terminate()
