@@ -3,7 +3,8 @@
 From a function on, every name that its text uses is followed to where it is defined: in the same file, through imports
 (those inside of functions, too) and through packages that only pass a name on. What is reached is a set of top-level
 definitions: functions, classes and constants, each with a digest of its syntax. Comments, docstrings and layout do not
-count; neither do the annotations of arguments, which are never run.
+count; neither do the annotations of arguments, which are never run, nor guards (``if ...: raise ...``): what was
+measured to its end ran into none.
 
 Objects bring their methods with them, for a class counts as a whole and whoever makes an object names its class. What
 is only found by a string is followed where the string is the full name of a module or the name of a file beside the
@@ -46,7 +47,7 @@ class Module:
         self.statements: dict[str, list[ast.stmt]] = {}
         self.imports: dict[str, Definition] = {}
         self._read: dict[str, tuple[str, list[ast.AST]]] = {}
-        for statement in without_docstrings(ast.parse(text)).body:
+        for statement in what_counts(ast.parse(text)).body:
             self._sort(statement)
 
     def _sort(self, statement: ast.stmt) -> None:
@@ -247,15 +248,15 @@ def syntax(node: object, leading: list[ast.AST] | None = None) -> str:
     return f"{kind.__name__}({','.join(parts)})"
 
 
-def without_docstrings(tree: ast.Module) -> ast.Module:
-    """The tree without statements that are nothing but a string, in place."""
+def what_counts(tree: ast.Module) -> ast.Module:
+    """The tree without statements that are nothing but a string, and without guards, in place."""
     waiting: list[ast.AST] = [tree]
     while waiting:
         node = waiting.pop()
         for name in ("body", "orelse", "finalbody", "handlers"):
             inner = getattr(node, name, None)
             if isinstance(inner, list):
-                setattr(node, name, kept := [one for one in inner if not is_string(one)])
+                setattr(node, name, kept := [one for one in inner if not (is_string(one) or is_guard(one))])
                 waiting.extend(kept)
     return tree
 
@@ -263,6 +264,13 @@ def without_docstrings(tree: ast.Module) -> ast.Module:
 def is_string(node: ast.AST) -> bool:
     """Whether a statement is a string and nothing else."""
     return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
+
+
+def is_guard(node: ast.AST) -> bool:
+    """Whether a statement does nothing, or raises an error; what is assigned before that is for the error."""
+    if not isinstance(node, ast.If) or node.orelse or not isinstance(node.body[-1], ast.Raise):
+        return False
+    return all(isinstance(one, ast.Assign) for one in node.body[:-1])
 
 
 def bound(statement: ast.stmt) -> Iterator[str]:

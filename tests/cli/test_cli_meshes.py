@@ -48,7 +48,7 @@ def test_a_sheet_is_felt_from_above_whichever_way_it_was_wound(inverted: bool, t
         (lambda: sheet(1e-3, (0.075, 0.0, 0.0)), "8e-05 m by 8e-05 m.*in metres"),
         (lambda: sheet(move=(1.0, 1.0, 0.0)), r"about \(1.07, 1\) m.*within 0.04 m of \(0.075, 0.0, 0.0\)"),
         (lambda: sheet(move=(0.0, 0.0, 0.2)), "top at 0.203 m"),
-        (lambda: trimesh.creation.annulus(0.036, 0.04, 0.01).apply_translation((0.075, 0.0, 0.0)), "touches nothing"),
+        (lambda: trimesh.creation.annulus(0.036, 0.04, 0.01).apply_translation((0.075, 0.0, 0.0)), "close its holes"),
     ],
 )
 def test_what_no_hand_can_touch_is_refused_in_one_line(mesh: Any, said: str, tmp_path: Path) -> None:

@@ -115,6 +115,13 @@ def test_a_root_that_is_not_there_is_said(docs: SimpleNamespace, small: Path) ->
         ("pack/numbers.py", "UNUSED = 1.0", "UNUSED = 9.0", False),
         ("pack/numbers.py", "STIFFNESS = 3.0", "STIFFNESS = 3.1", True),
         ("pack/late.py", "return x *", "return x +", True),
+        (
+            "pack/late.py",
+            "    return",
+            "    if x < 0.0:\n        why = 'below 0'\n        raise ValueError(why)\n    return",
+            False,
+        ),
+        ("pack/late.py", "    return", "    if x < 0.0:\n        x = 0.0\n    return", True),
         ("pack/shown.py", "80", "81", False),
         ("pack/never.py", "1", "2", False),
     ],

@@ -70,7 +70,9 @@ def specimen_of(path: Path, middle: Vector) -> TriangleMesh:
         return mesh
     turned = None if mesh.closed else TriangleMesh(mesh.vertices, mesh.faces[:, ::-1])
     if turned is None or not _is_met(turned, low, high):
-        raise InputError(f"{path}: who comes down on it touches nothing: turn it so that its surface faces up (+z)")
+        turn, close = "turn it so that its surface faces up (+z)", "close its holes about the middle"
+        mended = f"{turn}, or {close}" if mesh.closed else f"{close}, or touch more of what it is a map of"
+        raise InputError(f"{path}: who comes down on it touches nothing: {mended}")
     return turned
 
 
