@@ -325,11 +325,10 @@ def test_session_options_are_the_fields_and_defaults_of_the_settings() -> None:
     assert SETTINGS.keys() == SessionSettings().as_text().keys()
     for name, declared in SETTINGS.items():
         assert f"    {name}: {declared.sentence}" in str(SessionSettings.__doc__)
-        scene = {"scene": "hill"} if declared.group == SCENE else {}
         for rule, bound in declared.bounds.items():
             beyond = bound + 1.0 if rule == "at_most" else bound - 1.0
             with pytest.raises(SettingError, match=rf"^{name} = .*{bound:g}"):
-                SessionSettings(**scene, **{name: type(DEFAULTS[name])(beyond)})
+                SessionSettings(**{name: type(DEFAULTS[name])(beyond)})
     assert SessionSettings().estimator == "bank"
     assert SessionSettings(model="continuous-switching").estimator == "fprls"
 

@@ -39,7 +39,7 @@ from foretouch.robot import (
     WrappedSpatialRobot,
 )
 from foretouch.robot.robot import Wrapped
-from foretouch.settings import DEFAULTS, MESH_ENDINGS, SCENE, SCENES, SETTINGS, UNKNOWN
+from foretouch.settings import MESH_ENDINGS, SCENES, UNKNOWN
 
 POSE_NUMBERS = 6  # A place and a rotation vector
 
@@ -200,12 +200,6 @@ def _posed(frame: SpatialFrame, pose: tuple[float, ...]) -> tuple[float, ...]:
     return frame.pose_inside(pose) if known else pose
 
 
-def _of_a_scene(settings: Any) -> str:
-    """Name of the first setting of a scene that is not as where nothing is chosen; "" where there is none."""
-    names = [name for name, one in SETTINGS.items() if one.group == SCENE and name != "scene"]
-    return next((name for name in names if getattr(settings, name) not in (DEFAULTS[name], None)), "")
-
-
 class Line:
     """What a session along a line is made of, and what is said of it."""
 
@@ -227,11 +221,9 @@ class Line:
     sides = "the follower is in a scene: give this side --scene {theirs} too"
 
     def check(self, settings: Any) -> None:
-        """Refuse a scene that does not exist, a device that cannot move in it, and what is of a scene without one."""
-        if name := _of_a_scene(settings):
-            scene = UNKNOWN if name == "specimen" else SCENES[0]
-            rule = f"is of a scene, and this session is along a line: take a scene with it, such as scene = {scene!r}"
-            raise SettingError(name, str(getattr(settings, name)), rule)
+        """Refuse a scene that does not exist, a device that cannot move in it, and a specimen without one."""
+        if settings.specimen:
+            raise SettingError("specimen", settings.specimen, f"is of a scene: take scene = {UNKNOWN!r} with it")
 
     def show(self, robot: Any, operator: Any) -> None:
         """Show the operator where the robot has the fixture."""
