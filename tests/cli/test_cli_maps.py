@@ -105,7 +105,9 @@ def test_a_map_that_names_no_session_counts_as_one(monday: Path, tuesday: Path, 
     old.write_bytes(b"\n".join(line for line in lines if not line.startswith(b"comment session")))
     shutil.copy(old, copy)
     assert "count twice" in refusal_of("map", "merge", old, copy, "--out", out)
-    assert output_of("map", "merge", old, tuesday, "--out", out)["sessions"] == 2
+    assert "sessions   1; its file names none\n" in good("map", "show", old).stdout
+    merged = good("map", "merge", old, tuesday, "--out", out).stdout
+    assert "sessions   2, in hill; 1 of a map that names none: see that none counts twice\n" in merged
     assert "count twice" in refusal_of("map", "merge", out, copy, "--out", out)
 
 

@@ -107,6 +107,7 @@ def _figures(whole: TouchedMap) -> dict[str, Any]:
     least, median, most = (float(value) for value in np.percentile(whole.stiffness, [0.0, 50.0, 100.0]))
     return {
         "sessions": len(whole.sessions),
+        "unnamed_sessions": sum(not scene for scene in whole.sessions.values()),
         "scenes": sorted({scene for scene in whole.sessions.values() if scene}),
         "places": len(whole.points),
         "from_mm": (1e3 * low).tolist(),
@@ -124,8 +125,10 @@ def _lines(whole: TouchedMap) -> list[str]:
     scenes = figures["scenes"]
     named = f", in {' and '.join(scenes)}" * bool(scenes)
     doubtful = ": only their heights were compared; merge them if they are one specimen" * (len(scenes) > 1)
+    unnamed, alone = figures["unnamed_sessions"], figures["sessions"] == 1
+    unsure = "; its file names none" if alone else f"; {unnamed} of a map that names none: see that none counts twice"
     return [
-        f"  sessions   {figures['sessions']}{named}{doubtful}",
+        f"  sessions   {figures['sessions']}{named}{doubtful}{unsure * bool(unnamed)}",
         f"  places     {plural(figures['places'], 'place')}, 3 mm apart; x {a:.0f} to {c:.0f}, y {b:.0f} to {d:.0f} mm",
         f"  stiffness  {stiffness['least']:,.0f} to {stiffness['largest']:,.0f} N/m, {stiffness['median']:,.0f} at the "
         f"median, 2 mm deep; stiffest at ({at[0]:.0f}, {at[1]:.0f}) mm",
