@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 maps = typer.Typer(help="Maps of the stiffness of what was touched in a scene.", no_args_is_help=True)
 
-TOUCHED_HELP = "Recordings of sessions in one scene (.mcap), or maps (.ply)."
+TOUCHED_HELP = "Recordings of different sessions with one specimen (.mcap), or maps of them (.ply)."
 
 
 @maps.command("merge")
@@ -27,7 +27,7 @@ def merge_maps(
     """Merge what sessions in one scene have learnt into one map of its stiffness, a mesh that other programs open too.
 
     Places that several have touched get the mean of their logarithms, by how sure each is; of one session it is that
-    session's map. `--scene` takes the file as a shape.
+    session's map. A session that would count twice is refused. `--scene` takes the file as a shape.
 
     Example: foretouch map merge monday.mcap tuesday.mcap --out specimen.ply
     """
@@ -37,11 +37,15 @@ def merge_maps(
     if out.suffix.lower() != ".ply":
         raise InputError(f"{out}: a map is a .ply file")
     require_writable(out.parent)
-    whole = merged([_opened(path) for path in touched])
+    _require_map(out)
+    maps = [_opened(path) for path in touched]
+    whole = merged(maps, [str(path) for path in touched])
     content = map_file(whole)
     with atomic_path(out) as part:
         part.write_bytes(content)
-    return Answer({"file": str(out), **_figures(whole)}, [f"wrote {out}", *_lines(whole)])
+    apart = len(maps) > 1 and sum(len(each.points) for each in maps) == len(whole.points)
+    alone = ["  in common  no place: nothing shows that they are of one specimen"] * apart
+    return Answer({"file": str(out), **_figures(whole)}, [f"wrote {out}", *_lines(whole), *alone])
 
 
 @maps.command("show")
@@ -57,6 +61,18 @@ def show_map(
     return Answer(_figures(whole), _lines(whole))
 
 
+def _require_map(out: Path) -> None:
+    """Raise `InputError` where something else than a map would be written over."""
+    from foretouch.report import read_map
+
+    if not out.exists():
+        return
+    try:
+        read_map(out)
+    except InputError:
+        raise InputError(f"{out}: is there and no map of touches: name another file, or remove it first") from None
+
+
 def _opened(path: Path) -> TouchedMap:
     """A map from its own file, or from a session's recording.
 
@@ -64,18 +80,23 @@ def _opened(path: Path) -> TouchedMap:
         ForetouchError: It is neither; the line begins with the file's name.
     """
     from foretouch.recordings import is_session, read_session
+    from foretouch.recordings.session.reader import NOTHING
     from foretouch.report import read_map, touched_map
 
     if path.suffix.lower() == ".ply":
         return read_map(path)
     if not path.is_file():
-        raise InputError(f"{path}: no such file")
+        raise InputError(f"{path}: {'this is no file' if path.exists() else 'no such file'}")
+    if not path.stat().st_size:
+        raise InputError(f"{path}: is empty: its recorder wrote nothing: give another session's recording")
     if not is_session(path):
         raise InputError(f"{path}: neither a session's recording (.mcap) nor a map (.ply)")
     try:
         return touched_map(read_session(path))
     except ForetouchError as error:
         text = str(error)
+        if text.endswith(NOTHING):
+            text += ": nothing in it can be read or repaired: give another session's recording"
         raise InputError(text if text.startswith(str(path)) else f"{path}: {text}") from None
 
 
@@ -85,6 +106,9 @@ def _figures(whole: TouchedMap) -> dict[str, Any]:
     low, high = whole.points.min(axis=0), whole.points.max(axis=0)
     least, median, most = (float(value) for value in np.percentile(whole.stiffness, [0.0, 50.0, 100.0]))
     return {
+        "sessions": len(whole.sessions),
+        "unnamed_sessions": sum(not scene for scene in whole.sessions.values()),
+        "scenes": sorted({scene for scene in whole.sessions.values() if scene}),
         "places": len(whole.points),
         "from_mm": (1e3 * low).tolist(),
         "to_mm": (1e3 * high).tolist(),
@@ -98,9 +122,15 @@ def _lines(whole: TouchedMap) -> list[str]:
     figures = _figures(whole)
     stiffness, at = figures["stiffness_N_per_m"], figures["stiffest_at_mm"]
     (a, b, _), (c, d, _) = figures["from_mm"], figures["to_mm"]
+    scenes = figures["scenes"]
+    named = f", in {' and '.join(scenes)}" * bool(scenes)
+    doubtful = ": only their heights were compared; merge them if they are one specimen" * (len(scenes) > 1)
+    unnamed, alone = figures["unnamed_sessions"], figures["sessions"] == 1
+    unsure = "; its file names none" if alone else f"; {unnamed} of a map that names none: see that none counts twice"
     return [
+        f"  sessions   {figures['sessions']}{named}{doubtful}{unsure * bool(unnamed)}",
         f"  places     {plural(figures['places'], 'place')}, 3 mm apart; x {a:.0f} to {c:.0f}, y {b:.0f} to {d:.0f} mm",
         f"  stiffness  {stiffness['least']:,.0f} to {stiffness['largest']:,.0f} N/m, {stiffness['median']:,.0f} at the "
         f"median, 2 mm deep; stiffest at ({at[0]:.0f}, {at[1]:.0f}) mm",
-        f"  known to   {figures['median_deviation_percent']:.0f} % at the median",
+        f"  uncertain  by {figures['median_deviation_percent']:.0f} % at the median (one standard deviation)",
     ]

@@ -6,7 +6,7 @@ STL as text is read line by line, for trimesh skips what it cannot read, and a h
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
@@ -229,13 +229,18 @@ def _short(error: Exception) -> str:
     return " ".join(str(error).split())[:120] or type(error).__name__
 
 
-FRAME_LINE: Final = b"comment frame "  # Begins the line of a PLY file's head that names the frame of its vertices
+FRAME = "frame"  # First word of the comment in a PLY file's head that names the frame of its vertices
 
-LONGEST_HEAD = 65_536  # Beginning of a file in which that line is looked for [bytes]: that of a PLY takes a few hundred
+LONGEST_HEAD = 65_536  # Beginning of a file in which comments are looked for [bytes]: a head takes a few hundred
 
 
 def coloured_mesh(
-    vertices: Array, faces: NDArray[np.int64], colours: NDArray[np.uint8], values: Mapping[str, Array], frame: str
+    vertices: Array,
+    faces: NDArray[np.int64],
+    colours: NDArray[np.uint8],
+    values: Mapping[str, Array],
+    frame: str,
+    comments: Sequence[str] = (),
 ) -> bytes:
     """Content of a binary PLY file: single precision, which is what viewers of meshes read.
 
@@ -245,6 +250,7 @@ def coloured_mesh(
         colours: Red, green, blue and opacity of each vertex, shape (n, 4).
         values: Named numbers of each vertex, each of shape (n,).
         frame: Name of the vertices' frame, which a comment of the file's head says.
+        comments: More of them, each a line of ASCII; `said_in_head` finds them again by the first word.
 
     Raises:
         MissingExtraError: trimesh is not installed.
@@ -253,15 +259,16 @@ def coloured_mesh(
     mesh.vertex_attributes.update({name: np.asarray(value, np.float32) for name, value in values.items()})
     content: bytes = mesh.export(file_type="ply")
     kind, encoding, rest = content.split(b"\n", 2)
-    return b"\n".join((kind, encoding, FRAME_LINE + frame.encode(), rest))
+    said = [f"comment {comment}".encode("ascii") for comment in (f"{FRAME} {frame}", *comments)]
+    return b"\n".join((kind, encoding, *said, rest))
 
 
-def _said_frame(path: Path) -> str:
-    """Name of the frame that the head of a PLY file says; "" where it says none."""
+def said_in_head(path: Path, word: str) -> list[str]:
+    """What the comments in the head of a PLY file say that begin with a word, without it; none where there is none."""
     with path.open("rb") as file:
         head = file.read(LONGEST_HEAD).partition(b"end_header")[0]
-    said = [line.removeprefix(FRAME_LINE) for line in head.splitlines() if line.startswith(FRAME_LINE)]
-    return said[0].decode(errors="replace").strip()[:40] if said else ""
+    begin = f"comment {word} ".encode()
+    return [line.removeprefix(begin).decode(errors="replace") for line in head.splitlines() if line.startswith(begin)]
 
 
 def read_vertex_values(path: Path, *names: str, frame: str) -> tuple[Array, dict[str, Array]]:
@@ -280,14 +287,16 @@ def read_vertex_values(path: Path, *names: str, frame: str) -> tuple[Array, dict
         raise InputError(f"{path}: no such file")
     if path.stat().st_size > MOST_BYTES:
         raise InputError(f"{path}: {path.stat().st_size / 1e6:.0f} MB, at most {MOST_BYTES / 1e6:.0f} MB are read")
-    trimesh, said = _trimesh(), _said_frame(path)
+    trimesh, said = _trimesh(), next(iter(said_in_head(path, FRAME)), "").strip()[:40]
     if said not in ("", frame):
         raise InputError(f"{path}: {wrong_frame(said, frame)}")
     try:
-        mesh = trimesh.load(path, force="mesh", process=False, file_type="ply")
-        rows = mesh.metadata["_ply_raw"]["vertex"]["data"]
+        loaded = trimesh.load(path, process=False, file_type="ply")  # points without a triangle are a map, too
+        rows = loaded.metadata["_ply_raw"]["vertex"]["data"]
         known = rows.dtype.names or ()
         vertices = np.stack([np.asarray(rows[axis], np.float64) for axis in "xyz"], axis=1)
+    except KeyError:
+        raise InputError(f"{path}: no mesh could be read from it: no vertex is in it") from None
     except Exception as error:  # readers of foreign file formats raise all kinds of errors
         raise InputError(f"{path}: no mesh could be read from it ({_short(error)})") from None
     if missing := [name for name in names if name not in known]:
