@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from foretouch.errors import DatasetError, MissingExtraError, UnknownNameError
 from foretouch.files.origins import DATA_DIR, Origin, cache_of, fetch, in_data_dir
-from foretouch.robot.arms.description import DRAWN, ArmDescription, Array, driven, read_arm
+from foretouch.robot.arms.description import DRAWN, ArmDescription, Array, driven
+from foretouch.robot.arms.reading import read_arm
 from foretouch.robot.engine import load_mujoco
 
 
