@@ -35,7 +35,8 @@ def test_the_meshes_of_all_arms_are_fetched_and_their_licences_said(www: Path) -
     ("arm", "said"),
     [
         ("ur5e", "is no folder: name the one that has the files, or unset it"),
-        ("simulated", "unknown arm with meshes 'simulated': choose one of fr3, so101, ur5e"),
+        ("simulated", "unknown arm with meshes 'simulated': choose one of all, fr3, so101, ur5e"),
+        ("all2", "unknown arm with meshes 'all2': choose one of all, fr3, so101, ur5e"),
     ],
 )
 def test_what_cannot_be_had_is_one_line_with_exit_code_2(arm: str, said: str, elsewhere: Path) -> None:

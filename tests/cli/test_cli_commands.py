@@ -163,7 +163,7 @@ def test_codes_are_as_listed(arguments: tuple[str, ...], code: int) -> None:
         (("doctor", "--robot", "kuka"), "must be fr3, ur5e, so101 or the .xml of a description"),
         (("doctor", "--robot", "fr3", "--listen", "tcp/127.0.0.1:1"), "do not go together"),
         (("sweep", "--robot", "kuka"), "must be simulated, fr3, ur5e, so101, or the .xml"),
-        (("sweep", "--robot", "nowhere.xml"), "MuJoCo cannot read it as the description of an arm"),
+        (("sweep", "--robot", "nowhere.xml"), "nowhere.xml: no such file"),
         (("doctor", "--listen", "tcp/127.0.0.1:1", "--connect", "tcp/127.0.0.1:2"), "on one machine"),
         (("datasets", "fetch", "nonsense"), "choose one of"),
         (("bench", "--only", "nonsense"), "choose one of"),
@@ -222,7 +222,9 @@ def test_what_was_typed_wrong_is_told_in_one_line(words: tuple[str, ...]) -> Non
 def test_an_arm_that_breaks_a_rule_is_refused_in_one_line(tmp_path: Path) -> None:
     path = tmp_path / "mine.xml"
     path.write_text("<mujoco/>")
-    done = foretouch_command("simulate", "--robot", str(path), "--duration", "1")
-    assert done.returncode == 2
-    said = done.stderr.strip().splitlines()[-1]
-    assert said == f'foretouch: {path}: it has no site "base": add one to the body of the base'
+    report = tmp_path / "out"
+    for words in (("simulate", "--report", str(report)), ("follower",), ("teleop", "--report", str(report))):
+        done = foretouch_command(*words, "--robot", str(path), "--duration", "1")
+        assert done.returncode == 2
+        assert done.stderr == f'foretouch: {path}: it has no site "base": add one to the body of the base\n'
+        assert not report.exists()

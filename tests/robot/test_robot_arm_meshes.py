@@ -106,6 +106,7 @@ def test_without_network_one_line_says_what_to_do(elsewhere: Path) -> None:
     said = refused(r"is not here and could not be fetched.*refused.*FORETOUCH_DATA_DIR")
     assert "a folder that has universal_robots_ur5e/" in said
     assert read_arm_meshes(read_arm(ARM)) == ()
+    assert not (elsewhere / "cache" / "foretouch").exists()  # not even empty folders
     with pytest.raises(UnknownNameError, match="choose one of fr3, so101, ur5e"):
         fetch_arm_meshes("simulated")
 
@@ -156,6 +157,11 @@ def test_a_transfer_that_ends_early_leaves_nothing_of_its_file(published: Path, 
             lambda folder: changed(folder, 'meshdir="assets"', 'meshdir="/etc"'),
             "'/etc/base_0.obj', which is not in its",
         ),
+        (
+            lambda folder: magnified(folder / "assets" / "forearm_link_1.obj", 1000.0),
+            r"the mesh of its link behind elbow_joint reaches \d+ m from there, and a link of this arm less than 1 m",
+        ),
+        (lambda folder: magnified(folder / "assets" / "base_0.obj", 20.0), r"of its foot reaches 3\.13 m from"),
         (lambda folder: changed(folder, 'group="2"', 'group="3"'), "it has no mesh that is drawn"),
     ],
 )
@@ -163,8 +169,8 @@ def test_what_came_broken_or_of_another_arm_is_refused_and_nothing_of_it_stays(
     spoil: object, said: str, published: Path, www: Path
 ) -> None:
     spoil(published)  # type: ignore[operator]
-    assert "fetch it (foretouch arms meshes ur5e)" in refused(said)
-    assert list((www.parent / "cache").rglob("*.*")) == []
+    assert ": fetch it (foretouch arms meshes ur5e)" in refused(said)
+    assert not (www.parent / "cache" / "foretouch").exists()  # not even empty folders
     assert read_arm_meshes(read_arm(ARM)) == ()
 
 
@@ -183,8 +189,18 @@ def test_a_folder_of_ones_own_stays_as_it_is(elsewhere: Path, monkeypatch: pytes
     mesh = elsewhere / ARM_MESHES[ARM].folder / "assets" / "base_0.obj"
     cut(mesh)
     content = mesh.read_bytes()
-    refused("or name a folder that has the whole of it as FORETOUCH_DATA_DIR")
+    said = refused("or name a folder that has the whole of it as FORETOUCH_DATA_DIR")
+    assert "unset FORETOUCH_DATA_DIR and fetch it (foretouch arms meshes ur5e)" in said  # else it would be read again
     assert mesh.read_bytes() == content
+
+
+def magnified(path: Path, factor: float) -> None:
+    """A mesh whose numbers are taken for another unit than they are in."""
+    rows = [line.split() for line in path.read_text().splitlines()]
+    lines = [
+        f"v {' '.join(str(factor * float(one)) for one in row[1:])}" if row[0] == "v" else " ".join(row) for row in rows
+    ]
+    path.write_text("\n".join(lines) + "\n")
 
 
 def cut(path: Path) -> None:

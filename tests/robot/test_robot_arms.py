@@ -283,25 +283,123 @@ CHANGES = {
     "odd rate": ('name="rate" data="1000"', 'name="rate" data="300"', "whole fraction of 1000 Hz"),
     "speeds": ("2.62 2.62 2.62 2.62 5.26 4.18 5.26", "2.62 2.62", "has to have 7"),
     "no number": ('data="1e-5"', 'data="-1"', "above 0"),
+    "nan": ('data="1e-5"', 'data="nan"', '<numeric name="encoder"> has data="nan", which is not finite'),
+    "infinite": ('data="0.5 0 0.2"', 'data="0.5 inf 0.2"', "scene is 0.5 inf 0.2, and has to be finite"),
+    "backwards": ("2.62 2.62 2.62 2.62 5.26 4.18 5.26", "-2.62 2.62 2.62 2.62 5.26 4.18 5.26", "joint_speed is -2.62 "),
+    "no start": ('joint_acceleration" data="10"', 'joint_acceleration" data="0"', "joint_acceleration is 0 0"),
+    "no length": ('data="0.16 0.1"', 'data="-0.16 0.1"', "probe is -0.16 0.1, and each number has to be above 0"),
+    "no mass": ('data="0.16 0.1"', 'data="0.16 0"', "probe is 0.16 0, and each number has to be above 0"),
+    "box": ("-0.12 -0.12 -0.06 0.12 0.12 0.12", "-0.12 0.12 -0.06 0.12 0.12 0.12", "lowest x, y, z have to be below"),
+    "no torque": (' ctrlrange="-87 87"', "", 'motor of joint "fr3_joint1" has no ctrlrange: give its largest torque'),
+    "one way": ('ctrlrange="-12 12"', 'ctrlrange="0 12"', 'motor of joint "fr3_joint5" has ctrlrange 0 12: give'),
+    "position": (
+        '<motor name="fr3_joint2"',
+        '<position name="fr3_joint2"',
+        'of joint "fr3_joint2" is no plain <motor>',
+    ),
+    "filter": (
+        '<motor name="fr3_joint2"',
+        '<general dyntype="integrator" name="fr3_joint2"',
+        "is no plain <motor> with gear 1",
+    ),
+    "gear": ('joint="fr3_joint3" ctrl', 'joint="fr3_joint3" gear="100" ctrl', "is no plain <motor> with gear 1"),
+    "motors": ('joint="fr3_joint3" ctrl', 'joint="fr3_joint2" ctrl', 'joint "fr3_joint2" has two actuators'),
+    "site": (
+        '<motor name="fr3_joint3" joint="fr3_joint3"',
+        '<motor name="fr3_joint3" site="flange"',
+        '"fr3_joint3" moves no joint',
+    ),
+    "no range": (' range="-1.8361 1.8361"', "", 'joint "fr3_joint2" has no range'),
+    "far home": ("-0.1635", "9", '"home" has joint "fr3_joint2" at 9 rad, outside its range -1.836 to 1.836'),
+    "up": ('pos="0 0 0.107"', 'pos="0 0 0.107" quat="0 1 0 0"', "points 180 degrees away from straight down"),
+    "aslant": ("-2.1803 0 2.0168", "-2.1803 0 2.2168", "points 11 degrees away from straight down, and may by 10"),
+    "tip": ('<site name="flange"', '<site name="tip"/><site name="flange"', 'has a site "tip", as the probe has'),
+    "sensor": ('<site name="flange"', '<site name="sensor"/><site name="flange"', 'has a site "sensor"'),
+    "weight": ('<site name="flange"', '<site name="tool_mass"/><site name="flange"', 'has a site "tool_mass"'),
+    "tool": ('<body name="fr3_link7"', '<body name="tool"', 'has a body "tool", as the probe has'),
     "control": ('data="impedance"', 'data="magic"', "one of: impedance, servo"),
     "probe": ('data="0.16 0.1"', 'data="0.16 5"', "weighs 5 kg, and it carries 3 kg"),
     "twice": ('<body name="fr3_link1"', '<body gravcomp="1" name="fr3_link1"', "gravcomp"),
-    "no arm": ("</mujoco>", "", "MuJoCo cannot read it"),
+    "no arm": ("</mujoco>", "", "is no XML, or not the whole of it: no element found: line 10"),
+    "no mjcf": ("<worldbody>", "<world>", "is no XML, or not the whole of it: mismatched tag"),
+    "word": ('name="rate" data="1000"', 'name="rate" data="fast"', "MuJoCo cannot read it"),
 }
 
 
 @pytest.mark.parametrize("change", CHANGES)
-def test_a_description_that_breaks_a_rule_is_refused_in_one_line(change: str, tmp_path: Path) -> None:
+def test_a_description_that_breaks_a_rule_is_refused_in_one_line(
+    change: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
     before, after, rule = CHANGES[change]
     text = (DESCRIPTIONS / "fr3.xml").read_text()
     assert before in text
     path = tmp_path / "mine.xml"
     path.write_text(text.replace(before, after))
+    refused_alone(path, rule, monkeypatch, capfd)
+
+
+def refused_alone(
+    path: Path, rule: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], name: str | None = None
+) -> None:
+    """In one line, beside which nothing is printed, and no log is left in the folder where one is."""
+    folder = path.parent
+    monkeypatch.chdir(folder)
+    before = sorted(folder.iterdir())
     with pytest.raises(InputError) as refused:
-        read_arm(str(path))
+        read_arm(name or str(path))
     assert rule in str(refused.value)
-    assert str(path) in str(refused.value)
+    assert str(refused.value).startswith(f"{name or path}: ")
     assert "\n" not in str(refused.value)
+    assert capfd.readouterr() == ("", "")
+    assert sorted(folder.iterdir()) == before
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "damping", "rule"),
+    [
+        ("0", "2.7", "servo_stiffness is 0 0 0 0 0, and each number has to be above 0"),
+        ("998 998 -998 998 998", "2.7", "servo_stiffness is 998 998 -998 998 998, and each"),
+        ("998", "-2.7", "servo_damping is -2.7 -2.7 -2.7 -2.7 -2.7, and no number may be below 0"),
+    ],
+)
+def test_a_servo_that_pushes_the_wrong_way_is_refused(
+    stiffness: str,
+    damping: str,
+    rule: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    text = (DESCRIPTIONS / "so101.xml").read_text()
+    path = tmp_path / "mine.xml"
+    path.write_text(text.replace('"998.22"', f'"{stiffness}"').replace('"2.731"', f'"{damping}"'))
+    refused_alone(path, rule, monkeypatch, capfd)
+    path.write_text(text.replace('"2.731"', '"0"'))
+    assert not read_arm(str(path)).damping.any()
+
+
+NO_ARMS = {
+    "nothing": (None, "no such file"),
+    "folder": ("", "is a folder, and has to be the MJCF file of an arm"),
+    "empty": (b"", "is no XML, or not the whole of it: no element found"),
+    "bytes": (b"\x89PNG\r\n\x00\xff", "is no XML, or not the whole of it: "),
+    "encoding": (b'<?xml version="1.0" encoding="klingon"?><mujoco/>', "it has no site"),
+    "urdf": (b'<robot name="x"><link name="a"/></robot>', "is a URDF (<robot>), and an arm is described in MJCF"),
+    "page": (b"<html><body/></html>", "its first element is <html>, and that of MJCF"),
+}
+
+
+@pytest.mark.parametrize("kind", NO_ARMS)
+def test_what_is_no_description_is_refused_before_mujoco_complains_of_it(
+    kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    content, rule = NO_ARMS[kind]
+    path = tmp_path / "mine.xml"
+    if content == "":
+        path.mkdir()
+    elif content is not None:
+        path.write_bytes(content)
+    refused_alone(path, rule, monkeypatch, capfd, "mine.xml")
 
 
 def test_an_arm_that_cannot_reach_the_scene_is_refused(tmp_path: Path) -> None:

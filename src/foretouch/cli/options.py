@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from foretouch.errors import LinkError, SettingError, printable
-from foretouch.settings import DEFAULTS, KINDS, SETTINGS
+from foretouch.errors import InputError, LinkError, SettingError, printable
+from foretouch.settings import ARM_ENDING, DEFAULTS, KINDS, SETTINGS
 
 if TYPE_CHECKING:
     from foretouch.link import ZenohLink
@@ -160,6 +160,19 @@ def require_duration(duration: float | None) -> None:
     """Raise `SettingError` unless it is above 0, or not given."""
     if duration is not None and not 0.0 < duration < math.inf:
         raise SettingError("duration", duration, "must be finite and above 0 s")
+
+
+def fault_of_arm(robot: str) -> str:
+    """Why the file of a description is no robot, for who asks before what takes long; "" where it is, or is no file."""
+    from foretouch.robot import read_arm
+
+    if not robot.endswith(ARM_ENDING):
+        return ""
+    try:
+        read_arm(robot)
+    except InputError as error:
+        return str(error)
+    return ""
 
 
 def require_recording(path: Path | None) -> None:

@@ -39,7 +39,7 @@ from foretouch.robot import (
 )
 from foretouch.session.settings import ROBOTS, SAMPLE_PERIOD, SessionSettings
 from foretouch.session.workspace import FramedRobot, device_inside, framed_device, framed_robot, inverse
-from foretouch.settings import NO_GRIP, is_simulated
+from foretouch.settings import ARM_ENDING, NO_GRIP, is_simulated
 
 RECORDED_MOTION = "tue/b-foam"  # Dataset whose leader lever moves the ``recorded`` operator
 
@@ -328,7 +328,7 @@ def foreign_robot(settings: SessionSettings) -> Any:
     kinds: Any = (Robot, SpatialRobot)
     robot = make_plugin("robot", settings.robot, kinds, settings, built_in=ROBOTS)
     if robot is None:
-        raise UnknownNameError("robot", settings.robot, settings.robots())
+        raise UnknownNameError("robot", settings.robot, (*settings.robots(), f"FILE{ARM_ENDING}"))
     require_axes("robot", robot, settings.robot, settings)
     period = getattr(getattr(robot, "specification", None), "sample_period", None)
     if period != SAMPLE_PERIOD:

@@ -22,6 +22,7 @@ from foretouch.quantities import Brief, Frame, SpatialFrame, shortest
 from foretouch.robot import MATERIALS, SensorFault, make_material, material_names
 from foretouch.session.workspace import WORKSPACES, Line
 from foretouch.settings import (
+    ARM_ENDING,
     ARMS,
     DEFAULTS,
     FAULTS,
@@ -179,7 +180,7 @@ class SessionSettings(Declared, Brief):
         if is_simulated(self.robot):
             return
         if load_plugin("robot", self.robot) is None:
-            raise UnknownNameError("robot", self.robot, self.robots())
+            raise UnknownNameError("robot", self.robot, (*self.robots(), f"FILE{ARM_ENDING}"))
         if self.sensor_fault:
             rule = f"is of the simulated robot, and robot = {self.robot!r} has sensors of its own: leave it empty"
             raise SettingError("sensor_fault", str(self.sensor_fault), rule)

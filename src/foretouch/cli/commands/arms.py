@@ -8,6 +8,9 @@ import typer
 
 from foretouch.cli.options import Answer, command
 from foretouch.cli.progress import progress_bar
+from foretouch.errors import UnknownNameError
+
+ALL = "all"
 
 arms = typer.Typer(help="Simulated arms: meshes for their picture in the console.", no_args_is_help=True)
 
@@ -29,7 +32,9 @@ def meshes(name: Annotated[str, typer.Argument(help="fr3, ur5e, so101 or all.")]
     """
     from foretouch.robot import ARM_MESHES, fetch_arm_meshes
 
-    names = list(ARM_MESHES) if name == "all" else [name]
+    if name not in (*ARM_MESHES, ALL):
+        raise UnknownNameError("arm with meshes", name, (*ARM_MESHES, ALL))
+    names = list(ARM_MESHES) if name == ALL else [name]
     content, lines = {}, []
     with progress_bar(f"fetching meshes of {name}") as bar:
         bar.pulse()

@@ -21,6 +21,7 @@ from foretouch.cli.options import (
     ReportDirectory,
     changed_settings,
     command,
+    fault_of_arm,
     made_by,
     make_folder,
     require_duration,
@@ -32,7 +33,7 @@ from foretouch.cli.options import (
 from foretouch.cli.progress import compile_first, progress_bar, pulsing
 from foretouch.cli.reading import say_if_cut
 from foretouch.cli.remembering import Remember, keep_of, settings_with
-from foretouch.errors import MissingExtraError, RecordingError, SettingError
+from foretouch.errors import InputError, MissingExtraError, RecordingError, SettingError
 from foretouch.settings import FAULTS
 
 if TYPE_CHECKING:
@@ -76,6 +77,8 @@ def teleop(
     require_duration(duration)
     settings = settings_with(settings, remember)
     require_extras("sim", "link", *(() if headless else ("console",)), "recordings")
+    if fault := fault_of_arm(settings.robot):
+        raise InputError(fault)
     make_material(settings.material)
     session_calibration(settings)  # the follower reads it again; here, the user gets the error before anything starts
     path = recording or (Path(time.strftime("foretouch-%Y%m%d-%H%M%S.mcap")) if report is None else report / RECORDED)
@@ -120,6 +123,8 @@ def simulate(
 
     require_duration(duration)
     settings = settings_with(settings, remember)
+    if fault := fault_of_arm(settings.robot):
+        raise InputError(fault)
     require_simulated_operator(settings)
     require_recording(recording)
     make_folder(report)

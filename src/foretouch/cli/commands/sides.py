@@ -20,6 +20,7 @@ from foretouch.cli.options import (
     Endpoints,
     Parent,
     command,
+    fault_of_arm,
     insecurity,
     open_link,
     require_duration,
@@ -28,7 +29,7 @@ from foretouch.cli.options import (
     unchecked,
 )
 from foretouch.cli.remembering import Remember, keep, settings_with
-from foretouch.errors import LinkError, RecordingError, SettingError, one_line
+from foretouch.errors import InputError, LinkError, RecordingError, SettingError, one_line
 from foretouch.settings import LEADER_SETTINGS
 
 if TYPE_CHECKING:
@@ -65,6 +66,8 @@ def follower(
 
     require_duration(duration)
     settings = settings_with(settings, remember)
+    if fault := fault_of_arm(settings.robot):
+        raise InputError(fault)
     session_calibration(settings)  # errors are raised before anything is opened
     be_prompt()
     stop = StopFlag().on_signals()

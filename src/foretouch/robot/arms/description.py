@@ -1,14 +1,9 @@
-"""Description of an arm: an MJCF file with its figures, and what a controller has to know beside them.
-
-A file of one's own is read by the same rules: see `docs/arms.md`.
-"""
+"""Description of an arm: an MJCF file with its figures, and what a controller has to know beside them."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import cached_property
-from importlib import resources
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,7 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 from foretouch.errors import InputError
 from foretouch.quantities import BASE, FLANGE, SENSOR, TIP, ToolLoad
 from foretouch.robot.engine import GRAVITY, load_mujoco
-from foretouch.settings import ARMS
 
 Array = NDArray[np.float64]
 
@@ -26,7 +20,6 @@ WEIGHT = "tool_mass"
 """Site of the tool's centre of mass. The others are named after their frames: base and flange, of the description, the
 sensor between flange and tool, and the tip, whose site has the axes of the flange."""
 
-CONTROLS, FORCES = ("impedance", "servo"), ("wrist", "current")
 BACKLASH = "_backlash"  # A joint whose name ends so is the play of the gear of the joint before it
 PROBE_RADIUS = 0.004  # Of the probe's rod, drawn [m]
 
@@ -131,112 +124,6 @@ def _add_probe(spec: Any, length: float, mass: float) -> None:
         (kinds.mjSENS_ACCELEROMETER, WEIGHT),
     ):
         spec.add_sensor(name=kind.name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=site)
-
-
-def read_arm(name: str) -> ArmDescription:
-    """The description of an arm of the package by its name, or of one's own by the path of its file.
-
-    Raises:
-        InputError: No such file, no MJCF, or one that does not say what a controller has to know.
-        MissingExtraError: MuJoCo is not installed.
-    """
-    if name in ARMS:
-        path = Path(str(resources.files("foretouch.robot.arms"))) / "descriptions" / f"{name}.xml"
-    else:
-        path = Path(name)
-    mujoco = load_mujoco()
-    try:
-        spec = mujoco.MjSpec.from_file(str(path))
-        spec.compile()
-    except ValueError as error:
-        reason = str(error).splitlines()[0]
-        raise InputError(f"{path}: MuJoCo cannot read it as the description of an arm: {reason}") from error
-    return _Reader(path, spec).description(name if name in ARMS else path.stem)
-
-
-class _Reader:
-    """What a description says, by name, or which rule it breaks."""
-
-    def __init__(self, path: Path, spec: Any) -> None:
-        self._path, self._spec, self._joints = path, spec, len(spec.actuators)
-        self._numerics = {one.name: np.array(one.data) for one in spec.numerics}
-        self._texts = {one.name: str(one.data) for one in spec.texts}
-
-    def description(self, name: str) -> ArmDescription:
-        """All of it, checked."""
-        self._check_tree()
-        rate = self.number("rate")
-        if not (1.0 <= rate <= 1000.0 and (1000.0 / rate).is_integer()):
-            raise self._error(
-                f"its rate is {rate:g} Hz, and has to be a whole fraction of 1000 Hz: 1000, 500, 200, ..."
-            )
-        length, mass = self.numbers("probe", 2).tolist()
-        payload = self.number("payload")
-        if mass > payload:
-            raise self._error(f"its probe weighs {mass:g} kg, and it carries {payload:g} kg: take a lighter one")
-        servo = self.text("control", CONTROLS) == "servo"
-        zero = np.zeros(self._joints)
-        return ArmDescription(
-            name,
-            self._path,
-            self.text("control", CONTROLS),
-            self.text("force", FORCES),
-            int(rate),
-            self.numbers("joint_speed", self._joints),
-            self.numbers("joint_acceleration", self._joints),
-            self.number("joint_torque_rate") if "joint_torque_rate" in self._numerics else math.inf,
-            payload,
-            self.number("encoder"),
-            self.numbers("servo_stiffness", self._joints) if servo else zero,
-            self.numbers("servo_damping", self._joints) if servo and "servo_damping" in self._numerics else zero,
-            self.number("servo_integral") if "servo_integral" in self._numerics else 0.0,
-            self.numbers("scene", 3),
-            self.numbers("reach", 6).reshape(2, 3),
-            (length, mass),
-        )
-
-    def _error(self, rule: str) -> InputError:
-        return InputError(f"{self._path}: {rule}")
-
-    def _check_tree(self) -> None:
-        spec, sites = self._spec, [site.name for site in self._spec.sites]
-        for site in (BASE, FLANGE):
-            if site not in sites:
-                raise self._error(f'it has no site "{site}": add one to the body of the {site}')
-        if self._joints < 5:
-            raise self._error(f"it has {self._joints} motors: a probe is moved and held upright by 5 joints or more")
-        for joint in spec.joints:
-            if joint.type != load_mujoco().mjtJoint.mjJNT_HINGE:
-                raise self._error(f'its joint "{joint.name}" is not a hinge: an arm here has hinges only')
-        if "home" not in [key.name for key in spec.keys]:
-            raise self._error('it has no keyframe "home": add the pose that points the flange down above the scene')
-        if any(body.gravcomp != 0.0 for body in spec.bodies):
-            raise self._error("it compensates gravity by itself (gravcomp), and so does the controller: take it out")
-
-    def numbers(self, name: str, count: int) -> Array:
-        """So many finite numbers; one for each joint may be one for all."""
-        if name not in self._numerics:
-            raise self._error(f'it has no <numeric name="{name}"> in <custom>: see the descriptions of the package')
-        data = self._numerics[name]
-        if data.size == 1 and count == self._joints:
-            data = np.full(count, data[0])
-        if data.size != count or not np.isfinite(data).all():
-            raise self._error(f"its numeric {name} has {data.size} numbers, and has to have {count}, all finite")
-        return data
-
-    def number(self, name: str) -> float:
-        """One finite number above 0."""
-        (value,) = self.numbers(name, 1).tolist()
-        if value <= 0.0:
-            raise self._error(f"its numeric {name} is {value:g}, and has to be above 0")
-        return float(value)
-
-    def text(self, name: str, choices: tuple[str, ...]) -> str:
-        """One of these words."""
-        if self._texts.get(name) not in choices:
-            found = f'says "{self._texts[name]}"' if name in self._texts else "is not there"
-            raise self._error(f"its text {name} {found}, and has to be one of: {', '.join(choices)}")
-        return self._texts[name]
 
 
 DRAWN = 3  # Geoms of the groups before this are seen, as in MuJoCo's own viewer; the others are for contacts

@@ -7,6 +7,8 @@ MuJoCo makes the arm of what came, with links that stand where those of the desc
 
 from __future__ import annotations
 
+import contextlib
+import os
 import shutil
 from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
@@ -17,7 +19,8 @@ from numpy.typing import NDArray
 
 from foretouch.errors import DatasetError, MissingExtraError, UnknownNameError
 from foretouch.files.origins import DATA_DIR, Origin, cache_of, fetch, in_data_dir
-from foretouch.robot.arms.description import DRAWN, ArmDescription, Array, driven, read_arm
+from foretouch.robot.arms.description import DRAWN, ArmDescription, Array, driven
+from foretouch.robot.arms.reading import read_arm
 from foretouch.robot.engine import load_mujoco
 
 
@@ -49,6 +52,9 @@ ARM_MESHES: Final[dict[str, Origin]] = {
 
 AWAY, TURNED = 1e-3, 1.0
 """A link of what was published may stand so far from that of the description [m], [degrees]: then it is the same."""
+FARTHEST = 1.0
+"""No vertex of a link is so far from the link's frame [m]: twice the length of the longest, the UR5e's upper arm. A
+mesh in millimetres that is taken for metres is far beyond."""
 POSES, SWAY = 8, 1.0  # Poses in which they are compared, the first at home, and how far the joints are from it [rad]
 
 
@@ -103,7 +109,17 @@ def fetch_arm_meshes(name: str) -> Path:
     except UnusableMeshesError:
         shutil.rmtree(folder, ignore_errors=True)
         raise
+    finally:
+        _leave_no_empty_folder(folder)
     return path
+
+
+def _leave_no_empty_folder(folder: Path) -> None:
+    """Take away what a download made and then had nothing for: below the folder of an arm, and the three above it."""
+    inner = sorted((one for one in folder.rglob("*") if one.is_dir()), reverse=True)  # the inner ones first
+    for one in (*inner, folder, folder.parent, folder.parent.parent):
+        with contextlib.suppress(OSError):  # it has something, or is not there
+            one.rmdir()
 
 
 def read_arm_meshes(description: ArmDescription) -> tuple[LinkMesh, ...]:
@@ -136,8 +152,10 @@ class UnusableMeshesError(DatasetError):
     """What is here is broken, not all there, or another arm."""
 
     def __init__(self, path: Path, problem: str) -> None:
+        own = os.environ.get(DATA_DIR)  # while it names a folder that has the file, nothing is fetched
+        first = f"unset {DATA_DIR} and " if own and path.is_relative_to(own) else ""
         whole = f"fetch it (foretouch arms meshes {path.stem}), or name a folder that has the whole of it as {DATA_DIR}"
-        super().__init__(f"{path}: {problem}: {whole}")
+        super().__init__(f"{path}: {problem}: {first}{whole}")
 
 
 def _drawn(path: Path) -> Any:
@@ -190,7 +208,11 @@ def _read(path: Path, description: ArmDescription) -> tuple[LinkMesh, ...]:
     _compare(path, ours, theirs, description.home)
     seen = zip(model.geom_bodyid.tolist(), model.geom_group.tolist(), strict=True)
     bodies = sorted({body for body, group in seen if group < DRAWN and body > 0})  # as `ArmPicture` draws them
-    return tuple(theirs.mesh(ours.link_of(body)) for body in bodies[:-1])
+    links = [ours.link_of(body) for body in bodies[:-1]]
+    meshes = tuple(theirs.mesh(link) for link in links)
+    for link, (vertices, _) in zip(links, meshes, strict=True):
+        _require_size(path, link, vertices)
+    return meshes
 
 
 def _require_triangles(path: Path, file: str) -> None:
@@ -198,6 +220,17 @@ def _require_triangles(path: Path, file: str) -> None:
     mesh = path.parent / file
     if mesh.suffix == ".obj" and mesh.is_file() and b"\nf " not in mesh.read_bytes():
         raise UnusableMeshesError(path, f"its {file} has no triangles, so it is not all there")
+
+
+def _require_size(path: Path, joint: str, vertices: Array) -> None:
+    """Refuse a link that is larger than an arm's."""
+    away = float(np.linalg.norm(vertices, axis=1).max(initial=0.0))
+    if not away <= FARTHEST:
+        which = f"link behind {joint}" if joint else "foot"
+        problem = (
+            f"the mesh of its {which} reaches {away:.3g} m from there, and a link of this arm less than {FARTHEST:g} m"
+        )
+        raise UnusableMeshesError(path, problem)
 
 
 def _compare(path: Path, ours: _Links, theirs: _Links, home: Array) -> None:
