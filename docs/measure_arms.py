@@ -56,7 +56,7 @@ from foretouch.settings import ARMS, SIMULATED
 
 PAGE = Path(__file__).parent / "arms.md"
 
-SEEDS = range(410, 418)  # nothing was chosen on them
+SEEDS = range(410, 418)
 """Nothing was chosen on these."""
 
 ROBOTS = (SIMULATED, *ARMS)
