@@ -463,9 +463,13 @@ def test_a_quick_way_to_the_side_neither_turns_the_tool_nor_lowers_it() -> None:
     assert lowers < 2e-3
 
 
-def test_a_step_across_a_stiff_floor_leaves_the_force_that_is_held_on_it() -> None:
-    """Joints whose torques may change at one rate would be late by turns, and press meanwhile (16 N, and 6 N)."""
-    arm = ArticulatedArm(read_arm("fr3"), floor(1e5), seed=5, start=(0.0, 0.0, 0.004))
+@pytest.mark.parametrize("name", ["fr3", "ur5e"])
+def test_a_step_across_a_stiff_floor_leaves_the_force_that_is_held_on_it(name: str) -> None:
+    """Joints would be late by turns, and press meanwhile (16 N, and 6 N).
+
+    They are where torques may change at one rate each, or where a servo waits for an error before it moves inertia.
+    """
+    arm = ArticulatedArm(read_arm(name), floor(1e5), seed=5, start=(0.0, 0.0, 0.004))
     held = lowered(arm, -0.0015, 1.0)[-1].exact_force[2]
     across = [arm.exchange((0.04, -0.03, -0.0015)).exact_force[2] for _ in range(600)]
     assert held == pytest.approx(13.5, abs=0.2)

@@ -24,6 +24,10 @@ as when a rotor has gone through its play, is felt twice as much for a moment, a
 
 WINDS_UP = 0.02  # Distance by which the reference may be ahead of what the joints can follow [m]
 
+CARRIED = 0.5
+"""Share of the force limit up to which inertia is fed forward along the force, the less the nearer it is: beyond, what
+yields would swing against something rigid."""
+
 WELL_AWAY = 0.1  # Smallest singular value of the tip's Jacobian below which it slows down [m/rad]
 
 
@@ -33,21 +37,48 @@ def share_of_speed(jacobian: Array) -> float:
     return allowed_share(jacobian, WELL_AWAY)
 
 
+@kernel("void(f8[:,::1], f8[:,::1], f8[::1], f8[::1], f8, f8[::1])")
+def carry(inertia: Array, jacobian: Array, acceleration: Array, force: Array, limit: float, torque: Array) -> None:
+    r"""Write the torques that give the joints their acceleration [N m], which the servos would else be late by.
+
+    .. math:: \tau = M \ddot q_d - w\, J^T \Lambda\, n n^T J \ddot q_d, \quad \Lambda = (J M^{-1} J^T)^{-1}
+
+    n being the direction of the force at the tip and w its share of what `CARRIED` leaves of the limit, 1 at most. Late
+    joint by joint, a quick step across would turn into a push.
+
+    Args:
+        inertia: M, shape (n, n) [kg m^2].
+        jacobian: J of the tip's place, shape (3, n) [m].
+        acceleration: Commanded, shape (n,) [rad/s^2].
+        force: At the tip, shape (3,) [N].
+        limit: Of the force [N].
+        torque: Written, shape (n,).
+    """
+    torque[:] = inertia @ acceleration
+    size = math.sqrt(force @ force)
+    if size > 0.0:
+        share = min(size / (CARRIED * limit), 1.0)
+        along = share * (force @ (jacobian @ acceleration)) / size**2 * force
+        shown = jacobian @ np.linalg.solve(inertia, np.ascontiguousarray(jacobian.T))
+        for axis in range(3):
+            shown[axis, axis] += 1e-6  # at a singular pose, where a direction weighs endlessly
+        torque -= np.linalg.solve(shown, along) @ jacobian
+
+
 @kernel("void(f8[:,::1], f8[:,::1], f8[:,::1], f8, b1, f8)")
 def serve(joints: Array, limits: Array, pushed: Array, most: float, compensates: bool, h: float) -> None:
     r"""Write the torques with which the joints' servos hold their positions [N m], and let these go on.
 
-    .. math:: \tau = s\,[k (e + k_i \int e) + b \dot q_d] + b_m (\dot q_d - \dot q) + g(q), \quad e = q_d - q
+    .. math:: \tau = s\,[k (e + k_i \int e) + b \dot q_d] + b_m (\dot q_d - \dot q) + g, \quad e = q_d - q
 
-    b being the damping of the joint itself, which the servo knows; q as its encoder shows it. A servo that does not
-    know the arm's weight has g in the brackets, too, with a minus. The share s leaves of them what presses with the
-    largest force at the tip, at once, for a measured force is late. The integral stands still where s or the largest
-    torque cuts.
+    g being the arm's weight and what `carry` gives, b the damping of the joint itself, which the servo knows; q as its
+    encoder shows it. A servo that does not know the arm's weight has g in the brackets, too, with a minus. The share s
+    leaves of them what presses with the largest force at the tip, at once, for a measured force is late. The integral
+    stands still where s or the largest torque cuts.
 
     Args:
-        joints: Shape (7, n): positions as measured [rad], velocities [rad/s], gravity torques [N m], commanded
-            positions [rad], which are written, and velocities [rad/s]; the torques [N m] and the integrals [rad s],
-            which are written.
+        joints: Shape (7, n): positions as measured [rad], velocities [rad/s], g [N m], commanded positions [rad], which
+            are written, and velocities [rad/s]; the torques [N m] and the integrals [rad s], which are written.
         limits: Shape (5, n): k [N m/rad], k_i [1/s], b_m [N m s/rad], b [N m s/rad], and the largest torque [N m].
         pushed: Force at the tip by torques, shape (3, n) [1/m].
         most: Its largest [N].
@@ -91,6 +122,7 @@ class ServoControl:
         description, own = body.description, body.limits()
         self._body, self.reference = body, reference
         self._take, self._move, self._serve = take_command.entry, move_reference.entry, serve.entry
+        self._carry = carry.entry
         self._share = share_of_speed.entry
         period = 1.0 / description.rate
         self._tick, self._ticks = tick, range(round(period / tick))
@@ -103,10 +135,10 @@ class ServoControl:
         self._joints = np.zeros((7, description.home.size))
         self._joints[3] = body.positions
         self.links, self.commanded = LinkWatch(body, period), self._joints[4]
-        limit = float(reference["force_limit"][0])
-        self._most = SUDDEN * limit if description.force == "current" else math.inf
+        self._limit, self._rate = float(reference["force_limit"][0]), description.rate
+        self._most = SUDDEN * self._limit if description.force == "current" else math.inf
         self._force, self._acceleration = np.zeros(9), np.zeros(9)
-        self._pushed = np.zeros((3, description.home.size))
+        self._pushed, self._carried = np.zeros((3, description.home.size)), np.zeros(description.home.size)
         self._step = float(body.model.opt.timestep)
 
     @staticmethod
@@ -125,6 +157,9 @@ class ServoControl:
             self._move(reference, self._force, self._acceleration, self._tick)
         self._joints[3] = inverse.positions  # where the period before was to end
         inverse.follow(reference["place"][0])
+        if self._knows_weight:
+            acceleration, body = self._rate * (inverse.velocities - self._joints[4]), self._body
+            self._carry(body.inertia, body.jacobian[:3], acceleration, force, self._limit, self._carried)
         self._joints[4] = inverse.velocities
         behind = reference["place"][0] - inverse.place
         distance = math.sqrt(float(behind @ behind))
@@ -141,7 +176,7 @@ class ServoControl:
     def torques(self) -> Array:
         """See `Control.torques`."""
         body, joints = self._body, self._joints
-        joints[0], joints[1], joints[2] = body.counted, body.velocities, body.bias
+        joints[0], joints[1], joints[2] = body.counted, body.velocities, body.bias + self._carried
         self._serve(joints, self._limits, self._pushed, self._most, self._knows_weight, self._step)
         torques: Array = joints[5]
         self.links.add(torques)
