@@ -210,8 +210,12 @@ def session_settings(**defaults: object) -> Callable[..., SessionSettings]:
 
     def make(**given: Any) -> SessionSettings:
         from foretouch.session import SessionSettings
+        from foretouch.session.workspace import unused_setting
 
-        return SessionSettings(**given)
+        settings = SessionSettings(**given)
+        if unused := unused_setting(settings):
+            raise unused
+        return settings
 
     return _taking(make, [_option(name, one.group, (DEFAULTS | defaults)[name]) for name, one in SETTINGS.items()])
 
