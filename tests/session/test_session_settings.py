@@ -83,7 +83,9 @@ def test_what_is_of_a_scene_is_refused_along_a_line(given: dict[str, Any], shown
 
 def test_a_wrong_image_fault_names_its_setting() -> None:
     for given in ("hand:2:1", "hand:nan:3", "hand:-inf:3", "hand:2", "hand:a:b"):
-        with pytest.raises(SettingError, match=rf"^image_fault = '{given}': must .*KIND:BEGIN:END .* such as hand:5:8$"):
+        with pytest.raises(
+            SettingError, match=rf"^image_fault = '{given}': must .*KIND:BEGIN:END .* such as hand:5:8$"
+        ):
             SessionSettings(scene="plane", image_fault=given)  # type: ignore[arg-type]
 
 

@@ -238,7 +238,9 @@ class Line:
     def check(self, settings: Any) -> None:
         """Refuse a scene that does not exist, a device that cannot move in it, and a specimen without one."""
         if settings.specimen:
-            raise SettingError("specimen", settings.specimen, f"is of a scene, and there is none: add --scene {UNKNOWN}")
+            raise SettingError(
+                "specimen", settings.specimen, f"is of a scene, and there is none: add --scene {UNKNOWN}"
+            )
 
     def show(self, robot: Any, operator: Any) -> None:
         """Show the operator where the robot has the fixture."""

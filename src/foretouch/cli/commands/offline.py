@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from foretouch.cli.options import Answer, ReportDirectory, command, made_by, make_folder, require_elsewhere, say
+from foretouch.cli.options import Answer, ReportDirectory, command, made_by, require_elsewhere, require_folder, say
 from foretouch.cli.progress import compile_first, pulsing
 from foretouch.cli.reading import Scored, Source, read_and_say, recording_options, say_what_is_left_out
 from foretouch.cli.remembering import Remember, begin_as, begin_with, keep
@@ -212,7 +212,7 @@ def predict(
     require("delay", delay, at_least=0.0)
     recording = source.path()
     require_elsewhere(out, recording, name="out")
-    make_folder(report_directory)
+    require_folder(report_directory)
     learning = learning.with_estimator()
     compile_first()
     learner, (zero, error) = learning.learner(), _with_error("force-offset", learning.force_offset)

@@ -192,9 +192,9 @@ def simulate(
         say: Told in one line what was assumed or left out where operator and robot are made.
 
     Raises:
-        SettingError: A setting of a scene where there is none; a duration that is negative or not finite; a robot of another material than the settings'; an
-            operator or a robot of one axis in a scene, or of three along a line; settings whose operator or robot needs
-            real time.
+        SettingError: A setting of a scene where there is none; a duration that is negative or not finite; a robot of
+            another material than the settings'; an operator or a robot of one axis in a scene, or of three along a
+            line; settings whose operator or robot needs real time.
         InputError: An operator or a robot that was used before, as far as it says (`Device.fresh`, `Robot.fresh`).
         ArgumentTypeError: Settings, operator, robot or description that are none.
         MissingExtraError: What the robot needs is not installed.
