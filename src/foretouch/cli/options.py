@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from foretouch.errors import LinkError, SettingError, printable
-from foretouch.settings import ARM_ENDING, DEFAULTS, KINDS, SETTINGS
+from foretouch.settings import ARM_ENDING, DEFAULTS, KINDS, SETTINGS, is_arm
 
 if TYPE_CHECKING:
     from foretouch.link import ZenohLink
@@ -170,15 +170,26 @@ def require_duration(duration: float | None) -> None:
         raise SettingError("duration", duration, "must be finite and above 0 s")
 
 
-def require_machines(settings: SessionSettings) -> None:
-    """Refuse a file of an arm, a scene or a calibration that no session can begin with, before what takes long."""
+SIX_AXES = ("torque_bias", "centre_of_mass", "sensor_turn", "tool_inertia")
+"""What a calibration knows that only six axes show."""
+
+
+def require_machines(settings: SessionSettings, *, quiet: bool = False) -> None:
+    """Refuse a file of an arm, a scene or a calibration that no session can begin with, before what takes long.
+
+    What the robot cannot use of a calibration is said in one line, unless `quiet`.
+    """
     from foretouch.robot import make_material, read_arm
     from foretouch.session import session_calibration, setup_of
 
     if settings.robot.endswith(ARM_ENDING):
         read_arm(settings.robot)
     make_material(settings.material)
-    session_calibration(settings)
+    known = session_calibration(settings)
+    unused = [name for name in SIX_AXES if getattr(known, name, None) is not None and not is_arm(settings.robot)]
+    if unused and not quiet:
+        why = f"robot {settings.robot} shows no torques, as the wrist of an arm does"
+        say(f"calibration: {settings.calibration}: left out {', '.join(unused)}: {why}")
     setup_of(settings)  # reads the scene
 
 

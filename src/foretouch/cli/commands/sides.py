@@ -66,7 +66,7 @@ def follower(
 
     require_duration(duration)
     settings = settings_with(settings, remember)
-    require_machines(settings)
+    require_machines(settings, quiet=parent is not None)  # who started it has said it
     be_prompt()
     stop = StopFlag().on_signals()
     # Before the robot is opened: a driver's watchdog does not wait for the compiler.
