@@ -13,7 +13,7 @@ import typer
 from foretouch.cli.options import Answer, ReportDirectory, command, made_by, require_folder, say
 from foretouch.cli.progress import compile_first, progress_bar
 from foretouch.cli.reading import RECORDING_HELP, Scored, recording_options, say_how_it_is_read
-from foretouch.errors import SettingError, plural
+from foretouch.errors import SettingError, UnknownNameError, plural
 from foretouch.settings import SIMULATED
 
 if TYPE_CHECKING:
@@ -101,6 +101,7 @@ def compare(
     from foretouch import comparison
 
     require_folder(report_directory)
+    comparison.combinations(compared.models or (), compared.estimators or ())  # a wrong name is refused at once
     cases, delays = on.cases(options), compared.delays()
 
     def progress(done: int, total: int, result: comparison.Result) -> None:
@@ -233,6 +234,9 @@ def reproduce(
     from foretouch.reproduction import reproduce as run
 
     names = only or list(SECTIONS)
+    for name in names:
+        if name not in SECTIONS:
+            raise UnknownNameError("section", name, SECTIONS)
     require_folder(out)
 
     def progress(name: str, seconds: float) -> None:
