@@ -54,9 +54,35 @@ def test_a_sheet_is_felt_from_above_whichever_way_it_was_wound(inverted: bool, t
 def test_what_no_hand_can_touch_is_refused_in_one_line(mesh: Any, said: str, tmp_path: Path) -> None:
     file = tmp_path / "mesh.stl"
     mesh().export(file)
+    refused(file, said)
+
+
+def refused(file: Path, said: str) -> None:
     result = run("simulate", "--scene", file, "--duration", 0.2)
     assert isinstance(result.exception, InputError)
     with pytest.raises(InputError, match=said):
         raise result.exception
     assert "\n" not in str(result.exception)
-    assert "mesh.stl" in str(result.exception)
+    assert str(file) in str(result.exception)
+
+
+PROPERTIES = b"".join(b"property float %c\n" % axis for axis in b"xyz")
+POINTS = b"ply\nformat ascii 1.0\nelement vertex 1\n" + PROPERTIES + b"end_header\n0 0 0\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("empty.stl", lambda stl: b"", "the file is empty: export it again"),
+        ("cut.stl", lambda stl: stl[:5084], "its head says 200 triangles, and 100 are there: it is cut off"),
+        ("head.stl", lambda stl: stl[:60], "it ends within its head: it is cut off"),
+        ("none.stl", lambda stl: bytes(84), "there is no triangle in it"),
+        ("points.ply", lambda stl: POINTS, "it is a cloud of points without a triangle: export it as a mesh"),
+        ("head.ply", lambda stl: POINTS[:60], "its head has no end: it is cut off"),
+        ("points.obj", lambda stl: b"v 0 0 0\n", "it is a cloud of points without a triangle, or cut off"),
+    ],
+)
+def test_a_file_without_a_mesh_says_what_it_is(name: str, content: Any, said: str, tmp_path: Path) -> None:
+    file = tmp_path / name
+    file.write_bytes(content(sheet().export(file_type="stl")))
+    refused(file, said)

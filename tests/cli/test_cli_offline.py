@@ -14,11 +14,13 @@ import numpy as np
 import pytest
 from typed_commands import output_of, refusal_of, run
 
+from foretouch.cli.commands import offline, sessions, studies
 from foretouch.errors import ForetouchError, SettingError
 from foretouch.identification import ESTIMATORS
 from foretouch.models import HuntCrossley
 from foretouch.recordings import read_recording, write_columns
 from foretouch.session import SessionSettings
+from foretouch.session.runners import warm_up
 from foretouch.settings import DEFAULTS, LAWS_HELP, SETTINGS
 
 IDENTIFY_KEYS = {
@@ -318,6 +320,37 @@ def test_a_refusal_is_one_line_and_exit_code_2(tmp_path: Path) -> None:
     assert result.returncode == 2
     assert result.stdout == ""
     assert result.stderr == f"foretouch: {tmp_path / 'no.csv'}: no such file\n"
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("predict", "no.csv"),
+        ("predict", "no.mcap"),
+        ("predict", "bad.csv"),
+        ("identify", "bad.csv"),
+        ("identify", "press.csv", "--surface", "deep"),
+        ("predict", "press.csv", "--sensor-lag", "9"),
+        ("compare", "press.csv", "--models", "jelly"),
+        ("reproduce", "--only", "fig99"),
+        ("simulate", "--scene", "no.stl"),
+        ("simulate", "--calibration", "no.toml"),
+        ("leader", "--scene", "no.stl", "--connect", "tcp/127.0.0.1:1"),
+    ],
+    ids=" ".join,
+)
+def test_bad_input_is_refused_before_anything_is_compiled(
+    command: tuple[str, ...], press: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def compiled(*_: object, **__: object) -> bool:
+        pytest.fail("compiled")
+
+    for module in (offline, studies, sessions):
+        monkeypatch.setattr(module, "compile_first", compiled)
+    monkeypatch.setattr(warm_up, "compile_all", compiled)
+    (tmp_path / "bad.csv").write_text("time_s,position_m\n0,0\n1,0\n")
+    (tmp_path / "press.csv").write_bytes(press.read_bytes())
+    refusal_of(*(tmp_path / word if Path(word).suffix in (".csv", ".mcap") else word for word in command))
 
 
 def test_session_options_are_the_fields_and_defaults_of_the_settings() -> None:

@@ -10,7 +10,7 @@ import pytest
 from typed_commands import output_of, refusal_of, run
 
 from foretouch.cli.commands import sessions
-from foretouch.cli.options import make_folder
+from foretouch.cli.options import require_folder
 from foretouch.errors import ForetouchError
 from foretouch.messages import Hello
 from foretouch.recordings import SessionWriter
@@ -212,15 +212,24 @@ def test_no_folder_is_made_where_none_was_asked_for(command: tuple[object, ...],
     assert not list(tmp_path.iterdir())
 
 
-def test_folders_for_results_are_made_below_the_one_that_one_stands_in(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_folders_for_results_are_tried_and_not_left_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    make_folder(Path("out/of/three"))
-    make_folder(tmp_path / "out" / "beside" / "two")
-    assert (tmp_path / "out/of/three").is_dir()
+    (tmp_path / "there").mkdir()
+    for folder in (Path("out/of/three"), tmp_path / "out" / "beside" / "two", Path("there"), Path("there/two")):
+        require_folder(folder)
+    assert [path.name for path in tmp_path.rglob("*")] == ["there"]
     with pytest.raises(ForetouchError, match=r"there is no .*nowhere that it could be made in"):
-        make_folder(Path(f"../{tmp_path.name}-nowhere/out"))
+        require_folder(Path(f"../{tmp_path.name}-nowhere/out"))
+
+
+@pytest.mark.parametrize("command", ["simulate", "teleop"])
+def test_a_refused_session_leaves_no_folder(command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("trimesh")
+    monkeypatch.chdir(tmp_path)
+    Path("empty.stl").touch()
+    refused = refusal_of(command, "--scene", "empty.stl", "--report", "out/of/two", "--duration", 1)
+    assert "empty.stl: the file is empty" in refused
+    assert [path.name for path in tmp_path.iterdir()] == ["empty.stl"]
 
 
 @pytest.mark.parametrize(("failed", "why"), [(True, "failed for what stands above"), (False, "never began")])

@@ -107,6 +107,7 @@ def test_it_is_quick_enough_for_a_loop() -> None:
         ({"mass": -0.1}, "mass"),
         ({"centre_of_mass": (0.0, float("nan"), 0.0)}, "centre_of_mass"),
         ({"inertia": (1.0, 1.0, 3.0, 0.0, 0.0, 0.0)}, "inertia"),
+        ({"sensor_turn": (9.0, 9.0, 9.0)}, "sensor_turn .* at most pi long"),
     ],
 )
 def test_what_no_tool_is_is_refused(changes: dict, name: str) -> None:
@@ -131,5 +132,12 @@ def test_a_calibration_file_holds_it(tmp_path) -> None:
     (tmp_path / "wrong.toml").write_text("tool_mas = 0.3\n")
     with pytest.raises(RecordingError, match="tool_mas"):
         read_calibration(tmp_path / "wrong.toml")
+    (tmp_path / "turned.toml").write_text("sensor_turn = [9.0, 9.0, 9.0]\n")
+    with pytest.raises(
+        RecordingError, match=r"turned\.toml.*sensor_turn = \(9.0, 9.0, 9.0\): must be a rotation vector"
+    ):
+        read_calibration(tmp_path / "turned.toml")
+    half = (0.0, 0.6 * np.pi, 0.8 * np.pi)
+    assert SensorCalibration(sensor_turn=half).sensor_turn == half
     with pytest.raises(SettingError, match="inertia"):
         SensorCalibration(tool_inertia=(1.0, 1.0, 3.0, 0.0, 0.0, 0.0))

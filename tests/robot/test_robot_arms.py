@@ -317,6 +317,16 @@ CHANGES = {
     "sensor": ('<site name="flange"', '<site name="sensor"/><site name="flange"', 'has a site "sensor"'),
     "weight": ('<site name="flange"', '<site name="tool_mass"/><site name="flange"', 'has a site "tool_mass"'),
     "tool": ('<body name="fr3_link7"', '<body name="tool"', 'has a body "tool", as the probe has'),
+    "sensors": (
+        "</actuator>",
+        '</actuator><sensor><force name="mjSENS_FORCE" site="base"/></sensor>',
+        'it has a sensor, <force name="mjSENS_FORCE">, and the probe that is put on its flange brings all',
+    ),
+    "speeds of joints": (
+        "</actuator>",
+        '</actuator><sensor><jointvel name="fast" joint="fr3_joint2"/></sensor>',
+        'it has a sensor, <jointvel name="fast">',
+    ),
     "control": ('data="impedance"', 'data="magic"', "one of: impedance, servo"),
     "probe": ('data="0.16 0.1"', 'data="0.16 5"', "weighs 5 kg, and it carries 3 kg"),
     "twice": ('<body name="fr3_link1"', '<body gravcomp="1" name="fr3_link1"', "gravcomp"),
@@ -352,6 +362,17 @@ def refused_alone(
     assert "\n" not in str(refused.value)
     assert capfd.readouterr() == ("", "")
     assert sorted(folder.iterdir()) == before
+
+
+def test_who_has_read_an_arm_finds_no_log_of_mujoco(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    mujoco = pytest.importorskip("mujoco")
+    monkeypatch.chdir(tmp_path)
+    model = read_arm("fr3").model(1e-3)
+    data = mujoco.MjData(model)
+    data.qvel[:] = 1e300
+    mujoco.mj_step(model, data)
+    assert data.warning[mujoco.mjtWarning.mjWARN_BADQVEL].number == 1
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(

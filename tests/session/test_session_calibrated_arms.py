@@ -190,6 +190,20 @@ def test_a_file_that_does_not_fit_the_arm_is_one_line(tmp_path: Path, name: str)
         session_calibration(SessionSettings(robot=name, calibration=str(path)))
 
 
+@pytest.mark.parametrize("robot", ["simulated", "fr3"])
+def test_what_only_six_axes_show_is_left_out_in_one_line(tmp_path: Path, robot: str) -> None:
+    path = tmp_path / "wrist.toml"
+    known: dict[str, Any] = {"force_bias": (0.1, 0.2, 0.3), "torque_bias": (0.0, 0.0, 0.0), "tool_mass": 0.1}
+    write_calibration(path, SensorCalibration(**known, centre_of_mass=(0.0, 0.0, 0.08)))
+    done = foretouch("simulate", "--robot", robot, "--calibration", path, "--duration", 0.1)
+    assert done.exit_code == 0
+    told = [line for line in done.stderr.splitlines() if line.startswith("calibration:")]
+    why = "robot simulated shows no torques, as the wrist of an arm does"
+    assert told == (
+        [f"calibration: {path}: left out torque_bias, centre_of_mass: {why}"] if robot == "simulated" else []
+    )
+
+
 def test_what_gives_way_behind_the_tip_of_an_arm_without_a_sensor_is_used(tmp_path: Path) -> None:
     path = tmp_path / "block.toml"
     write_calibration(path, SensorCalibration(series_stiffness=20e3))

@@ -13,7 +13,7 @@ import foretouch.cli.commands.sessions
 from foretouch import Frame, ImageFault, SensorFault, SessionSettings
 from foretouch.cli.app import app
 from foretouch.errors import ArgumentTypeError, SettingError, UnknownNameError
-from foretouch.session import recorded_settings
+from foretouch.session import recorded_settings, simulate
 
 KINDS = {kind.__name__: kind for kind in (SessionSettings, Frame, SensorFault, ImageFault)}
 PAIRS: list[tuple[dict[str, Any], dict[str, str]]] = [
@@ -64,6 +64,29 @@ def test_what_is_neither_is_refused() -> None:
         SessionSettings(on_silence=None)  # type: ignore[arg-type]
     with pytest.raises(SettingError, match="place and size by default"):
         SessionSettings(scene="plane", image_fault=ImageFault("hand", 5, 8, size=0.5))
+
+
+@pytest.mark.parametrize(
+    ("given", "shown"),
+    [({"probe_radius": 0.004}, "0.004"), ({"image_fault": "hand:1:2"}, "'hand:1:2'"), ({"fusion": "none"}, "'none'")],
+)
+def test_what_is_of_a_scene_is_refused_along_a_line(given: dict[str, Any], shown: str) -> None:
+    ((name, value),) = given.items()
+    rule = f"{name} = {shown}: is of a scene, and there is none: add --scene NAME"
+    with pytest.raises(SettingError, match=rule):
+        simulate(SessionSettings(**given), duration=0.1)
+    for command in ("simulate", "follower", "leader"):
+        done = CliRunner().invoke(app, [command, f"--{name.replace('_', '-')}", str(value)])
+        assert isinstance(done.exception, SettingError)
+        assert str(done.exception) == rule
+
+
+def test_a_wrong_image_fault_names_its_setting() -> None:
+    for given in ("hand:2:1", "hand:nan:3", "hand:-inf:3", "hand:2", "hand:a:b"):
+        with pytest.raises(
+            SettingError, match=rf"^image_fault = '{given}': must .*KIND:BEGIN:END .* such as hand:5:8$"
+        ):
+            SessionSettings(scene="plane", image_fault=given)  # type: ignore[arg-type]
 
 
 # --- names and ranges are known before anything is made or compiled ---------------------------------------------------

@@ -32,7 +32,7 @@ ROWS, COLUMNS = np.divmod(np.arange(SIDE * SIDE), SIDE)
     ("changes", "error", "why"),
     [
         ({"scene": "hill", "specimen": "phantom"}, SettingError, "no shape is given"),
-        ({"specimen": "phantom"}, SettingError, "is of a scene"),
+        ({"specimen": "phantom"}, SettingError, "is of a scene, and there is none: add --scene unknown"),
         ({"scene": "unknown", "specimen": "unknown"}, UnknownNameError, "specimen"),
         ({"scene": "unknown", "specimen": "cube"}, UnknownNameError, "specimen"),
         ({"scene": "unknown", "fusion": "contact"}, SettingError, "show the shape"),

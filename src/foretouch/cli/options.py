@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import hashlib
 import inspect
@@ -17,8 +18,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from foretouch.errors import InputError, LinkError, SettingError, printable
-from foretouch.settings import ARM_ENDING, DEFAULTS, KINDS, SETTINGS
+from foretouch.errors import LinkError, SettingError, printable
+from foretouch.settings import ARM_ENDING, DEFAULTS, KINDS, SETTINGS, is_arm
 
 if TYPE_CHECKING:
     from foretouch.link import ZenohLink
@@ -106,21 +107,28 @@ KeysFolder = Annotated[
 Parent = Annotated[int | None, typer.Option(hidden=True)]
 
 
-def make_folder(path: Path | None) -> None:
-    """Make a folder for results where one is asked for, before anything is computed that would be lost.
+def require_folder(path: Path | None) -> None:
+    """Refuse a folder for results that could not be made or written to, before anything is computed that would be lost.
 
-    Below the working directory its parents are made with it; elsewhere the parent must exist, so that a slip in a path
-    makes no folder that goes unnoticed. A SettingError says that it cannot be made or written to.
+    It is made to try, and taken away again: a command that is refused for something else leaves none behind. Who writes
+    the results makes it. Below the working directory its parents are made with it; elsewhere the parent must exist, so
+    that a slip in a path makes no folder that goes unnoticed.
     """
     if path is None:
         return
+    new: list[Path] = []
     try:
+        new += [folder for folder in (path, *path.parents) if not folder.exists()]
         if not path.parent.is_dir() and not path.resolve().is_relative_to(Path.cwd()):
             raise SettingError("folder", str(path), f"there is no {path.parent} that it could be made in")
         path.mkdir(parents=True, exist_ok=True)
         require_writable(path)
     except OSError as error:
         raise SettingError("folder", str(path), f"cannot be written: {error.strerror}") from None
+    finally:
+        for folder in new:
+            with contextlib.suppress(OSError):  # it was not made, or another process has put something in
+                folder.rmdir()
 
 
 def made_by(recordings: Sequence[Path] = (), **what: Any) -> dict[str, Any]:
@@ -162,17 +170,27 @@ def require_duration(duration: float | None) -> None:
         raise SettingError("duration", duration, "must be finite and above 0 s")
 
 
-def fault_of_arm(robot: str) -> str:
-    """Why the file of a description is no robot, for who asks before what takes long; "" where it is, or is no file."""
-    from foretouch.robot import read_arm
+SIX_AXES = ("torque_bias", "centre_of_mass", "sensor_turn", "tool_inertia")
+"""What a calibration knows that only six axes show."""
 
-    if not robot.endswith(ARM_ENDING):
-        return ""
-    try:
-        read_arm(robot)
-    except InputError as error:
-        return str(error)
-    return ""
+
+def require_machines(settings: SessionSettings, *, quiet: bool = False) -> None:
+    """Refuse a file of an arm, a scene or a calibration that no session can begin with, before what takes long.
+
+    What the robot cannot use of a calibration is said in one line, unless `quiet`.
+    """
+    from foretouch.robot import make_material, read_arm
+    from foretouch.session import session_calibration, setup_of
+
+    if settings.robot.endswith(ARM_ENDING):
+        read_arm(settings.robot)
+    make_material(settings.material)
+    known = session_calibration(settings)
+    unused = [name for name in SIX_AXES if getattr(known, name, None) is not None and not is_arm(settings.robot)]
+    if unused and not quiet:
+        why = f"robot {settings.robot} shows no torques, as the wrist of an arm does"
+        say(f"calibration: {settings.calibration}: left out {', '.join(unused)}: {why}")
+    setup_of(settings)  # reads the scene
 
 
 def require_recording(path: Path | None) -> None:
@@ -210,8 +228,12 @@ def session_settings(**defaults: object) -> Callable[..., SessionSettings]:
 
     def make(**given: Any) -> SessionSettings:
         from foretouch.session import SessionSettings
+        from foretouch.session.workspace import unused_setting
 
-        return SessionSettings(**given)
+        settings = SessionSettings(**given)
+        if unused := unused_setting(settings):
+            raise unused
+        return settings
 
     return _taking(make, [_option(name, one.group, (DEFAULTS | defaults)[name]) for name, one in SETTINGS.items()])
 

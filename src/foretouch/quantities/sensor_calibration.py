@@ -7,9 +7,10 @@ import math
 import msgspec
 
 from foretouch.errors import SettingError
-from foretouch.quantities.tool_load import STANDARD_GRAVITY, ToolLoad
+from foretouch.quantities.tool_load import STANDARD_GRAVITY, STILL, ToolLoad
 
 Triple = tuple[float, float, float]
+NOTHING = (0.0,) * 6
 
 
 class SensorCalibration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
@@ -80,8 +81,8 @@ class SensorCalibration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
             raise SettingError("series_stiffness", self.series_stiffness, "must be above 0")
         if self.force_bias is not None and self.tool_mass is None:
             raise SettingError("tool_mass", None, "must be given with force_bias: both were found together")
-        if self.tool_inertia is not None:
-            ToolLoad((0.0,) * 6, 0.0, (0.0, 0.0, 0.0), inertia=self.tool_inertia)  # refuses what no body has
+        turn, inertia = self.sensor_turn or STILL, self.tool_inertia or NOTHING
+        ToolLoad(NOTHING, 0.0, STILL, turn, inertia)  # refuses what no sensor and no body has
 
     @property
     def force_offset(self) -> float | None:
@@ -103,5 +104,4 @@ class SensorCalibration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
         force, torque, mass, centre = self.force_bias, self.torque_bias, self.tool_mass, self.centre_of_mass
         if force is None or torque is None or mass is None or centre is None:
             return None
-        nothing = (0.0,) * 6
-        return ToolLoad(force + torque, mass, centre, self.sensor_turn or (0.0, 0.0, 0.0), self.tool_inertia or nothing)
+        return ToolLoad(force + torque, mass, centre, self.sensor_turn or STILL, self.tool_inertia or NOTHING)

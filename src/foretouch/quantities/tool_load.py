@@ -19,6 +19,9 @@ Array = NDArray[np.float64]
 STANDARD_GRAVITY = 9.80665
 """[m/s^2]."""
 
+LARGEST_TURN = math.pi + 1e-6
+"""Length that a rotation vector may have [rad]: half a turn, and what is lost where numbers are rounded."""
+
 STILL: Vector = (0.0, 0.0, 0.0)
 
 
@@ -35,7 +38,8 @@ class ToolLoad:
             the negative product of inertia.
 
     Raises:
-        SettingError: Another number of values, one that is not finite, a negative mass, or an inertia that no body has.
+        SettingError: Another number of values, one that is not finite, a rotation vector longer than pi, a negative
+            mass, or an inertia that no body has.
     """
 
     bias: tuple[float, ...]
@@ -50,6 +54,8 @@ class ToolLoad:
             if len(values) != count or not all(map(math.isfinite, values)):
                 raise SettingError(name, getattr(self, name), f"must be {count} finite numbers")
             object.__setattr__(self, name, values)
+        if math.hypot(*self.sensor_turn) > LARGEST_TURN:
+            raise SettingError("sensor_turn", self.sensor_turn, "must be a rotation vector in rad, at most pi long")
         require("mass", self.mass, at_least=0.0)
         xx, yy, zz, xy, xz, yz = self.inertia
         principal = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])

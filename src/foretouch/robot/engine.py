@@ -43,6 +43,17 @@ def load_mujoco() -> Any:
     return mujoco
 
 
+def write_no_log() -> None:
+    """Let MuJoCo print its warnings and write none of them to a MUJOCO_LOG.TXT in the folder that one stands in.
+
+    Raises:
+        MissingExtraError: MuJoCo is not installed.
+    """
+    config = load_mujoco().MjLogConfig.get()
+    config.logto_file = False
+    config.set()
+
+
 ROD_LENGTH = 0.16
 """Distance from the force sensor to the tip [m]."""
 

@@ -39,9 +39,24 @@ from foretouch.robot import (
     WrappedSpatialRobot,
 )
 from foretouch.robot.robot import Wrapped
-from foretouch.settings import MESH_ENDINGS, SCENES, UNKNOWN
+from foretouch.settings import DEFAULTS, MESH_ENDINGS, SCENE, SCENES, SETTINGS, UNKNOWN
 
 POSE_NUMBERS = 6  # A place and a rotation vector
+
+
+def unused_setting(settings: Any) -> SettingError | None:
+    """The error of a setting that is of a scene where there is none, and that would change nothing; None for none.
+
+    Settings do not refuse it themselves: what is of a line is warmed up with the settings of a scene, too. One that is
+    given as it is by default cannot be told from one that is not.
+    """
+    texts = settings.as_text()
+    unused = [name for name, one in SETTINGS.items() if one.group == SCENE and texts[name] != str(DEFAULTS[name])]
+    if settings.scene or not unused:
+        return None
+    given = getattr(settings, unused[0])
+    shown = given if isinstance(given, float) else texts[unused[0]]
+    return SettingError(unused[0], shown, "is of a scene, and there is none: add --scene NAME")
 
 
 def inverse(frame: Frame | SpatialFrame) -> Any:
@@ -223,7 +238,9 @@ class Line:
     def check(self, settings: Any) -> None:
         """Refuse a scene that does not exist, a device that cannot move in it, and a specimen without one."""
         if settings.specimen:
-            raise SettingError("specimen", settings.specimen, f"is of a scene: take scene = {UNKNOWN!r} with it")
+            raise SettingError(
+                "specimen", settings.specimen, f"is of a scene, and there is none: add --scene {UNKNOWN}"
+            )
 
     def show(self, robot: Any, operator: Any) -> None:
         """Show the operator where the robot has the fixture."""

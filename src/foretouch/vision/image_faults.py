@@ -64,6 +64,8 @@ class ImageFault:
         """
         try:
             kind, begin, end = text.split(":")
+            if not -math.inf < float(begin) < float(end):
+                raise SettingError(name, text, "must end after it begins: KIND:BEGIN:END in seconds, such as hand:5:8")
             return cls(kind, float(begin), float(end))
         except ValueError:
             raise SettingError(name, text, "must be KIND:BEGIN:END in seconds, such as hand:5:8") from None

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from foretouch.cli.options import Answer, ReportDirectory, command, made_by, make_folder, require_elsewhere, say
+from foretouch.cli.options import Answer, ReportDirectory, command, made_by, require_elsewhere, require_folder, say
 from foretouch.cli.reading import read_and_say, recording_options
 from foretouch.errors import SettingError, plural
 
@@ -61,7 +61,7 @@ def sensor(
     direction = _unit_vector(axis)
     before = _before(output, poses, motion)
     _before_figure(figure, output, poses, motion)
-    make_folder(report_directory)
+    require_folder(report_directory)
     measured = read_poses(poses)
     if measured.orientation is not None:
         check_orientations(measured.orientation, measured.force)
@@ -131,7 +131,7 @@ def compliance(
     from foretouch.identification import fit_series_compliance
 
     before = _before(output, recording)
-    make_folder(report_directory)
+    require_folder(report_directory)
     data = read_and_say(recording, options)
     result = fit_series_compliance(data, sensor_lag=before.sensor_lag or 0.0)
     calibration = msgspec.structs.replace(

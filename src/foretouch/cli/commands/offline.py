@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from foretouch.cli.options import Answer, ReportDirectory, command, made_by, make_folder, require_elsewhere, say
+from foretouch.cli.options import Answer, ReportDirectory, command, made_by, require_elsewhere, require_folder, say
 from foretouch.cli.progress import compile_first, pulsing
 from foretouch.cli.reading import Scored, Source, read_and_say, recording_options, say_what_is_left_out
 from foretouch.cli.remembering import Remember, begin_as, begin_with, keep
@@ -45,6 +45,15 @@ class Learning:
 
     remember: Remember = None
 
+    def __post_init__(self) -> None:
+        """Refuse what is no number before anything is read or compiled."""
+        from foretouch.errors.checks import require
+        from foretouch.identification.conditioning.conditioner import LONGEST_LAG
+
+        require("sensor_lag", self.sensor_lag, at_least=0.0, at_most=LONGEST_LAG)
+        _number_or_auto("surface", self.surface)
+        _with_error("force-offset", self.force_offset)
+
     @property
     def title(self) -> str:
         """Law and estimator, for people."""
@@ -59,11 +68,8 @@ class Learning:
     def learner(self) -> functools.partial[Learner]:
         """Makes the learner, once the recording's contact floor is known."""
         from foretouch import identification
-        from foretouch.errors.checks import require
-        from foretouch.identification.conditioning.conditioner import LONGEST_LAG
 
         assert self.estimator is not None  # `with_estimator` has been asked
-        require("sensor_lag", self.sensor_lag, at_least=0.0, at_most=LONGEST_LAG)
         offset, error = _with_error("force-offset", self.force_offset)
         estimator = identification.make_estimator(self.model, self.estimator)
         begin_with(estimator, self.remember)
@@ -212,19 +218,19 @@ def predict(
     require("delay", delay, at_least=0.0)
     recording = source.path()
     require_elsewhere(out, recording, name="out")
-    make_folder(report_directory)
+    require_folder(report_directory)
     learning = learning.with_estimator()
+    of_session = options.map_file is None and is_session(recording)
+    data: Any = read_session(recording) if of_session else read_and_say(recording, options)
     compile_first()
     learner, (zero, error) = learning.learner(), _with_error("force-offset", learning.force_offset)
     zero = zero if error == 0.0 else None
-    if options.map_file is None and is_session(recording):
-        log = read_session(recording)
+    if of_session:
         if learning.remember is None:
-            begin_as(learner.args[0], log)
-        result = pulsing("predicting", forces_under_delay, log, learner(), delay)
-        say_what_is_left_out(recording, log)
+            begin_as(learner.args[0], data)
+        result = pulsing("predicting", forces_under_delay, data, learner(), delay)
+        say_what_is_left_out(recording, data)
     else:
-        data = read_and_say(recording, options)
         result = pulsing("predicting", forces_under_delay, data, learner(contact_floor=data.contact_floor), delay, zero)
     memory = keep(learner.args[0], learning.remember)
     floor = result.contact_floor if scored.contact_floor is None else scored.contact_floor

@@ -21,11 +21,11 @@ from foretouch.cli.options import (
     ReportDirectory,
     changed_settings,
     command,
-    fault_of_arm,
     made_by,
-    make_folder,
     require_duration,
     require_elsewhere,
+    require_folder,
+    require_machines,
     require_recording,
     say,
     session_settings,
@@ -33,7 +33,7 @@ from foretouch.cli.options import (
 from foretouch.cli.progress import compile_first, progress_bar, pulsing
 from foretouch.cli.reading import say_if_cut
 from foretouch.cli.remembering import Remember, keep_of, settings_with
-from foretouch.errors import InputError, MissingExtraError, RecordingError, SettingError
+from foretouch.errors import MissingExtraError, RecordingError, SettingError
 from foretouch.settings import FAULTS
 
 if TYPE_CHECKING:
@@ -71,24 +71,22 @@ def teleop(
 
     Example: foretouch teleop --headless --duration 20 --operator recorded --report out
     """
-    from foretouch.robot import make_material
-    from foretouch.session import StopFlag, run_processes, session_calibration
+    from foretouch.session import StopFlag, run_processes
 
     require_duration(duration)
     settings = settings_with(settings, remember)
     require_extras("sim", "link", *(() if headless else ("console",)), "recordings")
-    if fault := fault_of_arm(settings.robot):
-        raise InputError(fault)
-    make_material(settings.material)
-    session_calibration(settings)  # the follower reads it again; here, the user gets the error before anything starts
+    require_machines(settings)  # each side does it again; here, the user gets the error before anything starts
     path = recording or (Path(time.strftime("foretouch-%Y%m%d-%H%M%S.mcap")) if report is None else report / RECORDED)
     require_recording(recording)
-    make_folder(report)
-    require_recording(path)
+    require_folder(report)
     if not headless:
         from foretouch.console import require_free_port
 
         require_free_port(port)
+    if report is not None:
+        report.mkdir(parents=True, exist_ok=True)  # the recorder makes none
+    require_recording(path)
     say("Ctrl-C ends the session and prints the report." if duration is None else f"running for {duration:g} s")
     code = run_processes(
         settings,
@@ -123,11 +121,10 @@ def simulate(
 
     require_duration(duration)
     settings = settings_with(settings, remember)
-    if fault := fault_of_arm(settings.robot):
-        raise InputError(fault)
     require_simulated_operator(settings)
+    require_machines(settings)
     require_recording(recording)
-    make_folder(report)
+    require_folder(report)
     compile_first()
     with progress_bar("simulating") as bar, contextlib.ExitStack() as files:
         writer = functools.cache(lambda: files.enter_context(SessionWriter(str(recording))))  # by the first message
@@ -215,7 +212,7 @@ def replay(
         raise SettingError("grip", changes["grip"], "in an open loop no force moves the hand: give --closed-loop too")
     require_recording(output)
     require_elsewhere(output, recording, name="recording")
-    make_folder(report)
+    require_folder(report)
     if recording.suffix.lower() != ".mcap" and recording.is_file():  # it can be predicted
         alone = f"`foretouch predict {recording} --delay S` takes a press alone"
         raise RecordingError(recording, f"is no session's MCAP; {alone}")

@@ -20,16 +20,16 @@ from foretouch.cli.options import (
     Endpoints,
     Parent,
     command,
-    fault_of_arm,
     insecurity,
     open_link,
     require_duration,
+    require_machines,
     say,
     session_settings,
     unchecked,
 )
 from foretouch.cli.remembering import Remember, keep, settings_with
-from foretouch.errors import InputError, LinkError, RecordingError, SettingError, one_line
+from foretouch.errors import LinkError, RecordingError, SettingError, one_line
 from foretouch.settings import LEADER_SETTINGS
 
 if TYPE_CHECKING:
@@ -62,13 +62,11 @@ def follower(
 
     Example: foretouch follower --listen tcp/127.0.0.1:7447 --duration 5
     """
-    from foretouch.session import StopFlag, be_prompt, prepare, session_calibration
+    from foretouch.session import StopFlag, be_prompt, prepare
 
     require_duration(duration)
     settings = settings_with(settings, remember)
-    if fault := fault_of_arm(settings.robot):
-        raise InputError(fault)
-    session_calibration(settings)  # errors are raised before anything is opened
+    require_machines(settings, quiet=parent is not None)  # who started it has said it
     be_prompt()
     stop = StopFlag().on_signals()
     # Before the robot is opened: a driver's watchdog does not wait for the compiler.
@@ -104,10 +102,12 @@ def leader(
         felt_texts,
         prepare,
         run_leader,
+        setup_of,
         wait_for_hello,
     )
 
     require_duration(duration)
+    setup_of(settings)  # a scene that cannot be read is refused before a follower is waited for
     be_prompt()
     stop = StopFlag().on_signals()
     prepare(settings, stop, say, parent)  # while the follower does the same

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foretouch.cli.options import Answer, ReportDirectory, command, made_by, make_folder, say
+from foretouch.cli.options import Answer, ReportDirectory, command, made_by, require_folder, say
 from foretouch.cli.progress import compile_first, progress_bar
 from foretouch.cli.reading import RECORDING_HELP, Scored, recording_options, say_how_it_is_read
-from foretouch.errors import SettingError, plural
+from foretouch.errors import SettingError, UnknownNameError, plural
 from foretouch.settings import SIMULATED
 
 if TYPE_CHECKING:
@@ -100,7 +100,8 @@ def compare(
     """
     from foretouch import comparison
 
-    make_folder(report_directory)
+    require_folder(report_directory)
+    comparison.combinations(compared.models or (), compared.estimators or ())  # a wrong name is refused at once
     cases, delays = on.cases(options), compared.delays()
 
     def progress(done: int, total: int, result: comparison.Result) -> None:
@@ -195,7 +196,7 @@ def sweep(
     from foretouch.sweep import render_table, run_sweep, summary, write_sweep_page
 
     plan = which.plan(quick)
-    make_folder(out)
+    require_folder(out)
     compile_first()
     with progress_bar("sessions") as bar:
 
@@ -233,7 +234,10 @@ def reproduce(
     from foretouch.reproduction import reproduce as run
 
     names = only or list(SECTIONS)
-    make_folder(out)
+    for name in names:
+        if name not in SECTIONS:
+            raise UnknownNameError("section", name, SECTIONS)
+    require_folder(out)
 
     def progress(name: str, seconds: float) -> None:
         done.append(name)

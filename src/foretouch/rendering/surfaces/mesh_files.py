@@ -81,6 +81,13 @@ def _numbers(words: list[str]) -> list[float | None]:
 
 FORMATS = (".stl", ".obj", ".ply")  # Suffixes of the files that are read
 
+WITHOUT = {
+    ".stl": "there is no triangle in it",
+    ".obj": "it is a cloud of points without a triangle, or cut off",
+    ".ply": "it is a cloud of points without a triangle",
+}
+"""What a file is in which no triangle was found, by its suffix: only OBJ does not say how long it is."""
+
 MOST_TRIANGLES = 1_000_000
 """Largest number of triangles; larger meshes must be reduced first, as a hand does not feel the difference."""
 
@@ -173,6 +180,8 @@ def _loaded(file: Path) -> Any:
         raise InputError(
             f"{file}: {file.stat().st_size / 1e6:.0f} MB, at most {MOST_BYTES / 1e6:.0f} MB are read: reduce the mesh"
         )
+    if fault := _fault_of_length(file):
+        raise InputError(f"{file}: {fault}: export it again")
     try:
         if is_text_stl(file):
             corners = read_text_stl(file)
@@ -184,11 +193,34 @@ def _loaded(file: Path) -> Any:
     except Exception as error:  # readers of foreign file formats raise all kinds of errors
         raise InputError(f"{file}: no mesh could be read from it ({_short(error)})") from None
     if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
-        raise InputError(f"{file}: there is no triangle in it, or it is cut off")
+        raise InputError(f"{file}: {WITHOUT[file.suffix.lower()]}: export it as a mesh of triangles")
     _check_count(mesh, file)
     if not np.isfinite(mesh.vertices).all():
         raise InputError(f"{file}: some coordinates are no finite numbers: export it again")
     return mesh
+
+
+def _fault_of_length(file: Path) -> str:
+    """What the length of a file has against it before its content is read; "" for nothing."""
+    size, ending = file.stat().st_size, file.suffix.lower()
+    if size == 0:
+        return "the file is empty"
+    if ending == ".ply":
+        with file.open("rb") as opened:
+            whole = b"end_header" in opened.read(LONGEST_HEAD)
+        return "" if whole else "its head has no end: it is cut off, or no PLY"
+    if ending != ".stl" or is_text_stl(file):
+        return ""
+    if size < _head.size:
+        return "it ends within its head: it is cut off, or no STL"
+    with file.open("rb") as opened:
+        said = _head.unpack(opened.read(_head.size))[1]
+    there = (size - _head.size) / 50
+    return (
+        ""
+        if there == said
+        else f"its head says {said:,} triangles, and {there:,.5g} are there: it is cut off, or no STL"
+    )
 
 
 def _repaired(mesh: Any, file: Path) -> Any:

@@ -14,7 +14,7 @@ import numpy as np
 from foretouch.errors import InputError, one_line
 from foretouch.quantities import BASE, FLANGE, SENSOR, TIP
 from foretouch.robot.arms.description import WEIGHT, ArmDescription, Array, driven
-from foretouch.robot.engine import load_mujoco
+from foretouch.robot.engine import load_mujoco, write_no_log
 from foretouch.settings import ARMS
 
 CONTROLS, FORCES = ("impedance", "servo"), ("wrist", "current")
@@ -148,7 +148,8 @@ def _shown(data: Array) -> str:
 
 
 def _fault_of_file(path: Path) -> str:
-    """What is wrong with a file, before MuJoCo, which would print and log some of it, reads it; "" for nothing."""
+    """What is wrong with a file, before MuJoCo, which would print some of it, reads it; "" for nothing."""
+    write_no_log()
     if path.is_dir():
         return "is a folder, and has to be the MJCF file of an arm"
     if not path.exists():
@@ -187,6 +188,9 @@ def _faults_of_arm(spec: Any) -> Iterator[str]:
     for kind, there, names in (("site", sites, PROBE_SITES), ("body", bodies, (PROBE_BODY,))):
         for name in sorted(there.intersection(names)):
             yield f'it has a {kind} "{name}", as the probe has that is put on its flange: give it another name'
+    if spec.sensors:  # they would stand before the probe's, whose numbers are read by their order
+        one = f'<{spec.sensors[0].type.name.removeprefix("mjSENS_").lower()} name="{spec.sensors[0].name}">'
+        yield f"it has a sensor, {one}, and the probe that is put on its flange brings all that is read: take it out"
     model = spec.compile()
     yield from _faults_of_motors(model)
     yield from _faults_of_home(model)

@@ -34,6 +34,7 @@ from foretouch.session.setup import setup_of
 from foretouch.session.spatial import SimulatedCamera, make_scene, tracker
 from foretouch.session.spatial.camera import IMAGE_PERIOD, VIEW
 from foretouch.session.spatial.scenes import KnownSurface
+from foretouch.session.workspace import unused_setting
 
 _PERIOD_NS = round(SAMPLE_PERIOD * 1e9)
 PROGRESS_NS = 1_000_000_000
@@ -191,9 +192,9 @@ def simulate(
         say: Told in one line what was assumed or left out where operator and robot are made.
 
     Raises:
-        SettingError: A duration that is negative or not finite; a robot of another material than the settings'; an
-            operator or a robot of one axis in a scene, or of three along a line; settings whose operator or robot needs
-            real time.
+        SettingError: A setting of a scene where there is none; a duration that is negative or not finite; a robot of
+            another material than the settings'; an operator or a robot of one axis in a scene, or of three along a
+            line; settings whose operator or robot needs real time.
         InputError: An operator or a robot that was used before, as far as it says (`Device.fresh`, `Robot.fresh`).
         ArgumentTypeError: Settings, operator, robot or description that are none.
         MissingExtraError: What the robot needs is not installed.
@@ -209,6 +210,8 @@ def simulate(
             if not given.fresh:
                 raise InputError(f"the {name} was used before: make a fresh one for each session, or leave it out")
     require_type("description", description, (Mapping, type(None)), "texts by name, or None")
+    if unused := unused_setting(settings):
+        raise unused
     require("duration", duration, at_least=0.0)
     if operator is None:
         require_simulated_operator(settings)
