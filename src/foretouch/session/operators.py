@@ -330,10 +330,11 @@ def foreign_robot(settings: SessionSettings) -> Any:
     if robot is None:
         raise UnknownNameError("robot", settings.robot, (*settings.robots(), f"FILE{ARM_ENDING}"))
     require_axes("robot", robot, settings.robot, settings)
-    period = getattr(getattr(robot, "specification", None), "sample_period", None)
-    if period != SAMPLE_PERIOD:
+    if robot.specification.sample_period == SAMPLE_PERIOD:
+        return robot
+    slower = SlowerSpatialRobot if isinstance(robot, SpatialRobot) else SlowerRobot
+    try:
+        return slower(robot, SAMPLE_PERIOD)
+    except InputError as error:
         robot.close()
-        raise SettingError(
-            "robot", settings.robot, f"has a sample period of {period} s: a session exchanges every {SAMPLE_PERIOD:g} s"
-        )
-    return robot
+        raise SettingError("robot", settings.robot, f"has {error}") from None
