@@ -1,4 +1,4 @@
-"""Make the small files that the page on calibration uses, in `docs/examples`: poses, presses on a block and a spring.
+"""Make the small files that the pages on calibration use, in `docs/examples`: poses, presses on a block and a spring.
 
 They are simulated, with known truth: the numbers below. Usage: `.venv/bin/python docs/make_calibration_examples.py`.
 """
@@ -8,6 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from measure_arms import Standing
 from scipy.spatial.transform import Rotation
 
 from foretouch.quantities import ToolLoad
@@ -42,13 +43,21 @@ WRIST_PIECE, TOUCHING = 1, 9
 """Which simulated sensor it is, and the pose in which the end of the tool, 0.2 m away, touches something."""
 
 
+FLANGE_COLUMNS = "pose,fx_N,fy_N,fz_N,tx_Nm,ty_Nm,tz_Nm,rx_rad,ry_rad,rz_rad"
+
+
+def flange_row(number: int, wrench: np.ndarray, turn: Rotation) -> str:
+    """A row of a pose: the load on the sensor, and how the flange is turned."""
+    return ",".join([str(number), *(f"{value:.5f}" for value in (*wrench, *turn.as_rotvec()))])
+
+
 def wrist() -> str:
     """Twelve poses of an arm's flange, three rows each, with a wrist's sensor that is turned by a quarter."""
     sensor, random = WristSensor(1e-3, seed=4, piece=WRIST_PIECE), np.random.default_rng(4)
     turns = [Rotation.from_euler("xyz", angles, degrees=True) for angles in ((180, 0, 0), (0, 0, 0), (90, 0, 0))]
     turns += [Rotation.from_euler("xyz", angles, degrees=True) for angles in ((-90, 0, 0), (0, 90, 0), (0, -90, 0))]
     turns += list(Rotation.random(6, rng=random))
-    rows = ["pose,fx_N,fy_N,fz_N,tx_Nm,ty_Nm,tz_Nm,rx_rad,ry_rad,rz_rad"]
+    rows = [FLANGE_COLUMNS]
     for number, turn in enumerate(turns, 1):
         load = WRIST_TOOL.wrench(turn.as_matrix())
         if number == TOUCHING:
@@ -56,8 +65,16 @@ def wrist() -> str:
             load = load + np.concatenate((touch, np.cross((0.0, 0.0, 0.2), touch)))
         sensor.settle(-load)
         for _ in range(3):
-            values = (*sensor.read(), *turn.as_rotvec())
-            rows.append(",".join([str(number), *(f"{value:.5f}" for value in values)]))
+            rows.append(flange_row(number, sensor.read(), turn))
+    return "\n".join(rows) + "\n"
+
+
+def fr3() -> str:
+    """Twelve poses of the simulated FR3, three rows each, with the sensor and the tool that it has in a session."""
+    arm, rows = Standing("fr3", 4), [FLANGE_COLUMNS]
+    for number in range(1, 13):
+        matrix, shown = arm.pose()
+        rows += [flange_row(number, wrench, Rotation.from_matrix(matrix)) for wrench in shown[:3]]
     return "\n".join(rows) + "\n"
 
 
@@ -81,6 +98,7 @@ def main() -> None:
     swing = 0.5 - 0.5 * np.cos(2.0 * np.pi * time)
     (FOLDER / "poses.csv").write_text(poses())
     (FOLDER / "wrist.csv").write_text(wrist())
+    (FOLDER / "fr3.csv").write_text(fr3())
     (FOLDER / "block.csv").write_text(press(-2e-4 + 2.3e-4 * swing, 400e3, time, 2))
     quick = 0.5 - 0.5 * np.cos(5.0 * np.pi * time)
     (FOLDER / "spring.csv").write_text(press(-1e-3 + 6e-3 * quick, 3e3, time, 3))

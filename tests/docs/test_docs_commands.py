@@ -236,11 +236,12 @@ def samples(tmp_path_factory: pytest.TempPathFactory) -> Path:
     columns = write_press(folder / "press.csv")
     pyarrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
     parquet.write_table(pyarrow.table(columns), folder / "press.parquet")
-    for name in ("poses.csv", "wrist.csv", "block.csv", "spring.csv", "lever.toml"):
+    for name in ("poses.csv", "wrist.csv", "fr3.csv", "block.csv", "spring.csv", "lever.toml"):
         shutil.copy(ROOT / "docs" / "examples" / name, folder)
     write_foreign_press(folder, columns)
     run(["recordings", "convert", str(folder / "press.csv"), str(folder / "press.mcap")])
-    run(["calibrate", "sensor", str(folder / "poses.csv"), "--output", str(folder / "sensor.toml")])
+    for poses, file in (("poses.csv", "sensor.toml"), ("fr3.csv", "fr3.toml")):
+        run(["calibrate", "sensor", str(folder / poses), "--output", str(folder / file)])
     run(["simulate", "--duration", "2.5", "--material", "hunt-crossley", "--recording", str(folder / "session.mcap")])
     return folder
 
@@ -445,9 +446,9 @@ def test_the_sides_run_one_by_one(
         monkeypatch.setenv("FORETOUCH_KEYS", str(tmp_path / "keys"))
         for words in (["init"], ["issue", "leader"], ["issue", "follower"], ["issue", "watcher"]):
             run(["keys", *words])
-    if "sensor.toml" in lap["follower"]:
-        poses = ROOT / "docs" / "examples" / "poses.csv"
-        run(["calibrate", "sensor", str(poses), "--output", str(tmp_path / "sensor.toml")])
+    if "fr3.toml" in lap["follower"]:
+        poses = ROOT / "docs" / "examples" / "fr3.csv"
+        run(["calibrate", "sensor", str(poses), "--output", str(tmp_path / "fr3.toml")])
     follower = without(on_this_machine(lap["follower"], kind, ports), "--duration")
     leader = lasting(1.5)(on_this_machine(lap["leader"], kind, ports))
     recorder = on_this_machine(lap["record"], kind, ports)

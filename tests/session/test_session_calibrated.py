@@ -16,9 +16,9 @@ from foretouch.errors import RecordingError, SettingError
 from foretouch.messages import SessionLog, Status
 from foretouch.quantities import SensorCalibration
 from foretouch.recordings import write_calibration
-from foretouch.robot import MovedRobot, Robot, RobotSample, SpatialSample, make_robot
+from foretouch.robot import MovedRobot, Robot, RobotSample, SpatialSample, WrappedSpatialRobot, make_robot
 from foretouch.session import SessionSettings, make_operator, simulate
-from foretouch.session.runners.driven import Tick
+from foretouch.session.runners.driven import Tick, drive_follower
 from foretouch.session.runners.shadow import Shadow
 from foretouch.session.settings import shadow_settings
 from foretouch.session.spatial import make_scene, make_spatial_robot
@@ -120,6 +120,46 @@ def test_a_follower_that_begins_in_contact_knows_what_it_presses_with(tmp_path: 
         result[bool(path)] = log.follower["force"][20] / log.follower["exact_force"][20]
     assert result[True] == pytest.approx(1.0, abs=0.1)
     assert result[False] < 0.2  # taken for the sensor's offset
+
+
+class Hardware(Mounted):
+    """The same, which does not know what it touches."""
+
+    def _seen(self, sample: RobotSample) -> RobotSample:
+        return super()._seen(sample)._replace(exact_force=math.nan, exact_position=math.nan)
+
+
+def test_a_zero_that_is_wrong_is_refused_where_nothing_can_be_touched(tmp_path: Path) -> None:
+    wrong = SessionSettings(calibration=calibration(tmp_path, **bias(0.8, 0.0)))
+    with pytest.raises(
+        SettingError, match=r"sensor.toml': leaves 0.8\d? N at the start, in free air, where at most 0.5 N may"
+    ):
+        drive_follower(Mounted("hunt-crossley"), wrong, 1)
+    drive_follower(Hardware("hunt-crossley"), wrong, 1)  # it may begin in contact
+    for seed in range(20):  # it may have drifted
+        settings = replace(wrong, calibration=calibration(tmp_path, **bias(0.4, 0.0)), seed=seed)
+        drive_follower(Mounted("hunt-crossley"), settings, 1)
+
+
+class Shifted(WrappedSpatialRobot):
+    """Its sensor shows 2.5 N more."""
+
+    def read(self) -> SpatialSample:
+        sample = self.robot.read()
+        return sample._replace(force=(sample.force[0] + 2.5, *sample.force[1:]))
+
+    def exchange(self, desired_position: Any) -> SpatialSample:
+        self.robot.exchange(desired_position)
+        return self.read()
+
+
+def test_in_space_more_than_the_bias_is_refused(tmp_path: Path) -> None:
+    known = calibration(tmp_path, force_bias=(0.0, 0.0, 0.4), tool_mass=0.1)
+    settings = SessionSettings(scene="plane", calibration=known)
+    robot = make_spatial_robot(settings, make_scene("plane"))
+    drive_follower(robot, settings, 1)
+    with pytest.raises(SettingError, match=r"leaves 2.\d N at the start, in free air, where at most 0.55 N may"):
+        drive_follower(Shifted(robot), settings, 1)
 
 
 @pytest.mark.long

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import importlib.util
+import json
+import subprocess
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -15,10 +17,13 @@ from scipy.spatial.transform import Rotation
 
 from foretouch.cli.app import app
 from foretouch.errors import SettingError
+from foretouch.identification import fit_tool_load
 from foretouch.quantities import SensorCalibration
 from foretouch.recordings import read_calibration, write_calibration
 from foretouch.robot import ArticulatedArm, read_arm
+from foretouch.robot.arms.sensing.wrist_sensor import WristSensor
 from foretouch.session import SessionSettings, make_session_robot, session_calibration, simulate
+from foretouch.session.runners.driven import drive_follower
 from foretouch.session.steps.sensing import calibrated, calibrated_arm
 
 pytest.importorskip("mujoco")
@@ -189,3 +194,84 @@ def test_what_gives_way_behind_the_tip_of_an_arm_without_a_sensor_is_used(tmp_pa
     path = tmp_path / "block.toml"
     write_calibration(path, SensorCalibration(series_stiffness=20e3))
     assert calibrated_arm(SessionSettings(robot="so101", calibration=str(path))).tool is None
+
+
+# --- the file belongs to the sensor -----------------------------------------------------------------------------------
+
+SENSOR = WristSensor(1e-3, seed=0)
+"""That of an arm in a session, of which bias and drift count here."""
+
+
+def test_the_example_of_the_page_touches_and_predicts(tmp_path: Path) -> None:
+    path = tmp_path / "fr3.toml"
+    assert foretouch("calibrate", "sensor", DOCS / "examples" / "fr3.csv", "--output", path).exit_code == 0
+    for name in ARMS:
+        answer = foretouch("simulate", "--robot", name, "--calibration", path, "--duration", "8", "--json")
+        assert answer.exit_code == 0, answer.output
+        report = json.loads(answer.stdout)
+        assert report["contact_force_rms_N"] > 1.5
+        assert report["prediction_error_percent"] < 0.5 * report["delayed_force_error_percent"]
+
+
+@pytest.mark.parametrize("where", [("--robot", "fr3"), ("--robot", "ur5e", "--scene", "hill"), ()], ids=str)
+def test_the_file_of_another_sensor_is_one_line_and_leaves_nothing(where: tuple[str, ...], tmp_path: Path) -> None:
+    path, recording = tmp_path / "sensor.toml", tmp_path / "session.mcap"
+    foretouch("calibrate", "sensor", DOCS / "examples" / "poses.csv", "--output", path)
+    words = ["simulate", *where, "--calibration", path, "--recording", recording, "--report", tmp_path / "out"]
+    done = subprocess.run([sys.executable, "-m", "foretouch", *map(str, words)], capture_output=True, text=True)
+    assert done.returncode == 2
+    (line,) = [one for one in done.stderr.splitlines() if not one.startswith("compiling")]
+    assert line.startswith(f"foretouch: --calibration = '{path}': leaves ")
+    assert line.endswith("calibrate again (foretouch calibrate sensor)")
+    assert ("N m about the tip" in line) == bool(where)
+    assert not recording.exists()
+    assert not list((tmp_path / "out").iterdir())
+
+
+def begin(path: Path, name: str, load: Any, seed: int, *, wrench: Any = (0.0,) * 6, mass: float = 0.0) -> None:
+    """Begin a session with this calibration, whose bias is wrong by a wrench, and whose tool by a mass."""
+    off = np.asarray(load.bias) + wrench
+    known: dict[str, Any] = {"force_bias": tuple(off[:3].tolist()), "torque_bias": tuple(off[3:].tolist())}
+    known |= {"tool_mass": load.mass + mass, "centre_of_mass": load.centre_of_mass, "sensor_turn": load.sensor_turn}
+    write_calibration(path, SensorCalibration(**known))
+    settings = SessionSettings(robot=name, calibration=str(path), seed=seed)
+    drive_follower(make_session_robot(settings)[0], settings, 1)
+
+
+def found(measuring: Any, name: str, seed: int) -> Any:
+    """A calibration in twelve poses, of three rows each."""
+    matrices, shown = zip(
+        *[(matrix, rows[:3].mean(axis=0)) for matrix, rows in poses(measuring, name, seed)], strict=True
+    )
+    down, wrench = -np.array(matrices)[:, 2, :], np.array(shown)
+    return fit_tool_load(down, wrench[:, :3], wrench[:, 3:]).load
+
+
+def poses(measuring: Any, name: str, seed: int) -> list[Any]:
+    standing = measuring.Standing(name, 500 + seed)
+    return [standing.pose() for _ in range(12)]
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_a_right_file_is_never_refused(measuring: Any, tmp_path: Path, name: str) -> None:
+    """With other poses and other noise each time; nor is one that was made when the sensor was warm, and cold it is."""
+    for seed in range(20):
+        load = found(measuring, name, seed)
+        for warm in (0.0, 1.0):
+            begin(tmp_path / "wrist.toml", name, load, seed, wrench=warm * SENSOR.drift)
+
+
+WRONG: dict[str, Any] = {
+    "force": {"wrench": (0.0, 0.0, 0.5, 0.0, 0.0, 0.0)},
+    "mass": {"mass": 0.05},
+    "across": {"wrench": (0.3, 0.0, 0.0, 0.0, 0.0, 0.0)},
+    "torque": {"wrench": (0.0, 0.0, 0.0, 0.05, 0.0, 0.0)},
+}
+
+
+@pytest.mark.parametrize("what", WRONG)
+def test_an_error_with_which_it_would_not_press_is_refused(measuring: Any, tmp_path: Path, what: str) -> None:
+    load = found(measuring, "fr3", 0)
+    for seed in range(5):
+        with pytest.raises(SettingError, match=r"wrist.toml': leaves .* at the start, in free air, where"):
+            begin(tmp_path / "wrist.toml", "fr3", load, seed, **WRONG[what])

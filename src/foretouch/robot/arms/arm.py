@@ -263,6 +263,16 @@ class ArticulatedArm(SpatialRobot):
         return SpatialSample(seen, felt, self._contact, self._place, fixture, *flags, joints)
 
 
+def left_in_free_air(arm: ArticulatedArm) -> tuple[float, float, float]:
+    """What is left at a sensor at the wrist while nothing is touched: force [N], torque about the tip, its most [N m].
+
+    See `foretouch.robot.arms.sensing.wrist.left_in_free_air`.
+    """
+    from foretouch.robot.arms.sensing.wrist import left_in_free_air
+
+    return left_in_free_air(arm._sensing)
+
+
 def _tip_speed(body: Body) -> float:
     """Largest speed of the tip [m/s] that no joint is too slow for, along any axis of the scene, with the tool held."""
     limits, along = body.limits(), np.linalg.pinv(body.jacobian)[:, :3]

@@ -14,10 +14,12 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from foretouch.devices import Device, SpatialDevice
+from foretouch.errors import SettingError
 from foretouch.link import Faults, FaultStage
 from foretouch.messages import FixtureBelief, Handle, Message
 from foretouch.quantities.pose import Vector, add, scaled
 from foretouch.robot import Robot, SpatialRobot
+from foretouch.session.free_air import misfit
 from foretouch.session.network.playout import Arrival
 from foretouch.session.operators import felt_device
 from foretouch.session.runners.loop_timer import let_pass
@@ -97,6 +99,10 @@ class DrivenFollower(Driven):
         run: Number of this process.
         probe: The probe in three dimensions; None for one along a line.
 
+    Raises:
+        RecordingError: The file of the settings' calibration cannot be read, or is none.
+        SettingError: The calibration does not fit this robot, or its sensor.
+
     Attributes:
         state: State of the follower along the line or the normal.
         sample: Newest sample of the robot.
@@ -110,6 +116,8 @@ class DrivenFollower(Driven):
         super().__init__(settings.command_faults)
         self._robot = framed_robot(robot, settings.follower_frame)
         self.state = follower.start(self._robot.specification, settings, run=run, probe=probe)
+        if rule := misfit(self._robot, self.state, settings):
+            raise SettingError("calibration", settings.calibration, rule)
         self._back = settings.return_speed * SAMPLE_PERIOD
         self.beliefs: list[FixtureBelief] = []
         self.sample = self._robot.read()

@@ -13,7 +13,7 @@ from foretouch.quantities import SENSOR, TIP, ToolLoad
 from foretouch.quantities.pose import rotation_of
 from foretouch.robot.arms.body import Body
 from foretouch.robot.arms.description import PROBE_RADIUS
-from foretouch.robot.arms.sensing.tip_contact import TipContact, TipSensing, Touching
+from foretouch.robot.arms.sensing.tip_contact import SURE, TipContact, TipSensing, Touching
 from foretouch.robot.arms.sensing.wrist_sensor import WristSensor
 from foretouch.robot.engine import OFFSET_UNCERTAINTY
 
@@ -157,3 +157,24 @@ class WristForce:
         rotation = self._body.sensor_rotation
         self._take_off(self._tool, shown, self._zero, rotation, self._wrench, self.force)
         return self._wrench
+
+
+def left_in_free_air(sensing: WristForce) -> tuple[float, float, float]:
+    r"""What bias and tool leave while nothing is touched: force [N], torque about the tip, and its most [N m].
+
+    It is the mean of as many samples as an uncalibrated bias is; the sensor is read, and no time passes. With a torque
+    beyond
+
+    .. math:: 5 \sqrt{\sigma_t^2 + |c|^2 \sigma_f^2} - \sqrt{n_t^2 + |c|^2 n_f^2}
+
+    a light contact at the tip, c from the sensor, would be taken for one beside it (`TipSensing`): sigma is what no
+    zero takes off, and n the noise of a sample, of which one standard deviation is left room for.
+    """
+    shown = [sensing._contact_of(sensing._sensor.read()).copy() for _ in range(ZEROED_BY)]
+    force, torque = np.split(np.mean(shown, axis=0), 2)
+    model, along = sensing._body.model, np.reshape(sensing._tool["turn"], (3, 3))[:, 2]
+    lever = float(model.site(TIP).pos[2] - model.site(SENSOR).pos[2])
+    noise, torque_noise = sensing._sensor.kind.noise
+    most = SURE * math.hypot(TORQUE_LEFT, lever * FORCE_LEFT) - math.hypot(torque_noise, lever * noise)
+    left = np.linalg.norm(torque - np.cross(lever * along, force))
+    return float(np.linalg.norm(force)), float(left), most
