@@ -23,7 +23,7 @@ class AlongLine(Robot):
     """
 
     def __init__(self, arm: Any, origin: Vector = (0.0, 0.0, 0.0)) -> None:
-        self.arm, self._origin, self._position = arm, origin, 0.0
+        self.arm, self._origin, self._position = arm, origin, math.nan  # which an arm leaves out
         (_, _, low), (_, _, high) = arm.reach
         self.specification = replace(arm.specification, workspace=(origin[2] - high, origin[2] - low))
 
@@ -55,6 +55,4 @@ class AlongLine(Robot):
     def _along(self, sample: SpatialSample) -> RobotSample:
         felt, exact, z = sample.force[2], sample.exact_force[2], self._origin[2]
         places = z - sample.place[2], z - sample.exact_place[2], z - self.arm.commanded[2]
-        return RobotSample(
-            places[0], felt, 0.0, exact, places[1], places[2], sample.clipped, math.nan, sample.held
-        )
+        return RobotSample(places[0], felt, 0.0, exact, places[1], places[2], sample.clipped, math.nan, sample.held)

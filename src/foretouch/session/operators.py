@@ -22,7 +22,7 @@ from foretouch.devices import (
     ScriptedOperator,
     SpatialDevice,
 )
-from foretouch.errors import SettingError, UnknownNameError, printable
+from foretouch.errors import InputError, SettingError, UnknownNameError, printable
 from foretouch.errors.checks import NUMBER, require_type
 from foretouch.plugins import make_plugin
 from foretouch.quantities import Frame
@@ -37,6 +37,7 @@ from foretouch.robot import (
     WrappedSpatialRobot,
     make_material,
 )
+from foretouch.robot.drivers import SlowerRobot, SlowerSpatialRobot
 from foretouch.session.settings import ROBOTS, SAMPLE_PERIOD, SessionSettings
 from foretouch.session.workspace import FramedRobot, device_inside, framed_device, framed_robot, inverse
 from foretouch.settings import ARM_ENDING, NO_GRIP, is_simulated

@@ -9,12 +9,11 @@ from collections.abc import Callable
 from foretouch.errors import ForetouchError, InputError, one_line
 from foretouch.robot.along_line import AlongLine
 from foretouch.robot.drivers.arm_link import ArmLink, ArmState
-from foretouch.robot.drivers.slower import SlowerRobot, SlowerSpatialRobot
-from foretouch.robot.robot import AnyRobot, SpatialRobot, SpatialSample, Vector
+from foretouch.robot.robot import SpatialRobot, SpatialSample, Vector
 
 FASTEST = 0.25
-"""Speed at which an arm is commanded at most [m/s], the one of ISO 10218-1 for people beside it. A session asks for
-less; this holds where a robot begins again elsewhere than it was told to be."""
+"""Speed at which an arm is commanded at most [m/s], as ISO 10218-1 has it for people beside it, and as a session does.
+Here it holds where an arm begins again elsewhere than it was told to be."""
 
 SILENT, PERIODS = 0.02, 5.0
 """An arm that has said nothing for so long [s], and for so many of its periods, shows no force any more: the sensors of
@@ -59,6 +58,7 @@ class DrivenArm(SpatialRobot):
         self._step = FASTEST * link.specification.sample_period
         self._state = self._first()
         self.commanded = self._state.place
+        self._wanted: Vector | None = None  # one that only watches is not commanded
         self._sample = self._seen()
 
     def _first(self) -> ArmState:
@@ -104,10 +104,12 @@ class DrivenArm(SpatialRobot):
                 f"{self.link.name}: it has said nothing for {LOST:g} s{reason}: see that it stands still and unloaded, "
                 "connect it and begin again"
             )
+        if is_place(desired):
+            self._wanted = desired
         if self._refuses:
             self.commanded = self._state.place
-        elif is_place(desired):
-            self._go(desired)
+        elif self._wanted is not None:
+            self._go(self._wanted)
         self._sample = self._seen()
         return self._sample
 
@@ -169,7 +171,7 @@ def _within(values: object, largest: float) -> bool:
     return all(isinstance(value, int | float) and abs(value) <= largest for value in values)
 
 
-def arm_robot(link: ArmLink, *, in_space: bool) -> AnyRobot:  # type: ignore[type-arg]
+def arm_robot(link: ArmLink, *, in_space: bool) -> DrivenArm | AlongLine:
     """A robot for a session in space, or along the vertical through where the tip is now.
 
     Args:

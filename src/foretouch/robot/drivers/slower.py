@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import dataclasses
+from typing import Any
 
 from foretouch.errors import InputError
 from foretouch.robot.robot import Place, Robot, RobotSample, Sample, SpatialRobot, SpatialSample, Wrapped
@@ -65,8 +64,8 @@ def ticks_of(period: float, tick: float) -> int:
     Raises:
         InputError: It is no whole number, or longer than 5 ms.
     """
-    ticks = round(period / tick)
-    if not (1 <= ticks and period <= SLOWEST + 1e-9 and abs(ticks * tick - period) < 1e-9):
+    ticks = round(period / tick) if tick <= period <= SLOWEST else 0  # as for what is no number
+    if ticks == 0 or abs(ticks * tick - period) > 1e-9:
         raise InputError(
             f"a sample period of {period:g} s: a session exchanges every {tick:g} s, and takes a robot of 1 kHz, 500, "
             "250 or 200 Hz: sample_period = 0.001, 0.002, 0.004 or 0.005"
