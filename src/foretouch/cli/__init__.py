@@ -43,7 +43,8 @@ def main() -> None:
         except SideError as error:
             import traceback
 
-            traceback.print_exception(error.__cause__)  # for the author of a driver
+            if not isinstance(error.__cause__, ForetouchError):
+                traceback.print_exception(error.__cause__)  # for the author of a driver
             sys.stderr.write(f"foretouch: {error}\n")
             sys.exit(1)
         except ForetouchError as error:

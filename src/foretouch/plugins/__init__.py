@@ -20,6 +20,7 @@ __all__ = [
     "all_plugins",
     "load_plugin",
     "make_plugin",
+    "named_at",
     "plugin_names",
     "plugins_named",
     "problem_of",
@@ -83,9 +84,16 @@ def plugins_named(kind: str, name: str) -> tuple[Plugin, ...]:
 
     Args:
         kind: One of `GROUPS`.
-        name: As on the command line.
+        name: As on the command line, also with an address: ``NAME@ADDRESS``.
     """
-    return tuple(one for one in all_plugins() if (one.kind, one.name) == (kind, name))
+    own, _ = named_at(name)
+    return tuple(one for one in all_plugins() if (one.kind, one.name) == (kind, own))
+
+
+def named_at(name: str) -> tuple[str, str]:
+    """A plug-in's name and the address behind it, from ``NAME@ADDRESS``; without one, the address is empty."""
+    own, _, address = name.partition("@")
+    return own, address
 
 
 def plugin_names(kind: str) -> tuple[str, ...]:

@@ -22,7 +22,7 @@ from foretouch.devices import (
     ScriptedOperator,
     SpatialDevice,
 )
-from foretouch.errors import SettingError, UnknownNameError, printable
+from foretouch.errors import InputError, SettingError, UnknownNameError, printable
 from foretouch.errors.checks import NUMBER, require_type
 from foretouch.plugins import make_plugin
 from foretouch.quantities import Frame
@@ -37,6 +37,7 @@ from foretouch.robot import (
     WrappedSpatialRobot,
     make_material,
 )
+from foretouch.robot.drivers import SlowerRobot, SlowerSpatialRobot
 from foretouch.session.settings import ROBOTS, SAMPLE_PERIOD, SessionSettings
 from foretouch.session.workspace import FramedRobot, device_inside, framed_device, framed_robot, inverse
 from foretouch.settings import ARM_ENDING, NO_GRIP, is_simulated
@@ -330,10 +331,11 @@ def foreign_robot(settings: SessionSettings) -> Any:
     if robot is None:
         raise UnknownNameError("robot", settings.robot, (*settings.robots(), f"FILE{ARM_ENDING}"))
     require_axes("robot", robot, settings.robot, settings)
-    period = getattr(getattr(robot, "specification", None), "sample_period", None)
-    if period != SAMPLE_PERIOD:
+    if robot.specification.sample_period == SAMPLE_PERIOD:
+        return robot
+    slower = SlowerSpatialRobot if isinstance(robot, SpatialRobot) else SlowerRobot
+    try:
+        return slower(robot, SAMPLE_PERIOD)
+    except InputError as error:
         robot.close()
-        raise SettingError(
-            "robot", settings.robot, f"has a sample period of {period} s: a session exchanges every {SAMPLE_PERIOD:g} s"
-        )
-    return robot
+        raise SettingError("robot", settings.robot, f"has {error}") from None

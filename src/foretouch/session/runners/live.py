@@ -11,7 +11,7 @@ from functools import partial
 from typing import Any
 
 from foretouch.devices import Device, SpatialDevice
-from foretouch.errors import SideError
+from foretouch.errors import ForetouchError, SideError
 from foretouch.identification import Estimator
 from foretouch.link import ASKING_PERIOD_NS, FaultStage, ZenohLink, new_press
 from foretouch.messages import COUNT_PREFIX, PROCESS, SIDES, SINCE, VERSION, EmergencyStop, Message, Status
@@ -84,7 +84,8 @@ def ended_in_order(house: Housekeeper, stop: StopFlag) -> Iterator[None]:
     try:
         yield
     except Exception as error:
-        failed = SideError(f"the {house.role} failed: {type(error).__name__}: {error}")
+        said = str(error) if isinstance(error, ForetouchError) else f"{type(error).__name__}: {error}"
+        failed = SideError(f"the {house.role} failed: {said}")
         stop.set(str(failed))
         raise failed from error
     else:
