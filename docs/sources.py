@@ -129,13 +129,14 @@ class Sources:
 
         Args:
             roots: Each ``module:name``, or ``module`` for all of it, or ``package.*`` for all modules of a package.
-            ignored: Modules and packages that are not followed from others; as roots they are.
+            ignored: Modules and packages that are not followed from others; as roots they are. A definition of one,
+                ``module:name``, is not followed from anywhere.
 
         Raises:
             LookupError: There is no such root.
         """
         waiting = [definition for root in roots for definition in self._root(root)]
-        left_out = tuple(f"{one}." for one in ignored)
+        left_out, alone = tuple(f"{one}." for one in ignored), {tuple(one.split(":")) for one in ignored if ":" in one}
         found: dict[Definition, str] = {}
         while waiting:
             definition = waiting.pop()
@@ -145,7 +146,9 @@ class Sources:
             assert module is not None  # only such are resolved to
             found[definition] = module.digest(definition[1])
             for one in self.uses(definition):
-                if one not in found and (one[0] == definition[0] or not f"{one[0]}.".startswith(left_out)):
+                if one in found or one in alone:
+                    continue
+                if one[0] == definition[0] or not f"{one[0]}.".startswith(left_out):
                     waiting.append(one)
         return found
 
