@@ -18,8 +18,7 @@ import foretouch.robot.drivers
 from foretouch.errors import InputError, SettingError
 from foretouch.robot import SpatialRobot
 from foretouch.robot.drivers import LostArmError
-from foretouch.robot.drivers.datagrams import AT, GO, HELLO, LENGTHS, WHO, Head, pack, unpack
-from foretouch.robot.drivers.udp import make_udp
+from foretouch.robot.drivers.udp import AT, GO, HELLO, LENGTHS, WHO, Head, make_udp, pack, unpack
 
 HEADER = Path(foretouch.robot.drivers.__path__[0])
 SOURCE = Path(__file__).parents[2] / "examples" / "udp_robot" / "robot.cpp"

@@ -1,4 +1,4 @@
-// A robot's end of foretouch over UDP, in C++17, for POSIX systems. Byte by byte it is described in datagrams.py.
+// A robot's end of foretouch over UDP, in C++17, for POSIX systems. Byte by byte it is described in udp.py.
 //
 //     foretouch::RobotEnd end(47100, {0.001, 15.0, 1e-6, 0.02, 500.0, 60.0, 4.3, {-0.1, -0.1, -0.05}, {0.1, 0.1, 0.1}});
 //     for (;;) {                                       // the robot's own loop paces, here once a millisecond
