@@ -21,7 +21,7 @@ Key = tuple[str, str]
 IGNORED = (
     # what only says, shows or refuses
     *("measured_blocks", "foretouch.console", "foretouch.errors", "foretouch.plugins", "foretouch.ros2"),
-    "foretouch.core.compiling",
+    *("foretouch.core.compiling", "foretouch.session.latency", "foretouch.report.sections.latency"),
     *(f"foretouch.files.{name}" for name in ("budget", "children", "toml", "within")),
     "foretouch.robot.arms.meshes",
     *(f"foretouch.cli.{name}" for name in ("app", "options", "progress")),

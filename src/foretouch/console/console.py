@@ -313,6 +313,7 @@ class Console:
         depth, ahead = self._picture.depth(shown), self._picture.ahead
         panel.forces.write(numbers_html(shown, window, other, depth=depth, status=status, warnings=notes, ahead=ahead))
         panel.network.draw(window, shown.loss_trace(SECONDS, now))
+        panel.network.show_stages(now, shown.rows, shown.settings)
         panel.energy.draw(window)
         lines = () if shown.model is None else describe(shown.model)
         panel.models.draw(shown.model_trace(SECONDS), shown.model_depth, lines)

@@ -30,8 +30,11 @@ CONTACT_FLOOR = 0.05
 LARGEST_GAP = 50  # Commands in a row without a true force that a line may bridge
 KNOWN = ("delayed_force", "standard_deviation", "rendered_force", "energy", "energy_bound", "late_energy")
 """Columns of a leader's tick that stay as they are."""
-LEADER = ("sequence", "time_ns", "position", "predicted_force", "telemetry_sequence", "epoch", *KNOWN)
-FOLLOWER = ("sequence", "position", "command_sequence", "force", "status", "epoch", "run")
+LEADER = ("sequence", "time_ns", "position", "predicted_force", "telemetry_sequence", "epoch", "compute_ns", *KNOWN)
+FOLLOWER = (
+    *("sequence", "time_ns", "position", "command_sequence", "force", "status", "epoch", "run"),
+    *("sensor_force", "exact_force", "model_sequence"),
+)
 """Fields of both sides' ticks that are kept."""
 
 
@@ -252,16 +255,20 @@ class History:
         known = telemetry_sequence > 0 and row["sequence"] == telemetry_sequence
         return float(row["position"]) if known else NAN
 
-    def window(self, seconds: float = 6.0, points: int = 400, newest: int = 0) -> Window:
-        """The seconds before the leader's newest tick, or another, always the same ticks while they stay within."""
+    def rows(self, newest: int = 0) -> tuple[Rows, Rows]:
+        """Ticks of the leader up to its newest, or another, and of the follower, the oldest first."""
         newest = newest or self._newest
         sequence = np.arange(max(1, newest - self._length + 2), newest + 1)
         here = self._leader["sequence"][sequence % self._length] == sequence
-        leader = _taken(self._leader, sequence[here] % self._length)
+        oldest_first = (np.arange(self._length) + self._newest_telemetry + 1) % self._length
+        there = oldest_first[self._follower["sequence"][oldest_first] > 0]
+        return _taken(self._leader, sequence[here] % self._length), _taken(self._follower, there)
+
+    def window(self, seconds: float = 6.0, points: int = 400, newest: int = 0) -> Window:
+        """The seconds before the leader's newest tick, or another, always the same ticks while they stay within."""
+        leader, follower = self.rows(newest)
         if not len(leader):
             return empty_window()
-        oldest_first = (np.arange(self._length) + self._newest_telemetry + 1) % self._length
-        follower = _taken(self._follower, oldest_first[self._follower["sequence"][oldest_first] > 0])
         columns = columns_of(leader, follower, "force")
         return window_of(leader["sequence"], columns, float(columns[-1, 0]), seconds, points)
 

@@ -18,6 +18,7 @@ from foretouch.console.space_state import RecordedSpace
 from foretouch.console.watched import Watched
 from foretouch.errors import ForetouchError, RecordingError, one_line
 from foretouch.messages import SessionLog, settings_at
+from foretouch.quantities import Rows
 
 TOLERANCE = 1e-6  # A tick counts as being at a moment that is at most this much before it [s]
 
@@ -97,6 +98,10 @@ class Playback(Watched):
             return empty_window()
         columns = self._columns[part]
         return window_of(self._leader["sequence"][part], columns, float(columns[-1, 0]), seconds, 400)
+
+    def rows(self) -> tuple[Rows, Rows]:
+        """Ticks of the leader and the follower in the whole recording."""
+        return self._leader, self._follower
 
     def loss_trace(self, seconds: float, now: float) -> LossTrace:
         """Nothing: a recording has its losses in all, and not over time."""

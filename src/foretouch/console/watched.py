@@ -12,6 +12,7 @@ from foretouch.console.models_seen import ModelsSeen, ModelTrace
 from foretouch.console.space_state import SpaceState
 from foretouch.devices import GRIPS, INTENDED_FORCE
 from foretouch.messages import Hello, LeaderSpace, LeaderState, Message, ModelUpdate, Telemetry
+from foretouch.quantities import Rows
 from foretouch.rendering.limits import LEAST_FORCE, OWED, REDUCED_BELOW, UNPAID, Withheld, due_force
 from foretouch.settings import NO_BASELINE, NO_GRIP
 
@@ -144,6 +145,10 @@ class Watched:
     def loss_trace(self, seconds: float, now: float) -> LossTrace:
         """Losses of the last seconds before a moment [s]."""
         return self._losses.trace(now, seconds)
+
+    def rows(self) -> tuple[Rows, Rows]:
+        """Ticks of the leader and the follower, the last seconds of both, from which the stages of the loop follow."""
+        return self.history.rows(0 if self.leader is None else self.leader.sequence)
 
     @property
     def model_depth(self) -> float:

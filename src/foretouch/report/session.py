@@ -20,6 +20,7 @@ from foretouch.report.scores import Scores
 from foretouch.report.sections.hand import hand_figures
 from foretouch.report.sections.safety import contact_force, safety_figures, segment_figures
 from foretouch.report.sections.session import duration, loop_sentence, phase_figures, rendered_scores, scored
+from foretouch.session.latency import latency_figures
 from foretouch.settings import NO_BASELINE
 
 CONTACT_FLOOR = 0.05
@@ -86,6 +87,8 @@ def session_figures(
           counters behind them, with ``recorder_missed``, and ``truncated`` for a recording that was cut.
         - ``timing``: of each side ``period_ms`` and ``compute_us`` (``p50``, ``p99``, ``max``), ``late_ticks`` (longer
           than 1.5 ms) of ``ticks``, ``ticks_per_s`` reached, ``rate`` wanted; ``elapsed_s`` of a simulation.
+        - ``latency``: times of the loop's stages, their sum, and the loop as measured
+          (`foretouch.session.latency.latency_figures`).
         - ``operator``, ``loop``, ``baseline``, ``settings``: who moved the leader, whether the force moves a hand, the
           rendered baseline if any, and the settings as text.
 
@@ -163,6 +166,7 @@ def session_figures(
             "leader": _timing(log.leader, CHANNELS["command"].rate),
             "follower": _timing(log.follower, CHANNELS["telemetry"].rate),
         },
+        "latency": latency_figures(log.leader, log.follower, log.settings),
         "operator": log.settings.get("operator"),
         "loop": loop_sentence(log.settings),
         "baseline": setting(log.settings, "baseline", NO_BASELINE),

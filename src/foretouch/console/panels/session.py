@@ -19,10 +19,13 @@ from foretouch.console.plots import Curve, Row, TimePlot, by_person, handler, in
 from foretouch.console.sentences import NOTHING_LIVE
 from foretouch.devices import GRIPS, OPERATORS
 from foretouch.messages import VERSION, Message
+from foretouch.quantities import Rows
 from foretouch.quantities.colours import BLUE, GREY, INK, VERMILLION, css
 from foretouch.robot import MATERIALS
+from foretouch.session.latency import IN_THE_LOOP, latency_figures
 from foretouch.settings import NO_GRIP
 
+STAGED_EVERY = 3.0  # Time between two looks at the stages of the loop [s]
 LONGEST_DELAY = 2.0  # End of the sliders of delays [s]
 OWN = 2.0  # Time for which a slider that was moved stays as it is [s], until the session sends the new value too
 TRIP = Curve("Round trip: age of the answer", INK, 2.0)
@@ -55,6 +58,7 @@ class NetworkPanel:
         self._trip = TimePlot(gui, "Round trip as measured [ms]", (TRIP,), height=120)
         self._text = gui.add_html("")
         self._loss = TimePlot(gui, "Messages lost [%]", (THERE, BACK), height=120)
+        self._stages, self._staged = gui.add_html(""), -math.inf
 
     def put(self, faults: Mapping[str, float]) -> None:
         """Put sliders where the session is, without telling the session."""
@@ -78,9 +82,27 @@ class NetworkPanel:
             rows.append(Row(curve.name, number(_last(percent), "%", 1), curve))
         put(self._text, content=inset(table(rows)))
 
+    def show_stages(self, now: float, rows: Callable[[], tuple[Rows, Rows]], settings: Mapping[str, str]) -> None:
+        """Write where the time of the loop goes, every few seconds: it is the work of some milliseconds."""
+        if now - self._staged < STAGED_EVERY:
+            return
+        self._staged = now
+        found = latency_figures(*rows(), settings)
+        lines = [
+            Row(name.replace("_", " "), number(_or_nan(median), "ms", 1), more="" if name in IN_THE_LOOP else "beside")
+            for name, median in found["stages_ms"].items()
+        ]
+        lines.append(Row("sum", number(_or_nan(found["sum_ms"]), "ms", 1)))
+        lines.append(Row("loop, by the motion", number(_or_nan(found["loop_ms"]), "ms", 1)))
+        put(self._stages, content=inset("Where the time goes (medians)" + table(lines)))
+
     def _slid(self, event: Any) -> None:
         self._moved = time.monotonic()
         self._on_faults({name: float(slider.value) for name, slider in self._sliders.items()})
+
+
+def _or_nan(value: float | None) -> float:
+    return math.nan if value is None else value
 
 
 def _last(values: np.ndarray) -> float:
