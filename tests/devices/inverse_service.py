@@ -31,6 +31,7 @@ class Service:
         old: Whether it speaks as version 3.1 did.
 
     Attributes:
+        address: ``HOST:PORT`` where it listens.
         place: Of the handle [m].
         force: Newest force that it was given [N].
         forces: Every force that it was given [N].
@@ -53,16 +54,12 @@ class Service:
         self.status = {"calibrated": True, "in_use": False, "power_supply": True, "ready": True, "started": True}
         self.listed, self.lateness, self.says, self.scale = True, 0.0, "", 1.0
         self.buttons: dict[str, bool] = {}
-        self._begun = self._simulated = time.monotonic()
+        self._begun, self._simulated = math.inf, 0.0  # it begins when somebody comes
         self._clients: list[socket.socket] = []
         self._server = serve(self._client, "127.0.0.1", 0, compression=None, close_timeout=0.2)
+        self.address = "{}:{}".format(*self._server.socket.getsockname()[:2])
         self._thread = threading.Thread(target=self._server.serve_forever, daemon=True)
         self._thread.start()
-
-    @property
-    def address(self) -> str:
-        host, port = self._server.socket.getsockname()[:2]
-        return f"{host}:{port}"
 
     def die(self) -> None:
         """End as a process that is killed does: the connections break, and nobody listens any more."""
@@ -76,6 +73,8 @@ class Service:
 
     def _client(self, connection: Any) -> None:
         self._clients.append(connection.socket)
+        if self._begun == math.inf:
+            self._begun = self._simulated = time.monotonic()
         try:
             connection.send(self._message(inventory=True))
             for message in connection:

@@ -3,7 +3,7 @@
 Written after the maker's pages on the service, version 3.5 (*WebSocket Protocol*, *Control Commands*, *Basis
 Permutation* and *Mount & Workspace Transforms* of docs.haply.co); for services before it after the page of 3.1, and
 after public programs that talk to it. Tested against a stand-in of that service: **it has not been tried on a device**.
-`docs/plugins.md` says what to do at a first try.
+`docs/devices.md` says what to do at a first try.
 """
 
 from __future__ import annotations

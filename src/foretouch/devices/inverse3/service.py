@@ -23,7 +23,7 @@ NAME, ADDRESS = "inverse3", "127.0.0.1:10001"
 
 ASKED = 5e-4  # Time after which a state is asked for where no force is rendered [s]: so positions are new at each tick
 PATIENCE = 0.04  # Time without a `render` after which no force is sent [s]
-LATE, LOST = 0.005, 0.25
+LATE, LOST = 0.01, 0.25
 """Age of the newest position from which on none is shown, and from which on the device counts as lost [s]."""
 OPENING, ANSWERING = 1.0, 0.5  # Longest that the service takes to be found, and to answer at first [s]
 CLOSING = 0.2  # Longest that it takes to end [s]
@@ -231,7 +231,8 @@ class InverseService:
         self._lost = True
         self._newest = NOWHERE, -math.inf
         self._ended.set()
-        reason = self._problem or one_line(error) or "it does not answer"
+        silent = isinstance(error, TimeoutError)
+        reason = self._problem or ("it does not answer" if silent else f"the connection ended ({one_line(error)})")
         self._tell(
             f"{NAME}: lost the device at {self.address}: {reason}. The hand gets no force and counts as not moved: end "
             "the session, and begin again when the Haply Hub shows the device"
