@@ -89,8 +89,8 @@ class InverseService:
     """The connection to the service, kept by a thread of its own: no call from outside waits for it.
 
     The thread sends the force as soon as it is rendered, and asks for a state again half a tick later. Where nothing
-    has been rendered for 40 ms it sends no force; where the service is late it sends none after that, so that the
-    newest command is without force when the service goes on.
+    has been rendered for 40 ms, or no place of the hand is known, it sends no force; where the service is late it sends
+    none after that, so that the newest command is without force when the service goes on.
 
     Args:
         address: ``HOST:PORT`` of the service.
@@ -184,7 +184,7 @@ class InverseService:
     def _exchange(self) -> None:
         """One command, and the state that answers it; where that is late a command without force comes after it."""
         rendered = time.monotonic() - self._pushed_at <= PATIENCE
-        self._send(self._pushed if rendered else NO_FORCE)
+        self._send(self._pushed if rendered and self.place is not NOWHERE else NO_FORCE)
         try:
             self._take(LATE)
         except TimeoutError:
@@ -219,12 +219,11 @@ class InverseService:
             self._problem = f"the service has no device {self._id} any more"
             return
         cursor = device.state.cursor_position
-        if rule := _unready(device, ours=True) or ("" if cursor else "shows no position"):
+        place = NOWHERE if cursor is None else (cursor.x, cursor.y, cursor.z)
+        if rule := _unready(device, ours=True) or ("" if math.isfinite(sum(place)) else "shows no position"):
             self._problem = f"the device {rule}"
             return
-        place = cursor.x, cursor.y, cursor.z  # type: ignore[union-attr]
-        if math.isfinite(sum(place)):
-            self._newest, self._problem = (place, time.monotonic()), ""
+        self._newest, self._problem = (place, time.monotonic()), ""
         self.clutched = _pressed(answer.wireless_verse_grip)
 
     def _lose(self, error: Exception) -> None:
