@@ -28,7 +28,7 @@ from foretouch.devices.inverse3 import Inverse3, InverseService, SpatialInverse3
 from foretouch.devices.inverse3.service import LOST, PATIENCE
 from foretouch.errors import SettingError
 from foretouch.session import SessionSettings
-from foretouch.session.conformance import check_device, failed
+from foretouch.session.conformance import check_device, check_named, failed
 from foretouch.session.operators import felt_device, make_operator
 
 SPECIFICATION = DeviceSpecification(damping=2.0, force_limit=8.0)
@@ -314,6 +314,15 @@ def test_it_keeps_to_what_sessions_count_on() -> None:
             break
     assert failed(findings) == []
     assert {one.check for one in findings if one.passed is None} == {"sign of force"}
+
+
+@pytest.mark.live  # it is watched for some seconds
+def test_its_check_takes_an_address(plugged: Path, service: Service) -> None:
+    name = f"inverse3@{service.address}"
+    ((title, findings),) = check_named(name, kind="device").items()
+    assert title == f"device {name}"
+    assert {one.check: one.passed for one in findings}["name"] is True
+    assert service.heard
 
 
 def test_settings_make_it_along_a_line_and_in_a_scene(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
