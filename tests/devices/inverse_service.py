@@ -150,11 +150,11 @@ class Service:
         return json.dumps(answer)
 
 
-def presses(depth: float, period: float) -> Callable[[float], tuple[float, float, float]]:
-    """A hand that goes down to a depth [m] and up again, once a period [s], after one period in which it rests."""
+def presses(depth: float, period: float, rest: float = 0.0) -> Callable[[float], tuple[float, float, float]]:
+    """A hand that goes down to a depth [m] and up again, once a period [s], after a rest [s]."""
 
     def intention(time: float) -> tuple[float, float, float]:
-        passed = max(time - period, 0.0)
+        passed = max(time - rest, 0.0)
         return 0.0, 0.0, -depth * math.sin(math.pi * passed / period) ** 2
 
     return intention

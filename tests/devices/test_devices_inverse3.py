@@ -366,9 +366,9 @@ def test_without_the_library_one_line_says_what_to_install() -> None:
 @pytest.mark.live
 @pytest.mark.parametrize("scene", [(), ("--scene", "plane")], ids=["line", "scene"])
 def test_a_whole_session_presses_and_is_felt(plugged: Path, tmp_path: Path, scene: tuple[str, ...]) -> None:
-    service = Service(presses(0.060 if scene else 0.025, 2.0))
+    service = Service(presses(0.060 if scene else 0.025, 3.0, rest=4.0))  # until hand and robot have met
     operator = ("--operator", f"inverse3@{service.address}", "--device-damping", "2", "--first-touch", "follow")
-    done = teleop(plugged, tmp_path, *operator, *scene, "--material", "hunt-crossley", "--duration", "12")
+    done = teleop(plugged, tmp_path, *operator, *scene, "--material", "hunt-crossley", "--duration", "14")
     assert done.returncode == 0, done.stderr
     report = json.loads(done.stdout)
     assert report["settings"]["operator"] == "inverse3"
@@ -383,7 +383,7 @@ def test_a_whole_session_presses_and_is_felt(plugged: Path, tmp_path: Path, scen
 
 @pytest.mark.live
 def test_a_service_that_dies_leaves_the_session_in_order(plugged: Path, tmp_path: Path) -> None:
-    service = Service(presses(0.025, 2.0))
+    service = Service(presses(0.025, 2.0, rest=1.0))
     operator = ("--operator", f"inverse3@{service.address}", "--device-damping", "2", "--first-touch", "follow")
     began = len(service.heard)
 
