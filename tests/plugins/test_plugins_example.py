@@ -20,6 +20,7 @@ from typer.testing import CliRunner
 from foretouch.cli.app import app
 from foretouch.errors import ForetouchError
 from foretouch.plugins import all_plugins
+from foretouch.session import SessionSettings
 
 ROOT = EXAMPLE.parents[1]
 
@@ -110,7 +111,7 @@ def test_its_device_moves_a_simulated_session(here: Callable[..., Any], installe
     assert report["settings"]["operator"] == "swing"
     assert report["contact_force_rms_N"] > 1.0
     refused = CliRunner().invoke(app, ["simulate", "--operator", "swin", "--duration", "1"]).exception
-    choices = "browser, force-dimension, gamepad, recorded, scripted, swing"
+    choices = ", ".join(sorted(SessionSettings().operators()))
     assert isinstance(refused, ForetouchError)  # one line and exit code 2
     assert str(refused) == f"unknown operator 'swin': choose one of {choices}"
     # Who has the recording and not the package reads it all the same.

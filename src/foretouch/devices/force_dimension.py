@@ -1,7 +1,7 @@
 """Devices of Force Dimension (omega, delta, sigma; Novint's Falcon), by ``forcedimension-core``.
 
 Written after the binding's and the SDK's documentation and tested against a stand-in of the binding's functions: **it
-has not been tried on a device**. `docs/plugins.md` says what to do at a first try.
+has not been tried on a device**. `docs/devices.md` says what to do at a first try.
 """
 
 from __future__ import annotations

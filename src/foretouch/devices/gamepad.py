@@ -186,7 +186,7 @@ class Gamepad(Device):
         else:
             self._clutched = state.clutched
             self._trigger = min(max(state.trigger, 0.0), 1.0) * self._trigger_reach
-            self._base += STICK_SPEED * _deflection(state.stick) * period
+            self._base += STICK_SPEED * deflection(state.stick) * period
             self._base = min(max(self._base, 0.0), self._farthest)
         goal = min(self._base + self._trigger, self._farthest)
         return self._tracker.update(goal, LARGEST_SPEED, period)
@@ -210,7 +210,7 @@ class Gamepad(Device):
             self._pad.close()
 
 
-def _deflection(stick: float) -> float:
+def deflection(stick: float) -> float:
     """A stick's deflection without its dead zone, -1 to 1."""
     beyond = max(min(abs(stick), 1.0) - DEAD_ZONE, 0.0) / (1.0 - DEAD_ZONE)
     return math.copysign(beyond, stick)

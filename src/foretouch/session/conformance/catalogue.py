@@ -18,7 +18,16 @@ from types import FrameType
 from foretouch.devices import HARDWARE_OPERATORS, OPERATORS, UNKNOWN_REACH
 from foretouch.errors import SettingError, UnknownNameError
 from foretouch.identification import BUILT_IN_ESTIMATORS, ESTIMATORS, all_estimators, load_estimator, make_estimator
-from foretouch.plugins import GROUPS, PluginError, all_plugins, load_plugin, plugin_names, plugins_named, problem_of
+from foretouch.plugins import (
+    GROUPS,
+    PluginError,
+    all_plugins,
+    load_plugin,
+    named_at,
+    plugin_names,
+    plugins_named,
+    problem_of,
+)
 from foretouch.robot import DEFAULT_MATERIAL, MATERIALS, make_material
 from foretouch.session.conformance.device_checks import check_device
 from foretouch.session.conformance.estimator_checks import check_estimator
@@ -240,7 +249,7 @@ def _checks(kind: str, name: str, move: bool) -> dict[str, Check]:
     settings, material = SessionSettings(operator=name), make_material(DEFAULT_MATERIAL)
     surface, depth = UNKNOWN_REACH if name in HARDWARE_OPERATORS else (material.surface, material.press_depth)
     make = functools.partial(make_operator, settings, surface=surface, press_depth=depth, say=lambda line: None)
-    return {title: lambda tell: check_device(make, name=name, tell=tell)}
+    return {title: lambda tell: check_device(make, name=named_at(name)[0], tell=tell)}
 
 
 def _check_estimator(law: str, name: str, tell: Callable[[Finding], None]) -> None:
