@@ -34,12 +34,15 @@ def examine(
     keys: Path | None = None,
     ways: tuple[Way, ...] = (),
     arm: str = "",
+    machines: tuple[tuple[str, str], ...] = (),
+    move: float = 0.0,
     say: Callable[[str], None],
 ) -> Iterator[Finding]:
     """Make every check, those first that disturb the others least, and give each finding as soon as it is there.
 
     The loops run, and each peer of the `ways` is asked, for `seconds` [s], above 0; `keys` is a folder, else the usual
-    one; `arm` a simulated arm that is made and timed, or the file of its description. `say` is called with what is
+    one; `arm` a simulated arm that is made and timed, or the file of its description; `machines` what is there, each
+    ``"robot"`` or ``"device"`` and its name, a robot being allowed to `move` so far [m]. `say` is called with what is
     examined next, where it takes long.
     """
     yield from (surroundings.check_python(), surroundings.check_packages(), surroundings.check_extras())
@@ -53,6 +56,11 @@ def examine(
     if arm:
         say(f"timing the arm {arm}")
         yield check_arm(arm)
+    for what, name in machines:
+        from foretouch.doctor.machines import check_machine
+
+        say(f"looking at the {what} {name} for {seconds:g} s")
+        yield from check_machine(what, name, seconds, move)
     say(f"running two loops for {seconds:g} s")
     reports: dict[str, LoopReport] | str
     try:

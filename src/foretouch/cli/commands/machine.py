@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -13,7 +13,7 @@ import typer
 from foretouch.cli.options import Answer, Duration, Endpoints, command, open_link, require_duration, say
 from foretouch.cli.progress import compile_first, progress_bar
 from foretouch.errors import ForetouchError, LinkError, SettingError
-from foretouch.settings import ARMS, is_arm
+from foretouch.settings import is_arm
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -114,6 +114,7 @@ def _console() -> Console:
 
 
 LONGEST = 600.0  # The longest examination of loops and peers [s]
+FARTHEST = 20.0  # Way of a robot that is looked at, at most [mm]
 
 
 @command(endpoints=Endpoints)
@@ -122,14 +123,22 @@ def doctor(
     endpoints: Endpoints,
     seconds: Annotated[float, typer.Option(help="That the loops run, and that a peer is asked [s].")] = 5.0,
     robot: Annotated[
-        str, typer.Option(help="A simulated arm that is looked at too: fr3, ur5e, so101, or its description's file.")
+        str,
+        typer.Option(help="A robot that is looked at too: a simulated arm, its file, or a real one."),
     ] = "",
+    device: Annotated[
+        str, typer.Option(help="A device that is looked at too, as --operator of a session names it.")
+    ] = "",
+    move: Annotated[
+        float, typer.Option(help="How far a real robot may go out and back, in free air [mm]; 0: not.")
+    ] = 0.0,
     duration: Duration = None,
     json_output: bool,
 ) -> Answer:
     """Is this machine fit for a session, and the way to another? Each check with a verdict and what mends it.
 
-    With --robot a simulated arm is made and timed. With --connect a peer is asked too: a `foretouch doctor --listen`
+    With --robot and --device what is connected is looked at, at rest: rate, noise, drift, steps; with --move a robot
+    goes out and back, for latency, sign and frame. With --connect a peer is asked too: a `foretouch doctor --listen`
     there answers, and a session that runs there is listened to. With --listen nothing is checked: it answers until
     Ctrl-C, or for --duration. Exit code 1 where something is bad.
 
@@ -138,11 +147,12 @@ def doctor(
     if not 0.0 < seconds <= LONGEST:
         raise SettingError("seconds", seconds, f"must be above 0 and at most {LONGEST:g}")
     require_duration(duration)
-    if robot and not is_arm(robot):
-        rule = f"must be {', '.join(ARMS)} or the .xml of a description; a plug-in's: `foretouch plugins check NAME`"
-        raise SettingError("robot", robot, rule)
+    if not 0.0 <= move <= FARTHEST:
+        raise SettingError("move", move, f"must be 0 to {FARTHEST:g} mm")
+    if move and not robot:
+        raise SettingError("move", move, "is of a robot: add --robot NAME")
     if endpoints.listen:
-        _refuse("--listen", {"--robot": bool(robot)})
+        _refuse("--listen", {"--robot": bool(robot), "--device": bool(device)})
         if endpoints.connect:
             raise LinkError("give --listen on one machine and --connect on the other")
         return _answer(endpoints, duration)
@@ -155,7 +165,9 @@ def doctor(
                 seconds=seconds,
                 keys=endpoints.keys,
                 ways=ways,
-                arm=robot,
+                arm=robot if is_arm(robot) else "",
+                machines=tuple(_connected(robot, device)),
+                move=1e-3 * move,
                 say=lambda what: bar.update(0.0, None, what),
             )
         )
@@ -167,6 +179,16 @@ def doctor(
         lines = f"{text}; all in all: {verdict.value}"
     content = {"verdict": verdict.value, "findings": [finding.as_row() for finding in findings]}
     return Answer(content, lines, code=int(verdict is Verdict.BAD))
+
+
+def _connected(robot: str, device: str) -> Iterator[tuple[str, str]]:
+    """What is looked at beside the machine, once its name is known to be one; simulated arms are timed instead."""
+    from foretouch.session import SessionSettings
+
+    if robot and not is_arm(robot):
+        yield "robot", SessionSettings(robot=robot).robot
+    if device:
+        yield "device", SessionSettings(operator=device).operator
 
 
 @command()
