@@ -161,7 +161,7 @@ def _chosen(columns: Mapping[str, Named], rows: Any) -> dict[str, Named]:
 
 
 def _together(rows: Rows, space: Rows) -> tuple[Rows, Rows]:
-    """The follower's rows in their order and, in space, those of the same ticks; along a line there is none of these."""
+    """The follower's rows in their order and, in space, those of the same ticks, of which a line has none."""
     rows = rows[np.unique(rows["sequence"], return_index=True)[1]]
     own = space[space["run"] == rows["run"][0]] if rows.size else space[:0]
     if not own.size:
