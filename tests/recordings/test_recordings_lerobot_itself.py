@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shutil
 import subprocess
 import venv
 from pathlib import Path
@@ -14,10 +15,12 @@ import pytest
 from typer.testing import CliRunner
 
 from foretouch.cli.app import app
+from foretouch.link import free_endpoint
 from foretouch.recordings import read_episode
 
 pytestmark = pytest.mark.long
-READS = Path(__file__).with_name("lerobot_reads.py")
+READS, MOVES = (Path(__file__).with_name(f"lerobot_{name}.py") for name in ("reads", "moves"))
+ROOT = Path(__file__).parents[2]
 CAMERA = "observation.images.camera"
 
 
@@ -27,17 +30,19 @@ def run(*words, seconds=300, **more):
 
 @pytest.fixture(scope="module")
 def python(tmp_path_factory):
-    """The Python of an environment with LeRobot: made here, or the one that the variable names."""
+    """The Python of an environment with LeRobot: made here, or the one that the variable names, which is changed."""
     named = os.environ.get("FORETOUCH_LEROBOT_PYTHON", "")
     if named:
-        return Path(named)
+        yield Path(named)
+        return
     folder = tmp_path_factory.mktemp("lerobot") / "env"
     venv.create(folder, with_pip=True)
     made = folder / "bin" / "python"
     done = run(made, "-m", "pip", "install", "--no-compile", "--quiet", "lerobot>=0.4.4,<0.5", seconds=1800)
     if done.returncode:
         pytest.skip(f"LeRobot cannot be installed here: {done.stderr.strip().splitlines()[-1]}")
-    return made
+    yield made
+    shutil.rmtree(folder)  # 8 GB
 
 
 @pytest.fixture(scope="module")
@@ -109,6 +114,28 @@ def test_lerobot_reads_what_was_recorded(python, ffmpeg, recordings, tmp_path, n
     assert said["batch"]["samples.wrench"] == [4, *np.shape(wrench)]
     mean = [values.mean(dtype=np.float64) for values in episode.features["observation.wrench"].values()]
     assert said["mean"]["observation.wrench"] == pytest.approx(mean, rel=1e-6, abs=1e-9)
+
+
+def test_lerobot_drives_the_example(python, tmp_path):
+    """Its loop of teleoperation looks on while foretouch's own loops press; and its actions alone move the robot."""
+    example = shutil.copytree(ROOT / "examples" / "lerobot-foretouch", tmp_path / "example")
+    here = f"{ROOT}[sim,link]"
+    done = run(python, "-m", "pip", "install", "--no-compile", "--quiet", here, example, seconds=1800)
+    assert done.returncode == 0, done.stderr
+    alone = {"HF_HUB_OFFLINE": "1", "HF_HOME": str(tmp_path / "cache"), "PYTHONPATH": ""}
+    done = run(python, MOVES, free_endpoint(), free_endpoint(), 0.006, seconds=900, env=os.environ | alone)
+    assert done.returncode == 0, done.stderr
+    said = json.loads(done.stdout.splitlines()[-1])
+    assert len(said["force"]) > 100
+    assert max(said["force"]) > 1.0
+    assert max(said["position"]) > 0.011
+    asked, commanded = np.array(said["commanded"]).T
+    assert np.ptp(commanded) > 0.008
+    # The robot has what was asked for some frames before: the delay of the session's network.
+    later = [np.abs(commanded[lag:] - asked[: asked.size - lag]).max() for lag in range(8)]
+    assert min(later) < 0.004 < np.ptp(asked)
+    assert said["policy"][0] == pytest.approx(0.0, abs=1e-4)
+    assert said["policy"][-1] == pytest.approx(0.006, abs=1e-4)
 
 
 def colours(jpeg):
