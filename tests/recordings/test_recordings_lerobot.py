@@ -8,6 +8,7 @@ import math
 import sys
 
 import cv2
+import msgspec
 import numpy as np
 import pyarrow.parquet as parquet
 import pytest
@@ -18,7 +19,14 @@ from foretouch.cli import main
 from foretouch.errors import MissingExtraError, RecordingError, SettingError
 from foretouch.messages import VERSION, CameraImage, FollowerSpace, LeaderState, ModelUpdate, Telemetry
 from foretouch.quantities import Recording
-from foretouch.recordings import SessionWriter, read_episode, read_session, write_lerobot, write_recording
+from foretouch.recordings import (
+    RecordingOptions,
+    SessionWriter,
+    read_episode,
+    read_session,
+    write_lerobot,
+    write_recording,
+)
 from foretouch.recordings.lerobot import dataset as writing
 
 TICKS, LATE, NAN = 500, 20, math.nan
@@ -300,6 +308,21 @@ def test_what_is_beyond_single_precision_is_no_sample(tmp_path):
     write_recording(tmp_path / "none.csv", Recording(time, 0.0 * time, 0.0 * time + 1e300))
     with pytest.raises(RecordingError, match="no sample with sensors that could be believed"):
         read_episode(tmp_path / "none.csv")
+
+
+def test_a_follower_that_only_watched_has_no_action(tmp_path):
+    with SessionWriter(tmp_path / "shadow.mcap") as writer:
+        for tick in range(1, 101):
+            watched = msgspec.structs.replace(telemetry(tick), desired_position=NAN, command_sequence=0, epoch=0)
+            writer.write(watched, tick * 1_000_000)
+    read = table(written(tmp_path / "out", tmp_path / "shadow.mcap"))
+    assert read["samples.count"].tolist() == [1, 32, 32]
+    assert not {"action", "leader.predicted_force", "leader.delayed_force", "model.parameters"} & read.keys()
+
+
+def test_a_session_is_read_as_it_is(line):
+    with pytest.raises(RecordingError, match="is a session, which states units and signs"):
+        read_episode(line, RecordingOptions(flip=True))
 
 
 def odd(path, size, jpeg=None):

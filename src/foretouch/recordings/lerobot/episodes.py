@@ -87,12 +87,12 @@ def read_episode(path: str | PathLike[str], options: RecordingOptions | None = N
 
     Of a session it is the segment in which both sides were present longest, without samples whose sensors were not to
     be trusted, and from the camera's first image on where it has images. The leader's forces are those at the command
-    that the robot had applied, and the model is the newest that the follower had sent. Any other recording has
-    positions and forces alone.
+    that the robot had applied, and the model is the newest that the follower had sent. A follower that only watched has
+    no action, and any other recording has positions and forces alone.
 
     Args:
         path: As `read_recording` takes it.
-        options: Likewise.
+        options: Likewise; none for a session.
         fps: Frames a second, 1 to 1000.
 
     Raises:
@@ -102,7 +102,10 @@ def read_episode(path: str | PathLike[str], options: RecordingOptions | None = N
     """
     if isinstance(fps, bool) or not isinstance(fps, int) or not 1 <= fps <= FASTEST:
         raise SettingError("fps", fps, f"must be a whole number of frames a second from 1 to {FASTEST}")
-    if (options is None or options == RecordingOptions()) and is_session(path):
+    options = options or RecordingOptions()
+    if options.map_file is None and is_session(path):
+        if options != RecordingOptions():
+            raise RecordingError(path, "is a session, which states units and signs: leave options for these out")
         return _of_session(str(path), read_session(path), fps)
     read = read_with_notes(path, options)
     return _of_recording(str(path), read.recording, fps, read.notes)
@@ -126,6 +129,8 @@ def _of_session(name: str, log: SessionLog, fps: int) -> Episode:
     if space.size:
         joints = _named(space, JOINTS)
         columns[STATE] |= {joint: values for joint, values in joints.items() if np.isfinite(values).any()}
+    if not all(np.isfinite(values).any() for values in columns[ACTION].values()):
+        del columns[ACTION]  # a follower that only watched has commanded nothing
     trusted = believable(rows)
     if images:
         trusted &= rows["sequence"] >= min(images)
