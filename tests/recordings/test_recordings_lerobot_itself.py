@@ -1,4 +1,7 @@
-"""LeRobot's own reader, in an environment of its own, finds in a dataset what the recording holds."""
+"""LeRobot's own reader, in an environment of its own, finds in a dataset what the recording holds.
+
+The environment takes 8 GB and most of the time; `FORETOUCH_LEROBOT_PYTHON` names the Python of one that is there.
+"""
 
 from __future__ import annotations
 
