@@ -1,8 +1,8 @@
 """Reads and writes files, and serves the measured datasets.
 
 `read_recording` reads a recording of any format, `SessionWriter` and `read_session` write and read a session as MCAP,
-`repair_session` repairs one whose writer was killed, `write_columns` writes results, `excerpt` gives the path of a
-measured recording, `fetch_dataset` that of its original.
+`repair_session` repairs one whose writer was killed, `write_columns` writes results, `write_lerobot` a dataset to train
+policies on, `excerpt` gives the path of a measured recording, `fetch_dataset` that of its original.
 """
 
 from foretouch.files.origins import DATA_DIR, Origin
@@ -10,6 +10,9 @@ from foretouch.recordings.convert import OUTPUTS, write_recording
 from foretouch.recordings.datasets import DATASETS, Dataset, excerpt, fetch_all, fetch_dataset, list_datasets
 from foretouch.recordings.formats.published import read_leader_motion
 from foretouch.recordings.inspection import Contents, inspect_recording
+from foretouch.recordings.lerobot.dataset import Dataset as LerobotDataset
+from foretouch.recordings.lerobot.dataset import write_lerobot
+from foretouch.recordings.lerobot.episodes import Episode, read_episode
 from foretouch.recordings.material_memory import memory_path, read_memory, write_memory
 from foretouch.recordings.meaning.mapped import falls_with_depth
 from foretouch.recordings.meaning.mapping import Mapping, Signal, TimeSource, Velocity, read_mapping, write_mapping
@@ -32,7 +35,9 @@ __all__ = [
     "SUFFIXES",
     "Contents",
     "Dataset",
+    "Episode",
     "FollowerSamples",
+    "LerobotDataset",
     "Mapping",
     "Origin",
     "Read",
@@ -56,6 +61,7 @@ __all__ = [
     "memory_path",
     "open_source",
     "read_calibration",
+    "read_episode",
     "read_follower_samples",
     "read_leader_motion",
     "read_mapping",
@@ -67,6 +73,7 @@ __all__ = [
     "repair_session",
     "write_calibration",
     "write_columns",
+    "write_lerobot",
     "write_mapping",
     "write_memory",
     "write_recording",

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import importlib
 import os
+import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from os import PathLike
@@ -50,6 +51,29 @@ def atomic_path(path: str | PathLike[str]) -> Iterator[Path]:
         raise RecordingError(path, f"cannot be written: {error.strerror or error}") from None
     finally:
         beside.unlink(missing_ok=True)
+
+
+@contextmanager
+def atomic_folder(path: str | PathLike[str]) -> Iterator[Path]:
+    """A new folder to fill, which gets its name when the block ends without an error.
+
+    If the block raises, it is removed.
+
+    Raises:
+        RecordingError: ``path`` is there already, or cannot be written.
+    """
+    target = Path(path).resolve()
+    if os.path.lexists(target):
+        raise RecordingError(path, "cannot be written: it is there already; name a folder that is not")
+    beside = target.with_name(f".{target.name}.{os.getpid()}.part")
+    try:
+        beside.mkdir()
+        yield beside
+        beside.rename(target)
+    except OSError as error:
+        raise RecordingError(path, f"cannot be written: {error.strerror or error}") from None
+    finally:
+        shutil.rmtree(beside, ignore_errors=True)
 
 
 def write_columns(

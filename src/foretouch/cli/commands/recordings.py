@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,8 +13,8 @@ import typer
 
 from foretouch.cli.options import Answer, command, require_recording, require_writable, say
 from foretouch.cli.progress import progress_bar, pulsing
-from foretouch.cli.reading import RECORDING_HELP, read_and_say, recording_options
-from foretouch.errors import RecordingError, SettingError, plural, printable
+from foretouch.cli.reading import RECORDING_HELP, read_and_say, recording_options, say_what_is_left_out
+from foretouch.errors import RecordingError, SettingError, UnknownNameError, plural, printable
 
 if TYPE_CHECKING:
     from foretouch.recordings import Contents, RecordingOptions
@@ -192,18 +193,59 @@ def inspect(
     return Answer(result.as_json(), _lines(result, topic, show_all))
 
 
+@dataclass(frozen=True)
+class AsLerobot:
+    """What is said of a LeRobot dataset; nothing of it is for another format."""
+
+    to: Annotated[
+        str | None, typer.Option("--to", help="lerobot: a LeRobotDataset, each recording an episode of it.")
+    ] = None
+    output: Annotated[Path | None, typer.Option("--output", help="Its folder, which must not be there.")] = None
+    fps: Annotated[int | None, typer.Option("--fps", help="Its frames a second: 30.")] = None
+    task: Annotated[str | None, typer.Option("--task", help="What is done in it, in words for policies.")] = None
+
+    def check(self) -> None:
+        """A SettingError or UnknownNameError where one option contradicts another."""
+        if self.to is None:
+            for name, value in (("output", self.output), ("fps", self.fps), ("task", self.task)):
+                if value is not None:
+                    raise SettingError(name, str(value), "is for --to lerobot alone: leave it out")
+        elif self.to != "lerobot":
+            raise UnknownNameError("format", self.to, ["lerobot"])
+        elif self.output is None:
+            raise SettingError("output", "nothing", "name the folder of the dataset: --output DIR")
+
+
 @recordings.command("convert")
-@command(options=recording_options)
+@command(options=recording_options, dataset=AsLerobot)
 def convert(
     *,
-    path: Annotated[Path, typer.Argument(metavar="IN", help=RECORDING_HELP)],
-    output: Annotated[Path, typer.Argument(metavar="OUT", help="Ends with .mcap, .parquet or .csv.")],
+    paths: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="FILE",
+            help=f"A recording, {RECORDING_HELP[:-1]}, and the file to write, which ends with .mcap, .parquet or .csv; "
+            "with --to lerobot recordings alone.",
+        ),
+    ],
     options: RecordingOptions,
+    dataset: AsLerobot,
 ) -> Answer:
-    """Write position and force of a recording in another format, in SI units.
+    """Write position and force of a recording in another format, in SI units, or recordings as a LeRobot dataset.
 
     Example: foretouch recordings convert press.csv press.mcap
     """
+    dataset.check()
+    if dataset.output is not None:
+        return _as_lerobot(paths, options, dataset, dataset.output)
+    if len(paths) != 2:
+        given = " ".join(map(str, paths[1:])) or "nothing"
+        raise SettingError("OUT", given, "give one recording, and behind it one file to write")
+    path, written = paths
+    return _as_file(path, written, options)
+
+
+def _as_file(path: Path, output: Path, options: RecordingOptions) -> Answer:
     from foretouch.recordings import OUTPUTS, write_recording
 
     if output.suffix.lower() not in OUTPUTS:
@@ -216,6 +258,32 @@ def convert(
     content = {"path": str(output), "samples": len(recording), "duration_s": seconds}
     content["velocity"] = recording.velocity is not None
     return Answer(content, f"{output}: {plural(len(recording), 'sample')} in {seconds:.3f} s")
+
+
+def _as_lerobot(paths: Sequence[Path], options: RecordingOptions, asked: AsLerobot, output: Path) -> Answer:
+    from foretouch.recordings import Episode, read_episode, write_lerobot
+
+    fps = 30 if asked.fps is None else asked.fps
+    task = {} if asked.task is None else {"task": asked.task}
+    notes: list[str] = []
+
+    def episodes() -> Iterator[Episode]:
+        for path in paths:
+            episode = read_episode(path, options, fps=fps)
+            notes.extend(f"{path}: {note}" for note in episode.notes)
+            yield episode
+
+    for path in paths:
+        _require_elsewhere("output", output, path)
+    require_writable(output.resolve().parent)
+    written = pulsing(f"writing {output.name}", partial(write_lerobot, output, episodes(), **task))
+    for note in notes:
+        say(note)
+    for path in paths:
+        say_what_is_left_out(path)
+    content = asdict(written) | {"path": str(output), "features": list(written.features)}
+    made = f"{plural(written.episodes, 'episode')}, {plural(written.frames, 'frame')}, {written.fps} a second"
+    return Answer(content, f"{output}: {made}")
 
 
 def _require_elsewhere(name: str, output: Path, path: Path) -> None:
