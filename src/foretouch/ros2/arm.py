@@ -2,7 +2,7 @@
 
 As the Cartesian controllers of ``crisp_controllers`` do, whose names and QoS are the usual ones here: they take
 ``target_pose``, reliable with 1 kept, and follow it with torques; its ``pose_broadcaster`` says ``current_pose``, 250
-times a second (its sources, ``src/cartesian_controller.cpp`` and ``src/pose_broadcaster.yaml``). The wrench comes from
+times a second (``cartesian_controller.cpp`` and ``pose_broadcaster.yaml`` in its sources). The wrench comes from
 elsewhere. There was no such arm: **tested against a node of another implementation alone**.
 """
 
@@ -123,7 +123,7 @@ class RosArm(ArmLink):
         if joints is None or time.monotonic_ns() - joints.arrival_ns > 1e9 * JOINTS_KEPT:
             return ()
         positions: tuple[float, ...] = joints.values[1]
-        return positions
+        return positions if all(map(math.isfinite, positions)) else ()
 
 
 def _trusted(topic: Newest) -> Heard:
