@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -136,6 +138,13 @@ def test_a_wrench_in_the_tools_frame_is_refused_whenever_it_comes(hub: Router, n
     with arm_at(hub, f"{TOLD},frame=base+tool0,sign=-1") as arm:  # whoever names it says that its axes are the base's
         node.set(extra=2.0)
         wait_until(lambda: shows(arm, -2.0))
+
+
+def test_a_process_that_forgets_to_close_ends_all_the_same(hub: Router, node: OtherNode) -> None:
+    made = f"kept = make_arm(SimpleNamespace(robot='ros2@{hub.endpoint},{TOLD}', scene=''))"
+    lines = ("from types import SimpleNamespace", "from foretouch.ros2.arm import make_arm", made, "print('made')")
+    ended = subprocess.run([sys.executable, "-c", "\n".join(lines)], capture_output=True, text=True, timeout=30)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (0, "made\n", "")
 
 
 def test_along_a_line_it_begins_where_the_tip_is(hub: Router, node: OtherNode) -> None:

@@ -8,6 +8,7 @@ descriptions and hashes"), and ``rosidl_generator_type_description`` of ROS 2, w
 
 from __future__ import annotations
 
+import atexit
 import functools
 import hashlib
 import json
@@ -219,6 +220,7 @@ class Graph:
                 self._session = self._zenoh.open(zenoh_config(self._settings))
             except self._zenoh.ZError:
                 return False
+            atexit.register(self.close)
             token = self._node.token(self._id, NODE_NUMBER)
             self._token = self._session.liveliness().declare_token(token)
         return self.connected
@@ -259,7 +261,9 @@ class Graph:
             if len(sample.payload) <= LARGEST_HEARD:
                 take(sample.payload.to_bytes())
 
-        subscriber = self._session.declare_subscriber(self._node.topic_key(topic.name, kind), receive)
+        # On Zenoh's own thread: in one of Python's, which is the default, a process that forgets to close never ends.
+        handler = self._zenoh.handlers.Callback(receive, indirect=False)
+        subscriber = self._session.declare_subscriber(self._node.topic_key(topic.name, kind), handler)
         self._subscriptions.append((subscriber, self._session.liveliness().declare_token(token)))
 
     def close(self) -> None:
@@ -267,6 +271,7 @@ class Graph:
         if self._session is not None:
             self._session.close()
             self._session = None
+            atexit.unregister(self.close)
 
     @property
     def _id(self) -> str:
