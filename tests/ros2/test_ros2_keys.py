@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from foretouch.errors import SettingError
 from foretouch.ros2 import DEFAULT, SENSOR_DATA, Node, Qos, TopicType, dds_type
+from foretouch.ros2.keys import NEWEST
 
 STRING = TopicType("std_msgs/msg/String", "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18")
 NAMES = st.from_regex(r"[A-Za-z_][A-Za-z0-9_]{0,12}", fullmatch=True)
@@ -42,6 +45,7 @@ def test_quality_of_service_is_written_as_rmw_zenoh_does() -> None:
     assert DEFAULT.token == "::,10:,:,:,,"  # as of the listener in docs/design.md
     assert SENSOR_DATA.token == "2::,5:,:,:,,"
     assert Qos(True, 42).token == "::,:,:,:,,"
+    assert NEWEST.token == "::,1:,:,:,,"  # what rclcpp::QoS(1) is
 
 
 @given(st.booleans(), st.integers(1, 1000))
@@ -72,6 +76,9 @@ def test_another_implementation_makes_the_same_keys(
     assert node.token("1a2b3c", 0) == sdk.node_liveliness_keyexpr(theirs)
     token = node.publisher_token("1a2b3c", (0, number), topic, STRING, SENSOR_DATA)
     assert token == sdk.endpoint_liveliness_keyexpr(end)
+    listens = dataclasses.replace(end, kind=entity.EntityKind.SUBSCRIPTION)
+    token = node.subscription_token("1a2b3c", (0, number), topic, STRING, SENSOR_DATA)
+    assert token == sdk.endpoint_liveliness_keyexpr(listens)
     assert str(zenoh.KeyExpr(token)) == token  # a key that Zenoh takes as it is
 
 

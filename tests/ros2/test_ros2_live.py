@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import signal
 import subprocess
 import sys
@@ -12,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from ros2_node import other_node
 from ros2_router import router, wait_until
 from typer.testing import CliRunner
 
@@ -175,3 +177,31 @@ def test_what_cannot_be_is_refused_in_one_line(
     assert isinstance(result.exception, ForetouchError)
     assert message in str(result.exception)
     assert "\n" not in str(result.exception)
+
+
+@pytest.mark.long
+@pytest.mark.live
+def test_a_session_between_a_device_and_an_arm_that_are_both_on_the_graph(
+    running: list[subprocess.Popen[str]], tmp_path: Path
+) -> None:
+    pytest.importorskip("zenoh_ros2_sdk")
+    with router() as hub, other_node("arm", hub.endpoint) as arm, other_node("hand", hub.endpoint) as hand:
+        there, recording = f"ros2@{hub.endpoint},domain=5", tmp_path / "session.mcap"
+        session = foretouch(
+            *("teleop", "--headless", "--duration", 12, "--recording", recording, "--device-damping", 2),
+            *("--robot", f"{there},wrench=/ft/wrench", "--operator", there),
+        )
+        running.append(session)
+        wait_until(lambda: hand.says()["heard"] > 50 or session.poll() is not None, 300.0)
+        begun, felt, pressed = time.monotonic(), [0.0], [0.0]
+        while session.poll() is None:  # the hand goes 16 mm down and up again in 6 s: 6 mm below the floor
+            hand.set(z=0.192 + 0.008 * math.cos(math.pi / 3.0 * (time.monotonic() - begun)))
+            felt.append((hand.got() or [0.0])[-1])
+            pressed.append(1000.0 * (0.19 - arm.says()["z"]))
+            time.sleep(0.01)
+        out = session.communicate()
+        assert session.returncode == 0, out
+        assert max(felt) > 2.0
+        assert 2.0 < max(pressed) < 8.0
+        assert pressed[-1] < 0.5  # it has left the contact
+        assert hand.got() == [0.0, 0.0, 0.0]

@@ -8,11 +8,13 @@ descriptions and hashes"), and ``rosidl_generator_type_description`` of ROS 2, w
 
 from __future__ import annotations
 
+import atexit
 import functools
 import hashlib
 import json
 import re
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -23,7 +25,7 @@ from foretouch.link import check_endpoint, is_encrypted
 from foretouch.link.zenoh_link import zenoh_config, zenoh_module
 from foretouch.messages import Message, Telemetry
 from foretouch.recordings.formats.topics import BESIDE, FIXTURE_POSE, MODEL, NUMBERS, PROBE, StandardTopic, probe
-from foretouch.ros2.keys import DEFAULT, SENSOR_DATA, Node, TopicType, attachment, publisher_gid
+from foretouch.ros2.keys import DEFAULT, SENSOR_DATA, Node, Qos, TopicType, attachment, publisher_gid
 
 NESTED: Final = 1
 """Number of a field whose type is another message; see ``FieldType.msg`` of ``type_description_interfaces``."""
@@ -152,7 +154,9 @@ SETTINGS: Final = {
     "connect/retry": {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_factor": 2},
     "transport/link/protocols": ["tcp"],
 }
-NODE_NUMBER = 0  # Number of the node in its session; publishers have the numbers behind it
+DROPPED_AFTER: Final = "transport/link/tx/queue/congestion_control/drop/wait_before_drop"  # [us]
+NODE_NUMBER = 0  # Number of the node in its session; publishers and subscriptions have the numbers behind it
+LARGEST_HEARD = 65_536  # Bytes of a message that is taken; what is heard here has a few hundred
 
 
 @dataclass
@@ -166,16 +170,17 @@ class _Publisher:
 
 
 class Graph:
-    """A node and its publishers, on a Zenoh router where the ROS 2 graph meets.
+    """A node with its publishers and subscriptions, on a Zenoh router where the ROS 2 graph meets.
 
-    It is a client of the router: it listens on no port, and what it sends goes through the router. A topic is offered
-    from its first message on. Where the router goes away, Zenoh looks for it in the background, and offers everything
-    again once it is back.
+    It is a client of the router: it listens on no port, and what it sends and hears goes through the router. A topic is
+    offered from its first message on. Where the router goes away, Zenoh looks for it in the background, and offers and
+    listens to everything again once it is back.
 
     Args:
         router: Endpoint, such as ``"tcp/127.0.0.1:7447"``.
         node: Name of the node.
         insecure: Allow a router off this machine without encryption.
+        patience: Time that a message may wait for room on its way out before it is dropped [s].
 
     Attributes:
         unsent: Messages that were not sent, because there was no router or the network refused them.
@@ -185,15 +190,17 @@ class Graph:
         MissingExtraError: eclipse-zenoh is not installed.
     """
 
-    def __init__(self, router: str, node: Node, *, insecure: bool = False) -> None:
+    def __init__(self, router: str, node: Node, *, insecure: bool = False, patience: float = 1e-3) -> None:
         self._zenoh = zenoh_module()
         check_endpoint(router, insecure=insecure)
         if is_encrypted(router):
             raise LinkError(f"router {router!r}: write it as tcp/HOST:PORT; keys for a ROS 2 graph are not read here")
-        self._router, self._node = router, node
+        self._node = node
         self._session: Any = None
         self._token: Any = None
+        self._settings = SETTINGS | {"connect/endpoints": [router], DROPPED_AFTER: round(1e6 * patience)}
         self._publishers: dict[str, _Publisher] = {}
+        self._subscriptions: list[tuple[Any, Any]] = []  # each with its liveliness token
         self.unsent = 0
 
     @property
@@ -210,19 +217,21 @@ class Graph:
         """Look for the router, for at most a second if it was never there; whether it is."""
         if self._session is None:
             try:
-                self._session = self._zenoh.open(zenoh_config({"connect/endpoints": [self._router], **SETTINGS}))
+                self._session = self._zenoh.open(zenoh_config(self._settings))
             except self._zenoh.ZError:
                 return False
+            atexit.register(self.close)
             token = self._node.token(self._id, NODE_NUMBER)
             self._token = self._session.liveliness().declare_token(token)
         return self.connected
 
-    def publish(self, topic: StandardTopic, data: bytes) -> None:
-        """Send a message; never waits and never raises.
+    def publish(self, topic: StandardTopic, data: bytes, qos: Qos | None = None) -> None:
+        """Send a message; never waits beyond the patience and never raises.
 
         Args:
             topic: Topic to publish on.
             data: CDR bytes of the message.
+            qos: How the topic is offered with its first message; without it as the session's topics are.
         """
         if self._session is None:
             self.unsent += 1
@@ -230,28 +239,52 @@ class Graph:
         try:
             there = self._publishers.get(topic.name)
             if there is None:
-                there = self._publishers[topic.name] = self._offer(topic)
+                there = self._publishers[topic.name] = self._offer(topic, qos)
             there.publisher.put(data, attachment=attachment(there.sent + 1, time.time_ns(), there.gid))
         except self._zenoh.ZError:
             self.unsent += 1
         else:
             there.sent += 1
 
+    def subscribe(self, topic: StandardTopic, take: Callable[[bytes], None], qos: Qos = SENSOR_DATA) -> None:
+        """Listen to a topic, once connected.
+
+        Args:
+            topic: Topic to listen to.
+            take: Gets the CDR bytes of each message, on a thread of Zenoh's; it must not raise.
+            qos: How, for those who look at the graph; best effort takes what any publisher sends.
+        """
+        kind = type_of(topic)
+        token = self._node.subscription_token(self._id, self._numbers(), topic.name, kind, qos)
+
+        def receive(sample: Any) -> None:
+            if len(sample.payload) <= LARGEST_HEARD:
+                take(sample.payload.to_bytes())
+
+        # On Zenoh's own thread: in one of Python's, which is the default, a process that forgets to close never ends.
+        handler = self._zenoh.handlers.Callback(receive, indirect=False)
+        subscriber = self._session.declare_subscriber(self._node.topic_key(topic.name, kind), handler)
+        self._subscriptions.append((subscriber, self._session.liveliness().declare_token(token)))
+
     def close(self) -> None:
         """Leave the graph: topics and node are gone from it at once."""
         if self._session is not None:
             self._session.close()
             self._session = None
+            atexit.unregister(self.close)
 
     @property
     def _id(self) -> str:
         return str(self._session.info.zid())
 
-    def _offer(self, topic: StandardTopic) -> _Publisher:
-        kind, qos = type_of(topic), DEFAULT if topic.name in KEPT else SENSOR_DATA
+    def _numbers(self) -> tuple[int, int]:
+        """Numbers of the node and of what it offers or listens to next."""
+        return NODE_NUMBER, NODE_NUMBER + 1 + len(self._publishers) + len(self._subscriptions)
+
+    def _offer(self, topic: StandardTopic, qos: Qos | None) -> _Publisher:
+        kind, qos = type_of(topic), qos or (DEFAULT if topic.name in KEPT else SENSOR_DATA)
         reliability = self._zenoh.Reliability.RELIABLE if qos.reliable else self._zenoh.Reliability.BEST_EFFORT
-        numbers = NODE_NUMBER, NODE_NUMBER + 1 + len(self._publishers)
-        token = self._node.publisher_token(self._id, numbers, topic.name, kind, qos)
+        token = self._node.publisher_token(self._id, self._numbers(), topic.name, kind, qos)
         publisher = self._session.declare_publisher(
             self._node.topic_key(topic.name, kind),
             congestion_control=self._zenoh.CongestionControl.DROP,

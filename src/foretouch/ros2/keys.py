@@ -52,6 +52,9 @@ SENSOR_DATA: Final = Qos(reliable=False, depth=5)
 DEFAULT: Final = Qos(reliable=True, depth=10)
 """``rmw_qos_profile_default``: reliable, 10 kept."""
 
+NEWEST: Final = Qos(reliable=True, depth=1)
+"""What commands: reliable, so that every subscription takes it, and only the newest kept."""
+
 
 LARGEST_DOMAIN: Final = 232  # Largest ``ROS_DOMAIN_ID`` with any middleware
 
@@ -129,8 +132,23 @@ class Node:
             kind: The type that it carries.
             qos: How.
         """
+        return self._endpoint(self._entity(session, *numbers, "MP"), topic, kind, qos)
+
+    def subscription_token(self, session: str, numbers: tuple[int, int], topic: str, kind: TopicType, qos: Qos) -> str:
+        """Liveliness token of a subscription: that of a publisher with ``MS`` in place of ``MP``.
+
+        Args:
+            session: Zenoh identifier of the session.
+            numbers: Numbers of the node and of the subscription in the session.
+            topic: Name without the namespace.
+            kind: The type that it takes.
+            qos: How.
+        """
+        return self._endpoint(self._entity(session, *numbers, "MS"), topic, kind, qos)
+
+    def _endpoint(self, entity: str, topic: str, kind: TopicType, qos: Qos) -> str:
         what = [self.full_name(topic).replace("/", "%"), dds_type(kind.name), kind.hash, qos.token]
-        return "/".join([self._entity(session, *numbers, "MP"), *what])
+        return "/".join([entity, *what])
 
     def _entity(self, session: str, node: int, number: int, kind: str) -> str:
         namespace = self.namespace.replace("/", "%")

@@ -84,8 +84,8 @@ class Layout:
     def unpack(self, data: bytes) -> Message:
         """Message from its CDR bytes."""
         try:
-            values = dict(zip(self._types, _unpack(self._types, data), strict=True))
-        except (struct.error, IndexError, UnicodeDecodeError) as error:
+            values = dict(zip(self._types, unpack_fields(self._types, data), strict=True))
+        except ValueError as error:
             raise ValueError(f"not a {self.kind.__name__}: {error}") from None
         return self.kind(**{name: values[name] for name in self.kind.__struct_fields__ if name in values})
 
@@ -157,7 +157,19 @@ def pack_fields(types: Mapping[str, str], values: Sequence[Any]) -> bytes:
     return bytes(out)
 
 
-def _unpack(types: dict[str, str], data: bytes) -> list[Any]:
+def unpack_fields(types: Mapping[str, str], data: bytes) -> list[Any]:
+    """Values of a message's fields, by ROS 2 types in order as for `pack_fields`; sequences as tuples.
+
+    Raises:
+        ValueError: The bytes end before the fields do, or hold a text that is none.
+    """
+    try:
+        return _unpacked(types, data)
+    except (struct.error, IndexError) as error:
+        raise ValueError(str(error)) from None
+
+
+def _unpacked(types: Mapping[str, str], data: bytes) -> list[Any]:
     position = len(HEADER)
 
     def number(code: str) -> Any:

@@ -13,7 +13,7 @@ import re
 import struct
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, TypeAlias
+from typing import Any, Final, NamedTuple, TypeAlias
 
 from foretouch.messages import (
     CameraImage,
@@ -34,7 +34,7 @@ from foretouch.messages import (
 from foretouch.messages.states import FollowerRow, LeaderRow
 from foretouch.models import LAWS
 from foretouch.quantities import CAMERA, FIXTURE, TIP, WORLD
-from foretouch.recordings.formats.cdr import HEADER, Layout, pack_fields
+from foretouch.recordings.formats.cdr import HEADER, Layout, pack_fields, unpack_fields
 
 COUNTS: Final = "foretouch_counts"  # name of the metadata record that holds the counters of the session's end
 TRUNCATED: Final = {"truncated": 1}  # counter of a recording that ends before its session did
@@ -190,6 +190,46 @@ IMAGE: Final = StandardTopic("/camera/image/compressed", "sensor_msgs/msg/Compre
 MODEL: Final = StandardTopic("/follower/contact_model", CONTACT_MODEL_TYPE, _MODEL_SCHEMA, TIP)
 NUMBERS: Final = StandardTopic("/follower/contact_model/values", "std_msgs/msg/Float64MultiArray", _ARRAY_SCHEMA, TIP)
 STANDARD: Final = (WRENCH, FOLLOWER_JOINTS, LEADER_JOINTS, PROBE, FIXTURE_POSE, IMAGE, MODEL, NUMBERS)
+
+_STAMPED: Final = {
+    WRENCH.type_name: _HEADER | dict.fromkeys(("fx", "fy", "fz", "tx", "ty", "tz"), "float64"),
+    PROBE.type_name: _HEADER | dict.fromkeys(("x", "y", "z", "qx", "qy", "qz", "qw"), "float64"),
+    FOLLOWER_JOINTS.type_name: _HEADER
+    | {"name": "string[]", "position": "float64[]", "velocity": "float64[]", "effort": "float64[]"},
+}
+"""Fields of the types that others send, too, in any frame."""
+
+
+class Stamped(NamedTuple):
+    """A message of one of these types.
+
+    Attributes:
+        time_ns: Its stamp [ns since 1970]; 0 where nobody stamped it.
+        frame: Its ``frame_id``.
+        values: What follows, number by number: force [N] and torque [N m] of a wrench; place [m] and quaternion
+            (x, y, z, w) of a pose; names, positions, velocities and efforts of joints.
+    """
+
+    time_ns: int
+    frame: str
+    values: tuple[Any, ...]
+
+
+def pack_stamped(type_name: str, message: Stamped) -> bytes:
+    """CDR bytes of a message of WrenchStamped, PoseStamped or JointState."""
+    return pack_fields(_STAMPED[type_name], (*_stamp(message.time_ns), message.frame, *message.values))
+
+
+def unpack_stamped(type_name: str, data: bytes) -> Stamped:
+    """A message of these types, of its bytes.
+
+    Raises:
+        ValueError: They are no such message, or not in little-endian CDR, in which all common machines send.
+    """
+    if data[: len(HEADER)] != HEADER:
+        raise ValueError(f"begins with {data[: len(HEADER)].hex()} and not with {HEADER.hex()}, as CDR does here")
+    second, nanosecond, frame, *values = unpack_fields(_STAMPED[type_name], data)
+    return Stamped(second * 1_000_000_000 + nanosecond, frame, tuple(values))
 
 
 def _text(value: str) -> bytes:

@@ -1,0 +1,192 @@
+"""What a driver on a ROS 2 graph needs: where the graph is, names of its topics, and the newest message of each."""
+
+from __future__ import annotations
+
+import os
+import re
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final, NamedTuple
+
+from foretouch.errors import InputError, SettingError
+from foretouch.errors.checks import require
+from foretouch.link import is_exposed
+from foretouch.plugins import named_at
+from foretouch.recordings.formats.topics import StandardTopic, unpack_stamped
+from foretouch.ros2.graph import Graph
+from foretouch.ros2.keys import Node
+
+ROUTER: Final = "tcp/127.0.0.1:7447"  # Where rmw_zenohd listens if nothing else is said
+FIRST = 3.0  # Longest time until the first message of each topic [s]
+SILENT = 0.02  # A topic that has said nothing for so long is silent [s]
+PATIENCE = 1e-4  # Longest time that a message of a control loop waits for room [s]; then it is dropped
+
+COMMON: Final = {"namespace": "/", "domain": "", "insecure": "no"}
+"""Options of every address: where topics without a leading / are, ``ROS_DOMAIN_ID`` if not that of the environment, and
+whether a router off this machine is allowed, where anybody may command."""
+
+_TOPIC = re.compile(r"/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
+
+
+@dataclass(frozen=True)
+class GraphAddress:
+    """A setting such as ``ros2@tcp/127.0.0.1:7447,wrench=/ft/wrench``: a router, and what differs from the usual.
+
+    Attributes:
+        setting: Name of the setting.
+        text: As given.
+        router: Endpoint of the graph's router.
+        options: All options by name.
+    """
+
+    setting: str
+    text: str
+    router: str
+    options: Mapping[str, str]
+
+    @classmethod
+    def read(cls, setting: str, text: str, usual: Mapping[str, str]) -> GraphAddress:
+        """The address in a setting.
+
+        Args:
+            setting: Name of the setting.
+            text: Its value, ``NAME@ROUTER,KEY=VALUE,...``, each part of which may be missing.
+            usual: Options beside `COMMON`, with their usual values.
+
+        Raises:
+            SettingError: A key that is none, or is there twice.
+        """
+        router, options = "", dict[str, str]()
+        for part in filter(None, named_at(text)[1].split(",")):
+            key, sign, value = part.partition("=")
+            if not sign and not router:
+                router = part
+            elif not sign or key not in usual.keys() | COMMON.keys() or key in options:
+                known = ", ".join((*usual, *COMMON))
+                rule = f"write it as ros2@ROUTER,KEY=VALUE,..., each KEY once, of {known}"
+                raise SettingError(setting, text, f"{part!r} is not understood: {rule}")
+            else:
+                options[key] = value
+        return cls(setting, text, router or ROUTER, {**COMMON, **usual, **options})
+
+    def refuse(self, rule: str) -> SettingError:
+        """The error of this setting that says a rule which it breaks."""
+        return SettingError(self.setting, self.text, rule)
+
+    def topic(self, key: str, like: StandardTopic) -> StandardTopic:
+        """The topic that an option names, of the type of another.
+
+        Raises:
+            SettingError: It is no name of a topic.
+        """
+        name = self.options[key]
+        if not _TOPIC.fullmatch(name):
+            raise self.refuse(f"{key} must be the name of a topic, such as {like.name}, and is {name!r}")
+        return replace(like, name=name if name.startswith("/") else f"{self.options['namespace'].rstrip('/')}/{name}")
+
+    def number(self, key: str, **bounds: float) -> float:
+        """The number in an option.
+
+        Args:
+            key: Name of the option.
+            **bounds: As of `foretouch.errors.checks.require`.
+
+        Raises:
+            SettingError: It is none, or out of bounds.
+        """
+        try:
+            number = float(self.options[key])
+        except ValueError:
+            raise self.refuse(f"{key} must be a number, and is {self.options[key]!r}") from None
+        require(f"{key} of {self.setting} {self.text!r}", number, **bounds)
+        return number
+
+    def open(self, node: str) -> Graph:
+        """A node of this name on the graph.
+
+        Raises:
+            SettingError: A domain or namespace that is none, or a router that is off this machine.
+            LinkError: The router's endpoint is malformed.
+            InputError: There is no router.
+        """
+        domain = self.options["domain"] or os.environ.get("ROS_DOMAIN_ID", "") or "0"
+        if not domain.isdecimal():
+            raise self.refuse(f"the domain (ROS_DOMAIN_ID) must be a number, and is {domain!r}")
+        if self.options["insecure"] not in ("yes", "no"):
+            raise self.refuse(f"insecure must be yes or no, and is {self.options['insecure']!r}")
+        if is_exposed(self.router) and self.options["insecure"] == "no":
+            why = f"{self.router} is off this machine, and who reaches it may command as well"
+            raise self.refuse(f"{why}: add insecure=yes on a network that you trust")
+        there = Node(int(domain), self.options["namespace"], node)
+        graph = Graph(self.router, replace(there, namespace="/"), insecure=True, patience=PATIENCE)
+        if not graph.connect():
+            graph.close()
+            raise InputError(
+                f"{self.setting} {self.text!r}: no ROS 2 router at {self.router}: start one, such as "
+                "`ros2 run rmw_zenoh_cpp rmw_zenohd`"
+            )
+        return graph
+
+
+class Heard(NamedTuple):
+    """A message of a topic, with when it came in.
+
+    Attributes:
+        arrival_ns: By `time.monotonic_ns`.
+        time_ns: Its own stamp [ns since 1970], 0 where nobody stamped it.
+        frame: Its ``frame_id``.
+        values: As of `foretouch.recordings.formats.topics.Stamped`.
+    """
+
+    arrival_ns: int
+    time_ns: int
+    frame: str
+    values: tuple[Any, ...]
+
+
+class Newest:
+    """The newest message of a topic. Zenoh's thread puts it down, and the loop looks at it without waiting.
+
+    A message with the stamp of the one before is the same measurement, said again, and is left out.
+
+    Args:
+        topic: Its type is WrenchStamped, PoseStamped or JointState.
+        frames: Values of ``frame_id`` that are accepted; without one, that of the first message.
+
+    Attributes:
+        topic: As given.
+        heard: The newest message; None before the first.
+        problem: Why the newest one was refused, for people; "" where it was not.
+    """
+
+    def __init__(self, topic: StandardTopic, frames: Sequence[str] = ()) -> None:
+        self.topic, self._frames = topic, tuple(frames)
+        self.heard: Heard | None = None
+        self.problem = ""
+
+    def take(self, data: bytes) -> None:
+        """Put down the message in these CDR bytes."""
+        arrival_ns, before = time.monotonic_ns(), self.heard
+        try:
+            time_ns, frame, values = unpack_stamped(self.topic.type_name, data)
+        except ValueError as error:
+            self.problem = f"what {self.topic.name} says is no {self.topic.type_name}: {error}"
+            return
+        self._frames = self._frames or (frame,)
+        if frame not in self._frames:
+            accepted = " or ".join(map(repr, self._frames))
+            self.problem = f"{self.topic.name} is in the frame {frame!r}, and not in {accepted}"
+        elif before is None or time_ns == 0 or time_ns != before.time_ns:
+            self.heard, self.problem = Heard(arrival_ns, time_ns, frame, values), ""
+
+
+def await_first(topics: Sequence[Newest]) -> str:
+    """Wait for the first message of each topic, for at most 3 s; what is missing, for people, "" for nothing."""
+    end = time.monotonic() + FIRST
+    while any(topic.heard is None for topic in topics) and time.monotonic() < end:
+        time.sleep(1e-3)
+    missing = [topic for topic in topics if topic.heard is None]
+    silent = " and ".join(f"{one.topic.name} ({one.topic.type_name})" for one in missing if not one.problem)
+    nothing = [f"nothing on {silent} within {FIRST:g} s"] if silent else []
+    return "; ".join([*(one.problem for one in missing if one.problem), *nothing])
