@@ -24,6 +24,7 @@ from foretouch.robot.drivers.franka import make_franka
 
 FORCE, DEEP = 4.0, 0.014  # 4 mm into a floor of 1,000 N/m that is 10 mm below
 LEAST = 1.5  # What comes of that with a spring of 2,000 N/m between, and friction [N]
+pytestmark = pytest.mark.live
 SIMULATED = all(importlib.util.find_spec(name) for name in ("franky", "franky_sim"))
 
 
@@ -110,7 +111,7 @@ def test_a_connection_that_drops_in_a_press_is_no_force_and_then_the_end(arm: Sp
     body.kill()
     began = time.monotonic()
     assert math.isnan(driven(arm, above(deep), 0.3)[-1])
-    with pytest.raises(LostArmError, match="Franka at .*: it has said nothing for 1 s"):
+    with pytest.raises(LostArmError, match=r"Franka at .*: it has said nothing for 1 s"):
         driven(arm, above(deep), 5.0)
     assert 0.9 < time.monotonic() - began < 2.5
     arm.close()

@@ -19,6 +19,8 @@ from foretouch.robot.drivers.universal import NO_START, STARTS, make_ur
 FORCE = 5.0  # At 5 mm in the spring [N]
 DEEP = START[2] - 0.015
 
+pytestmark = pytest.mark.live
+
 
 @pytest.fixture
 def controller() -> Iterator[Controller]:
