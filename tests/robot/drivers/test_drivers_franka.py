@@ -6,6 +6,7 @@ import ast
 import importlib.util
 import inspect
 import math
+import socket
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -19,7 +20,7 @@ from franka_simulated import Simulated
 
 from foretouch.errors import InputError, SettingError
 from foretouch.robot import SpatialRobot
-from foretouch.robot.drivers import LostArmError, franka
+from foretouch.robot.drivers import LostArmError, franka, opening
 from foretouch.robot.drivers.franka import make_franka
 
 FORCE, DEEP = 4.0, 0.014  # 4 mm into a floor of 1,000 N/m that is 10 mm below
@@ -159,6 +160,16 @@ def test_no_arm_there_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
         make_franka(SimpleNamespace(robot="franka@127.254.1.1", scene=""))
     with pytest.raises(SettingError, match="must be franka@HOST, with the address of the arm's controller"):
         make_franka(SimpleNamespace(robot="franka@", scene=""))
+
+
+@pytest.mark.skipif(not importlib.util.find_spec("franky"), reason="needs franky-control")
+def test_what_listens_and_says_nothing_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(opening, "OPENING", 0.5)
+    with (
+        socket.create_server(("127.254.1.2", 1337)),
+        pytest.raises(InputError, match=r"Franka at 127.254.1.2: it does not answer: see that FCI is active"),
+    ):
+        make_franka(SimpleNamespace(robot="franka@127.254.1.2", scene=""))
 
 
 @pytest.mark.skipif(not importlib.util.find_spec("franky"), reason="needs franky-control")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import socket
 import time
 from collections.abc import Callable, Iterator
 from types import SimpleNamespace
@@ -181,6 +182,11 @@ def test_no_controller_there_is_one_line(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(opening, "FIRST", 0.5)
     with pytest.raises(InputError, match=r"UR at 127.254.1.1: port 30004 does not answer \(Connection refused\): see"):
         make_ur(SimpleNamespace(robot="ur@127.254.1.1", scene=""))
+    with (
+        socket.create_server(("127.254.1.2", 30004)),
+        pytest.raises(InputError, match=r"UR at 127.254.1.2: port 30004 does not answer \(timed out\): see"),
+    ):
+        make_ur(SimpleNamespace(robot="ur@127.254.1.2", scene=""))
 
 
 def test_no_host_and_no_library_are_one_line(monkeypatch: pytest.MonkeyPatch) -> None:

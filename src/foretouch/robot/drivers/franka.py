@@ -25,10 +25,10 @@ import time
 from pathlib import Path
 from typing import Any
 
-from foretouch.errors import InputError, one_line
+from foretouch.errors import one_line
 from foretouch.robot.drivers.arm_link import ArmLink, ArmState
 from foretouch.robot.drivers.driven_arm import arm_robot
-from foretouch.robot.drivers.opening import host_of, library, reach_about, require_answer
+from foretouch.robot.drivers.opening import host_of, library, opened, reach_about, require_answer
 from foretouch.robot.robot import AnyRobot, RobotSpecification, Vector
 
 PORT = 1337  # Of the Franka Control Interface
@@ -44,6 +44,7 @@ AGAIN = 1.0  # Time between two attempts to start a motion [s]
 CLOSING = 2.5  # Longest wait at the end until the arm stands [s]; the library stops by itself after 2 s
 
 STARTS = "its motion starts"
+ADVICE = "see that FCI is active, and that nobody else has it"
 REALTIME = Path("/sys/kernel/realtime")
 
 MODES = {
@@ -89,13 +90,7 @@ class FrankaArm(ArmLink):
         self.name = f"Franka at {host}"
         self._franky = franky = library("franky", "franky-control", "franka")
         require_answer(self.name, host, PORT)
-        config = franky.RealtimeConfig.Enforce if REALTIME.exists() else franky.RealtimeConfig.Ignore
-        try:
-            self._robot = franky.Robot(host, default_force_threshold=REFLEX, realtime_config=config)
-            first = self._robot.state
-        except Exception as error:  # whatever the library raises
-            advice = "see that FCI is active, and that nobody else has it"
-            raise InputError(f"{self.name}: {one_line(error)}: {advice}") from None
+        self._robot, first = opened(self.name, lambda: _connected(franky, host), ADVICE)
         self._turned = first.O_T_EE.quaternion
         self._time, self._why, self._lost = -1, "", ""
         self._state = self._said(first)
@@ -179,6 +174,13 @@ class FrankaArm(ArmLink):
         x, y, z, *_ = (-float(value) for value in state.O_F_ext_hat_K)
         joints = tuple(map(float, state.q))
         return ArmState(time.monotonic_ns(), _place(state), (x, y, z), joints, _refusal(state) or self._why)
+
+
+def _connected(franky: Any, host: str) -> tuple[Any, Any]:
+    """The library's robot, and a first state of it."""
+    config = franky.RealtimeConfig.Enforce if REALTIME.exists() else franky.RealtimeConfig.Ignore
+    robot = franky.Robot(host, default_force_threshold=REFLEX, realtime_config=config)
+    return robot, robot.state
 
 
 def _place(state: Any) -> Vector:

@@ -27,7 +27,7 @@ from foretouch.robot.drivers.driven_arm import FIRST, arm_robot
 from foretouch.robot.drivers.opening import host_of, library, reach_about, require_answer
 from foretouch.robot.robot import AnyRobot, RobotSpecification, Vector
 
-PORT = 30004  # RTDE
+PORT, VERSION_2 = 30004, b"\0\5V\0\2"  # RTDE, and its question whether the controller speaks version 2
 RATE = 500.0  # [Hz]
 VARIABLES = ["timestamp", "actual_q", "actual_TCP_pose", "actual_TCP_force", "robot_mode", "safety_status_bits"]
 
@@ -95,7 +95,7 @@ class UrArm(ArmLink):
         self.name = f"UR at {host}"
         receive = library("rtde_receive", "ur-rtde", "ur").RTDEReceiveInterface
         control = library("rtde_control", "ur-rtde", "ur").RTDEControlInterface
-        require_answer(self.name, host, PORT)
+        require_answer(self.name, host, PORT, VERSION_2)
         try:  # now: both wait with Python's lock held
             self._receive = receive(host, RATE, VARIABLES)
             made = control(host, RATE, control.FLAG_NO_WAIT | control.FLAG_DISABLE_REMOTE_CONTROL_CHECK)
