@@ -274,4 +274,11 @@ def _close(it: Subject) -> Result:
 
 
 def _drive(robot: Robot, path: Iterable[float]) -> list[RobotSample]:
-    return [robot.exchange(position) for position in path]
+    """Exchange along a path, in real time where the robot is real: its `exchange` need not wait for that."""
+    samples, due = [], time.perf_counter()
+    for position in path:
+        samples.append(robot.exchange(position))
+        due += SAMPLE_PERIOD
+        if not robot.specification.simulated:
+            time.sleep(max(due - time.perf_counter(), 0.0))
+    return samples
