@@ -5,14 +5,17 @@ They are simulated, with known truth: the numbers below. Usage: `.venv/bin/pytho
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import numpy as np
-from measure_arms import Standing
 from scipy.spatial.transform import Rotation
 
 from foretouch.quantities import ToolLoad
 from foretouch.robot.arms.sensing.wrist_sensor import WristSensor
+
+sys.path.insert(0, str(Path(__file__).parent))
+from measure_arms import Standing
 
 FOLDER = Path(__file__).parent / "examples"
 FORCE_BIAS, TORQUE_BIAS = np.array([1.2, -0.7, 3.1]), np.array([0.02, -0.05, 0.01])

@@ -35,7 +35,7 @@ SHOWING = (
     "report/writing",
     "report/forces.py",
     "report/scene/touched.py",
-    *(f"report/sections/{name}.py" for name in ("forces", "model", "robot", "scene")),
+    *(f"report/sections/{name}.py" for name in ("forces", "latency", "model", "robot", "scene")),
     "sweep/curves.py",
     "sweep/page.py",
 )

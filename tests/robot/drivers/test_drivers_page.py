@@ -18,6 +18,8 @@ def test_every_driver_is_on_it_and_each_entry_point_is_a_function() -> None:
     for name, target in points.items():
         module, _, function = target.partition(":")
         assert callable(getattr(importlib.import_module(module), function))
+        if name == "ros2":  # which has a page of its own
+            continue
         assert f"`foretouch teleop --robot {name}@HOST`" in PAGE
         assert name == "udp" or f"`pip install 'foretouch[{name}]'`" in PAGE
         assert name == "udp" or name in PROJECT["optional-dependencies"]

@@ -32,10 +32,9 @@ from foretouch.robot.drivers.opening import host_of, library, opened, reach_abou
 from foretouch.robot.robot import AnyRobot, RobotSpecification, Vector
 
 PORT = 1337  # Of the Franka Control Interface
-STIFFNESS, TURNING = (
-    2000.0,
-    100.0,
-)  # Of the spring that draws the tip [N/m], [N m/rad]; the arm takes up to 3000 and 300
+STIFFNESS, TURNING = 2000.0, 100.0
+"""Of the spring that draws the tip [N/m], [N m/rad]; the arm takes up to 3000 and 300."""
+
 STRETCHED = 0.01  # The spring is stretched by at most this along each axis [m]
 REFLEX = 30.0  # Force at which the arm stops by itself [N]
 LOOKS = 5e-4  # Time between two looks at the state of an arm in motion; one at rest is waited for [s]

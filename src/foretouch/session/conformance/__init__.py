@@ -3,6 +3,7 @@
 They stand here because they need a session's sample period and settings, and everything that they check.
 """
 
+from foretouch.session.conformance.arm_checks import link_of
 from foretouch.session.conformance.catalogue import BUILT_IN, Entry, catalogue, check_named
 from foretouch.session.conformance.device_checks import check_device
 from foretouch.session.conformance.estimator_checks import check_estimator
@@ -21,4 +22,5 @@ __all__ = [
     "check_named",
     "check_robot",
     "failed",
+    "link_of",
 ]

@@ -266,13 +266,6 @@ def _force_limit(it: Subject) -> Result:
     return held <= HELD * limit, f"{held:.4g} N", rule
 
 
-@checked("close", "a second close does nothing")
-def _close(it: Subject) -> Result:
-    it.robot.close()
-    it.robot.close()
-    return True, "closed twice"
-
-
 def _drive(robot: Robot, path: Iterable[float]) -> list[RobotSample]:
     """Exchange along a path, in real time where the robot is real: its `exchange` need not wait for that."""
     samples, due = [], time.perf_counter()
