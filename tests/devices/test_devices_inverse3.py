@@ -363,8 +363,11 @@ def test_without_the_library_one_line_says_what_to_install() -> None:
 # --- whole sessions ---------------------------------------------------------------------------------------------------
 
 
+SCENE = pytest.param(("--scene", "plane"), marks=pytest.mark.long)
+
+
 @pytest.mark.live
-@pytest.mark.parametrize("scene", [(), ("--scene", "plane")], ids=["line", "scene"])
+@pytest.mark.parametrize("scene", [(), SCENE], ids=["line", "scene"])
 def test_a_whole_session_presses_and_is_felt(plugged: Path, tmp_path: Path, scene: tuple[str, ...]) -> None:
     service = Service(presses(0.060 if scene else 0.025, 3.0, rest=4.0))  # until hand and robot have met
     operator = ("--operator", f"inverse3@{service.address}", "--device-damping", "2", "--first-touch", "follow")

@@ -346,8 +346,11 @@ def enumerate():
 """
 
 
+SCENE = pytest.param(("--scene", "plane"), marks=pytest.mark.long)
+
+
 @pytest.mark.live
-@pytest.mark.parametrize("scene", [(), ("--scene", "plane")], ids=["line", "scene"])
+@pytest.mark.parametrize("scene", [(), SCENE], ids=["line", "scene"])
 def test_a_whole_session_presses_and_says_that_nothing_is_felt(
     plugged: Path, tmp_path: Path, scene: tuple[str, ...]
 ) -> None:

@@ -119,6 +119,7 @@ def test_a_connection_that_drops_in_a_press_is_no_force_and_then_the_end(arm: Sp
     arm.close()
 
 
+@pytest.mark.long
 def test_states_that_come_late(arm: SpatialRobot, body: Any) -> None:
     deep = lowered(arm)
     body.late = 0.004
@@ -130,6 +131,7 @@ def test_states_that_come_late(arm: SpatialRobot, body: Any) -> None:
     assert math.isfinite(driven(arm, deep, 0.1)[-1])
 
 
+@pytest.mark.long
 def test_forces_and_places_that_are_no_numbers(arm: SpatialRobot, body: Any) -> None:
     deep = lowered(arm)
     body.force = math.nan
@@ -142,6 +144,7 @@ def test_forces_and_places_that_are_no_numbers(arm: SpatialRobot, body: Any) -> 
     assert math.isnan(arm.read().force[2])
 
 
+@pytest.mark.long
 def test_it_keeps_no_session_waiting(arm: SpatialRobot, body: Any) -> None:
     deep, longest = lowered(arm), 0.0
     for late in (0.0, 0.05):

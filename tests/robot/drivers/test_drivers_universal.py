@@ -87,6 +87,7 @@ def test_a_protective_stop_in_a_press_is_said_and_it_begins_again_where_it_stand
     assert arm.says == ""
 
 
+@pytest.mark.long
 def test_an_emergency_stop_and_an_arm_that_is_off_are_said(arm: SpatialRobot, controller: Controller) -> None:
     for bits, mode, says in ((EMERGENCY, 3, "emergency stop"), (1, 3, "not running: power off")):
         controller.bits, controller.mode = bits, mode
@@ -109,6 +110,7 @@ def test_a_connection_that_drops_in_a_press_is_no_force_and_then_the_end(
     arm.close()
 
 
+@pytest.mark.long
 def test_a_silent_controller_and_one_that_answers_late(arm: SpatialRobot, controller: Controller) -> None:
     pressed(arm)
     controller.late = 0.006  # every 8 ms: still good enough
@@ -120,6 +122,7 @@ def test_a_silent_controller_and_one_that_answers_late(arm: SpatialRobot, contro
         driven(arm, DEEP, 3.0)
 
 
+@pytest.mark.long
 def test_forces_and_places_that_are_no_numbers(arm: SpatialRobot, controller: Controller) -> None:
     pressed(arm)
     controller.force = math.nan
@@ -147,6 +150,7 @@ def test_a_controller_that_takes_no_commands_stops_no_session(arm: SpatialRobot,
     assert time.monotonic() - began < 2.5
 
 
+@pytest.mark.long
 def test_a_session_that_is_killed_leaves_an_arm_that_stands(arm: SpatialRobot, controller: Controller) -> None:
     pressed(arm)
     time.sleep(0.3)  # no command: the program goes on holding, and the watchdog ends it
@@ -154,6 +158,7 @@ def test_a_session_that_is_killed_leaves_an_arm_that_stands(arm: SpatialRobot, c
     assert controller.pose[2] == pytest.approx(DEEP, abs=5e-4)
 
 
+@pytest.mark.long
 def test_a_controller_in_local_control_is_said(arm: SpatialRobot, controller: Controller) -> None:
     controller.remote = False
     assert not arm.read().held  # it is read all the same
@@ -165,6 +170,7 @@ def test_a_controller_in_local_control_is_said(arm: SpatialRobot, controller: Co
     assert arm.says == NO_START
 
 
+@pytest.mark.long
 def test_a_program_of_somebody_else_runs_on_until_the_first_command(controller: Controller) -> None:
     controller.runs = True
     arm = make_ur(SimpleNamespace(robot=f"ur@{controller.host}", scene="plane"))
