@@ -24,9 +24,13 @@ as when a rotor has gone through its play, is felt twice as much for a moment, a
 
 WINDS_UP = 0.02  # Distance by which the reference may be ahead of what the joints can follow [m]
 
-CARRIED = 0.5
+CARRIED = 0.3
 """Share of the force limit up to which inertia is fed forward along the force, the less the nearer it is: beyond, what
 yields would swing against something rigid."""
+
+REMEMBERED = 0.1
+"""Time with which a force fades that inertia is fed forward by [s]: what is not given to leave a contact is not to be
+taken back just after it, or the arm would be thrown against what it left."""
 
 WELL_AWAY = 0.1  # Smallest singular value of the tip's Jacobian below which it slows down [m/rad]
 
@@ -38,27 +42,27 @@ def share_of_speed(jacobian: Array) -> float:
 
 
 @kernel("void(f8[:,::1], f8[:,::1], f8[::1], f8[::1], f8, f8[::1])")
-def carry(inertia: Array, jacobian: Array, acceleration: Array, force: Array, limit: float, torque: Array) -> None:
+def carry(inertia: Array, jacobian: Array, acceleration: Array, felt: Array, limit: float, torque: Array) -> None:
     r"""Write the torques that give the joints their acceleration [N m], which the servos would else be late by.
 
     .. math:: \tau = M \ddot q_d - w\, J^T \Lambda\, n n^T J \ddot q_d, \quad \Lambda = (J M^{-1} J^T)^{-1}
 
-    n being the direction of the force at the tip and w its share of what `CARRIED` leaves of the limit, 1 at most. Late
-    joint by joint, a quick step across would turn into a push.
+    n being the direction of the force that is remembered at the tip, and w its share of what `CARRIED` leaves of the
+    limit, 1 at most. Late joint by joint, a quick step across would turn into a push.
 
     Args:
         inertia: M, shape (n, n) [kg m^2].
         jacobian: J of the tip's place, shape (3, n) [m].
         acceleration: Commanded, shape (n,) [rad/s^2].
-        force: At the tip, shape (3,) [N].
+        felt: At the tip, remembered, shape (3,) [N].
         limit: Of the force [N].
         torque: Written, shape (n,).
     """
     torque[:] = inertia @ acceleration
-    size = math.sqrt(force @ force)
+    size = math.sqrt(felt @ felt)
     if size > 0.0:
         share = min(size / (CARRIED * limit), 1.0)
-        along = share * (force @ (jacobian @ acceleration)) / size**2 * force
+        along = share * (felt @ (jacobian @ acceleration)) / size**2 * felt
         shown = jacobian @ np.linalg.solve(inertia, np.ascontiguousarray(jacobian.T))
         for axis in range(3):
             shown[axis, axis] += 1e-6  # at a singular pose, where a direction weighs endlessly
@@ -136,6 +140,7 @@ class ServoControl:
         self._joints[3] = body.positions
         self.links, self.commanded = LinkWatch(body, period), self._joints[4]
         self._limit, self._rate = float(reference["force_limit"][0]), description.rate
+        self._felt, self._fades = np.zeros(3), math.exp(-period / REMEMBERED)
         self._most = SUDDEN * self._limit if description.force == "current" else math.inf
         self._force, self._acceleration = np.zeros(9), np.zeros(9)
         self._pushed, self._carried = np.zeros((3, description.home.size)), np.zeros(description.home.size)
@@ -159,7 +164,10 @@ class ServoControl:
         inverse.follow(reference["place"][0])
         if self._knows_weight:
             acceleration, body = self._rate * (inverse.velocities - self._joints[4]), self._body
-            self._carry(body.inertia, body.jacobian[:3], acceleration, force, self._limit, self._carried)
+            self._felt *= self._fades
+            if force @ force > self._felt @ self._felt:
+                self._felt[:] = force
+            self._carry(body.inertia, body.jacobian[:3], acceleration, self._felt, self._limit, self._carried)
         self._joints[4] = inverse.velocities
         behind = reference["place"][0] - inverse.place
         distance = math.sqrt(float(behind @ behind))
