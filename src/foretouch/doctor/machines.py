@@ -88,7 +88,7 @@ def _rate(report: Mapping[str, Any]) -> Judged:
     taken, rate, apart = report["exchange_p99_s"], report["rate"], report["apart_p99_s"]
     text = f"a call takes {1e3 * report['exchange_p50_s']:.3g} ms (99 % below {1e3 * taken:.3g} ms) of a tick's 1 ms"
     if rate is None:
-        text += "; nothing changed while it rested, so nobody knows how often it is measured"
+        text += "; nothing changed while it rested, so its rate is not known"
     else:
         text += f"; {rate:.0f} new values a second, 99 % of them within {1e3 * apart:.3g} ms of the one before"
         if rate < 900.0:
@@ -154,7 +154,7 @@ def _felt_after(report: Mapping[str, Any]) -> Judged:
         return None
     late = report["force_latency"]
     if late is None:
-        return Verdict.UNKNOWN, "nothing was touched on the way, so nobody knows how late a force is"
+        return Verdict.UNKNOWN, "nothing was touched on the way, so it is not known how late a force is"
     return _verdict(warning=late > LATE), f"{1e3 * late:.1f} ms from the motion to the force that it makes"
 
 

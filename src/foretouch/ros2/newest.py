@@ -134,7 +134,7 @@ class Heard(NamedTuple):
 
     Attributes:
         arrival_ns: By `time.monotonic_ns`.
-        time_ns: Its own stamp [ns since 1970], 0 where nobody stamped it.
+        time_ns: Its own stamp [ns since 1970], 0 where it has none.
         frame: Its ``frame_id``.
         values: As of `foretouch.recordings.formats.topics.Stamped`.
     """

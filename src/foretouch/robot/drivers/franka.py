@@ -10,7 +10,7 @@ its own waits for the states, and for the end of a motion.
 
 What holds where the session fails: the last reference stays, for that motion knows no time-out of references; the
 spring is stretched by at most 10 mm, so that it never presses by more than 20 N; at 30 N the arm stops by itself, with
-a reflex; and where this process dies, the arm misses the packets of its own loop and stops within 20 ms.
+a reflex; and where this process dies, the arm misses the packets of its own loop and stops, which was not tried.
 
 ``O_F_ext_hat_K`` is estimated from the joint torques, in the axes of the base, and in libfranka positive where the arm
 pushes: a table under the tip shows as negative z. Here it is turned round, to what pushes the tip: along +z.
