@@ -7,14 +7,16 @@ a name is asked for that is not built in.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Self, TypeVar
 
-from foretouch.errors import ForetouchError, InputError
+from foretouch.errors import ForetouchError, InputError, SettingError
+from foretouch.errors.checks import require
 
 __all__ = [
     "GROUPS",
+    "Address",
     "Plugin",
     "PluginError",
     "all_plugins",
@@ -94,6 +96,70 @@ def named_at(name: str) -> tuple[str, str]:
     """A plug-in's name and the address behind it, from ``NAME@ADDRESS``; without one, the address is empty."""
     own, _, address = name.partition("@")
     return own, address
+
+
+@dataclass(frozen=True)
+class Address:
+    """What stands behind the name of a plug-in in a setting, ``NAME@PLACE,KEY=VALUE,...``.
+
+    Attributes:
+        setting: Name of the setting.
+        text: As given.
+        place: Where the machine is; "" where that is not said.
+        options: All options by name.
+    """
+
+    setting: str
+    text: str
+    place: str
+    options: Mapping[str, str]
+
+    @classmethod
+    def read(cls, setting: str, text: str, usual: Mapping[str, str], place: str = "PLACE") -> Self:
+        """The address in a setting.
+
+        Args:
+            setting: Name of the setting.
+            text: Its value, each part of which may be missing.
+            usual: All options with their usual values.
+            place: What the place is, for people.
+
+        Raises:
+            SettingError: A key that is none, or is there twice.
+        """
+        found, options = "", dict[str, str]()
+        name, rest = named_at(text)
+        for part in filter(None, rest.split(",")):
+            key, sign, value = part.partition("=")
+            if not sign and not found:
+                found = part
+            elif not sign or key not in usual or key in options:
+                rule = f"write it as {name}@{place},KEY=VALUE,..., each KEY once, of {', '.join(usual)}"
+                raise SettingError(setting, text, f"{part!r} is not understood: {rule}")
+            else:
+                options[key] = value
+        return cls(setting, text, found, {**usual, **options})
+
+    def refuse(self, rule: str) -> SettingError:
+        """The error of this setting that says a rule which it breaks."""
+        return SettingError(self.setting, self.text, rule)
+
+    def number(self, key: str, **bounds: float) -> float:
+        """The number in an option.
+
+        Args:
+            key: Name of the option.
+            **bounds: As of `foretouch.errors.checks.require`.
+
+        Raises:
+            SettingError: It is none, or out of bounds.
+        """
+        try:
+            number = float(self.options[key])
+        except ValueError:
+            raise self.refuse(f"{key} must be a number, and is {self.options[key]!r}") from None
+        require(f"{key} of {self.setting} {self.text!r}", number, **bounds)
+        return number
 
 
 def plugin_names(kind: str) -> tuple[str, ...]:

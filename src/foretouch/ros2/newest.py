@@ -7,12 +7,11 @@ import re
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, Self
 
-from foretouch.errors import InputError, SettingError
-from foretouch.errors.checks import require
+from foretouch.errors import InputError
 from foretouch.link import is_exposed
-from foretouch.plugins import named_at
+from foretouch.plugins import Address
 from foretouch.recordings.formats.topics import StandardTopic, unpack_stamped
 from foretouch.ros2.graph import Graph
 from foretouch.ros2.keys import Node
@@ -30,49 +29,21 @@ _TOPIC = re.compile(r"/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
 
 
 @dataclass(frozen=True)
-class GraphAddress:
+class GraphAddress(Address):
     """A setting such as ``ros2@tcp/127.0.0.1:7447,wrench=/ft/wrench``: a router, and what differs from the usual.
 
-    Attributes:
-        setting: Name of the setting.
-        text: As given.
-        router: Endpoint of the graph's router.
-        options: All options by name.
+    Its place is the endpoint of the graph's router, and its options are those of `COMMON`, too.
     """
 
-    setting: str
-    text: str
-    router: str
-    options: Mapping[str, str]
-
     @classmethod
-    def read(cls, setting: str, text: str, usual: Mapping[str, str]) -> GraphAddress:
-        """The address in a setting.
+    def read(cls, setting: str, text: str, usual: Mapping[str, str], place: str = "ROUTER") -> Self:
+        """The address in a setting: see `foretouch.plugins.Address`."""
+        return super().read(setting, text, {**usual, **COMMON}, place)
 
-        Args:
-            setting: Name of the setting.
-            text: Its value, ``NAME@ROUTER,KEY=VALUE,...``, each part of which may be missing.
-            usual: Options beside `COMMON`, with their usual values.
-
-        Raises:
-            SettingError: A key that is none, or is there twice.
-        """
-        router, options = "", dict[str, str]()
-        for part in filter(None, named_at(text)[1].split(",")):
-            key, sign, value = part.partition("=")
-            if not sign and not router:
-                router = part
-            elif not sign or key not in usual.keys() | COMMON.keys() or key in options:
-                known = ", ".join((*usual, *COMMON))
-                rule = f"write it as ros2@ROUTER,KEY=VALUE,..., each KEY once, of {known}"
-                raise SettingError(setting, text, f"{part!r} is not understood: {rule}")
-            else:
-                options[key] = value
-        return cls(setting, text, router or ROUTER, {**COMMON, **usual, **options})
-
-    def refuse(self, rule: str) -> SettingError:
-        """The error of this setting that says a rule which it breaks."""
-        return SettingError(self.setting, self.text, rule)
+    @property
+    def router(self) -> str:
+        """Endpoint of the graph's router."""
+        return self.place or ROUTER
 
     def topic(self, key: str, like: StandardTopic) -> StandardTopic:
         """The topic that an option names, of the type of another.
@@ -84,23 +55,6 @@ class GraphAddress:
         if not _TOPIC.fullmatch(name):
             raise self.refuse(f"{key} must be the name of a topic, such as {like.name}, and is {name!r}")
         return replace(like, name=name if name.startswith("/") else f"{self.options['namespace'].rstrip('/')}/{name}")
-
-    def number(self, key: str, **bounds: float) -> float:
-        """The number in an option.
-
-        Args:
-            key: Name of the option.
-            **bounds: As of `foretouch.errors.checks.require`.
-
-        Raises:
-            SettingError: It is none, or out of bounds.
-        """
-        try:
-            number = float(self.options[key])
-        except ValueError:
-            raise self.refuse(f"{key} must be a number, and is {self.options[key]!r}") from None
-        require(f"{key} of {self.setting} {self.text!r}", number, **bounds)
-        return number
 
     def open(self, node: str) -> Graph:
         """A node of this name on the graph.

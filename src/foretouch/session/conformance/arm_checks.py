@@ -76,12 +76,16 @@ def _name(link: ArmLink) -> Result:
     return isinstance(link.name, str) and bool(link.name.strip()), repr(link.name)
 
 
-@checked("driver: reach", f"lowest and highest place, each of three numbers in m within {FARTHEST:g} m of the base")
+@checked(
+    "driver: reach",
+    f"lowest and highest place, each of three numbers in m within {FARTHEST:g} m of the base; the same one twice is an "
+    "axis along which it does not move",
+)
 @_of_arm
 def _reach(link: ArmLink) -> Result:
     low, high = link.reach
-    kept = is_place(low) and is_place(high) and all(a < b for a, b in zip(low, high, strict=True))
-    return kept, f"{low} to {high} m"
+    ordered = is_place(low) and is_place(high) and all(a <= b for a, b in zip(low, high, strict=True))
+    return ordered and low != high, f"{low} to {high} m"
 
 
 @checked("driver: begins within its reach", "the tip is within the reach: move the arm there, or state another reach")
@@ -209,6 +213,8 @@ def _rest(link: ArmLink) -> Result:
 
 
 def _follows(link: ArmLink, axis: int) -> Result:
+    if link.reach[0][axis] == link.reach[1][axis]:
+        return None
     moved, taken = _nudged(link, axis)
     part, aside = float(moved[axis]) / NUDGE, float(np.abs(np.delete(moved, axis)).max())
     kept = FOLLOWED[0] <= part <= FOLLOWED[1] and aside <= ASIDE * NUDGE and taken <= SENT

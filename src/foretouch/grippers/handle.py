@@ -1,0 +1,149 @@
+"""A trigger on a servo as a device: the hand closes it, and the servo pushes it open with the force that is felt."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import sys
+import time
+from collections.abc import Callable
+from typing import Any, ClassVar
+
+from foretouch.devices import Device, DeviceSpecification
+from foretouch.devices.device import limit_force
+from foretouch.errors import SettingError, printable
+from foretouch.grippers.servo import CURRENT_CONTROL, OPTIONS, Servo
+from foretouch.plugins import Address
+
+TICK = 0.001  # Of a session [s]
+SILENT, PERIODS = 0.02, 5.0  # Without a new position for so long [s], and so many exchanges, none is shown
+
+
+def felt_over_bus(specification: DeviceSpecification, period: float) -> DeviceSpecification:
+    r"""What a session of 1 kHz may count on of a device that is reached over a slower bus.
+
+    A position that came in with one exchange is seen by the next tick of the session, up to T later; the force goes out
+    with the next exchange, so at most :math:`T_b + T` after it was measured, acts after the device's own delay d, and
+    stays for one exchange, so
+
+    .. math:: K \le \frac{b - |B|}{T_b / 2 + T_b + T + d}
+
+    (`DeviceSpecification.largest_stiffness`, with the bus's period in place of the session's). A session counts with
+    its own period T and a delay of at most T. So it is told that, and a damping that gives no more for every B:
+
+    .. math:: b' = b \frac{3 T / 2}{3 T_b / 2 + T + d} < b
+
+    Args:
+        specification: Of the device itself; its damping b [N s/m] and delay d [s].
+        period: Of the bus, T_b [s], at least that of a session.
+    """
+    share = 1.5 * TICK / (1.5 * period + TICK + specification.delay)
+    return dataclasses.replace(specification, damping=share * specification.damping, delay=TICK)
+
+
+class GripperHandle(Device):
+    """A trigger on a servo in current control. 0 is where the hand is at the first `read`; closing it is in.
+
+    A servo that has said nothing for 20 ms, or for five exchanges, shows no position; after 0.25 s it is lost, and
+    gives no force until a new session.
+
+    Args:
+        address: Of the servo; see `Servo`.
+        specification: What the device is; its damping says how stiff it may be rendered.
+        tell: Gets a line where the servo is lost.
+
+    Raises:
+        SettingError: An address that is none.
+        MissingExtraError: ``dynamixel-sdk`` is not installed.
+        InputError: See `Servo`.
+    """
+
+    name: ClassVar[str] = "dynamixel"
+    closed_loop: ClassVar[bool] = True
+    real_time: ClassVar[bool] = True
+
+    def __init__(
+        self, address: Address, specification: DeviceSpecification, tell: Callable[[str], object] = lambda line: None
+    ) -> None:
+        self._closed, self._lost, self._tell = False, False, tell
+        self._origin, self._position = math.nan, 0.0
+        self._servo = servo = Servo(address, CURRENT_CONTROL, self._lose)
+        self._silent_ns = round(1e9 * max(SILENT, PERIODS * servo.period))
+        limit = min(specification.force_limit, servo.force_limit)
+        own = dataclasses.replace(specification, resolution=servo.count, force_limit=limit, pulls=True)
+        self._specification = felt_over_bus(own, servo.period)
+        tell(said_of_bus(own, servo.period))
+
+    @property
+    def specification(self) -> DeviceSpecification:
+        """Specification of the device, as far as its bus carries it."""
+        return self._specification
+
+    @property
+    def lost(self) -> bool:
+        """Whether the servo shows no position any more, and gives no force until it is opened anew."""
+        return self._lost
+
+    def read(self, now_ns: int) -> float:
+        """Position of the hand [m]; no number where the servo is silent or has let go."""
+        if self._closed:
+            return self._position
+        state = self._servo.state
+        if self._lost or state.refuses or time.monotonic_ns() - state.measured_ns > self._silent_ns:
+            return math.nan
+        if math.isnan(self._origin):
+            self._origin = state.opening
+        self._position = self._origin - state.opening
+        return self._position
+
+    def render(self, force: float) -> float:
+        """Give the hand a force [N], and return the force that it really gets."""
+        if self._closed or self._lost:
+            force = 0.0
+        force = limit_force(force, self._specification.force_limit, pulls=True)
+        self._servo.push(force)
+        return 0.0 if self._servo.why or self._servo.state.refuses else force
+
+    def close(self) -> None:
+        """No force, no torque, and the port is given back."""
+        self._closed = True
+        self._servo.close()
+
+    def _lose(self, why: str) -> None:
+        self._lost = True
+        self._tell(
+            f"dynamixel: lost {self._servo.name}: {why}. The hand gets no force and counts as not moved: end the "
+            "session, and begin again when it is connected"
+        )
+
+
+def said_of_bus(specification: DeviceSpecification, period: float) -> str:
+    """What the rate of a bus costs, for people.
+
+    Args:
+        specification: Of the device itself.
+        period: Of its bus [s].
+    """
+    rates = {rate: felt_over_bus(specification, rate).largest_stiffness(TICK) for rate in (period, TICK)}
+    return (
+        f"dynamixel: {1.0 / period:.0f} exchanges a second: with {specification.damping:g} N s/m no more than "
+        f"{rates[period]:.0f} N/m are felt, and {rates[TICK]:.0f} with 1,000"
+    )
+
+
+def make_handle(settings: Any, reach: Any) -> GripperHandle:
+    """The device ``dynamixel@PORT,lever=0.06`` of a session.
+
+    Args:
+        settings: `foretouch.session.SessionSettings`.
+        reach: How far the material is; not needed.
+
+    Raises:
+        SettingError: An address that is none, or a scene: a trigger moves along a line.
+        MissingExtraError: ``dynamixel-sdk`` is not installed.
+        InputError: See `Servo`.
+    """
+    if settings.scene:
+        raise SettingError("operator", settings.operator, "moves along a line: leave the scene out")
+    address = Address.read("operator", settings.operator, OPTIONS, "PORT")
+    return GripperHandle(address, settings.device, lambda line: sys.stderr.write(f"{printable(line)}\n"))
