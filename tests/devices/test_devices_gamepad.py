@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from foretouch.devices import Reach
-from foretouch.devices.gamepad import DEAD_ZONE, STICK_SPEED, TRIGGER_REACH, Gamepad, PadState
+from foretouch.devices.gamepad import DEAD_ZONE, LARGEST_SPEED, STICK_SPEED, TRIGGER_REACH, Gamepad, PadState
 from foretouch.errors import SettingError
 from foretouch.session.conformance.device_checks import check_device
 from foretouch.session.conformance.finding import failed
@@ -84,6 +84,13 @@ def test_a_pad_that_is_gone_leaves_the_handle_where_it_is() -> None:
         assert not device.clutched
     device.render(5.0)
     assert pad.rumbles[-1] == 0.0
+
+
+def test_a_gap_between_two_reads_counts_as_fifty_milliseconds_at_most() -> None:
+    device = Gamepad(HeldPad(stick=1.0))
+    before = run(device, 1.0)[-1]
+    assert device.read(10**10) - before < 0.05 * LARGEST_SPEED
+    assert run(device, 0.1, 10.0).max() - before < 0.05 * LARGEST_SPEED + 0.1 * STICK_SPEED
 
 
 def test_the_clutch_is_a_button() -> None:
