@@ -22,19 +22,7 @@ from foretouch.session import SessionSettings
 pytest.importorskip("zenoh_ros2_sdk")
 pytestmark = pytest.mark.network
 
-UP, NONE = [0.0, 0.0, 2.0], [0.0, 0.0, 0.0]
-
-
-@pytest.fixture
-def hub() -> Iterator[Router]:
-    with router() as opened:
-        yield opened
-
-
-@pytest.fixture
-def node(hub: Router) -> Iterator[OtherNode]:
-    with other_node("hand", hub.endpoint) as running:
-        yield running
+NODE, UP, NONE = "hand", [0.0, 0.0, 2.0], [0.0, 0.0, 0.0]
 
 
 @contextmanager
@@ -85,6 +73,44 @@ def test_a_silent_pose_is_no_number_and_no_force(hub: Router, node: OtherNode) -
         assert device.render(2.0) == 2.0
 
 
+def test_poses_that_are_refused_are_said_once(hub: Router, node: OtherNode, capsys: pytest.CaptureFixture[str]) -> None:
+    with device_at(hub) as device:
+        wait_until(lambda: reads(device, 0.0))
+        for frame in ("tool", "base", "tool"):
+            node.set(frame=frame)
+            wait_until(lambda: reads(device, 0.0 if frame == "base" else math.nan))  # noqa: B023
+    said = "operator: /measured_cp is in the frame 'tool', and not in 'base': the hand gets no force and counts as not"
+    assert capsys.readouterr().err == f"{said} moved\n"
+
+
+def test_where_router_or_node_is_gone_no_force_is_given_until_it_is_back() -> None:
+    endpoint = free_endpoint()
+    with router(endpoint) as hub:
+        made = device_at(hub)
+        with other_node("hand", endpoint) as node:
+            device = made.__enter__()
+            wait_until(lambda: (device.render(2.0), node.got() == UP)[1])
+            node.process.kill()
+            wait_until(lambda: reads(device, math.nan))
+            assert device.render(2.0) == 0.0
+        with other_node("hand", endpoint) as node:  # another process of the same name
+            node.set(z=0.19)
+            wait_until(lambda: reads(device, 0.01))
+            wait_until(lambda: (device.render(2.0), node.got() == UP)[1])
+            hub.close()
+            wait_until(lambda: reads(device, math.nan))
+            begun = time.monotonic()
+            given = [device.render(2.0) for _ in range(100)]
+            assert set(given) == {0.0}
+            assert time.monotonic() - begun < 2.0  # no call waits for it
+            assert node.got() == UP  # no zero reaches a node without a router
+            with router(endpoint) as hub:
+                wait_until(lambda: reads(device, 0.01))
+                wait_until(lambda: (device.render(2.0), node.got() == UP)[1])
+                made.__exit__(None, None, None)
+                wait_until(lambda: node.got() == NONE, 2.0)
+
+
 def test_the_force_ends_where_nobody_renders_and_at_the_end(hub: Router, node: OtherNode) -> None:
     with device_at(hub) as device:
         wait_until(lambda: node.got() == NONE)  # before anything was rendered
@@ -125,6 +151,12 @@ def test_the_damping_is_the_least_where_nobody_states_it(hub: Router, node: Othe
     assert device.specification.damping == LEAST_DAMPING
     assert device.specification.pulls
     device.close()
+
+
+def test_poses_that_come_too_seldom_are_refused(hub: Router, node: OtherNode) -> None:
+    node.set(period=0.03)
+    with pytest.raises(SettingError, match=r"/measured_cp comes [23]\d times a second: have the device's node send it"):
+        make_device(SimpleNamespace(operator=f"ros2@{hub.endpoint},domain=5", scene="", device=None), None)
 
 
 def test_what_is_missing_is_one_line(hub: Router, node: OtherNode) -> None:
