@@ -117,7 +117,7 @@ def main(what: str, port: int) -> None:
         now.last = noted(message)
         now.heard += 1
 
-    wanted = options(PROBE, "/target_pose", port) if arm else options(WRENCH, "/servo_cf", port)
+    wanted = options(PROBE, "/target_pose", port) if arm else options(WRENCH, "/body/servo_cf", port)
     pose = ROS2Publisher(**options(PROBE, "/current_pose" if arm else "/measured_cp", port))
     joints = ROS2Publisher(**options(FOLLOWER_JOINTS, "/joint_states", port)) if arm else None
     wrench = ROS2Publisher(**options(WRENCH, "/ft/wrench", port)) if arm else None

@@ -57,7 +57,7 @@ def test_down_is_in_and_a_force_pushes_up_in_the_frame_of_the_pose(hub: Router, 
         assert device.render(1e3) == device.specification.force_limit
         assert device.render(math.nan) == 0.0
         ours = {(token.split("/")[5], token.split("/")[9]) for token in hub.tokens if "/foretouch_device/%" in token}
-        assert ours == {("MS", "%measured_cp"), ("MP", "%servo_cf")}
+        assert ours == {("MS", "%measured_cp"), ("MP", "%body%servo_cf")}
 
 
 def test_a_silent_pose_is_no_number_and_no_force(hub: Router, node: OtherNode) -> None:
@@ -120,6 +120,7 @@ def test_the_force_ends_where_nobody_renders_and_at_the_end(hub: Router, node: O
         wait_until(lambda: (device.render(2.0), node.got() == UP)[1])
     wait_until(lambda: node.got() == NONE, 2.0)
     heard = node.says()["heard"]
+    wait_until(lambda: not any("foretouch_device" in token for token in hub.tokens))
     assert device.render(2.0) == 0.0
     assert device.read(time.monotonic_ns()) <= 0.0
     device.close()
@@ -159,6 +160,23 @@ def test_poses_that_come_too_seldom_are_refused(hub: Router, node: OtherNode) ->
         make_device(SimpleNamespace(operator=f"ros2@{hub.endpoint},domain=5", scene="", device=None), None)
 
 
+def test_a_wrench_that_nobody_takes_is_refused(hub: Router, node: OtherNode) -> None:
+    told = f"ros2@{hub.endpoint},domain=5,wrench=servo_cf"
+    with pytest.raises(SettingError, match=r"nobody listens to /servo_cf \(geometry_msgs/msg/WrenchStamped\): name"):
+        make_device(SimpleNamespace(operator=told, scene="", device=None), None)
+
+
+def test_in_is_along_any_axis_of_the_pose(hub: Router, node: OtherNode) -> None:
+    with device_at(hub, told="domain=5,in=z") as device:
+        wait_until(lambda: reads(device, 0.0))
+        node.set(z=0.21)
+        wait_until(lambda: reads(device, 0.01))
+        wait_until(lambda: (device.render(2.0), node.got() == [0.0, 0.0, -2.0])[1])
+    with device_at(hub, told="domain=5,in=-x") as device:
+        wait_until(lambda: reads(device, 0.0))
+        wait_until(lambda: (device.render(2.0), node.got() == [2.0, 0.0, 0.0])[1])
+
+
 def test_what_is_missing_is_one_line(hub: Router, node: OtherNode) -> None:
     node.set(pose=False)
     for told, rule in (
@@ -166,8 +184,9 @@ def test_what_is_missing_is_one_line(hub: Router, node: OtherNode) -> None:
             f"ros2@{hub.endpoint},domain=6",
             r"nothing on /measured_cp \(geometry_msgs/msg/PoseStamped\) within 3 s: start",
         ),
-        (f"ros2@{hub.endpoint},target=/a", "'target=/a' is not understood: .* of pose, wrench, frame, namespace"),
+        (f"ros2@{hub.endpoint},target=/a", "'target=/a' is not understood: .* of pose, wrench, frame, in, namespace"),
         (f"ros2@{free_endpoint()}", "no ROS 2 router at"),
+        (f"ros2@{hub.endpoint},in=down", "in must be the way into the material in the pose's frame, one of x, -x, y"),
     ):
         with pytest.raises((InputError, SettingError), match=rule):
             make_device(SimpleNamespace(operator=told, scene="", device=SessionSettings().device), None)

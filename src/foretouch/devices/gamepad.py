@@ -117,6 +117,7 @@ PRESSES = 1.2  # Largest depth of the handle, where the reach is known, over the
 LONGEST_STEP = 0.05  # Upper limit to which a gap between two reads is cut [s]
 FULL_RUMBLE, RUMBLE_PERIOD_NS, RUMBLE_STEP = 10.0, 50_000_000, 0.02
 """Force of the strongest rumble [N]; shortest time between commands to the pad [ns]; least change of strength [-]."""
+RENEWED_NS = 500_000_000  # Time after which the same rumble is asked for again [ns]: it ends by itself
 
 
 class PadState(NamedTuple):
@@ -218,7 +219,9 @@ class Gamepad(RateControlled, Device):
         strength = 0.0 if self._gone else min(force / FULL_RUMBLE, 1.0)
         now_ns = self._now_ns or 0
         changed = abs(strength - self._rumble) >= RUMBLE_STEP or (strength == 0.0) != (self._rumble == 0.0)
-        if changed and (now_ns - self._rumble_ns >= RUMBLE_PERIOD_NS or strength == 0.0) and not self._closed:
+        ends = strength > 0.0 and now_ns - self._rumble_ns >= RENEWED_NS
+        due = now_ns - self._rumble_ns >= RUMBLE_PERIOD_NS or strength == 0.0
+        if (changed or ends) and due and not self._closed:
             self._pad.rumble(strength)
             self._rumble, self._rumble_ns = strength, now_ns
         return force

@@ -1,8 +1,8 @@
 """A haptic device behind a node on a ROS 2 graph: its pose comes in, and a wrench for the hand goes out.
 
-Usual names are those of the Collaborative Robotics Toolkit (CRTK), as the drivers of Johns Hopkins University for Force
-Dimension, Geomagic Touch and the dVRK have them: ``measured_cp`` (PoseStamped) and ``servo_cf`` (WrenchStamped). There
-was no such device: **tested against a node of another implementation alone**.
+Usual names are those of the nodes of Johns Hopkins University for Force Dimension, Geomagic Touch and the dVRK:
+``measured_cp`` (PoseStamped) and ``body/servo_cf`` (WrenchStamped). There was no such device: **tested against a node
+of another implementation alone**.
 """
 
 from __future__ import annotations
@@ -22,8 +22,12 @@ from foretouch.ros2.graph import Graph
 from foretouch.ros2.keys import NEWEST
 from foretouch.ros2.newest import SILENT, GraphAddress, Newest, await_first
 
-USUAL: Final = {"pose": "measured_cp", "wrench": "servo_cf", "frame": ""}
-"""Options of the address: names of both topics, and the frame of the poses, without one that of the first."""
+USUAL: Final = {"pose": "measured_cp", "wrench": "body/servo_cf", "frame": "", "in": "-z"}
+"""Options of the address: names of both topics; the frame of the poses, without one that of the first; and where in is
+along a line."""
+
+WAYS_IN: Final = {sign + name: (axis, way) for axis, name in enumerate("xyz") for sign, way in (("", 1), ("-", -1))}
+"""Axis and direction of each."""
 
 WATCHED = 0.25  # Time for which poses are counted before the first is taken [s]
 LAST = 0.02  # Time that the last wrench has to go out before the graph is left [s]
@@ -78,7 +82,7 @@ class GraphHandle(HandleLink):
 
 
 class RosDevice(FeltAlongAxis):
-    """Along the vertical: down is in."""
+    """Along one axis of its pose's frame."""
 
     name: ClassVar[str] = "ros2"
 
@@ -97,32 +101,41 @@ def make_device(settings: Any, reach: Any) -> RosDevice | SpatialRosDevice:
         reach: Not asked: the hand is a person's.
 
     Raises:
-        SettingError: An address that is none, no pose within 3 s, or poses less than 50 times a second.
+        SettingError: An address that is none; no pose within 3 s, or fewer than 50 a second; nobody who takes forces.
         InputError: No router.
         LinkError: The router's endpoint is malformed.
     """
     address = GraphAddress.read("operator", settings.operator, USUAL)
-    frame = address.options["frame"]
+    frame, way = address.options["frame"], address.options["in"]
+    if way not in WAYS_IN:
+        raise address.refuse(f"in must be the way into the material in the pose's frame, one of {', '.join(WAYS_IN)}")
     pose, wrench = Newest(address.topic("pose", PROBE), (frame,) if frame else ()), address.topic("wrench", WRENCH)
     graph = address.open("foretouch_device")
     graph.subscribe(pose.topic, pose.take)
-    missing = await_first((pose,))
-    rule = f"{missing}: start the device's node, and see `ros2 topic info -v`" if missing else _seldom(pose)
+    rule = _missing(graph, pose, wrench)
     if rule:
         graph.close()
-        raise address.refuse(rule)
-    made = SpatialRosDevice if settings.scene else RosDevice
-    return made(GraphHandle(graph, pose, wrench, _say), settings.device)
+        raise address.refuse(f"{rule}, and see `ros2 topic info -v`")
+    handle, (axis, direction) = GraphHandle(graph, pose, wrench, _say), WAYS_IN[way]
+    if settings.scene:
+        return SpatialRosDevice(handle, settings.device)
+    return RosDevice(handle, settings.device, axis=axis, direction=direction)
 
 
-def _seldom(pose: Newest) -> str:
-    """Why poses come too seldom to be felt by, "" where they do not: between two of them the topic would be silent."""
+def _missing(graph: Graph, pose: Newest, wrench: StandardTopic) -> str:
+    """What the device's node does not do, and how to mend it; "" for nothing."""
+    missing = await_first((pose,))
+    if missing:
+        return f"{missing}: start the device's node"
     before = pose.count
     time.sleep(WATCHED)
     rate = (pose.count - before) / WATCHED
-    if rate >= 1.0 / SILENT:
-        return ""
-    return f"{pose.topic.name} comes {rate:.0f} times a second: have the device's node send it at least 100 times"
+    if rate < 1.0 / SILENT:  # between two of them it would be silent
+        return f"{pose.topic.name} comes {rate:.0f} times a second: have the device's node send it at least 100 times"
+    if not graph.is_heard(wrench):
+        where = f"{wrench.name} ({wrench.type_name})"
+        return f"nobody listens to {where}: name the topic from which the device's node takes forces as wrench=NAME"
+    return ""
 
 
 def _say(line: str) -> None:
