@@ -170,9 +170,7 @@ class FeltInSpace(FeltDevice, SpatialDevice):
         specification: What the device is along each axis; its force limit is that of the whole force.
     """
 
-    def __init__(self, link: HandleLink, specification: DeviceSpecification) -> None:
-        self._place: Vector = NOWHERE
-        super().__init__(link, specification)
+    _place = NOWHERE
 
     def read(self, now_ns: int) -> Vector:
         """Place of the hand [m]; no numbers where the device does not show it."""

@@ -116,9 +116,10 @@ def make_device(settings: Any, reach: Any) -> RosDevice | SpatialRosDevice:
     if rule:
         graph.close()
         raise address.refuse(f"{rule}, and see `ros2 topic info -v`")
-    handle, (axis, direction) = GraphHandle(graph, pose, wrench, _say), WAYS_IN[way]
+    handle = GraphHandle(graph, pose, wrench, lambda line: sys.stderr.write(f"{printable(line)}\n"))
     if settings.scene:
         return SpatialRosDevice(handle, settings.device)
+    axis, direction = WAYS_IN[way]
     return RosDevice(handle, settings.device, axis=axis, direction=direction)
 
 
@@ -136,7 +137,3 @@ def _missing(graph: Graph, pose: Newest, wrench: StandardTopic) -> str:
         where = f"{wrench.name} ({wrench.type_name})"
         return f"nobody listens to {where}: name the topic from which the device's node takes forces as wrench=NAME"
     return ""
-
-
-def _say(line: str) -> None:
-    sys.stderr.write(f"{printable(line)}\n")

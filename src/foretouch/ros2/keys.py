@@ -147,12 +147,7 @@ class Node:
         return self._endpoint(self._entity(session, *numbers, "MS"), topic, kind, qos)
 
     def subscriptions(self, topic: str, kind: TopicType) -> str:
-        """Pattern of the tokens of all subscriptions, of any node, to a topic of that type.
-
-        Args:
-            topic: Name without the namespace.
-            kind: The type that they take.
-        """
+        """Pattern of the tokens of all subscriptions, of any node, to a topic (without the namespace) of that type."""
         what = [self.full_name(topic).replace("/", "%"), dds_type(kind.name), kind.hash]
         return "/".join(["@ros2_lv", str(self.domain), *"***", "MS", *"***", *what, "*"])
 
