@@ -28,7 +28,10 @@ IGNORED = (
     *("foretouch.report.writing", "foretouch.report.drawing", "foretouch.report.sections.scene"),
     *("foretouch.comparison.figures", "foretouch.comparison.page", "foretouch.sweep.page"),
     # devices that no simulated session has
-    *(f"foretouch.devices.{name}" for name in ("browser", "force_dimension", "gamepad", "inverse3", "spacemouse")),
+    *(
+        f"foretouch.devices.{name}"
+        for name in ("browser", "felt", "force_dimension", "gamepad", "inverse3", "spacemouse")
+    ),
     # robots and devices that are real, or another package's
     *("foretouch.robot.drivers", *(f"foretouch.session.operators:foreign_{one}" for one in ("robot", "operator"))),
     # what writes recordings, and formats that no measured file has

@@ -5,14 +5,17 @@ from __future__ import annotations
 import math
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 
 from foretouch.devices import DeviceSpecification
 from foretouch.devices.device import LEAST_DAMPING
-from foretouch.devices.force_dimension import FAILURES, PATIENCE, WATCHDOG_TICKS, ForceDimension
+from foretouch.devices.felt import LOOKS, PATIENCE
+from foretouch.devices.force_dimension import FAILURES, TICK, WATCHDOG_TICKS, ForceDimension, ForceDimensionLink
 from foretouch.errors import SettingError
 from foretouch.session import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.conformance.device_checks import check_device
@@ -34,6 +37,7 @@ class Binding:
         self.enabled = self.opened = False
         self.button = 0
         self.there = True
+        self.lateness = 0.0
 
     def open(self) -> int:
         self.opened = self.there
@@ -53,6 +57,7 @@ class Binding:
         return 0
 
     def getPosition(self, out: list[float], ID: int = -1) -> int:
+        time.sleep(self.lateness)
         out[:] = self.place
         return self.answer
 
@@ -60,7 +65,7 @@ class Binding:
         if not self.takes_force:
             return -1
         assert self.opened
-        self.force = list(f)
+        self.force = [f[0], f[1], f[2]]
         self.forces.append(f[2])
         return 0
 
@@ -71,6 +76,14 @@ class Binding:
         return "no device found"
 
 
+SPECIFICATION = DeviceSpecification(damping=2.0, force_limit=8.0)
+
+
+def held(binding: Binding, watchdog: Any = None, **line: int) -> ForceDimension:
+    link = ForceDimensionLink(binding, SPECIFICATION.force_limit, watchdog)
+    return ForceDimension(link, SPECIFICATION, **line)
+
+
 @pytest.fixture
 def binding() -> Binding:
     return Binding()
@@ -78,18 +91,18 @@ def binding() -> Binding:
 
 @pytest.fixture
 def device(binding: Binding) -> Iterator[ForceDimension]:
-    made = ForceDimension(binding, DeviceSpecification(damping=2.0, force_limit=8.0))
+    made = held(binding)
+    assert made.read(0) == 0.0  # where it is at first
     yield made
     made.close()
 
 
-def test_pressing_down_grows_into_the_material_from_where_it_was_opened(
+def test_pressing_down_grows_into_the_material_from_where_the_session_begins(
     binding: Binding, device: ForceDimension
 ) -> None:
-    assert device.read(0) == 0.0
     binding.place = [0.3, 0.3, 0.05 - 0.012]
     assert device.read(1_000_000) == pytest.approx(0.012)
-    other = ForceDimension(Binding(), axis=0, direction=1)
+    other = held(Binding(), axis=0, direction=1)
     assert other.read(0) == 0.0
     other.close()
 
@@ -119,11 +132,10 @@ def test_a_device_that_is_unplugged_shows_no_position_and_gives_no_force(
     binding.place[2] = -5.0
     for tick in range(FAILURES - 1):
         assert math.isnan(device.read(tick))  # who renders is told that nobody knows
-        assert not device.dead
+        assert not device.lost
     assert device.render(3.0) == 3.0  # one read that failed is no reason to let a hand fall
     assert math.isnan(device.read(100))
-    assert device.dead
-    assert binding.force[2] == 0.0
+    assert device.lost
     assert device.render(3.0) == 0.0
     assert binding.force[2] == 0.0
     binding.answer = 0  # it is back, elsewhere: it stays dead until it is opened anew
@@ -154,21 +166,33 @@ def test_where_nobody_renders_any_more_the_force_ends(binding: Binding, device: 
     assert device.render(5.0) == 5.0  # and comes back with the next
 
 
+def test_a_read_that_hangs_leaves_no_force_on_the_hand(binding: Binding, device: ForceDimension) -> None:
+    device.render(5.0)
+    binding.lateness = 0.5
+    reader = threading.Thread(target=device.read, args=(1,))
+    reader.start()
+    end = time.monotonic() + 0.4
+    while binding.force[2] != 0.0 and time.monotonic() < end:
+        time.sleep(0.005)
+    assert (binding.force[2], reader.is_alive()) == (0.0, True)
+    reader.join()
+
+
 def test_the_devices_own_watchdog_is_set() -> None:
     asked: list[tuple[int, int]] = []
     ends = {}
     for answer in (0, -1):
-        device = ForceDimension(Binding(), watchdog=lambda *told, says=answer: (asked.append(told), says)[1])
+        device = held(Binding(), lambda *told, says=answer: (asked.append(told), says)[1])
         device.close()
         ends[answer] = device.specification.watchdog
     assert asked == [(WATCHDOG_TICKS, 3)] * 2
-    assert ends == {0: 0.02, -1: 2.0 * PATIENCE}  # where the device has none, it is the driver's own
-    assert pytest.approx(0.02) == WATCHDOG_TICKS * 125e-6
+    assert ends == {0: 0.02, -1: PATIENCE + LOOKS}  # where the device has none, it is the driver's own
+    assert pytest.approx(0.02) == WATCHDOG_TICKS * TICK
     assert WATCHDOG_TICKS < 256  # it is given in one byte
 
 
 def test_close_ends_force_and_motors_once(binding: Binding) -> None:
-    device = ForceDimension(binding)
+    device = held(binding)
     device.render(4.0)
     device.close()
     assert (binding.forces[-1], binding.enabled, binding.opened) == (0.0, False, False)
@@ -187,18 +211,18 @@ def test_the_first_button_is_the_clutch(binding: Binding, device: ForceDimension
 def test_no_device_is_one_line(binding: Binding) -> None:
     binding.there = False
     with pytest.raises(SettingError, match=r"'force-dimension': no device of Force Dimension opens \(no device"):
-        ForceDimension(binding)
+        held(binding)
     binding.there, binding.answer = True, -1
     with pytest.raises(SettingError, match="shows no position"):
-        ForceDimension(binding)
+        held(binding)
     assert not binding.opened
     binding.answer, binding.takes_force = 0, False
     with pytest.raises(SettingError, match="takes no force"):
-        ForceDimension(binding)
+        held(binding)
     with pytest.raises(SettingError, match="axis"):
-        ForceDimension(Binding(), axis=3)
+        held(Binding(), axis=3)
     with pytest.raises(SettingError, match="direction"):
-        ForceDimension(Binding(), direction=0)
+        held(Binding(), direction=0)
 
 
 def test_it_passes_the_checks_of_every_device(binding: Binding) -> None:
@@ -213,7 +237,7 @@ def test_it_passes_the_checks_of_every_device(binding: Binding) -> None:
             return 0
 
     begun = time.monotonic()
-    findings = check_device(lambda: ForceDimension(Moved()), name="force-dimension", watched=1.5)
+    findings = check_device(lambda: held(Moved()), name="force-dimension", watched=1.5)
     # Its hand goes on moving while the clock that it is told of goes back.
     assert [finding.check for finding in failed(findings)] == []
     assert [finding.check for finding in findings if finding.passed is None] == ["sign of force"]
@@ -235,7 +259,7 @@ def test_damping_and_delay_that_nobody_states_are_the_worst_and_are_said(monkeyp
 
     def open_one(specification: DeviceSpecification) -> ForceDimension:
         opened.append(specification)
-        return ForceDimension(Binding(), specification)
+        return ForceDimension(ForceDimensionLink(Binding(), specification.force_limit), specification)
 
     monkeypatch.setattr("foretouch.devices.force_dimension.open_force_dimension", open_one)
     for damping, delay, taken in (

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from foretouch.devices import Reach
-from foretouch.devices.gamepad import DEAD_ZONE, STICK_SPEED, TRIGGER_REACH, Gamepad, PadState
+from foretouch.devices.gamepad import DEAD_ZONE, LARGEST_SPEED, STICK_SPEED, TRIGGER_REACH, Gamepad, PadState, PygamePad
 from foretouch.errors import SettingError
 from foretouch.session.conformance.device_checks import check_device
 from foretouch.session.conformance.finding import failed
@@ -86,6 +87,13 @@ def test_a_pad_that_is_gone_leaves_the_handle_where_it_is() -> None:
     assert pad.rumbles[-1] == 0.0
 
 
+def test_a_gap_between_two_reads_counts_as_fifty_milliseconds_at_most() -> None:
+    device = Gamepad(HeldPad(stick=1.0))
+    before = run(device, 1.0)[-1]
+    assert device.read(10**10) - before < 0.05 * LARGEST_SPEED
+    assert run(device, 0.1, 10.0).max() - before < 0.05 * LARGEST_SPEED + 0.1 * STICK_SPEED
+
+
 def test_the_clutch_is_a_button() -> None:
     pad = HeldPad()
     pad.shows = PadState(0.0, 0.0, True)
@@ -113,6 +121,21 @@ def test_rumble_is_a_cue_and_a_pad_is_told_seldom() -> None:
     assert pad.closed == 1
     assert device.render(3.0) == 0.0
     assert pad.rumbles[-1] == 0.0
+
+
+def test_a_rumble_goes_on_as_long_as_the_force_and_ends_by_itself_within_a_second() -> None:
+    pad = HeldPad()
+    device = Gamepad(pad)
+    for tick in range(3000):
+        device.read(tick * TICK_NS)
+        device.render(4.0)
+    assert pad.rumbles == [0.4] * len(pad.rumbles)
+    assert 6 <= len(pad.rumbles) <= 7  # each lasts for a second
+    asked: list[tuple[float, float, int]] = []
+    pygame_pad = PygamePad.__new__(PygamePad)  # over a stand-in of pygame's controller
+    pygame_pad._controller = SimpleNamespace(rumble=lambda *told: asked.append(told))
+    pygame_pad.rumble(0.4)
+    assert asked == [(0.4, 0.4, 1000)]
 
 
 @settings(max_examples=60, deadline=None)

@@ -24,8 +24,9 @@ from inverse_service import FOOT, Service, presses
 
 from foretouch.devices import UNKNOWN_REACH, DeviceSpecification
 from foretouch.devices.device import LEAST_DAMPING
+from foretouch.devices.felt import LOOKS, PATIENCE
 from foretouch.devices.inverse3 import Inverse3, InverseService, SpatialInverse3, make_inverse3
-from foretouch.devices.inverse3.service import LOST, PATIENCE
+from foretouch.devices.inverse3.service import LOST
 from foretouch.errors import SettingError
 from foretouch.session import SessionSettings
 from foretouch.session.conformance import check_device, check_named, failed
@@ -76,7 +77,7 @@ def test_pressing_down_grows_into_the_material_from_where_the_session_begins(ser
     assert position(held) == pytest.approx(0.0, abs=1e-4)
     hold(service, (0.03, -0.10, FOOT[2] - 0.012))
     until(lambda: held.read(0) == pytest.approx(0.012, abs=2e-4))
-    other = Inverse3(InverseService(service.address), axis=1, direction=1)
+    other = Inverse3(InverseService(service.address), SPECIFICATION, axis=1, direction=1)
     position(other)
     hold(service, (0.0, -0.09, FOOT[2]))
     until(lambda: other.read(0) == pytest.approx(0.01, abs=4e-4))
@@ -202,6 +203,13 @@ def test_where_nobody_knows_where_the_hand_is_no_force_is_sent(service: Service,
     until(lambda: pushed(4.0))
 
 
+def at_height(number: str) -> str:
+    """A state whose height is this text."""
+    return (
+        f'{{"inverse3": [{{"device_id": "049D", "state": {{"cursor_position": {{"x": 0, "y": 0, "z": {number}}}}}}}]}}'
+    )
+
+
 @pytest.mark.parametrize(
     ("end", "reason"),
     [
@@ -212,8 +220,11 @@ def test_where_nobody_knows_where_the_hand_is_no_force_is_sent(service: Service,
         (lambda service: service.status.update(power_supply=False), "the device has no power"),
         (lambda service: setattr(service, "says", "nonsense"), "it says what is no state"),
         (lambda service: setattr(service, "says", '{"inverse3": 3}'), "it says what is no state"),
+        (lambda service: setattr(service, "says", at_height("NaN")), "it says what is no state"),
+        (lambda service: setattr(service, "says", at_height("null")), "it says what is no state"),
+        (lambda service: setattr(service, "says", at_height("1e999")), "it says what is no state"),
     ],
-    ids=["dies", "is silent", "unplugged", "not ready", "no power", "malformed", "other types"],
+    ids=["dies", "is silent", "unplugged", "not ready", "no power", "malformed", "other types", "NaN", "null", "huge"],
 )
 def test_a_device_that_is_lost_shows_no_position_and_gives_no_force(
     service: Service, held: Inverse3, told: list[str], end: Callable[[Service], object], reason: str
@@ -281,7 +292,7 @@ def test_where_nothing_or_something_else_listens_it_is_said_within_two_seconds()
 def test_the_first_button_of_a_grip_is_the_clutch(buttons: dict[str, bool], pressed: bool) -> None:
     service = Service()
     service.buttons = buttons
-    device = Inverse3(InverseService(service.address))
+    device = Inverse3(InverseService(service.address), SPECIFICATION)
     until(lambda: device.clutched is pressed)
     device.close()
     assert not device.clutched
@@ -298,7 +309,7 @@ def test_the_first_button_of_a_grip_is_the_clutch(buttons: dict[str, bool], pres
 )
 def test_no_answer_ends_the_thread_or_is_taken_for_a_place(answer: object) -> None:
     service = InverseService.__new__(InverseService)  # what takes answers, without a thread
-    service._id, service._newest, service._problem, service.clutched = "049D", (FOOT, -math.inf), "", False
+    service._id, service._newest, service._problem, service._clutched = "049D", (FOOT, -math.inf), "", False
     service._connection = type("Said", (), {"recv": lambda self, patience: json.dumps(answer)})()
     service._take(0.1)
     assert service._newest[0] == FOOT
@@ -330,7 +341,7 @@ def test_settings_make_it_along_a_line_and_in_a_scene(service: Service, monkeypa
     object.__setattr__(asked, "operator", f"inverse3@{service.address}")
     device = make_inverse3(asked, UNKNOWN_REACH)
     assert isinstance(device, Inverse3)
-    assert device.specification.watchdog == PATIENCE
+    assert device.specification.watchdog == PATIENCE + LOOKS
     device.close()
     object.__setattr__(asked, "scene", "plane")
     device = make_inverse3(asked, UNKNOWN_REACH)

@@ -18,7 +18,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from foretouch.devices import UNKNOWN_REACH, Reach, spacemouse
-from foretouch.devices.gamepad import DEAD_ZONE, STICK_SPEED
+from foretouch.devices.gamepad import DEAD_ZONE, LARGEST_SPEED, STICK_SPEED
 from foretouch.devices.spacemouse import (
     BEGINS,
     FULL,
@@ -171,14 +171,35 @@ def test_a_receiver_whose_mouse_is_switched_off_leaves_the_handle_too() -> None:
     assert told == []
 
 
+def test_what_was_pushed_before_the_session_moves_nothing() -> None:
+    reports, device, _ = handle()
+    reports.waiting = [pushed(down=1.0)] * 64  # the kernel keeps no more: that it was let go is not among them
+    assert np.ptp(run(device, 1.0)) < 1e-9
+    reports.held = pushed(down=1.0)
+    assert run(device, 1.0, 1.0)[-1] > 0.05
+
+
+def test_what_was_pushed_while_the_loop_stood_still_moves_nothing() -> None:
+    reports, device, _ = handle()
+    run(device, 1.0)
+    reports.waiting = [buttons(1), *([pushed(down=1.0)] * 63)]
+    assert np.ptp(run(device, 1.0, 3.0)) < 1e-9
+    assert device.clutched  # the probe stays rather than goes
+    reports.held = pushed(down=1.0)
+    run(device, 1.0, 4.0)
+    before = device.read(round(5e9))
+    assert device.read(round(5.2e9)) - before < 0.05 * LARGEST_SPEED  # a gap counts as 50 ms at most
+
+
 def test_nothing_is_felt() -> None:
-    _, device, _ = handle()
+    reports, device, _ = handle()
     assert not device.closed_loop
     assert device.specification is None
     assert device.render(3.0) == 3.0
     assert device.render(-1.0) == device.render(math.nan) == 0.0
     device.close()
     device.close()
+    assert reports.closed == 1
     assert device.render(3.0) == 0.0
     assert math.isfinite(device.read(10**9))
 

@@ -39,6 +39,7 @@ class Now:
     extra: float = 0.0  # force besides that of the floor [N]
     stamped: bool = True
     frozen: bool = False  # the stamp stays as it is
+    period: float = PERIOD  # between what it publishes [s]
     heard: int = 0
     last: dict[str, Any] | None = None
 
@@ -116,7 +117,7 @@ def main(what: str, port: int) -> None:
         now.last = noted(message)
         now.heard += 1
 
-    wanted = options(PROBE, "/target_pose", port) if arm else options(WRENCH, "/servo_cf", port)
+    wanted = options(PROBE, "/target_pose", port) if arm else options(WRENCH, "/body/servo_cf", port)
     pose = ROS2Publisher(**options(PROBE, "/current_pose" if arm else "/measured_cp", port))
     joints = ROS2Publisher(**options(FOLLOWER_JOINTS, "/joint_states", port)) if arm else None
     wrench = ROS2Publisher(**options(WRENCH, "/ft/wrench", port)) if arm else None
@@ -137,7 +138,7 @@ def main(what: str, port: int) -> None:
             wrench.publish(header=make.header(now, now.wrench_frame, stamp_ns), wrench=make.wrench(force))
             header, names = make.header(now, "", stamp_ns), [f"joint{number}" for number in range(7)]
             joints.publish(header=header, name=names, position=0.1 * np.arange(7.0), velocity=NONE, effort=NONE)
-        due = max(due + PERIOD, time.monotonic())
+        due = max(due + now.period, time.monotonic())
         time.sleep(max(due - time.monotonic(), 0.0))
     kept.close()
 

@@ -11,8 +11,8 @@ from contextlib import contextmanager
 from types import SimpleNamespace
 
 import pytest
-from ros2_node import OtherNode, other_node
-from ros2_router import Router, router, wait_until
+from ros2_node import OtherNode
+from ros2_router import Router, wait_until
 
 from foretouch.errors import ForetouchError, InputError, SettingError
 from foretouch.link import free_endpoint
@@ -23,19 +23,7 @@ from foretouch.ros2.arm import make_arm
 pytest.importorskip("zenoh_ros2_sdk")
 pytestmark = pytest.mark.network
 
-TOLD = "wrench=/ft/wrench,domain=5"
-
-
-@pytest.fixture
-def hub() -> Iterator[Router]:
-    with router() as opened:
-        yield opened
-
-
-@pytest.fixture
-def node(hub: Router) -> Iterator[OtherNode]:
-    with other_node("arm", hub.endpoint) as running:
-        yield running
+NODE, TOLD = "arm", "wrench=/ft/wrench,domain=5"
 
 
 @contextmanager

@@ -9,7 +9,7 @@ import math
 import os
 from typing import Any, ClassVar, NamedTuple
 
-from foretouch.devices.device import Device, Tracker, limit_force
+from foretouch.devices.device import AnyDevice, Device, Tracker, limit_force
 from foretouch.errors import MissingExtraError, SettingError
 from foretouch.errors.checks import require
 
@@ -117,6 +117,7 @@ PRESSES = 1.2  # Largest depth of the handle, where the reach is known, over the
 LONGEST_STEP = 0.05  # Upper limit to which a gap between two reads is cut [s]
 FULL_RUMBLE, RUMBLE_PERIOD_NS, RUMBLE_STEP = 10.0, 50_000_000, 0.02
 """Force of the strongest rumble [N]; shortest time between commands to the pad [ns]; least change of strength [-]."""
+RENEWED_NS = 500_000_000  # Time after which the same rumble is asked for again [ns]: it ends by itself
 
 
 class PadState(NamedTuple):
@@ -127,7 +128,47 @@ class PadState(NamedTuple):
     clutched: bool
 
 
-class Gamepad(Device):
+class RateControlled(AnyDevice):
+    """A handle that is moved by rate, in an open loop: no force moves the hand."""
+
+    closed_loop: ClassVar[bool] = False
+    real_time: ClassVar[bool] = True
+
+    def __init__(self) -> None:
+        self._now_ns: int | None = None
+        self._clutched = self._closed = self._gone = False
+
+    @property
+    def clutched(self) -> bool:
+        """Whether the clutch's button was pressed at the newest `read`."""
+        return self._clutched
+
+    @property
+    def gone(self) -> bool:
+        """Whether what a hand holds was gone at the newest `read`."""
+        return self._gone
+
+    def _pass_time(self, now_ns: int) -> tuple[int, float]:
+        """The time [ns], which never goes back, and how long after the last `read` it is, at most 50 ms [s]."""
+        before = now_ns if self._now_ns is None else self._now_ns
+        self._now_ns = max(now_ns, before)
+        return self._now_ns, min((self._now_ns - before) * 1e-9, LONGEST_STEP)
+
+
+def farthest(reach: Reach) -> float:
+    """How far in a handle goes [m]: as far as a press does, where that is known.
+
+    Raises:
+        SettingError: A reach that is no place to press.
+    """
+    if not reach.known:
+        return FARTHEST
+    require("surface", reach.surface, above=0.0, at_most=1.0)
+    require("press_depth", reach.press_depth, above=0.0, at_most=1.0)
+    return reach.surface + PRESSES * reach.press_depth
+
+
+class Gamepad(RateControlled, Device):
     r"""A handle that a stick moves by rate and a trigger by position.
 
     .. math:: \dot b = V s, \quad r = b + R t, \quad \ddot x = \omega^2 (r - x) - 2 \omega \dot x
@@ -147,38 +188,19 @@ class Gamepad(Device):
     """
 
     name: ClassVar[str] = "gamepad"
-    closed_loop: ClassVar[bool] = False
-    real_time: ClassVar[bool] = True
 
     def __init__(self, pad: PygamePad, reach: Reach = UNKNOWN_REACH) -> None:
-        self._farthest, self._trigger_reach = FARTHEST, TRIGGER_REACH
-        if reach.known:
-            require("surface", reach.surface, above=0.0, at_most=1.0)
-            require("press_depth", reach.press_depth, above=0.0, at_most=1.0)
-            self._trigger_reach = PRESSES * reach.press_depth
-            self._farthest = reach.surface + self._trigger_reach
+        super().__init__()
+        self._farthest = farthest(reach)
+        self._trigger_reach = PRESSES * reach.press_depth if reach.known else TRIGGER_REACH
         self._pad = pad
-        self._now_ns: int | None = None
         self._base = self._trigger = 0.0
         self._tracker = Tracker(TRACKING_RATE)
-        self._clutched = self._closed = self._gone = False
         self._rumble, self._rumble_ns = 0.0, 0
-
-    @property
-    def clutched(self) -> bool:
-        """Whether the clutch button was held at the newest `read`."""
-        return self._clutched
-
-    @property
-    def gone(self) -> bool:
-        """Whether the pad was gone at the newest `read`."""
-        return self._gone
 
     def read(self, now_ns: int) -> float:
         """Position of the handle [m]."""
-        now_ns = now_ns if self._now_ns is None else max(now_ns, self._now_ns)
-        period = 0.0 if self._now_ns is None else min((now_ns - self._now_ns) * 1e-9, LONGEST_STEP)
-        self._now_ns = now_ns
+        _, period = self._pass_time(now_ns)
         state = None if self._closed else self._pad.state()
         self._gone = state is None or not math.isfinite(state.stick + state.trigger)
         if state is None or self._gone:
@@ -197,7 +219,9 @@ class Gamepad(Device):
         strength = 0.0 if self._gone else min(force / FULL_RUMBLE, 1.0)
         now_ns = self._now_ns or 0
         changed = abs(strength - self._rumble) >= RUMBLE_STEP or (strength == 0.0) != (self._rumble == 0.0)
-        if changed and (now_ns - self._rumble_ns >= RUMBLE_PERIOD_NS or strength == 0.0) and not self._closed:
+        ends = strength > 0.0 and now_ns - self._rumble_ns >= RENEWED_NS
+        due = now_ns - self._rumble_ns >= RUMBLE_PERIOD_NS or strength == 0.0
+        if (changed or ends) and due and not self._closed:
             self._pad.rumble(strength)
             self._rumble, self._rumble_ns = strength, now_ns
         return force

@@ -9,26 +9,25 @@ has not been tried on a mouse**.
 from __future__ import annotations
 
 import importlib
+import math
 import struct
 import sys
 from collections.abc import Callable, Sequence
 from typing import Any, ClassVar, NamedTuple
 
-from foretouch.devices.device import AnyDevice, Device, Tracker, limit_force
+from foretouch.devices.device import Device, Tracker, limit_force
 from foretouch.devices.gamepad import (
-    FARTHEST,
     LARGEST_SPEED,
-    LONGEST_STEP,
-    PRESSES,
     STICK_SPEED,
     TRACKING_RATE,
     UNKNOWN_REACH,
+    RateControlled,
     Reach,
     deflection,
+    farthest,
 )
 from foretouch.devices.spatial import HALF_REACH, SpatialDevice
 from foretouch.errors import MissingExtraError, SettingError, one_line, printable
-from foretouch.errors.checks import require
 from foretouch.plugins import named_at
 from foretouch.quantities.pose import Vector
 
@@ -86,10 +85,16 @@ class HidMouse:
         self._device = device
         device.set_nonblocking(1)
         self._state = CapState()
-        self._heard_ns = 0
+        self._asked_ns = self._heard_ns = -math.inf
 
     def state(self, now_ns: int) -> CapState | None:
-        """Present state of the cap; None where the mouse is gone."""
+        """Present state of the cap; None where the mouse is gone.
+
+        What it said before the first call, or in a gap between two that is longer than 0.3 s, moves nothing: the kernel
+        keeps the oldest reports and drops the newest, among which may be that it was let go.
+        """
+        waited = now_ns - self._asked_ns > SILENT * 1e9
+        self._asked_ns = now_ns
         try:
             for _ in range(MOST_REPORTS):
                 report = self._device.read(LONGEST_REPORT)
@@ -98,7 +103,7 @@ class HidMouse:
                 self._state, self._heard_ns = after(self._state, report), now_ns
         except (OSError, ValueError):  # unplugged, and from then on not open
             return None
-        if now_ns - self._heard_ns > SILENT * 1e9:
+        if waited or now_ns - self._heard_ns > SILENT * 1e9:
             self._state = CapState(clutched=self._state.clutched)
         return self._state
 
@@ -107,27 +112,14 @@ class HidMouse:
         self._device.close()
 
 
-class _Pushed(AnyDevice):
-    """A handle that the cap moves by rate, whatever it touches."""
+class _Pushed(RateControlled):
+    """A handle that the cap moves, whatever it touches. A mouse that is gone stays so until it is opened anew."""
 
     name: ClassVar[str] = NAME
-    closed_loop: ClassVar[bool] = False
-    real_time: ClassVar[bool] = True
 
     def __init__(self, mouse: HidMouse, tell: Callable[[str], object]) -> None:
+        super().__init__()
         self._mouse, self._tell = mouse, tell
-        self._now_ns: int | None = None
-        self._closed = self._gone = self._clutched = False
-
-    @property
-    def clutched(self) -> bool:
-        """Whether the left button was pressed at the newest `read`."""
-        return self._clutched
-
-    @property
-    def gone(self) -> bool:
-        """Whether the mouse has gone; it stays so until it is opened anew."""
-        return self._gone
 
     def close(self) -> None:
         """Give the mouse back."""
@@ -135,11 +127,9 @@ class _Pushed(AnyDevice):
             self._closed = True
             self._mouse.close()
 
-    def _pass_time(self, now_ns: int) -> tuple[CapState, float]:
+    def _push(self, now_ns: int) -> tuple[CapState, float]:
         """How the cap is pushed from the last `read` to this one, and the time between them [s]."""
-        now_ns = now_ns if self._now_ns is None else max(now_ns, self._now_ns)
-        period = 0.0 if self._now_ns is None else min((now_ns - self._now_ns) * 1e-9, LONGEST_STEP)
-        self._now_ns = now_ns
+        now_ns, period = self._pass_time(now_ns)
         state = None if self._closed or self._gone else self._mouse.state(now_ns)
         if state is None and not (self._closed or self._gone):
             self._gone = True
@@ -168,16 +158,12 @@ class SpaceMouse(_Pushed, Device):
         self, mouse: HidMouse, reach: Reach = UNKNOWN_REACH, tell: Callable[[str], object] = lambda line: None
     ) -> None:
         super().__init__(mouse, tell)
-        self._farthest = FARTHEST
-        if reach.known:
-            require("surface", reach.surface, above=0.0, at_most=1.0)
-            require("press_depth", reach.press_depth, above=0.0, at_most=1.0)
-            self._farthest = reach.surface + PRESSES * reach.press_depth
+        self._farthest = farthest(reach)
         self._goal, self._tracker = 0.0, Tracker(TRACKING_RATE)
 
     def read(self, now_ns: int) -> float:
         """Position of the handle [m]."""
-        state, period = self._pass_time(now_ns)
+        state, period = self._push(now_ns)
         goal = self._goal - STICK_SPEED * deflection(state.up) * period
         self._goal = min(max(goal, 0.0), self._farthest)
         return self._tracker.update(self._goal, LARGEST_SPEED, period)
@@ -212,7 +198,7 @@ class SpatialSpaceMouse(_Pushed, SpatialDevice):
 
     def read(self, now_ns: int) -> Vector:
         """Place of the handle [m]."""
-        state, period = self._pass_time(now_ns)
+        state, period = self._push(now_ns)
         for axis, pushed in enumerate((state.right, state.forward, state.up)):
             goal = self._goal[axis] + STICK_SPEED * deflection(pushed) * period
             self._goal[axis] = min(max(goal, -self._farthest), self._farthest)

@@ -6,7 +6,7 @@ library against a bus of ours that speaks its protocol with the bus's own timing
 """
 
 from foretouch.grippers.gripper import Gripper, make_gripper
-from foretouch.grippers.handle import GripperHandle, felt_over_bus, make_handle
+from foretouch.grippers.handle import GripperHandle, Trigger, felt_over_bus, make_handle
 from foretouch.grippers.servo import Servo, ServoState
 
-__all__ = ["Gripper", "GripperHandle", "Servo", "ServoState", "felt_over_bus", "make_gripper", "make_handle"]
+__all__ = ["Gripper", "GripperHandle", "Servo", "ServoState", "Trigger", "felt_over_bus", "make_gripper", "make_handle"]

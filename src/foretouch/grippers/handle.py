@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 import sys
 import time
 from collections.abc import Callable
 from typing import Any, ClassVar
 
-from foretouch.devices import Device, DeviceSpecification
-from foretouch.devices.device import limit_force
+from foretouch.devices import DeviceSpecification
+from foretouch.devices.felt import FeltAlongAxis, HandleLink
+from foretouch.devices.spatial import NOWHERE
 from foretouch.errors import SettingError, printable
 from foretouch.grippers.servo import CURRENT_CONTROL, OPTIONS, Servo
 from foretouch.plugins import Address
+from foretouch.quantities.pose import Vector
 
 TICK = 0.001  # Of a session [s]
 SILENT, PERIODS = 0.02, 5.0  # Without a new position for so long [s], and so many exchanges, none is shown
@@ -41,16 +42,18 @@ def felt_over_bus(specification: DeviceSpecification, period: float) -> DeviceSp
     return dataclasses.replace(specification, damping=share * specification.damping, delay=TICK)
 
 
-class GripperHandle(Device):
-    """A trigger on a servo in current control. 0 is where the hand is at the first `read`; closing it is in.
+class Trigger(HandleLink):
+    """A trigger on a servo in current control. Its z is how far it is open [m].
 
-    A servo that has said nothing for 20 ms, or for five exchanges, shows no position; after 0.25 s it is lost, and
-    gives no force until a new session.
+    A servo that has said nothing for 20 ms, or for five exchanges, shows no place; after 0.25 s it is lost, and gives
+    no force until a new session.
 
     Args:
         address: Of the servo; see `Servo`.
-        specification: What the device is; its damping says how stiff it may be rendered.
         tell: Gets a line where the servo is lost.
+
+    Attributes:
+        servo: The servo.
 
     Raises:
         SettingError: An address that is none.
@@ -58,63 +61,55 @@ class GripperHandle(Device):
         InputError: See `Servo`.
     """
 
-    name: ClassVar[str] = "dynamixel"
-    closed_loop: ClassVar[bool] = True
-    real_time: ClassVar[bool] = True
-
-    def __init__(
-        self, address: Address, specification: DeviceSpecification, tell: Callable[[str], object] = lambda line: None
-    ) -> None:
-        self._closed, self._lost, self._tell = False, False, tell
-        self._origin, self._position = math.nan, 0.0
-        self._servo = servo = Servo(address, CURRENT_CONTROL, self._lose)
-        self._silent_ns = round(1e9 * max(SILENT, PERIODS * servo.period))
-        limit = min(specification.force_limit, servo.force_limit)
-        own = dataclasses.replace(specification, resolution=servo.count, force_limit=limit, pulls=True)
-        self._specification = felt_over_bus(own, servo.period)
-        tell(said_of_bus(own, servo.period))
-
-    @property
-    def specification(self) -> DeviceSpecification:
-        """Specification of the device, as far as its bus carries it."""
-        return self._specification
+    def __init__(self, address: Address, tell: Callable[[str], object] = lambda line: None) -> None:
+        self._lost, self._tell = False, tell
+        self.servo = Servo(address, CURRENT_CONTROL, self._lose)
+        self._silent_ns = round(1e9 * max(SILENT, PERIODS * self.servo.period))
 
     @property
     def lost(self) -> bool:
-        """Whether the servo shows no position any more, and gives no force until it is opened anew."""
+        """Whether the servo shows no place any more, and gives no force until it is opened anew."""
         return self._lost
 
-    def read(self, now_ns: int) -> float:
-        """Position of the hand [m]; no number where the servo is silent or has let go."""
-        if self._closed:
-            return self._position
-        state = self._servo.state
+    def place(self) -> Vector:
+        """How far it is open; no numbers where the servo is silent or has let go."""
+        state = self.servo.state
         if self._lost or state.refuses or time.monotonic_ns() - state.measured_ns > self._silent_ns:
-            return math.nan
-        if math.isnan(self._origin):
-            self._origin = state.opening
-        self._position = self._origin - state.opening
-        return self._position
+            return NOWHERE
+        return 0.0, 0.0, state.opening
 
-    def render(self, force: float) -> float:
-        """Give the hand a force [N], and return the force that it really gets."""
-        if self._closed or self._lost:
-            force = 0.0
-        force = limit_force(force, self._specification.force_limit, pulls=True)
-        self._servo.push(force)
-        return 0.0 if self._servo.why or self._servo.state.refuses else force
+    def push(self, force: Vector) -> bool:
+        """Push it open with the force along z [N]."""
+        self.servo.push(0.0 if self._lost else force[2])
+        return not (self._lost or self.servo.why or self.servo.state.refuses)
 
     def close(self) -> None:
-        """No force, no torque, and the port is given back."""
-        self._closed = True
-        self._servo.close()
+        """No torque, and the port is given back."""
+        self.servo.close()
 
     def _lose(self, why: str) -> None:
         self._lost = True
         self._tell(
-            f"dynamixel: lost {self._servo.name}: {why}. The hand gets no force and counts as not moved: end the "
+            f"dynamixel: lost {self.servo.name}: {why}. The hand gets no force and counts as not moved: end the "
             "session, and begin again when it is connected"
         )
+
+
+class GripperHandle(FeltAlongAxis):
+    """A trigger in the hand: closing it is in.
+
+    Args:
+        trigger: Its driver, opened.
+        specification: What the device is; its damping says how stiff it may be rendered.
+    """
+
+    name: ClassVar[str] = "dynamixel"
+
+    def __init__(self, trigger: Trigger, specification: DeviceSpecification) -> None:
+        servo = trigger.servo
+        limit = min(specification.force_limit, servo.force_limit)
+        own = dataclasses.replace(specification, resolution=servo.count, force_limit=limit)
+        super().__init__(trigger, felt_over_bus(own, servo.period))
 
 
 def said_of_bus(specification: DeviceSpecification, period: float) -> str:
@@ -146,4 +141,6 @@ def make_handle(settings: Any, reach: Any) -> GripperHandle:
     if settings.scene:
         raise SettingError("operator", settings.operator, "moves along a line: leave the scene out")
     address = Address.read("operator", settings.operator, OPTIONS, "PORT")
-    return GripperHandle(address, settings.device, lambda line: sys.stderr.write(f"{printable(line)}\n"))
+    trigger = Trigger(address, lambda line: sys.stderr.write(f"{printable(line)}\n"))
+    sys.stderr.write(f"{said_of_bus(settings.device, trigger.servo.period)}\n")
+    return GripperHandle(trigger, settings.device)

@@ -45,7 +45,6 @@ READ_TIMEOUT = 0.01  # Longest wait for bytes [s]; the library would look again 
 TRIES, MARGIN = 40, 1.2  # Exchanges by which the rate is measured; what a period leaves them
 WRITING = 17  # Bytes of a goal on its way
 PERIODS = (0.001, 0.002, 0.004, 0.005)  # That a session knows [s]
-PATIENCE = 0.05  # Time without a new force after which none is given [s]
 LOST = 0.25  # Silence that is told [s]
 CLOSING = 1.0  # Longest wait for the bus at the end [s]
 
@@ -107,7 +106,7 @@ class Servo:
         sdk = _library()
         self._packets, self._port = sdk.PacketHandler(2.0), _opened(sdk, address, baud)
         self._goal: int | None = None
-        self._told, self._lose, self._lost = 0.0, lose, False
+        self._lose, self._lost = lose, False
         self._on, self._ended = False, threading.Event()
         try:
             self._know()
@@ -119,8 +118,8 @@ class Servo:
         self._thread.start()
 
     def push(self, force: float) -> None:
-        """Push with a force [N], positive where it opens, from the next exchange on until 50 ms after the last call."""
-        self._goal, self._told = round(AMPERE * force / self.force_per_ampere), time.monotonic()
+        """Push with a force [N], positive where it opens, from the next exchange on."""
+        self._goal = round(AMPERE * force / self.force_per_ampere)
 
     def go(self, opening: float) -> None:
         """Go to an opening [m] from the next exchange on."""
@@ -185,8 +184,7 @@ class Servo:
         if self._goal is not None and not self.state.refuses:
             if not self._on or time.monotonic_ns() - self.state.measured_ns > 1e9 * INTERRUPTED:
                 self._switch_on()
-            late = time.monotonic() - self._told > PATIENCE
-            self._tell(0 if late and self._mode == CURRENT_CONTROL else self._goal)
+            self._tell(self._goal)
         self.state = self._read()
         self._on = self._on and not self.state.refuses
 

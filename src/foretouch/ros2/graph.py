@@ -266,6 +266,11 @@ class Graph:
         subscriber = self._session.declare_subscriber(self._node.topic_key(topic.name, kind), handler)
         self._subscriptions.append((subscriber, self._session.liveliness().declare_token(token)))
 
+    def is_heard(self, topic: StandardTopic) -> bool:
+        """Whether somebody listens to a topic of that type, once connected; it waits for the answer, at most 1 s."""
+        pattern = self._node.subscriptions(topic.name, type_of(topic))
+        return any(reply.ok for reply in self._session.liveliness().get(pattern, timeout=1.0))
+
     def close(self) -> None:
         """Leave the graph: topics and node are gone from it at once."""
         if self._session is not None:

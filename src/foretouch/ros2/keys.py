@@ -146,6 +146,11 @@ class Node:
         """
         return self._endpoint(self._entity(session, *numbers, "MS"), topic, kind, qos)
 
+    def subscriptions(self, topic: str, kind: TopicType) -> str:
+        """Pattern of the tokens of all subscriptions, of any node, to a topic (without the namespace) of that type."""
+        what = [self.full_name(topic).replace("/", "%"), dds_type(kind.name), kind.hash]
+        return "/".join(["@ros2_lv", str(self.domain), *"***", "MS", *"***", *what, "*"])
+
     def _endpoint(self, entity: str, topic: str, kind: TopicType, qos: Qos) -> str:
         what = [self.full_name(topic).replace("/", "%"), dds_type(kind.name), kind.hash, qos.token]
         return "/".join([entity, *what])

@@ -111,12 +111,14 @@ class Newest:
     Attributes:
         topic: As given.
         heard: The newest message; None before the first.
+        count: How many messages were put down.
         problem: Why the newest one was refused, for people; "" where it was not.
     """
 
     def __init__(self, topic: StandardTopic, frames: Sequence[str] = ()) -> None:
         self.topic, self._frames = topic, tuple(frames)
         self.heard: Heard | None = None
+        self.count = 0
         self.problem = ""
 
     def take(self, data: bytes) -> None:
@@ -133,6 +135,7 @@ class Newest:
             self.problem = f"{self.topic.name} is in the frame {frame!r}, and not in {accepted}"
         elif before is None or time_ns == 0 or time_ns != before.time_ns:
             self.heard, self.problem = Heard(arrival_ns, time_ns, frame, values), ""
+            self.count += 1
 
 
 def await_first(topics: Sequence[Newest]) -> str:

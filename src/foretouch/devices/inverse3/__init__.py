@@ -9,14 +9,26 @@ after public programs that talk to it. Tested against a stand-in of that service
 from __future__ import annotations
 
 import sys
-from typing import Any
+from typing import Any, ClassVar
 
-from foretouch.devices.inverse3.handle import Inverse3, SpatialInverse3
-from foretouch.devices.inverse3.service import ADDRESS, InverseService
+from foretouch.devices.felt import FeltAlongAxis, FeltInSpace
+from foretouch.devices.inverse3.service import ADDRESS, NAME, InverseService
 from foretouch.errors import printable
 from foretouch.plugins import named_at
 
 __all__ = ["Inverse3", "InverseService", "SpatialInverse3", "make_inverse3"]
+
+
+class Inverse3(FeltAlongAxis):
+    """An Inverse3 along one of its axes: 0 to the right, 1 forward, 2 up."""
+
+    name: ClassVar[str] = NAME
+
+
+class SpatialInverse3(FeltInSpace):
+    """An Inverse3 in three dimensions: x to the right, y forward, z up, 0 at its foot."""
+
+    name: ClassVar[str] = NAME
 
 
 def make_inverse3(settings: Any, reach: Any) -> Inverse3 | SpatialInverse3:

@@ -14,6 +14,7 @@ from typing import Any
 
 import msgspec
 
+from foretouch.devices.felt import NO_FORCE, HandleLink
 from foretouch.devices.spatial import NOWHERE
 from foretouch.errors import MissingExtraError, SettingError, one_line
 from foretouch.quantities.pose import Vector
@@ -22,13 +23,10 @@ NAME, ADDRESS = "inverse3", "127.0.0.1:10001"
 """Name of the operator, and where the service is if nothing else is said."""
 
 ASKED = 5e-4  # Time after which a state is asked for where no force is rendered [s]: so positions are new at each tick
-PATIENCE = 0.04  # Time without a `render` after which no force is sent [s]
 LATE, LOST = 0.01, 0.25
 """Age of the newest position from which on none is shown, and from which on the device counts as lost [s]."""
 OPENING, ANSWERING = 1.0, 0.5  # Longest that the service takes to be found, and to answer at first [s]
 CLOSING = 0.2  # Longest that it takes to end [s]
-
-NO_FORCE: Vector = (0.0, 0.0, 0.0)
 
 
 class _Place(msgspec.Struct):
@@ -85,12 +83,12 @@ class _Answer(msgspec.Struct):
 _decode = msgspec.json.Decoder(_Answer).decode
 
 
-class InverseService:
+class InverseService(HandleLink):
     """The connection to the service, kept by a thread of its own: no call from outside waits for it.
 
-    The thread sends the force as soon as it is rendered, and asks for a state again half a tick later. Where nothing
-    has been rendered for 40 ms, or no place of the hand is known, it sends no force; where the service is late it sends
-    none after that, so that the newest command is without force when the service goes on.
+    The thread sends the force as soon as it is rendered, and asks for a state again half a tick later. Where no place
+    of the hand is known it sends no force; where the service is late it sends none after that, so that the newest
+    command is without force when the service goes on. In the device's frame x is to the right, y forward and z up.
 
     Args:
         address: ``HOST:PORT`` of the service.
@@ -106,9 +104,9 @@ class InverseService:
         self.address, self._tell = _checked(address), tell
         self._problem, self._lost = "", False
         self._ended, self._woken = threading.Event(), threading.Event()
-        self._pushed, self._pushed_at = NO_FORCE, -math.inf
+        self._pushed = NO_FORCE
         self._newest: tuple[Vector, float] = NOWHERE, time.monotonic()
-        self.clutched = False
+        self._clutched = False
         self._errors, self._connection = _connect(self.address)
         try:
             self._begin()
@@ -122,21 +120,25 @@ class InverseService:
         self._thread.start()
 
     @property
-    def place(self) -> Vector:
-        """Newest place of the hand in the device's frame [m]: x to the right, y forward, z up; NaN where it is old."""
-        place, seen = self._newest
-        return place if time.monotonic() - seen <= LATE else NOWHERE
+    def clutched(self) -> bool:
+        """Whether the first button of a VerseGrip is pressed."""
+        return self._clutched
 
     @property
     def lost(self) -> bool:
         """Whether the device shows no place any more, and gives no force until it is opened anew."""
         return self._lost
 
+    def place(self) -> Vector:
+        """Newest place of the hand in the device's frame [m]; no numbers where it is old."""
+        place, seen = self._newest
+        return place if time.monotonic() - seen <= LATE else NOWHERE
+
     def push(self, force: Vector) -> bool:
         """Give the hand a force [N] in the device's frame, from about now on; whether it is given."""
-        self._pushed, self._pushed_at = force, time.monotonic()
+        self._pushed = force
         self._woken.set()
-        return self._pushed_at - self._newest[1] <= LATE and not self._ended.is_set()
+        return self.place() is not NOWHERE and not self._ended.is_set()
 
     def close(self) -> None:
         """Send a command without force and end the connection."""
@@ -161,7 +163,7 @@ class InverseService:
         words = {"profile": {"name": "foretouch:leader"}, "basis": {"permutation": "XYZ"}}
         self._send(NO_FORCE, {"session": {"configure": words}} if new else {})
         self._take(ANSWERING)
-        if self.place is NOWHERE:
+        if self.place() is NOWHERE:
             rule = f"device {self._id} shows no position: {self._problem or 'it took too long'}"
             raise SettingError("operator", f"{NAME}@{self.address}", rule)
 
@@ -183,8 +185,7 @@ class InverseService:
 
     def _exchange(self) -> None:
         """One command, and the state that answers it; where that is late a command without force comes after it."""
-        rendered = time.monotonic() - self._pushed_at <= PATIENCE
-        self._send(self._pushed if rendered and self.place is not NOWHERE else NO_FORCE)
+        self._send(NO_FORCE if self.place() is NOWHERE else self._pushed)
         try:
             self._take(LATE)
         except TimeoutError:
@@ -224,7 +225,7 @@ class InverseService:
             self._problem = f"the device {rule}"
             return
         self._newest, self._problem = (place, time.monotonic()), ""
-        self.clutched = _pressed(answer.wireless_verse_grip)
+        self._clutched = _pressed(answer.wireless_verse_grip)
 
     def _lose(self, error: Exception) -> None:
         self._lost = True
