@@ -108,7 +108,7 @@ def work(stiffness: float, period: float, delay: float, frequency: float, ticks:
     The wall is a spring about 0: its force follows from what an exchange read, ``ticks`` of the session later, goes out
     with the next exchange, acts after the delay of the device, and is held for the period.
     """
-    step, turns = 1e-5, 200.0
+    step, turns = 2e-5, 80.0
     time = np.arange(0.0, turns / frequency, step)
     written = period * np.ceil((period * np.arange(time[-1] // period) + ticks * TICK) / period - 1e-9) + delay
     at = np.searchsorted(written, time, side="right") - 1
