@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import msgspec
 import numpy as np
@@ -12,9 +13,11 @@ from hypothesis import strategies as st
 
 from foretouch.console.history import Losses
 from foretouch.console.models_seen import ModelsSeen, figures_of
+from foretouch.console.panels.session import BESIDE, GUESSED, stages_html
 from foretouch.console.watched import Watched
 from foretouch.messages import COUNT_PREFIX, VERSION, Hello, ModelUpdate
 from foretouch.models import HuntCrossley
+from foretouch.session.latency import HALVES, IN_THE_LOOP, STAGES
 
 
 def update(sequence: int, law: str, parameters: tuple[float, ...], run: int = 1, *, valid: bool = True) -> ModelUpdate:
@@ -108,3 +111,29 @@ def test_choices_are_offered_while_somebody_supervises() -> None:
     assert watched.supervised(10.5)
     assert watched.settings["recording"] == "a.mcap"
     assert not watched.supervised(14.0)
+
+
+def stages(clocks: str | None, **medians: float) -> str:
+    """What is written of these stages, whose sum is 100 ms; a stage that is not named is not known."""
+    known = {name: medians.get(name) for name in STAGES}
+    return stages_html({"stages_ms": known, "sum_ms": 100.0, "loop_ms": None, "clocks": clocks})
+
+
+def test_each_stage_of_the_loop_begins_where_that_before_it_ends() -> None:
+    text = stages(None, leader=0.05, link_there=29.95, playout=0.0, robot=20.0, link_back=50.0, device=0.5)
+    begins = re.findall(r"margin-left:([\d.]+)%;width:max\(([\d.]+)%", text)
+    loop = [tuple(map(float, pair)) for pair in begins[: len(IN_THE_LOOP)]]
+    assert loop == [(0.0, 0.1), (0.1, 29.9), (30.0, 0.0), (30.0, 20.0), (50.0, 50.0)]
+    assert "0.05 ms" in text
+    assert "29.9 ms" in text
+    assert "100 ms" in text
+    assert text.index(">sum<") < text.index(BESIDE) < text.index(">device<") < text.index(">learner<")
+    assert GUESSED not in text
+
+
+def test_a_stage_that_is_not_known_has_a_dash_and_no_bar_and_guessed_ways_are_said() -> None:
+    text = stages(HALVES, link_there=500.0)  # a robot's motion shows less than its clock: the bar ends with the column
+    assert text.count("–") == len(STAGES)  # the other seven, and the motion's
+    assert text.count("margin-left") == 2
+    assert "width:max(100.0%" in text
+    assert GUESSED in text

@@ -127,6 +127,12 @@ OFFLINE: dict[tuple[str, ...], Callable[[list[str]], list[str]]] = {
 LIVE = ("teleop", "follower", "leader", "record", "console", "stop", "release", "camera", "bridge", "doctor")
 """Commands of a session in real time."""
 
+ELSEWHERE = "ros2@"
+"""Commands with this need a graph, and are tried in `tests/ros2`."""
+
+UDP = "udp@127.0.0.1:47100"
+"""The robot of the first day, `examples/udp_robot`: here at a port of its own."""
+
 SHADOW = "--shadow"
 """A follower with this watches, and stops nothing."""
 
@@ -187,6 +193,29 @@ def test_every_command_has_a_short_form_and_known_options(text: str) -> None:
         command = command.commands[name]
     if words[:1] != ["--help"]:
         command.make_context(name, words)  # raises on an option that is not there
+
+
+@pytest.fixture(scope="module")
+def udp_robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """The name of that robot, built and running."""
+    compiler = shutil.which("g++") or shutil.which("clang++")
+    if compiler is None:
+        pytest.skip("the other end needs a C++ compiler")
+    built, header = tmp_path_factory.mktemp("udp") / "robot", ROOT / "src" / "foretouch" / "robot" / "drivers"
+    source = ROOT / "examples" / "udp_robot" / "robot.cpp"
+    subprocess.run([compiler, "-std=c++17", "-O2", "-I", str(header), str(source), "-o", str(built)], check=True)
+    port = free_port()
+    with subprocess.Popen([str(built), str(port)], stdout=subprocess.DEVNULL) as robot:
+        yield f"udp@127.0.0.1:{port}"
+        robot.kill()
+
+
+def with_its_robot(arguments: list[str], request: pytest.FixtureRequest) -> list[str]:
+    """The same command with that robot where it runs."""
+    if UDP not in arguments:
+        return arguments
+    name: str = request.getfixturevalue("udp_robot")
+    return [name if word == UDP else word for word in arguments]
 
 
 # --- commands that end by themselves ----------------------------------------------------------------------------------
@@ -290,10 +319,12 @@ def publish(name: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("text", one_of_each_now())
-def test_a_command_runs_in_its_short_form(text: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_command_runs_in_its_short_form(
+    text: str, folder: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
+) -> None:
     key = kind(text)
     assert key is not None
-    arguments = shlex.split(text)
+    arguments = with_its_robot(shlex.split(text), request)
     if key == ("datasets", "fetch"):
         publish(arguments[2], folder, monkeypatch)
     if key == ("arms", "meshes"):
@@ -351,8 +382,10 @@ def running() -> Iterator[list[subprocess.Popen[str]]]:
 @pytest.mark.live
 @pytest.mark.long
 @pytest.mark.parametrize("text", of("teleop"), ids=str)
-def test_a_session_runs_in_its_short_form(text: str, tmp_path: Path, running: list[subprocess.Popen[str]]) -> None:
-    arguments = lasting(1.5)(shlex.split(text))
+def test_a_session_runs_in_its_short_form(
+    text: str, tmp_path: Path, running: list[subprocess.Popen[str]], request: pytest.FixtureRequest
+) -> None:
+    arguments = with_its_robot(lasting(1.5)(shlex.split(text)), request)
     if "--headless" not in arguments:
         arguments = [*without(arguments, "--port"), "--port", str(free_port())]
     running.append(start(arguments, tmp_path))
@@ -369,9 +402,11 @@ def doctors_now() -> list[Any]:
 
 @pytest.mark.network
 @pytest.mark.parametrize("text", doctors_now())
-def test_a_doctor_looks_and_answers(text: str, tmp_path: Path, running: list[subprocess.Popen[str]]) -> None:
+def test_a_doctor_looks_and_answers(
+    text: str, tmp_path: Path, running: list[subprocess.Popen[str]], request: pytest.FixtureRequest
+) -> None:
     """Who asks somebody finds nobody here; whether this machine is fit is not this test's matter."""
-    arguments = without(shlex.split(text), "--seconds")
+    arguments = with_its_robot(without(shlex.split(text), "--seconds"), request)
     if "--listen" in arguments:
         arguments = [*without(arguments, "--listen"), "--listen", f"tcp/127.0.0.1:{free_port()}", "--duration", "1"]
     elif "--connect" in arguments:
@@ -385,7 +420,8 @@ def test_a_doctor_looks_and_answers(text: str, tmp_path: Path, running: list[sub
 def laps() -> Iterator[dict[str, str]]:
     """The commands of single sides, combined so that each is in at least one lap; robots are stopped in the first."""
     names = [name for name in LIVE if name not in ("teleop", "stop", "release", "camera", "bridge", "doctor")]
-    sides = {name: sorted(of(name), key=lambda text: SHADOW in text) for name in names}
+    here = {name: [text for text in of(name) if ELSEWHERE not in text] for name in names}
+    sides = {name: sorted(texts, key=lambda text: SHADOW in text) for name, texts in here.items()}
     stops = of("stop")
     for lap in range(max(map(len, sides.values()))):
         one = {name: texts[lap % len(texts)] for name, texts in sides.items()}
@@ -437,7 +473,11 @@ def release_the_robot(folder: Path) -> None:
 @pytest.mark.live
 @pytest.mark.parametrize("lap", one_now(list(laps())), ids=lambda lap: lap["leader"])
 def test_the_sides_run_one_by_one(
-    lap: dict[str, str], tmp_path: Path, running: list[subprocess.Popen[str]], monkeypatch: pytest.MonkeyPatch
+    lap: dict[str, str],
+    tmp_path: Path,
+    running: list[subprocess.Popen[str]],
+    monkeypatch: pytest.MonkeyPatch,
+    request: pytest.FixtureRequest,
 ) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))  # other followers of this machine are not meant
     ports = (free_port(), free_port())
@@ -449,7 +489,7 @@ def test_the_sides_run_one_by_one(
     if "fr3.toml" in lap["follower"]:
         poses = ROOT / "docs" / "examples" / "fr3.csv"
         run(["calibrate", "sensor", str(poses), "--output", str(tmp_path / "fr3.toml")])
-    follower = without(on_this_machine(lap["follower"], kind, ports), "--duration")
+    follower = with_its_robot(without(on_this_machine(lap["follower"], kind, ports), "--duration"), request)
     leader = lasting(1.5)(on_this_machine(lap["leader"], kind, ports))
     recorder = on_this_machine(lap["record"], kind, ports)
     console = [*without(on_this_machine(lap["console"], kind, ports), "--port"), "--port", str(free_port())]

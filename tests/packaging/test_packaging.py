@@ -5,12 +5,15 @@ from __future__ import annotations
 import json
 import re
 import runpy
+import shutil
 import subprocess
 import sys
 import tarfile
+import tomllib
 import venv
 import zipfile
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -19,18 +22,11 @@ from foretouch.recordings import DATASETS
 from foretouch.robot.camera_scene import MESA_PACKAGES
 
 ROOT = Path(__file__).parents[2]
+EXTRAS = runpy.run_path(str(ROOT / "docs" / "try_extras.py"))
+TRIED, INSTALLED = EXTRAS["TRIED"], EXTRAS["INSTALLED"]
 LEAN_MB = 400
 LEAN = {"numpy", "scipy", "numba", "msgspec", "typer", "rich", "joblib"}
 """What the base asks for."""
-
-INSTALLED = """
-import importlib.metadata as metadata, json
-sizes = {}
-for found in metadata.distributions():
-    files = [file for file in found.files or [] if file.suffix != ".pyc"]
-    sizes[found.metadata["Name"]] = sum(file.locate().stat().st_size for file in files if file.locate().is_file())
-print(json.dumps(sizes))
-"""
 
 
 def run(*command: str | Path, **options: object) -> subprocess.CompletedProcess[str]:
@@ -127,6 +123,36 @@ def test_the_wheel_alone_runs_in_an_empty_environment(built: Path, tmp_path: Pat
         assert done.returncode != 0
         assert re.fullmatch(rf"foretouch: .* not installed: pip install 'foretouch\[{extra}[^\]]*\]'\n", done.stderr)
         assert not done.stdout
+
+
+PAGES = ("devices.md", "drivers.md", "ros2.md", "recordings.md")
+BESIDE = {"all", "recordings"}
+"""Extras on these pages that are of no driver or device."""
+
+
+@pytest.fixture(scope="module")
+def without(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Any]:
+    """The wheel, and what it is without an extra."""
+    wheel = EXTRAS["build"](tmp_path_factory.mktemp("wheel"))
+    return wheel, EXTRAS["install"](wheel, "", tmp_path_factory.mktemp("without"))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("extra", TRIED)
+def test_an_extra_brings_the_library_of_its_driver(extra: str, without: tuple[Path, Any], tmp_path: Path) -> None:
+    wheel, base = without
+    one = EXTRAS["install"](wheel, extra, tmp_path)
+    shutil.rmtree(tmp_path / "env")  # half a gigabyte
+    assert one.found, one.answer
+    assert one.plugins == base.plugins > 30
+    assert set(one.sizes) > set(base.sizes)
+
+
+def test_every_extra_of_a_driver_or_device_is_tried() -> None:
+    pages = "".join((ROOT / "docs" / page).read_text() for page in PAGES)
+    named = {extra for words in re.findall(r"foretouch\[([\w,]+)\]", pages) for extra in words.split(",")}
+    assert named - BESIDE <= set(TRIED)
+    assert set(TRIED) <= set(tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"])
 
 
 def test_the_citation_is_of_this_version_and_names_the_paper() -> None:

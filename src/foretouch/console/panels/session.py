@@ -20,9 +20,9 @@ from foretouch.console.sentences import NOTHING_LIVE
 from foretouch.devices import GRIPS, OPERATORS
 from foretouch.messages import VERSION, Message
 from foretouch.quantities import Rows
-from foretouch.quantities.colours import BLUE, GREY, INK, VERMILLION, css
+from foretouch.quantities.colours import BLUE, GREY, INK, VERMILLION, Colour, css
 from foretouch.robot import MATERIALS
-from foretouch.session.latency import IN_THE_LOOP, latency_figures
+from foretouch.session.latency import HALVES, IN_THE_LOOP, STAGES, latency_figures
 from foretouch.settings import NO_GRIP
 
 STAGED_EVERY = 3.0  # Time between two looks at the stages of the loop [s]
@@ -37,7 +37,7 @@ SLIDERS = {
     "position_delay": ("Delay there [s]", LONGEST_DELAY, 0.01, "One-way delay of your positions to the robot"),
     "force_delay": ("Delay back [s]", LONGEST_DELAY, 0.01, "One-way delay of models and measured forces"),
     "jitter": ("Jitter ± [s]", 0.5, 0.005, "Largest change of either delay, drawn for each message"),
-    "loss": ("Loss [share]", 0.9, 0.01, "Share of messages that are lost, either way"),
+    "loss": ("Loss [ratio]", 0.9, 0.01, "Ratio of messages that are lost, either way"),
     "outage": ("Outage [s]", 5.0, 0.1, "In every 10 s all messages are lost for this time"),
 }
 """Of each fault: the label, the end of its slider, its step and what it is."""
@@ -88,21 +88,64 @@ class NetworkPanel:
             return
         self._staged = now
         found = latency_figures(*rows(), settings)
-        lines = [
-            Row(name.replace("_", " "), number(_or_nan(median), "ms", 1), more="" if name in IN_THE_LOOP else "beside")
-            for name, median in found["stages_ms"].items()
-        ]
-        lines.append(Row("sum", number(_or_nan(found["sum_ms"]), "ms", 1)))
-        lines.append(Row("loop, by the motion", number(_or_nan(found["loop_ms"]), "ms", 1)))
-        put(self._stages, content=inset("Where the time goes (medians)" + table(lines)))
+        put(self._stages, content=inset(stages_html(found)))
 
     def _slid(self, event: Any) -> None:
         self._moved = time.monotonic()
         self._on_faults({name: float(slider.value) for name, slider in self._sliders.items()})
 
 
-def _or_nan(value: float | None) -> float:
-    return math.nan if value is None else value
+STAGES_TITLE = "Where the time goes, hand to answer (medians)"
+BESIDE = "Beside it: the answer does not wait for these"
+GUESSED = "The clocks of both machines differ: the ways there and back are guessed"
+
+
+def stages_html(found: Mapping[str, Any]) -> str:
+    """The stages of the loop one behind the other, their sum, and what is beside the loop, of `latency_figures`.
+
+    Each bar begins where that before it ends, so that the longest is seen before a number is read.
+    """
+    medians = found["stages_ms"]
+    whole = max(found["sum_ms"] or 0.0, found["loop_ms"] or 0.0, 1e-6)  # what the bars' column is worth [ms]
+    rows, begin = [], 0.0
+    for name in IN_THE_LOOP:
+        rows.append(_stage(name.replace("_", " "), medians[name], (begin / whole, BLUE, whole), STAGES[name]))
+        begin += medians[name] or 0.0
+    line = f";border-top:1px solid {css(GREY)}"
+    rows.append(_stage("sum", found["sum_ms"], (0.0, INK, whole), "of the stages above", line))
+    rows.append(_stage("by the motion", found["loop_ms"], (0.0, INK, whole), "the same, measured without any clock"))
+    rows.append(f'<tr><td colspan="3" style="padding-top:6px;color:#555">{BESIDE}</td></tr>')
+    rows += [
+        _stage(name, medians[name], (0.0, GREY, whole), STAGES[name]) for name in STAGES if name not in IN_THE_LOOP
+    ]
+    if found["clocks"] == HALVES:
+        rows.append(f'<tr><td colspan="3" style="padding-top:6px">{GUESSED}</td></tr>')
+    return (
+        f'<div style="text-align:center;font-size:13px;padding:8px 0 4px 0">{STAGES_TITLE}</div>'
+        '<table class="foretouch-table" style="width:100%;table-layout:fixed;font-variant-numeric:tabular-nums;'
+        'border-spacing:0;line-height:1.35"><colgroup><col style="width:30%"><col style="width:48%">'
+        f'<col style="width:22%"></colgroup>{"".join(rows)}</table>'
+    )
+
+
+def _stage(name: str, value: float | None, bar: tuple[float, Colour, float], what: str, looks: str = "") -> str:
+    """A line: the name, its bar (where it begins as a ratio, its colour, what the column is worth [ms]), the number."""
+    begin, colour, whole = bar
+    width = 100.0 * min((value or 0.0) / whole, 1.0 - min(begin, 1.0))
+    drawn = (
+        ""
+        if value is None
+        else (
+            f'<div style="margin-left:{100.0 * begin:.1f}%;width:max({width:.1f}%, 2px);height:10px;'
+            f'background:{css(colour)}"></div>'
+        )
+    )
+    digits = 0 if (value or 0.0) >= 100.0 else 1 if (value or 0.0) >= 1.0 else 2
+    text = number(math.nan if value is None else value, "ms", digits)
+    return (
+        f'<tr title="{html.escape(what)}"><td style="white-space:nowrap{looks}">{name}</td><td style="{looks[1:]}">'
+        f'{drawn}</td><td style="text-align:right;white-space:nowrap{looks}"><b>{text}</b></td></tr>'
+    )
 
 
 def _last(values: np.ndarray) -> float:
