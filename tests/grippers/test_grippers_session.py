@@ -16,7 +16,16 @@ from apart import Apart
 
 pytestmark = [pytest.mark.live, pytest.mark.long]
 
-DEEPEST = 0.036  # To which the hand wants [m]
+DEEPEST, SLOW, PRESSES = 0.036, 9.0, 2.5
+"""To which the hand wants [m]; the time of its first way in, for a follower feels its way to a surface at 4 mm/s [s];
+that of each press after it [s]."""
+
+
+def wanted(seconds: float) -> float:
+    """How far the hand wants to be in [m]: in and out slowly, then presses."""
+    if seconds < SLOW:
+        return DEEPEST * math.sin(math.pi * seconds / SLOW) ** 0.5
+    return DEEPEST * math.sin(math.pi * (seconds - SLOW) / PRESSES) ** 2
 
 
 def test_a_press_is_felt_and_both_are_left_without_torque(tmp_path: Path) -> None:
@@ -24,7 +33,7 @@ def test_a_press_is_felt_and_both_are_left_without_torque(tmp_path: Path) -> Non
     with Apart(ServoBus) as far, Apart(ServoBus) as near:
         far.thing, near.hand = 0.03, near.start  # 16 mm in, 500 N/m
         words = ("--robot", f"dynamixel@{far.port},lever={LEVER}", "--operator", f"dynamixel@{near.port},lever={LEVER}")
-        command = [sys.executable, "-m", "foretouch", "teleop", "--headless", "--json", "--duration", "18", *words]
+        command = [sys.executable, "-m", "foretouch", "teleop", "--headless", "--json", "--duration", "24", *words]
         session = subprocess.Popen(
             [*command, "--device-damping", "1.5", "--position-delay", "0.08", "--force-delay", "0.08"],
             stdout=subprocess.PIPE,
@@ -37,7 +46,7 @@ def test_a_press_is_felt_and_both_are_left_without_torque(tmp_path: Path) -> Non
             if not began and far.get(TORQUE) and near.get(TORQUE):
                 began = time.monotonic()
             seconds = max(time.monotonic() - began - 3.0, 0.0) if began else 0.0
-            near.hand = near.start - max(DEEPEST * math.sin(seconds), 0.0)
+            near.hand = near.start - wanted(seconds)
             met = max(met, far.met())
             time.sleep(0.02)
         printed, said = session.communicate()

@@ -19,6 +19,7 @@ from foretouch.errors import InputError, SettingError
 from foretouch.robot import SpatialRobot
 from foretouch.robot.drivers import LostArmError
 from foretouch.robot.drivers.udp import AT, GO, HELLO, LENGTHS, WHO, Head, make_udp, pack, unpack
+from foretouch.session.conformance import check_robot, failed
 
 HEADER = Path(foretouch.robot.drivers.__path__[0])
 SOURCE = Path(__file__).parents[2] / "examples" / "udp_robot" / "robot.cpp"
@@ -65,6 +66,14 @@ def lowered(robot: SpatialRobot, height: float, seconds: float) -> float:
         sample = robot.exchange((0.0, 0.0, z))
         time.sleep(1e-3)
     return sample.force[2]
+
+
+@pytest.mark.live
+@pytest.mark.long
+def test_the_example_keeps_the_rules_of_a_driver_moved_too(process: subprocess.Popen[str], port: int) -> None:
+    assert (
+        failed(check_robot(lambda: make_udp(SimpleNamespace(robot=f"udp@127.0.0.1:{port}", scene="")), move=True)) == []
+    )
 
 
 def test_the_example_is_pressed_and_leaves_by_itself_where_the_session_ends(

@@ -9,13 +9,14 @@ from collections.abc import Callable, Iterator
 from types import SimpleNamespace
 
 import pytest
-from apart import Apart
 from ur_controller import EMERGENCY, SERVO_L, SERVO_STOP, START, Controller
 
+from apart import Apart
 from foretouch.errors import InputError, MissingExtraError, SettingError
 from foretouch.robot import SpatialRobot
-from foretouch.robot.drivers import LostArmError, opening
+from foretouch.robot.drivers import LostArmError, SlowerRobot, opening
 from foretouch.robot.drivers.universal import NO_START, STARTS, make_ur
+from foretouch.session.conformance import check_robot, failed
 
 FORCE = 5.0  # At 5 mm in the spring [N]
 DEEP = START[2] - 0.015
@@ -66,6 +67,12 @@ def test_it_is_read_without_a_program_and_pressed_with_one(arm: SpatialRobot, co
     arm.close()
     assert controller.commands[-2] == SERVO_STOP
     assert not controller.runs
+
+
+@pytest.mark.long
+def test_it_keeps_the_rules_of_a_driver_moved_too(controller: Controller) -> None:
+    make = lambda: SlowerRobot(make_ur(SimpleNamespace(robot=f"ur@{controller.host}", scene="")))  # noqa: E731
+    assert failed(check_robot(make, move=True)) == []
 
 
 def test_a_protective_stop_in_a_press_is_said_and_it_begins_again_where_it_stands(

@@ -18,6 +18,7 @@ from foretouch.session.conformance.finding import Result, percentile_time
 from foretouch.session.conformance.robot_checks import Subject, checked
 
 LISTENED = 0.5  # Time for which states are taken [s]
+CAUGHT_UP, STARTING = 0.02, 2.0  # Time for which the newest state is sought, and for which a start is waited for [s]
 PROMPT = 2e-4  # Longest duration of a call that asks for the state [s]
 TURNS = 4.0 * math.pi  # Largest position of a joint [rad]
 NOISIER, STILL = 3.0, 1e-3
@@ -164,16 +165,22 @@ def _joints(link: ArmLink) -> Result:
 
 
 @checked("driver: it takes commands", 'refuses is "" where it does, else why not: release what stopped it')
-@_of_arm
-def _refuses(link: ArmLink) -> Result:
-    refuses: object = _state(link).refuses
+def _refuses(it: Subject) -> Result:
+    link = link_of(it.robot)
+    if link is None:
+        return None
+    refuses, end = _state(link).refuses, time.monotonic() + STARTING
+    while it.move and refuses and time.monotonic() < end:  # some begin with the first command
+        link.command(_state(link).place)
+        refuses = _state(link).refuses
     return isinstance(refuses, str) and not refuses, repr(refuses)
 
 
 @checked("driver: clock", "measured_ns is by time.monotonic_ns of this machine, and not ahead of it")
 @_of_arm
 def _clock(link: ArmLink) -> Result:
-    age = (time.monotonic_ns() - _state(link).measured_ns) * 1e-9
+    measured_ns = _state(link).measured_ns
+    age = (time.monotonic_ns() - measured_ns) * 1e-9
     return -1e-3 <= age <= 1.0, f"the newest state is {1e3 * age:.3g} ms old"
 
 
@@ -245,7 +252,11 @@ def _close(it: Subject) -> Result:
 
 
 def _state(link: ArmLink) -> ArmState:
-    state = link.state()
+    """The newest state. Where nobody has asked for a while, a link may have older ones to hand out first."""
+    end, state = time.monotonic() + CAUGHT_UP, link.state()
+    while time.monotonic() < end:
+        time.sleep(1e-3)
+        state = link.state()
     if state is None:
         raise ValueError("no state has come")
     return state
@@ -264,6 +275,7 @@ def _nudged(link: ArmLink, axis: int) -> tuple[Rows, float]:
             begun = time.perf_counter()
             link.command((float(place[0]), float(place[1]), float(place[2])))
             taken.append(time.perf_counter() - begun)
+            link.state()  # as a session does
             time.sleep(period)
         return np.asarray(np.array(_state(link).place) - home)
 
