@@ -20,13 +20,14 @@ HEAD = b"\xff\xff\xfd\x00"
 NO_ACCESS, LIMIT_ERROR, ALERT = 7, 6, 128
 
 MODE, CURRENT_LIMIT, MAX_POSITION, MIN_POSITION = 11, 38, 48, 52
-TORQUE, ERRORS, WATCHDOG, GOAL_CURRENT, GOAL_POSITION = 64, 70, 98, 102, 116
+TORQUE, ERRORS, WATCHDOG, GOAL_CURRENT, PROFILE_VELOCITY, GOAL_POSITION = 64, 70, 98, 102, 112, 116
 CURRENT, VELOCITY, POSITION = 126, 128, 132
 SIZES = {MODE: 1, CURRENT_LIMIT: 2, MAX_POSITION: 4, MIN_POSITION: 4, TORQUE: 1, ERRORS: 1, WATCHDOG: 1}
-SIZES |= {GOAL_CURRENT: 2, GOAL_POSITION: 4, CURRENT: 2, VELOCITY: 4, POSITION: 4}
+SIZES |= {GOAL_CURRENT: 2, PROFILE_VELOCITY: 4, GOAL_POSITION: 4, CURRENT: 2, VELOCITY: 4, POSITION: 4}
 
 LEVER = 0.06  # [m]
 COUNT = 2.0 * math.pi / 4096 * LEVER  # [m]
+SPEED = 0.229 * 2.0 * math.pi / 60.0  # One count of a velocity [rad/s]
 TORQUE_PER_AMPERE = {1060: 1.0, 1190: 0.215 / 1.47, 1200: 0.52 / 1.47}  # [N m/A]
 
 MASS, VISCOUS, FRICTION = 0.55, 1.6, 0.3
@@ -74,7 +75,8 @@ class ServoBus:
         for register, value in ((CURRENT_LIMIT, 1750), (MIN_POSITION, low), (MAX_POSITION, high), (MODE, 3)):
             self.put(register, value)
         self.low, self.opening = low, 0.5 * (high - low) * COUNT
-        self.start, self.current, self.speed = self.opening, 0.0, 0.0
+        self.start = self.aim = self.opening
+        self.current = self.speed = 0.0
         self.thing, self.stiffness, self.hand = 0.02, 500.0, None
         self.silent = self.deaf = self.flawed = False
         self.errors = 0
@@ -207,10 +209,14 @@ class ServoBus:
     def _drive(self) -> float:
         """The motor's current now [mA]."""
         if not self.get(TORQUE):
+            self.aim = self.opening
             return 0.0
         goal = self.get(GOAL_CURRENT)
         if self.get(MODE) == 0:
             return float(goal)
-        way = (self.get(GOAL_POSITION) - self.low) * COUNT - self.opening
+        goal_opening = (self.get(GOAL_POSITION) - self.low) * COUNT
+        step = STEP * LEVER * SPEED * (self.get(PROFILE_VELOCITY) or math.inf)
+        self.aim += min(max(goal_opening - self.aim, -step), step)
+        way = self.aim - self.opening
         wanted = 1000.0 * (GAIN * way - DAMPING * self.speed) * LEVER / TORQUE_PER_AMPERE[self.model]
         return max(min(wanted, goal), -goal)

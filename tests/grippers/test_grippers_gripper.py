@@ -15,6 +15,8 @@ from servo_bus import COUNT, GOAL_POSITION, LEVER, TORQUE, ServoBus
 from foretouch.errors import InputError, MissingExtraError, SettingError
 from foretouch.grippers import servo
 from foretouch.grippers.gripper import make_gripper
+from foretouch.grippers.servo import CURRENT_BASED_POSITION, OPTIONS, Servo
+from foretouch.plugins import Address
 from foretouch.robot.drivers import LostArmError, SlowerRobot
 from foretouch.session.conformance import check_robot, failed
 
@@ -72,14 +74,33 @@ def test_it_begins_where_it_stands_after_an_overload_that_a_person_has_ended(gri
     assert gripper.read().held
     assert gripper.says == "overload"
     bus.opening = FIRST + 0.01  # opened by hand
-    written = len(bus.written)
+    written = bus.written
     driven(gripper, IN + 0.005, 0.2)
-    assert len(bus.written) == written
+    assert bus.written == written
     bus.errors = 0
     gripper.exchange(IN + 0.005)
     driven(gripper, -0.01, 0.5, until=lambda: bool(bus.get(TORQUE)))
+    driven(gripper, -0.01, 0.05)
+    written = bus.written
+    began = len(written) - written[::-1].index((TORQUE, 1))
+    goals = [value for register, value in written[began:] if register == GOAL_POSITION]
+    assert goals
+    assert min(goals) > 1590  # where it stands, and nothing of the press before
     assert abs(driven(gripper, -0.01, 0.5)[-1]) < 0.5
     assert gripper.read().position == pytest.approx(-0.01, abs=1e-3)
+
+
+def test_a_goal_that_jumps_is_followed_at_an_arms_speed(settings: Settings, bus: Any) -> None:
+    made = Servo(Address.read("robot", settings().robot, OPTIONS), CURRENT_BASED_POSITION)
+    bus.thing = 0.0
+    made.go(FIRST)
+    time.sleep(0.3)
+    made.go(0.01)
+    time.sleep(0.06)
+    assert 0.01 + 0.01 < made.state.opening < FIRST  # after 60 ms 15 mm of 36 at 0.25 m/s
+    time.sleep(0.4)
+    assert made.state.opening == pytest.approx(0.01, abs=1e-3)
+    made.close()
 
 
 def test_one_that_is_pulled_out_in_a_press_shows_no_force_and_ends_the_session(gripper: Any, bus: Any) -> None:

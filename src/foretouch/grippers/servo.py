@@ -17,6 +17,7 @@ from typing import Any, Final, NamedTuple
 
 from foretouch.errors import InputError, MissingExtraError, one_line
 from foretouch.plugins import Address
+from foretouch.robot.drivers.driven_arm import FASTEST
 
 MODELS: Final = {1190: ("XL330-M077", 0.215 / 1.47), 1200: ("XL330-M288", 0.52 / 1.47)}
 """By number of the model: its name, and its torque by current [N m/A], at stall with 5 V."""
@@ -26,12 +27,14 @@ OPTIONS: Final = {"id": "1", "lever": "", "baud": "1000000"}
 
 COUNTS, AMPERE = 4096, 1000.0  # Of a turn; of 1 A
 TURN = 2.0 * math.pi
+SPEED = 0.229 * TURN / 60.0  # One count of a velocity [rad/s]
 
 CURRENT_CONTROL, CURRENT_BASED_POSITION = 0, 5
 """Operating modes: a current, or a position with a current that is not exceeded."""
 
 CURRENT_LIMIT, FARTHEST_COUNT, NEAREST_COUNT = (38, 2), (48, 4), (52, 4)
-MODE, TORQUE, ERRORS, WATCHDOG, GOAL_CURRENT, GOAL_POSITION = (11, 1), (64, 1), (70, 1), (98, 1), (102, 2), (116, 4)
+MODE, TORQUE, ERRORS, WATCHDOG = (11, 1), (64, 1), (70, 1), (98, 1)
+GOAL_CURRENT, PROFILE_VELOCITY, GOAL_POSITION = (102, 2), (112, 4), (116, 4)
 NOW = (126, 10)  # Present current, velocity and position
 """Address and size of the registers that are used [byte]."""
 
@@ -46,6 +49,7 @@ TRIES, MARGIN = 40, 1.2  # Exchanges by which the rate is measured; what a perio
 WRITING = 17  # Bytes of a goal on its way
 PERIODS = (0.001, 0.002, 0.004, 0.005)  # That a session knows [s]
 LOST = 0.25  # Silence that is told [s]
+ATTEMPTS = 3  # For each word of the end
 CLOSING = 1.0  # Longest wait for the bus at the end [s]
 
 
@@ -111,9 +115,9 @@ class Servo:
         try:
             self._know()
             self.period = self._measured_period(baud)
-        except InputError:
+        except (InputError, OSError) as error:
             self._port.closePort()
-            raise
+            raise error if isinstance(error, InputError) else InputError(f"{self.name}: {one_line(error)}") from None
         self._thread = threading.Thread(target=self._run, name="servo", daemon=True)
         self._thread.start()
 
@@ -186,17 +190,17 @@ class Servo:
                 self._switch_on()
             self._tell(self._goal)
         self.state = self._read()
-        self._on = self._on and not self.state.refuses
+        if self.state.refuses:  # what it was told before is not where it begins again
+            self._on, self._goal = False, None
 
     def _switch_on(self) -> None:
-        """Begin without a jump: with no force, or where it is."""
+        """Begin without a jump: with no force, or where it is and no faster than an arm is commanded."""
         if self._mode == CURRENT_CONTROL:
             start = [(GOAL_CURRENT, 0)]
         else:
-            start = [
-                (GOAL_CURRENT, self._most),
-                (GOAL_POSITION, self._closed + round(self._read().opening / self.count)),
-            ]
+            here = self._closed + round(self._read().opening / self.count)
+            speed = round(FASTEST / self.lever / SPEED)
+            start = [(GOAL_CURRENT, self._most), (GOAL_POSITION, here), (PROFILE_VELOCITY, speed)]
         steps = [(TORQUE, 0), (WATCHDOG, 0), (MODE, self._mode), *start, (TORQUE, 1), (WATCHDOG, WATCHDOG_TICKS)]
         for register, value in steps:
             self._set(register, value)
@@ -216,7 +220,7 @@ class Servo:
         data, result, error = self._packets.readTxRx(self._port, self._id, *NOW)
         now = time.monotonic_ns()
         if result != 0:
-            raise InputError(f"it does not answer ({self._packets.getTxRxResult(result).strip('[]')})")
+            raise ConnectionError(f"it does not answer ({self._packets.getTxRxResult(result).strip('[]')})")
         current, place = _signed(data[:2]), _signed(data[6:10])
         refuses = self._problem() if error & ALERT else ""
         # A current that stands still is the same whole count each time, and a session would take that for a sensor that
@@ -244,12 +248,14 @@ class Servo:
             raise InputError(f"it takes no {value} at {address}")
 
     def _end(self) -> None:
-        with contextlib.suppress(Exception):  # whatever the library raises
-            if self._on:
-                if self._mode == CURRENT_CONTROL:
-                    self._set(GOAL_CURRENT, 0)
-                self._set(TORQUE, 0)
-                self._set(WATCHDOG, 0)
+        """Let go: an answer that is lost is no reason to leave a torque behind."""
+        for register, value in ((GOAL_CURRENT, 0), (TORQUE, 0), (WATCHDOG, 0)) if self._goal is not None else ():
+            for _ in range(ATTEMPTS):
+                try:
+                    self._set(register, value)
+                    break
+                except Exception:  # whatever the library raises
+                    continue
         with contextlib.suppress(Exception):
             self._port.closePort()
 

@@ -15,9 +15,9 @@ from typing import Any
 
 import franka_stand_in
 import pytest
-from apart import Apart
 from franka_simulated import Simulated
 
+from apart import Apart
 from foretouch.errors import InputError, SettingError
 from foretouch.robot import SpatialRobot
 from foretouch.robot.drivers import LostArmError, franka, opening
