@@ -160,7 +160,7 @@ def test_codes_are_as_listed(arguments: tuple[str, ...], code: int) -> None:
         (("doctor", "--connect", "127.0.0.1"), "write it as tcp/HOST:PORT"),
         (("doctor", "--connect", "tcp/192.0.2.1:7447"), "--insecure"),
         (("doctor", "--seconds", "0"), "above 0"),
-        (("doctor", "--robot", "kuka"), "unknown robot 'kuka': choose one of FILE.xml, fr3,"),
+        (("doctor", "--robot", "kuka"), "unknown robot 'kuka': choose one of FILE.xml, "),
         (("doctor", "--robot", "fr3", "--listen", "tcp/127.0.0.1:1"), "do not go together"),
         (("sweep", "--robot", "kuka"), "must be simulated, fr3, ur5e, so101, or the .xml"),
         (("sweep", "--robot", "nowhere.xml"), "nowhere.xml: no such file"),

@@ -66,7 +66,7 @@ def test_a_held_device_keeps_its_energy(robot: str) -> None:
 
 
 def test_an_unknown_arm_is_refused_with_the_names_of_those_there_are() -> None:
-    with pytest.raises(UnknownNameError, match=r"choose one of FILE\.xml, fr3, .*simulated, so101, .*ur5e"):
+    with pytest.raises(UnknownNameError, match=r"choose one of FILE\.xml, .*fr3, .*simulated, so101, .*ur5e"):
         SessionSettings(robot="panda")
 
 

@@ -118,7 +118,7 @@ def test_an_unknown_name_is_told_before_anything_is_compiled_or_written(
         ({"force_delay": float("nan")}, "force_delay = nan"),
         ({"loss": 2.0}, "loss = 2.0"),
         ({"model_rate": 0.0}, "model_rate = 0.0"),
-        ({"operator": "nobody"}, "'nobody': choose one of browser, force-dimension, gamepad, .*recorded, .*scripted"),
+        ({"operator": "nobody"}, "'nobody': choose one of browser, .*force-dimension, gamepad, .*recorded, .*scripted"),
         ({"model": "jelly"}, "unknown model 'jelly': choose one of contact-map"),
         ({"estimator": "guess"}, "unknown estimator for contact-map 'guess': choose one of bank"),
     ],
