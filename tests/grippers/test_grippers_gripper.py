@@ -136,6 +136,7 @@ def test_it_keeps_the_rules_of_a_driver(settings: Settings, bus: Any) -> None:
         ("", "needs the way from the servo's axis to where it is gripped"),
         (",lever=far", "lever must be a number"),
         (",lever=3", "must lie between 0.01 and 0.3"),
+        (",lever=0.06,id=1.5", "id must be a whole number"),
         (",lever=0.06,baud=12345", "baud must be a rate that the bus knows"),
         (",lever=0.06,speed=3", "'speed=3' is not understood: write it as dynamixel@PORT,KEY=VALUE"),
     ],

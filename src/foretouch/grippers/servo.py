@@ -103,7 +103,7 @@ class Servo:
 
     def __init__(self, address: Address, mode: int, lose: Callable[[str], object] = lambda why: None) -> None:
         self.lever = _lever(address)
-        self._id, baud = int(address.number("id", at_least=0, at_most=252)), int(address.number("baud", above=0.0))
+        self._id, baud = _whole(address, "id", 252), _whole(address, "baud", 4_000_000)
         if not address.place:
             raise address.refuse("needs the port of the servo's adapter: dynamixel@/dev/ttyUSB0,lever=0.06")
         self.name, self.why, self._mode = f"servo {self._id} at {address.place}", "", mode
@@ -262,8 +262,16 @@ class Servo:
 
 def _lever(address: Address) -> float:
     if not address.options["lever"]:
-        raise address.refuse("needs the way from the servo's axis to where it is gripped [m]: lever=0.06")
+        form = "dynamixel@/dev/ttyUSB0,lever=0.06"
+        raise address.refuse(f"needs the way from the servo's axis to where it is gripped [m]: {form}")
     return address.number("lever", at_least=0.01, at_most=0.3)
+
+
+def _whole(address: Address, key: str, most: int) -> int:
+    number = address.number(key, at_least=0, at_most=most)
+    if number != int(number):
+        raise address.refuse(f"{key} must be a whole number, and is {address.options[key]}")
+    return int(number)
 
 
 def _library() -> Any:
