@@ -94,6 +94,14 @@ def test_it_is_read_without_a_motion_and_pressed_with_one(arm: SpatialRobot, bod
     assert not body.moves()
 
 
+def test_it_unloads_by_itself_where_no_commands_come(arm: SpatialRobot, body: Any) -> None:
+    deep = lowered(arm)
+    time.sleep(2.0)  # a session that hangs
+    assert arm.read().force[2] < 1.1
+    assert body.moves()
+    assert LEAST < driven(arm, deep, 1.6)[-1] < FORCE + 0.2
+
+
 def test_a_reflex_in_a_press_is_said_and_never_recovered_from_here(arm: SpatialRobot, body: Any) -> None:
     deep = lowered(arm)
     body.reflex()

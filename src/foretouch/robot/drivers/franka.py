@@ -8,8 +8,9 @@ The arm's loop of 1 kHz runs in C++ in the library: a spring and a damper draw t
 (``CartesianImpedanceTrackingMotion``). The session's thread sets the reference and takes the newest state; a thread of
 its own waits for the states, and for the end of a motion.
 
-What holds where the session fails: the last reference stays, for that motion knows no time-out of references; the
-spring is stretched by at most 10 mm, so that it never presses by more than 20 N; at 30 N the arm stops by itself, with
+What holds where the session fails: that motion knows no time-out of references, so the thread that waits for the
+states is one: after 100 ms without a command it draws the tip out of what presses it, to next to nothing. The spring is
+stretched by at most 10 mm, so that it never presses by more than 20 N; at 30 N the arm stops by itself, with
 a reflex; and where this process dies, the arm misses the packets of its own loop and stops, which was not tried.
 
 ``O_F_ext_hat_K`` is estimated from the joint torques, in the axes of the base, and in libfranka positive where the arm
@@ -20,6 +21,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import math
 import threading
 import time
 from pathlib import Path
@@ -34,6 +36,10 @@ from foretouch.robot.robot import AnyRobot, RobotSpecification, Vector
 PORT = 1337  # Of the Franka Control Interface
 STIFFNESS, TURNING = 2000.0, 100.0
 """Of the spring that draws the tip [N/m], [N m/rad]; the arm takes up to 3000 and 300."""
+
+QUIET, PRESSED, OUT = 0.1, 1.0, 5e-4
+"""Time without a command after which the arm unloads by itself [s]; the force above which it does, for what it shows in
+free air is below [N]; and how far outwards of where it is it is drawn then [m]."""
 
 STRETCHED = 0.01  # The spring is stretched by at most this along each axis [m]
 REFLEX = 30.0  # Force at which the arm stops by itself [N]
@@ -95,6 +101,7 @@ class FrankaArm(ArmLink):
         self._state = self._said(first)
         self._motion: Any = None
         self._wanted, self._next, self._ended = False, 0.0, threading.Event()
+        self._commanded = 0.0
         self.reach = reach_about(self._state.place)
         self._thread = threading.Thread(target=self._run, name="franka-states", daemon=True)
         self._thread.start()
@@ -107,6 +114,7 @@ class FrankaArm(ArmLink):
 
     def command(self, place: Vector) -> None:
         """Take where the tip should be."""
+        self._commanded = time.monotonic()
         if not self._wanted:
             self._wanted, self._why = True, STARTS  # until its motion runs: then it begins where it stands
         elif self._motion is not None and not self._why:
@@ -151,6 +159,11 @@ class FrankaArm(ArmLink):
             except Exception as error:
                 self._why = f"its motion does not start: {one_line(error)}"
         self._time, self._state = moment, self._said(state)
+        force = math.hypot(*self._state.force)
+        if time.monotonic() - self._commanded > QUIET and self._motion is not None and force > PRESSED:
+            at = zip(self._state.place, self._state.force, strict=True)
+            x, y, z = (place + OUT * pushed / force for place, pushed in at)
+            self._refer(self._motion, (x, y, z))
 
     def _start(self, state: Any) -> None:
         """Begin to hold the tip where it is; errors are never recovered from here."""
