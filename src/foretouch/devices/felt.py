@@ -50,7 +50,7 @@ class HandleLink(ABC):
 
     @abstractmethod
     def push(self, force: Vector) -> bool:
-        """Give the hand a force [N], or none where nobody knows where it is; whether that force is given."""
+        """Give the hand a force [N], and say whether it got it; one whose place is unknown gets none."""
 
     @abstractmethod
     def close(self) -> None:

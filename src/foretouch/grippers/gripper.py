@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from foretouch.errors import SettingError
-from foretouch.grippers.servo import CURRENT_BASED_POSITION, OPTIONS, Servo
-from foretouch.plugins import Address
+from foretouch.grippers.servo import CURRENT_BASED_POSITION, Servo, servo_address
 from foretouch.robot import AnyRobot, RobotSpecification
 from foretouch.robot.drivers import ArmLink, ArmState, arm_robot
 
@@ -75,7 +73,4 @@ def make_gripper(settings: Any) -> AnyRobot[Any, Any]:
         MissingExtraError: ``dynamixel-sdk`` is not installed.
         InputError: See `Servo`.
     """
-    if settings.scene:
-        raise SettingError("robot", settings.robot, "moves along a line: leave the scene out")
-    address = Address.read("robot", settings.robot, OPTIONS, "PORT")
-    return arm_robot(Gripper(Servo(address, CURRENT_BASED_POSITION)), in_space=False)
+    return arm_robot(Gripper(Servo(servo_address("robot", settings), CURRENT_BASED_POSITION)), in_space=False)

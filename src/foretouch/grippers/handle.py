@@ -11,8 +11,8 @@ from typing import Any, ClassVar
 from foretouch.devices import DeviceSpecification
 from foretouch.devices.felt import FeltAlongAxis, HandleLink
 from foretouch.devices.spatial import NOWHERE
-from foretouch.errors import SettingError, printable
-from foretouch.grippers.servo import CURRENT_CONTROL, OPTIONS, Servo
+from foretouch.errors import printable
+from foretouch.grippers.servo import CURRENT_CONTROL, Servo, servo_address
 from foretouch.plugins import Address
 from foretouch.quantities.pose import Vector
 
@@ -138,9 +138,6 @@ def make_handle(settings: Any, reach: Any) -> GripperHandle:
         MissingExtraError: ``dynamixel-sdk`` is not installed.
         InputError: See `Servo`.
     """
-    if settings.scene:
-        raise SettingError("operator", settings.operator, "moves along a line: leave the scene out")
-    address = Address.read("operator", settings.operator, OPTIONS, "PORT")
-    trigger = Trigger(address, lambda line: sys.stderr.write(f"{printable(line)}\n"))
+    trigger = Trigger(servo_address("operator", settings), lambda line: sys.stderr.write(f"{printable(line)}\n"))
     sys.stderr.write(f"{said_of_bus(settings.device, trigger.servo.period)}\n")
     return GripperHandle(trigger, settings.device)

@@ -260,6 +260,18 @@ class Servo:
             self._port.closePort()
 
 
+def servo_address(setting: str, settings: Any) -> Address:
+    """The address in a setting, ``robot`` or ``operator``, of a session.
+
+    Raises:
+        SettingError: It is none, or the session has a scene.
+    """
+    address = Address.read(setting, getattr(settings, setting), OPTIONS, "PORT")
+    if settings.scene:
+        raise address.refuse("moves along a line: leave the scene out")
+    return address
+
+
 def _lever(address: Address) -> float:
     if not address.options["lever"]:
         form = "dynamixel@/dev/ttyUSB0,lever=0.06"

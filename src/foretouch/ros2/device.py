@@ -65,7 +65,7 @@ class GraphHandle(HandleLink):
         return (x, y, z) if math.isfinite(x + y + z) else NOWHERE
 
     def push(self, force: Vector) -> bool:
-        """Send a force for the hand [N], and none where nobody knows where that is; whether that force was sent."""
+        """Send a force for the hand [N], and say whether it was sent; a hand whose place is unknown gets none."""
         known = self.place() is not NOWHERE
         self._send(force if known else NO_FORCE)
         return known
