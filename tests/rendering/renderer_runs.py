@@ -272,7 +272,7 @@ def fork(renderer: Renderer) -> Renderer:
     predictor = object.__new__(type(renderer.predictor))
     for name in ("records", *type(predictor).__slots__):
         object.__setattr__(predictor, name, copy.copy(getattr(renderer.predictor, name)))
-    predictor._waiting = predictor._newest = None
+    predictor._waits, predictor.records["waiting"]["arrivals"]["waits"] = False, 0
     twin.predictor, twin._rendering = predictor, rendering
     parts = (("proxy", rendering), ("mediation", rendering), ("limiter", rendering))
     for name, records in parts:

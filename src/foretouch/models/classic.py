@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import ClassVar
 
 from foretouch.errors import SettingError
-from foretouch.errors.checks import require, require_fields
-from foretouch.models.memoryless_law import MemorylessLaw
+from foretouch.models.memoryless_law import General, MemorylessLaw, Numbers
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,17 +28,14 @@ class KelvinVoigt(MemorylessLaw):
 
     law: ClassVar[str] = "kelvin-voigt"
     parameter_names: ClassVar[tuple[str, ...]] = ("stiffness", "damping")
+    positive: ClassVar[tuple[str, ...]] = ("stiffness",)
     stiffness: float
     damping: float
 
-    def __post_init__(self) -> None:
-        require("stiffness", self.stiffness, above=0.0)
-        require("damping", self.damping, at_least=0.0)
-
-    @property
-    def general_form(self) -> tuple[float, float, float, float]:
+    @staticmethod
+    def in_general(numbers: Numbers) -> General:
         """The same law as numbers of (4): K, B, 0, 1."""
-        return self.stiffness, self.damping, 0.0, 1.0
+        return numbers[0], numbers[1], 0.0, 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,19 +59,15 @@ class HuntCrossley(MemorylessLaw):
 
     law: ClassVar[str] = "hunt-crossley"
     parameter_names: ClassVar[tuple[str, ...]] = ("stiffness", "damping", "exponent")
+    positive: ClassVar[tuple[str, ...]] = ("stiffness", "exponent")
     stiffness: float
     damping: float
     exponent: float
 
-    def __post_init__(self) -> None:
-        require("stiffness", self.stiffness, above=0.0)
-        require("damping", self.damping, at_least=0.0)
-        require("exponent", self.exponent, above=0.0)
-
-    @property
-    def general_form(self) -> tuple[float, float, float, float]:
+    @staticmethod
+    def in_general(numbers: Numbers) -> General:
         """The same law as numbers of (4): k, lambda, n, 0."""
-        return self.stiffness, self.damping, self.exponent, 0.0
+        return numbers[0], numbers[1], numbers[2], 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,9 +87,6 @@ class ThresholdSwitching(MemorylessLaw):
         hunt_crossley_exponent: n [-], positive.
         threshold: k_th [N/m], positive; the paper's simulation has 4000.
 
-    Attributes:
-        chosen: The law in use.
-
     Raises:
         SettingError: A parameter out of range.
 
@@ -115,31 +104,31 @@ class ThresholdSwitching(MemorylessLaw):
         "hunt_crossley_exponent",
         "threshold",
     )
+    positive: ClassVar[tuple[str, ...]] = (
+        "kelvin_voigt_stiffness",
+        "hunt_crossley_stiffness",
+        "hunt_crossley_exponent",
+        "threshold",
+    )
     kelvin_voigt_stiffness: float
     kelvin_voigt_damping: float
     hunt_crossley_stiffness: float
     hunt_crossley_damping: float
     hunt_crossley_exponent: float
     threshold: float
-    chosen: KelvinVoigt | HuntCrossley = field(init=False, repr=False, compare=False)
 
-    def __post_init__(self) -> None:
-        for name in self.parameter_names:
-            if name.endswith("damping"):
-                require(name, getattr(self, name), at_least=0.0)
-            else:
-                require(name, getattr(self, name), above=0.0)
-        kelvin_voigt = KelvinVoigt(self.kelvin_voigt_stiffness, self.kelvin_voigt_damping)
-        hunt_crossley = HuntCrossley(
-            self.hunt_crossley_stiffness, self.hunt_crossley_damping, self.hunt_crossley_exponent
-        )
-        stiff = self.kelvin_voigt_stiffness >= self.threshold
-        object.__setattr__(self, "chosen", kelvin_voigt if stiff else hunt_crossley)
+    @staticmethod
+    def in_general(numbers: Numbers) -> General:
+        """The law in use as numbers of (4)."""
+        if numbers[0] >= numbers[5]:
+            return numbers[0], numbers[1], 0.0, 1.0
+        return numbers[2], numbers[3], numbers[4], 0.0
 
     @property
-    def general_form(self) -> tuple[float, float, float, float]:
-        """The law in use as numbers of (4)."""
-        return self.chosen.general_form
+    def chosen(self) -> KelvinVoigt | HuntCrossley:
+        """The law in use."""
+        k, damping, n, alpha = self.general_form
+        return KelvinVoigt(k, damping) if alpha > 0.0 else HuntCrossley(k, damping, n)
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,18 +156,18 @@ class ContinuousSwitching(MemorylessLaw):
 
     law: ClassVar[str] = "continuous-switching"
     parameter_names: ClassVar[tuple[str, ...]] = ("stiffness", "damping", "exponent", "switching")
+    positive: ClassVar[tuple[str, ...]] = ("stiffness",)
     stiffness: float
     damping: float
     exponent: float
     switching: float
 
     def __post_init__(self) -> None:
-        require("stiffness", self.stiffness, above=0.0)
-        require_fields(self, "damping", "exponent", "switching", at_least=0.0)
+        MemorylessLaw.__post_init__(self)
         if self.exponent + self.switching == 0.0:
             raise SettingError("switching", self.switching, "must be above 0 where exponent is 0: force needs depth")
 
-    @property
-    def general_form(self) -> tuple[float, float, float, float]:
+    @staticmethod
+    def in_general(numbers: Numbers) -> General:
         """The parameters themselves: k, lambda, n, alpha."""
-        return self.stiffness, self.damping, self.exponent, self.switching
+        return numbers[0], numbers[1], numbers[2], numbers[3]

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core import Record, compiled
+from foretouch.core import Record, compiled, kernel
 from foretouch.core.compiling import inlined
 from foretouch.models.classic import ContinuousSwitching, HuntCrossley, KelvinVoigt, ThresholdSwitching
 from foretouch.models.contact_map import kernel as contact_map
@@ -28,6 +28,7 @@ from foretouch.models.contact_model import (
     SPEED_STEP,
     ContactModel,
 )
+from foretouch.models.laws import LARGEST_PARAMETER
 from foretouch.models.memoryless_law import LARGEST_LOG_FORCE, SMALLEST_DEPTH, LinearisedContinuousSwitching
 
 NOTHING, POWERS, LINEARISED, MAP = range(4)
@@ -70,6 +71,68 @@ def form_of(model: ContactModel | None) -> Form:
     a, b, *more = getattr(model, "general_form", model.parameters)
     c, d = (*more, 0.0)[:2]
     return kind, (a, b, c, d), NO_MAP
+
+
+PARAMETERS = 6  # Most parameters of a law
+LAW_NAMES = tuple(law.law for law in KINDS)
+COUNTS = np.array([len(law.parameter_names) for law in KINDS])
+POSITIVE = np.zeros((len(KINDS), PARAMETERS), np.bool_)
+for _place_of_law, _law in enumerate(KINDS):
+    for _index, _name in enumerate(_law.parameter_names):
+        POSITIVE[_place_of_law, _index] = _name in getattr(_law, "positive", ())
+
+Six = tuple[float, float, float, float, float, float]
+
+_kelvin_voigt, _hunt_crossley = compiled(KelvinVoigt.in_general), compiled(HuntCrossley.in_general)
+_threshold, _continuous = compiled(ThresholdSwitching.in_general), compiled(ContinuousSwitching.in_general)
+
+
+_ORDER = list(KINDS)
+AT_KELVIN_VOIGT, AT_HUNT_CROSSLEY = _ORDER.index(KelvinVoigt), _ORDER.index(HuntCrossley)
+AT_THRESHOLD, AT_CONTINUOUS = _ORDER.index(ThresholdSwitching), _ORDER.index(ContinuousSwitching)
+AT_LINEARISED, AT_MAP = _ORDER.index(LinearisedContinuousSwitching), _ORDER.index(ContactMapModel)
+
+
+@compiled
+def _in_range(law: int, parameters: Six) -> bool:
+    """Whether a law's class takes these parameters."""
+    good = True
+    for index in range(COUNTS[law]):
+        value = parameters[index]
+        signed = value > 0.0 if POSITIVE[law, index] else value >= 0.0
+        good = good and abs(value) <= LARGEST_PARAMETER and (signed or law == AT_LINEARISED)
+    return bool(good and not (law == AT_CONTINUOUS and parameters[2] + parameters[3] == 0.0))
+
+
+@kernel("Tuple((b1, i8, UniTuple(f8, 4)))(i8, UniTuple(f8, 6), i8)")
+def form_of_wire(law: int, parameters: Six, count: int) -> tuple[bool, int, tuple[float, float, float, float]]:
+    """What `foretouch.models.make_model` makes of a law on the wire, beside a map.
+
+    Args:
+        law: Place of its name in `LAW_NAMES`.
+        parameters: Its parameters, and any numbers after them.
+        count: How many there are.
+
+    Returns:
+        Whether there is such a law with such parameters; its kind; and its numbers.
+    """
+    a, b, c, d, _, _ = parameters
+    numbers = a, b, c, d
+    if not (0 <= law < len(COUNTS) and count == COUNTS[law] and _in_range(law, parameters)):
+        return False, NOTHING, NO_NUMBERS
+    if law == AT_MAP:
+        return True, MAP, NO_NUMBERS
+    if law == AT_LINEARISED:
+        return True, LINEARISED, numbers
+    if law == AT_KELVIN_VOIGT:
+        numbers = _kelvin_voigt(parameters)
+    elif law == AT_HUNT_CROSSLEY:
+        numbers = _hunt_crossley(parameters)
+    elif law == AT_THRESHOLD:
+        numbers = _threshold(parameters)
+    else:
+        numbers = _continuous(parameters)
+    return True, POWERS, numbers
 
 
 @inlined

@@ -15,10 +15,13 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from foretouch.errors.checks import require
+from foretouch.errors.checks import require, require_fields
 from foretouch.models.contact_model import NO_STATE, Advanced, ContactModel, ContactState
 
 Array = NDArray[np.float64]
+
+Numbers = tuple[float, ...]
+General = tuple[float, float, float, float]
 
 
 class MemorylessLaw(ContactModel):
@@ -37,11 +40,22 @@ class MemorylessLaw(ContactModel):
     """
 
     __slots__ = ()
+    positive: ClassVar[tuple[str, ...]] = ()
+    """Parameters that are above zero; the others are not below."""
+
+    def __post_init__(self) -> None:
+        require_fields(self, *self.positive, above=0.0)
+        require_fields(self, *(name for name in self.parameter_names if name not in self.positive), at_least=0.0)
+
+    @staticmethod
+    @abstractmethod
+    def in_general(numbers: Numbers) -> General:
+        """The same law as numbers of (4), of its parameters."""
 
     @property
-    @abstractmethod
-    def general_form(self) -> tuple[float, float, float, float]:
+    def general_form(self) -> General:
         """The same law as numbers of (4): k [N/m^(n + alpha)], lambda [N s/m^(n+1)], n [-], alpha [-]."""
+        return self.in_general(self.parameters)
 
     def advance(self, state: ContactState, depth: float, velocity: float, sample_period: float) -> Advanced:
         """One step: see `foretouch.models.advance`."""

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from functools import cache
 from importlib import import_module
 from types import ModuleType
-from typing import TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,9 @@ from foretouch.errors.checks import require
 from foretouch.models.contact_map.model import UNTOUCHED, ContactMapModel
 from foretouch.models.contact_model import NO_STATE, Advanced, ContactModel, ContactState, advance
 from foretouch.quantities import brief_number, brief_text
+
+if TYPE_CHECKING:
+    from foretouch.core import Kernel
 
 VELOCITY_CUTOFF = 80.0
 """Cut-off of the velocity low-pass [Hz]: a 5 um encoder at 1 kHz leaves 0.5 mm/s of noise, and it lags by 2 ms."""
@@ -105,13 +108,15 @@ class Predictor(Held):
     __slots__ = (
         "_foreign",
         "_former",
+        "_models",
         "_newest",
+        "_serial",
         "_sliced",
         "_state_outside",
         "_states_outside",
         "_update",
         "_waiting",
-        "message",
+        "_waits",
         "model",
     )
 
@@ -125,6 +130,8 @@ class Predictor(Held):
     ticks: int
     changed: int
     former_surface: float
+    message: int
+    serial: int
 
     def __init__(self) -> None:
         kernel = _compiled()
@@ -134,11 +141,13 @@ class Predictor(Held):
         self._foreign = False  # whether a law that is not compiled is asked at the next sample
         self._state_outside: ContactState = NO_STATE  # of its material
         self._states_outside: dict[int, ContactState] = {}  # and after each of the newest samples
-        self._waiting: _Arrived | None = None  # the model whose motion is being run again
-        self._sliced = -1  # the newest sample after which a slice was run
-        self._newest: _Arrived | None = None  # the model that came meanwhile
+        self._waiting: _Arrived | None = None  # a model of such a law whose motion is being run again
+        self._sliced = -1  # the newest sample after which a slice was run for it
+        self._newest: _Arrived | None = None  # the model of such a law that came meanwhile
+        self._waits = False  # whether one that is compiled waits
+        self._models: dict[int, ContactModel | None] = {}  # those by their serial numbers that may yet predict
+        self._serial = 0  # of the newest
         self.model: ContactModel | None = None
-        self.message = 0
 
     def __repr__(self) -> str:
         """Law, and its force at the newest sample."""
@@ -163,14 +172,21 @@ class Predictor(Held):
             tick: Number of that sample; None for the newest.
             message: Number that identifies the model.
         """
-        if model is None or not state:
-            self._waiting = self._newest = None
-            self._begin(model, surface, state, message)
-            return
         tick = self.ticks if tick is None else min(tick, self.ticks)
-        if self._agrees(state, tick):
+        if model is None or not _is_foreign(model):
+            kernel = _compiled()
             self._waiting = self._newest = None
-            self._begin(model, surface, self.state, message)
+            self._serial += 1
+            self._models[self._serial] = model
+            usable, tick = (state, tick) if len(state) == len(UNTOUCHED) else (UNTOUCHED, tick if state else -1)
+            form = kernel.law_kernel.form_of(model)
+            self._take(kernel.adopt, *form, usable, surface, tick, message, self._serial)
+            return
+        self._waits = False
+        _compiled().none_waits_entry.entry(self.records[0])
+        if not state or self._agrees(state, tick):
+            self._waiting = self._newest = None
+            self._begin(model, surface, self._state_outside if state else state, message)
             return
         arrived = (model, surface, state, tick, message)
         if self._waiting is not None:
@@ -184,7 +200,9 @@ class Predictor(Held):
 
         A caller that must know which model will predict at a position, before it sends the position, calls this first.
         """
-        if self._waiting is not None and self._sliced != self.ticks:
+        if self._waits:
+            self._take(_compiled().catch_up)
+        elif self._waiting is not None and self._sliced != self.ticks:
             self._sliced = self.ticks
             self._run_slice()
 
@@ -196,7 +214,8 @@ class Predictor(Held):
     def disown(self) -> None:
         """Forget the sender of the models: none waits any more, and the one that predicts goes on without a number."""
         self._waiting = self._newest = None
-        self.message = 0
+        self._waits = False
+        _compiled().disown_entry.entry(self.records[0])
 
     def shift(self, distance: float) -> None:
         """Shift the motion from now on inwards by a distance [m], as a jump and not as motion.
@@ -247,7 +266,7 @@ class Predictor(Held):
     @property
     def needs_python(self) -> bool:
         """Whether Python comes before the next sample: a law of its own, or past motion that is run again."""
-        return self._foreign or self._waiting is not None
+        return self._foreign or self._waits or self._waiting is not None
 
     @property
     def scale(self) -> float:
@@ -266,11 +285,22 @@ class Predictor(Held):
             return self._state_outside
         return tuple(self.records["memory"][0].tolist()) if isinstance(self.model, ContactMapModel) else NO_STATE
 
+    def _take(self, adopting: Kernel[..., bool], *arguments: Any) -> None:
+        """Call what may begin with a compiled model, and take note of it."""
+        before, outside, first = self.model, self._state_outside, self.changed == 0
+        self._waits = adopting.entry(self.records, *arguments)
+        serial = self.serial
+        if serial not in self._models:
+            return
+        self.model, self._state_outside = self._models.pop(serial), NO_STATE
+        self._models = {later: model for later, model in self._models.items() if later > serial} if self._waits else {}
+        if first:
+            self._former = before, outside
+        self._foreign = _is_foreign(self._former[0])
+
     def _agrees(self, state: ContactState, tick: int) -> bool:
-        """Whether an arrived state is that of the present law's material after a sample."""
-        if not self.foreign:
-            return len(state) == len(UNTOUCHED) and _compiled().agrees.entry(self.records, state, tick)
-        own = self._states_outside.get(tick, NO_STATE)
+        """Whether an arrived state is that of the present law's material after a sample; both are not compiled."""
+        own = self._states_outside.get(tick, NO_STATE) if _is_foreign(self.model) else NO_STATE
         alike = all(abs(mine - theirs) <= STATE_TOLERANCE for mine, theirs in zip(own, state, strict=False))
         return alike and len(own) == len(state) == len(self._state_outside)
 
@@ -293,18 +323,17 @@ class Predictor(Held):
         if self._foreign:
             self._states_outside[self.ticks] = self._state_outside
             self._states_outside.pop(self.ticks - HISTORY, None)
-        records["memories"][0, self.ticks % HISTORY] = records["memory"][0]
+        records["past"]["memories"][0, self.ticks % HISTORY] = records["memory"][0]
         return self.force
 
     def _begin(self, model: ContactModel | None, surface: float, state: ContactState, message: int) -> None:
-        """Predict from a model in its present state."""
+        """Predict from a model that is not compiled, in its present state."""
+        before, outside, first = self.model, self._state_outside, self.changed == 0
         kernel = _compiled()
-        usable = len(state) == len(UNTOUCHED) and isinstance(model, ContactMapModel)
-        if kernel.begin.entry(self.records, *kernel.law_kernel.form_of(model), state if usable else UNTOUCHED, surface):
-            self._former = self.model, self._state_outside
-        self._state_outside = state
-        self.model, self.message = model, message
-        self._foreign = _is_foreign(model) or _is_foreign(self._former[0])
+        kernel.adopt.entry(self.records, *kernel.law_kernel.form_of(None), UNTOUCHED, surface, -1, message, 0)
+        if first:
+            self._former = before, outside
+        self.model, self._state_outside, self._foreign, self._models = model, state, True, {}
 
     def _run_slice(self) -> None:
         """Run a slice of past motion through the memory of the model that waits; begin with it at the end."""
@@ -312,13 +341,9 @@ class Predictor(Held):
         model, surface, state, tick, message = self._waiting
         tick = max(tick, self.ticks - HISTORY)  # older samples are forgotten
         last = min(self.ticks, tick + SLICE)
-        if _is_foreign(model):
-            past = np.arange(tick + 1, last + 1) % HISTORY
-            depths = self.records["positions"][0, past] - surface
-            state = model.remember(state, depths, self.records["periods"][0, past])
-        elif isinstance(model, ContactMapModel):
-            state = state if len(state) == len(UNTOUCHED) else UNTOUCHED
-            state = _compiled().run_again.entry(self.records, model.record, state, surface, tick, last)
+        past = np.arange(tick + 1, last + 1) % HISTORY
+        depths = self.records["past"]["positions"][0, past] - surface
+        state = model.remember(state, depths, self.records["past"]["periods"][0, past])
         if last < self.ticks:
             self._waiting = (model, surface, state, last, message)
             return

@@ -13,10 +13,11 @@ from foretouch.models import law_kernel
 from foretouch.models.contact_map.kernel import Memory, memory_of, moved, numbers_of, rate_of, write
 from foretouch.models.contact_map.layout import MEMORY, SIZE, Map
 from foretouch.models.contact_model import LARGEST_DEPTH, LARGEST_SPEED
-from foretouch.models.law_kernel import Law
-from foretouch.models.predictor import HISTORY, STATE_TOLERANCE, VELOCITY_CUTOFF
+from foretouch.models.law_kernel import NO_NUMBERS, Law
+from foretouch.models.predictor import HISTORY, SLICE, STATE_TOLERANCE, VELOCITY_CUTOFF
 
 Numbers = NDArray[Any]
+FourNumbers = tuple[float, float, float, float]
 
 
 class Motion(Record):
@@ -43,8 +44,35 @@ def move(motion: Motion, time: float, position: float) -> float:
     return float(velocity)
 
 
+class Arrived(Record):
+    """A contact map that waits until the motion since its state has been run through its memory."""
+
+    waits: int  # whether there is one
+    maps: Annotated[NDArray[Any], Map, 1]
+    state: Annotated[Numbers, float, MEMORY]
+    tick: int  # number of the sample after which the state is this
+    surface: float
+    message: int
+    serial: int
+
+
+class Waiting(Record):
+    """Contact maps that wait."""
+
+    arrivals: Annotated[NDArray[Any], Arrived, 2]  # the one that waits, and the newest that came meanwhile
+    sliced: int = -1  # the newest sample after which a slice was run
+
+
+class Past(Record):
+    """The newest samples of a motion, by the remainder of their number."""
+
+    memories: Annotated[Numbers, float, (HISTORY, MEMORY)] = math.nan  # type: ignore[assignment]  # after each
+    positions: Annotated[Numbers, float, HISTORY]  # [m]
+    periods: Annotated[Numbers, float, HISTORY]  # [s]
+
+
 class Prediction(Record):
-    """State of a `foretouch.models.Predictor`; its attributes are described there."""
+    """State of a `foretouch.models.Predictor`; its attributes are described there. Each number has 64 bits."""
 
     law: Law  # of the model, where it is compiled
     memory: Annotated[Numbers, float, MEMORY] = math.nan  # type: ignore[assignment]  # of its material
@@ -62,9 +90,10 @@ class Prediction(Record):
     force: float
     standard_deviation: float = math.nan
     jump: float
-    memories: Annotated[Numbers, float, (HISTORY, MEMORY)] = math.nan  # type: ignore[assignment]  # after each sample
-    positions: Annotated[Numbers, float, HISTORY]
-    periods: Annotated[Numbers, float, HISTORY]
+    past: Past
+    message: int
+    serial: int  # counts the models that were adopted: of the one that predicts
+    waiting: Waiting
 
 
 @compiled
@@ -82,7 +111,7 @@ def observe(p: Prediction, time: float, position: float, velocity: float) -> flo
     if math.isfinite(position):
         p.position = position
     index = p.ticks % HISTORY
-    p.positions[index], p.periods[index] = p.position, period if period > 0.0 else 0.0  # the first has none
+    p.past.positions[index], p.past.periods[index] = p.position, period if period > 0.0 else 0.0  # the first has none
     p.velocity = move(p.motion, time, p.position) if math.isnan(velocity) else velocity
     p.jump = 0.0
     p.depth = bounded(p.position - p.surface)
@@ -106,7 +135,7 @@ def predict(p: Prediction, time: float, position: float, velocity: float) -> flo
             p.jump = (
                 p.force - law_kernel.advance(p.former_law, numbers_of(p.former_memory), depth, p.velocity, period)[1]
             )
-    write(memory, p.memories[p.ticks % HISTORY])
+    write(memory, p.past.memories[p.ticks % HISTORY])
     return float(p.force)
 
 
@@ -140,6 +169,8 @@ def leaving_work(p: Prediction, offset: float, largest: float) -> tuple[float, f
 ONE_LAW = Prediction.layout.fields["former_law"][1] // 8  # type: ignore[index]
 """Numbers of a law, its material and its surface, at the beginning of the record, in which each has 64 bits."""
 
+ONE_ARRIVED = Arrived.layout.itemsize // 8  # Numbers of a model that waits
+
 AT_MAP = Law.layout.fields["map"][1] // 8  # type: ignore[index]  # of them before the map
 
 
@@ -154,55 +185,124 @@ def keep_former(predictions: NDArray[np.void]) -> bool:
     return bool(first)
 
 
-@kernel("b1(Prediction[::1], i8, UniTuple(f8, 4), Map[::1], UniTuple(f8, 6), f8)", Map)
-def begin(
+@compiled
+def _begin(
     predictions: NDArray[np.void],
     kind: int,
-    numbers: tuple[float, float, float, float],
+    numbers: FourNumbers,
     maps: NDArray[np.void],
-    state: Memory,
+    memory: Memory,
     surface: float,
-) -> bool:
-    """Predict from a law, in a state of its material, and a surface [m]; whether it is the first since the last sample.
+    message: int,
+    serial: int,
+) -> None:
+    """Predict from a law, with this memory of its material, and a surface [m].
 
-    The law before the first is the former one.
+    The law before the first since the last sample is the former one.
     """
-    p, flat, first = predictions[0], predictions.view(np.float64), keep_former(predictions)
+    p, flat = predictions[0], predictions.view(np.float64)
+    keep_former(predictions)
     p.law.kind = kind
     if kind == law_kernel.MAP:
         flat[AT_MAP : AT_MAP + SIZE] = maps.view(np.float64)
     for index in range(4):
         p.law.numbers[index] = numbers[index]
-    write(memory_of(state), p.memory)
+    write(memory, p.memory)
     p.surface, p.depth = surface, bounded(p.position - surface)
-    return bool(first)
+    p.message, p.serial = message, serial
 
 
-@kernel("b1(Prediction[::1], UniTuple(f8, 6), i8)")
-def agrees(predictions: NDArray[np.void], state: Memory, tick: int) -> bool:
+@compiled
+def _agrees(p: Prediction, state: Memory, tick: int) -> bool:
     """Whether an arrived state is that of the contact map here after the sample of this number, within a tolerance."""
-    p = predictions[0]
-    own = numbers_of(p.memories[tick % HISTORY])
+    own = numbers_of(p.past.memories[tick % HISTORY])
     alike = p.law.kind == law_kernel.MAP and tick > p.ticks - HISTORY
     for index in range(MEMORY):
         alike = alike and abs(own[index] - state[index]) <= STATE_TOLERANCE
     return bool(alike)
 
 
-@kernel("UniTuple(f8, 6)(Prediction[::1], Map[::1], UniTuple(f8, 6), f8, i8, i8)", Map)
-def run_again(
-    predictions: NDArray[np.void], maps: NDArray[np.void], state: Memory, surface: float, tick: int, last: int
-) -> Memory:
-    """State of a contact map's material after the sample `last`, where this one is that after the sample `tick`."""
-    p, now, period, learnt = predictions[0], memory_of(state), -1.0, maps[0]
+@compiled(error_model="numpy")
+def _run_again(p: Prediction, arrived: Arrived, last: int) -> None:
+    """Bring the memory of a contact map that waits on to the sample `last`."""
+    now, period, learnt = numbers_of(arrived.state), -1.0, arrived.maps[0]
     rates = rate_of(period)
-    for sample in range(tick + 1, last + 1):
+    for sample in range(arrived.tick + 1, last + 1):
         index = sample % HISTORY
-        if p.periods[index] != period:
-            period = p.periods[index]
+        if p.past.periods[index] != period:
+            period = p.past.periods[index]
             rates = rate_of(period)
-        now = moved(learnt, now, p.positions[index] - surface - learnt.origin, rates)
-    return now
+        now = moved(learnt, now, p.past.positions[index] - arrived.surface - learnt.origin, rates)
+    write(now, arrived.state)
+    arrived.tick = last
+
+
+@compiled
+def _run_slice(predictions: NDArray[np.void]) -> None:
+    """Run a slice of past motion for the model that waits; begin with it at the end."""
+    p = predictions[0]
+    arrived = p.waiting.arrivals[0]
+    arrived.tick = max(arrived.tick, p.ticks - HISTORY)  # older samples are forgotten
+    _run_again(p, arrived, min(p.ticks, arrived.tick + SLICE))
+    if arrived.tick < p.ticks:
+        return
+    memory, surface, message, serial = numbers_of(arrived.state), arrived.surface, arrived.message, arrived.serial
+    _begin(predictions, law_kernel.MAP, NO_NUMBERS, arrived.maps, memory, surface, message, serial)
+    flat = p.waiting.arrivals.view(np.float64)
+    flat[:ONE_ARRIVED] = flat[ONE_ARRIVED:]
+    p.waiting.arrivals[1].waits = 0
+
+
+@compiled
+def none_waits(p: Prediction) -> None:
+    """Let no model wait any more."""
+    p.waiting.arrivals[0].waits = p.waiting.arrivals[1].waits = 0
+
+
+@kernel("b1(Prediction[::1], i8, UniTuple(f8, 4), Map[::1], UniTuple(f8, 6), f8, i8, i8, i8)", Map)
+def adopt(
+    predictions: NDArray[np.void],
+    kind: int,
+    numbers: FourNumbers,
+    maps: NDArray[np.void],
+    state: Memory,
+    surface: float,
+    tick: int,
+    message: int,
+    serial: int,
+) -> bool:
+    """See `foretouch.models.Predictor.adopt`; a tick below zero says that the state is of now, whatever the motion was.
+
+    Returns:
+        Whether a model waits from now on.
+    """
+    p, memory = predictions[0], memory_of(state)
+    if kind != law_kernel.MAP or tick < 0:
+        none_waits(p)
+        _begin(predictions, kind, numbers, maps, memory, surface, message, serial)
+        return False
+    tick = min(tick, p.ticks)
+    if _agrees(p, state, tick):
+        none_waits(p)
+        _begin(predictions, kind, numbers, maps, numbers_of(p.memory), surface, message, serial)
+        return False
+    arrived = p.waiting.arrivals[p.waiting.arrivals[0].waits]
+    arrived.waits, arrived.tick, arrived.surface, arrived.message, arrived.serial = 1, tick, surface, message, serial
+    arrived.maps.view(np.float64)[:] = maps.view(np.float64)
+    write(memory, arrived.state)
+    if p.waiting.arrivals[1].waits == 0:
+        _run_slice(predictions)
+    return bool(p.waiting.arrivals[0].waits != 0)
+
+
+@kernel("b1(Prediction[::1])")
+def catch_up(predictions: NDArray[np.void]) -> bool:
+    """See `foretouch.models.Predictor.catch_up`; whether a model still waits."""
+    p = predictions[0]
+    if p.waiting.arrivals[0].waits != 0 and p.waiting.sliced != p.ticks:
+        p.waiting.sliced = p.ticks
+        _run_slice(predictions)
+    return bool(p.waiting.arrivals[0].waits != 0)
 
 
 @kernel("f8(Prediction[::1], f8, f8, f8)")
@@ -211,6 +311,15 @@ def update(predictions: NDArray[np.void], time: float, position: float, velocity
     return predict(predictions[0], time, position, velocity)
 
 
+@compiled
+def disown(p: Prediction) -> None:
+    """See `foretouch.models.Predictor.disown`."""
+    none_waits(p)
+    p.message = 0
+
+
+none_waits_entry = Kernel(none_waits, "(Prediction,)")
+disown_entry = Kernel(disown, "(Prediction,)")
 keep_entry = Kernel(keep_former, "(Prediction[::1],)")
 move_entry = Kernel(move, "(Motion, f8, f8)")
 observe_entry = Kernel(observe, "(Prediction, f8, f8, f8)")

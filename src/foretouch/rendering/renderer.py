@@ -116,6 +116,14 @@ class Renderer:
         now = {"share": brief_number(self.share), "force": brief_number(self.limiter.force)}
         return brief_text("Renderer", {"predictor": self.predictor, "closed_loop": self.closed_loop, **now}.items())
 
+    def move_into(self, rendering: NDArray[np.void], account: NDArray[np.void], prediction: NDArray[np.void]) -> None:
+        """Keep the state from now on in these arrays of one record each, parts of another record."""
+        for mine, theirs in zip(self._records, (rendering, account, prediction), strict=True):
+            theirs[:] = mine
+        self._rendering, self.account.records, self.predictor.records = rendering, account, prediction
+        self.proxy.records, self.mediation.records = rendering["proxy"], rendering["mediation"]
+        self.limiter.records = rendering["limiter"]
+
     def adopt(
         self,
         model: ContactModel | None,
@@ -132,10 +140,7 @@ class Renderer:
 
         A hand without a valid position (not a number, or beyond 10 m) is not coupled.
         """
-        if not abs(hand) <= FARTHEST:
-            return
-        self.proxy.engage(hand, position)
-        self.predictor.shift(position - self.predictor.position)
+        whole.engage_entry.entry(self._rendering[0], self.predictor.records[0], hand, position)
 
     @property
     def _records(self) -> whole.Records:

@@ -8,7 +8,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core import compiled, kernel
+from foretouch.core import Kernel, compiled, kernel
 from foretouch.models import predictor_kernel as prediction
 from foretouch.models.law_kernel import NOTHING
 from foretouch.models.predictor_kernel import Prediction
@@ -19,7 +19,7 @@ from foretouch.rendering.energy import Account
 from foretouch.rendering.surfaces.geometry import Triangle
 from foretouch.rendering.surfaces.god_object import MESH, Mesh
 from foretouch.rendering.surfaces.line import Coordinates, Line, Places, arrive, is_known, place_at
-from foretouch.rendering.tick import Rendering, Shown
+from foretouch.rendering.tick import FARTHEST, Rendering, Shown
 
 Predicted = tuple[float, float, float, float]
 """Of a tick: velocity of the proxy [m/s], force of the model there, its change by a new model, and its standard
@@ -46,8 +46,16 @@ scale of its motion, whether it is known and somewhere; an array of one `Scales`
 the line had in the tick before [m]."""
 
 
+@compiled
+def engage(r: Rendering, p: Prediction, hand: float, position: float) -> None:
+    """See `Renderer.engage`."""
+    if abs(hand) <= FARTHEST:
+        proxy.engage(r.proxy, hand, position)
+        prediction.shift(p, position - p.position)
+
+
 @compiled(error_model="numpy")
-def _render(
+def render(
     r: Rendering,
     account: Account,
     p: Prediction,
@@ -58,7 +66,7 @@ def _render(
     place: Vector,
     line: Line,
 ) -> Ticked:
-    """See `whole`."""
+    """One tick at a place [m], with a line that has followed it; see `whole`."""
     position, booked = tick.move(r, account, hand, place, period, free)
     if p.surface != r.surface and p.law.kind != NOTHING:
         prediction.shift(p, -tick.meet_surface(r, p.surface))
@@ -99,7 +107,7 @@ def whole(
 ) -> Ticked:
     """One tick with a law that is compiled; see `Renderer.update`, which has the same stages for others."""
     (renderings, accounts, predictions), (place, lines) = records, frame
-    return _render(renderings[0], accounts[0], predictions[0], time, hand, period, free, place, lines[0])
+    return render(renderings[0], accounts[0], predictions[0], time, hand, period, free, place, lines[0])
 
 
 @kernel(
@@ -128,4 +136,7 @@ def whole_over_surface(records: Records, hand: OverSurface, now: Now) -> tuple[C
         nothing = 0.0, 0.0, 0.0
         return coordinates, False, (0.0, nothing, tick.show(r), nothing, (0.0, 0.0, 0.0, 0.0), (nothing, 0.0))
     period = even if math.isfinite(coordinates[1]) else measured  # as the leader's step says
-    return coordinates, True, _render(r, account, p, time, coordinates[0], period, free, position, line)
+    return coordinates, True, render(r, account, p, time, coordinates[0], period, free, position, line)
+
+
+engage_entry = Kernel(engage, "(Rendering, Prediction, f8, f8)")

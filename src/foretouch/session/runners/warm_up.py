@@ -214,7 +214,7 @@ def _compile_map() -> None:
 
 def _compile_others() -> None:
     """Compile everything that needs no contact map: at first what the other process needs later."""
-    for common in (whole.whole, whole.whole_over_surface, predictor_kernel.begin):
+    for common in (whole.whole, whole.whole_over_surface, predictor_kernel.adopt):
         common.entry  # noqa: B018  # asked for, it is compiled
     settings = SessionSettings(model="hunt-crossley", estimator="exact", grip="normal")
     warm_up(settings)

@@ -119,4 +119,4 @@ def start(
 ) -> leader.State:
     """State before the first tick, as `foretouch.session.steps.leader.start`; no baseline has its own `device`."""
     view, hand = FollowerView(epoch), HandOnAxis() if hand is None else hand
-    return leader.State(DelayedForce(settings, view, hand), settings.guards(), holder, epoch, view, hand)
+    return leader.State(DelayedForce(settings, view, hand), settings.guards(), holder, view, hand)

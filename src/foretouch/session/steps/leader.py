@@ -8,17 +8,18 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
 from typing import Any, NamedTuple, TypeAlias
 
+from foretouch.core import Held
 from foretouch.devices import DeviceSpecification
 from foretouch.errors import InputError
 from foretouch.messages import VERSION, Command, LeaderState, Message, ModelUpdate, Telemetry
-from foretouch.models import NO_STATE, make_model
-from foretouch.quantities import LARGEST_POSITION
+from foretouch.models import ContactModel, make_model
 from foretouch.quantities.pose import Vector
 from foretouch.rendering import EnergyAccount, FrictionRenderer, Renderer, SpatialEnergyAccount
+from foretouch.rendering.renderer import ON_AXIS
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
+from foretouch.session.steps import leading
 from foretouch.session.steps.axis import HandOnAxis
 from foretouch.session.steps.follower_view import FollowerView
 from foretouch.settings import NO_GRIP
@@ -28,34 +29,38 @@ ACCOUNTS: dict[int, type[Any]] = {account.axes: account for account in (EnergyAc
 Position: TypeAlias = float | Vector
 
 
-SAME_SURFACE = 1e-3  # Largest distance of surfaces found by two processes that count as the same surface [m]
+class State(Held):
+    """State of the leader, updated in place in each tick: a record (`foretouch.session.steps.leading.Leader`).
 
-
-@dataclass(slots=True)
-class State:
-    """State of the leader, updated in place in each tick.
-
-    Attributes:
+    Args:
+        renderer: Renders for the hand.
         guarded: Whether the follower is asked to guard the first touch.
+        holder: Name of this leader.
         follower_view: Messages received from the follower. Its force is recorded and never rendered.
         hand: The operator's hand, on an axis or in space.
-        start_ns: Clock at the first tick, None before it.
-        newest_ns: Clock at the newest tick, None before the first.
+
+    Attributes:
         inherits: Whether the model is of a follower's process that is gone, and its successor knows less yet.
         refused: Number of models that could not be used, whatever they claimed.
+        sequence: Number of the newest command, 0 before the first.
     """
 
-    renderer: Renderer = field(default_factory=Renderer)
-    guarded: bool = False
-    holder: str = "leader"
-    epoch: int = 1
-    follower_view: FollowerView = field(default_factory=lambda: FollowerView(1))
-    hand: HandOnAxis = field(default_factory=HandOnAxis)
-    start_ns: int | None = None
-    newest_ns: int | None = None
-    sequence: int = 0
-    inherits: bool = False
-    refused: int = 0
+    sequence: int
+    inherits: bool
+    refused: int
+    guarded: bool
+
+    def __init__(
+        self, renderer: Renderer, guarded: bool, holder: str, follower_view: FollowerView, hand: HandOnAxis
+    ) -> None:
+        super().__init__(leading.Leader.new(guarded=guarded, axis=ON_AXIS))
+        self.renderer, self.holder, self.follower_view, self.hand = renderer, holder, follower_view, hand
+        self.epoch = follower_view.epoch
+        own = self.records
+        renderer.move_into(own["renderings"][0], own["accounts"][0], own["predictions"][0])
+        own["views"][0], follower_view.records = follower_view.records, own["views"][0]
+        for kernel in leading.ENTRIES:
+            kernel.entry  # noqa: B018  # asked for, it is compiled or loaded: nothing of that in the loop
 
 
 class Inputs(NamedTuple):
@@ -124,7 +129,7 @@ def start(
         account=ACCOUNTS[hand.axes].of(device, SAMPLE_PERIOD),
         friction=_friction(settings, device),
     )
-    return State(renderer, guarded, holder, epoch, FollowerView(epoch), hand)
+    return State(renderer, guarded, holder, FollowerView(epoch), hand)
 
 
 def _friction(settings: SessionSettings, device: DeviceSpecification | None) -> FrictionRenderer:
@@ -152,19 +157,10 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     position is known, is evaluated at the tick's nominal time, on an even grid. Timed by the real starts of ticks, a
     motion of many milliseconds would count as one of one millisecond, and widen the bound of energy.
     """
-    if state.start_ns is None:
-        state.start_ns = now_ns
-    renderer, view, hand = state.renderer, state.follower_view, state.hand
+    renderer, view, hand, record = state.renderer, state.follower_view, state.hand, state.records[0]
     ours, came = _take(state, inputs.arrived)
-    renewed = view.take_renewed()
-    if renewed:
-        _renew(state)
-    free = inputs.stopping or view.stopped or not view.in_control
-    # A renewed hand is let go for a tick, so that the force leaves as models do.
-    couples = renderer.closed_loop and not (free or renewed) and (inputs.clutched or not renderer.proxy.engaged)
-    time, measured = (now_ns - state.start_ns) * 1e-9, inputs.period_ns * 1e-9
-    even = measured if state.newest_ns is None else (now_ns - state.newest_ns) * 1e-9
-    state.newest_ns = now_ns
+    free, couples = leading.decide_entry.entry(record, inputs.stopping, inputs.clutched)
+    time, measured, even = leading.begin_entry.entry(record, now_ns, inputs.period_ns)
     now = time, measured, even, free, came or couples
     (at, exact, intended), frame, rendered = hand.come_to(inputs, renderer, view, now)
     if rendered is None:
@@ -173,17 +169,18 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         if not came:
             hand.go_on(renderer)
         if couples:
-            _couple(state, at, clutched=inputs.clutched)
+            leading.couple_entry.entry(record, at, inputs.clutched)
         period = even if math.isfinite(exact) else measured  # the same where the tick is done at once
         rendered = renderer.update(time, at, period, free=free, frame=frame)
     position, engaged, clipped, mediated, step_by_models, share = renderer.shown
     energy, energy_bound, late_energy = renderer.booked
     velocity, predicted, jump, _ = renderer.predicted
-    state.sequence += 1
+    sequence = state.sequence
     place, deviation, space = hand.finish(renderer)
+    telemetry, force, run = view.telemetry.newest, view.force, view.run
     command = Command(
         VERSION,
-        state.sequence,
+        sequence,
         now_ns,
         position,
         renderer.predictor.message,
@@ -191,19 +188,19 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         state.holder,
         state.epoch,
         place,
-        view.telemetry.newest,
-        view.run,
+        telemetry,
+        run,
     )
     record = LeaderState(
         VERSION,
-        state.sequence,
+        sequence,
         now_ns,
         position,
         velocity,
         predicted,
         rendered,
-        view.force,
-        view.telemetry.newest,
+        force,
+        telemetry,
         view.models.newest,
         jump,
         clipped,
@@ -220,7 +217,7 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         share,
         engaged,
         state.epoch,
-        view.run,
+        run,
         late_energy,
         space,
     )
@@ -228,59 +225,42 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
 
 
 def _take(state: State, arrived: Sequence[Message]) -> tuple[list[ModelUpdate], bool]:
-    """Take messages of the follower; the models that are for this leader, and whether there were any."""
-    view, ours, came = state.follower_view, [], False
+    """Take messages of the follower; the models that are for this leader, and whether there were any.
+
+    Models of a process that has just been followed by another are adopted before that is known.
+    """
+    view, came = state.follower_view, False
+    ours: list[ModelUpdate] = []
     for message in arrived:
-        kind = type(message)
-        if kind is Telemetry:
-            view.take_telemetry(message)  # type: ignore[arg-type]
+        model = message if type(message) is ModelUpdate else None
+        if type(message) is Telemetry:
+            view.take_telemetry(message)
         state.hand.take(message, state.renderer, view)
-        if kind is ModelUpdate:
-            came = True
-            if view.is_for_us(message):  # type: ignore[arg-type]
-                ours.append(message)
-    return ours, came  # type: ignore[return-value]
-
-
-def _couple(state: State, hand: float, *, clutched: bool) -> None:
-    """Couple a hand [m] where it was left, at first where the follower is; a pressed clutch lets it go."""
-    renderer, proxy = state.renderer, state.renderer.proxy
-    if clutched:
-        proxy.release()
-        return
-    position = state.follower_view.position if math.isnan(proxy.position) else proxy.position
-    if math.isfinite(position):
-        renderer.engage(hand, position)
-
-
-def _renew(state: State) -> None:
-    """Start again with another follower process: it is elsewhere, and knows nothing yet."""
-    renderer = state.renderer
-    renderer.predictor.disown()
-    state.inherits = renderer.predictor.model is not None
-    if renderer.closed_loop:
-        renderer.proxy.leave()
+        came = came or model is not None
+        mine = model is not None and view.is_for_us(model)
+        if view.take_renewed():
+            for former in ours:
+                _adopt(state, former)
+            ours.clear()
+            leading.renew_entry.entry(state.records[0], state.renderer.predictor.model is not None)
+            state.renderer.predictor.disown()
+        if model is not None and mine:
+            ours.append(model)
+    return ours, came
 
 
 def _adopt(state: State, update: ModelUpdate) -> None:
     """Predict from an arrived model; one that claims to be valid and cannot be evaluated counts as no model."""
     renderer, surface = state.renderer, state.hand.offset + update.surface
-    if state.inherits and not (update.valid and state.follower_view.has_relearnt):
-        predictor = renderer.predictor
-        if update.valid and abs(surface - predictor.surface) < SAME_SURFACE:
-            predictor.message = update.sequence  # its surface is known here
-        return
-    if not update.valid:
-        renderer.adopt(None, surface, message=update.sequence)
-        return
-    state.inherits = False
-    model, remembered = None, NO_STATE
-    if abs(surface) <= LARGEST_POSITION:
+    model: ContactModel | None = None
+    if update.valid:
         with suppress(InputError):
-            model, remembered = make_model(update.law, update.parameters, update.map), update.state
-    if model is None:
-        state.refused += 1  # render and acknowledge nothing: the follower must not assume that its surface is known
-        renderer.adopt(None, 0.0)
-    else:
-        renderer.adopt(model, surface, remembered, update.command_sequence, update.sequence)
+            model = make_model(update.law, update.parameters, update.map)
+    done = leading.judge_entry.entry(state.records[0], update.valid, model is not None, surface, update.sequence)
+    if done == leading.ADOPTED:
+        renderer.adopt(model, surface, update.state, update.command_sequence, update.sequence)
         state.hand.adopt(update, renderer)
+    elif done == leading.NOTHING_RENDERED:
+        renderer.adopt(None, surface, message=update.sequence)
+    elif done == leading.REFUSED:
+        renderer.adopt(None, 0.0)
