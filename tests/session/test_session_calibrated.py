@@ -303,7 +303,7 @@ def test_in_space_lag_and_compliance_are_used_along_the_normal(tmp_path: Path) -
     scene = make_scene("plane")
     probe = ProbeInSpace(scene.surface, scene.nominal)
     state = follower.start(make_spatial_robot(settings, scene).specification, settings, probe=probe)
-    assert state.compliance == pytest.approx(1e-4)
-    assert state.felt_commands.maxlen == 5
-    assert state.zero == 0.0
+    assert state.memory["compliance"].item() == pytest.approx(1e-4)
+    assert state.felt_room == 5
+    assert state.memory["zero"].item() == 0.0
     assert in_space(path, (0.0, 0.0, 0.0))[-1][0].status == Status.FOLLOWING

@@ -19,13 +19,14 @@ from foretouch.messages import Status
 from foretouch.robot import Robot, SpatialRobot, SpatialSample, make_robot
 from foretouch.session import Process, SessionSettings, StopFlag, run_follower
 from foretouch.session.network.model_sender import FieldSender, ModelSender
-from foretouch.session.network.playout import Freshness, Playout
+from foretouch.session.network.playout import Playout
 from foretouch.session.runners import live
 from foretouch.session.safety.kernel import REST_FORCE
 from foretouch.session.spatial import make_scene, make_spatial_robot, probe
 from foretouch.session.spatial.probe import ProbeInSpace
 from foretouch.session.steps import tick as stages
 from foretouch.session.steps.axis import ProbeOnAxis
+from foretouch.session.steps.hearing import hear
 from foretouch.session.steps.sensing import Failures
 
 LINE = SessionSettings(material="hunt-crossley", first_touch="guarded", approach_speed=0.05, guarded_force=10.0)
@@ -116,7 +117,7 @@ LEARNING: list[tuple[Any, str]] = [(KelvinVoigtRLS, "update"), (Learner, "taken"
 PLUG_IN = dataclasses.replace(LINE, model="kelvin-voigt", estimator="rls")
 """An estimator of Python, with the compiled stages around it."""
 
-ON_A_LINE: list[tuple[Any, str]] = [(Freshness, "judge"), (Playout, "advance"), (stages.sense_alone, ""), *LEARNING]
+ON_A_LINE: list[tuple[Any, str]] = [(hear, ""), (Playout, "advance"), (stages.sense_alone, ""), *LEARNING]
 IN_SPACE = [(Learner, "taken"), (ProbeInSpace, "wanted"), (Playout, "advance"), (FieldSender, "due")]
 RARELY_IN_SPACE = [(ScaleFieldLearner, "touch_at"), (ProbeInSpace, "_with_fixture")]
 

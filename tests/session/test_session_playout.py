@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from foretouch.errors import SettingError
-from foretouch.session.network.playout import LONGEST_BRIDGE, Arrival, Freshness, Playout
+from foretouch.session.network.freshness import Arrival, Freshness
+from foretouch.session.network.playout import LONGEST_BRIDGE, Playout
 
 
 def path(sequence: float) -> float:

@@ -240,24 +240,13 @@ class Noted(Lap):
         super().__init__(**DELAYS | changes)
         self.played: list[tuple[float, int]] = []
 
-    def start_follower(self, run: int, *, robot: bool = False) -> None:
-        super().start_follower(run, robot=robot)
-        playout = self.following.playout
-        push = playout.push
-
-        def noted(sequence: int, *command: Any) -> None:
-            self.played.append((self.now * 1e-9, sequence))
-            push(sequence, *command)
-
-        self.following.playout = _Playout(playout, noted)  # type: ignore[assignment]
-
-
-class _Playout:
-    def __init__(self, playout: Any, push: Any) -> None:
-        self._playout, self.push = playout, push
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._playout, name)
+    def _follow(self) -> Telemetry:
+        newest = self.following.memory["playing"]["newest"]
+        before = newest.item()
+        telemetry = super()._follow()
+        if newest.item() != before:  # a command has been taken to be played
+            self.played.append((self.now * 1e-9, newest.item()))
+        return telemetry
 
 
 @pytest.mark.parametrize("baseline", ["none", pytest.param("delayed", marks=pytest.mark.long)])

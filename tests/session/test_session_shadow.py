@@ -29,7 +29,7 @@ from foretouch.session import (
     run_shadow,
     simulate,
 )
-from foretouch.session.network.playout import Arrival
+from foretouch.session.network.freshness import Arrival
 from foretouch.session.runners.driven import Tick
 from foretouch.session.runners.news import leader_news, shadow_news
 from foretouch.session.runners.shadow import SCORED_AFTER, Shadow, ShadowScore

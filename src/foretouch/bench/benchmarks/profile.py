@@ -26,7 +26,8 @@ from foretouch.devices import ScriptedOperator
 from foretouch.identification import Learner
 from foretouch.link import FaultStage
 from foretouch.rendering.whole import whole
-from foretouch.session.network.model_sender import ModelSender, RoundTrip
+from foretouch.session.network.model_sender import ModelSender
+from foretouch.session.network.round_trip import RoundTrip
 from foretouch.session.steps import follower, leader
 from foretouch.session.steps.follower_view import FollowerView
 from foretouch.session.steps.tick import tick_at_once

@@ -5,7 +5,13 @@ from __future__ import annotations
 import secrets
 import time
 from collections.abc import Callable
+from functools import lru_cache
+from typing import Annotated, Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.core import Held, Kernel, Record, compiled, kernel
 from foretouch.errors import SettingError
 from foretouch.messages import Command, Hello
 
@@ -41,7 +47,81 @@ def make_epoch(wall_ns: int, random_bits: int) -> int:
     return epoch
 
 
-class ControlLease:
+class Lease(Record):
+    """State of a `ControlLease`; a holder is the number of its name."""
+
+    lease_ns: int  # silence after which control is free [ns]
+    heard_ns: int  # when the newest command that was admitted came [ns]
+    number: int  # of the last holder, 0 before the first
+    epoch: int
+    refused: int  # commands that were not admitted
+    ended: int  # tenures that another has followed
+    numbers: Annotated[NDArray[Any], int, MOST_ENDED]  # theirs
+    epochs: Annotated[NDArray[Any], int, MOST_ENDED]
+
+
+@compiled
+def is_held(lease: Lease, now_ns: int) -> bool:
+    """See `ControlLease.is_held`."""
+    return bool(lease.number != 0 and now_ns - lease.heard_ns < lease.lease_ns)
+
+
+@compiled
+def _has_ended(lease: Lease, holder: int, epoch: int) -> bool:
+    """Whether a tenure is over for good."""
+    over = False
+    for place in range(lease.ended):
+        over = over or (lease.numbers[place] == holder and lease.epochs[place] == epoch)
+    return over
+
+
+@compiled
+def may_follow(lease: Lease, holder: int, epoch: int, now_ns: int) -> bool:
+    """Whether a new tenure may begin now [ns]."""
+    known = holder != 0 and epoch != 0 and lease.ended < MOST_ENDED
+    return known and not is_held(lease, now_ns) and not _has_ended(lease, holder, epoch)
+
+
+@kernel("b1(Lease, i8, i8, i8)")
+def admit(lease: Lease, holder: int, epoch: int, now_ns: int) -> bool:
+    """See `ControlLease.admit`."""
+    if epoch != lease.epoch or holder != lease.number or holder == 0:
+        if not may_follow(lease, holder, epoch, now_ns):
+            lease.refused += 1
+            return False
+        if lease.number != 0:
+            lease.numbers[lease.ended], lease.epochs[lease.ended] = lease.number, lease.epoch
+            lease.ended += 1
+        lease.number, lease.epoch = holder, epoch
+    lease.heard_ns = max(lease.heard_ns, now_ns)
+    return True
+
+
+BASE, PRIME = 131, 2**55 - 55
+"""Base and modulus of the number of a name: no product of them is beyond 63 bits."""
+
+
+@compiled
+def number_of_bytes(name: NDArray[np.uint8]) -> int:
+    """Number by which a holder's name is compared; 0 for that of no letters."""
+    number = 0
+    for letter in name:
+        number = int((number * BASE + np.int64(letter) + 1) % PRIME)
+    return number
+
+
+@lru_cache(maxsize=MOST_ENDED)
+def number_of(name: str) -> int:
+    """Number by which a holder's name is compared, of its letters in UTF-8."""
+    return _number.entry(np.frombuffer(name.encode(errors="surrogatepass"), np.uint8))
+
+
+_number = Kernel(number_of_bytes, "i8(u1[::1])")
+_held, _follow = Kernel(is_held, "b1(Lease, i8)"), Kernel(may_follow, "b1(Lease, i8, i8, i8)")
+_over = Kernel(_has_ended, "b1(Lease, i8, i8)")
+
+
+class ControlLease(Held):
     """Lets one leader command, and names it to the others.
 
     A tenure is a holder's name with its epoch. It begins with the first command that is admitted and lasts as long as
@@ -53,6 +133,7 @@ class ControlLease:
 
     Args:
         lease: Silence after which control is free [s], above 0.
+        leases: Array of one `Lease` that this one takes, part of another record; None for one of its own.
 
     Attributes:
         holder: Name of the last holder of control, "" before the first.
@@ -63,55 +144,40 @@ class ControlLease:
         SettingError: The lease is not a positive number.
     """
 
-    __slots__ = ("_ended", "_heard_ns", "_lease_ns", "epoch", "holder", "refused")
+    epoch: int
+    refused: int
+    lease_ns: int
 
-    def __init__(self, lease: float = LEASE) -> None:
+    def __init__(self, lease: float = LEASE, *, leases: NDArray[np.void] | None = None) -> None:
         if not 0.0 < lease <= 3600.0:
             raise SettingError("lease", lease, "must be above 0 and at most 3600 s")
-        self._lease_ns = round(lease * 1e9)
-        self._heard_ns = 0
-        self._ended: set[tuple[str, int]] = set()
-        self.holder = ""
-        self.epoch = 0
-        self.refused = 0
+        super().__init__(Lease.new() if leases is None else leases)
+        self.records[:] = Lease.new(lease_ns=round(lease * 1e9))
+        self.holder, self._admit = "", admit.entry
 
     def admit(self, holder: str, epoch: int, now_ns: int) -> bool:
         """Whether a command of this holder and epoch may be obeyed now [ns]; if so, it has control from now on."""
-        if epoch != self.epoch or holder != self.holder or not holder:
-            if not self._may_follow(holder, epoch, now_ns):
-                self.refused += 1
-                return False
-            if self.holder:
-                self._ended.add((self.holder, self.epoch))
-            self.holder, self.epoch = holder, epoch
-        if now_ns > self._heard_ns:
-            self._heard_ns = now_ns
-        return True
+        admitted = self._admit(self.records[0], number_of(holder), epoch, now_ns)
+        if admitted:
+            self.holder = holder
+        return admitted
 
     def is_held(self, now_ns: int) -> bool:
         """Whether any leader holds control now, by the receiver's monotonic clock [ns]."""
-        return bool(self.holder) and now_ns - self._heard_ns < self._lease_ns
+        return _held.entry(self.records[0], now_ns)
 
     def refusal(self, holder: str, epoch: int, now_ns: int) -> str:
         """One sentence for a leader that is not admitted: the holder of control, or why it gets none; "" if it is."""
-        if self._holds(holder, epoch) or self._may_follow(holder, epoch, now_ns):
+        record, number = self.records[0], number_of(holder)
+        if (holder and epoch == self.epoch and holder == self.holder) or _follow.entry(record, number, epoch, now_ns):
             return ""
         if not (holder and epoch):
             return "a leader without a name or an epoch is given no control"
-        if (holder, epoch) in self._ended:
+        if _over.entry(record, number, epoch):
             return f"{holder} lost control to {self.holder}: start it again to have it back"
         if self.is_held(now_ns):
-            return f"{self.holder} holds control: {holder} may have it after {self._lease_ns / 1e9:g} s of silence"
-        return f"{len(self._ended)} leaders have held control in turn: start the follower again"
-
-    def _holds(self, holder: str, epoch: int) -> bool:
-        return epoch == self.epoch and holder == self.holder != ""
-
-    def _may_follow(self, holder: str, epoch: int, now_ns: int) -> bool:
-        """Whether a new tenure may begin now."""
-        if not holder or not epoch or (holder, epoch) in self._ended or len(self._ended) >= MOST_ENDED:
-            return False
-        return not self.is_held(now_ns)
+            return f"{self.holder} holds control: {holder} may have it after {self.lease_ns / 1e9:g} s of silence"
+        return f"{self.ended} leaders have held control in turn: start the follower again"
 
 
 MANY = 20

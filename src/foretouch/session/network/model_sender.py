@@ -1,13 +1,13 @@
-"""Sending of models by the follower, the leader's acknowledgement of them, and their delay until use.
-
-The delay is measured by the sender's own clock.
-"""
+"""Sending of models by the follower, as often as the bytes allow, and the leader's acknowledgement of them."""
 
 from __future__ import annotations
 
 import math
-from heapq import heappop, heappush
+from typing import Annotated, Any
 
+from numpy.typing import NDArray
+
+from foretouch.core import Held, Kernel, Record, compiled
 from foretouch.identification import (
     SENSOR_SENTENCES,
     Estimator,
@@ -18,71 +18,7 @@ from foretouch.identification import (
 )
 from foretouch.messages import VERSION, FieldUpdate, ModelUpdate, encode
 from foretouch.models import ContactMapModel, ContactModel
-
-PERIOD_NS = 1_000_000_000  # Interval over which the smallest round trip is taken, and after which it is reported [ns]
-LARGEST_MEMORY = 4096  # Largest number of models and commands remembered: a leader that never answers fills no memory
-
-
-class RoundTrip:
-    """Time from sending a model to applying the first command of a leader that had it.
-
-    It is how far the motion that a model is used on is ahead of the motion that it was learnt from: the delay in both
-    directions together. Both ends are ticks of the follower, so no two clocks are compared. The smallest of a second
-    is taken: a larger one includes waiting.
-
-    Attributes:
-        current: Model that the leader of the newest applied command rendered from; 0 for none.
-    """
-
-    __slots__ = ("_acknowledged", "_applied", "_commands", "_due_ns", "_sent", "_smallest_ns", "current")
-
-    def __init__(self) -> None:
-        self._sent: dict[int, int] = {}
-        self._due_ns: int | None = None
-        self.restart()
-
-    def restart(self) -> None:
-        """Start again with another leader, which counts from 1 again and has no model yet."""
-        self._acknowledged: dict[int, int] = {}  # models by command
-        self._commands: list[int] = []  # those commands, as a heap
-        self._applied = self.current = 0
-        self._smallest_ns = math.inf
-
-    def sent(self, model: int, now_ns: int) -> None:
-        """A model with this sequence number is sent [ns]."""
-        if len(self._sent) >= LARGEST_MEMORY:
-            self._sent.clear()
-        self._sent[model] = now_ns
-
-    def commanded(self, command: int, model: int) -> None:
-        """A command has arrived whose leader had this model; one that comes after its turn adds nothing."""
-        if command <= self._applied:
-            return
-        if len(self._acknowledged) >= LARGEST_MEMORY:
-            self._acknowledged.clear()
-            self._commands.clear()
-        if command not in self._acknowledged:
-            heappush(self._commands, command)
-        self._acknowledged[command] = model
-
-    def applied(self, command: int, now_ns: int) -> float | None:
-        """One tick [ns] after this newest applied command: once a second its smallest round trip [s], else None."""
-        if command > self._applied:
-            self._applied = command
-        commands = self._commands
-        while commands and commands[0] <= command:
-            current = self.current = self._acknowledged.pop(heappop(commands))
-            if current in self._sent:  # else it was heard of before, or is of another process of the follower
-                self._smallest_ns = min(self._smallest_ns, now_ns - self._sent[current])
-                self._sent = {model: sent_ns for model, sent_ns in self._sent.items() if model > current}
-        if self._due_ns is None:
-            self._due_ns = now_ns + PERIOD_NS
-        if now_ns < self._due_ns:
-            return None
-        self._due_ns = now_ns + PERIOD_NS
-        smallest, self._smallest_ns = self._smallest_ns, math.inf
-        return smallest * 1e-9 if smallest < math.inf else None
-
+from foretouch.session.network.round_trip import ROOM, RoundTrip, Trip, note_sent
 
 SURFACE_CHANGE = 1e-4  # Motion of a surface since the last model above which one is sent at once [m]
 
@@ -94,12 +30,103 @@ ERRORS_PERIOD_NS = 500_000_000  # Time between two computations of the parameter
 CHANGE_TOLD_NS = 2_000_000_000  # Time for which models report that the material has changed [ns]
 
 
-class ModelSender:
+class Sending(Record):
+    """State of a `ModelSender`."""
+
+    period_ns: int  # between two models while nothing changes [ns]
+    sequence: int  # of the newest model sent, 0 before the first
+    sent_ns: int  # when it was sent [ns]
+    had_model: bool  # whether it was a valid one
+    surface: float  # its surface [m]
+    allowance: float  # bytes that could have been sent beside it
+    allowed: float  # bytes that may be sent now
+    changed: bool  # something has, since the newest one, that is worth a model at once
+    changes: int  # of the material, as the estimator has found
+    changed_ns: int = -1  # when the newest was found; negative before the first [ns]
+    remembers: bool  # whether surfaces are remembered until the leader is known to have them
+    since: int  # oldest model whose surface is remembered
+    models: Annotated[NDArray[Any], int, ROOM] = -1  # type: ignore[assignment]  # whose surface is remembered
+    surfaces: Annotated[NDArray[Any], float, ROOM]  # theirs, NaN of one that was not valid [m]
+    trip: Trip
+
+
+@compiled
+def surface_of(sending: Sending, model: int) -> float:
+    """See `ModelSender.surface_of`."""
+    at = model % ROOM
+    return float(sending.surfaces[at]) if model >= sending.since and sending.models[at] == model else math.nan
+
+
+@compiled
+def _is_changed(sending: Sending, changes: int, surface: float, stays: bool, now_ns: int) -> bool:
+    before, sending.changes = sending.changes, changes
+    if changes > before:
+        sending.changed_ns = now_ns
+        return True
+    if sending.sequence == 0:
+        return True
+    if math.isnan(surface):
+        return bool(sending.had_model)
+    if not sending.had_model:
+        return stays
+    return not stays or abs(surface - sending.surface) > SURFACE_CHANGE
+
+
+@compiled
+def is_due(sending: Sending, changes: int, surface: float, stays: bool, now_ns: int) -> bool:
+    """Whether a model is to be sent in this tick: it is time, or something has changed, and the bytes allow it.
+
+    That is asked in every tick, and packs no map for the answer.
+
+    Args:
+        sending: Written.
+        changes: Number of changes of the material that were found.
+        surface: Surface of the model that there is now [m], NaN without one.
+        stays: Whether there is a valid model; of a contact map, which stays valid until its estimator begins anew,
+            whether there was one.
+        now_ns: Time of this tick [ns].
+    """
+    sending.changed = _is_changed(sending, changes, surface, stays, now_ns) or sending.changed
+    since_ns = now_ns - sending.sent_ns
+    if not sending.changed and since_ns < sending.period_ns:
+        return False
+    more = sending.allowance + BYTE_RATE * since_ns * 1e-9
+    sending.allowed = LARGEST_BURST if sending.sequence == 0 else min(more, LARGEST_BURST)
+    return bool(sending.allowed > 0.0)
+
+
+@compiled
+def begin_sending(sending: Sending, surface: float, has_model: bool, now_ns: int) -> int:
+    """Send the model that there is: its number."""
+    sending.sent_ns, sending.changed = now_ns, False
+    sending.surface, sending.had_model = surface, has_model
+    sending.sequence += 1
+    return int(sending.sequence)
+
+
+@compiled
+def note_size(sending: Sending, size: int) -> None:
+    """Count the bytes of the model that was just sent, and remember it."""
+    sending.allowance = sending.allowed - size
+    number = sending.sequence
+    note_sent(sending.trip, number, sending.sent_ns)
+    if sending.remembers:
+        sending.since = sending.trip.current
+        sending.models[number % ROOM] = number
+        sending.surfaces[number % ROOM] = sending.surface if sending.had_model else math.nan
+
+
+_surface_of, _is_due = Kernel(surface_of, "f8(Sending, i8)"), Kernel(is_due, "b1(Sending, i8, f8, b1, i8)")
+_begin, _size = Kernel(begin_sending, "i8(Sending, f8, b1, i8)"), Kernel(note_size, "(Sending, i8)")
+
+
+class ModelSender(Held):
     """Sends models on schedule, and at once when something has changed, as far as the bytes allow.
 
     Args:
         period_ns: Time between two models while nothing changes [ns].
         run: Epoch of this process.
+        sendings: Array of one `Sending` that this one takes, part of another record; None for one of its own.
 
     Attributes:
         sequence: Sequence number of the newest model sent, 0 before the first.
@@ -107,25 +134,24 @@ class ModelSender:
         remembers: Whether surfaces are remembered until the leader is known to have them.
     """
 
-    def __init__(self, period_ns: int, run: int) -> None:
-        self._period_ns = period_ns
+    sequence: int
+    remembers: bool
+    changed_ns: int
+
+    def __init__(self, period_ns: int, run: int, *, sendings: NDArray[Any] | None = None) -> None:
+        super().__init__(Sending.new() if sendings is None else sendings)
+        self.records[:] = Sending.new(period_ns=period_ns)
         self._run = run
         self._sent: LearntModel | None = None
-        self._sent_ns = 0
-        self._allowance = 0.0  # bytes that could have been sent beside it
-        self._changed = False  # something has, since that is worth a model at once
-        self._changes = 0  # of the material, as the estimator has found
-        self._changed_ns: int | None = None
         self._errors: tuple[float, ...] = ()
         self._errors_ns = -ERRORS_PERIOD_NS
-        self._surfaces: dict[int, float] = {}  # of models sent since the one that the leader has; NaN if not valid
-        self.sequence = 0
-        self.remembers = False
-        self.round_trip = RoundTrip()
+        self.round_trip = RoundTrip(self.records["trip"])
+        for kernel in (_surface_of, _is_due, _begin, _size):
+            kernel.entry  # noqa: B018  # asked for, it is compiled or loaded: nothing of that in the loop
 
     def surface_of(self, model: int) -> float:
         """Surface of a model that a command acknowledges [m]; NaN if it had none, or none is remembered."""
-        return self._surfaces.get(model, math.nan)
+        return _surface_of.entry(self.records[0], model)
 
     def due(
         self, learner: Learner, sensors: SensorState, command_sequence: int, epoch: int, now_ns: int
@@ -139,23 +165,17 @@ class ModelSender:
             epoch: Epoch of the leader of that command.
             now_ns: Time of this tick [ns].
         """
-        if self._is_changed(learner, now_ns):
-            self._changed = True
-        since_ns = now_ns - self._sent_ns
-        if not self._changed and since_ns < self._period_ns:
+        estimator, sent = learner.estimator, self._sent
+        surface = learner.conditioner.surface - estimator.surface_correction
+        was_map = sent is not None and isinstance(sent.model, ContactMapModel)
+        stays = not math.isnan(surface) and (estimator.updates > 0 if was_map else estimator.has_model)
+        if not _is_due.entry(self.records[0], estimator.changes, surface, stays, now_ns):
             return None
-        allowance = (
-            LARGEST_BURST if self._sent is None else min(self._allowance + BYTE_RATE * since_ns * 1e-9, LARGEST_BURST)
-        )
-        if allowance <= 0.0:
-            return None
-        learnt = learner.learnt()
-        self._sent, self._sent_ns, self._changed = learnt, now_ns, False
-        self.sequence += 1
+        self._sent = learnt = learner.learnt()
         model = learnt.model
         update = ModelUpdate(
             VERSION,
-            self.sequence,
+            _begin.entry(self.records[0], learnt.surface, model is not None, now_ns),
             now_ns,
             command_sequence,
             "" if model is None else model.law,
@@ -164,19 +184,13 @@ class ModelSender:
             learnt.surface,
             model is not None,
             self._reason(learnt, sensors, now_ns),
-            learner.estimator.name,
+            estimator.name,
             model.map if isinstance(model, ContactMapModel) else b"",
             epoch,
             self._run,
-            standard_errors=() if model is None else self._errors_of(model, learner.estimator, now_ns),
+            standard_errors=() if model is None else self._errors_of(model, estimator, now_ns),
         )
-        self._allowance = allowance - len(encode(update))
-        self.round_trip.sent(update.sequence, now_ns)
-        if self.remembers:
-            since = self.round_trip.current
-            full = len(self._surfaces) >= LARGEST_MEMORY  # a leader that never answers fills nothing
-            self._surfaces = {n: x for n, x in self._surfaces.items() if n == since or (n > since and not full)}
-            self._surfaces[update.sequence] = math.nan if model is None else learnt.surface
+        _size.entry(self.records[0], len(encode(update)))
         return update
 
     def _errors_of(self, model: ContactModel, estimator: Estimator, now_ns: int) -> tuple[float, ...]:
@@ -188,28 +202,6 @@ class ModelSender:
             self._errors = errors if known else ()
         return self._errors
 
-    def _is_changed(self, learner: Learner, now_ns: int) -> bool:
-        """Whether the model became valid or not, its surface moved, or the material changed, since the last model.
-
-        It is asked in every tick and packs no map for the answer.
-        """
-        estimator, sent, changes = learner.estimator, self._sent, self._changes
-        if estimator.changes != changes:
-            self._changes = estimator.changes
-            if self._changes > changes:
-                self._changed_ns = now_ns
-                return True
-        if sent is None:
-            return True
-        surface = learner.conditioner.surface - estimator.surface_correction
-        if math.isnan(surface):
-            return sent.model is not None
-        if sent.model is None:
-            return estimator.has_model
-        # A map stays valid until its estimator begins anew.
-        valid = estimator.updates > 0 if isinstance(sent.model, ContactMapModel) else estimator.has_model
-        return not valid or abs(surface - sent.surface) > SURFACE_CHANGE
-
     def _reason(self, learnt: LearntModel, sensors: SensorState, now_ns: int) -> str:
         """State of the sensors if they fail; else of the learner, or for a while after a change that there was one.
 
@@ -217,9 +209,10 @@ class ModelSender:
         """
         if sensors is not SensorState.GOOD:
             return f"nothing is learnt: {SENSOR_SENTENCES[sensors]}"
-        if learnt.model is None or self._changed_ns is None or now_ns - self._changed_ns > CHANGE_TOLD_NS:
+        changed_ns = self.changed_ns
+        if learnt.model is None or changed_ns < 0 or now_ns - changed_ns > CHANGE_TOLD_NS:
             return learnt.reason
-        return f"the material changed {(now_ns - self._changed_ns) * 1e-9:.1f} s ago: it is learnt anew"
+        return f"the material changed {(now_ns - changed_ns) * 1e-9:.1f} s ago: it is learnt anew"
 
 
 FIELD_PERIOD_NS = 100_000_000  # Time between two messages of the field [ns]

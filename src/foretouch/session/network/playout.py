@@ -1,110 +1,16 @@
-"""An even stream of positions from commands that arrive unevenly, and which commands are fresh.
-
-Freshness goes by a command's number, and by how long it travelled, seen from the receiver's own clock.
-"""
+"""An even stream of positions from commands that arrive unevenly."""
 
 from __future__ import annotations
 
 import math
-from collections import deque
-from enum import IntEnum
 from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core import Record, compiled, kernel
-from foretouch.errors.checks import require
+from foretouch.core import Kernel, Record, compiled, kernel
 from foretouch.quantities import LARGEST_POSITION
 from foretouch.quantities.pose import Vector
-
-MEMORY_NS = 60_000_000_000  # Time over which the smallest transit is taken [ns]
-BLOCK_NS = 1_000_000_000  # The smallest transit is kept by blocks of this length [ns]
-
-SLACK_NS, CLOCK_SLACK_NS = 1_000_000_000, 10_000_000_000
-"""Largest lead of a command's number over its clock, and of its clock over ours [ns]."""
-
-
-class Arrival(IntEnum):
-    """Judgement of a command on arrival."""
-
-    FRESH = 0
-    STALE = 1
-    """It waited somewhere on its way."""
-    OVERTAKEN = 2
-    """It or a newer one had already arrived: reordered or replayed."""
-    FUTURE = 3
-    """Its number or its clock is impossibly far ahead."""
-
-
-FRESH, STALE, OVERTAKEN, FUTURE = Arrival
-
-
-class Freshness:
-    r"""Judges the commands of one leader as they arrive.
-
-    With the leader's clock t_s in a command and ours t_r when it comes, the transit is :math:`t_r - t_s`, in which the
-    unknown difference of both clocks is always the same. The smallest transit of the last minute is what the network
-    needs; a command is stale when its own exceeds that by more than the queueing allowance. So no two clocks are
-    compared, and a network that has become slower for good is believed after a minute.
-
-    A leader makes one command a tick: a number that is ahead of the newest by more than its clock says has passed, and
-    a second, is from the future. So is a transit that is shorter than the smallest by more than 10 s: no network that
-    foretouch is meant for was ever that slow.
-
-    Args:
-        allowance: Time that a command may have waited on its way [s], positive.
-        sample_period: Of the leader [s], positive.
-
-    Attributes:
-        counts: How many commands were what: indexed by `Arrival`.
-        newest_ns: When the newest fresh command came [ns]; None before the first.
-    """
-
-    __slots__ = ("_allowance_ns", "_number", "_period_ns", "_sent_ns", "_smallest", "counts", "newest_ns")
-
-    def __init__(self, allowance: float, sample_period: float) -> None:
-        require("queueing_allowance", allowance, above=0.0)
-        require("sample_period", sample_period, above=0.0)
-        self._allowance_ns = round(allowance * 1e9)
-        self._period_ns = round(sample_period * 1e9)
-        self.counts = [0] * len(Arrival)
-        self.newest_ns: int | None = None
-        self.begin()
-
-    def begin(self) -> None:
-        """Start again with another leader: the old one's clock does not apply to it."""
-        self._number = self._sent_ns = 0
-        self.begin_way()
-
-    def begin_way(self) -> None:
-        """Start again with another path, as after a change of a simulated delay: the old transit does not apply."""
-        self._smallest: deque[tuple[int, int]] = deque()  # (begin of the block, transit), transits growing [ns]
-
-    def judge(self, sequence: int, sent_ns: int, now_ns: int) -> Arrival:
-        """Judge a command with this number and time of its leader's clock [ns] that arrives now, by our clock [ns]."""
-        smallest, transit = self._smallest, now_ns - sent_ns
-        while smallest and smallest[0][0] < now_ns - MEMORY_NS:  # what is older says nothing, whatever comes
-            smallest.popleft()
-        needed = smallest[0][1] if smallest else transit
-        ahead_ns = (sequence - self._number) * self._period_ns
-        if transit < needed - CLOCK_SLACK_NS or (self._number and ahead_ns > sent_ns - self._sent_ns + SLACK_NS):
-            result = FUTURE
-        else:
-            while smallest and smallest[-1][1] >= transit:  # the smallest of each block that no later one has undercut
-                smallest.pop()
-            if not smallest or now_ns - smallest[-1][0] >= BLOCK_NS:
-                smallest.append((now_ns, transit))
-            if sequence <= self._number:
-                result = OVERTAKEN
-            elif transit > needed + self._allowance_ns:
-                result = STALE
-            else:
-                result = FRESH
-                self._number, self._sent_ns, self.newest_ns = sequence, sent_ns, now_ns
-        self.counts[result] += 1
-        return result
-
 
 LONGEST_BRIDGE = 250
 """Number of periods in which playback reaches the newest command after an outage; commands between are not played."""
@@ -168,6 +74,24 @@ def push(playings: NDArray[np.void], number: int, position: float, place: Vector
     if not older:
         playing.newest = number
     playing.kept = True
+
+
+@compiled
+def forget(playing: Playing) -> None:
+    """See `Playout.forget`."""
+    playing.kept = False
+    playing.numbers[:] = -1
+    playing.point = playing.position = math.nan
+    playing.place[:] = math.nan
+
+
+@compiled
+def restart(playing: Playing) -> None:
+    """See `Playout.restart`."""
+    forget(playing)
+    playing.first = playing.newest = playing.ticks = playing.applied = 0
+    playing.least = playing.least_before = math.inf
+    playing.surface = math.nan
 
 
 @compiled
@@ -235,6 +159,8 @@ def advance(playings: NDArray[np.void]) -> float:
     return float(playing.position)
 
 
+_forget, _restart = Kernel(forget, "(Playing,)"), Kernel(restart, "(Playing,)")
+
 NOWHERE = (math.nan,) * 3
 
 
@@ -255,6 +181,7 @@ class Playout:
 
     def __init__(self, playings: NDArray[np.void] | None = None) -> None:
         self._push, self._advance = push.entry, advance.entry
+        _ = _forget.entry, _restart.entry  # asked for, they are compiled or loaded: nothing of that in the loop
         self._playings = Playing.new() if playings is None else playings
         self._applied = self._playings["applied"]
 
@@ -266,12 +193,11 @@ class Playout:
 
     def restart(self) -> None:
         """Start again with another leader, which counts from 1: nothing is left to play, and the position is NaN."""
-        self._playings[:] = Playing.new()
+        _restart.entry(self._playings[0])
 
     def forget(self) -> None:
         """Drop all positions not yet played; the position is NaN until the next command comes."""
-        playing = self._playings[0]
-        playing.kept, playing.numbers, playing.point, playing.position, playing.place = False, -1, *NOWHERE
+        _forget.entry(self._playings[0])
 
     def push(self, sequence: int, position: float, place: tuple[float, ...] = (), surface: float = math.nan) -> None:
         """Take one command, whose leader is known to have a surface; dropped if it comes after its turn, or is far."""

@@ -13,7 +13,7 @@ from foretouch.identification import TIME_TOLERANCE, Learner, Motion, PredictedF
 from foretouch.messages import SessionLog
 from foretouch.messages.session_log import believable
 from foretouch.quantities import ByValue, Recording, Rows
-from foretouch.session.network.model_sender import RoundTrip
+from foretouch.session.network.round_trip import RoundTrip
 
 Array = NDArray[np.float64]
 

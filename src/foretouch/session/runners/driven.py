@@ -20,7 +20,7 @@ from foretouch.messages import FixtureBelief, Handle, Message
 from foretouch.quantities.pose import Vector, add, scaled
 from foretouch.robot import Robot, SpatialRobot
 from foretouch.session.free_air import misfit
-from foretouch.session.network.playout import Arrival
+from foretouch.session.network.freshness import Arrival
 from foretouch.session.operators import felt_device
 from foretouch.session.runners.loop_timer import let_pass
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings

@@ -8,81 +8,93 @@ counted and reported, and the last stage runs all the same.
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from foretouch.core import Held, Kernel
 from foretouch.identification import ContactMap, Estimator, Learner, SensorState, SensorWatch
 from foretouch.identification.conditioning.kernel import CONTACT_FLOOR
 from foretouch.link import SequenceCounter
 from foretouch.messages import VERSION, Command, FieldUpdate, FixtureBelief, ModelUpdate, Status, Telemetry
 from foretouch.quantities.pose import Vector, dot, norm, subtract
 from foretouch.robot import RobotSample, RobotSpecification
-from foretouch.session.network.lease import ControlLease
+from foretouch.session.network.freshness import Arrival, Freshness
+from foretouch.session.network.lease import ControlLease, number_of
 from foretouch.session.network.model_sender import ModelSender
-from foretouch.session.network.playout import NOWHERE, Arrival, Freshness, Playout
+from foretouch.session.network.playout import NOWHERE, Playout
 from foretouch.session.safety.force_guard import first_touch
 from foretouch.session.safety.safety import STATES, Safety
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.steps import tick as stages
 from foretouch.session.steps.axis import ProbeOnAxis
+from foretouch.session.steps.hearing import NOT_ADMITTED, Hearing, felt_command, hear, note_felt, obey
 from foretouch.session.steps.sensing import Failures, calibrated, safety_limits
 
 # Constants used in every tick: a member of an enumeration costs more to look up than to compare.
 GOOD = SensorState.GOOD
-FRESH, FUTURE = Arrival.FRESH, Arrival.FUTURE
+FRESH, FUTURE = int(Arrival.FRESH), int(Arrival.FUTURE)
 LEAST_SPEED = 1e-3  # Below this, the way on which a robot met something is that to the newest command [m/s]
 OF_ROBOT = ("tool_mass", "gravity", "moved_mass", "largest_offset")  # What a tick knows of the robot's specification
 HOLDING, RETREATING, TOO_SLOW = int(Status.HOLDING), int(Status.RETREATING), int(Status.TOO_SLOW)
 
 
-@dataclass(slots=True)
-class State:
-    """State of the follower, updated in place in each tick.
+note_felt_entry, felt_entry = Kernel(note_felt, "(Hearing, i8)"), Kernel(felt_command, "i8(Hearing)")
+
+
+class State(Held):
+    """State of the follower, updated in place in each tick; what it hears is a record (`Hearing`).
+
+    Args:
+        specification: Specification of the robot, as calibrated: its tool is compensated in the force.
+        learner: Learns from its samples.
+        memory: State of what is compiled beside the learner's, one record (`foretouch.session.steps.tick.Follower`).
+        watch: Watches its sensors.
+        safety: Limits what it is told.
+        probe: Its probe, on an axis or in space.
 
     Attributes:
-        specification: Specification of the robot, as calibrated: its tool is compensated in the force.
-        memory: State of what is compiled beside the learner's, one record (`foretouch.session.steps.tick.Follower`).
+        run: Epoch of this process.
         start_ns: Clock at the first tick that had a command, None before it.
         held_ticks: Ticks in which the robot was held for want of a fresh command, since there was the first.
         guards: Whether this side's settings guard first touches.
         guarded: Whether they are guarded: by these, or because a command of this leader asks for it.
-        probe: The robot's probe, on an axis or in space.
-        felt_commands: Commands applied in the newest ticks that were learnt from, for the delay of the sensor.
         released_tick: Number of the first telemetry behind the newest release, 0 before the first release.
-        asked: Place of the newest command [m].
         went: Velocity that was commanded when the robot met something [m/s]; empty while nothing is in its way.
         before_release: Number of commands refused because their leader did not know of it.
     """
 
-    specification: RobotSpecification
-    learner: Learner
     run: int
-    sender: ModelSender
-    memory: NDArray[np.void]
-    watch: SensorWatch
-    freshness: Freshness
-    safety: Safety
-    playout: Playout
     guards: bool
-    felt_commands: deque[int]
-    lease: ControlLease = field(default_factory=ControlLease)
-    commands: SequenceCounter = field(default_factory=SequenceCounter)
-    tick: int = 0
-    start_ns: int | None = None
-    held_ticks: int = 0
-    faulty_ticks: int = 0
-    guarded: bool = False
-    probe: ProbeOnAxis = field(default_factory=ProbeOnAxis)
-    failures: Failures = field(default_factory=Failures)
-    released_tick: int = 0
-    before_release: int = 0
-    asked: Vector = NOWHERE
-    went: Vector | tuple[()] = ()
+    guarded: bool
+    released_tick: int
+    before_release: int
+
+    def __init__(
+        self,
+        specification: RobotSpecification,
+        learner: Learner,
+        memory: NDArray[np.void],
+        watch: SensorWatch,
+        safety: Safety,
+        probe: ProbeOnAxis,
+        hearing: NDArray[np.void],
+        settings: SessionSettings,
+    ) -> None:
+        super().__init__(hearing)
+        self.specification, self.learner, self.memory, self.watch = specification, learner, memory, watch
+        self.safety, self.probe, self.playout = safety, probe, Playout(memory["playing"][0])
+        self.sender = ModelSender(round(1e9 / settings.model_rate), self.run, sendings=hearing["sendings"][0])
+        self.freshness = Freshness(settings.queueing_allowance, SAMPLE_PERIOD, judgings=hearing["judgings"][0])
+        self.lease, self.commands = ControlLease(leases=hearing["leases"][0]), SequenceCounter()
+        self.tick = self.held_ticks = self.faulty_ticks = 0
+        self.start_ns: int | None = None
+        self.failures = Failures()
+        self.went: Vector | tuple[()] = ()
+        for kernel in (hear, obey, note_felt_entry, felt_entry):
+            kernel.entry  # noqa: B018  # asked for, it is compiled or loaded: nothing of that in the loop
 
     def sensor_force(self, sample: RobotSample) -> float:
         """Sensor force less weight and inertia of the tool, which are no contact, and its calibrated zero [N]."""
@@ -160,25 +172,16 @@ def start(
     period, of_robot = specification.sample_period, {name: getattr(specification, name) for name in OF_ROBOT}
     touch = first_touch(settings.approach_speed, settings.guarded_force, period)
     memory = stages.Follower.new(zero=known.zero or 0.0, compliance=known.compliance, touch=touch, **of_robot)
-    state = State(
-        specification,
-        learner,
-        run,
-        ModelSender(round(1e9 / settings.model_rate), run),
-        memory,
-        SensorWatch(
-            (-force, force),
-            moving_mass=specification.moved_mass,
-            contact_floor=known.contact_floor,
-            memory=memory["watch"][0],
-        ),
-        Freshness(settings.queueing_allowance, SAMPLE_PERIOD),
-        Safety(limits, period, memory=memory["safety"][0]),
-        Playout(memory["playing"][0]),
-        settings.guards(simulated=specification.simulated),
-        deque(maxlen=1 + round(known.sensor_lag / SAMPLE_PERIOD)),
-        probe=probe,
+    felt_room, guards = 1 + round(known.sensor_lag / SAMPLE_PERIOD), settings.guards(simulated=specification.simulated)
+    watch = SensorWatch(
+        (-force, force),
+        moving_mass=specification.moved_mass,
+        contact_floor=known.contact_floor,
+        memory=memory["watch"][0],
     )
+    safety = Safety(limits, period, memory=memory["safety"][0])
+    hearing = Hearing.new(run=run, guards=guards, felt_room=felt_room)
+    state = State(specification, learner, memory, watch, safety, probe, hearing, settings)
     state.probe.join(state, settings)
     for stage in (*state.probe.alone, stages.feel_alone, state.probe.whole):
         _ = stage and stage.entry  # which compiles or loads it: nothing of that in the loop
@@ -226,7 +229,7 @@ def _stand(state: State, sample: Any) -> None:
     """Stand where a robot stands that has met something, until a command leads back from there."""
     try:
         tip = state.probe.tip(state, sample)
-        ahead = subtract(state.asked, tip if isinstance(tip, tuple) else (tip, 0.0, 0.0))
+        ahead = subtract(tuple(state.records["asked"][0].tolist()), tip if isinstance(tip, tuple) else (tip, 0.0, 0.0))
         if not state.went:
             velocity = state.probe.commanded_velocity(state)
             state.went = velocity if norm(velocity) > LEAST_SPEED else ahead
@@ -268,7 +271,7 @@ def _at_once(state: State, inputs: Inputs, times_ns: stages.Times) -> stages.Act
     if state.watch.taken(acted[1]) is GOOD:
         try:
             learner.taken(estimator, done, news)
-            state.felt_commands.append(state.playout.applied)
+            note_felt_entry.entry(state.records[0], state.playout.applied)
         except Exception as error:
             state.failures.stop_learning("its learning", error)
     return acted  # type: ignore[no-any-return]
@@ -300,7 +303,7 @@ def _learn(state: State, time: float, position: float, force: float) -> None:
     if state.failures.learns:
         try:
             learner.update(time, position, force)
-            state.felt_commands.append(state.playout.applied)
+            note_felt_entry.entry(state.records[0], state.playout.applied)
             return
         except Exception as error:
             state.failures.stop_learning("its learning", error)
@@ -321,7 +324,7 @@ def _due(state: State, sensors: SensorState, applied: int, now_ns: int) -> Model
         if delay is not None:
             state.learner.estimator.expect_delay(delay)
         # The state of the material is that of the newest sample that was learnt from, whatever is commanded since.
-        felt = state.felt_commands[0] if state.felt_commands else 0
+        felt = felt_entry.entry(state.records[0])
         state.sender.remembers = state.guarded
         return state.sender.due(state.learner, sensors, felt, state.lease.epoch, now_ns)
     except Exception as error:
@@ -331,35 +334,21 @@ def _due(state: State, sensors: SensorState, applied: int, now_ns: int) -> Model
 
 def _take(state: State, command: Command, now_ns: int) -> None:
     """Obey a command if its leader has control and it is fresh."""
-    lease = state.lease
-    holder, epoch = lease.holder, lease.epoch
-    if not lease.admit(command.holder, command.epoch, now_ns):
+    lease, record, playings = state.lease, state.records[0], state.memory["playing"][0]
+    sequence, epoch = command.sequence, lease.epoch
+    asks = command.epoch, sequence, command.time_ns, command.telemetry_sequence, command.run
+    heard = hear.entry(record, playings, (number_of(command.holder), *asks), now_ns)
+    if heard == NOT_ADMITTED:
         return
-    if lease.epoch != epoch or lease.holder != holder:  # another leader: nothing of the one before is still valid
-        state.freshness.begin()
+    if lease.epoch != epoch or lease.holder != command.holder:  # another leader
+        lease.holder = command.holder
         state.commands.restart()
-        state.playout.restart()
-        state.sender.round_trip.restart()
-        state.felt_commands.clear()
-        state.guarded = state.guards
-    sequence = command.sequence
-    if state.released_tick and (command.run != state.run or command.telemetry_sequence < state.released_tick):
-        state.before_release += 1  # its leader did not know yet of the release
+    if heard != FUTURE:
         state.commands.is_newest(sequence)
-        return
-    arrival = state.freshness.judge(sequence, command.time_ns, now_ns)
-    if arrival is not FUTURE:
-        state.commands.is_newest(sequence)
-    if arrival is not FRESH:
-        return
-    position = state.probe.wanted(command)
-    if math.isfinite(position):  # a command without a position is never played
-        state.asked = command.place if len(command.place) == 3 else (command.position, 0.0, 0.0)
-        surface = state.sender.surface_of(command.acknowledged_model)
-        state.playout.push(sequence, position, command.place, surface)
-        state.sender.round_trip.commanded(sequence, command.acknowledged_model)
-    if command.guarded:
-        state.guarded = True
+    if heard == FRESH:
+        position, place = state.probe.wanted(command), command.place if len(command.place) == 3 else NOWHERE
+        asked = command.place if len(command.place) == 3 else (command.position, 0.0, 0.0)
+        obey.entry(record, playings, sequence, position, place, asked, command.acknowledged_model, command.guarded)
 
 
 def _stop_or_release(state: State, inputs: Inputs, felt: float, faulty: bool) -> bool:
