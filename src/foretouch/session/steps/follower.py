@@ -54,6 +54,8 @@ class State(Held):
         watch: Watches its sensors.
         safety: Limits what it is told.
         probe: Its probe, on an axis or in space.
+        hearing: An array of one `Hearing`.
+        settings: Session settings.
 
     Attributes:
         run: Epoch of this process.
