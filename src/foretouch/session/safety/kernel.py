@@ -248,3 +248,15 @@ def limit(memories: NDArray[np.void]) -> float:
     """Along a line, the position for the robot [m] with this tick's aim; NaN before the robot's position is known."""
     memory = memories[0]
     return limited(memory.motion, memory.aim, max(memory.fastest, 0.0), memory.shifted)
+
+
+REST_SPEED, SEEN_AT_REST = 5e-3, 1e-2
+"""Largest speed of the path, and largest velocity of the robot by its encoder, of a robot at rest [m/s]."""
+
+
+@kernel("b1(Path, f8, f8)")
+def may_release(path: Path, velocity: float, force: float) -> bool:
+    """Whether a robot is at rest, and may be let follow again: its path, velocity [m/s], and the force on it [N]."""
+    x, y, z = path.velocity[0], path.velocity[1], path.velocity[2]
+    speed = math.sqrt(x * x + y * y + z * z)
+    return bool(speed <= REST_SPEED and abs(velocity) <= SEEN_AT_REST and abs(force) <= REST_FORCE)

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from foretouch.core import Kernel
 from foretouch.errors.checks import require
 from foretouch.messages import Status
-from foretouch.quantities.pose import norm
 from foretouch.session.safety import kernel
 from foretouch.session.safety.force_guard import AIMED, AWAY
 from foretouch.session.safety.motion import Path, begin, new_path
@@ -25,9 +24,6 @@ The simulated arm takes 2.3 to 2.8 ms."""
 
 LEFT = 0.6
 """Largest force at which a session leaves its robot, if there is time [N]: a little above that after unloading."""
-
-REST_SPEED, SEEN_AT_REST = 5e-3, 1e-2
-"""Largest speed of the path, and largest velocity of the robot by its encoder, of a robot at rest [m/s]."""
 
 STATES = tuple(Status)  # The statuses by value
 
@@ -168,6 +164,7 @@ class Safety:
         self.memories = memory = kernel.Memory.new() if memory is None else memory
         memory[:] = kernel.Memory.new(limits=dataclasses.astuple(limits), period=sample_period, impedance=impedance)
         self._begin = _begin.entry
+        kernel.may_release.entry  # noqa: B018  # asked for, it is compiled or loaded: nothing of that in the loop
         self.limits, self.path = limits, memory["motion"]
         self.path[:] = new_path(limits.speed, limits.acceleration, limits.jerk, sample_period)
         self.status, self.stop_reason = Status.FOLLOWING, ""
@@ -196,8 +193,7 @@ class Safety:
             velocity: Velocity of the robot [m/s].
             force: Measured force [N].
         """
-        still = norm(self.path["velocity"][0].tolist()) <= REST_SPEED and abs(velocity) <= SEEN_AT_REST
-        if not (still and abs(force) <= kernel.REST_FORCE):
-            return False
-        self.stop_reason = ""
-        return True
+        rests = kernel.may_release.entry(self.path[0], velocity, force)
+        if rests:
+            self.stop_reason = ""
+        return rests
