@@ -10,7 +10,7 @@ import pytest
 from lap import MS, Lap
 
 from foretouch.messages import Command, ModelUpdate, Telemetry, encode
-from foretouch.session.network.lease import number_of
+from foretouch.session.network.freshness import Arrival
 from foretouch.session.steps import follower
 from foretouch.session.steps.following import RING_ROOM, Following, publish, published, take, tick
 
@@ -34,10 +34,16 @@ class WithoutPython:
     def tick(self, inputs: follower.Inputs, now_ns: int) -> None:
         record = self.records[0]
         for one in inputs.commands:
-            asks = number_of(one.holder), one.epoch, one.sequence, one.time_ns, one.telemetry_sequence, one.run
-            take.entry(record, asks, one.position, one.acknowledged_model, one.guarded, now_ns)
+            self.take(one, now_ns)
         stop, release = bool(inputs.stop), inputs.release
         tick.entry(record, inputs.sample[:8], now_ns, inputs.period_ns, stop, release, inputs.ended)
+
+    def take(self, command: Command, now_ns: int) -> int:
+        received, name = self.records["received"][0], command.holder.encode()
+        for field in received.dtype.names[2:]:
+            received[field] = getattr(command, field)
+        received["holder"][: len(name)], received["holder_size"] = np.frombuffer(name, np.uint8), len(name)
+        return take.entry(self.records[0], now_ns)
 
     def model(self, now_ns: int) -> np.void | None:
         return self.records["published"][0, 0] if publish.entry(self.records[0], now_ns) else None
@@ -128,7 +134,10 @@ def test_also_where_the_sensor_fails_and_is_mended() -> None:
 
 def test_a_command_that_is_stale_or_of_nobody_is_not_obeyed() -> None:
     lap = Twin.led(0.5)
-    twin, now = lap.twin, lap.now
-    lone = Command(2, 10**6, now, 0.02, 0, False, "", 3)
-    asks = number_of(lone.holder), lone.epoch, lone.sequence, lone.time_ns, 0, 0
-    assert take.entry(twin.records[0], asks, lone.position, 0, False, now) < 0
+    twin, now, newest = lap.twin, lap.now, lap.leaders[0].state.sequence
+    assert twin.take(Command(2, 10**6, now, 0.02, 0, False, "", 3), now) < 0  # a leader without a name
+    assert twin.take(Command(2, newest, now, 0.02, 0, False, "bert", 12), now) < 0  # another one has control
+    sent = now + 1 * MS, now + 600 * MS
+    assert twin.take(Command(2, newest + 1, sent[0], 0.02, 0, False, "anna", 11), now + 600 * MS) == Arrival.STALE
+    assert twin.take(Command(2, newest + 2, sent[1], 0.02, 0, False, "anna", 11), now + 625 * MS) == Arrival.FRESH
+    assert twin.take(Command(2, newest + 2, sent[1], 0.02, 0, False, "anna", 11), now + 626 * MS) == Arrival.OVERTAKEN

@@ -16,11 +16,7 @@ from foretouch.errors import InputError
 from foretouch.identification.registry import default_estimator
 from foretouch.messages import LeaderState, Message, ModelUpdate, Telemetry
 from foretouch.models import LAWS, law_kernel, make_model
-from foretouch.models.contact_map.layout import MEMORY
-from foretouch.models.contact_map.wire import unpack
 from foretouch.session.steps import leader, leading
-
-UNTOUCHED = (math.nan,) * MEMORY
 
 
 class WithoutPython:
@@ -37,25 +33,16 @@ class WithoutPython:
                 record, m.run, m.sequence, m.epoch, m.status, m.position, m.desired_position, m.force, m.in_contact
             )
         elif isinstance(message, ModelUpdate):
-            law, count = message.law, len(message.parameters)
-            place = law_kernel.LAW_NAMES.index(law) if law in law_kernel.LAW_NAMES else -1
-            six = (*message.parameters, *(0.0,) * law_kernel.PARAMETERS)[: law_kernel.PARAMETERS]
-            usable, kind, numbers = law_kernel.form_of_wire.entry(place, six, count)
-            maps = unpack(message.map, six[:4]) if usable and kind == law_kernel.MAP else law_kernel.NO_MAP
-            usable = usable and maps is not None
-            state = message.state if len(message.state) == MEMORY else UNTOUCHED
-            leading.adopt.entry(
-                record,
-                (message.run, message.sequence, message.epoch, message.command_sequence),
-                message.valid,
-                usable,
-                kind,
-                numbers,
-                law_kernel.NO_MAP if maps is None else maps,
-                state,
-                len(message.state) > 0,
-                message.surface,
-            )
+            received = self.records["received"][0]
+            for name in ("run", "sequence", "epoch", "command_sequence", "surface", "valid"):
+                received[name] = getattr(message, name)
+            names, numbers = law_kernel.LAW_NAMES, np.frombuffer(message.map, "<f4")
+            received["law"] = names.index(message.law) if message.law in names else -1
+            for name, values in (("parameters", message.parameters), ("state", message.state)):
+                received[name][: len(values)] = values[: received[name].size]
+                received[f"{name.rstrip('s')}_count"] = len(values)
+            received["map"][: numbers.size], received["map_count"] = numbers, numbers.size
+            leading.adopt.entry(record)
 
     def tick(self, inputs: leader.Inputs, now_ns: int) -> None:
         leading.tick.entry(self.records[0], now_ns, inputs.position, inputs.period_ns, inputs.clutched, inputs.stopping)

@@ -19,9 +19,12 @@ from foretouch.identification.contact_map.kernel import Learning
 from foretouch.identification.contact_map.scores import LONGEST_HORIZON
 from foretouch.identification.contact_map.state import Bank
 from foretouch.identification.exact.belief import FEWEST_UPDATES
+from foretouch.messages.schema import LONGEST_NAME
 from foretouch.models.contact_map.layout import SIZE, Map
 from foretouch.models.contact_map.wire import shrink
 from foretouch.quantities.pose import Vector
+from foretouch.session.network.freshness import FRESH
+from foretouch.session.network.lease import number_of_bytes
 from foretouch.session.network.model_sender import begin_sending, is_due, note_size
 from foretouch.session.network.playout import advance, forget
 from foretouch.session.network.round_trip import note_applied
@@ -69,6 +72,21 @@ class Published(Record):
     sent: Annotated[NDArray[Any], Map, 1]  # scratch
 
 
+class ReceivedCommand(Record):
+    """A `foretouch.messages.Command` along a line as it came; the fields of these names."""
+
+    holder: Annotated[NDArray[Any], np.uint8, 4 * LONGEST_NAME]  # in UTF-8
+    holder_size: int  # [bytes]
+    epoch: int
+    sequence: int
+    time_ns: int  # [ns]
+    telemetry_sequence: int
+    run: int
+    position: float = math.nan  # [m]
+    acknowledged_model: int
+    guarded: bool
+
+
 class Following(Record):
     """A follower: what it learns, what it hears, and what it told its robot."""
 
@@ -81,24 +99,20 @@ class Following(Record):
     watches: Annotated[NDArray[Any], Watch, 1]  # the watch of the sensors as it begins
     stopped: bool  # whether an emergency stop is latched
     start_ns: int = -1  # clock at the first tick that had a command, negative before it
+    received: ReceivedCommand
     shown: ShownFollower
     published: Annotated[NDArray[Any], Published, 1]
 
 
-@kernel("i8(Following, UniTuple(i8, 6), f8, i8, b1, i8)")
-def take(
-    following: Following,
-    command: tuple[int, int, int, int, int, int],
-    position: float,
-    acknowledged: int,
-    guarded: bool,
-    now_ns: int,
-) -> int:
-    """Take a command along a line that arrives now [ns]: see `foretouch.session.steps.hearing.hear` and `obey`."""
-    hearing, playings, sequence = following.hearings[0], following.followers[0].playing, command[2]
-    heard = _hear(hearing, playings, command, now_ns)
-    if heard == 0:
-        _obey(hearing, playings, sequence, position, NOWHERE, (position, 0.0, 0.0), acknowledged, guarded)
+@kernel("i8(Following, i8)")
+def take(following: Following, now_ns: int) -> int:
+    """Take the command in `Following.received`, which has arrived now [ns]: see `hear` and `obey` of hearing."""
+    hearing, playings, c = following.hearings[0], following.followers[0].playing, following.received
+    holder = number_of_bytes(c.holder[: c.holder_size])
+    heard = _hear(hearing, playings, (holder, c.epoch, c.sequence, c.time_ns, c.telemetry_sequence, c.run), now_ns)
+    if heard == FRESH:
+        asked = c.position, 0.0, 0.0
+        _obey(hearing, playings, c.sequence, c.position, NOWHERE, asked, c.acknowledged_model, c.guarded)
     return int(heard)
 
 

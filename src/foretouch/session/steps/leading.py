@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from foretouch.core import Kernel, Record, compiled, kernel
 from foretouch.models import predictor_kernel as prediction
-from foretouch.models.contact_map.kernel import Memory
-from foretouch.models.contact_map.layout import Map
-from foretouch.models.law_kernel import NO_NUMBERS, NOTHING
+from foretouch.models.contact_map.kernel import UNTOUCHED
+from foretouch.models.contact_map.layout import HEADER, MEMORY, SIZE, Map
+from foretouch.models.contact_map.wire import expand
+from foretouch.models.law_kernel import MAP, NO_NUMBERS, NOTHING, PARAMETERS, form_of_wire
 from foretouch.models.predictor_kernel import FourNumbers, Prediction
 from foretouch.quantities import LARGEST_POSITION
 from foretouch.rendering import proxy, whole
@@ -27,6 +28,7 @@ from foretouch.rendering.whole import Ticked
 from foretouch.session.steps.follower_view import View, take_model, take_telemetry
 
 _adopt, _catch_up = prediction.adopt.function, prediction.catch_up.function
+_form_of_wire, _expand = form_of_wire.function, expand.function
 _take_model, _take_telemetry = take_model.function, take_telemetry.function
 
 SAME_SURFACE = 1e-3  # Largest distance of surfaces found by two processes that count as the same surface [m]
@@ -51,6 +53,25 @@ class Shown(Record):
     standard_deviation: float = math.nan  # of that, NaN where it is not known [N]
 
 
+class ReceivedModel(Record):
+    """A `foretouch.messages.ModelUpdate` as it came; the fields of these names."""
+
+    run: int
+    sequence: int
+    epoch: int
+    command_sequence: int
+    law: int  # place in `foretouch.models.law_kernel.LAW_NAMES`, negative where there is none of its name
+    parameters: Annotated[NDArray[Any], float, PARAMETERS]
+    parameter_count: int
+    state: Annotated[NDArray[Any], float, MEMORY]
+    state_count: int
+    surface: float  # [m]
+    valid: bool
+    map: Annotated[NDArray[Any], np.float32, SIZE]
+    map_count: int  # numbers of the map, negative where its bytes are no numbers
+    maps: Annotated[NDArray[Any], Map, 1]  # what they come to
+
+
 class Leader(Record):
     """A leader: what it renders with, what it knows of its follower, and its counts."""
 
@@ -67,6 +88,7 @@ class Leader(Record):
     newest_ns: int = -1  # clock at the newest tick, negative before the first
     time: float = -math.inf  # of the newest tick that was rendered [s]
     axis: Line  # the plane that a hand along a line presses
+    received: ReceivedModel
     shown: Shown
 
 
@@ -166,45 +188,40 @@ def hear(
     _hear(leader)
 
 
-@kernel("i8(Leader, UniTuple(i8, 4), b1, b1, i8, UniTuple(f8, 4), Map[::1], UniTuple(f8, 6), b1, f8)", Map)
-def adopt(
-    leader: Leader,
-    numbered: tuple[int, int, int, int],
-    valid: bool,
-    usable: bool,
-    kind: int,
-    numbers: FourNumbers,
-    maps: NDArray[np.void],
-    state: Memory,
-    remembers: bool,
-    surface: float,
-) -> int:
-    """Take a `foretouch.messages.ModelUpdate`, if it is for this leader; what was done with it: see `judge`.
+@compiled
+def _form(received: ReceivedModel) -> tuple[bool, int, FourNumbers]:
+    """Whether it can be evaluated, its kind and its numbers; its map is written."""
+    p, count = received.parameters, received.map_count
+    usable, kind, numbers = _form_of_wire(received.law, (p[0], p[1], p[2], p[3], p[4], p[5]), received.parameter_count)
+    if kind == MAP:
+        sized = HEADER <= count <= SIZE
+        usable = sized and _expand(received.map[:count], (p[0], p[1], p[2], p[3]), received.maps)
+    else:
+        usable = usable and count == 0
+    return usable, kind, numbers
 
-    Args:
-        leader: Written.
-        numbered: Fields of the message: `run`, `sequence`, `epoch` and `command_sequence`.
-        valid: Whether it claims that a force may be rendered from it.
-        usable: Whether it can be evaluated: whether kind, numbers and map are those of a law.
-        kind: Of the law (`foretouch.models.law_kernel.KINDS`).
-        numbers: Of the law.
-        maps: An array of one map, not used for other laws.
-        state: Memory of the material after that command.
-        remembers: Whether the message has such a state.
-        surface: Position of the undeformed surface [m].
-    """
-    run, sequence, epoch, command_sequence = numbered
-    ours = _take_model(leader.views[0], run, sequence, epoch)[1]
+
+@kernel("i8(Leader)")
+def adopt(leader: Leader) -> int:
+    """Take the message in `Leader.received`, if it is for this leader; what was done with it: see `judge`."""
+    received, done = leader.received, KEPT
+    ours = _take_model(leader.views[0], received.run, received.sequence, received.epoch)[1]
     _hear(leader)
     if not ours:
-        return KEPT
-    done, tick = judge(leader, valid, usable, surface, sequence), command_sequence if remembers else -1
+        return done
+    usable, kind, numbers = False, NOTHING, NO_NUMBERS
+    if received.valid:
+        usable, kind, numbers = _form(received)
+    surface, sequence = received.surface, received.sequence
+    done = judge(leader, received.valid, usable, surface, sequence)
     if done == ADOPTED:
-        _adopt(leader.predictions, kind, numbers, maps, state, surface, tick, sequence, 0)
+        s, tick = received.state, received.command_sequence if received.state_count > 0 else -1
+        state = (s[0], s[1], s[2], s[3], s[4], s[5]) if received.state_count == MEMORY else UNTOUCHED
+        _adopt(leader.predictions, kind, numbers, received.maps, state, surface, tick, sequence, 0)
     elif done != KEPT:
         shown = sequence if done == NOTHING_RENDERED else 0
         at = surface if done == NOTHING_RENDERED else 0.0
-        _adopt(leader.predictions, NOTHING, NO_NUMBERS, maps, state, at, -1, shown, 0)
+        _adopt(leader.predictions, NOTHING, NO_NUMBERS, received.maps, UNTOUCHED, at, -1, shown, 0)
     return done
 
 
