@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import random
+import shutil
 import struct
 import subprocess
 from collections import Counter
@@ -17,6 +18,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from wire_c import (
     COMPILERS,
+    CROSS,
+    EMULATOR,
     NO_MESSAGE,
     OK,
     OTHER_VERSION,
@@ -25,6 +28,7 @@ from wire_c import (
     TOO_LARGE,
     Answer,
     Case,
+    Program,
     build,
     in_c,
     in_python,
@@ -48,7 +52,7 @@ pytestmark = pytest.mark.skipif(not COMPILERS, reason="needs gcc or clang")
 
 
 @pytest.fixture(scope="module", params=COMPILERS)
-def program(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def program(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Program:
     return build(request.param, tmp_path_factory.mktemp(request.param))
 
 
@@ -79,7 +83,7 @@ def made(kind: type[msgspec.Struct], number: random.Random) -> Any:
     return kind(*(value_of(field, number) for field in fields_of(kind)))
 
 
-def agree(program: Path, cases: Iterable[Case]) -> Counter[int]:
+def agree(program: Program, cases: Iterable[Case]) -> Counter[int]:
     """Both say the same of each case; how often which status came."""
     listed = list(cases)
     counted: Counter[int] = Counter()
@@ -128,7 +132,7 @@ def any_message(kind: type[msgspec.Struct]) -> st.SearchStrategy[Any]:
 
 
 @pytest.mark.parametrize("kind", KINDS, ids=snake)
-def test_every_message_is_written_as_python_writes_it(program: Path, kind: type[Message]) -> None:
+def test_every_message_is_written_as_python_writes_it(program: Program, kind: type[Message]) -> None:
     @settings(max_examples=10)
     @given(st.lists(any_message(kind), min_size=1, max_size=8))
     def try_some(messages: list[Message]) -> None:
@@ -137,7 +141,7 @@ def test_every_message_is_written_as_python_writes_it(program: Path, kind: type[
     try_some()
 
 
-def test_every_message_at_its_extremes_is_written_as_python_writes_it(program: Path) -> None:
+def test_every_message_at_its_extremes_is_written_as_python_writes_it(program: Program) -> None:
     number = random.Random(4)
     cases = [
         (kind, data) for kind in KINDS for _ in range(100) if len(data := encode(made(kind, number))) <= LARGEST_MESSAGE
@@ -147,14 +151,14 @@ def test_every_message_at_its_extremes_is_written_as_python_writes_it(program: P
     assert agree(program, cases)[OK] > 900
 
 
-def test_a_message_cut_off_anywhere_is_refused(program: Path) -> None:
+def test_a_message_cut_off_anywhere_is_refused(program: Program) -> None:
     number = random.Random(1)
     for kind in KINDS:
         data = encode(made(kind, number))[:5000]
         assert OK not in agree(program, [(kind, data[:size]) for size in range(min(len(data), 1500))])
 
 
-def test_what_is_left_out_is_what_python_takes_it_for(program: Path) -> None:
+def test_what_is_left_out_is_what_python_takes_it_for(program: Program) -> None:
     number = random.Random(2)
     for kind in KINDS:
         values = [value_of(field, number) for field in fields_of(kind)]
@@ -262,25 +266,33 @@ def cases(seed: int, count: int) -> Iterator[Case]:
             yield kind, mutated(data, number)
 
 
-def test_c_and_python_agree_on_whatever_arrives(program: Path) -> None:
+def test_c_and_python_agree_on_whatever_arrives(program: Program) -> None:
     counted = agree(program, cases(3, 12_000))
     assert min(counted[OK], counted[NO_MESSAGE], counted[OTHER_VERSION]) > 500, counted
 
 
+def test_another_processor_does_the_same(tmp_path: Path) -> None:
+    if not (shutil.which(CROSS) and shutil.which(EMULATOR)):
+        pytest.skip(f"needs {CROSS} and {EMULATOR}")
+    program, number = build(CROSS, tmp_path), random.Random(6)
+    agree(program, cases(6, 4000))
+    assert agree(program, [(kind, encode(made(kind, number))) for kind in KINDS for _ in range(30)])[OK] > 250
+
+
 @pytest.mark.long
-def test_c_and_python_agree_on_a_million(program: Path) -> None:
+def test_c_and_python_agree_on_a_million(program: Program) -> None:
     for seed in range(50):
         agree(program, cases(1000 + seed, 20_000))
 
 
 @pytest.mark.parametrize("head", HEADS, ids=bytes.hex)
-def test_what_claims_to_be_huge_is_refused_at_each_place(program: Path, head: bytes) -> None:
+def test_what_claims_to_be_huge_is_refused_at_each_place(program: Program, head: bytes) -> None:
     data = encode(ModelUpdate(VERSION, 1, 1, 0, "contact-map", (1.0, 2.0), (3.0,), 0.0, True, "", "bank", b"map"))
     cases = [(ModelUpdate, data[:at] + head + data[at + keep :]) for at in range(len(data)) for keep in (0, 1)]
     assert OK not in agree(program, cases) or head[0] in (0xC4, 0xD9)
 
 
-def test_limits_are_those_of_python(program: Path) -> None:
+def test_limits_are_those_of_python(program: Program) -> None:
     hello, command = (14 and VERSION), [VERSION, 1, 1, 0.0, 0, False]
     texts = ("\U0001f9e4" * 64, "\U0001f9e4" * 65, "x" * 64, "x" * 65)
     listed: list[list[Any]] = [[*command, text] for text in texts]
@@ -318,7 +330,7 @@ def test_limits_are_those_of_python(program: Path) -> None:
 
 
 @pytest.mark.parametrize("size", [1, 2, 3, 4])
-def test_utf_8_is_as_strict_as_in_python(program: Path, size: int) -> None:
+def test_utf_8_is_as_strict_as_in_python(program: Program, size: int) -> None:
     number = random.Random(size)
     every = [bytes([first]) for first in range(256)] if size == 1 else []
     edges = (
@@ -346,6 +358,25 @@ def test_utf_8_is_as_strict_as_in_python(program: Path, size: int) -> None:
     begin = b"\x97" + encode(Command(VERSION, 1, 1, 0.0, 0, False))[1 : -len(b"\xa0\x00\x90\x00\x00")]
     counted = agree(program, [(Command, begin + bytes([0xA0 + size]) + text) for text in every])
     assert counted[OK] > 0 < counted[NO_MESSAGE]
+
+
+ANYTHING = (
+    0, -1, 2**64 - 1, 1.5, None, True,
+    "text \u20ac", b"bytes", [], [[1, [2, [3]]]], {}, {"a": {"b": [1]}}, {1: 2, "x": []},
+    *(msgspec.msgpack.Ext(5, bytes(size)) for size in (0, 1, 2, 3, 4, 8, 16, 17, 255, 256)), "x" * 300, b"x" * 300,
+    [0] * 20, {index: index for index in range(20)},
+)  # fmt: skip
+"""Whatever a message of another version may hold."""
+
+
+def test_another_version_is_known_whatever_it_holds(program: Program) -> None:
+    versions = (VERSION - 1, VERSION + 1, 0, -1, -(2**63), 2**63, 2**64 - 1, VERSION - 256)
+    whole = [msgspec.msgpack.encode([version, 1, one]) for version in versions for one in ANYTHING]
+    assert agree(program, [(Command, data) for data in whole]) == {OTHER_VERSION: len(whole)}
+    assert agree(program, [(Command, data[:-1]) for data in whole])[OTHER_VERSION] == 0
+    assert agree(program, [(Command, data + b"\x00") for data in whole])[OTHER_VERSION] == 0
+    none = [msgspec.msgpack.encode([version, 1]) for version in ("14", 14.0, 15.0, None, True, [15])]
+    assert agree(program, [(Command, data) for data in none]) == {NO_MESSAGE: len(none)}
 
 
 def test_no_message_is_larger_than_it_is_said_to_be() -> None:
@@ -387,6 +418,9 @@ int main(void)
     command.place_count = 4;
     if (foretouch_command_encode(&command, bytes, sizeof bytes) != 0)
         return 2; /* its place has three numbers */
+    command.place_count = UINT32_MAX;
+    if (foretouch_command_encode(&command, bytes, sizeof bytes) != 0)
+        return 2;
     command.place_count = 0;
     command.sequence = UINT64_C(1) << 63;
     if (foretouch_command_encode(&command, bytes, sizeof bytes) != 0)
@@ -425,6 +459,15 @@ def test_it_needs_memcpy_and_memset_alone(compiler: str, tmp_path: Path) -> None
         assert {name for kind, name in symbols if kind == "U"} <= {"memcpy", "memset"}
         assert all(name.startswith("foretouch_") for kind, name in symbols if kind == "T")
         assert not [name for kind, name in symbols if kind in "BDC"]  # nothing that could be written to
+
+
+@pytest.mark.parametrize("target", ["x86_64", "aarch64", "armv7a-none-eabihf", "i386", "wasm32"])
+def test_it_compiles_where_there_is_no_library(target: str, tmp_path: Path) -> None:
+    if "clang" not in COMPILERS:
+        pytest.skip("needs clang")
+    write_sources(tmp_path)
+    flags = (*STRICT, "-O2", "-ffreestanding", f"--target={target}")
+    subprocess.run(["clang", *flags, "-c", "foretouch_wire.c", "-o", "wire.o"], cwd=tmp_path, check=True)
 
 
 def test_the_header_is_c_plus_plus_too(tmp_path: Path) -> None:

@@ -19,10 +19,13 @@ from foretouch.messages import LARGEST_MESSAGE, Message, as_printed, decode, enc
 HERE = Path(__file__).parent
 COMPILERS = tuple(name for name in ("gcc", "clang") if shutil.which(name))
 STRICT = ("-std=c11", "-Wall", "-Wextra", "-Werror", "-pedantic", "-Wconversion", "-Wshadow", "-Wcast-qual")
+CROSS, EMULATOR = "aarch64-linux-gnu-gcc", "qemu-aarch64"
 SANITIZED = ("-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 OK, NO_MESSAGE, OTHER_VERSION, TOO_LARGE = range(4)
 
 Case = tuple[type[Message], bytes]
+Program = tuple[str, ...]
+"""Words that start a program."""
 
 
 class Answer(NamedTuple):
@@ -45,14 +48,15 @@ def write_sources(folder: Path) -> None:
         (folder / name).write_text(text)
 
 
-def build(compiler: str, folder: Path) -> Path:
-    """The program of `wire_cases.c`."""
+def build(compiler: str, folder: Path) -> Program:
+    """The program of `wire_cases.c`: with sanitizers, or for another processor, emulated."""
     write_sources(folder)
     (folder / "wire_fields.inc").write_text(_says())
     program = folder / f"wire_cases_{compiler}"
     files = [str(HERE / "wire_cases.c"), str(folder / "foretouch_wire.c")]
-    subprocess.run([compiler, *STRICT, *SANITIZED, f"-I{folder}", *files, "-o", str(program)], check=True)
-    return program
+    flags = ("-O2", "-static") if compiler == CROSS else SANITIZED
+    subprocess.run([compiler, *STRICT, *flags, f"-I{folder}", *files, "-o", str(program)], check=True)
+    return (EMULATOR, str(program)) if compiler == CROSS else (str(program),)
 
 
 def _says() -> str:
@@ -115,11 +119,11 @@ def in_python(case: Case) -> Answer:
     return Answer(OK, again if len(again) <= LARGEST_MESSAGE else b"", said(raw))
 
 
-def in_c(program: Path, cases: Sequence[Case]) -> list[Answer]:
+def in_c(program: Program, cases: Sequence[Case]) -> list[Answer]:
     """What the program makes of each."""
     numbers = {kind: number for number, kind in enumerate(kinds())}
     asked = b"".join(struct.pack("=IB", len(data), numbers[kind]) + data for kind, data in cases)
-    done = subprocess.run([program], input=asked, capture_output=True, check=False)
+    done = subprocess.run(program, input=asked, capture_output=True, check=False)
     assert done.returncode == 0, done.stderr.decode(errors="replace")[-4000:]
     output = io.BytesIO(done.stdout)
     answers = [_answer(output) for _ in cases]

@@ -5,7 +5,9 @@
 
 #include "foretouch_wire.h"
 
-#include <string.h>
+/* All that is needed of a library; <string.h> is not there where there is none. */
+void *memcpy(void *restrict to, const void *restrict from, size_t size);
+void *memset(void *to, int value, size_t size);
 
 /* ---- What msgpack says ---- */
 
@@ -412,7 +414,7 @@ static bool is_other_version(struct reader from)
     if (!read_item(&second, &version) || version.type != INTEGER)
         return false;
     while (missing > 0) {
-        if (missing > from.left || !read_item(&from, &item)) /* each takes a byte at least */
+        if (!read_item(&from, &item))
             return false;
         missing -= 1;
         if (item.type == LIST || item.type == MAP)
@@ -420,7 +422,7 @@ static bool is_other_version(struct reader from)
         if (item.type == TEXT && !is_text(item.content, item.value, item.value))
             return false;
     }
-    return from.left == 0 && (version.negative || version.value != FORETOUCH_WIRE_VERSION);
+    return from.left == 0 && version.value != FORETOUCH_WIRE_VERSION;
 }
 
 static foretouch_status decode(const struct record *record, const uint8_t *bytes, size_t size, void *message)
