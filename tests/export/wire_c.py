@@ -43,9 +43,9 @@ class Answer(NamedTuple):
 
 
 def write_sources(folder: Path) -> None:
-    """The codec, as it is exported."""
-    for name, text in sources().items():
-        (folder / name).write_text(text)
+    """The codec, as it is exported, in one folder."""
+    for path, text in sources().items():
+        (folder / Path(path).name).write_text(text)
 
 
 def build(compiler: str, folder: Path) -> Program:

@@ -159,10 +159,14 @@ def snake(kind: type) -> str:
 
 
 def sources() -> dict[str, str]:
-    """Every file of the messages in C, by its name."""
+    """Every file of the messages in C, by its path in a package."""
     written = Path(__file__).parent / "c"
-    by_hand = {name: (written / name).read_text() for name in ("foretouch_wire.h", "foretouch_wire.c")}
-    return by_hand | {"foretouch_messages.h": header(), "foretouch_messages.inc": tables()}
+    return {
+        "include/foretouch_wire.h": (written / "foretouch_wire.h").read_text(),
+        "include/foretouch_messages.h": header(),
+        "src/foretouch_wire.c": (written / "foretouch_wire.c").read_text(),
+        "src/foretouch_messages.inc": tables(),
+    }
 
 
 _MADE = "/* Made by foretouch.export.wire from the classes of foretouch.messages: change it there. */\n\n"
