@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ import msgspec
 import numpy as np
 
 from foretouch.export.wire import WireField, fields_of, in_words, summary_of
+from foretouch.identification import SENSOR_SENTENCES
 from foretouch.link.access import NAMED, key_to_send
 from foretouch.messages import CHANNELS, LARGEST_MESSAGE, STATUS_SENTENCES, VERSION, encode
 from foretouch.models import LAWS, ContactMapModel
@@ -93,13 +94,10 @@ def messages() -> str:
     return text
 
 
-def statuses() -> str:
-    """Numbers of `Telemetry.status`."""
-    rows = (
-        (str(int(one)), f"`{one.name}`", f"{sentence[0].upper()}{sentence[1:]}.")
-        for one, sentence in STATUS_SENTENCES.items()
-    )
-    return table(("Number", "Status", "What it means"), rows)
+def numbered(sentences: Mapping[Any, str]) -> str:
+    """Numbers of an enumeration, and the sentence of each."""
+    rows = ((str(int(one)), f"`{one.name}`", f"{text[0].upper()}{text[1:]}.") for one, text in sentences.items())
+    return table(("Number", "Name", "What it means"), rows)
 
 
 def laws() -> str:
@@ -151,7 +149,8 @@ def blocks() -> dict[str, str]:
     return {
         "channels": channels(),
         "messages": messages(),
-        "statuses": statuses(),
+        "statuses": numbered(STATUS_SENTENCES),
+        "sensors": numbered(SENSOR_SENTENCES),
         "laws": laws(),
         "map-header": header(),
         "map-grids": grids(),

@@ -8,6 +8,7 @@ import math
 import re
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import ModuleType
@@ -20,7 +21,8 @@ from wire_c import COMPILERS, NO_MESSAGE, OK, OTHER_VERSION, SANITIZED, STRICT, 
 
 from foretouch.errors import DecodeError, PeerVersionError
 from foretouch.export.wire import WireField, fields_of, kinds
-from foretouch.messages import CHANNELS, Message, decode, encode
+from foretouch.link import ZenohLink, free_endpoint
+from foretouch.messages import CHANNELS, Command, Message, decode, encode
 from foretouch.models.contact_map.layout import Map
 from foretouch.models.contact_map.wire import shrunk, unpack
 
@@ -98,6 +100,29 @@ def test_c_reads_and_writes_what_the_vectors_say(compiler: str, tmp_path: Path) 
     said_of_each = {"no message": NO_MESSAGE, "other version": OTHER_VERSION}
     expected = [said_of_each[one["status"]] for one in VECTORS["refused"]]
     assert [answer.status for answer in in_c(program, refused)] == expected
+
+
+@pytest.mark.network
+def test_a_program_that_knows_the_page_alone_is_heard() -> None:
+    zenoh = pytest.importorskip("zenoh")
+    config, endpoint = zenoh.Config(), free_endpoint()
+    settings = re.findall(r"^\| (`[a-z/_, `]+`) \| `(\w+)` \|$", PAGE, re.MULTILINE)
+    assert len(settings) == 5
+    for names, value in settings:
+        for name in re.findall(r"`([a-z/_]+)`", names):
+            config.insert_json5(name, value if value in ("true", "false") else json.dumps(value))
+    config.insert_json5("connect/endpoints", json.dumps([endpoint]))
+    (_, data), message, _ = next(one for one in read_cases() if one[0][0] is Command)
+    with ZenohLink(listen=[endpoint], subscribe=["command"]) as link, zenoh.open(config) as session:
+        publisher = session.declare_publisher("foretouch/command", congestion_control=zenoh.CongestionControl.DROP)
+        arrived: list[Any] = []
+        end = time.monotonic() + 10.0
+        while not arrived and time.monotonic() < end:
+            publisher.put(data)
+            time.sleep(0.05)
+            arrived = link.take("command")
+        assert arrived[0][1] == message
+        assert link.undecodable == 0
 
 
 def block(language: str) -> str:
