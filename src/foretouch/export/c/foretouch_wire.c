@@ -354,7 +354,8 @@ static bool read_plain(struct reader *from, const struct field *field, void *mes
     }
     if (message && field->kind == COUNT)
         memcpy(part(message, field->offset), &item.value, sizeof item.value);
-    return item.type == INTEGER && item.value >> 63 == 0 && (field->kind == COUNT || item.value == FORETOUCH_WIRE_VERSION);
+    return item.type == INTEGER && item.value >> 63 == 0 &&
+           (field->kind == COUNT || item.value == FORETOUCH_WIRE_VERSION);
 }
 
 static bool read_record(struct reader *from, const struct record *record, void *message);
@@ -432,11 +433,8 @@ static foretouch_status decode(const struct record *record, const uint8_t *bytes
     struct reader from = {bytes, size};
     if (!read_record(&from, record, NULL) || from.left > 0)
         return is_other_version((struct reader){bytes, size}) ? FORETOUCH_OTHER_VERSION : FORETOUCH_NO_MESSAGE;
-    if (message) {
-        from = (struct reader){bytes, size};
-        read_record(&from, record, message);
-    }
-    return FORETOUCH_OK;
+    from = (struct reader){bytes, size};
+    return message == NULL || read_record(&from, record, message) ? FORETOUCH_OK : FORETOUCH_NO_MESSAGE;
 }
 
 /* ---- Writing: each number in its shortest form, a real one always in 64 bits ---- */
