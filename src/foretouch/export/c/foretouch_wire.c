@@ -120,7 +120,7 @@ static bool read_item(struct reader *from, struct item *item)
     }
 }
 
-/* How many bytes the character at `at` takes, 0 where it is not UTF-8: overlong, half of a surrogate pair, too large. */
+/* Bytes that the character at `at` takes, 0 where it is not UTF-8: overlong, half of a surrogate pair, too large. */
 static size_t character_size(const uint8_t *at, size_t left)
 {
     uint8_t first = at[0], low = 0x80, high = 0xbf;
