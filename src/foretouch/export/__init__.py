@@ -1,0 +1,1 @@
+"""What other programs are built against: the messages in C."""
