@@ -143,7 +143,7 @@ ONE_LAW = Prediction.layout.fields["former_law"][1] // 8  # type: ignore[index]
 AT_MAP = Law.layout.fields["map"][1] // 8  # type: ignore[index]  # of them before the map
 
 
-@compiled
+@compiled(allocates=True)
 def keep_former(predictions: NDArray[np.void]) -> bool:
     """Keep the law as the former one, by which `jump` is reckoned, unless there is one since the last sample."""
     p, flat = predictions[0], predictions.view(np.float64)
@@ -154,7 +154,7 @@ def keep_former(predictions: NDArray[np.void]) -> bool:
     return bool(first)
 
 
-@kernel("b1(Prediction[::1], i8, UniTuple(f8, 4), Map[::1], UniTuple(f8, 6), f8)", Map)
+@kernel("b1(Prediction[::1], i8, UniTuple(f8, 4), Map[::1], UniTuple(f8, 6), f8)", Map, allocates=True)
 def begin(
     predictions: NDArray[np.void],
     kind: int,
