@@ -115,7 +115,7 @@ def samples(pressed: Press) -> list[ContactSample]:
     return [ContactSample(time, depth, speed, force, True) for time, depth, speed, force in zip(*columns, strict=True)]
 
 
-@compiled
+@compiled(allocates=True)
 def _recursion(regressors: Array, targets: Array, forgetting_factor: float, initial_covariance: float) -> Array:
     """Equation (20) with a constant mu, loop by loop over whole matrices."""
     samples, size = regressors.shape

@@ -11,6 +11,7 @@ from foretouch import __version__
 from foretouch.cli.commands import (
     arms,
     calibrate,
+    export,
     keys,
     machine,
     maps,
@@ -106,6 +107,7 @@ for name, group in {
     "bridge": watchers.bridge,
     "calibrate": calibrate.calibrate,
     "datasets": recordings.datasets,
+    "export": export.export,
     "materials": recordings.materials,
     "keys": keys.keys,
     "map": maps.maps,

@@ -10,6 +10,7 @@ so that another copy of the same sources finds it, too.
 from __future__ import annotations
 
 import hashlib
+import math
 import os
 import re
 import shutil
@@ -24,9 +25,14 @@ from typing import Any, Generic, ParamSpec, TypeVar, overload
 
 import numba
 import numpy as np
-from numba import config
-from numba.core import caching, sigutils
+from llvmlite import ir
+from numba import config, types
+from numba.core import caching, cgutils, sigutils
 from numba.core.registry import cpu_target
+from numba.core.typing.templates import AbstractTemplate, infer_global, signature
+from numba.extending import lower_builtin
+from numba.np.arrayobj import make_array, populate_array
+from numpy.typing import NDArray
 
 from foretouch.core.records import Record
 
@@ -51,7 +57,7 @@ few megabytes."""
 def compiled(function: Function, /) -> Function: ...
 @overload
 def compiled(**options: Any) -> Callable[[Function], Function]: ...
-def compiled(function: Any = None, /, **options: Any) -> Any:
+def compiled(function: Any = None, /, *, allocates: bool = False, **options: Any) -> Any:
     """A compiled function, or a decorator that compiles: loaded where it was compiled of the same sources before.
 
     It is compiled for the types of each call: see `Kernel` for those that Python calls in a loop. Where there is no
@@ -59,13 +65,62 @@ def compiled(function: Any = None, /, **options: Any) -> Any:
 
     Args:
         function: A function of numbers, arrays, tuples and records.
-        **options: Of `numba.njit`, such as ``error_model`` and ``forceinline``. Never ``fastmath``: tests for NaN go.
+        allocates: Whether it may make arrays, as no function of a tick does: what a tick needs is in its records, or
+            is `scratch`. A function that makes one and does not say so is refused when it is compiled. To assign an
+            array to a slice of another, and to compute with whole arrays, makes one too: write a loop.
+        **options: Of `numba.njit`, such as ``forceinline``. Never ``fastmath``: tests for NaN go. A division by zero
+            gives what IEEE 754 says, and raises nothing, unless ``error_model="python"`` is asked for.
     """
     if function is None:
-        return partial(compiled, **options)
+        return partial(compiled, allocates=allocates, **options)
+    options = {"error_model": "numpy"} | options
     kept = compiled_folder(function.__code__.co_filename) is not None
     # A wrapper for callers in C is compiled with each function otherwise, and there are none.
-    return numba.njit(cache=kept, no_cfunc_wrapper=True, **options)(function)
+    return numba.njit(cache=kept, no_cfunc_wrapper=True, _nrt=allocates, **options)(function)
+
+
+def scratch(kind: Any, *shape: int) -> NDArray[Any]:
+    """An array for a compiled function's own use while it runs, on its stack: nothing is allocated.
+
+    Its values are not set. It must not be returned. Interpreted it is an array like any other.
+
+    Args:
+        kind: NumPy's type of the values.
+        *shape: Constants, known when the function is compiled: their product is at most some thousands.
+    """
+    return np.empty(shape, kind)
+
+
+@infer_global(scratch)
+class _ScratchType(AbstractTemplate):  # type: ignore[misc]  # Numba is not typed
+    prefer_literal = True
+
+    def generic(self, given: Any, _: Any) -> Any:
+        """The type of a call with these types of arguments; None where a size is not known."""
+        kind, *shape = given
+        if all(isinstance(size, types.IntegerLiteral) for size in shape):
+            return signature(types.Array(kind.dtype, len(shape), "C"), *given)
+        return None
+
+
+@lower_builtin(scratch, types.VarArg(types.Any))  # type: ignore[untyped-decorator]
+def _lower_scratch(context: Any, builder: Any, typed: Any, _: Any) -> Any:
+    """The space is taken where the function begins, so that a loop does not take it again and again."""
+    sizes = [size.literal_value for size in typed.args[1:]]
+    kind = context.get_data_type(typed.return_type.dtype)
+    width = context.get_abi_sizeof(kind)
+    data = cgutils.alloca_once(builder, ir.ArrayType(kind, math.prod(sizes)))
+    made = make_array(typed.return_type)(context, builder)
+    word = context.get_constant
+    populate_array(
+        made,
+        data=builder.bitcast(data, kind.as_pointer()),
+        shape=[word(types.intp, size) for size in sizes],
+        strides=[word(types.intp, width * math.prod(sizes[axis + 1 :])) for axis in range(len(sizes))],
+        itemsize=word(types.intp, width),
+        meminfo=None,
+    )
+    return made._getvalue()
 
 
 def _signature(written: str, function: Callable[..., Any], records: tuple[type[Record], ...] = ()) -> Any:
@@ -111,9 +166,15 @@ class Kernel(Generic[Arguments, Result]):
         function: Any = self.function
         if config.DISABLE_JIT:
             return np.errstate(all="ignore")(function)
-        types = _signature(self.types, function.py_func, self.records)
+        types = types_of(self)
         function.compile(types)
         return function.overloads[sigutils.normalize_signature(types)[0]].entry_point
+
+
+def types_of(kernel: Kernel[..., Any]) -> Any:
+    """Numba's types of a kernel that is compiled: of its arguments, or of its result and them."""
+    function: Any = kernel.function
+    return _signature(kernel.types, function.py_func, kernel.records)
 
 
 def kernel(

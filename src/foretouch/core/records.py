@@ -1,8 +1,8 @@
 """State of a kernel as a record of named fields, which compiled and interpreted code read and write alike.
 
-A record is a C structure: numbers, arrays of fixed shape and other records, in one block. A kernel takes an array of
-records, of one element for a single state, and works on ``states[0]``: to call it with an array costs a third of a call
-with a bare record.
+A record is a structure of C: numbers, arrays of fixed shape and other records, in one block, each placed as C does. A
+kernel takes an array of records, of one element for a single state, and works on ``states[0]``: to call it with an
+array costs a third of a call with a bare record.
 """
 
 from __future__ import annotations
@@ -54,9 +54,7 @@ class Record(Void):
         hints = get_type_hints(cls, include_extras=True)
         fields = {name: _kind_and_shape(hints[name]) for name in cls.__annotations__}
         values = {name: cls.__dict__[name] for name in fields if name in cls.__dict__}
-        cls.layout = np.dtype(
-            (cls, [(name, getattr(kind, "layout", kind), shape) for name, (kind, shape) in fields.items()])
-        )
+        cls.layout = np.dtype((cls, _placed(fields)))
         records = {name: kind._first[0] for name, (kind, _) in fields.items() if issubclass(kind, Record)}
         cls._first = np.zeros(1, cls.layout)
         for name, value in (records | values).items():
@@ -111,6 +109,28 @@ def _kind_and_shape(hint: Any) -> tuple[Any, Any]:
     """What a field is made of, and its shape."""
     kind, shape = get_args(hint)[1:] if get_origin(hint) is Annotated else (hint, ())
     return KINDS.get(kind, kind), shape
+
+
+WORD = 8
+"""Bytes of a number: records, too, begin where their address is a multiple of it, as C places them. NumPy would forget
+that of a record in a record."""
+
+
+def _placed(fields: dict[str, tuple[Any, Any]]) -> np.dtype[Any]:
+    """The dtype of fields of these kinds and shapes, each where C places it."""
+    formats = [(getattr(kind, "layout", kind), shape) for kind, shape in fields.values()]
+    offsets, end = [], 0
+    for (kind, _), format_ in zip(fields.values(), formats, strict=True):
+        end = end if kind is np.bool_ else _whole(end)
+        offsets.append(end)
+        end += np.dtype(format_).itemsize
+    placed: Any = {"names": list(fields), "formats": formats, "offsets": offsets, "itemsize": _whole(end)}
+    made: np.dtype[Any] = np.dtype(placed | {"aligned": True})
+    return made
+
+
+def _whole(size: int) -> int:
+    return -(-size // WORD) * WORD
 
 
 def _setter(name: str) -> Callable[[Any, Any], None]:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.core import Record, compiled, kernel
+from foretouch.core.compiling import scratch
 from foretouch.quantities.pose import Vector, dot, rotation_of
 
 Array = NDArray[np.float64]
@@ -95,7 +96,7 @@ def _stops_at(terms: Array, sign: float, time: float) -> float:
 @compiled
 def _short_step(held: Held, aim: float, aim_speed: float, force: float, period: float) -> None:
     """One short step, with every start and stop that friction makes in it."""
-    terms = np.empty(TERMS)
+    terms = scratch(np.float64, TERMS)
     stiffness, friction = held.stiffness, held.friction
     push = held.hand_damping * aim_speed - force
     time = 0.0
@@ -158,7 +159,7 @@ class Seeing(Record):
 _dot, _rotation_of = compiled(dot), compiled(error_model="numpy")(rotation_of)
 
 
-@kernel("UniTuple(f8, 3)(Seeing[::1], f8[:, ::1], f8, f8, f8)", error_model="numpy")
+@kernel("UniTuple(f8, 3)(Seeing[::1], f8[:, ::1], f8, f8, f8)", allocates=True, error_model="numpy")
 def look(seeings: NDArray[np.void], path: Array, at: float, elapsed: float, scale: float) -> Vector:
     """Place of a hand [m] on a fixture that it follows, at a row of a path in the fixture's frame [m], or between two.
 

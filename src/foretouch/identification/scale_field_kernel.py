@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core.compiling import compiled, kernel
+from foretouch.core.compiling import compiled, kernel, scratch
 from foretouch.core.records import Record
 from foretouch.identification.exact.belief import DRIFT
 from foretouch.models.scale_field_kernel import LARGEST_LOG, REACH, SIDE, SPACING, SPREAD, TOUCHED, Scales, locate
@@ -61,13 +61,13 @@ PRECISION = np.linalg.inv(SPREAD * SPREAD * np.exp(-SPACING / REACH * _APART))
 
 
 @compiled(error_model="numpy")
-def _carried(before: Array, down: int, right: int) -> tuple[Array, Array]:
-    """Rows that give the square's nodes from those of the square before, and the covariance of what these leave open.
+def _carry(rows: Array, left: Array, down: int, right: int) -> None:
+    """Write rows that give the square's nodes from those of the square before, and the covariance of what is left open.
 
     The square has gone so many nodes down and right. Nodes of both are taken over; others follow from the prior.
     """
-    rows, left = np.zeros((WINDOW, WINDOW)), np.zeros((WINDOW, WINDOW))
-    across, new = np.zeros((WINDOW, WINDOW)), np.zeros(WINDOW, np.bool_)
+    across, new = scratch(np.float64, WINDOW, WINDOW), scratch(np.bool_, WINDOW)
+    rows[:], left[:], across[:], new[:] = 0.0, 0.0, 0.0, False
     for n in range(WINDOW):
         i, j = n // ABOUT + down, n % ABOUT + right
         if 0 <= i < ABOUT and 0 <= j < ABOUT:
@@ -85,7 +85,6 @@ def _carried(before: Array, down: int, right: int) -> tuple[Array, Array]:
                 left[n, m] = _prior(n // ABOUT - m // ABOUT, n % ABOUT - m % ABOUT)
                 for k in range(WINDOW):
                     left[n, m] -= rows[n, k] * across[m, k]
-    return rows, left
 
 
 @compiled(error_model="numpy")
@@ -96,15 +95,16 @@ def _go_to(state: ScaleState, i: int, j: int) -> None:
     with others is forgotten.
     """
     scales, joint, first = state.scales, state.joint, state.at[0] < 0
-    before = np.empty(WINDOW)
+    before, rows = scratch(np.float64, WINDOW), scratch(np.float64, WINDOW, WINDOW)
     for n in range(WINDOW):
         before[n] = 0.0 if first else scales.value[state.at[0] + n // ABOUT, state.at[1] + n % ABOUT]
         if first:
             for m in range(WINDOW):
                 joint[n, m] = _prior(n // ABOUT - m // ABOUT, n % ABOUT - m % ABOUT)
     if not first:
-        rows, left = _carried(joint, i - state.at[0], j - state.at[1])
-        half = np.zeros((WINDOW, WINDOW))
+        left, half = scratch(np.float64, WINDOW, WINDOW), scratch(np.float64, WINDOW, WINDOW)
+        _carry(rows, left, i - state.at[0], j - state.at[1])
+        half[:] = 0.0
         for n in range(WINDOW):
             for k in range(WINDOW):
                 if rows[n, k] != 0.0:
@@ -160,7 +160,8 @@ def learn(state: ScaleState, error: float, noise: float, period: float) -> None:
 
     What is known of the nodes about it drifts, for a time [s].
     """
-    joint, scales, along = state.joint, state.scales, np.zeros(WINDOW)
+    joint, scales, along = state.joint, state.scales, scratch(np.float64, WINDOW)
+    along[:] = 0.0
     for n in range(WINDOW):
         joint[n, n] = min(joint[n, n] + state.weights[n] * DRIFT * DRIFT * period, max(SPREAD * SPREAD, joint[n, n]))
     total = noise

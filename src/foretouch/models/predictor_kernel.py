@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from foretouch.core import Kernel, Record, compiled, kernel
 from foretouch.models import law_kernel
 from foretouch.models.contact_map.kernel import Memory, memory_of, moved, numbers_of, rate_of, write
-from foretouch.models.contact_map.layout import MEMORY, SIZE, Map
+from foretouch.models.contact_map.layout import MEMORY, Map
 from foretouch.models.contact_model import LARGEST_DEPTH, LARGEST_SPEED
 from foretouch.models.law_kernel import NO_NUMBERS, Law
 from foretouch.models.predictor import HISTORY, SLICE, STATE_TOLERANCE, VELOCITY_CUTOFF
@@ -175,12 +175,19 @@ AT_MAP = Law.layout.fields["map"][1] // 8  # type: ignore[index]  # of them befo
 
 
 @compiled
+def copy(numbers: NDArray[np.float64], into: NDArray[np.float64]) -> None:
+    """Copy numbers to where there is room for them: an assignment of arrays would make another one meanwhile."""
+    for index in range(numbers.size):
+        into[index] = numbers[index]
+
+
+@compiled
 def keep_former(predictions: NDArray[np.void]) -> bool:
     """Keep the law as the former one, by which `jump` is reckoned, unless there is one since the last sample."""
     p, flat = predictions[0], predictions.view(np.float64)
     first = p.changed == 0
     if first:
-        flat[ONE_LAW : 2 * ONE_LAW] = flat[:ONE_LAW]
+        copy(flat[:ONE_LAW], flat[ONE_LAW:])
     p.changed = 1
     return bool(first)
 
@@ -204,7 +211,7 @@ def _begin(
     keep_former(predictions)
     p.law.kind = kind
     if kind == law_kernel.MAP:
-        flat[AT_MAP : AT_MAP + SIZE] = maps.view(np.float64)
+        copy(maps.view(np.float64), flat[AT_MAP:])
     for index in range(4):
         p.law.numbers[index] = numbers[index]
     write(memory, p.memory)
@@ -249,7 +256,7 @@ def _run_slice(predictions: NDArray[np.void]) -> None:
     memory, surface, message, serial = numbers_of(arrived.state), arrived.surface, arrived.message, arrived.serial
     _begin(predictions, law_kernel.MAP, NO_NUMBERS, arrived.maps, memory, surface, message, serial)
     flat = p.waiting.arrivals.view(np.float64)
-    flat[:ONE_ARRIVED] = flat[ONE_ARRIVED:]
+    copy(flat[ONE_ARRIVED:], flat)
     p.waiting.arrivals[1].waits = 0
 
 
@@ -288,7 +295,7 @@ def adopt(
         return False
     arrived = p.waiting.arrivals[p.waiting.arrivals[0].waits]
     arrived.waits, arrived.tick, arrived.surface, arrived.message, arrived.serial = 1, tick, surface, message, serial
-    arrived.maps.view(np.float64)[:] = maps.view(np.float64)
+    copy(maps.view(np.float64), arrived.maps.view(np.float64))
     write(memory, arrived.state)
     if p.waiting.arrivals[1].waits == 0:
         _run_slice(predictions)

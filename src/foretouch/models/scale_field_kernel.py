@@ -76,7 +76,7 @@ def scales_at(scales: Scales, points: Grid, out: Grid) -> None:
         out[row, 0], out[row, 1] = scale_at(scales, points[row, 0], points[row, 1])
 
 
-@compiled(error_model="numpy")
+@compiled(allocates=True, error_model="numpy")
 def fill(known: Scales, filled: Scales, low_i: int, high_i: int, low_j: int, high_j: int) -> None:
     """Copy what is touched within these rows and columns, and go on from there, one ring of nodes after the other.
 

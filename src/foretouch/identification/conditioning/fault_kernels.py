@@ -166,7 +166,8 @@ def find_loss(loss: Loss, time: float, position: float, force: float, zero: floa
         begin_loss(loss)
         newest = 0
     if slid > 0.0:
-        loss.positions[:] += slid
+        for index in range(PLACES):
+            loss.positions[index] += slid
     loss.times[newest], loss.positions[newest], loss.forces[newest] = time, position, force
     loss.at = (newest + 1) % PLACES
     loss.count = min(loss.count + 1, PLACES)

@@ -100,7 +100,10 @@ def begin_changed(bank: Bank, index: int, position: float) -> None:
     """Begin anew around the map of this snapshot, scaled as the forces since have changed: all of it is a guess now."""
     learnt, notes, before = bank.map[0], bank.notes[0], bank.ring[index]
     factor = min(max(notes.wrong.product / max(notes.wrong.square, 1e-12), CLEAR), 1.0 / CLEAR)
-    learnt.coarse.weights[:], learnt.fine.weights[:] = before.coarse.weights, before.fine.weights
+    for k in range(COARSE.size):
+        learnt.coarse.weights[k] = before.coarse.weights[k]
+    for k in range(FINE.size):
+        learnt.fine.weights[k] = before.fine.weights[k]
     scale_part(learnt.coarse.weights[:], learnt.zero, COARSE.knots, factor)
     if learnt.place == before.place:
         scale_part(learnt.fine.weights[:], learnt.zero, FINE.knots, factor)

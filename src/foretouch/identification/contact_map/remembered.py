@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core.compiling import compiled, inlined
+from foretouch.core.compiling import compiled, inlined, scratch
 from foretouch.identification.conditioning.kernel import PEAK_SHARE
 from foretouch.identification.contact_map.learning import copy_map, refine, snapshot_at
 from foretouch.identification.contact_map.regression import expect_mean, reach
@@ -34,11 +34,13 @@ that are wrong with it and right without it by half as much as those that show a
 
 REFINEMENTS = 6  # Halvings of the step of a place
 
+MOST_VALUES = COARSE.knots + 2  # Values from which the weights of the longest spline are made
+
 
 @compiled(error_model="numpy")
 def shift_part(weights: Array, begin: int, knots: int, spacing: float, below: int, change: float) -> None:
     """Move a cubic spline on even knots inwards by a change [m]; exact for cubics (de Boor and Fix 1973)."""
-    values = np.empty(knots + 2)
+    values = scratch(np.float64, MOST_VALUES)
     for k in range(knots + 2):
         first, a, b, c, d = cubic((k - below - 2) * spacing - change, spacing, below, knots)
         values[k] = blend(weights, begin + first, a, b, c, d)
@@ -191,7 +193,8 @@ def attend(bank: Bank, time: float, sample: tuple[float, float, float], contact:
     elif contact and kept.count < EARLY:
         early = kept.first[kept.count]
         early.position, early.velocity, early.force = sample
-        early.values[:] = bank.values[:]
+        for k in range(bank.values.size):
+            early.values[k] = bank.values[k]
         kept.count += 1
         if bank.notes[0].contact >= YOUNG:
             recall(bank, time)

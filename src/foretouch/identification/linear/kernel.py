@@ -172,7 +172,8 @@ def forget_depths(state: State) -> None:
 def restart(state: State, options: Packed) -> None:
     """Back to theta_0 and P_0, all samples forgotten."""
     state.numbers[:] = 0.0
-    state.numbers[:4] = options.first_theta[:]
+    for i in range(4):
+        state.numbers[i] = options.first_theta[i]
     for i in DIAGONAL:
         state.numbers[i] = options.first_covariance
     state.last_depth, state.updates = np.nan, 0
@@ -188,7 +189,8 @@ def count_depth(state: State, log_depth: float, velocity: float, inverse_mu: flo
     state.gain *= inverse_mu
     state.bins[index] += state.gain * weight * (square if square < 1e6 else 1e6)
     if state.gain > LARGEST_GAIN:
-        state.bins[:] /= state.gain
+        for k in range(BINS):
+            state.bins[k] /= state.gain
         state.gain = 1.0
 
 
@@ -290,6 +292,7 @@ def load(
 @kernel(
     "(Recording[::1], Tuple((f8[::1], f8[::1], f8[::1], b1[::1])), i1[::1], f8[:, ::1])",
     Recording,
+    allocates=True,
     error_model="numpy",
     nogil=True,
 )

@@ -107,7 +107,7 @@ def _perturb(covariance: Array, perturbation: float, resetting: bool, trace_limi
         covariance[i, i] += enlargement
 
 
-@compiled
+@compiled(allocates=True)
 def _step(
     theta: Array,
     covariance: Array,

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core.compiling import compiled, inlined, kernel
+from foretouch.core.compiling import compiled, inlined, kernel, scratch
 from foretouch.models.contact_map import layout
 from foretouch.models.contact_map.kernel import cubic
 from foretouch.models.contact_map.layout import COARSE, FINE, HEADER, SIZE, Grid, Map
@@ -92,7 +92,8 @@ def shrink(maps: NDArray[np.void], sent: NDArray[np.void], short: Short) -> int:
     Returns:
         Their number, negative where they are those of no model.
     """
-    rounded, needed, count = sent.view(np.float64), np.zeros(SIZE, np.int8), 0
+    rounded, needed, count = sent.view(np.float64), scratch(np.int8, SIZE), 0
+    needed[:] = 0
     good = narrow(maps, sent, needed)
     for k in range(SIZE):
         if needed[k] > 0:
@@ -108,7 +109,7 @@ def shrink(maps: NDArray[np.void], sent: NDArray[np.void], short: Short) -> int:
 @kernel("b1(f4[::1], UniTuple(f8, 4), Map[::1])")
 def expand(short: Short, law: Law, maps: NDArray[np.void]) -> bool:
     """Write the map of these numbers, at least a header's, and of a law; whether they are those of one."""
-    numbers, needed = maps.view(np.float64), np.empty(SIZE, np.int8)
+    numbers, needed = maps.view(np.float64), scratch(np.int8, SIZE)
     numbers[:] = 0.0
     for k in range(short.size):
         if not math.isfinite(short[k]):

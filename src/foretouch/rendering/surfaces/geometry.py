@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.core import Record, compiled
+from foretouch.core.compiling import scratch
 from foretouch.quantities import pose
 from foretouch.quantities.pose import Vector
 
@@ -178,7 +179,7 @@ def _box_distance(box: Array, place: Vector) -> float:
 def find_nearest(triangles: NDArray[np.void], boxes: Array, order: Ints, place: Vector, first: int) -> int:
     """The triangle nearest to a point; `first` is a guess."""
     best, result = nearest(triangles[first], place)[0], first
-    stack = np.empty(STACK, np.int32)
+    stack = scratch(np.int32, STACK)
     stack[0] = 0
     waiting = 1
     leaves = (boxes.shape[0] + 1) // 2
@@ -221,7 +222,7 @@ def _segment_meets(box: Array, start: Vector, step: Vector, until: float) -> boo
 def find_crossing(triangles: NDArray[np.void], boxes: Array, order: Ints, start: Vector, step: Vector) -> int:
     """First triangle that a segment enters through; -1 if there is none."""
     best, result = 2.0, -1
-    stack = np.empty(STACK, np.int32)
+    stack = scratch(np.int32, STACK)
     stack[0] = 0
     waiting = 1
     leaves = (boxes.shape[0] + 1) // 2

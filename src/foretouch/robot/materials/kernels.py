@@ -63,7 +63,7 @@ def total_force(loads: Array, before: float, after: float, h: float, table: Arra
     return force
 
 
-@compiled
+@compiled(allocates=True)
 def hysteretic_step(state: tuple[float, ...], depth: float, h: float, table: Array, springs: int) -> Array:
     """New deflection, branch loads and, last, the force on the probe [N].
 
@@ -96,7 +96,7 @@ def hysteretic_step(state: tuple[float, ...], depth: float, h: float, table: Arr
     return result
 
 
-@compiled
+@compiled(allocates=True)
 def branch_response(deflection: Array, h: float, start: float, end: float, slip: float, relaxation: float) -> Array:
     """Force per unit stiffness [m] of one branch along a path of deflections; `slip` is per unit stiffness too."""
     response = np.zeros(deflection.size)
@@ -154,7 +154,7 @@ def layered_step(state: State, depth: float, h: float, compliance: float, table:
     return 0.0, first, second, third
 
 
-@compiled
+@compiled(allocates=True)
 def viscoelastic_step(values: Array, depth: float, h: float, rings: Array, relaxation: Array) -> float:
     """Force of a viscoelastic half-space on a sphere [N]; `values`, its state, is written.
 

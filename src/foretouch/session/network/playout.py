@@ -134,7 +134,8 @@ def _play(playing: Playing) -> None:
     playing.first, at = first, first % ROOM
     playing.applied = max(playing.applied, first)
     playing.position, playing.surface = playing.positions[at], playing.surfaces[at]
-    playing.place[:] = playing.places[at]
+    for axis in range(3):
+        playing.place[axis] = playing.places[at, axis]
     if after <= newest:
         fraction, then = (point - first) / (after - first), after % ROOM
         playing.position += (playing.positions[then] - playing.position) * fraction

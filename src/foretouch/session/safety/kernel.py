@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from foretouch.core import Record, compiled, kernel
 from foretouch.messages import Status
 from foretouch.session.safety.force_guard import AIMED, AWAY, PATIENCE, ForceGuard, allowed_speed, observe
-from foretouch.session.safety.motion import Path, begin, limited
+from foretouch.session.safety.motion import Path, begin, limited, set_path
 from foretouch.session.safety.proven_way import CELL, CELLS, ProvenWay, observe_way, proven_force, proven_speed
 
 PROVEN_FRACTION = 0.75
@@ -73,6 +73,69 @@ class Memory(Record):
     guard: ForceGuard
     motion: Path  # in space position and velocity along the normal
     way: ProvenWay
+
+
+REACTION = 3e-3
+"""Time after its first touch for which a robot keeps its speed before it stops [s]: the delay of its sensor and drive.
+The simulated arm takes 2.3 to 2.8 ms."""
+
+
+def impact_impedance(stiffness: float, damping: float, mass: float, reaction: float) -> float:
+    r"""Largest force of an impact for each m/s of its speed [N s/m].
+
+    A probe meets a surface at a speed v. Assumed is
+
+    1. of the material: while the probe goes deeper it is a spring beside a damper. The spring pushes with e(x), which
+       is 0 at the surface, nowhere negative, and grows by at most K a metre, the damper with 0 to :math:`b \dot x`;
+    2. of sensor and drive: until the time tau after the first touch the probe is no faster than v, however hard the
+       drive pushes for that;
+    3. of the drive from then on: no matter what it does, the work that it does on the probe of mass m is not positive.
+
+    Then the contact force never exceeds Z v, until the probe first comes to rest, with
+
+    .. math::
+        Z = \begin{cases} b + K \tau & b \tau \ge m \\
+        \sqrt{(K \tau^2 + m)(K + b^2 / m)} & \text{else} \end{cases}
+
+    For until tau, :math:`x \le v \tau` and :math:`\dot x \le v`: the force is at most :math:`(b + K \tau) v`. From then
+    on :math:`\tfrac12 m \dot x^2 + \int e\, dx` does not grow, nor does the speed, and :math:`e\, de \le K e\, dx`, so
+    that e squared grows by at most 2 K times what the spring takes up: with :math:`\dot x = s v`, s from 0 to 1,
+
+    .. math:: e + b \dot x \le v \Big(b s + \sqrt{(K \tau)^2 + m K (1 - s^2)}\Big)
+
+    whose largest value over s is at s = 1 where :math:`b \tau \ge m`, and else inside. For tau = 0 and b = 0 it is
+    :math:`v \sqrt{m K}`, what the energies of a mass and a spring give.
+
+    Args:
+        stiffness: K [N/m], positive.
+        damping: b [N s/m], not negative.
+        mass: m [kg], positive.
+        reaction: tau [s], not negative.
+    """
+    if damping * reaction >= mass:
+        return damping + stiffness * reaction
+    return math.sqrt((stiffness * reaction * reaction + mass) * (stiffness + damping * damping / mass))
+
+
+_impedance = compiled(impact_impedance)
+
+
+@kernel("b1(Memory[::1], f8)")
+def set_limits(memories: NDArray[np.void], period: float) -> bool:
+    """Take the limits that stand in one `Memory`, in which nothing has moved yet, for ticks of this period T [s].
+
+    Returns whether they are limits: False where one of them, or the period, is not above 0, or where unloading would
+    begin before holding.
+    """
+    memory = memories[0]
+    limits = memory.limits
+    memory.period = period
+    memory.impedance = _impedance(limits.stiffest, limits.most_damped, limits.mass, REACTION)
+    set_path(memory.motion, limits.speed, limits.acceleration, limits.jerk, period)
+    moves = period > 0.0 and limits.speed > 0.0 and limits.acceleration > 0.0 and limits.jerk > 0.0
+    presses = limits.force > 0.0 and limits.depth > 0.0 and limits.mass > 0.0 and limits.return_speed > 0.0
+    meets = limits.stiffest > 0.0 and limits.most_damped > 0.0
+    return bool(moves and presses and meets and 0.0 < limits.hold_after <= limits.unload_after)
 
 
 FOLLOWING, GUARDED, RETURNS = int(Status.FOLLOWING), int(Status.GUARDED), int(Status.RETURNING)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.core import Record, compiled
+from foretouch.core.compiling import interpreted
 from foretouch.errors.checks import require
 from foretouch.models.predictor import VELOCITY_CUTOFF
 from foretouch.quantities.pose import Vector
@@ -78,11 +79,19 @@ class Path(Record):
     caught: bool  # whether the stream was caught up with
 
 
+@compiled
+def set_path(path: Path, speed: float, acceleration: float, jerk: float, period: float) -> None:
+    """Write V, A, J and T of a path."""
+    path.speed, path.largest, path.jerk, path.period = speed, acceleration, jerk, period
+    path.gain = -math.expm1(-2.0 * math.pi * VELOCITY_CUTOFF * period)
+
+
 def new_path(speed: float, acceleration: float, jerk: float, sample_period: float) -> NDArray[np.void]:
     """One `Path` that has not begun, with V, A, J and T, all positive."""
     require("sample_period", sample_period, above=0.0)
-    gain = -math.expm1(-2.0 * math.pi * VELOCITY_CUTOFF * sample_period)
-    return Path.new(speed=speed, largest=acceleration, jerk=jerk, period=sample_period, gain=gain)
+    paths = Path.new()
+    interpreted(set_path)(paths[0], speed, acceleration, jerk, sample_period)
+    return paths
 
 
 NOTHING: Vector = (0.0, 0.0, 0.0)

@@ -14,13 +14,12 @@ from foretouch.errors.checks import require
 from foretouch.messages import Status
 from foretouch.session.safety import kernel
 from foretouch.session.safety.force_guard import AIMED, AWAY
-from foretouch.session.safety.motion import Path, begin, new_path
+from foretouch.session.safety.kernel import REACTION, impact_impedance
+from foretouch.session.safety.motion import Path, begin
+
+__all__ = ["REACTION", "STATES", "Safety", "SafetyLimits", "impact_impedance"]
 
 _begin = Kernel(begin, "(Path, f8, f8, f8)", Path)
-
-REACTION = 3e-3
-"""Time after its first touch for which a robot keeps its speed before it stops [s]: the delay of its sensor and drive.
-The simulated arm takes 2.3 to 2.8 ms."""
 
 LEFT = 0.6
 """Largest force at which a session leaves its robot, if there is time [N]: a little above that after unloading."""
@@ -70,43 +69,6 @@ class SafetyLimits:
             if limit.name not in ("workspace", "unload_after", "retreats"):
                 require(limit.name, getattr(self, limit.name), above=0.0)
         require("unload_after", self.unload_after, at_least=self.hold_after)
-
-
-def impact_impedance(stiffness: float, damping: float, mass: float, reaction: float) -> float:
-    r"""Largest force of an impact for each m/s of its speed [N s/m].
-
-    A probe meets a surface at a speed v. Assumed is
-
-    1. of the material: while the probe goes deeper it is a spring beside a damper. The spring pushes with e(x), which
-       is 0 at the surface, nowhere negative, and grows by at most K a metre, the damper with 0 to :math:`b \dot x`;
-    2. of sensor and drive: until the time tau after the first touch the probe is no faster than v, however hard the
-       drive pushes for that;
-    3. of the drive from then on: no matter what it does, the work that it does on the probe of mass m is not positive.
-
-    Then the contact force never exceeds Z v, until the probe first comes to rest, with
-
-    .. math::
-        Z = \begin{cases} b + K \tau & b \tau \ge m \\
-        \sqrt{(K \tau^2 + m)(K + b^2 / m)} & \text{else} \end{cases}
-
-    For until tau, :math:`x \le v \tau` and :math:`\dot x \le v`: the force is at most :math:`(b + K \tau) v`. From then
-    on :math:`\tfrac12 m \dot x^2 + \int e\, dx` does not grow, nor does the speed, and :math:`e\, de \le K e\, dx`, so
-    that e squared grows by at most 2 K times what the spring takes up: with :math:`\dot x = s v`, s from 0 to 1,
-
-    .. math:: e + b \dot x \le v \Big(b s + \sqrt{(K \tau)^2 + m K (1 - s^2)}\Big)
-
-    whose largest value over s is at s = 1 where :math:`b \tau \ge m`, and else inside. For tau = 0 and b = 0 it is
-    :math:`v \sqrt{m K}`, what the energies of a mass and a spring give.
-
-    Args:
-        stiffness: K [N/m], positive.
-        damping: b [N s/m], not negative.
-        mass: m [kg], positive.
-        reaction: tau [s], not negative.
-    """
-    if damping * reaction >= mass:
-        return damping + stiffness * reaction
-    return math.sqrt((stiffness * reaction * reaction + mass) * (stiffness + damping * damping / mass))
 
 
 class Safety:
@@ -160,15 +122,15 @@ class Safety:
     """
 
     def __init__(self, limits: SafetyLimits, sample_period: float, *, memory: NDArray[np.void] | None = None) -> None:
-        impedance = impact_impedance(limits.stiffest, limits.most_damped, limits.mass, REACTION)
+        require("sample_period", sample_period, above=0.0)
         self.memories = memory = kernel.Memory.new() if memory is None else memory
-        memory[:] = kernel.Memory.new(limits=dataclasses.astuple(limits), period=sample_period, impedance=impedance)
+        memory[:] = kernel.Memory.new(limits=dataclasses.astuple(limits))
+        kernel.set_limits(memory, sample_period)
         self._begin = _begin.entry
         kernel.may_release.entry  # noqa: B018  # asked for, it is compiled or loaded: nothing of that in the loop
         self.limits, self.path = limits, memory["motion"]
-        self.path[:] = new_path(limits.speed, limits.acceleration, limits.jerk, sample_period)
         self.status, self.stop_reason = Status.FOLLOWING, ""
-        self.blind_speed = AIMED * limits.force / impedance
+        self.blind_speed = AIMED * limits.force / float(memory[0].impedance)
 
     @property
     def pressing(self) -> bool:

@@ -22,6 +22,7 @@ from foretouch.identification.exact.belief import FEWEST_UPDATES
 from foretouch.messages.schema import LONGEST_NAME
 from foretouch.models.contact_map.layout import SIZE, Map
 from foretouch.models.contact_map.wire import shrink
+from foretouch.models.predictor_kernel import copy
 from foretouch.quantities.pose import Vector
 from foretouch.session.network.freshness import FRESH
 from foretouch.session.network.lease import number_of_bytes
@@ -124,7 +125,7 @@ def _holds(following: Following, stop: bool, release: bool, felt: float) -> bool
     if stop:
         following.stopped = True
     elif release and follower.validity != GOOD:  # a stop stays: the force is known from the next samples on
-        follower.watch.view(np.int8)[:] = following.watches.view(np.int8)
+        copy(following.watches.view(np.float64), follower.watch.view(np.float64))
         released = True
     elif release and following.stopped:
         released = _may_release(safety.motion, following.learnings[0].newest[0].velocity, felt)

@@ -52,7 +52,7 @@ class Impedance(Record):
     h: float  # period of the controller [s]
 
 
-@compiled
+@compiled(allocates=True)
 def _turned_back(rotation: Array, target: Array) -> Array:
     """Rotation that is left to the target, as a vector in the world's frame, half the sum of the axes' products."""
     error = np.zeros(3)
@@ -74,7 +74,7 @@ def _shortened(vector: Array, largest: float) -> bool:
     return False
 
 
-@compiled
+@compiled(allocates=True)
 def _observed(own: Impedance, inertia: Array, joints: Array) -> Any:
     r"""What disturbs the joints beside their motors and the arm's weight [N m], shape (n,), a row of `joints`.
 
@@ -92,7 +92,10 @@ def _observed(own: Impedance, inertia: Array, joints: Array) -> Any:
 
 
 @kernel(
-    "b1(Impedance[::1], Reference[::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1])", Impedance, Reference
+    "b1(Impedance[::1], Reference[::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1])",
+    Impedance,
+    Reference,
+    allocates=True,
 )
 def push(
     impedances: States, references: States, jacobian: Array, inertia: Array, joints: Array, limits: Array, tip: Array

@@ -41,7 +41,7 @@ class Watching(Record):
     met: bool  # whether a link has met something, and the arm holds
 
 
-@kernel("void(Watching[::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[::1], f8[::1])", Watching)
+@kernel("void(Watching[::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[::1], f8[::1])", Watching, allocates=True)
 def watch_links(
     watchings: States, joints: Array, known: Array, inertia: Array, explained: Array, contact: Array, push: Array
 ) -> None:

@@ -100,7 +100,7 @@ def _limited(x: float, y: float, z: float, largest: float) -> tuple[float, float
     return share * x, share * y, share * z
 
 
-@compiled
+@compiled(allocates=True)
 def allowed_share(jacobian: Array, well_away: float) -> float:
     """Share of its speed that the tip is allowed, which is less than 1 near a singular pose.
 

@@ -35,13 +35,13 @@ taken back just after it, or the arm would be thrown against what it left."""
 WELL_AWAY = 0.1  # Smallest singular value of the tip's Jacobian below which it slows down [m/rad]
 
 
-@kernel("f8(f8[:,::1])")
+@kernel("f8(f8[:,::1])", allocates=True)
 def share_of_speed(jacobian: Array) -> float:
     """Share of its speed that the tip is allowed with the Jacobian of its place, shape (3, n)."""
     return allowed_share(jacobian, WELL_AWAY)
 
 
-@kernel("void(f8[:,::1], f8[:,::1], f8[::1], f8[::1], f8, f8[::1])")
+@kernel("void(f8[:,::1], f8[:,::1], f8[::1], f8[::1], f8, f8[::1])", allocates=True)
 def carry(inertia: Array, jacobian: Array, acceleration: Array, felt: Array, limit: float, torque: Array) -> None:
     r"""Write the torques that give the joints their acceleration [N m], which the servos would else be late by.
 

@@ -1,0 +1,282 @@
+"""How `foretouch.export.lowering` makes one object file of several kernels, in the process that it starts."""
+
+from __future__ import annotations
+
+import pickle
+import re
+import sys
+from collections.abc import Iterator
+from typing import Any
+
+import llvmlite.binding as llvm
+import numba
+from numba import types
+from numba.core import sigutils
+from numba.core.funcdesc import FunctionDescriptor
+from numba.core.registry import CPUDispatcher
+
+from foretouch.core.compiling import interpreted, types_of
+from foretouch.errors import ForetouchError
+from foretouch.export.entries import ENTRIES, Entry, structs
+from foretouch.export.lowering import RAISES, Function, Lowered
+from foretouch.export.structs import PREFIX, Struct, runs
+from foretouch.export.targets import TARGETS, Target
+
+WORDS = {"double": "double", "int64_t": "i64", "bool": "i8"}
+"""LLVM's types of numbers in memory, by C's."""
+NAMES = {types.float64: "double", types.int64: "int64_t", types.boolean: "bool"}
+"""C's types of numbers, by Numba's."""
+
+LINE, IMPOSSIBLE = "\n  ", "call void @llvm.assume(i1 false)"
+OPTIONS = {
+    "nopython": True,
+    "error_model": "numpy",
+    "no_cfunc_wrapper": True,
+    "no_cpython_wrapper": True,
+    "_nrt": False,
+}
+SHORT = 4  # Runs of at most so many equal words are stored one by one
+
+FILL = """
+define internal void @fill(ptr %place, i64 %word, i64 %count) noinline {
+entry:
+  br label %next
+next:
+  %k = phi i64 [ 0, %entry ], [ %then, %next ]
+  %at = getelementptr i64, ptr %place, i64 %k
+  store i64 %word, ptr %at
+  %then = add i64 %k, 1
+  %more = icmp ult i64 %then, %count
+  br i1 %more, label %next, label %done
+done:
+  ret void
+}
+declare void @llvm.memset.p0.i64(ptr, i8, i64, i1)
+"""
+
+
+def main(names: list[str]) -> None:
+    """Write what is made for targets of these names to the output."""
+    sys.stdout.buffer.write(pickle.dumps(emitted([TARGETS[name] for name in names])))
+
+
+def emitted(targets: list[Target]) -> list[Lowered]:
+    """The object files of all entries for targets."""
+    _inline_little()
+    llvm.initialize_all_targets()
+    llvm.initialize_all_asmprinters()
+    compiled = [_compiled(entry) for entry in ENTRIES]
+    functions = tuple(function for function, *_ in compiled)
+    taken = {kind for function in functions for _, kind in function.parameters}
+    begun = [struct for struct in structs() if struct.name in taken]
+    texts = [text for _, *two in compiled for text in two] + ["\n".join([FILL, *map(_initial, begun)])]
+    kept = {PREFIX + name for name in (*(one.name for one in functions), *(f"{one.name}_init" for one in begun))}
+    return [Lowered(_object(target, texts, kept), functions) for target in targets]
+
+
+def _object(target: Target, texts: list[str], kept: set[str]) -> bytes:
+    """The object file of modules for a target, of which these names can be linked to."""
+    machine = llvm.Target.from_triple(target.triple).create_target_machine(
+        cpu=target.processor, features=target.features, opt=2, reloc="pic", codemodel="default"
+    )
+    heading = f'target datalayout = "{machine.target_data}"\ntarget triple = "{target.triple}"\n'
+    module = llvm.parse_assembly(heading)
+    for text in texts:
+        module.link_in(_parsed(heading, text))
+    _hide(module, kept)
+    _optimise(module, machine)
+    for name in sorted(one.name for one in module.functions):
+        if name.startswith(RAISES):
+            raise ForetouchError(f"{name.removeprefix(RAISES)} may raise, which no function of C does")
+        if name.startswith("NRT_"):
+            raise ForetouchError("a kernel makes an array, which no function of C does")
+    content: bytes = machine.emit_object(module)
+    return content
+
+
+def _inline_little() -> None:
+    """Leave it to LLVM what is inlined, whatever kernels ask of Numba for speed: the code is a third as large."""
+    FunctionDescriptor.inline = property(lambda _: False, lambda *_: None)
+
+
+def _parsed(heading: str, text: str) -> Any:
+    """A module of the target.
+
+    An index that a tuple does not have, which Numba would raise for, is taken for impossible: LLVM proves it, where it
+    inlines as much as for Python, and here it would have to be tested at each access.
+    """
+    beyond = re.findall(r"@\.const\.pickledata\.(\w+)\S* = .*tuple index out of range", text)
+    for digest in dict.fromkeys(beyond):
+        text = re.sub(rf"store ptr @\.const\.picklebuf\.{digest}\S*, ptr \S+(, align \d+)?", IMPOSSIBLE, text)
+    plain = re.sub(r"(?m)^target .*\n|^declare void @llvm\.assume.*\n", "", text)
+    return llvm.parse_assembly(f"{heading}{plain}\ndeclare void @llvm.assume(i1)\n")
+
+
+def _compiled(entry: Entry) -> tuple[Function, str, str]:
+    """An entry as a function of C; the kernel with all that it calls, and that function, as modules' texts."""
+    kernel = entry.kernel
+    # Compiled once more without what Python calls it by, and never taken from what is kept, which has no text.
+    function = CPUDispatcher(interpreted(kernel.function), targetoptions=OPTIONS)
+    given = types_of(kernel)
+    function.compile(given)
+    made = function.overloads[sigutils.normalize_signature(given)[0]]
+    own = function.py_func.__code__.co_varnames
+    leaves = [leaf for name, kind in zip(own, made.signature.args, strict=False) for leaf in _leaves(name, kind)]
+    results = [kind for _, kind, _ in _leaves("result", made.signature.return_type)]
+    parameters = [(name, kind) for name, kind, _ in leaves]
+    if entry.parameters:
+        parameters = [(name, kind) for name, (_, kind) in zip(entry.parameters, parameters, strict=True)]
+    wanted = Function(
+        entry.name, tuple(parameters), tuple(zip(entry.results or ("result",) * len(results), results, strict=True))
+    )
+    wrapper = _wrapper(wanted, made.fndesc.llvm_func_name, leaves, made.signature.return_type)
+    return wanted, made.library.get_llvm_str(), wrapper
+
+
+def _leaves(name: str, kind: Any) -> Iterator[tuple[str, Any, Any]]:
+    """What a parameter of a kernel is for C: records and numbers, those of tuples one by one, with Numba's types."""
+    bare = kind.dtype if isinstance(kind, types.Array) else kind
+    if isinstance(bare, types.Record):
+        yield _struct_name(bare), _struct_name(bare), kind
+    elif isinstance(kind, types.BaseTuple):
+        for index, part in enumerate(kind.types):
+            yield from _leaves(f"{name}_{index}", part)
+    elif kind != types.none:
+        yield name, NAMES[kind], kind
+
+
+def _struct_name(record: Any) -> str:
+    """What a record is called in C, of Numba's type, which does not know its class."""
+    names = {numba.from_dtype(struct.kind.layout): struct.name for struct in structs()}
+    if record not in names:
+        raise ForetouchError(f"entries.py has no Struct for a record of {', '.join(record.fields)}")
+    return names[record]
+
+
+def _memory(kind: Any) -> str:
+    """LLVM's type of a result in memory."""
+    if isinstance(kind, types.UniTuple):
+        return f"[{kind.count} x {_memory(kind.dtype)}]"
+    if isinstance(kind, types.BaseTuple):
+        return f"{{ {', '.join(map(_memory, kind.types))} }}"
+    return "ptr" if kind == types.none else WORDS[NAMES[kind]]
+
+
+def _places(kind: Any, at: str = "") -> Iterator[str]:
+    """Where the numbers of a result are, as indices."""
+    if isinstance(kind, types.BaseTuple):
+        for index, part in enumerate(kind.types):
+            yield from _places(part, f"{at}, i32 {index}")
+    else:
+        yield at
+
+
+def _wrapper(function: Function, called: str, leaves: list[tuple[str, Any, Any]], result: Any) -> str:
+    """A function with C's calling convention that calls a kernel with Numba's.
+
+    Numba's takes where to put the result and the error, and of an array its size, steps and address. It returns 0, or
+    -2 for None; anything else is an error.
+    """
+    given, passed, widened = [], [("ptr", "%result"), ("ptr", "%error")], []
+    for index, (_, kind, typed) in enumerate(leaves):
+        own = f"%p{index}"
+        word = WORDS.get(kind, "ptr")
+        if kind == "bool":
+            given.append(f"i1 noundef zeroext {own}")
+            widened.append(f"%b{index} = zext i1 {own} to i8")
+            own = f"%b{index}"
+        else:
+            given.append(f"{word} noundef {own}")
+        if isinstance(typed, types.Array):
+            size = ("i64", str(typed.dtype.size))
+            passed += [("ptr", "null"), ("ptr", "null"), ("i64", "1"), size, ("ptr", own), ("i64", "1"), size]
+        else:
+            passed.append((word, own))
+    handed, returned, last = _handed_on(function, result)
+    if returned == "void":
+        given += [f"ptr noundef %r{index}" for index in range(len(function.results))]
+    called_with = ", ".join(map(" ".join, passed))
+    return f"""
+declare i32 @{called}({", ".join(kind for kind, _ in passed)})
+declare void @{RAISES}{function.name}()
+define {returned} @{PREFIX}{function.name}({", ".join(given)}) {{
+  %result = alloca {_memory(result)}
+  %error = alloca ptr
+  {LINE.join(widened)}
+  %code = call i32 @{called}({called_with})
+  %none = icmp eq i32 %code, -2
+  %done = icmp eq i32 %code, 0
+  %right = or i1 %done, %none
+  br i1 %right, label %go, label %wrong
+wrong:
+  call void @{RAISES}{function.name}()
+  unreachable
+go:
+  {LINE.join(handed)}
+  ret {last}
+}}
+"""
+
+
+def _handed_on(function: Function, result: Any) -> tuple[list[str], str, str]:
+    """How a function hands on its results: the lines, its own type, and what it returns."""
+    if len(function.results) == 1:
+        word, kind = WORDS[function.results[0][1]], function.results[0][1]
+        lines = [f"%r = load {word}, ptr %result"]
+        if kind == "bool":
+            return [*lines, "%t = icmp ne i8 %r, 0"], "zeroext i1", "i1 %t"
+        return lines, word, f"{word} %r"
+    lines = []
+    for index, ((_, kind), place) in enumerate(zip(function.results, _places(result), strict=True)):
+        lines.append(f"%a{index} = getelementptr {_memory(result)}, ptr %result, i32 0{place}")
+        lines.append(f"%v{index} = load {WORDS[kind]}, ptr %a{index}")
+        lines.append(f"store {WORDS[kind]} %v{index}, ptr %r{index}")
+    return lines, "void", "void"
+
+
+def _initial(struct: Struct) -> str:
+    """A function of C that writes what a new record holds: nothing but zeros, and the runs of what is not."""
+    lines = [f"call void @llvm.memset.p0.i64(ptr %record, i8 0, i64 {struct.kind.layout.itemsize}, i1 false)"]
+    for place, count, word in runs(struct.begins):
+        if count > SHORT:
+            lines.append(f"%a{place} = getelementptr i8, ptr %record, i64 {place}")
+            lines.append(f"call void @fill(ptr %a{place}, i64 {word}, i64 {count})")
+            continue
+        for at in range(place, place + 8 * count, 8):
+            lines.append(f"%a{at} = getelementptr i8, ptr %record, i64 {at}")
+            lines.append(f"store i64 {word}, ptr %a{at}")
+    return f"define void @{PREFIX}{struct.name}_init(ptr noundef %record) {{\n  {LINE.join(lines)}\n  ret void\n}}"
+
+
+def _hide(module: Any, kept: set[str]) -> None:
+    """Make everything internal but what is kept, and call it what it is called in Python: Numba's names count up."""
+    for index, one in enumerate([*module.functions, *module.global_variables]):
+        if one.is_declaration or one.name in kept:
+            continue
+        one.linkage = "internal"
+        one.name = f"{_plain(one.name)}.{index}"
+
+
+def _plain(mangled: str) -> str:
+    """A function's name in Python, of the one that Numba gives it: the lengths of its words, each before it."""
+    words, rest = [], mangled.removeprefix("_ZN")
+    while length := re.match(r"\d+", rest):
+        end = length.end() + int(length[0])
+        words.append(rest[length.end() : end])
+        rest = rest[end:]
+    return ".".join(words) or "of"
+
+
+def _optimise(module: Any, machine: Any) -> None:
+    """Leave out and inline what is small then."""
+    for one in module.functions:
+        if not one.is_declaration:
+            one.add_function_attribute("optsize")
+    options = llvm.create_pipeline_tuning_options(speed_level=2)
+    options.loop_vectorization = options.slp_vectorization = False
+    builder = llvm.create_pass_builder(machine, options)
+    passes = llvm.create_new_module_pass_manager()
+    passes.add_global_dead_code_eliminate_pass()
+    passes.run(module, builder)
+    builder.getModulePassManager().run(module, builder)
+    passes.run(module, builder)

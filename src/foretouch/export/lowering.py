@@ -1,0 +1,93 @@
+"""Kernels as machine code of another processor: one object file, which needs the C library's mathematics and no more.
+
+Numba compiles a kernel to the language of LLVM, as it always does. Here the kernels' modules become one, so that what
+several of them call is in it once; each gets an entry with a plain C signature, and everything else becomes internal
+and may be left out or inlined. LLVM then makes code for the target of it.
+
+It is done in a process of its own (`lowered`), for what Numba does depends on its settings when it is imported: there
+it begins with nothing compiled, knows nothing of this machine's processor, and makes small code. So the bytes are the
+same on every machine.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+
+from foretouch.errors import ForetouchError
+from foretouch.export.targets import Target
+
+SETTINGS = {
+    "NUMBA_OPT": "1",
+    "NUMBA_CPU_NAME": "generic",
+    "NUMBA_CPU_FEATURES": "",
+    "NUMBA_LOOP_VECTORIZE": "0",
+    "NUMBA_SLP_VECTORIZE": "0",
+    "NUMBA_DISABLE_JIT": "0",
+}
+"""How Numba compiles what is exported."""
+
+LONGEST = 900  # Time that compiling may take [s]
+RAISES = "foretouch_raises_"
+"""Beginning of a name that is left in the code where a kernel may raise."""
+
+Parameter = tuple[str, str]
+"""Name of a parameter of C, and its type: ``"double"``, ``"int64_t"``, ``"bool"``, or the name of a struct."""
+
+
+@dataclass(frozen=True, slots=True)
+class Function:
+    """An entry as a function of C.
+
+    Attributes:
+        name: In C, without the prefix.
+        parameters: In their order; a struct is given by its address.
+        results: One is returned; several are written where pointers say.
+    """
+
+    name: str
+    parameters: tuple[Parameter, ...]
+    results: tuple[Parameter, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Lowered:
+    """What was made for a target.
+
+    Attributes:
+        content: The object file.
+        functions: Those of the entries, in their order.
+    """
+
+    content: bytes
+    functions: tuple[Function, ...]
+
+
+def lowered(*targets: Target) -> list[Lowered]:
+    """All entries for each of some targets, compiled in a process of its own.
+
+    Raises:
+        ForetouchError: They could not be compiled; the line says why.
+    """
+    with tempfile.TemporaryDirectory(prefix="foretouch-export-") as folder:
+        surroundings = os.environ | SETTINGS | {"NUMBA_CACHE_DIR": folder}
+        command = [
+            sys.executable,
+            "-c",
+            f"from foretouch.export.emitting import main; main({[target.name for target in targets]!r})",
+        ]
+        try:
+            made = subprocess.run(command, env=surroundings, capture_output=True, timeout=LONGEST, check=False)
+        except subprocess.TimeoutExpired:
+            raise ForetouchError(
+                f"export: compiling took longer than {LONGEST} s: try it on a quieter machine"
+            ) from None
+    if made.returncode:
+        last = made.stderr.decode(errors="replace").strip().rpartition("\n")[2]
+        raise ForetouchError(f"export: the kernels cannot be compiled: {last}")
+    result: list[Lowered] = pickle.loads(made.stdout)
+    return result
