@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-HERE = Path(__file__).parent
+Packages = dict[str, Path]
 STRICT = ["-Wall", "-Wextra", "-Werror", "-pedantic"]
 NATIVE = pytest.mark.skipif(os.uname().machine != "x86_64", reason="the program is for x86_64")
 

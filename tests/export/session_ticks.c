@@ -2,7 +2,7 @@
 
    Each begins with a letter: L or F, a struct as Python has it; l or f, the same as its init function makes it; h or a,
    telemetry or a model for the leader; t, its tick; c, a command for the follower; s, its tick with a sample. With
-   "shown" no messages are written, only what the ticks come to. */
+   "shown" no messages are written, only what the ticks come to; with "structs" both structs are, in the end. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -122,7 +122,7 @@ int main(int count, char **words)
             break;
         case 'l':
             foretouch_leader_init(&leader);
-            foretouch_leader_start(&leader, 11);
+            foretouch_leader_start(&leader, 1);
             break;
         case 'f':
             foretouch_follower_init(&follower);
@@ -150,6 +150,10 @@ int main(int count, char **words)
         default:
             abort();
         }
+    }
+    if (count > 1 && strcmp(words[1], "structs") == 0) {
+        put(&leader, sizeof leader);
+        put(&follower, sizeof follower);
     }
     return 0;
 }

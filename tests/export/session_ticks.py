@@ -23,7 +23,7 @@ from foretouch.session import SessionSettings
 from foretouch.session.steps import following, leading
 
 M = TypeVar("M", bound=Message)
-EPOCH, ASSUMED = 11, 1000  # Number of the leader's process; bytes that a model is taken to have
+EPOCH, ASSUMED = 1, 1000  # Number of the leader's process; bytes that a model is taken to have
 TICK, SAMPLE = struct.Struct("<qdqBB"), struct.Struct("<6dBdqqqBBB")
 SENT: int = (following.Published.layout.fields or {})["sent"][1]
 
@@ -36,6 +36,7 @@ class Player:
         self.leader = leading.Leader.new()
         self.follower = following.Following.new()
         self.shown: list[bytes] = []
+        self.felt, self.statuses = 0.0, set[int]()
 
     def play(self, taken: bytes) -> bytes:
         """What the program writes for this."""
@@ -83,6 +84,7 @@ class Player:
         now_ns, hand, period_ns, clutched, stopping = TICK.unpack_from(taken, at)
         leading.tick.entry(self.leader[0], now_ns, hand, period_ns, bool(clutched), bool(stopping))
         self.shown.append(clean(self.leader["shown"]).tobytes())
+        self.felt = max(self.felt, self.leader["shown"]["rendered_force"].item())
         return TICK.size
 
     def _take_c(self, taken: bytes, at: int) -> int:
@@ -102,6 +104,7 @@ class Player:
         record, flags = self.follower[0], (bool(stop), bool(release), bool(ended))
         following.tick.entry(record, tuple(sample), now_ns, period_ns, *flags)
         self.shown.append(clean(self.follower["shown"]).tobytes())
+        self.statuses.add(self.follower["shown"]["status"].item())
         if following.publish.entry(record, now_ns):
             self.shown.append(clean(self.follower["published"]).tobytes()[:SENT])
             following.published.entry(record, ASSUMED)

@@ -13,51 +13,23 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from packages import NATIVE, Packages, build, needs
 from safety_ticks import COLUMNS, random_ticks, run
 from typer.testing import CliRunner
 
 from foretouch.cli.app import app
-from foretouch.export import TARGETS, Lowered, lowered, write_package
+from foretouch.export import TARGETS, Lowered, write_package
+from foretouch.export.entries import ENTRIES
 from foretouch.export.structs import comments
 from foretouch.session.safety.kernel import Memory
 
 HERE = Path(__file__).parent
-STRICT = ["-Wall", "-Wextra", "-Werror", "-pedantic"]
-MATHEMATICS = {"ceil", "exp", "expm1", "floor", "fabs", "hypot", "log", "pow", "sqrt"}
+MATHEMATICS = {"ceil", "exp", "expm1", "floor", "fabs", "frexp", "hypot", "log", "pow", "sqrt"}
 MEMORY = {"memcpy", "memset"}
 
-Packages = dict[str, Path]
 
-
-@pytest.fixture(scope="module")
-def made() -> dict[str, Lowered]:
-    return dict(zip(TARGETS, lowered(*TARGETS.values()), strict=True))
-
-
-@pytest.fixture(scope="module")
-def packages(made: dict[str, Lowered], tmp_path_factory: pytest.TempPathFactory) -> Packages:
-    folder, result = tmp_path_factory.mktemp("export"), {}
-    for name, target in TARGETS.items():
-        result[name] = folder / name
-        write_package(result[name], target, lambda target: [made[target.name]])
-    return result
-
-
-def needs(*programs: str) -> None:
-    for program in programs:
-        if shutil.which(program) is None:
-            pytest.skip(f"{program} is not installed: make system installs it")
-
-
-def build(package: Path, into: Path, *compiler: str, source: Path = HERE / "safety_ticks.c") -> Path:
-    """A program of one source and the package."""
-    needs(compiler[0])
-    program = into / "-".join(word.strip("-=") for word in compiler if "/" not in word).replace(",", "")
-    kernels = package / "lib" / "foretouch_kernels.o"
-    command = [*compiler, *STRICT, "-pthread", f"-I{package}/include", source, kernels, "-lm", "-o", program]
-    done = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    return program
+def build_safety(package: Path, into: Path, *compiler: str, source: Path = HERE / "safety_ticks.c") -> Path:
+    return build(package, into, *compiler, source=source)
 
 
 def fed(command: list[object], rows: np.ndarray) -> bytes:
@@ -66,22 +38,19 @@ def fed(command: list[object], rows: np.ndarray) -> bytes:
     return done.stdout
 
 
-NATIVE = pytest.mark.skipif(os.uname().machine != "x86_64", reason="the program is for x86_64")
-
-
 @NATIVE
 @pytest.mark.parametrize(
     "compiler", ["gcc -std=c11 -O2", "clang -std=c11 -O2", "gcc -std=c11 -fsanitize=address,undefined"]
 )
 def test_the_same_bits_as_compiled_python(packages: Packages, tmp_path: Path, compiler: str) -> None:
-    program, rows = build(packages["x86_64"], tmp_path, *compiler.split()), random_ticks(100_000, 1)
+    program, rows = build_safety(packages["x86_64"], tmp_path, *compiler.split()), random_ticks(100_000, 1)
     assert fed([program], rows) == run(rows)
 
 
 @NATIVE
 @pytest.mark.long
 def test_the_same_bits_for_long(packages: Packages, tmp_path: Path) -> None:
-    program, rows = build(packages["x86_64"], tmp_path, "gcc", "-std=c11", "-O2"), random_ticks(1_000_000, 2)
+    program, rows = build_safety(packages["x86_64"], tmp_path, "gcc", "-std=c11", "-O2"), random_ticks(1_000_000, 2)
     assert fed([program], rows) == run(rows)
 
 
@@ -95,7 +64,7 @@ def interpreted_run(rows: np.ndarray) -> bytes:
 @NATIVE
 @pytest.mark.parametrize("count", [10_000, pytest.param(100_000, marks=pytest.mark.long)])
 def test_the_same_bits_as_interpreted_python(packages: Packages, tmp_path: Path, count: int) -> None:
-    program, rows = build(packages["x86_64"], tmp_path, "gcc", "-std=c11", "-O2"), random_ticks(count, 3)
+    program, rows = build_safety(packages["x86_64"], tmp_path, "gcc", "-std=c11", "-O2"), random_ticks(count, 3)
     assert fed([program], rows) == interpreted_run(rows) == run(rows)
 
 
@@ -108,7 +77,7 @@ def test_the_ticks_reach_every_status() -> None:
 
 @NATIVE
 def test_two_states_in_two_threads(packages: Packages, tmp_path: Path) -> None:
-    program, rows = build(packages["x86_64"], tmp_path, "gcc", "-std=c11", "-O2"), random_ticks(20_000, 4)
+    program, rows = build_safety(packages["x86_64"], tmp_path, "gcc", "-std=c11", "-O2"), random_ticks(20_000, 4)
     first, second = run(rows[:10_000]), run(rows[10_000:])
     size = 24 * 10_000
     both = first[:size] + first[size:] + second[:size] + second[size:]
@@ -117,7 +86,7 @@ def test_two_states_in_two_threads(packages: Packages, tmp_path: Path) -> None:
 
 def test_the_same_bits_on_aarch64(packages: Packages, tmp_path: Path) -> None:
     needs("qemu-aarch64")
-    program = build(packages["aarch64"], tmp_path, "aarch64-linux-gnu-gcc", "-std=c11", "-O2", "-static")
+    program = build_safety(packages["aarch64"], tmp_path, "aarch64-linux-gnu-gcc", "-std=c11", "-O2", "-static")
     rows = random_ticks(20_000, 5)
     assert fed(["qemu-aarch64", program], rows) == run(rows)
 
@@ -125,7 +94,7 @@ def test_the_same_bits_on_aarch64(packages: Packages, tmp_path: Path) -> None:
 @NATIVE
 @pytest.mark.parametrize("compiler", ["g++", "clang++"])
 def test_the_wrapper_of_cpp(packages: Packages, tmp_path: Path, compiler: str) -> None:
-    program = build(packages["x86_64"], tmp_path, compiler, "-std=c++17", source=HERE / "safety_wrapper.cpp")
+    program = build_safety(packages["x86_64"], tmp_path, compiler, "-std=c++17", source=HERE / "safety_wrapper.cpp")
     assert subprocess.run([program], capture_output=True, text=True, check=True).stdout == "0 1 0.001 2\n"
 
 
@@ -136,7 +105,8 @@ def test_the_code_needs_mathematics_and_memory_alone(packages: Packages, target:
     listed = subprocess.run(["nm", str(kernels)], capture_output=True, text=True, check=True).stdout
     assert set(re.findall(r" U (\w+)", listed)) <= MATHEMATICS | MEMORY
     exported = set(re.findall(r" T (\w+)", listed))
-    assert exported == {f"foretouch_safety_{name}" for name in ("init", "set", "keep", "limit")}
+    begins = "leader_init", "leader_unfelt_init", "follower_init", "safety_init", "safety_limits_init"
+    assert exported == {f"foretouch_{name}" for name in (*begins, *(entry.name for entry in ENTRIES))}
     assert not re.findall(r" [BbDdC] ", listed), "nothing is kept outside of the structs"
 
 
@@ -200,7 +170,7 @@ def something_else(folder: Path) -> list[str]:
         (a_file, "is there and is no folder"),
         (something_else, "holds something else than such a package"),
         (lambda folder: ["--out", str(folder / "no" / "x")], "there is no folder"),
-        (lambda _: ["--out", "/proc/foretouch-c"], "cannot be written"),
+        (lambda _: ["--out", "/sys/foretouch-c"], "cannot be written"),
     ],
 )
 def test_what_cannot_be_is_refused_before_anything_is_compiled(tmp_path: Path, given: Refused, line: str) -> None:

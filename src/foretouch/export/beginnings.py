@@ -9,12 +9,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.session.safety.safety import Safety
-from foretouch.session.settings import SessionSettings
+from foretouch.session.safety.safety import Safety, SafetyLimits
+from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.setup import make_session_robot
 from foretouch.session.steps import follower, leader
 from foretouch.session.steps.following import Following
-from foretouch.session.steps.sensing import safety_limits
 
 OWN = 1  # Number of a process that has not been given one
 
@@ -57,14 +56,13 @@ def beginnings(settings: SessionSettings) -> list[Beginning]:
     felt = leader.start(settings, epoch=OWN, device=settings.device).records
     unfelt = leader.start(settings, epoch=OWN).records
     followed = following_of(follower.start(robot.specification, settings, run=OWN))
-    limits = safety_limits(settings, robot.specification)
-    memory = Safety(limits, robot.specification.sample_period).memories
+    memory = Safety(SafetyLimits(), SAMPLE_PERIOD).memories
     return [
         Beginning("leader_init", "leader", felt, "A leader whose hand holds the device of the settings and feels it."),
         Beginning("leader_unfelt_init", "leader", unfelt, "A leader whose device moves only, such as a mouse."),
         Beginning("follower_init", "follower", followed, "A follower that has heard nothing and learnt nothing yet."),
-        Beginning("safety_init", "safety", memory, "Safety alone, with the limits of the settings."),
-        Beginning("safety_limits_init", "safety_limits", memory["limits"], "The limits of the settings."),
+        Beginning("safety_init", "safety", memory, "Safety alone, with limits that are often right."),
+        Beginning("safety_limits_init", "safety_limits", memory["limits"], "Limits that are often right."),
     ]
 
 
