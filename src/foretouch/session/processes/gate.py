@@ -57,7 +57,7 @@ class Gate:
         self._arrived = deque[tuple[int, Message]](maxlen=ARRIVED)
         self._arriving: FaultStage[Message] = FaultStage(faults)
         self._changed_ns = 0
-        self._process: dict[str, str] = {}
+        self._process: dict[str, str] = {}  # what a hello says of the program, once it has said it
         self.ended = ""
 
     def hear(self, message: Message) -> None:
@@ -82,7 +82,7 @@ class Gate:
                     self._take(*self._arrived.popleft())
                 for message in self._arriving.pop_due(time.monotonic_ns()):
                     self._pass_in(message)
-                if server.connected and greeter.due():
+                if server.connected and self._process and greeter.due():
                     greeter.greet(self._texts(link))
         server.exchange(0.0)
 
