@@ -147,6 +147,14 @@ public:
         return foretouch_follower_take(&state, command.data, command.size, now_ns, nullptr);
     }
 
+    // Whether a Stop message ends the session: it is of the leader that is obeyed, or of no leader.
+    bool ends(Bytes stop) const noexcept
+    {
+        foretouch_stop message;
+        return foretouch_stop_decode(stop.data, stop.size, &message) == FORETOUCH_OK
+            && (message.epoch == 0 || message.epoch == static_cast<std::uint64_t>(state.hearings[0].leases[0].epoch));
+    }
+
     // A tick at a time of a monotonic clock, this time after the last one really began [ns]; the position for the
     // robot [m].
     double tick(const foretouch_sample &sample, std::int64_t now_ns, std::int64_t period_ns, Asked asked = {}) noexcept

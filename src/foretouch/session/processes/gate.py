@@ -56,7 +56,7 @@ class Gate:
         self._names = {CHANNELS[name].kind: name for name in gate_channels(side)}
         self._arrived = deque[tuple[int, Message]](maxlen=ARRIVED)
         self._arriving: FaultStage[Message] = FaultStage(faults)
-        self._changed_ns = 0
+        self._changed_ns = self._obeyed = 0
         self._process: dict[str, str] = {}  # what a hello says of the program, once it has said it
         self.ended = ""
 
@@ -106,7 +106,7 @@ class Gate:
                 message = msgspec.structs.replace(message, holder=link.name)
             self._process = {"leader": message.holder, PROCESS: str(message.epoch)}
         elif isinstance(message, Telemetry):
-            self._process = {PROCESS: str(message.run)}
+            self._process, self._obeyed = {PROCESS: str(message.run)}, message.epoch
         link.publish(message)
 
     def _take(self, arrival_ns: int, message: Message) -> None:
@@ -119,7 +119,8 @@ class Gate:
             self._arriving.push(arrival_ns, message)
         elif not (isinstance(message, Hello) and message.role == self._side):
             self._pass_in(message)
-        if isinstance(message, Stop):
+        # A leader without control ends no session, whoever the follower is.
+        if isinstance(message, Stop) and (self._side == "leader" or message.epoch in (0, self._obeyed)):
             self.ended = message.reason or "the session was ended"
 
     def _pass_in(self, message: Message) -> None:
