@@ -16,6 +16,7 @@ from foretouch.robot import RobotSample
 from foretouch.session.safety import kernel as safety
 from foretouch.session.safety.safety import SafetyLimits
 from foretouch.session.steps import following, leading
+from foretouch.session.steps.tick import Follower
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +62,7 @@ NAMED = {
     safety.Memory: Struct(safety.Memory, "safety"),
     leading.Leader: Struct(leading.Leader, "leader"),
     following.Following: Struct(following.Following, "follower"),
-    following.Follower: Struct(following.Follower, "follower_memory"),
+    Follower: Struct(Follower, "follower_memory"),
 }
 """What is called otherwise in C than its class."""
 
