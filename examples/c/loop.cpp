@@ -166,10 +166,10 @@ struct Session {
         commands.arrive(now, [&](foretouch::Bytes message) { follower.take(message, now); });
         const foretouch_sample sample = robot.go_on(told);
         told = follower.tick(sample, now, period);
-        telemetry.send(follower.telemetry(sample, now, period, computed), now);
         if (follower.model(now, model)) {
             models.send(model, now);
         }
+        telemetry.send(follower.telemetry(sample, now, period, computed), now);
         return felt;
     }
 

@@ -71,10 +71,10 @@ public:
         asked.ended = ended || !network.connected();
         const foretouch_sample sample = shown(state);
         const double inwards = follower.tick(sample, now, period_ns, asked);
-        network.say(FORETOUCH_CHANNEL_TELEMETRY, follower.telemetry(sample, now, period_ns, computed));
         if (follower.model(now, model)) {
             network.say(FORETOUCH_CHANNEL_MODEL, model);
         }
+        network.say(FORETOUCH_CHANNEL_TELEMETRY, follower.telemetry(sample, now, period_ns, computed));
         std::array<double, 16> pose = begin;
         pose[Z] = begin[Z] - (std::isfinite(inwards) ? inwards : told);
         told = begin[Z] - pose[Z];

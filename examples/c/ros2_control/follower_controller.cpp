@@ -95,10 +95,10 @@ public:
             told = position;
         }
         (void)command_interfaces_[0].set_value(told); // of later versions it returns whether there was room
-        network->say(FORETOUCH_CHANNEL_TELEMETRY, follower->telemetry(sample, now, period.nanoseconds(), computed));
         if (follower->model(now, model)) {
             network->say(FORETOUCH_CHANNEL_MODEL, model);
         }
+        network->say(FORETOUCH_CHANNEL_TELEMETRY, follower->telemetry(sample, now, period.nanoseconds(), computed));
         computed = monotonic_ns() - now;
         return controller_interface::return_type::OK;
     }

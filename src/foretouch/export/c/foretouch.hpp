@@ -131,7 +131,8 @@ struct Asked {
     bool ended = false;   // the session is over: leave the robot as after a long silence
 };
 
-// The follower along a line: in each tick take the commands that have come, tick, and send the telemetry and the model.
+// The follower along a line: in each tick take the commands that have come, tick, and send the model where one is due,
+// and then the telemetry.
 class Follower {
 public:
     // run: number of this process, above 0, and larger in one that is started later.
@@ -162,7 +163,7 @@ public:
         return foretouch_follower_tick(&state, &sample, now_ns, period_ns, asked.stop, asked.release, asked.ended);
     }
 
-    // The telemetry of the newest tick; compute_ns is how long the one before took.
+    // The telemetry of the newest tick, after its model; compute_ns is how long the tick before took [ns].
     WrittenTelemetry telemetry(const foretouch_sample &sample, std::int64_t now_ns, std::int64_t period_ns,
         std::int64_t compute_ns) const noexcept
     {
