@@ -16,6 +16,8 @@ from packages import NATIVE, needs
 
 from foretouch.export import TARGETS, write_package
 from foretouch.link import free_endpoint
+from foretouch.recordings import read_session
+from foretouch.report import session_figures
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = ROOT / "examples" / "c"
@@ -157,11 +159,13 @@ def running() -> Iterator[list[Process]]:
 
 @pytest.mark.live
 def test_a_leader_in_c_feels_what_a_follower_in_python_presses(programs: dict[str, Path], tmp_path: Path) -> None:
-    between, at = free_endpoint(), free_endpoint()
+    between, beside, at = free_endpoint(), free_endpoint(), free_endpoint()
+    path = tmp_path / "session.mcap"
     with running() as processes:
         follower = Process(tmp_path, "follower", "follower", "--listen", between, "--position-delay", 0.08, *NETWORK)
-        gate = Process(tmp_path, "gate", "gate", "--connect", between, "--at", at, "--delay", 0.08, *NETWORK)
-        recorder = Process(tmp_path, "record", "record", tmp_path / "session.mcap", "--connect", between)
+        ends = ["--connect", between, "--listen", beside, "--at", at]
+        gate = Process(tmp_path, "gate", "gate", *ends, "--delay", 0.08, *NETWORK)
+        recorder = Process(tmp_path, "record", "record", path, "--connect", between, "--connect", beside)
         processes += [follower, gate, recorder]
         gate.wait_for("a leader may connect")
         follower.wait_for("waiting for a leader")
@@ -175,9 +179,15 @@ def test_a_leader_in_c_feels_what_a_follower_in_python_presses(programs: dict[st
         assert gate.ended()["ended"] == counts["ended"] == "the leader's time is over"
         assert counts["step_failures"] == counts["faulty_ticks"] == counts["follower_undecodable"] == 0
         assert recorder.ended()["problem"] is None
+    figures = session_figures(read_session(path))
+    assert figures["status"] == "ok"
+    assert figures["energy_margin_J"] >= 0.0
+    assert figures["largest_rendered_update_jump_N"] < 0.5
+    assert figures["prediction_error_percent"] < 0.6 * figures["delayed_force_error_percent"]
 
 
 @pytest.mark.live
+@pytest.mark.long
 @pytest.mark.parametrize("side", ["franka_follower", "try_controller"])
 def test_a_leader_in_c_feels_what_a_follower_in_cpp_presses(
     programs: dict[str, Path], tmp_path: Path, side: str
