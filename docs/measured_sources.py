@@ -74,6 +74,10 @@ _OF_PAGES: dict[str, dict[str, tuple[str, ...]]] = {
         "leave-rig-out": ("sensitivities:leave_rig_out", *TUNED),
         "designs": ("compare_designs:measure", "compare_designs:cells", "compare_designs:shown"),
     },
+    "docs/export.md": {
+        "sizes": ("measure_export:sizes", "foretouch.export.package:write_package"),
+        "gate": ("measure_export:gate", "foretouch.cli.commands.sides:gate"),
+    },
     "docs/faults.md": {"faults": ("measure_faults:main", "test_session_soak_fire", *LIVE)},
     "docs/identifiability.md": dict.fromkeys(("bounds", "twins"), ("draw_identifiability:shares",)),
     "docs/replay.md": {"replays": ("measure_results:replays", SIMULATE, REPLAY)},

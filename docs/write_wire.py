@@ -17,6 +17,7 @@ import numpy as np
 
 from foretouch.export.wire import WireField, fields_of, in_words, summary_of
 from foretouch.identification import SENSOR_SENTENCES
+from foretouch.link import CHANNEL_NUMBERS
 from foretouch.link.access import NAMED, key_to_send
 from foretouch.messages import CHANNELS, LARGEST_MESSAGE, STATUS_SENTENCES, VERSION, encode
 from foretouch.models import LAWS, ContactMapModel
@@ -50,10 +51,11 @@ def channels() -> str:
             f"`{channel.kind.__name__}`",
             channel.sender,
             f"{channel.rate:g}" if channel.rate else "on an event",
+            f"{CHANNEL_NUMBERS[channel.name]}",
         )
         for channel in CHANNELS.values()
     )
-    return table(("Key", "Message", "Sender", "Rate [1/s]"), rows)
+    return table(("Key", "Message", "Sender", "Rate [1/s]", "Number in a frame"), rows)
 
 
 def limits_of(field: WireField) -> str:

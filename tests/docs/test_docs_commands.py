@@ -125,7 +125,10 @@ OFFLINE: dict[tuple[str, ...], Callable[[list[str]], list[str]]] = {
 }
 """Commands that end by themselves, and their short forms."""
 
-LIVE = ("teleop", "follower", "leader", "record", "console", "stop", "release", "camera", "bridge", "doctor")
+ALONE = ("teleop", "stop", "release", "camera", "bridge", "gate", "doctor")
+"""Commands of a session in real time that have a test of their own, and no place in a lap."""
+
+LIVE = ("follower", "leader", "record", "console", *ALONE)
 """Commands of a session in real time."""
 
 ELSEWHERE = "ros2@"
@@ -420,7 +423,7 @@ def test_a_doctor_looks_and_answers(
 
 def laps() -> Iterator[dict[str, str]]:
     """The commands of single sides, combined so that each is in at least one lap; robots are stopped in the first."""
-    names = [name for name in LIVE if name not in ("teleop", "stop", "release", "camera", "bridge", "doctor")]
+    names = [name for name in LIVE if name not in ALONE]
     here = {name: [text for text in of(name) if ELSEWHERE not in text] for name in names}
     sides = {name: sorted(texts, key=lambda text: SHADOW in text) for name, texts in here.items()}
     stops = of("stop")
@@ -443,8 +446,11 @@ def on_this_machine(text: str, kind: str, ports: tuple[int, int]) -> list[str]:
         ("camera", "--connect"): [0],
         ("camera", "--listen"): [1],
         ("bridge", "--connect"): [0, 1],
+        ("gate", "--connect"): [0],
+        ("gate", "--listen"): [0],
+        ("gate", "--at"): [1],
     }
-    for option in ("--listen", "--connect"):
+    for option in ("--listen", "--connect", "--at"):
         places = [i + 1 for i, word in enumerate(words) if word == option]
         for number, place in enumerate(places):
             words[place] = f"{kind}/127.0.0.1:{ports[expected[words[0], option][number]]}"
@@ -541,6 +547,16 @@ def test_a_bridge_tries_until_it_is_told_to_end(
     assert running[0].stderr.readline().startswith("bridge: no ROS 2 router at tcp/127.0.0.1:")
     running[0].send_signal(signal.SIGTERM)
     assert json.loads(finish(running[0])) == {"ended": "terminated", "sent": {}, "unsent": 0}
+
+
+@pytest.mark.network
+@pytest.mark.parametrize("text", one_now(of("gate")), ids=str)
+def test_a_gate_waits_until_it_is_told_to_end(text: str, tmp_path: Path, running: list[subprocess.Popen[str]]) -> None:
+    running.append(start([*on_this_machine(text, "tcp", (free_port(), free_port())), "--json"], tmp_path))
+    assert running[0].stderr is not None
+    assert " may connect at tcp/127.0.0.1:" in running[0].stderr.readline()
+    running[0].send_signal(signal.SIGTERM)
+    assert json.loads(finish(running[0])) == {"ended": "terminated", "taken": 0, "handed": 0, "dropped": 0}
 
 
 # --- Python -----------------------------------------------------------------------------------------------------------

@@ -95,7 +95,7 @@ def _root(
 
 for command in (
     *(sessions.teleop, sessions.simulate),
-    *(sides.leader, sides.follower, sides.stop, keys.release),
+    *(sides.leader, sides.follower, sides.gate, sides.stop, keys.release),
     *(watchers.camera, watchers.record, watchers.console),
     *(offline.identify, offline.predict, offline.report, sessions.replay),
     *(studies.compare, studies.sweep, studies.reproduce),

@@ -18,6 +18,7 @@ from typing import Any
 
 import msgspec
 
+from foretouch.link import CHANNEL_NUMBERS
 from foretouch.messages import CHANNELS, LARGEST_MESSAGE, VERSION
 
 FEW = 36
@@ -181,11 +182,18 @@ def header() -> str:
         + f"#define FORETOUCH_WIRE_VERSION {VERSION}\n",
         _comment("Largest message that is sent or read [bytes].")
         + f"#define FORETOUCH_LARGEST_MESSAGE {LARGEST_MESSAGE}\n",
+        _channels(),
         *map(_struct, _with_records(kinds())),
         *map(_functions, kinds()),
         "#ifdef __cplusplus\n}\n#endif\n\n#endif\n",
     ]
     return "\n".join(parts)
+
+
+def _channels() -> str:
+    numbers = ",\n".join(f"    FORETOUCH_CHANNEL_{name.upper()} = {number}" for name, number in CHANNEL_NUMBERS.items())
+    text = "Number of each channel in a frame of `foretouch gate`."
+    return _comment(text) + f"typedef enum {{\n{numbers}\n}} foretouch_channel;\n"
 
 
 def _with_records(every: Iterable[type[msgspec.Struct]]) -> Iterator[type[msgspec.Struct]]:

@@ -17,6 +17,7 @@ from foretouch.link.access import (
 from foretouch.link.certificates import CERTIFICATE_DAYS, WARNING_DAYS, Identity
 from foretouch.link.faults import Faults, FaultStage
 from foretouch.link.followers_here import WaitingNote, followers
+from foretouch.link.frames import CHANNEL_NUMBERS, FrameServer
 from foretouch.link.key_folder import ROLES, KeyFolder, default_key_folder
 from foretouch.link.sequence import SequenceCounter
 from foretouch.link.zenoh_link import ASKING_PERIOD_NS, STOPPING_CHANNELS, ZenohLink, ask_to_stop, new_press
@@ -24,12 +25,14 @@ from foretouch.link.zenoh_link import ASKING_PERIOD_NS, STOPPING_CHANNELS, Zenoh
 __all__ = [
     "ASKING_PERIOD_NS",
     "CERTIFICATE_DAYS",
+    "CHANNEL_NUMBERS",
     "ROLES",
     "STOPPING_CHANNELS",
     "WARNING_DAYS",
     "Credentials",
     "FaultStage",
     "Faults",
+    "FrameServer",
     "Identity",
     "KeyFolder",
     "SequenceCounter",

@@ -42,6 +42,15 @@ def _parse(endpoint: str) -> tuple[str, str, int]:
     return match["kind"], match["six"] or match["host"], port
 
 
+def address_of(endpoint: str) -> tuple[str, int]:
+    """Host and port of an endpoint.
+
+    Raises:
+        LinkError: The endpoint is malformed.
+    """
+    return _parse(endpoint)[1:]
+
+
 def is_encrypted(endpoint: str) -> bool:
     """Whether what goes there is encrypted and both ends are checked.
 

@@ -11,6 +11,7 @@ from foretouch.session.operators import (
     require_simulated_operator,
     require_simulated_time,
 )
+from foretouch.session.processes.gate import Gate, gate_channels
 from foretouch.session.processes.processes import run_processes
 from foretouch.session.processes.recorder import RECORDER_CHANNELS, RECORDING_INCOMPLETE, Recorder, run_recorder
 from foretouch.session.replay.machines import recorded_settings
@@ -38,6 +39,7 @@ __all__ = [
     "SHADOW_CHANNELS",
     "FramedDevice",
     "FramedRobot",
+    "Gate",
     "Housekeeper",
     "MediatedForce",
     "Process",
@@ -51,6 +53,7 @@ __all__ = [
     "felt_texts",
     "framed_device",
     "framed_robot",
+    "gate_channels",
     "give_way",
     "inverse",
     "make_moved_robot",

@@ -1,4 +1,4 @@
-"""Commands that run one side of a session, or stop its robot: each a process of its own, on this machine or another."""
+"""Commands that run one side of a session, let one in, or stop its robot: each a process of its own."""
 
 from __future__ import annotations
 
@@ -15,10 +15,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from foretouch.cli.options import (
+    ENDED,
     Answer,
     Duration,
     Endpoints,
     Parent,
+    changed_settings,
     command,
     insecurity,
     open_link,
@@ -29,8 +31,8 @@ from foretouch.cli.options import (
     unchecked,
 )
 from foretouch.cli.remembering import Remember, keep, settings_with
-from foretouch.errors import LinkError, RecordingError, SettingError, one_line
-from foretouch.settings import LEADER_SETTINGS
+from foretouch.errors import LinkError, RecordingError, SettingError, UnknownNameError, one_line
+from foretouch.settings import FAULTS, LEADER_SETTINGS, NETWORK
 
 if TYPE_CHECKING:
     from foretouch.devices import Device, SpatialDevice
@@ -134,6 +136,45 @@ def leader(
         finally:  # a device that is felt gives no force after its session, however that ended
             close_operator(moved_by)
     return Answer(ran)
+
+
+@command(endpoints=Endpoints, faults=changed_settings(NETWORK, *FAULTS, "seed"))
+def gate(
+    *,
+    endpoints: Endpoints,
+    at: Annotated[
+        str, typer.Option(help="Where the program connects, one at a time: an address of this machine, tcp/HOST:PORT.")
+    ] = "tcp/127.0.0.1:7460",
+    side: Annotated[str, typer.Option(help="Whose place the program takes: leader or follower.")] = "leader",
+    delay: Annotated[float, typer.Option(help="One-way delay of what comes to the program [s], 0 to 10.")] = 0.0,
+    faults: dict[str, Any],
+) -> Answer:
+    """Let a program in another language be the leader or the follower of a session, over plain TCP.
+
+    The program is built with `foretouch export c` and needs no Zenoh and no keys: those are the gate's. Whoever can
+    connect there may command the robot, so that it is an address of this machine alone, unless --insecure is given.
+
+    Example: foretouch gate --connect tcp/127.0.0.1:7447 --at tcp/127.0.0.1:7460
+    """
+    from foretouch.link import ROLES, Faults, FrameServer
+    from foretouch.session import Gate, StopFlag, be_prompt, gate_channels
+
+    sides = ROLES[:2]
+    if side not in sides:
+        raise UnknownNameError("side", side, sides)
+    other = next(one for one in sides if one != side)
+    server = FrameServer(at, lambda line: say(f"gate: {line}"), insecure=endpoints.insecure)
+    stop = StopFlag().on_signals()
+    with contextlib.closing(server):
+        passes_on = Gate(side, server, Faults(delay=delay, **faults))
+        be_prompt()
+        with open_link(side, endpoints, gate_channels(side), passes_on.hear) as link:
+            say(f"gate: a {side} may connect at {at}")
+            passes_on.run(link, lambda: bool(stop.reason or link.other_version({other})))
+            if (error := link.other_version({other})) is not None:
+                raise error
+    say(f"gate: ended: {passes_on.ended or stop.reason or ENDED}")
+    return Answer({"ended": passes_on.ended or stop.reason or ENDED} | passes_on.counts())
 
 
 @command(endpoints=Endpoints)
