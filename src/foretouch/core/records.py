@@ -112,8 +112,8 @@ def _kind_and_shape(hint: Any) -> tuple[Any, Any]:
 
 
 WORD = 8
-"""Bytes of a number: records, too, begin where their address is a multiple of it, as C places them. NumPy would forget
-that of a record in a record."""
+"""Bytes of the largest number: records begin where their address is a multiple of it, as C places them, and a number where
+it is one of its own size. NumPy would forget that of a record in a record."""
 
 
 def _placed(fields: dict[str, tuple[Any, Any]]) -> np.dtype[Any]:
@@ -121,7 +121,7 @@ def _placed(fields: dict[str, tuple[Any, Any]]) -> np.dtype[Any]:
     formats = [(getattr(kind, "layout", kind), shape) for kind, shape in fields.values()]
     offsets, end = [], 0
     for (kind, _), format_ in zip(fields.values(), formats, strict=True):
-        end = end if kind is np.bool_ else _whole(end)
+        end = _whole(end, WORD if issubclass(kind, Record) else np.dtype(kind).itemsize)
         offsets.append(end)
         end += np.dtype(format_).itemsize
     placed: Any = {"names": list(fields), "formats": formats, "offsets": offsets, "itemsize": _whole(end)}
@@ -129,8 +129,8 @@ def _placed(fields: dict[str, tuple[Any, Any]]) -> np.dtype[Any]:
     return made
 
 
-def _whole(size: int) -> int:
-    return -(-size // WORD) * WORD
+def _whole(size: int, word: int = WORD) -> int:
+    return -(-size // word) * word
 
 
 def _setter(name: str) -> Callable[[Any, Any], None]:

@@ -17,9 +17,11 @@ from numba.core.registry import CPUDispatcher
 
 from foretouch.core.compiling import interpreted, types_of
 from foretouch.errors import ForetouchError
+from foretouch.export.beginnings import Beginning
 from foretouch.export.entries import ENTRIES, Entry, structs
 from foretouch.export.lowering import RAISES, Function, Lowered
-from foretouch.export.structs import PREFIX, Struct, runs
+from foretouch.export.packing import COUNT_BITS, LENGTH_BITS, packed
+from foretouch.export.structs import PREFIX
 from foretouch.export.targets import TARGETS, Target
 
 WORDS = {"double": "double", "int64_t": "i64", "bool": "i8"}
@@ -35,43 +37,80 @@ OPTIONS = {
     "no_cpython_wrapper": True,
     "_nrt": False,
 }
-SHORT = 4  # Runs of at most so many equal words are stored one by one
-
-FILL = """
-define internal void @fill(ptr %place, i64 %word, i64 %count) noinline {
+UNPACK = """
+define internal void @unpack(ptr %place, ptr %table, ptr %end) noinline {
 entry:
   br label %next
 next:
-  %k = phi i64 [ 0, %entry ], [ %then, %next ]
-  %at = getelementptr i64, ptr %place, i64 %k
-  store i64 %word, ptr %at
-  %then = add i64 %k, 1
-  %more = icmp ult i64 %then, %count
-  br i1 %more, label %next, label %done
-done:
+  %to = phi ptr [ %place, %entry ], [ %behind, %after ]
+  %from = phi ptr [ %table, %entry ], [ %then, %after ]
+  %token = load i64, ptr %from
+  %words = getelementptr i64, ptr %from, i64 1
+  %count = and i64 %token, COUNT
+  %shifted = lshr i64 %token, BITS
+  %length = and i64 %shifted, LENGTH
+  %distance = lshr i64 %token, FAR
+  %back = sub i64 0, %distance
+  %there = getelementptr i64, ptr %to, i64 %count
+  %behind = getelementptr i64, ptr %there, i64 %length
+  %then = getelementptr i64, ptr %words, i64 %count
+  %source = getelementptr i64, ptr %there, i64 %back
+  br label %tell
+tell:
+  %k = phi i64 [ 0, %next ], [ %k1, %told ]
+  %more = icmp ult i64 %k, %count
+  br i1 %more, label %told, label %copy
+told:
+  %a = getelementptr i64, ptr %words, i64 %k
+  %v = load i64, ptr %a
+  %b = getelementptr i64, ptr %to, i64 %k
+  store i64 %v, ptr %b
+  %k1 = add i64 %k, 1
+  br label %tell
+copy:
+  %m = phi i64 [ 0, %tell ], [ %m1, %copied ]
+  %left = icmp ult i64 %m, %length
+  br i1 %left, label %copied, label %after
+copied:
+  %c = getelementptr i64, ptr %source, i64 %m
+  %w = load i64, ptr %c
+  %d = getelementptr i64, ptr %there, i64 %m
+  store i64 %w, ptr %d
+  %m1 = add i64 %m, 1
+  br label %copy
+after:
+  %done = icmp eq ptr %then, %end
+  br i1 %done, label %out, label %next
+out:
   ret void
 }
-declare void @llvm.memset.p0.i64(ptr, i8, i64, i1)
 """
+for word, value in {
+    "COUNT": (1 << COUNT_BITS) - 1,
+    "BITS": COUNT_BITS,
+    "LENGTH": (1 << LENGTH_BITS) - 1,
+    "FAR": COUNT_BITS + LENGTH_BITS,
+}.items():
+    UNPACK = UNPACK.replace(word, str(value))
 
 
-def main(names: list[str]) -> None:
-    """Write what is made for targets of these names to the output."""
-    sys.stdout.buffer.write(pickle.dumps(emitted([TARGETS[name] for name in names])))
+def main() -> None:
+    """Write what is made for the targets that the input names, with the beginnings there, to the output."""
+    names, begins = pickle.loads(sys.stdin.buffer.read())
+    sys.stdout.buffer.write(pickle.dumps(emitted([TARGETS[name] for name in names], begins)))
 
 
-def emitted(targets: list[Target]) -> list[Lowered]:
-    """The object files of all entries for targets."""
+def emitted(targets: list[Target], begins: list[Beginning]) -> list[Lowered]:
+    """The object files of all entries and beginnings for targets."""
     _inline_little()
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
     compiled = [_compiled(entry) for entry in ENTRIES]
     functions = tuple(function for function, *_ in compiled)
-    taken = {kind for function in functions for _, kind in function.parameters}
-    begun = [struct for struct in structs() if struct.name in taken]
-    texts = [text for _, *two in compiled for text in two] + ["\n".join([FILL, *map(_initial, begun)])]
-    kept = {PREFIX + name for name in (*(one.name for one in functions), *(f"{one.name}_init" for one in begun))}
-    return [Lowered(_object(target, texts, kept), functions) for target in targets]
+    texts = [text for _, *two in compiled for text in two] + ["\n".join([UNPACK, *map(_initial, begins)])]
+    kept = {PREFIX + one.name for one in (*functions, *begins)}
+    said = tuple((one.name, one.struct, one.text) for one in begins)
+    return [Lowered(_object(target, texts, kept), functions, said) for target in targets]
 
 
 def _object(target: Target, texts: list[str], kept: set[str]) -> bytes:
@@ -109,6 +148,7 @@ def _parsed(heading: str, text: str) -> Any:
     for digest in dict.fromkeys(beyond):
         text = re.sub(rf"store ptr @\.const\.picklebuf\.{digest}\S*, ptr \S+(, align \d+)?", IMPOSSIBLE, text)
     plain = re.sub(r"(?m)^target .*\n|^declare void @llvm\.assume.*\n", "", text)
+    plain = plain.replace("@numba_frexp(", "@frexp(")  # which is the C library's, by another name
     return llvm.parse_assembly(f"{heading}{plain}\ndeclare void @llvm.assume(i1)\n")
 
 
@@ -167,7 +207,7 @@ def _places(kind: Any, at: str = "") -> Iterator[str]:
     if isinstance(kind, types.BaseTuple):
         for index, part in enumerate(kind.types):
             yield from _places(part, f"{at}, i32 {index}")
-    else:
+    elif kind != types.none:
         yield at
 
 
@@ -234,18 +274,18 @@ def _handed_on(function: Function, result: Any) -> tuple[list[str], str, str]:
     return lines, "void", "void"
 
 
-def _initial(struct: Struct) -> str:
-    """A function of C that writes what a new record holds: nothing but zeros, and the runs of what is not."""
-    lines = [f"call void @llvm.memset.p0.i64(ptr %record, i8 0, i64 {struct.kind.layout.itemsize}, i1 false)"]
-    for place, count, word in runs(struct.begins):
-        if count > SHORT:
-            lines.append(f"%a{place} = getelementptr i8, ptr %record, i64 {place}")
-            lines.append(f"call void @fill(ptr %a{place}, i64 {word}, i64 {count})")
-            continue
-        for at in range(place, place + 8 * count, 8):
-            lines.append(f"%a{at} = getelementptr i8, ptr %record, i64 {at}")
-            lines.append(f"store i64 {word}, ptr %a{at}")
-    return f"define void @{PREFIX}{struct.name}_init(ptr noundef %record) {{\n  {LINE.join(lines)}\n  ret void\n}}"
+def _initial(begin: Beginning) -> str:
+    """A function of C that writes what a new record holds, from a table of its words."""
+    words = packed(begin.record)
+    kind = f"[{len(words)} x i64]"
+    return f"""
+@{begin.name}.words = internal constant {kind} [{", ".join(f"i64 {word}" for word in words)}]
+define void @{PREFIX}{begin.name}(ptr noundef %record) {{
+  %end = getelementptr {kind}, ptr @{begin.name}.words, i64 1
+  call void @unpack(ptr %record, ptr @{begin.name}.words, ptr %end)
+  ret void
+}}
+"""
 
 
 def _hide(module: Any, kept: set[str]) -> None:

@@ -12,8 +12,10 @@ from typing import Any
 
 from foretouch.core.compiling import Kernel, interpreted
 from foretouch.export.structs import Struct, records_in, snake
+from foretouch.robot import RobotSample
 from foretouch.session.safety import kernel as safety
-from foretouch.session.safety.safety import Safety, SafetyLimits
+from foretouch.session.safety.safety import SafetyLimits
+from foretouch.session.steps import following, leading
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,20 +40,34 @@ class Entry:
         return inspect.getdoc(interpreted(self.kernel.function)) or ""
 
 
+SHOWN = RobotSample._fields[:-1]  # all but whether it holds, which is of arms
+ASKED = ("stop", "release", "ended")
+
 ENTRIES = (
+    Entry("leader_heard", leading.hear),
+    Entry("leader_adopt_received", leading.adopt),
+    Entry("leader_tick", leading.tick),
+    Entry("follower_take_received", following.take),
+    Entry("follower_step", following.tick, parameters=("follower", *SHOWN, "now_ns", "period_ns", *ASKED)),
+    Entry("follower_publish", following.publish),
+    Entry("follower_published", following.published),
     Entry("safety_set", safety.set_limits),
     Entry("safety_keep", safety.keep_safe, results=("aim", "status")),
     Entry("safety_limit", safety.limit),
 )
 
+NAMED = {
+    safety.Limits: Struct(safety.Limits, "safety_limits", described=SafetyLimits),
+    safety.Memory: Struct(safety.Memory, "safety"),
+    leading.Leader: Struct(leading.Leader, "leader"),
+    following.Following: Struct(following.Following, "follower"),
+    following.Follower: Struct(following.Follower, "follower_memory"),
+}
+"""What is called otherwise in C than its class."""
+
 
 @cache
 def structs() -> tuple[Struct, ...]:
     """The records of the entries, each after those that it is made of, which are called as their classes are."""
-    named = (
-        Struct(safety.Limits, "safety_limits", described=SafetyLimits),
-        Struct(safety.Memory, "safety", first=Safety(SafetyLimits(), 1e-3).memories),
-    )
-    known = {struct.kind: struct for struct in named}
-    every = dict.fromkeys(kind for struct in named for kind in records_in(struct.kind))
-    return tuple(known.get(kind, Struct(kind, snake(kind.__name__))) for kind in every)
+    every = dict.fromkeys(kind for one in NAMED for kind in records_in(one))
+    return tuple(NAMED.get(kind, Struct(kind, snake(kind.__name__))) for kind in every)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 
 from foretouch.export.entries import ENTRIES, Entry, structs
-from foretouch.export.lowering import Function, Parameter
+from foretouch.export.lowering import Function, Lowered, Parameter
 from foretouch.export.structs import PREFIX, TYPES, checked, comment, declared, sentence
 from foretouch.messages import STATUS_SENTENCES, Status
 
@@ -44,19 +44,18 @@ anything outside of the structs that it is given: several threads may call them 
 SI. A struct begins with its init function; it may be copied, and is moved by copying its bytes."""
 
 
-def header(target: str, version: str, functions: Iterable[Function]) -> str:
+def header(target: str, version: str, lowered: Lowered) -> str:
     """The text of ``foretouch.h``.
 
     Args:
         target: Name of the processor.
         version: Of foretouch.
-        functions: As they were lowered.
+        lowered: The functions.
     """
-    made, names = tuple(functions), {struct.kind: struct.name for struct in structs()}
+    made, names = lowered.functions, {struct.kind: struct.name for struct in structs()}
     parts = [TOP.format(top=comment(INTRODUCTION.format(version=version, target=target)), version=version)]
     parts += [_statuses(), *(declared(struct, names) for struct in structs())]
-    taken = {kind for function in made for _, kind in function.parameters}
-    parts += [_begins(struct.name) for struct in structs() if struct.name in taken]
+    parts += [_begins(*one) for one in lowered.begins]
     parts += [_declared(entry, function) for entry, function in zip(ENTRIES, made, strict=True)]
     placed = "\n".join(map(checked, structs()))
     parts.append(f"{comment('This compiler places every field where the code expects it.')}\n{placed}")
@@ -72,8 +71,8 @@ def _statuses() -> str:
     return "\n".join([*lines, f"}} {PREFIX}follower_status;"])
 
 
-def _begins(name: str) -> str:
-    return f"{comment('Write what a new one holds.')}\nvoid {PREFIX}{name}_init({PREFIX}{name} *{name});"
+def _begins(name: str, struct: str, said: str) -> str:
+    return f"{comment(said)}\nvoid {PREFIX}{name}({PREFIX}{struct} *{struct});"
 
 
 def _declared(entry: Entry, function: Function) -> str:

@@ -17,9 +17,11 @@ import subprocess
 import sys
 import tempfile
 from dataclasses import dataclass
+from typing import Any
 
 from foretouch.errors import ForetouchError
 from foretouch.export.targets import Target
+from foretouch.session.settings import SessionSettings
 
 SETTINGS = {
     "NUMBA_OPT": "1",
@@ -61,27 +63,40 @@ class Lowered:
     Attributes:
         content: The object file.
         functions: Those of the entries, in their order.
+        begins: Those that begin a struct: name, name of the struct, and what is said of it.
     """
 
     content: bytes
     functions: tuple[Function, ...]
+    begins: tuple[tuple[str, str, str], ...]
 
 
-def lowered(*targets: Target) -> list[Lowered]:
+def lowered(*targets: Target, settings: SessionSettings | None = None) -> list[Lowered]:
     """All entries for each of some targets, compiled in a process of its own.
+
+    Args:
+        *targets: Processors.
+        settings: Of the leader and the follower.
 
     Raises:
         ForetouchError: They could not be compiled; the line says why.
     """
+    # What structs begin with is computed by the same functions with nothing compiled, which gives the same bits.
+    chosen = SessionSettings() if settings is None else settings
+    begins = _done_apart("beginnings", chosen, {"NUMBA_DISABLE_JIT": "1"})
+    made: list[Lowered] = _done_apart("emitting", ([target.name for target in targets], begins), SETTINGS)
+    return made
+
+
+def _done_apart(module: str, given: Any, settings: dict[str, str]) -> Any:
+    """What `main` of a module of this room makes of something, in a process with these settings of Numba."""
+    command = [sys.executable, "-c", f"from foretouch.export.{module} import main; main()"]
     with tempfile.TemporaryDirectory(prefix="foretouch-export-") as folder:
-        surroundings = os.environ | SETTINGS | {"NUMBA_CACHE_DIR": folder}
-        command = [
-            sys.executable,
-            "-c",
-            f"from foretouch.export.emitting import main; main({[target.name for target in targets]!r})",
-        ]
+        surroundings = os.environ | settings | {"NUMBA_CACHE_DIR": folder}
         try:
-            made = subprocess.run(command, env=surroundings, capture_output=True, timeout=LONGEST, check=False)
+            made = subprocess.run(
+                command, input=pickle.dumps(given), env=surroundings, capture_output=True, timeout=LONGEST, check=False
+            )
         except subprocess.TimeoutExpired:
             raise ForetouchError(
                 f"export: compiling took longer than {LONGEST} s: try it on a quieter machine"
@@ -89,5 +104,4 @@ def lowered(*targets: Target) -> list[Lowered]:
     if made.returncode:
         last = made.stderr.decode(errors="replace").strip().rpartition("\n")[2]
         raise ForetouchError(f"export: the kernels cannot be compiled: {last}")
-    result: list[Lowered] = pickle.loads(made.stdout)
-    return result
+    return pickle.loads(made.stdout)

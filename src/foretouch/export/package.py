@@ -5,13 +5,17 @@ from __future__ import annotations
 import importlib.metadata
 import shutil
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from foretouch.errors import SettingError
 from foretouch.export.header import header
 from foretouch.export.lowering import Lowered, lowered
 from foretouch.export.targets import Target
+from foretouch.export.wire import sources
+from foretouch.identification import SENSOR_SENTENCES, ContactMap
+from foretouch.models import ContactMapModel
+from foretouch.models.law_kernel import LAW_NAMES
 
 TEMPLATES = Path(__file__).with_name("c")
 """What is written by hand: it is copied as it is, but for the words in `_words`."""
@@ -68,7 +72,8 @@ def require_place(out: Path) -> None:
 
 
 def _fill(folder: Path, target: Target, version: str, made: Lowered) -> None:
-    texts = {"include/foretouch.h": header(target.name, version, made.functions)}
+    texts = {"include/foretouch.h": header(target.name, version, made), "src/foretouch_names.inc": names()}
+    texts |= sources()
     words = {"@VERSION@": version, "@TARGET@": target.name}
     for template in sorted(TEMPLATES.iterdir()):
         if template.suffix in PLACES:
@@ -83,6 +88,21 @@ def _fill(folder: Path, target: Target, version: str, made: Lowered) -> None:
     Path(folder, OBJECT).parent.mkdir(exist_ok=True)
     Path(folder, OBJECT).write_bytes(made.content)
     shutil.copyfile(_licence(), folder / "LICENSE")
+
+
+def names() -> str:
+    """Tables of the names and sentences that ``foretouch_session.c`` reads and writes."""
+    sentences = [f"nothing is learnt: {said}" for said in SENSOR_SENTENCES.values()]
+    return (
+        f"/* Made by foretouch.export.package. */\n\n{_table('law_names', LAW_NAMES)}\n"
+        f'{_table("sensor_sentences", sentences)}\n#define ESTIMATOR "{ContactMap.name}"\n'
+        f'#define LEARNT_LAW "{ContactMapModel.law}"\n'
+    )
+
+
+def _table(name: str, texts: Iterable[str]) -> str:
+    rows = "".join(f'    "{text}",\n' for text in texts)
+    return f"static const char *const {name}[] = {{\n{rows}}};\n"
 
 
 def _licence() -> Path:

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.core.records import Record
 
@@ -31,18 +30,11 @@ class Struct:
         kind: The record.
         name: In C, without `PREFIX`.
         described: A class whose docstring describes the fields as its arguments, where the record's lines do not.
-        first: An array of one: what a new one holds; the record's own values where it is None.
     """
 
     kind: type[Record]
     name: str
     described: type | None = None
-    first: NDArray[Any] | None = None
-
-    @property
-    def begins(self) -> NDArray[Any]:
-        """What a new one holds, an array of one."""
-        return self.kind.new() if self.first is None else self.first
 
 
 def records_in(kind: type[Record]) -> Iterator[type[Record]]:
@@ -146,13 +138,3 @@ def _member(line: str, said: str) -> str:
         return line
     behind = f"{line} {comment(said)}"
     return behind if "\n" not in behind and len(behind) <= WIDTH else f"{comment(said, '    ')}\n{line}"
-
-
-def runs(first: NDArray[Any]) -> list[tuple[int, int, int]]:
-    """What a new record holds, as runs of equal words of 64 bits that are not 0: place [bytes], how many, word."""
-    words = np.frombuffer(first.tobytes(), "<u8")
-    edges = np.flatnonzero(np.diff(words)) + 1
-    begins = np.concatenate([[0], edges])
-    counts = np.diff(np.concatenate([begins, [words.size]]))
-    every = zip(begins.tolist(), counts.tolist(), strict=True)
-    return [(8 * begin, count, int(words[begin])) for begin, count in every if words[begin]]

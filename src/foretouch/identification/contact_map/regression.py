@@ -101,7 +101,8 @@ def forget(regression: Regression) -> None:
             covariance[i, k] = 0.0
     for p in range(2):
         part = regression.parts[p]
-        for begin in range(part.begin, part.begin + part.copies * part.knots, part.knots):
+        for copy in range(part.copies):
+            begin = part.begin + copy * part.knots
             for i in range(part.knots):  # a slice of an array into another takes seconds to compile
                 for k in range(part.knots):
                     covariance[begin + i, begin + k] = part.prior[i, k]
