@@ -12,9 +12,6 @@ function fail(text) { $("trouble").hidden = false; $("trouble").textContent = te
 // ---- The worker ----
 
 const bytesOf = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
-const wordsOf = (text) => new Uint32Array(bytesOf(text).buffer);
-const decoded = (records) => Object.fromEntries(Object.entries(records).map(
-  ([name, value]) => [name, typeof value === "string" ? wordsOf(value) : decoded(value)]));
 
 let worker = null;
 const heard = {}; // what is done with each kind of answer
@@ -24,16 +21,16 @@ function startWorker() {
   worker.onmessage = (event) => heard[event.data.from]?.(event.data);
   worker.onerror = (event) => fail(`The computing has stopped: ${event.message}`);
   const options = {
-    seed: 1, delay: Number($("delay").value), loss: Number($("loss").value) / 100, material: $("material").value,
+    seed: 1, delay: Number($("delay").value), loss: Number($("loss").value) / 100, material: Number($("material").value),
     delayed: false, clock: asked.get("clock") !== "off",
   };
-  worker.postMessage({ to: "begin", wasm: bytesOf(CONTENT.wasm).buffer, records: decoded(CONTENT.records), options });
+  worker.postMessage({ to: "begin", wasm: bytesOf(CONTENT.wasm).buffer, options });
 }
 const tell = (to, content) => worker.postMessage({ to, ...content });
 
 // ---- What is kept of the session to be shown ----
 
-const history = new Float64Array(WINDOW * COLUMNS);
+const ring = new Float64Array(WINDOW * COLUMNS);
 let latest = new Float64Array(COLUMNS), state = { has_model: false, surface: NaN, engaged: false }, total = 0;
 let waits = false, spare = null, rate = { at: 0, up: 0, down: 0, made: 0, now: 0 };
 
@@ -43,7 +40,7 @@ heard.frame = (message) => {
   const { rows, count } = message;
   for (let k = 0; k < count; k++) {
     const row = rows.subarray(k * COLUMNS, (k + 1) * COLUMNS);
-    history.set(row, (total++ % WINDOW) * COLUMNS);
+    ring.set(row, (total++ % WINDOW) * COLUMNS);
     latest = row.slice();
   }
   spare = rows.buffer;
@@ -182,15 +179,15 @@ function curve({ pen, px, py }, count, at, value, colour, dash, width) {
   pen.stroke();
 }
 
-let top = 4;
+let ceiling = 4;
 function drawPlot() {
   const count = Math.min(total, WINDOW), step = 8, shown = Math.floor(count / step);
   const row = (k) => ((total - 1 - (shown - 1 - k) * step + WINDOW) % WINDOW) * COLUMNS;
   let highest = 2;
-  for (let k = 0; k < shown; k++) highest = Math.max(highest, history[row(k) + FELT], history[row(k) + ARRIVED], history[row(k) + TRUE]);
-  top = Math.max(highest * 1.1, top - 0.02 * top);
-  const placed = axes($("plot"), -WINDOW / 1000, 0, -0.05 * top, top, " s");
-  const at = (k) => -((shown - 1 - k) * step) / 1000, value = (column) => (k) => history[row(k) + column];
+  for (let k = 0; k < shown; k++) highest = Math.max(highest, ring[row(k) + FELT], ring[row(k) + ARRIVED], ring[row(k) + TRUE]);
+  ceiling = Math.max(highest * 1.1, 0.98 * ceiling);
+  const placed = axes($("plot"), -WINDOW / 1000, 0, -0.05 * ceiling, ceiling, " s");
+  const at = (k) => -((shown - 1 - k) * step) / 1000, value = (column) => (k) => ring[row(k) + column];
   curve(placed, shown, at, value(TRUE), colours.true, [2, 3], 2);
   curve(placed, shown, at, value(ARRIVED), colours.late, [7, 4], 2);
   curve(placed, shown, at, value(FELT), colours.now, [], 2.5);
@@ -203,7 +200,7 @@ function swing() {
   const count = Math.min(total, 1500);
   let low = Infinity, high = -Infinity;
   for (let k = 0; k < count; k += 5) {
-    const hand = history[((total - 1 - k + WINDOW) % WINDOW) * COLUMNS + HAND];
+    const hand = ring[((total - 1 - k + WINDOW) % WINDOW) * COLUMNS + HAND];
     low = Math.min(low, hand);
     high = Math.max(high, hand);
   }
@@ -318,8 +315,15 @@ function bindControls() {
   $("delay").addEventListener("input", network);
   $("loss").addEventListener("input", network);
   network();
-  for (const { name, about } of CONTENT.materials) $("material").add(new Option(about, name));
-  $("material").addEventListener("change", () => tell("material", { material: $("material").value }));
+  CONTENT.materials.forEach(({ name }, k) => $("material").add(new Option(name, k)));
+  const material = () => say("material-says", CONTENT.materials[$("material").value].about);
+  material();
+  $("material").addEventListener("change", () => {
+    material();
+    total = 0;
+    if ($("auto").getAttribute("aria-pressed") !== "true") setAim(0);
+    tell("material", { material: Number($("material").value) });
+  });
   setAim(0);
 }
 

@@ -44,43 +44,20 @@ class Way {
   }
 }
 
-// A record as it begins: runs of equal words of 64 bits, as place, number, low half and high half of the word.
-function write(address, size, runs) {
-  new Uint8Array(memory.buffer, address, size).fill(0);
-  const words = new Uint32Array(memory.buffer);
-  for (let k = 0; k < runs.length; k += 4) {
-    for (let n = 0, at = (address + runs[k]) >> 2; n < runs[k + 1]; n++, at += 2) {
-      words[at] = runs[k + 2];
-      words[at + 1] = runs[k + 3];
-    }
-  }
-}
-
-function begin(name, record) { write(wasm[`page_${name}`](), wasm[`page_${name}_size`](), record); }
-
 class Session {
-  constructor(records, options) {
-    Object.assign(this, { records, now: 0, aim: 0, delayed: options.delayed, auto: false, material: options.material });
+  constructor(options) {
+    Object.assign(this, { options, now: 0, aim: 0, auto: false, delayed: options.delayed, epoch: 0 });
     this.draw = generator(options.seed + 2);
     this.up = new Way(options.seed);
     this.down = new Way(options.seed + 1);
     this.set(options.delay, options.loss);
-    begin("slide", records.slides[this.material]);
-    begin("hand", records.hand);
-    begin("follower", records.follower);
-    wasm.page_begin();
-    wasm.page_start_follower(1);
-    this.epoch = 0;
+    wasm.page_start_follower(options.material, 1);
+    wasm.page_start_hand();
     this.lead();
   }
   // Another leader, which knows nothing yet, and takes over from the one before.
-  lead() {
-    begin("leader", this.records.leader);
-    begin("delaying", this.records.delaying);
-    wasm.page_start_leader(++this.epoch);
-  }
+  lead() { wasm.page_start_leader(++this.epoch); }
   set(delay, loss) { this.up.set(this.now, delay, loss); this.down.set(this.now, delay, loss); }
-  press(material) { this.material = material; wasm.page_change(); begin("slide", this.records.slides[material]); }
   render(delayed) { if (delayed !== this.delayed) { this.delayed = delayed; this.lead(); } }
   receive(message) { new Uint8Array(memory.buffer, room, message.bytes.length).set(message.bytes); return message.bytes.length; }
   send(way, kind, size) { if (size > 0) way.push(this.now, kind, new Uint8Array(memory.buffer, room, size).slice()); }
@@ -99,7 +76,7 @@ class Session {
       if (message.kind === "model") wasm.page_adopt(this.receive(message)); else wasm.page_hear(this.receive(message));
     }
     wasm.page_lead(now, aim, this.delayed ? 1 : 0);
-    this.send(this.up, "command", wasm.page_command(now));
+    this.send(this.up, "command", wasm.page_command());
     return new Float64Array(memory.buffer, wasm.page_shown(), COLUMNS);
   }
 }
@@ -136,13 +113,22 @@ function pause(on) {
   if (!on) { began = performance.now() - session.now; run(); }
 }
 
+// Another material: all begins anew, with the network as it is.
+function restart(material) {
+  const { up, delayed, auto, options } = session;
+  session = new Session({ ...options, material, delayed, delay: up.delay, loss: up.loss });
+  session.auto = auto;
+  aimed = count = 0;
+  began = performance.now();
+}
+
 function frame(buffer) {
   const rows = buffer && buffer.byteLength >= 8 * COLUMNS * count ? new Float64Array(buffer) : new Float64Array(KEPT * COLUMNS);
   rows.set(shown.subarray(0, COLUMNS * count));
   const said = {
     from: "frame", rows, count, made, spent, now: session.now, up: session.up.bytes, down: session.down.bytes,
-    surface: wasm.page_surface(), has_model: wasm.page_has_model() !== 0, engaged: wasm.page_engaged() !== 0,
-    status: wasm.page_status(), energy: wasm.page_energy(),
+    has_model: wasm.page_has_model() !== 0, engaged: wasm.page_engaged() !== 0,
+    status: wasm.page_status(),
   };
   count = 0;
   postMessage(said, [rows.buffer]);
@@ -151,7 +137,7 @@ function frame(buffer) {
 // ---- A course without a clock, for tests and for measuring: it takes the place of the session ----
 
 function course(request) {
-  const own = (session = new Session(session.records, request)), rows = new Float64Array(request.aims.length * COLUMNS);
+  const own = (session = new Session(request)), rows = new Float64Array(request.aims.length * COLUMNS);
   const before = performance.now();
   request.aims.forEach((aim, k) => rows.set(own.tick(aim), k * COLUMNS));
   const elapsed = performance.now() - before;
@@ -162,8 +148,7 @@ function course(request) {
 
 const AT_ONCE = 25; // Time after which a long recording lets other messages through [ms]
 
-function startTrial(request, records) {
-  begin("trial", records.trial);
+function startTrial(request) {
   wasm.page_expect(request.delay);
   trial = { ...request, index: 0, learnt: 0, predicted: new Float64Array(request.time.length) };
   goOn(trial);
@@ -195,17 +180,17 @@ const ASKED = {
     wasm = instance.exports;
     memory = wasm.memory;
     room = wasm.page_room();
-    session = new Session(request.records, request.options);
+    session = new Session(request.options);
     postMessage({ from: "ready" });
     if (request.options.clock) pause(false);
   },
   aim(request) { session.aim = request.aim; if (request.ask) frame(request.buffer); },
   network(request) { session.set(request.delay, request.loss); },
-  material(request) { session.press(request.material); },
+  material(request) { restart(request.material); },
   delayed(request) { session.render(request.delayed); },
   auto(request) { session.auto = request.auto; },
   pause(request) { if (request.pause !== paused) pause(request.pause); },
   course(request) { course(request); },
-  trial(request) { startTrial(request, session.records); },
+  trial(request) { startTrial(request); },
 };
 onmessage = (event) => ASKED[event.data.to](event.data);
