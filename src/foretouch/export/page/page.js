@@ -278,6 +278,11 @@ function draw(now) {
   if (soundOn() && audio) { audio.now(latest[FELT]); audio.late(latest[ARRIVED]); }
   if ($("press").hidden || (still.matches && now - drawn < 100)) return;
   drawn = now;
+  if ($("auto").getAttribute("aria-pressed") === "true") {
+    aim = 1e3 * latest[AIM];
+    $("handle").value = aim;
+    say("handle-says", `${aim.toFixed(1)} mm`);
+  }
   drawScene();
   drawPlot();
   report(now);
@@ -290,7 +295,7 @@ function toggle(id, on) {
   SWITCHED[id](on);
 }
 const SWITCHED = {
-  auto: (auto) => tell("auto", { auto }),
+  auto: (auto) => tell("auto", { auto, aim: 1e-3 * aim }),
   delayed: (delayed) => tell("delayed", { delayed }),
   pause: (pause) => tell("pause", { pause }),
   sound: (on) => {

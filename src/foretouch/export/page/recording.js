@@ -92,38 +92,56 @@ heard.trial = (message) => {
 
 // ---- Scores, as `foretouch predict` has them ----
 
+// The value below which this percentage lies, straight between two of them, of values that are sorted.
+function percentile(sorted, percent) {
+  const at = (percent / 100) * (sorted.length - 1), low = Math.floor(at);
+  return low + 1 < sorted.length ? sorted[low] + (at - low) * (sorted[low + 1] - sorted[low]) : sorted[low];
+}
+const median = (values) => percentile(Float64Array.from(values).sort(), 50);
+
 function lowestMean(time, force) {
-  let sum = 0, lowest = Infinity, from = 0;
-  for (let k = 0; k < time.length; k++) {
-    sum += force[k];
-    while (time[k] - time[from] > TOUCH * (1 - 1e-9)) sum -= force[from++];
-    if (time[k] - time[0] >= TOUCH) lowest = Math.min(lowest, sum / (k - from + 1));
+  const period = median(time.slice(1).map((t, k) => t - time[k])), sums = [0], means = [];
+  force.forEach((value) => sums.push(sums[sums.length - 1] + value));
+  for (let k = 0, first = 0; k < time.length; k++) {
+    while (time[first] <= time[k] - TOUCH + 1e-3 * period) first++;
+    if (time[k] - time[0] >= TOUCH - 1.001 * period) means.push({ held: k + 1 - first, mean: (sums[k + 1] - sums[first]) / (k + 1 - first) });
   }
-  return Number.isFinite(lowest) ? lowest : Math.min(...force);
+  if (!means.length) return sums[force.length] / force.length;
+  const least = Math.min(10, median(means.map((one) => one.held)));
+  return means.reduce((lowest, { held, mean }) => (held >= least ? Math.min(lowest, mean) : lowest), Infinity);
 }
 
-// The zero of the force: the middle of the forces in free air, which is where the probe is further out than any contact.
+// Slope of the force over the position at chosen samples, by least squares.
+function slope(position, force, chosen) {
+  const rows = [...force.keys()].filter(chosen);
+  if (rows.length < 3) return 0;
+  const mean = (values) => rows.reduce((sum, k) => sum + values[k], 0) / rows.length, x = mean(position), f = mean(force);
+  let products = 0, squares = 0;
+  for (const k of rows) { products += (position[k] - x) * (force[k] - f); squares += (position[k] - x) ** 2; }
+  return squares > 0 ? products / squares : 0;
+}
+
+// The zero of the force: the median over the outermost tenth of positions where the force is level there, as it is in
+// free air; else the lowest mean.
 function zeroOf({ time, position, force }) {
-  const lowest = lowestMean(time, force), sorted = Float64Array.from(force).sort();
-  const high = sorted[Math.floor(0.98 * (sorted.length - 1))], least = Math.max(0.1 * (high - lowest), FLOOR);
-  let first = Infinity;
-  for (let k = 0; k < time.length; k++) if (force[k] - lowest > least) first = Math.min(first, position[k]);
-  const out = position.reduce((a, b) => Math.min(a, b), Infinity), air = force.filter((_, k) => position[k] < out + 0.5 * (first - out));
-  if (air.length < 20) return lowest;
-  return air.sort()[Math.floor(air.length / 2)];
+  const outermost = percentile(Float64Array.from(position).sort(), 10), outside = (k) => position[k] <= outermost;
+  const middle = median(force.filter((_, k) => outside(k)));
+  const threshold = Math.max(0.05 * (percentile(Float64Array.from(force).sort(), 98) - middle), FLOOR);
+  const contact = slope(position, force, (k) => force[k] > middle + threshold);
+  return Math.abs(slope(position, force, outside)) <= 0.05 * contact ? middle : lowestMean(time, force);
 }
 
 function scored(data, predicted, delay) {
   const { time, force } = data, zero = zeroOf(data), count = time.length;
   const measured = force.map((value) => value - zero), delayed = new Float64Array(count);
-  const period = (time[count - 1] - time[0]) / (count - 1);
+  const period = median(time.slice(1).map((t, k) => t - time[k]));
   for (let k = 0, at = -1; k < count; k++) {
     while (at + 1 < count && time[at + 1] <= time[k] - delay + 1e-3 * period) at++;
     delayed[k] = at < 0 ? 0 : measured[at];
   }
   const late = (k) => time[k] - time[0] >= SCORED_FROM - 1e-3 * period;
   const window = measured.filter((_, k) => late(k)).sort();
-  const threshold = Math.max(0.05 * window[Math.floor(0.98 * (window.length - 1))], FLOOR);
+  const threshold = Math.max(0.05 * percentile(window, 98), FLOOR);
   const sums = { force: 0, contact: 0, predicted: 0, scored: 0, delayed: 0 };
   for (let k = 0; k < count; k++) {
     if (!late(k)) continue;
