@@ -18,6 +18,7 @@ from foretouch.robot import RobotSample, slide
 from foretouch.session.safety import kernel as safety
 from foretouch.session.safety.safety import SafetyLimits
 from foretouch.session.steps import delaying, following, leading
+from foretouch.session.steps.tick import Follower
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +71,7 @@ NAMED = {
     safety.Memory: Struct(safety.Memory, "safety"),
     leading.Leader: Struct(leading.Leader, "leader"),
     following.Following: Struct(following.Following, "follower"),
-    following.Follower: Struct(following.Follower, "follower_memory"),
+    Follower: Struct(Follower, "follower_memory"),
     slide.Slide: Struct(slide.Slide, "slide"),
     hand_kernel.Held: Struct(hand_kernel.Held, "hand"),
     delaying.Delaying: Struct(delaying.Delaying, "delaying"),
