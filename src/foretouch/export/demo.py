@@ -37,7 +37,16 @@ LIBRARY = Path("/usr/lib/wasm32-wasi")
 """Where the C library for WebAssembly lies."""
 
 COMPILER = ("clang", "--target=wasm32-wasi", "-O2", "-std=c11", "-ffp-contract=off", "-c")
-LINKER = ("wasm-ld", "--no-entry", "--gc-sections", "--strip-all", "--compress-relocations", "-O2", "-z", "stack-size=262144")
+LINKER = (
+    "wasm-ld",
+    "--no-entry",
+    "--gc-sections",
+    "--strip-all",
+    "--compress-relocations",
+    "-O2",
+    "-z",
+    "stack-size=262144",
+)
 
 
 def write_page(out: Path, lower: Callable[[Target], list[Lowered]] = lowered) -> list[str]:
@@ -141,7 +150,10 @@ def page_text(module: bytes, example: str) -> str:
     return _filled((PARTS / "index.html").read_text(), words)
 
 
-EXAMPLE_SECONDS, EXAMPLE_STEP = 12, 4  # Length of the example [s], and ticks of 1 ms from one of its samples to the next
+EXAMPLE_SECONDS, EXAMPLE_STEP = (
+    12,
+    4,
+)  # Length of the example [s], and ticks of 1 ms from one of its samples to the next
 
 
 def example_recording() -> str:

@@ -69,8 +69,8 @@ class Session {
     let message;
     while ((message = this.up.pop(now))) wasm.page_take(this.receive(message), now);
     wasm.page_follow(now);
-    this.send(this.down, "telemetry", wasm.page_telemetry(now));
     this.send(this.down, "model", wasm.page_model(now));
+    this.send(this.down, "telemetry", wasm.page_telemetry(now));
     wasm.page_exchange(draw.normal(), draw.normal(), draw.normal());
     while ((message = this.down.pop(now))) {
       if (message.kind === "model") wasm.page_adopt(this.receive(message)); else wasm.page_hear(this.receive(message));

@@ -1,4 +1,4 @@
-"""A recording that is learnt from and predicted at once, compiled: `foretouch.identification.predict` without Python."""
+"""A recording that is learnt from and predicted, compiled: `foretouch.identification.predict` without Python."""
 
 from __future__ import annotations
 
@@ -14,10 +14,11 @@ from foretouch.identification.contact_map.kernel import LEARNT, Learning, learn_
 from foretouch.identification.contact_map.scores import LONGEST_HORIZON
 from foretouch.identification.contact_map.state import Bank
 from foretouch.identification.exact.belief import FEWEST_UPDATES
+from foretouch.models.contact_map.kernel import numbers_of
 from foretouch.models.contact_map.layout import SIZE, Map
 from foretouch.models.contact_map.wire import shrink
 from foretouch.models.law_kernel import MAP, NO_NUMBERS, NOTHING
-from foretouch.models.predictor_kernel import Prediction, adopt, catch_up, numbers_of, update
+from foretouch.models.predictor_kernel import Prediction, adopt, catch_up, update
 
 _adopt, _shrink, _catch_up, _update = adopt.function, shrink.function, catch_up.function, update.function
 

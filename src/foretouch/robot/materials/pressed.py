@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.core import Record, compiled

@@ -15,8 +15,9 @@ from foretouch.rendering.limits import limit
 from foretouch.rendering.tick import FARTHEST
 from foretouch.rendering.tick import move as take_hand
 from foretouch.session.settings import SAMPLE_PERIOD
-from foretouch.session.steps.baseline import LOCAL_DAMPING
 from foretouch.session.steps.leading import Leader, begin_tick, couple, decide
+
+LOCAL_DAMPING = 5.0  # Damping of the local damper that is added to a delayed force, at the hand [N s/m]
 
 
 class Delaying(Record):
