@@ -135,5 +135,3 @@ def differing(one: list[tuple[Any, ...]], other: list[tuple[Any, ...]]) -> int:
     """How many ticks differ."""
     assert len(one) == len(other)
     return sum(a != b for a, b in zip(one, other, strict=True))
-
-

@@ -9,6 +9,8 @@
 
 #include "foretouch_session.h"
 
+enum { ASSUMED = 1000 }; /* bytes that a model is taken to have, where no message is written */
+
 static foretouch_leader leader;
 static foretouch_follower follower;
 static uint8_t bytes[FORETOUCH_LARGEST_MESSAGE];
@@ -29,10 +31,8 @@ static void put(const void *place, size_t size)
 static void put_message(size_t size)
 {
     uint32_t length = (uint32_t)size;
-    if (!shown_alone) {
-        put(&length, sizeof length);
-        put(bytes, size);
-    }
+    put(&length, sizeof length);
+    put(bytes, size);
 }
 
 static double number(void)
@@ -76,7 +76,9 @@ static void tick_leader(void)
         abort();
     }
     put(&leader.shown, sizeof leader.shown);
-    put_message(shown_alone ? 0 : foretouch_leader_command(&leader, "anna", bytes, sizeof bytes));
+    if (!shown_alone) {
+        put_message(foretouch_leader_command(&leader, "anna", bytes, sizeof bytes));
+    }
 }
 
 static void tick_follower(void)
@@ -94,11 +96,14 @@ static void tick_follower(void)
     bool stop = flag(), release = flag(), ended = flag();
     foretouch_follower_tick(&follower, &sample, now, period, stop, release, ended);
     put(&follower.shown, sizeof follower.shown);
-    size_t size = foretouch_follower_model(&follower, now, bytes, sizeof bytes);
-    if (shown_alone && size > 0) {
-        put(&follower.published[0], offsetof(foretouch_published, sent));
+    if (shown_alone) {
+        if (foretouch_follower_publish(&follower, now)) {
+            put(&follower.published[0], offsetof(foretouch_published, sent));
+            foretouch_follower_published(&follower, ASSUMED);
+        }
+        return;
     }
-    put_message(size);
+    put_message(foretouch_follower_model(&follower, now, bytes, sizeof bytes));
     put_message(foretouch_follower_telemetry(&follower, &sample, now, period, compute, bytes, sizeof bytes));
 }
 
@@ -146,7 +151,5 @@ int main(int count, char **words)
             abort();
         }
     }
-    put(&leader, sizeof leader);
-    put(&follower, sizeof follower);
     return 0;
 }

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from packages import NATIVE, build, needs
+from packages import NATIVE, build
 from session_log import Log, differing, read_given, watched
 
 from foretouch.session import SessionSettings, simulate

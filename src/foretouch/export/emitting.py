@@ -108,7 +108,7 @@ def emitted(targets: list[Target], begins: list[Beginning]) -> list[Lowered]:
     compiled = [_compiled(entry) for entry in ENTRIES]
     functions = tuple(function for function, *_ in compiled)
     texts = [text for _, *two in compiled for text in two] + ["\n".join([UNPACK, *map(_initial, begins)])]
-    kept = {PREFIX + one.name for one in (*functions, *begins)}
+    kept = {PREFIX + name for name in (*(one.name for one in functions), *(one.name for one in begins))}
     said = tuple((one.name, one.struct, one.text) for one in begins)
     return [Lowered(_object(target, texts, kept), functions, said) for target in targets]
 

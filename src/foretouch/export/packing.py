@@ -18,7 +18,9 @@ first. A copy may overlap what it writes, so that equal words in a row are one."
 
 def packed(first: NDArray[np.void]) -> list[int]:
     """The tokens of a record, each with the words that follow it."""
-    words: list[int] = np.frombuffer(first.tobytes(), "<u8").tolist()
+    clean = np.zeros(1, first.dtype)  # what lies between two fields is anything, and is not copied
+    clean[:] = first
+    words: list[int] = np.frombuffer(clean.tobytes(), "<u8").tolist()
     result: list[int] = []
     told: list[int] = []
     for begin, end, back in _pieces(words):
