@@ -6,7 +6,7 @@ export PYTHON
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help setup system teleop test test-interpreted check mark-earlier test-long attack soak sweep bench bench-check bench-baseline docs gallery screenshots lock clean
+.PHONY: help setup system teleop test test-interpreted check mark-earlier test-long attack soak sweep bench bench-check bench-baseline demo docs gallery screenshots lock clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -82,6 +82,11 @@ bench-check: setup  ## is anything slower than it was? ratios against the commit
 
 bench-baseline: setup  ## keep this machine's ratios as the baseline of bench-check
 	@$(BIN)/foretouch bench --write-baseline src/foretouch/bench/baseline.json
+
+demo: setup  ## write the browser page into out/demo: open out/demo/index.html
+	@tools/system clang lld wasi-libc || true
+	@mkdir -p out
+	@$(BIN)/foretouch export page --out out/demo
 
 docs: setup  ## build the documentation site into docs/_build, warnings as errors
 	@$(BIN)/sphinx-build -q -W --keep-going -b html docs docs/_build

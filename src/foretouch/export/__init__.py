@@ -4,6 +4,7 @@ The guide is `docs/export.md`, and the wire format `docs/wire.md`. `write_packag
 the code in it, and `wire_sources` the messages.
 """
 
+from foretouch.export.demo import require_page_place, require_tools, write_page
 from foretouch.export.lowering import Function, Lowered, lowered
 from foretouch.export.package import require_place, write_package
 from foretouch.export.targets import TARGETS, Target, target_named
@@ -15,8 +16,11 @@ __all__ = [
     "Lowered",
     "Target",
     "lowered",
+    "require_page_place",
     "require_place",
+    "require_tools",
     "target_named",
     "wire_sources",
     "write_package",
+    "write_page",
 ]

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import pickle
 import sys
+from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,10 +13,22 @@ from numpy.typing import NDArray
 
 from foretouch.session.safety.safety import Safety, SafetyLimits
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
+=======
+from foretouch.devices import GRIPS
+from foretouch.robot import make_material
+from foretouch.robot.slide import make_slide
+from foretouch.session.safety.safety import Safety
+from foretouch.session.settings import SessionSettings
+>>>>>>> page
 from foretouch.session.setup import make_session_robot
 from foretouch.session.steps import follower, leader
+from foretouch.session.steps.delaying import Delaying
 from foretouch.session.steps.following import Following
 
+PRESSED = ("foam-measured", "hand", "sponge", "hunt-crossley", "kelvin-voigt", "bone")
+"""Materials that are exported: those whose law is compiled (`foretouch.robot.materials.pressed`)."""
+
+GRIP = "normal"  # of the simulated hand
 OWN = 1  # Number of a process that has not been given one
 
 
@@ -55,15 +69,28 @@ def beginnings(settings: SessionSettings) -> list[Beginning]:
     robot, _ = make_session_robot(settings)
     felt = leader.start(settings, epoch=OWN, device=settings.device).records
     unfelt = leader.start(settings, epoch=OWN).records
+    held = leader.start(replace(settings, grip=GRIP), epoch=OWN).records
     followed = following_of(follower.start(robot.specification, settings, run=OWN))
     memory = Safety(SafetyLimits(), SAMPLE_PERIOD).memories
     return [
         Beginning("leader_init", "leader", felt, "A leader whose hand holds the device of the settings and feels it."),
         Beginning("leader_unfelt_init", "leader", unfelt, "A leader whose device moves only, such as a mouse."),
+        Beginning("leader_held_init", "leader", held, "A leader whose device is held by a simulated hand."),
         Beginning("follower_init", "follower", followed, "A follower that has heard nothing and learnt nothing yet."),
         Beginning("safety_init", "safety", memory, "Safety alone, with limits that are often right."),
         Beginning("safety_limits_init", "safety_limits", memory["limits"], "Limits that are often right."),
+        *simulated(settings),
     ]
+
+
+def simulated(settings: SessionSettings) -> Iterator[Beginning]:
+    """What begins the structs of what is simulated: robot, hand, the baseline of a delayed force, and recordings."""
+    for name in PRESSED:
+        record, said = make_slide(name), make_material(name).description
+        yield Beginning(f"slide_{name.replace('-', '_')}_init", "slide", record, f"A slide over: {said}.")
+    hand, _ = GRIPS[GRIP].holds(settings.device)
+    yield Beginning("hand_init", "hand", hand, "A hand at rest at 0, with a normal grip on the device of the settings.")
+    yield Beginning("delaying_init", "delaying", Delaying.new(), "Before the first tick.")
 
 
 def main() -> None:

@@ -11,11 +11,13 @@ from functools import cache
 from typing import Any
 
 from foretouch.core.compiling import Kernel, interpreted
+from foretouch.devices import hand_kernel
 from foretouch.export.structs import Struct, records_in, snake
-from foretouch.robot import RobotSample
+from foretouch.identification.contact_map import trial
+from foretouch.robot import RobotSample, slide
 from foretouch.session.safety import kernel as safety
 from foretouch.session.safety.safety import SafetyLimits
-from foretouch.session.steps import following, leading
+from foretouch.session.steps import delaying, following, leading
 from foretouch.session.steps.tick import Follower
 
 
@@ -43,6 +45,7 @@ class Entry:
 
 SHOWN = RobotSample._fields[:-1]  # all but whether it holds, which is of arms
 ASKED = ("stop", "release", "ended")
+DRAWS = ("encoder", "sensor", "accelerometer")
 
 ENTRIES = (
     Entry("leader_heard", leading.hear),
@@ -55,6 +58,12 @@ ENTRIES = (
     Entry("safety_set", safety.set_limits),
     Entry("safety_keep", safety.keep_safe, results=("aim", "status")),
     Entry("safety_limit", safety.limit),
+    Entry("slide_exchange", slide.exchange, results=SHOWN, parameters=("slide", "desired", *DRAWS)),
+    Entry("hand_move", hand_kernel.move),
+    Entry("leader_tick_delayed", delaying.tick_delayed),
+    Entry("trial_expect", trial.expect),
+    Entry("trial_learn", trial.learn),
+    Entry("trial_foretell", trial.foretell),
 )
 
 NAMED = {
@@ -63,6 +72,10 @@ NAMED = {
     leading.Leader: Struct(leading.Leader, "leader"),
     following.Following: Struct(following.Following, "follower"),
     Follower: Struct(Follower, "follower_memory"),
+    slide.Slide: Struct(slide.Slide, "slide"),
+    hand_kernel.Held: Struct(hand_kernel.Held, "hand"),
+    delaying.Delaying: Struct(delaying.Delaying, "delaying"),
+    trial.Trial: Struct(trial.Trial, "trial"),
 }
 """What is called otherwise in C than its class."""
 

@@ -37,3 +37,24 @@ def export_c(
     return Answer(
         {"folder": str(out), "target": wanted.name, "files": files}, [f"wrote {out} for {wanted.name}", *files]
     )
+
+
+@export.command("page")
+@command()
+def export_page(
+    *, out: Annotated[Path, typer.Option(help="Folder for the page: a new one, or one of an earlier export.")]
+) -> Answer:
+    """Write a page for a browser: a session with a simulated robot, and predictions of your own recordings.
+
+    It is one file that runs without a server, from a disk or a web site; beside it lies an example of a recording. To
+    make it takes about a minute, and needs clang, lld and the C library for WebAssembly.
+
+    Example: foretouch export page --out demo
+    """
+    from foretouch.export import require_page_place, require_tools, write_page
+
+    require_page_place(out)
+    require_tools()
+    say("compiling for browsers")
+    files = write_page(out)
+    return Answer({"folder": str(out), "files": files}, [f"wrote {out}: open {out / 'index.html'}", *files])

@@ -63,18 +63,13 @@ def total_force(loads: Array, before: float, after: float, h: float, table: Arra
     return force
 
 
-@compiled(allocates=True)
-def hysteretic_step(state: tuple[float, ...], depth: float, h: float, table: Array, springs: int) -> Array:
-    """New deflection, branch loads and, last, the force on the probe [N].
+@compiled
+def press_hysteretic(values: Array, depth: float, h: float, table: Array, springs: int) -> float:
+    """Force on the probe [N]; `values`, the deflection and then the branch loads, is written.
 
     The first `springs` rows of the table are springs, the others branches.
     """
-    count = table.shape[0] - springs
-    result = np.empty(count + 2)
-    loads = result[1 : count + 1]
-    for i in range(count):
-        loads[i] = state[i + 1]
-    before = state[0]
+    loads, before = values[1:], values[0]
     known = math.isfinite(depth)
     after = max(depth, 0.0) if known else before
     force = total_force(loads, before, after, h, table, springs)
@@ -91,8 +86,18 @@ def hysteretic_step(state: tuple[float, ...], depth: float, h: float, table: Arr
     for i in range(springs, table.shape[0]):
         way = mean_ramp(before, after, table[i, 0], table[i, 1]) * (after - before)
         loads[i - springs] = load_branch(loads[i - springs], way, h, table[i, 2], table[i, 3], table[i, 4])
-    result[0] = after
-    result[count + 1] = max(force, 0.0) if known and depth > 0.0 else 0.0
+    values[0] = after
+    return max(force, 0.0) if known and depth > 0.0 else 0.0
+
+
+@compiled(allocates=True)
+def hysteretic_step(state: tuple[float, ...], depth: float, h: float, table: Array, springs: int) -> Array:
+    """New deflection, branch loads and, last, the force on the probe [N]: see `press_hysteretic`."""
+    count = table.shape[0] - springs
+    result = np.empty(count + 2)
+    for i in range(count + 1):
+        result[i] = state[i]
+    result[count + 1] = press_hysteretic(result[: count + 1], depth, h, table, springs)
     return result
 
 

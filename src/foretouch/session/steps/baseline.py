@@ -40,10 +40,9 @@ from foretouch.rendering.surfaces.line import PLACE_AT
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.steps import leader
 from foretouch.session.steps.axis import HandOnAxis
+from foretouch.session.steps.delaying import LOCAL_DAMPING
 from foretouch.session.steps.follower_view import FollowerView
 from foretouch.settings import NO_GRIP
-
-LOCAL_DAMPING = 5.0  # Damping of the local damper that is added to a delayed force, at the hand [N s/m]
 
 
 class DelayedForce(Renderer):
