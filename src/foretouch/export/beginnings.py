@@ -11,15 +11,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.session.safety.safety import Safety, SafetyLimits
-from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
-=======
 from foretouch.devices import GRIPS
 from foretouch.robot import make_material
 from foretouch.robot.slide import make_slide
-from foretouch.session.safety.safety import Safety
-from foretouch.session.settings import SessionSettings
->>>>>>> page
+from foretouch.session.safety.safety import Safety, SafetyLimits
+from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.setup import make_session_robot
 from foretouch.session.steps import follower, leader
 from foretouch.session.steps.delaying import Delaying
