@@ -73,7 +73,8 @@ class Session {
     this.send(this.down, "telemetry", wasm.page_telemetry(now));
     wasm.page_exchange(draw.normal(), draw.normal(), draw.normal());
     while ((message = this.down.pop(now))) {
-      if (message.kind === "model") wasm.page_adopt(this.receive(message)); else wasm.page_hear(this.receive(message));
+      if (message.kind === "telemetry") wasm.page_hear(this.receive(message));
+      else if (!this.delayed) wasm.page_adopt(this.receive(message)); // the baseline uses no model, whichever comes
     }
     wasm.page_lead(now, aim, this.delayed ? 1 : 0);
     this.send(this.up, "command", wasm.page_command());

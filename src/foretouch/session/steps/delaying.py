@@ -49,6 +49,7 @@ def tick_delayed(
     free, couples = decide(leader, stopping, clutched)
     if couples:
         couple(leader, hand, clutched)
+    leader.guarded = False  # it never reports a known surface, and a guard would last for ever
     shown = leader.shown
     if not time > leader.time:
         return float(shown.rendered_force)

@@ -1,0 +1,215 @@
+"""The page for a browser: it needs nothing but itself, and gives Python's bits, sixty frames a second."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from page_browser import COURSE, PACE, PLAIN_MATHEMATICS, TRIAL, bits, chromium, numbers_of, opened, rows_of_python
+from page_course import COURSES, aims
+from typer.testing import CliRunner
+
+from foretouch.cli.app import app
+from foretouch.export import demo, write_page
+from foretouch.identification import predict
+from foretouch.recordings import read_recording
+from foretouch.report import score_prediction
+
+HERE = Path(__file__).parent
+SPRING = HERE.parents[1] / "docs" / "examples" / "spring.csv"
+BROWSER = [
+    pytest.mark.long,
+    pytest.mark.browser,
+    pytest.mark.skipif(chromium() is None, reason="no Chromium: install it or set FORETOUCH_BROWSER"),
+    pytest.mark.skipif(shutil.which("wasm-ld") is None, reason="no lld: make demo installs it"),
+]
+
+
+def in_browser(*marked: Any) -> Callable[[Any], Any]:
+    def mark(test: Any) -> Any:
+        for one in (*BROWSER, *marked):
+            test = one(test)
+        return test
+
+    return mark
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    made = tmp_path_factory.mktemp("page") / "demo"
+    write_page(made)
+    return made
+
+
+@in_browser()
+@pytest.mark.parametrize(
+    ("mathematics", "near"), [(PLAIN_MATHEMATICS, 0.0), ({}, 1e-9)], ids=["plain mathematics", "this machine's"]
+)
+def test_a_session_in_the_browser_has_the_bits_of_python(
+    folder: Path, mathematics: dict[str, str], near: float
+) -> None:
+    python = rows_of_python(mathematics)
+    with opened(folder, "?clock=off") as page:
+        for name, options in COURSES.items():
+            words, *sizes = page.evaluate(COURSE, [aims(), options])
+            rows = numbers_of(words)
+            assert np.nanmax(np.abs(rows - python[name])) <= near
+            assert near > 0.0 or np.array_equal(bits(rows), bits(python[name])), name
+            assert sizes == python[f"bytes {name}"].tolist()
+            assert rows[:, 4].max() > 1.0
+
+
+@in_browser()
+def test_the_delayed_force_swings_and_the_model_does_not(folder: Path) -> None:
+    held = aims() + [aims()[-1]] * 6000
+    with opened(folder, "?clock=off") as page:
+        by_model, by_delayed = (
+            numbers_of(page.evaluate(COURSE, [held, COURSES["foam"] | {"delayed": delayed}])[0])[-3000:, 2]
+            for delayed in (False, True)
+        )
+    assert np.ptp(by_model) < 2e-4
+    assert np.ptp(by_delayed) > 5e-3
+
+
+@in_browser(pytest.mark.live)
+def test_it_ticks_a_thousand_times_and_draws_sixty_times_a_second(folder: Path) -> None:
+    with opened(folder) as page:
+        page.get_by_role("button", name="Press for me").click()
+        page.wait_for_timeout(1000)
+        frames, ticks, _ = page.evaluate(PACE)
+    median = float(np.median(np.diff(frames)))
+    assert median < 17.5
+    assert 950 < ticks < 1050
+
+
+@in_browser()
+@pytest.mark.parametrize("width", [390, 1366])
+def test_it_is_used_by_keyboard_and_finger_and_fits_the_screen(folder: Path, width: int) -> None:
+    small = width < 500
+    context = {"viewport": {"width": width, "height": 844 if small else 768}, "has_touch": small, "is_mobile": small}
+    with opened(folder, color_scheme="dark" if small else "light", **context) as page:
+        assert page.evaluate("document.documentElement.scrollWidth") == width
+        page.get_by_label("Handle").focus()
+        for _ in range(7):
+            page.keyboard.press("PageDown")
+        assert page.evaluate("aim") == 21.0
+        # The first touch is guarded: the robot waits at the surface until that is known here.
+        page.wait_for_function("state.has_model && latest[TRUE] > 0.01", timeout=20_000)
+        for _ in range(3):
+            page.keyboard.press("PageDown")
+        page.wait_for_function("latest[FELT] > 0.5 && latest[ARRIVED] > 0.5", timeout=20_000)
+        page.wait_for_function("document.getElementById('summary').textContent.includes('You press')")
+        box = page.locator("#scene").bounding_box()
+        x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+        page.mouse.move(x, y)
+        page.mouse.down()
+        page.mouse.move(x, y - 100, steps=5)
+        page.mouse.up()
+        assert page.evaluate("aim") < 20.0
+        page.keyboard.press("Tab")
+        unnamed = page.evaluate("""[...document.querySelectorAll("button, input, select, canvas, svg")].filter(
+          (one) => !one.textContent.trim() && !one.labels?.length && !one.ariaLabel).length""")
+        assert unnamed == 0
+        page.get_by_role("tab", name="Press").focus()
+        page.keyboard.press("ArrowRight")
+        assert page.get_by_role("tab", name="Your recording").get_attribute("aria-selected") == "true"
+        assert page.evaluate("document.documentElement.scrollWidth") == width
+
+
+@in_browser()
+@pytest.mark.parametrize("given", ["example.csv", "spring.csv"])
+def test_a_recording_is_predicted_as_the_command_predicts_it(folder: Path, given: str) -> None:
+    file = folder / given if given == "example.csv" else SPRING
+    recording = read_recording(file)
+    forces = predict(recording, delay=0.3).force
+    known = np.interp(recording.time - 0.3, recording.time, recording.force)
+    scores = score_prediction(
+        recording.time, recording.force, forces, known, contact_floor=0.05, position=recording.position
+    )
+    with opened(folder) as page:
+        page.get_by_role("tab", name="Your recording").click()
+        page.set_input_files("#file", file)
+        predicted, rmse, _, rms = page.evaluate(TRIAL)
+    farthest = float(np.abs(np.array(predicted) - forces).max())
+    assert farthest < 1e-9
+    assert rmse == pytest.approx(scores.prediction_rmse_N, rel=1e-6)
+    assert rms == pytest.approx(scores.contact_force_rms_N, rel=1e-6)
+
+
+TABLES = {
+    "time_ms;Weg [mm];Kraft [N]": (";", ",", (1e3, 1e3, 1.0)),
+    "t\tposition_m\tforce_mN": ("\t", ".", (1.0, 1.0, 1e3)),
+}
+
+
+@in_browser()
+@pytest.mark.parametrize("names", TABLES)
+def test_other_names_units_and_separators_are_understood(folder: Path, tmp_path: Path, names: str) -> None:
+    separator, point, scales = TABLES[names]
+    lines = (folder / "example.csv").read_text().splitlines()[1:]
+    numbers = [zip(map(float, line.split(",")), scales, strict=True) for line in lines]
+    rows = [[repr(value * scale).replace(".", point) for value, scale in row] for row in numbers]
+    (tmp_path / "table.csv").write_text("\n".join([names, *map(separator.join, rows)]))
+    with opened(folder) as page:
+        page.get_by_role("tab", name="Your recording").click()
+        page.set_input_files("#file", tmp_path / "table.csv")
+        page.evaluate(TRIAL)
+        assert 2.0 < page.evaluate("result.rms") < 4.0
+        assert "times as near" in page.locator("#trial-says").inner_text()
+
+
+@in_browser()
+def test_its_files_are_small_and_need_nothing_of_their_surroundings(folder: Path) -> None:
+    assert sorted(path.name for path in folder.iterdir()) == sorted(demo.FILES)
+    page = (folder / "index.html").read_text()
+    content = json.loads(re.search(r"const CONTENT = (\{.*\});\n", page)[1])  # type: ignore[index]
+    module = base64.b64decode(content["wasm"])
+    assert sum(path.stat().st_size for path in folder.iterdir()) < 600_000
+    assert len(module) < 200_000
+
+
+def test_the_page_names_no_other_address_but_its_project() -> None:
+    text = demo.page_text(b"\0asm", "time_s,position_m,force_N\n")
+    addresses = set(re.findall(r"https?://[^\s\"'<)]+", text))
+    assert addresses == {demo.SITE}
+    assert not re.findall(r"@[A-Z]+@", text)
+    assert not re.findall(r"\b(?:fetch\(|XMLHttpRequest|WebSocket|sendBeacon|importScripts)\b", text)
+
+
+def a_file(folder: Path) -> Path:
+    (folder / "there").write_text("")
+    return folder / "there"
+
+
+def something_else(folder: Path) -> Path:
+    (folder / "notes.txt").write_text("")
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("place", "line"),
+    [
+        (a_file, "is there and is no folder"),
+        (something_else, "holds something else than such a page"),
+        (lambda folder: folder / "no" / "x", "there is no folder"),
+    ],
+)
+def test_what_cannot_be_is_refused_before_anything_is_compiled(
+    tmp_path: Path, place: Callable[[Path], Path], line: str
+) -> None:
+    done = CliRunner().invoke(app, ["export", "page", "--out", str(place(tmp_path))])
+    assert line in str(done.exception)
+
+
+def test_a_missing_tool_is_named_with_what_installs_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    done = CliRunner().invoke(app, ["export", "page", "--out", str(tmp_path / "page")])
+    assert "clang and wasm-ld is missing" in str(done.exception)
+    assert "apt-get install clang lld wasi-libc" in str(done.exception)
