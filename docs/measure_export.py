@@ -56,7 +56,7 @@ def sizes() -> str:
             objects.append(folder / f"{source.stem}.o")
             run("gcc", "-std=c11", "-O2", include, "-c", source, "-o", objects[-1])
         loop = ROOT / "examples" / "c" / "loop.cpp"
-        run("g++", "-std=c++17", "-O2", include, loop, *objects, kernels, "-lm", "-o", folder / "loop")
+        run("g++", "-std=c++17", "-O2", include, f"-I{loop.parent}", loop, *objects, kernels, "-lm", "-o", folder / "loop")
         ticks = re.search(r"takes (.+) us and (.+) us", run(folder / "loop", 20))
     assert ticks is not None
     code = table(("Processor", "Code of the kernels [kB]"), rows)

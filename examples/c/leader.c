@@ -11,23 +11,16 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
-#include <time.h>
 
 #include "foretouch_session.h"
 #include "gate.h"
+#include "ticks.h"
 
-enum { PERIOD_NS = 1000000, SECOND = 1000, RING = 4096 };
+enum { SECOND = 1000, RING = 4096 };
 
 static foretouch_leader leader;
 static gate network;
 static int64_t sent_ns[RING]; /* when each of the newest commands was sent */
-
-static int64_t now_ns(clockid_t clock)
-{
-    struct timespec now;
-    clock_gettime(clock, &now);
-    return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
-}
 
 /* Position of the hand [m], which begins at 0, wherever the robot is: close to the surface in a second, and from then on
    10 mm in and out again, once in two seconds. */
@@ -74,16 +67,16 @@ static void hear(struct heard *heard, int64_t now)
 }
 
 /* The command for the follower, and the record for whoever watches: console, recorder and report. */
-static void say(double hand, double delayed_force, int64_t now, int64_t period, int64_t computed)
+static void say(double hand, double delayed_force, const ticks *loop, int64_t computed)
 {
     const foretouch_shown *shown = &leader.shown;
     uint8_t bytes[FORETOUCH_LEADER_STATE_ROOM];
     foretouch_leader_state state;
-    sent_ns[(uint64_t)leader.sequence % RING] = now;
+    sent_ns[(uint64_t)leader.sequence % RING] = loop->woke;
     gate_send(&network, FORETOUCH_CHANNEL_COMMAND, bytes, foretouch_leader_command(&leader, "leader.c", bytes, sizeof bytes));
     foretouch_leader_state_init(&state);
     state.sequence = (uint64_t)leader.sequence;
-    state.time_ns = (uint64_t)now;
+    state.time_ns = (uint64_t)loop->now;
     state.position = shown->position;
     state.velocity = shown->velocity;
     state.predicted_force = shown->predicted_force;
@@ -93,7 +86,7 @@ static void say(double hand, double delayed_force, int64_t now, int64_t period, 
     state.model_sequence = (uint64_t)leader.views[0].newest_model;
     state.model_jump = shown->jump;
     state.clipped = shown->clipped;
-    state.period_ns = (uint64_t)period;
+    state.period_ns = (uint64_t)loop->period;
     state.compute_ns = (uint64_t)computed;
     state.standard_deviation = shown->standard_deviation;
     state.hand_position = hand;
@@ -116,7 +109,7 @@ static void end(void)
     foretouch_stop stop;
     foretouch_stop_init(&stop);
     stop.sequence = 1;
-    stop.time_ns = (uint64_t)now_ns(CLOCK_MONOTONIC);
+    stop.time_ns = (uint64_t)ticks_clock(CLOCK_MONOTONIC);
     stop.reason = foretouch_text_of("the leader's time is over");
     stop.epoch = (uint64_t)leader.views[0].epoch;
     gate_send(&network, FORETOUCH_CHANNEL_STOP, bytes, foretouch_stop_encode(&stop, bytes, sizeof bytes));
@@ -125,7 +118,7 @@ static void end(void)
 int main(int count, char **words)
 {
     const char *address = count > 1 ? words[1] : "127.0.0.1";
-    const int port = count > 2 ? atoi(words[2]) : 7460, ticks = count > 3 ? atoi(words[3]) * SECOND : 10 * SECOND;
+    const int port = count > 2 ? atoi(words[2]) : 7460, ticks_wanted = SECOND * (count > 3 ? atoi(words[3]) : 10);
     struct heard heard = {0};
     double lowest_margin = INFINITY;
     if (!gate_open(&network, address, (uint16_t)port)) {
@@ -133,24 +126,22 @@ int main(int count, char **words)
         return 1;
     }
     foretouch_leader_init(&leader);
-    foretouch_leader_start(&leader, (uint64_t)(now_ns(CLOCK_REALTIME) / 1000000) << 21);
+    foretouch_leader_start(&leader, ticks_process());
     printf("   time    hand  felt  robot  round trip  status\n     [s]    [mm]   [N]    [N]        [ms]\n");
-    int64_t next = now_ns(CLOCK_MONOTONIC), began = next - PERIOD_NS, computed = 0;
-    for (int tick = 0; tick < ticks && gate_is_open(&network) && !heard.stopped; tick++) {
-        const struct timespec until = {next / 1000000000, next % 1000000000};
-        clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &until, NULL);
-        const int64_t now = now_ns(CLOCK_MONOTONIC), period = now - began;
+    ticks loop = {0};
+    int64_t computed = 0;
+    for (int tick = 0, shown = 0; tick < ticks_wanted && gate_is_open(&network) && !heard.stopped;) {
+        tick += ticks_wait(&loop);
         const double hand = hand_at(1e-3 * tick);
-        began = now;
-        next += PERIOD_NS;
-        hear(&heard, now);
-        const double force = foretouch_leader_tick(&leader, now, hand, period, false, false);
-        say(hand, heard.force, now, period, computed);
-        computed = now_ns(CLOCK_MONOTONIC) - now;
+        hear(&heard, loop.woke);
+        const double force = foretouch_leader_tick(&leader, loop.now, hand, loop.period, false, false);
+        say(hand, heard.force, &loop, computed);
+        computed = ticks_clock(CLOCK_MONOTONIC) - loop.woke;
         heard.largest_force = fmax(heard.largest_force, force);
         lowest_margin = fmin(lowest_margin, leader.shown.energy + leader.shown.energy_bound);
-        if (tick % (SECOND / 2) == SECOND / 2 - 1) {
-            printf("%8.1f  %6.1f  %4.1f  %5.1f  %10.1f  %6d\n", 1e-3 * (tick + 1), 1e3 * hand, force, heard.force,
+        if (tick / (SECOND / 2) > shown) {
+            shown = tick / (SECOND / 2);
+            printf("%8.1f  %6.1f  %4.1f  %5.1f  %10.1f  %6d\n", 1e-3 * tick, 1e3 * hand, force, heard.force,
                 heard.round_trip_ms, (int)heard.status);
             fflush(stdout);
         }

@@ -3,7 +3,7 @@
 //
 //     ./loop 10          for 10 s, and says each half second what is felt, and at the end how punctual the loop was
 //
-// The loop sleeps to just before each tick and waits the rest awake, so that it begins on time without any privilege.
+// The loop sleeps to just before each tick and waits the rest awake (ticks.h), so that it begins on time.
 // In the loop nothing allocates, and no system call is made but those to sleep and, twice a second, to print.
 
 #include <algorithm>
@@ -14,30 +14,13 @@
 #include <cstdlib>
 #include <cstring>
 #include <limits>
-#include <time.h>
 
 #include "foretouch.hpp"
+#include "ticks.h"
 
 namespace {
 
-constexpr std::int64_t MILLISECOND = 1'000'000, AWAKE = 150'000; // [ns]
-constexpr double PERIOD = 1e-3;                                 // [s]
-
-std::int64_t now_ns(clockid_t clock = CLOCK_MONOTONIC)
-{
-    timespec now;
-    clock_gettime(clock, &now); // answered without entering the kernel
-    return std::int64_t{now.tv_sec} * 1'000'000'000 + now.tv_nsec;
-}
-
-// Sleep to just before a moment of the monotonic clock, and wait for it awake.
-void wait_until(std::int64_t moment)
-{
-    const timespec asleep = {(moment - AWAKE) / 1'000'000'000, (moment - AWAKE) % 1'000'000'000};
-    clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &asleep, nullptr);
-    while (now_ns() < moment) {
-    }
-}
+constexpr double PERIOD = 1e-3; // [s]
 
 // Numbers from 0 to 1 that only look random: the same in each run.
 class Chance {
@@ -103,8 +86,9 @@ public:
     double read() const { return 1e-5 * std::round(1e5 * position); }
 
     // Let a period pass in which the device gives this force [N].
-    void go_on(double time, double force)
+    void go_on(double force)
     {
+        time += PERIOD;
         const double aim = intended(time);
         const double aim_velocity = (aim - aimed) / PERIOD;
         aimed = aim;
@@ -122,7 +106,7 @@ private:
                           : 0.007 + 0.010 * (1.0 - std::cos(0.5 * turn * (time - 1.0)));
     }
 
-    double velocity = 0.0, aimed = 0.0;
+    double time = 0.0, velocity = 0.0, aimed = 0.0;
 };
 
 // A robot that goes where it is told within some milliseconds, and presses foam 10 mm away: F = d^1.4 (3000 + 1500 v).
@@ -155,16 +139,20 @@ struct Session {
         follower.state.followers[0].tool_mass = 0.0; // this robot's sensor shows nothing of its tool
     }
 
-    double tick(double time, std::int64_t now, std::int64_t period, std::int64_t computed)
+    // A tick of both sides, after so many periods of hand and robot: more than one where the machine stood still.
+    double tick(const ticks &loop, int periods, std::int64_t computed)
     {
+        const std::int64_t now = loop.now, period = loop.period;
+        for (int passed = 0; passed < periods; ++passed) {
+            hand.go_on(felt);
+            sample = robot.go_on(told);
+        }
         models.arrive(now, [&](foretouch::Bytes message) { leader.adopt(message); });
         telemetry.arrive(now, [&](foretouch::Bytes message) { leader.hear(message); });
-        const double felt = leader.tick(now, hand.read(), period);
+        felt = leader.tick(now, hand.read(), period);
         commands.send(leader.command("loop"), now);
-        hand.go_on(time, felt);
 
         commands.arrive(now, [&](foretouch::Bytes message) { follower.take(message, now); });
-        const foretouch_sample sample = robot.go_on(told);
         told = follower.tick(sample, now, period);
         if (follower.model(now, model)) {
             models.send(model, now);
@@ -181,42 +169,47 @@ struct Session {
     Way<4096, 256> models; // a map of a material has some 1,500 bytes
     Hand hand;
     Robot robot;
-    double told = std::numeric_limits<double>::quiet_NaN();
+    foretouch_sample sample{};
+    double felt = 0.0, told = std::numeric_limits<double>::quiet_NaN();
 };
 
 } // namespace
 
 int main(int count, char **words)
 {
-    const int ticks = 1000 * (count > 1 ? std::atoi(words[1]) : 10);
-    static Session session(static_cast<std::uint64_t>(now_ns(CLOCK_REALTIME) / MILLISECOND) << 21);
+    const int ticks_wanted = 1000 * (count > 1 ? std::atoi(words[1]) : 10);
+    static Session session(ticks_process());
     static std::array<std::int64_t, 100'000> late, took;
-    const std::size_t kept = std::min(late.size(), static_cast<std::size_t>(ticks));
+    std::size_t kept = 0;
     double largest = 0.0, margin = std::numeric_limits<double>::infinity();
     std::printf("   time    hand  felt  robot  status\n     [s]    [mm]   [N]    [N]\n");
-    std::int64_t next = now_ns() + MILLISECOND, began = now_ns(), computed = 0;
-    for (int tick = 0; tick < ticks; ++tick, next += MILLISECOND) {
-        wait_until(next);
-        const std::int64_t now = now_ns();
-        const double felt = session.tick(1e-3 * tick, now, now - began, computed);
-        began = now;
-        computed = now_ns() - now;
-        late[static_cast<std::size_t>(tick) % late.size()] = now - next;
-        took[static_cast<std::size_t>(tick) % took.size()] = computed;
+    ticks loop = {};
+    std::int64_t computed = 0;
+    for (int tick = 0, shown = 0; tick < ticks_wanted;) {
+        const int periods = ticks_wait(&loop);
+        const double felt = session.tick(loop, periods, computed);
+        computed = ticks_clock(CLOCK_MONOTONIC) - loop.woke;
+        tick += periods;
+        if (kept < late.size()) {
+            late[kept] = loop.woke - loop.now;
+            took[kept++] = computed;
+        }
         largest = std::max(largest, felt);
         margin = std::min(margin, session.leader.shown().energy + session.leader.shown().energy_bound);
-        if (tick % 500 == 499) {
+        if (tick / 500 > shown) {
+            shown = tick / 500;
             const foretouch_shown_follower &there = session.follower.shown();
-            std::printf("%8.1f  %6.1f  %4.1f  %5.1f  %6d\n", 1e-3 * (tick + 1), 1e3 * session.hand.position, felt,
-                there.force, static_cast<int>(there.status));
+            std::printf("%8.1f  %6.1f  %4.1f  %5.1f  %6d\n", 1e-3 * tick, 1e3 * session.hand.position, felt, there.force,
+                static_cast<int>(there.status));
             std::fflush(stdout);
         }
     }
     std::sort(late.begin(), late.begin() + static_cast<std::ptrdiff_t>(kept));
     std::sort(took.begin(), took.begin() + static_cast<std::ptrdiff_t>(kept));
+    const auto microseconds = [&](const auto &times, std::size_t place) { return 1e-3 * static_cast<double>(times[place]); };
     std::printf("largest force felt: %.2f N\nleast energy above its bound: %.2e J\n", largest, margin);
     std::printf("a tick begins late by %.1f us (median), %.1f us (99 of 100), and takes %.1f us and %.1f us\n",
-        1e-3 * static_cast<double>(late[kept / 2]), 1e-3 * static_cast<double>(late[kept * 99 / 100]),
-        1e-3 * static_cast<double>(took[kept / 2]), 1e-3 * static_cast<double>(took[kept * 99 / 100]));
+        microseconds(late, kept / 2), microseconds(late, kept * 99 / 100), microseconds(took, kept / 2),
+        microseconds(took, kept * 99 / 100));
     return 0;
 }

@@ -8,7 +8,6 @@
 // force and of the motion by hand, and the limits below against those of your arm.
 
 #include <array>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -20,29 +19,17 @@
 
 #include "foretouch.hpp"
 #include "gate_thread.hpp"
+#include "ticks.h"
 
 namespace {
 
 constexpr std::size_t Z = 14; // place of the height in a pose of libfranka, which is written column by column
 constexpr int UNLOADING = 2000; // ticks for which the arm may let go of what it presses at the end
 
-std::int64_t now_ns()
-{
-    using namespace std::chrono;
-    return duration_cast<nanoseconds>(steady_clock::now().time_since_epoch()).count();
-}
-
-std::uint64_t new_run()
-{
-    using namespace std::chrono;
-    const auto now = duration_cast<milliseconds>(system_clock::now().time_since_epoch()).count();
-    return static_cast<std::uint64_t>(now) << 21;
-}
-
 // The follower, as it is called once a millisecond by libfranka's own loop.
 class Callback {
 public:
-    explicit Callback(GateThread &through) : network(through), follower(new_run())
+    explicit Callback(GateThread &through) : network(through), follower(ticks_process())
     {
         // The arm's own force has no tool in it. An arm of Franka takes less jerk than foretouch's default allows.
         follower.state.followers[0].tool_mass = 0.0;
@@ -54,7 +41,9 @@ public:
 
     franka::CartesianPose operator()(const franka::RobotState &state, franka::Duration period)
     {
-        const std::int64_t now = now_ns(), period_ns = static_cast<std::int64_t>(period.toMSec()) * 1'000'000;
+        const std::int64_t woke = ticks_clock(CLOCK_MONOTONIC);
+        const std::int64_t period_ns = static_cast<std::int64_t>(period.toMSec()) * TICK_NS;
+        now = now == 0 ? woke : now + period_ns; // the arm's own even clock: how late this thread woke is in no velocity
         if (period.toMSec() == 0) { // the first call: from here on, what is commanded is relative to this pose
             begin = state.O_T_EE_c;
         }
@@ -78,7 +67,7 @@ public:
         std::array<double, 16> pose = begin;
         pose[Z] = begin[Z] - (std::isfinite(inwards) ? inwards : told);
         told = begin[Z] - pose[Z];
-        computed = now_ns() - now;
+        computed = ticks_clock(CLOCK_MONOTONIC) - woke;
         left = asked.ended ? left + 1 : 0;
         const bool free = !follower.shown().in_contact && left > 1;
         return asked.ended && (free || left > UNLOADING) ? franka::MotionFinished(pose) : franka::CartesianPose(pose);
@@ -102,7 +91,7 @@ private:
     foretouch::Asked asked;
     std::array<double, 16> begin{};
     double told = 0.0;
-    std::int64_t computed = 0;
+    std::int64_t now = 0, computed = 0;
     int left = 0;
     bool ended = false;
 };

@@ -13,7 +13,6 @@
 // Jazzy have them. Read it as a skeleton: `press/position` grows into the material, and `wrist/force.z` is positive in
 // compression, or the sign below has to be turned.
 
-#include <chrono>
 #include <cmath>
 #include <limits>
 #include <memory>
@@ -25,6 +24,7 @@
 
 #include "foretouch.hpp"
 #include "gate_thread.hpp"
+#include "ticks.h"
 
 namespace foretouch_example {
 
@@ -58,12 +58,11 @@ public:
         if (!network->connected()) {
             return CallbackReturn::FAILURE;
         }
-        const auto now = std::chrono::system_clock::now().time_since_epoch();
-        const auto wall = std::chrono::duration_cast<std::chrono::milliseconds>(now).count();
-        follower = std::make_unique<foretouch::Follower>(static_cast<std::uint64_t>(wall) << 21);
+        follower = std::make_unique<foretouch::Follower>(ticks_process());
         follower->state.followers[0].tool_mass = 0.0; // the sensor's driver weighs the tool out
         told = state_interfaces_[0].get_value();
         asked = {};
+        now = ticks_clock(CLOCK_MONOTONIC);
         return CallbackReturn::SUCCESS;
     }
 
@@ -75,7 +74,8 @@ public:
 
     controller_interface::return_type update(const rclcpp::Time &, const rclcpp::Duration &period) override
     {
-        const std::int64_t now = monotonic_ns();
+        const std::int64_t woke = ticks_clock(CLOCK_MONOTONIC);
+        now += period.nanoseconds(); // as the controller manager counts it
         asked.stop = false; // once is enough: the follower keeps it
         network->take([&](foretouch_channel channel, foretouch::Bytes message) {
             if (channel == FORETOUCH_CHANNEL_COMMAND) {
@@ -99,17 +99,11 @@ public:
             network->say(FORETOUCH_CHANNEL_MODEL, model);
         }
         network->say(FORETOUCH_CHANNEL_TELEMETRY, follower->telemetry(sample, now, period.nanoseconds(), computed));
-        computed = monotonic_ns() - now;
+        computed = ticks_clock(CLOCK_MONOTONIC) - woke;
         return controller_interface::return_type::OK;
     }
 
 private:
-    static std::int64_t monotonic_ns()
-    {
-        using namespace std::chrono;
-        return duration_cast<nanoseconds>(steady_clock::now().time_since_epoch()).count();
-    }
-
     std::string joint, sensor, address;
     int port = 0;
     std::unique_ptr<GateThread> network;
@@ -117,7 +111,7 @@ private:
     foretouch::WrittenModel model;
     foretouch::Asked asked;
     double told = 0.0;
-    std::int64_t computed = 0;
+    std::int64_t now = 0, computed = 0;
 };
 
 } // namespace foretouch_example

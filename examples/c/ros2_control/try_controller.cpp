@@ -4,6 +4,7 @@
 //     ./try_controller 127.0.0.1 7461 10
 
 #include <algorithm>
+#include <chrono>
 #include <cstdio>
 #include <cstdlib>
 #include <thread>
@@ -12,7 +13,7 @@
 
 int main(int count, char **words)
 {
-    const int ticks = 1000 * (count > 3 ? std::atoi(words[3]) : 10);
+    const int wanted = 1000 * (count > 3 ? std::atoi(words[3]) : 10);
     double told = 0.0, position = 0.0, force = 0.0, largest = 0.0;
     foretouch_example::FollowerController controller;
     controller.given = {{"gate", count > 1 ? words[1] : "127.0.0.1"}, {"port", count > 2 ? words[2] : "7461"}};
@@ -25,7 +26,7 @@ int main(int count, char **words)
     }
     std::uint32_t chance = 1;
     auto next = std::chrono::steady_clock::now();
-    for (int tick = 0; tick < ticks; ++tick) {
+    for (int tick = 0; tick < wanted; ++tick) {
         controller.update(rclcpp::Time(1'000'000 * tick), rclcpp::Duration(1'000'000));
         chance = 1664525 * chance + 1013904223;
         position = told;
