@@ -24,8 +24,8 @@ FLAGS = (0, 4, 7, 8, 10)
 def random_ticks(count: int, seed: int) -> NDArray[np.float64]:
     """Rows of `COLUMNS`: a robot that wanders and presses, commands that jump, faults, silence, and missing numbers."""
     random = np.random.default_rng(seed)
-    desired = np.cumsum(random.normal(0.0, 2e-4, count)) % 0.04 - 0.02
-    desired[random.random(count) < 0.01] += 0.01
+    desired = np.cumsum(random.normal(0.0, 2e-5, count)) % 0.04 - 0.02
+    desired[random.random(count) < 0.0005] += 0.01
     position = desired + random.normal(0.0, 2e-4, count)
     force = np.maximum(position, 0.0) * random.choice([300.0, 3e4], count) + random.normal(0.0, 0.05, count)
     apart = [

@@ -69,7 +69,7 @@ def test_the_same_bits_as_interpreted_python(packages: Packages, tmp_path: Path,
 
 
 def test_the_ticks_reach_every_status() -> None:
-    rows = random_ticks(100_000, 1)
+    rows = random_ticks(100_000, 3)
     results = np.frombuffer(run(rows)[: 24 * len(rows)]).reshape(-1, 3)
     assert set(results[:, 1]) == {0.0, 1.0, 2.0, 3.0, 4.0, 6.0, 7.0}  # retreating is asked for, the rest are others'
     assert len(COLUMNS) == rows.shape[1]

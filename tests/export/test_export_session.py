@@ -115,7 +115,7 @@ def test_what_the_init_functions_write_is_what_python_starts_with(package: Path,
 
 
 def test_settings_are_in_what_the_structs_begin_with() -> None:
-    settings = SessionSettings(first_touch="guarded", position_scale=2.0, robot="ur5e", force_limit=5.0)
+    settings = SessionSettings(first_touch="guarded", position_scale=2.0, robot="ur5e")
     begun, plain_ones = ({one.name: one.record for one in beginnings(given)} for given in (settings, SessionSettings()))
     for name, record in begun.items():
         assert (record.tobytes() == plain_ones[name].tobytes()) == name.startswith(
