@@ -2,19 +2,22 @@
 
    Each begins with a letter: L or F, a struct as Python has it; l or f, the same as its init function makes it; h or a,
    telemetry or a model for the leader; t, its tick; c, a command for the follower; s, its tick with a sample. With
-   "shown" no messages are written, only what the ticks come to; with "structs" both structs are, in the end. */
+   "shown" no messages are written, only what the ticks come to; with "structs" both structs, in the end, too; with
+   "times" nothing but how long each tick of the leader takes [ns]. */
+#define _POSIX_C_SOURCE 199309L
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 
 #include "foretouch_session.h"
 
 enum { ASSUMED = 1000 }; /* bytes that a model is taken to have, where no message is written */
 
+static enum { MESSAGES, SHOWN, TIMES, STRUCTS } written;
 static foretouch_leader leader;
 static foretouch_follower follower;
 static uint8_t bytes[FORETOUCH_LARGEST_MESSAGE];
-static int shown_alone;
 
 static void get(void *place, size_t size)
 {
@@ -33,6 +36,13 @@ static void put_message(size_t size)
     uint32_t length = (uint32_t)size;
     put(&length, sizeof length);
     put(bytes, size);
+}
+
+static int64_t clock_ns(void)
+{
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
 }
 
 static double number(void)
@@ -71,12 +81,18 @@ static void tick_leader(void)
     double hand = number();
     int64_t period = whole();
     bool clutched = flag(), stopping = flag();
+    int64_t begun = clock_ns();
     double force = foretouch_leader_tick(&leader, now, hand, period, clutched, stopping);
+    int64_t took = clock_ns() - begun;
     if (memcmp(&force, &leader.shown.rendered_force, sizeof force) != 0) {
         abort();
     }
+    if (written == TIMES) {
+        put(&took, sizeof took);
+        return;
+    }
     put(&leader.shown, sizeof leader.shown);
-    if (!shown_alone) {
+    if (written == MESSAGES) {
         put_message(foretouch_leader_command(&leader, "anna", bytes, sizeof bytes));
     }
 }
@@ -95,8 +111,11 @@ static void tick_follower(void)
     int64_t now = whole(), period = whole(), compute = whole();
     bool stop = flag(), release = flag(), ended = flag();
     foretouch_follower_tick(&follower, &sample, now, period, stop, release, ended);
+    if (written == TIMES) {
+        return;
+    }
     put(&follower.shown, sizeof follower.shown);
-    if (shown_alone) {
+    if (written == SHOWN) {
         if (foretouch_follower_publish(&follower, now)) {
             put(&follower.published[0], offsetof(foretouch_published, sent));
             foretouch_follower_published(&follower, ASSUMED);
@@ -109,7 +128,10 @@ static void tick_follower(void)
 
 int main(int count, char **words)
 {
-    shown_alone = count > 1 && strcmp(words[1], "shown") == 0;
+    static const char *const choices[] = {"messages", "shown", "times", "structs"};
+    for (int choice = MESSAGES; count > 1 && choice <= STRUCTS; choice++) {
+        written = strcmp(words[1], choices[choice]) == 0 ? choice : (int)written;
+    }
     for (int letter = getchar(); letter != EOF; letter = getchar()) {
         size_t size;
         int64_t now;
@@ -151,7 +173,7 @@ int main(int count, char **words)
             abort();
         }
     }
-    if (count > 1 && strcmp(words[1], "structs") == 0) {
+    if (written == STRUCTS) {
         put(&leader, sizeof leader);
         put(&follower, sizeof follower);
     }

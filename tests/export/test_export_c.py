@@ -171,6 +171,12 @@ def something_else(folder: Path) -> list[str]:
         (something_else, "holds something else than such a package"),
         (lambda folder: ["--out", str(folder / "no" / "x")], "there is no folder"),
         (lambda _: ["--out", "/sys/foretouch-c"], "cannot be written"),
+        (lambda folder: ["--out", str(folder / "x"), "--scene", "plane"], "sessions along a line alone are exported"),
+        (
+            lambda folder: ["--out", str(folder / "x"), "--model", "kelvin-voigt"],
+            "the follower of C learns contact-map",
+        ),
+        (lambda folder: ["--out", str(folder / "x"), "--robot", "franka@192.0.2.1"], "name a simulated one"),
     ],
 )
 def test_what_cannot_be_is_refused_before_anything_is_compiled(tmp_path: Path, given: Refused, line: str) -> None:

@@ -112,3 +112,14 @@ def test_what_the_init_functions_write_is_what_python_starts_with(package: Path,
     leader, follower = clean(begun["leader_init"]), clean(begun["follower_init"])
     leader["views"]["epoch"], follower["hearings"]["run"] = EPOCH, OWN
     assert done.stdout == leader.tobytes() + follower.tobytes()
+
+
+def test_settings_are_in_what_the_structs_begin_with() -> None:
+    settings = SessionSettings(first_touch="guarded", position_scale=2.0, robot="ur5e", force_limit=5.0)
+    begun, plain_ones = ({one.name: one.record for one in beginnings(given)} for given in (settings, SessionSettings()))
+    for name, record in begun.items():
+        assert (record.tobytes() == plain_ones[name].tobytes()) == name.startswith(
+            ("safety", "slide", "hand", "delaying")
+        )
+    assert begun["follower_init"]["hearings"]["guards"].all()
+    assert begun["leader_init"]["renderings"]["setup"]["position_scale"].item() == 2.0

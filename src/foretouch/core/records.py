@@ -112,8 +112,8 @@ def _kind_and_shape(hint: Any) -> tuple[Any, Any]:
 
 
 WORD = 8
-"""Bytes of the largest number: records begin where their address is a multiple of it, as C places them, and a number where
-it is one of its own size. NumPy would forget that of a record in a record."""
+"""Bytes of the largest number: records begin where their address is a multiple of it, as C places them, and a number
+where it is one of its own size. NumPy would forget that of a record in a record."""
 
 
 def _placed(fields: dict[str, tuple[Any, Any]]) -> np.dtype[Any]:

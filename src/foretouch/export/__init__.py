@@ -5,7 +5,7 @@ the code in it, and `wire_sources` the messages.
 """
 
 from foretouch.export.demo import require_page_place, require_tools, write_page
-from foretouch.export.lowering import Function, Lowered, lowered
+from foretouch.export.lowering import Function, Lowered, lowered, require_exportable
 from foretouch.export.package import require_place, write_package
 from foretouch.export.targets import TARGETS, Target, target_named
 from foretouch.export.wire import sources as wire_sources
@@ -16,6 +16,7 @@ __all__ = [
     "Lowered",
     "Target",
     "lowered",
+    "require_exportable",
     "require_page_place",
     "require_place",
     "require_tools",

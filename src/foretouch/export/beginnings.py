@@ -52,12 +52,14 @@ class Beginning(NamedTuple):
         struct: What the struct is called.
         record: What it writes, an array of one record.
         text: What is said of it.
+        simulated: Whether it is for where robots and hands are simulated.
     """
 
     name: str
     struct: str
     record: NDArray[np.void]
     text: str
+    simulated: bool = False
 
 
 def beginnings(settings: SessionSettings) -> list[Beginning]:
@@ -65,13 +67,11 @@ def beginnings(settings: SessionSettings) -> list[Beginning]:
     robot, _ = make_session_robot(settings)
     felt = leader.start(settings, epoch=OWN, device=settings.device).records
     unfelt = leader.start(settings, epoch=OWN).records
-    held = leader.start(replace(settings, grip=GRIP), epoch=OWN).records
     followed = following_of(follower.start(robot.specification, settings, run=OWN))
     memory = Safety(SafetyLimits(), SAMPLE_PERIOD).memories
     return [
         Beginning("leader_init", "leader", felt, "A leader whose hand holds the device of the settings and feels it."),
         Beginning("leader_unfelt_init", "leader", unfelt, "A leader whose device moves only, such as a mouse."),
-        Beginning("leader_held_init", "leader", held, "A leader whose device is held by a simulated hand."),
         Beginning("follower_init", "follower", followed, "A follower that has heard nothing and learnt nothing yet."),
         Beginning("safety_init", "safety", memory, "Safety alone, with limits that are often right."),
         Beginning("safety_limits_init", "safety_limits", memory["limits"], "Limits that are often right."),
@@ -83,10 +83,13 @@ def simulated(settings: SessionSettings) -> Iterator[Beginning]:
     """What begins the structs of what is simulated: robot, hand, the baseline of a delayed force, and recordings."""
     for name in PRESSED:
         record, said = make_slide(name), make_material(name).description
-        yield Beginning(f"slide_{name.replace('-', '_')}_init", "slide", record, f"A slide over: {said}.")
+        yield Beginning(f"slide_{name.replace('-', '_')}_init", "slide", record, f"A slide over: {said}.", True)
+    held = leader.start(replace(settings, grip=GRIP), epoch=OWN).records
+    yield Beginning("leader_held_init", "leader", held, "A leader whose device is held by a simulated hand.", True)
     hand, _ = GRIPS[GRIP].holds(settings.device)
-    yield Beginning("hand_init", "hand", hand, "A hand at rest at 0, with a normal grip on the device of the settings.")
-    yield Beginning("delaying_init", "delaying", Delaying.new(), "Before the first tick.")
+    about = "A hand at rest at 0, with a normal grip on the device of the settings."
+    yield Beginning("hand_init", "hand", hand, about, True)
+    yield Beginning("delaying_init", "delaying", Delaying.new(), "Before the first tick.", True)
 
 
 def main() -> None:

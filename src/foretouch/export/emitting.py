@@ -18,7 +18,7 @@ from numba.core.registry import CPUDispatcher
 from foretouch.core.compiling import interpreted, types_of
 from foretouch.errors import ForetouchError
 from foretouch.export.beginnings import Beginning
-from foretouch.export.entries import ENTRIES, Entry, structs
+from foretouch.export.entries import Entry, entries_of, structs
 from foretouch.export.lowering import RAISES, Function, Lowered
 from foretouch.export.packing import COUNT_BITS, LENGTH_BITS, packed
 from foretouch.export.structs import PREFIX
@@ -105,12 +105,18 @@ def emitted(targets: list[Target], begins: list[Beginning]) -> list[Lowered]:
     _inline_little()
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
-    compiled = [_compiled(entry) for entry in ENTRIES]
+    compiled = {entry: _compiled(entry) for target in targets for entry in entries_of(target)}
+    return [_lowered(target, [compiled[entry] for entry in entries_of(target)], begins) for target in targets]
+
+
+def _lowered(target: Target, compiled: list[tuple[Function, str, str]], begins: list[Beginning]) -> Lowered:
+    """The object file for a target, of what is compiled for it, and of what its structs begin with."""
     functions = tuple(function for function, *_ in compiled)
-    texts = [text for _, *two in compiled for text in two] + ["\n".join([UNPACK, *map(_initial, begins)])]
-    kept = {PREFIX + name for name in (*(one.name for one in functions), *(one.name for one in begins))}
-    said = tuple((one.name, one.struct, one.text) for one in begins)
-    return [Lowered(_object(target, texts, kept), functions, said) for target in targets]
+    begun = [one for one in begins if target.simulates or not one.simulated]
+    texts = [text for _, *two in compiled for text in two] + ["\n".join([UNPACK, *map(_initial, begun)])]
+    kept = {PREFIX + name for name in (*(one.name for one in functions), *(one.name for one in begun))}
+    said = tuple((one.name, one.struct, one.text) for one in begun)
+    return Lowered(_object(target, texts, kept), functions, said)
 
 
 def _object(target: Target, texts: list[str], kept: set[str]) -> bytes:

@@ -13,6 +13,7 @@ from typing import Any
 from foretouch.core.compiling import Kernel, interpreted
 from foretouch.devices import hand_kernel
 from foretouch.export.structs import Struct, records_in, snake
+from foretouch.export.targets import Target
 from foretouch.identification.contact_map import trial
 from foretouch.robot import RobotSample, slide
 from foretouch.session.safety import kernel as safety
@@ -58,6 +59,10 @@ ENTRIES = (
     Entry("safety_set", safety.set_limits),
     Entry("safety_keep", safety.keep_safe, results=("aim", "status")),
     Entry("safety_limit", safety.limit),
+)
+"""In the code for every processor."""
+
+SIMULATED = (
     Entry("slide_exchange", slide.exchange, results=SHOWN, parameters=("slide", "desired", *DRAWS)),
     Entry("hand_move", hand_kernel.move),
     Entry("leader_tick_delayed", delaying.tick_delayed),
@@ -65,6 +70,7 @@ ENTRIES = (
     Entry("trial_learn", trial.learn),
     Entry("trial_foretell", trial.foretell),
 )
+"""In the code for a browser, where a robot, a hand and a network are simulated, and recordings are predicted."""
 
 NAMED = {
     safety.Limits: Struct(safety.Limits, "safety_limits", described=SafetyLimits),
@@ -80,8 +86,13 @@ NAMED = {
 """What is called otherwise in C than its class."""
 
 
+def entries_of(target: Target) -> tuple[Entry, ...]:
+    """What is exported for a target."""
+    return ENTRIES + SIMULATED if target.simulates else ENTRIES
+
+
 @cache
 def structs() -> tuple[Struct, ...]:
-    """The records of the entries, each after those that it is made of, which are called as their classes are."""
+    """The records of all entries, each after those that it is made of, which are called as their classes are."""
     every = dict.fromkeys(kind for one in NAMED for kind in records_in(one))
     return tuple(NAMED.get(kind, Struct(kind, snake(kind.__name__))) for kind in every)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from foretouch.export.entries import ENTRIES, Entry, structs
+from foretouch.export.entries import Entry, entries_of, structs
 from foretouch.export.lowering import Function, Lowered, Parameter
-from foretouch.export.structs import PREFIX, TYPES, checked, comment, declared, sentence
+from foretouch.export.structs import PREFIX, TYPES, checked, comment, declared, records_in, sentence
+from foretouch.export.targets import Target
 from foretouch.messages import STATUS_SENTENCES, Status
 
 TOP = """{top}
@@ -44,20 +45,23 @@ anything outside of the structs that it is given: several threads may call them 
 SI. A struct begins with its init function; it may be copied, and is moved by copying its bytes."""
 
 
-def header(target: str, version: str, lowered: Lowered) -> str:
+def header(target: Target, version: str, lowered: Lowered) -> str:
     """The text of ``foretouch.h``.
 
     Args:
-        target: Name of the processor.
+        target: The processor.
         version: Of foretouch.
         lowered: The functions.
     """
-    made, names = lowered.functions, {struct.kind: struct.name for struct in structs()}
-    parts = [TOP.format(top=comment(INTRODUCTION.format(version=version, target=target)), version=version)]
-    parts += [_statuses(), *(declared(struct, names) for struct in structs())]
+    names = {struct.kind: struct.name for struct in structs()}
+    taken = {kind for function in lowered.functions for _, kind in function.parameters}
+    inside = {kind for struct in structs() if struct.name in taken for kind in records_in(struct.kind)}
+    shown = [struct for struct in structs() if struct.kind in inside]
+    introduction = comment(INTRODUCTION.format(version=version, target=target.name))
+    parts = [TOP.format(top=introduction, version=version), _statuses(), *(declared(one, names) for one in shown)]
     parts += [_begins(*one) for one in lowered.begins]
-    parts += [_declared(entry, function) for entry, function in zip(ENTRIES, made, strict=True)]
-    placed = "\n".join(map(checked, structs()))
+    parts += map(_declared, entries_of(target), lowered.functions)
+    placed = "\n".join(map(checked, shown))
     parts.append(f"{comment('This compiler places every field where the code expects it.')}\n{placed}")
     return "\n\n".join(part.strip("\n") for part in parts) + "\n" + END
 

@@ -19,9 +19,11 @@ import tempfile
 from dataclasses import dataclass
 from typing import Any
 
-from foretouch.errors import ForetouchError
+from foretouch.errors import ForetouchError, SettingError
 from foretouch.export.targets import Target
+from foretouch.models import ContactMapModel
 from foretouch.session.settings import SessionSettings
+from foretouch.settings import is_simulated
 
 SETTINGS = {
     "NUMBA_OPT": "1",
@@ -86,6 +88,20 @@ def lowered(*targets: Target, settings: SessionSettings | None = None) -> list[L
     begins = _done_apart("beginnings", chosen, {"NUMBA_DISABLE_JIT": "1"})
     made: list[Lowered] = _done_apart("emitting", ([target.name for target in targets], begins), SETTINGS)
     return made
+
+
+def require_exportable(settings: SessionSettings) -> None:
+    """Refuse settings of a leader or a follower that are not in C."""
+    for name, there, rule in (
+        ("scene", "", "sessions along a line alone are exported: leave it out"),
+        ("baseline", "none", "the code renders from the model: leave it out"),
+        ("model", ContactMapModel.law, f"the follower of C learns {ContactMapModel.law}: leave it out"),
+    ):
+        if (value := getattr(settings, name)) != there:
+            raise SettingError(name, value, rule)
+    if not is_simulated(settings.robot):
+        rule = "is a real one: name a simulated one that is like it, and set what your robot has otherwise in C"
+        raise SettingError("robot", settings.robot, rule)
 
 
 def _done_apart(module: str, given: Any, settings: dict[str, str]) -> Any:

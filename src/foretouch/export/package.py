@@ -72,7 +72,7 @@ def require_place(out: Path) -> None:
 
 
 def _fill(folder: Path, target: Target, version: str, made: Lowered) -> None:
-    texts = {"include/foretouch.h": header(target.name, version, made), "src/foretouch_names.inc": names()}
+    texts = {"include/foretouch.h": header(target, version, made), "src/foretouch_names.inc": names()}
     texts |= sources()
     words = {"@VERSION@": version, "@TARGET@": target.name}
     for template in sorted(TEMPLATES.iterdir()):

@@ -18,6 +18,7 @@ class Target:
         processor: The least of its kind that the code runs on; "" for the family's common ground.
         features: Of the processor, as LLVM names them.
         compilers: Names of C compilers for it on a machine of another kind, the usual one first.
+        simulates: Whether robots and hands are simulated there: what does that is in its code, too.
     """
 
     name: str
@@ -25,6 +26,7 @@ class Target:
     processor: str = ""
     features: str = ""
     compilers: tuple[str, ...] = ()
+    simulates: bool = False
 
 
 TARGETS = {
@@ -34,7 +36,7 @@ TARGETS = {
         Target("aarch64", "aarch64-unknown-linux-gnu", "generic", compilers=("aarch64-linux-gnu-gcc",)),
         # With single precision alone, a double would be computed by calls of the compiler's own library.
         Target("armv7", "armv7-unknown-linux-gnueabihf", "generic", "+vfp3d16", ("arm-linux-gnueabihf-gcc",)),
-        Target("wasm32", "wasm32-unknown-unknown", "generic"),
+        Target("wasm32", "wasm32-unknown-unknown", "generic", simulates=True),
     )
 }
 """By name."""

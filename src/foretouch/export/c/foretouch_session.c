@@ -178,15 +178,3 @@ size_t foretouch_follower_model(foretouch_follower *follower, int64_t now_ns, ui
     foretouch_follower_published(follower, (int64_t)size);
     return size;
 }
-
-void foretouch_trial_start(foretouch_trial *trial, foretouch_follower *follower, foretouch_leader *leader)
-{
-    foretouch_follower_init(follower);
-    foretouch_leader_init(leader);
-    memset(trial, 0, sizeof(*trial));
-    trial->conditionings[0] = follower->conditionings[0];
-    trial->learnings[0] = follower->learnings[0];
-    trial->banks[0] = follower->banks[0];
-    trial->predictions[0] = leader->predictions[0];
-    trial->stale = true;
-}

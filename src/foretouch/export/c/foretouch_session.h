@@ -65,10 +65,6 @@ size_t foretouch_follower_telemetry(const foretouch_follower *follower, const fo
    both are for people and not for the leader. */
 size_t foretouch_follower_model(foretouch_follower *follower, int64_t now_ns, uint8_t *bytes, size_t room);
 
-/* Begin to learn from a recording and to predict it, as a follower and a leader begin, which are both written for that:
-   then `foretouch_trial_expect`, and for each sample `foretouch_trial_learn` and `foretouch_trial_foretell`. */
-void foretouch_trial_start(foretouch_trial *trial, foretouch_follower *follower, foretouch_leader *leader);
-
 #ifdef __cplusplus
 }
 #endif

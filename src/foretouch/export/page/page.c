@@ -4,6 +4,7 @@
 
 #include <math.h>
 #include <stddef.h>
+#include <string.h>
 
 #include "foretouch_session.h"
 
@@ -168,7 +169,14 @@ int EXPORT(page_status)(void)
 
 void EXPORT(page_expect)(double delay)
 {
-    foretouch_trial_start(&trial, &fresh_follower, &fresh_leader);
+    foretouch_follower_init(&fresh_follower);
+    foretouch_leader_init(&fresh_leader);
+    memset(&trial, 0, sizeof(trial));
+    trial.conditionings[0] = fresh_follower.conditionings[0];
+    trial.learnings[0] = fresh_follower.learnings[0];
+    trial.banks[0] = fresh_follower.banks[0];
+    trial.predictions[0] = fresh_leader.predictions[0];
+    trial.stale = true;
     foretouch_trial_expect(&trial, delay);
 }
 
