@@ -14,7 +14,6 @@ import msgspec
 import pytest
 from packages import NATIVE, needs
 
-from foretouch.export import TARGETS, write_package
 from foretouch.link import free_endpoint
 from foretouch.recordings import read_session
 from foretouch.report import session_figures
@@ -32,13 +31,6 @@ SOURCES = {
 NETWORK = ["--jitter", "0.02", "--loss", "0.05"]
 ROW = re.compile(r"^ +[\d.]+ +[-\d.]+ +(?P<felt>[-\d.]+) +(?P<robot>[-\d.]+) .*?(?P<status>\d+)$", re.MULTILINE)
 pytestmark = NATIVE
-
-
-@pytest.fixture(scope="module")
-def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("export") / "package"
-    write_package(folder, TARGETS["x86_64"])
-    return folder
 
 
 def compile_strictly(package: Path, source: Path, out: Path, compiler: str) -> Path:
@@ -94,7 +86,7 @@ def test_every_stub_says_what_it_is() -> None:
 @pytest.mark.parametrize("compiler", ["gcc", "clang"])
 def test_the_first_program_of_the_guide(package: Path, tmp_path: Path, compiler: str) -> None:
     (text,) = re.findall(r"^```c\n(#include.*?)^```$", GUIDE.read_text(), re.DOTALL | re.MULTILINE)
-    assert len(text.splitlines()) <= 26
+    assert len(list(filter(str.strip, text.splitlines()))) <= 25
     (said,) = re.findall(r"^It prints `(.+)`", GUIDE.read_text(), re.MULTILINE)
     (tmp_path / "first.c").write_text(text)
     program = compile_strictly(package, tmp_path / "first.c", tmp_path / "first", compiler)
