@@ -81,7 +81,8 @@ PACE = """async () => {
 """Times of frames [ms], ticks a second, and the ratio of time in which they are computed; while five seconds pass."""
 
 TRIAL = """() => new Promise((done) => {
-  const wait = () => (result ? done([Array.from(result.predicted), result.predicted_rms, result.delayed_rms, result.rms])
+  const say = () => [Array.from(result.predicted), result.predicted_rms, result.delayed_rms, result.rms];
+  const wait = () => (result ? done(say())
     : setTimeout(wait, 50));
   wait();
 })"""

@@ -36,7 +36,7 @@ FILES = ("example.csv", "index.html")
 LIBRARY = Path("/usr/lib/wasm32-wasi")
 """Where the C library for WebAssembly lies."""
 
-COMPILER = ("clang", "--target=wasm32-wasi", "-O2", "-std=c11", "-ffp-contract=off", "-c")
+COMPILER = ("clang", "--target=wasm32-wasi", "-Oz", "-std=c11", "-ffp-contract=off", "-c")
 LINKER = (
     "wasm-ld",
     "--no-entry",

@@ -49,26 +49,35 @@ heard.frame = (message) => {
 
 // ---- The handle ----
 
-let aim = 0, drag = null;
-const SCALE = 4, SURFACE = 10, AT_SURFACE = 130, ABOVE = 60; // pixels per mm, mm, and pixels of the picture
+let aim = 0, drag = null; // where the hand wants to be [mm]
+const LEAST = -5, MOST = 40, SCALE = 4, SURFACE = 10, AT_SURFACE = 130, ABOVE = 60; // mm; pixels per mm and of the picture
 const y = (mm) => AT_SURFACE + (mm - SURFACE) * SCALE;
 
+// What the probe is off from the hand [mm]: where a surface turns up under way, the probe waits there, and the hand goes on.
+const offset = () => (Number.isFinite(latest[PROXY]) ? 1e3 * (latest[PROXY] - latest[HAND]) : 0);
+
+// All that is shown of the aim is where the probe would be.
+function showAim() {
+  const shown = (aim + offset()).toFixed(1);
+  if (document.activeElement !== $("handle") || $("handle").value !== shown) $("handle").value = shown;
+  say("handle-says", `${shown} mm`);
+  if ($("handle").getAttribute("aria-valuetext") !== `${shown} millimetres down`) $("handle").setAttribute("aria-valuetext", `${shown} millimetres down`);
+}
+
 function setAim(mm) {
-  aim = Math.min(40, Math.max(-5, mm));
-  $("handle").value = aim;
-  $("handle-says").textContent = `${aim.toFixed(1)} mm`;
-  $("handle").setAttribute("aria-valuetext", `${aim.toFixed(1)} millimetres down`);
+  aim = Math.min(MOST, Math.max(LEAST, mm + offset())) - offset();
   if ($("auto").getAttribute("aria-pressed") === "true") toggle("auto", false);
+  showAim();
 }
 
 function bindHandle() {
   const scene = $("scene");
-  $("handle").addEventListener("input", () => setAim(Number($("handle").value)));
+  $("handle").addEventListener("input", () => setAim(Number($("handle").value) - offset()));
   $("handle").addEventListener("keydown", (event) => {
     const step = { ArrowDown: 0.5, ArrowRight: 0.5, ArrowUp: -0.5, ArrowLeft: -0.5, PageDown: 3, PageUp: -3 }[event.key];
     if (step === undefined && event.key !== "Home") return;
     event.preventDefault(); // down is deeper, as in the picture
-    setAim(step === undefined ? 0 : aim + step);
+    setAim(step === undefined ? -offset() : aim + step);
   });
   scene.addEventListener("pointerdown", (event) => {
     drag = { y: event.clientY, aim };
@@ -101,13 +110,24 @@ function pressedLine(depth, close) {
 }
 
 function arrow(x, force) {
-  const length = Math.min(Math.abs(force) * 9, 100);
-  return length < 1 ? "" : `M${x - 5},126 V${126 - length + 6} H${x - 11} L${x},${126 - length - 8} L${x + 11},${126 - length + 6} H${x + 5} V126 Z`;
+  const top = 126 - Math.min(Math.abs(force) * 10, 100), neck = Math.min(top + 13, 126);
+  return top > 125 ? "" : `M${x - 5},126 V${neck} H${x - 11} L${x},${top} L${x + 11},${neck} H${x + 5} V126 Z`;
+}
+
+// A line of the material that lies this deep [mm] when nothing presses it.
+function grain(depth, sunk) {
+  let path = "";
+  for (let x = -160; x <= 160; x += 8) {
+    const wide = 1.3 * RADIUS + 0.6 * depth, down = sunk > 0 ? (sunk * Math.exp(-depth / 14)) / (1 + (Math.abs(x) / SCALE / wide) ** 2) : 0;
+    path += `${path ? "L" : "M"}${x},${(AT_SURFACE + (depth + down) * SCALE).toFixed(1)}`;
+  }
+  return path;
 }
 
 function drawScene() {
   const at = (name, mm) => $(name).setAttribute("transform", `translate(0,${y(1e3 * mm).toFixed(1)})`);
   const proxy = Number.isFinite(latest[PROXY]) ? latest[PROXY] : 0, late = Number.isFinite(latest[LATE]) ? latest[LATE] : 0;
+  $("grain").setAttribute("d", [7, 14, 21, 28, 35].map((depth) => grain(depth, 1e3 * proxy - SURFACE)).join(""));
   $("block").setAttribute("d", pressedLine(1e3 * proxy - SURFACE, true));
   $("now-surface").setAttribute("d", pressedLine(1e3 * proxy - SURFACE));
   $("late-surface").setAttribute("d", pressedLine(1e3 * late - SURFACE));
@@ -118,9 +138,9 @@ function drawScene() {
   $("aim").setAttribute("cy", hand.toFixed(1));
   $("spring").setAttribute("y1", grip.toFixed(1));
   $("spring").setAttribute("y2", hand.toFixed(1));
-  for (const [name, x, force] of [["now", -100, latest[FELT]], ["late", 100, latest[ARRIVED]]]) {
+  for (const [name, what, x, force] of [["now", "felt", -105, latest[FELT]], ["late", "arriving", 105, latest[ARRIVED]]]) {
     $(`${name}-arrow`).setAttribute("d", arrow(x, force));
-    $(`${name}-force`).textContent = `${force.toFixed(1)} N`;
+    $(`${name}-force`).textContent = `${what} ${force.toFixed(1)} N`;
     $(`${name}-force`).setAttribute("y", 150);
   }
 }
@@ -228,7 +248,8 @@ function report(now) {
   const trouble = state.status in STATES ? ` The robot: ${STATES[state.status]}.` : "";
   say("summary", `${place} ${known} You feel ${latest[FELT].toFixed(1)} newtons; ${latest[ARRIVED].toFixed(1)} have arrived.${trouble}`);
   const quiet = !drag && $("auto").getAttribute("aria-pressed") !== "true";
-  say("delayed-says", quiet && depth > -3 ? `Nobody moves the aim; the handle swings by ${moved.toFixed(1)} mm.` : held ? "Hold the handle still in the material." : "");
+  const swings = `Nobody moves the aim: the handle swings by ${moved.toFixed(1)} mm.`;
+  say("delayed-says", quiet && (depth > 0.5 || (held && moved > 1)) ? `${swings}${held ? "" : " Now switch."}` : "Hold the handle still in the material, and switch.");
 }
 
 // ---- Sound and rumble ----
@@ -278,11 +299,8 @@ function draw(now) {
   if (soundOn() && audio) { audio.now(latest[FELT]); audio.late(latest[ARRIVED]); }
   if ($("press").hidden || (still.matches && now - drawn < 100)) return;
   drawn = now;
-  if ($("auto").getAttribute("aria-pressed") === "true") {
-    aim = 1e3 * latest[AIM];
-    $("handle").value = aim;
-    say("handle-says", `${aim.toFixed(1)} mm`);
-  }
+  if ($("auto").getAttribute("aria-pressed") === "true") aim = 1e3 * latest[AIM];
+  showAim();
   drawScene();
   drawPlot();
   report(now);
@@ -296,7 +314,7 @@ function toggle(id, on) {
 }
 const SWITCHED = {
   auto: (auto) => tell("auto", { auto, aim: 1e-3 * aim }),
-  delayed: (delayed) => tell("delayed", { delayed }),
+  delayed: (delayed) => { tell("delayed", { delayed }); nudge(); },
   pause: (pause) => tell("pause", { pause }),
   sound: (on) => {
     audio ??= makeAudio();
@@ -306,7 +324,17 @@ const SWITCHED = {
   rumble: (on) => say("also-says", on ? "A gamepad rumbles as the force does, and its left stick moves the handle." : ""),
 };
 
+// The hand draws back a little and presses again: what calms down, and what goes on swinging?
+function nudge() {
+  if ($("auto").getAttribute("aria-pressed") === "true") return;
+  const before = aim;
+  aim -= NUDGE;
+  setTimeout(() => { if (aim === before - NUDGE) aim = before; }, 300);
+}
+const NUDGE = 3; // [mm]
+
 function bindControls() {
+  $("nudge").addEventListener("click", nudge);
   for (const id of Object.keys(SWITCHED)) {
     const name = $(id).getAttribute("role") === "switch" ? "aria-checked" : "aria-pressed";
     $(id).addEventListener("click", () => toggle(id, $(id).getAttribute(name) !== "true"));
@@ -326,6 +354,7 @@ function bindControls() {
   $("material").addEventListener("change", () => {
     material();
     total = 0;
+    latest = new Float64Array(COLUMNS);
     if ($("auto").getAttribute("aria-pressed") !== "true") setAim(0);
     tell("material", { material: Number($("material").value) });
   });

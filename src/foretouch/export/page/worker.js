@@ -58,7 +58,11 @@ class Session {
   // Another leader, which knows nothing yet, and takes over from the one before.
   lead() { wasm.page_start_leader(++this.epoch); }
   set(delay, loss) { this.up.set(this.now, delay, loss); this.down.set(this.now, delay, loss); }
-  render(delayed) { if (delayed !== this.delayed) { this.delayed = delayed; this.lead(); } }
+  // The delayed force takes the model's place as it is. What it did to the energy of the hand, only another leader forgets.
+  render(delayed) {
+    if (this.delayed && !delayed) this.lead();
+    this.delayed = delayed;
+  }
   receive(message) { new Uint8Array(memory.buffer, room, message.bytes.length).set(message.bytes); return message.bytes.length; }
   send(way, kind, size) { if (size > 0) way.push(this.now, kind, new Uint8Array(memory.buffer, room, size).slice()); }
 
@@ -92,16 +96,24 @@ function scripted(now) {
   return depth * 0.5 * (1 - Math.cos(2 * Math.PI * Math.min(phase * 1.25, 1)));
 }
 
+const FASTEST = 1e-4; // The aim moves at most so far in a tick [m]: no hand jumps
+
+let shift = 0; // of the script, by which the hand is off from the probe [m]
+function aimNow() {
+  if (!session.auto) return session.aim;
+  if (session.now % 4000 === 0) shift = session.row ? session.row[2] - session.row[3] || 0 : 0;
+  return scripted(session.now) + shift;
+}
+
 function run() {
   const before = performance.now();
   let target = Math.floor(before - began);
   if (target - session.now > LATEST) { began += target - session.now - LATEST; target = session.now + LATEST; }
-  const from = aimed, ticks = target - session.now, to = session.auto ? null : session.aim;
-  for (let k = 1; k <= ticks; k++) {
-    // The aim is carried over evenly, for a mouse moves sixty times a second.
-    aimed = to === null ? scripted(session.now) : from + (to - from) * Math.min(1, k / Math.max(ticks, 8));
-    const row = session.tick(aimed);
-    if (count < KEPT) shown.set(row, COLUMNS * count++);
+  const ticks = target - session.now;
+  for (let k = 0; k < ticks; k++) {
+    aimed += Math.max(-FASTEST, Math.min(FASTEST, aimNow() - aimed));
+    session.row = session.tick(aimed);
+    if (count < KEPT) shown.set(session.row, COLUMNS * count++);
   }
   made += ticks;
   spent += performance.now() - before;
@@ -189,7 +201,7 @@ const ASKED = {
   network(request) { session.set(request.delay, request.loss); },
   material(request) { restart(request.material); },
   delayed(request) { session.render(request.delayed); },
-  auto(request) { session.auto = request.auto; },
+  auto(request) { session.auto = request.auto; shift = session.row ? session.row[2] - session.row[3] || 0 : 0; },
   pause(request) { if (request.pause !== paused) pause(request.pause); },
   course(request) { course(request); },
   trial(request) { startTrial(request); },

@@ -55,6 +55,7 @@ def tick_delayed(
         return float(shown.rendered_force)
     leader.time = time
     r, account, view = leader.renderings[0], leader.accounts[0], leader.views[0]
+    r.share, r.free = 1.0, 0.0  # the proxy takes part in all of the motion, whatever a model before had it do
     at = hand if abs(hand) <= FARTHEST else math.nan
     position, booked = take_hand(r, account, hand, (at, 0.0, 0.0), period, free)
     shown.energy, shown.energy_bound, shown.late_energy = booked
