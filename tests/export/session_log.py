@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import struct
+import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from enum import IntEnum
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -13,12 +16,30 @@ import numpy as np
 import pytest
 
 from foretouch.export.beginnings import following_of
-from foretouch.identification import SENSOR_SENTENCES, SensorState
+from foretouch.identification import SENSOR_SENTENCES, ContactMap, SensorState
 from foretouch.messages import Command, Message, ModelUpdate, Telemetry, encode
+from foretouch.session import SessionSettings, simulate
 from foretouch.session.network.model_sender import ModelSender
+from foretouch.session.runners.warm_up import warm_up_once
 from foretouch.session.steps import follower, leader
 from foretouch.session.steps.following import ShownFollower
 from foretouch.session.steps.leading import Shown
+
+SOURCE = Path(__file__).with_name("session_ticks.c")
+SESSIONS: dict[str, dict[str, Any]] = {
+    "hunt-crossley": {},
+    "foam, normal grip": {"material": "foam", "grip": "normal"},
+    "kelvin-voigt, stiff grip, guarded": {"material": "kelvin-voigt", "grip": "stiff", "first_touch": "guarded"},
+    "jitter, loss and outages": {"grip": "normal", "jitter": 0.05, "loss": 0.2, "outage": 1.0},
+    "one second each way": {"position_delay": 1.0, "force_delay": 1.0, "grip": "soft"},
+    "clutch": {"grip": "normal", "clutch": "2:3,5:6"},
+    "sensor that fails": {"sensor_fault": "stuck:4:6"},
+    "another seed and frames": {"seed": 7, "leader_frame": "0.1,-1", "position_scale": 2.0, "grip": "normal"},
+    "no delay": {"position_delay": 0.0, "force_delay": 0.0, "material": "foam"},
+    "law of the paper, leader alone": {"model": "continuous-switching", "estimator": "fprls", "grip": "normal"},
+    "law of Hunt and Crossley, leader alone": {"model": "hunt-crossley", "estimator": "log-rls", "grip": "normal"},
+}
+"""The golden sessions: settings beside the defaults. A follower of C learns a contact map alone."""
 
 SHOWN, SHOWN_FOLLOWER = Shown.layout, ShownFollower.layout
 RECORDED = {"step_by_models": "update_step", "jump": "model_jump"}
@@ -88,11 +109,13 @@ def watched(log: Log) -> Iterator[None]:
         return state, outputs
 
     def follow(state: follower.State, inputs: follower.Inputs, now_ns: int) -> tuple[follower.State, follower.Outputs]:
-        if begun.get("follower") is not state:
+        learns = type(state.learner.estimator) is ContactMap
+        if learns and begun.get("follower") is not state:
             begun["follower"] = state
             log.taken += b"F" + following_of(state).tobytes()
         state, outputs = steps[1](state, inputs, now_ns)
-        log.follow(inputs, now_ns, outputs)
+        if learns:
+            log.follow(inputs, now_ns, outputs)
         return state, outputs
 
     def reason(_: ModelSender, __: Any, sensors: SensorState, ___: int) -> str:
@@ -135,3 +158,17 @@ def differing(one: list[tuple[Any, ...]], other: list[tuple[Any, ...]]) -> int:
     """How many ticks differ."""
     assert len(one) == len(other)
     return sum(a != b for a, b in zip(one, other, strict=True))
+
+
+def logged(name: str, seconds: float) -> Log:
+    log, settings = Log(), replace(SessionSettings(), **SESSIONS[name])
+    warm_up_once(settings)  # which runs the steps, too
+    with watched(log):
+        simulate(settings, duration=seconds, say=lambda _: None)
+    return log
+
+
+def given_by(command: list[object], log: Log) -> list[tuple[Any, ...]]:
+    done = subprocess.run(list(map(str, command)), input=bytes(log.taken), capture_output=True, check=False)
+    assert done.returncode == 0, done.stderr.decode()[-2000:]
+    return read_given(done.stdout, log)

@@ -7,6 +7,7 @@ nothing compiled.
 from __future__ import annotations
 
 import struct
+import subprocess
 import sys
 from typing import Any, TypeVar
 
@@ -240,6 +241,12 @@ def plain(output: bytes) -> NDArray[np.uint64]:
     words = np.frombuffer(output[: len(output) // 8 * 8], "<u8").copy()
     words[np.isnan(words.view(np.float64))] = 0x7FF8 << 48
     return words
+
+
+def randomly(command: list[object], taken: bytes) -> NDArray[np.uint64]:
+    done = subprocess.run([*map(str, command), "shown"], input=taken, capture_output=True, check=False)
+    assert done.returncode == 0, done.stderr.decode()[-2000:]
+    return plain(done.stdout)
 
 
 if __name__ == "__main__":

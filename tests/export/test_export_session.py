@@ -5,54 +5,17 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from packages import NATIVE, Packages, build, needs
-from session_log import Log, differing, read_given, watched
-from session_ticks import EPOCH, Player, clean, plain, random_ticks
+from session_log import SESSIONS, SOURCE, Log, differing, given_by, logged
+from session_ticks import EPOCH, Player, clean, plain, random_ticks, randomly
 
 from foretouch.export.beginnings import OWN, beginnings
 from foretouch.messages import Status
-from foretouch.session import SessionSettings, simulate
-from foretouch.session.runners.warm_up import warm_up_once
-
-SOURCE = Path(__file__).parent / "session_ticks.c"
-SESSIONS: dict[str, dict[str, Any]] = {
-    "hunt-crossley": {},
-    "foam, normal grip": {"material": "foam", "grip": "normal"},
-    "kelvin-voigt, stiff grip, guarded": {"material": "kelvin-voigt", "grip": "stiff", "first_touch": "guarded"},
-    "jitter, loss and outages": {"grip": "normal", "jitter": 0.05, "loss": 0.2, "outage": 1.0},
-    "one second each way": {"position_delay": 1.0, "force_delay": 1.0, "grip": "soft"},
-    "clutch": {"grip": "normal", "clutch": "2:3,5:6"},
-    "sensor that fails": {"sensor_fault": "stuck:4:6"},
-    "another seed and frames": {"seed": 7, "leader_frame": "0.1,-1", "position_scale": 2.0, "grip": "normal"},
-    "no delay": {"position_delay": 0.0, "force_delay": 0.0, "material": "foam"},
-}
-"""The golden sessions: settings beside the defaults."""
-
-
-def logged(name: str, seconds: float) -> Log:
-    log, settings = Log(), replace(SessionSettings(), **SESSIONS[name])
-    warm_up_once(settings)  # which runs the steps, too
-    with watched(log):
-        simulate(settings, duration=seconds, say=lambda _: None)
-    return log
-
-
-def given_by(command: list[object], log: Log) -> list[tuple[Any, ...]]:
-    done = subprocess.run(list(map(str, command)), input=bytes(log.taken), capture_output=True, check=False)
-    assert done.returncode == 0, done.stderr.decode()[-2000:]
-    return read_given(done.stdout, log)
-
-
-def randomly(command: list[object], taken: bytes) -> np.ndarray:
-    done = subprocess.run([*map(str, command), "shown"], input=taken, capture_output=True, check=False)
-    assert done.returncode == 0, done.stderr.decode()[-2000:]
-    return plain(done.stdout)
+from foretouch.session import SessionSettings
 
 
 @pytest.fixture(scope="module")
