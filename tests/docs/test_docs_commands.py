@@ -114,6 +114,7 @@ OFFLINE: dict[tuple[str, ...], Callable[[list[str]], list[str]]] = {
     ("plugins",): as_it_is,
     ("plugins", "check"): as_it_is,
     ("export", "c"): as_it_is,
+    ("export", "page"): as_it_is,
     ("keys", "init"): in_new_keys,
     ("keys", "issue"): in_new_keys,
     ("keys", "rotate"): in_new_keys,

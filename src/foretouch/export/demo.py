@@ -29,7 +29,6 @@ from foretouch.session.settings import SessionSettings
 PARTS = Path(__file__).with_name("page")
 """What is written by hand."""
 
-SITE = "https://github.com/foretouch/foretouch"
 FILES = ("example.csv", "index.html")
 """Files of the page."""
 
@@ -37,16 +36,7 @@ LIBRARY = Path("/usr/lib/wasm32-wasi")
 """Where the C library for WebAssembly lies."""
 
 COMPILER = ("clang", "--target=wasm32-wasi", "-Oz", "-std=c11", "-ffp-contract=off", "-c")
-LINKER = (
-    "wasm-ld",
-    "--no-entry",
-    "--gc-sections",
-    "--strip-all",
-    "--compress-relocations",
-    "-O2",
-    "-z",
-    "stack-size=262144",
-)
+LINKER = ("wasm-ld", "--no-entry", "--gc-sections", "--strip-all", "--compress-relocations", "-z", "stack-size=262144")
 
 
 def write_page(out: Path, lower: Callable[[Target], list[Lowered]] = lowered) -> list[str]:
@@ -142,8 +132,7 @@ def page_text(module: bytes, example: str) -> str:
     }
     words = {
         "STYLE": (PARTS / "page.css").read_text(),
-        "SITE": SITE,
-        "VERSION": f" {importlib.metadata.version('foretouch')}",
+        "VERSION": importlib.metadata.version("foretouch"),
         "SCRIPT": "".join((PARTS / name).read_text() for name in ("page.js", "recording.js")),
         "CONTENT": json.dumps(content).replace("</", "<\\/"),
     }

@@ -141,7 +141,7 @@ function drawScene() {
   for (const [name, what, x, force] of [["now", "felt", -105, latest[FELT]], ["late", "arriving", 105, latest[ARRIVED]]]) {
     $(`${name}-arrow`).setAttribute("d", arrow(x, force));
     $(`${name}-force`).textContent = `${what} ${force.toFixed(1)} N`;
-    $(`${name}-force`).setAttribute("y", 150);
+    $(`${name}-force`).setAttribute("y", 118 - Math.min(Math.abs(force) * 10, 100));
   }
 }
 
@@ -272,7 +272,7 @@ const soundOn = () => $("sound").getAttribute("aria-pressed") === "true";
 
 let rumbled = 0;
 function rumble(now) {
-  const pad = navigator.getGamepads?.().find((one) => one?.connected);
+  const pad = Array.from(navigator.getGamepads?.() ?? []).find((one) => one?.connected);
   if (!pad) return;
   const stick = pad.axes[1] ?? 0;
   if (Math.abs(stick) > 0.15) setAim(aim + stick * 0.4);
