@@ -20,7 +20,7 @@ from foretouch.errors import ForetouchError
 from foretouch.export.beginnings import Beginning
 from foretouch.export.entries import Entry, entries_of, structs
 from foretouch.export.lowering import RAISES, Function, Lowered
-from foretouch.export.packing import COUNT_BITS, LENGTH_BITS, packed
+from foretouch.export.packing import packed
 from foretouch.export.structs import PREFIX
 from foretouch.export.targets import TARGETS, Target
 
@@ -38,22 +38,33 @@ OPTIONS = {
     "_nrt": False,
 }
 UNPACK = """
-define internal void @unpack(ptr %place, ptr %table, ptr %end) noinline {
+define internal i64 @both(ptr %at) {
+  %low = load i16, ptr %at
+  %behind = getelementptr i16, ptr %at, i64 1
+  %high = load i16, ptr %behind
+  %a = zext i16 %low to i64
+  %b = zext i16 %high to i64
+  %c = shl i64 %b, 16
+  %d = or i64 %a, %c
+  ret i64 %d
+}
+define internal void @unpack(ptr %place, ptr %words, ptr %pieces, ptr %end) noinline {
 entry:
   br label %next
 next:
   %to = phi ptr [ %place, %entry ], [ %behind, %after ]
-  %from = phi ptr [ %table, %entry ], [ %then, %after ]
-  %token = load i64, ptr %from
-  %words = getelementptr i64, ptr %from, i64 1
-  %count = and i64 %token, COUNT
-  %shifted = lshr i64 %token, BITS
-  %length = and i64 %shifted, LENGTH
-  %distance = lshr i64 %token, FAR
+  %piece = phi ptr [ %pieces, %entry ], [ %then, %after ]
+  %few = load i16, ptr %piece
+  %count = zext i16 %few to i64
+  %at_length = getelementptr i16, ptr %piece, i64 1
+  %at_distance = getelementptr i16, ptr %piece, i64 3
+  %length = call i64 @both(ptr %at_length)
+  %distance = call i64 @both(ptr %at_distance)
+  %told_at = getelementptr i16, ptr %piece, i64 5
+  %then = getelementptr i16, ptr %told_at, i64 %count
   %back = sub i64 0, %distance
   %there = getelementptr i64, ptr %to, i64 %count
   %behind = getelementptr i64, ptr %there, i64 %length
-  %then = getelementptr i64, ptr %words, i64 %count
   %source = getelementptr i64, ptr %there, i64 %back
   br label %tell
 tell:
@@ -61,8 +72,11 @@ tell:
   %more = icmp ult i64 %k, %count
   br i1 %more, label %told, label %copy
 told:
-  %a = getelementptr i64, ptr %words, i64 %k
-  %v = load i64, ptr %a
+  %a = getelementptr i16, ptr %told_at, i64 %k
+  %short = load i16, ptr %a
+  %index = zext i16 %short to i64
+  %word = getelementptr i64, ptr %words, i64 %index
+  %v = load i64, ptr %word
   %b = getelementptr i64, ptr %to, i64 %k
   store i64 %v, ptr %b
   %k1 = add i64 %k, 1
@@ -85,13 +99,7 @@ out:
   ret void
 }
 """
-for word, value in {
-    "COUNT": (1 << COUNT_BITS) - 1,
-    "BITS": COUNT_BITS,
-    "LENGTH": (1 << LENGTH_BITS) - 1,
-    "FAR": COUNT_BITS + LENGTH_BITS,
-}.items():
-    UNPACK = UNPACK.replace(word, str(value))
+"""Writes a record from what `foretouch.export.packing` makes of it."""
 
 
 def main() -> None:
@@ -281,17 +289,23 @@ def _handed_on(function: Function, result: Any) -> tuple[list[str], str, str]:
 
 
 def _initial(begin: Beginning) -> str:
-    """A function of C that writes what a new record holds, from a table of its words."""
-    words = packed(begin.record)
-    kind = f"[{len(words)} x i64]"
+    """A function of C that writes what a new record holds, from tables."""
+    words, pieces = packed(begin.record)
+    size = f"[{len(pieces)} x i16]"
     return f"""
-@{begin.name}.words = internal constant {kind} [{", ".join(f"i64 {word}" for word in words)}]
+{_table(f"{begin.name}.words", 64, words)}
+{_table(f"{begin.name}.pieces", 16, pieces)}
 define void @{PREFIX}{begin.name}(ptr noundef %record) {{
-  %end = getelementptr {kind}, ptr @{begin.name}.words, i64 1
-  call void @unpack(ptr %record, ptr @{begin.name}.words, ptr %end)
+  %end = getelementptr {size}, ptr @{begin.name}.pieces, i64 1
+  call void @unpack(ptr %record, ptr @{begin.name}.words, ptr @{begin.name}.pieces, ptr %end)
   ret void
 }}
 """
+
+
+def _table(name: str, bits: int, values: list[int]) -> str:
+    rows = ", ".join(f"i{bits} {value}" for value in values)
+    return f"@{name} = internal constant [{len(values)} x i{bits}] [{rows}]"
 
 
 def _hide(module: Any, kept: set[str]) -> None:
@@ -317,7 +331,7 @@ def _optimise(module: Any, machine: Any) -> None:
     """Leave out and inline what is small then."""
     for one in module.functions:
         if not one.is_declaration:
-            one.add_function_attribute("optsize")
+            one.add_function_attribute("minsize")
     options = llvm.create_pipeline_tuning_options(speed_level=2)
     options.loop_vectorization = options.slp_vectorization = False
     builder = llvm.create_pass_builder(machine, options)

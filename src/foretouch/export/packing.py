@@ -3,37 +3,52 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-LEAST = 3  # Words of a copy, at least: one of fewer is as long as they are
+LEAST = 5  # Words of a copy, at least: telling which so few are takes no more room
 LOOKED_AT = 40  # Newest places at which a repetition is looked for
 NOTED = 200  # First words of a copy that later copies may begin at
 
-COUNT_BITS, LENGTH_BITS, DISTANCE_BITS = 16, 24, 24
-"""A token says how many words follow it, how many are copied behind them, and how far back they are, lowest bits
-first. A copy may overlap what it writes, so that equal words in a row are one."""
+MOST = (1 << 16) - 1
+"""Most words that a piece tells, and most different ones that a record may have."""
 
 
-def packed(first: NDArray[np.void]) -> list[int]:
-    """The tokens of a record, each with the words that follow it."""
+class Packed(NamedTuple):
+    """A record in fewer words.
+
+    Attributes:
+        words: Its different words of 64 bits.
+        pieces: Numbers of 16 bits. Of each piece, how many words it tells, how many are copied behind them, and how far
+            back they are, the latter two in two numbers each, the lower first; then which words it tells. A copy may
+            overlap what it writes, so that equal words in a row are one.
+    """
+
+    words: list[int]
+    pieces: list[int]
+
+
+def packed(first: NDArray[np.void]) -> Packed:
+    """A record in fewer words."""
     clean = np.zeros(1, first.dtype)  # what lies between two fields is anything, and is not copied
     clean[:] = first
     words: list[int] = np.frombuffer(clean.tobytes(), "<u8").tolist()
-    result: list[int] = []
+    places = {word: place for place, word in enumerate(sorted(set(words)))}
+    pieces: list[int] = []
     told: list[int] = []
     for begin, end, back in _pieces(words):
         if not back:
-            told += words[begin:end]
-        if back or len(told) == (1 << COUNT_BITS) - 1:
-            result += [_token(len(told), end - begin if back else 0, back), *told]
+            told += [places[word] for word in words[begin:end]]
+        if back or len(told) == MOST:
+            pieces += _piece(told, end - begin if back else 0, back)
             told = []
-    return [*result, _token(len(told), 0, 0), *told] if told else result
+    return Packed(list(places), pieces + _piece(told, 0, 0) if told else pieces)
 
 
-def _token(count: int, length: int, distance: int) -> int:
-    return count | length << COUNT_BITS | distance << (COUNT_BITS + LENGTH_BITS)
+def _piece(told: list[int], length: int, back: int) -> list[int]:
+    return [len(told), length & MOST, length >> 16, back & MOST, back >> 16, *told]
 
 
 def _pieces(words: list[int]) -> list[tuple[int, int, int]]:
@@ -43,7 +58,6 @@ def _pieces(words: list[int]) -> list[tuple[int, int, int]]:
     while at < len(words):
         places = known[tuple(words[at : at + LEAST])][-LOOKED_AT:]
         length, place = max(((_same(words, place, at), place) for place in places), default=(0, 0))
-        length = min(length, (1 << LENGTH_BITS) - 1)
         copies = length >= LEAST
         end = at + (length if copies else 1)
         pieces.append((at, end, at - place if copies else 0))
