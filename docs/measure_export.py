@@ -24,7 +24,7 @@ from foretouch.link import CHANNEL_NUMBERS, ZenohLink, free_endpoint
 from foretouch.messages import VERSION, Command, Message, Telemetry, decode, encode
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGE = ROOT / "docs" / "export.md"
+PAGE, EXAMPLES = ROOT / "docs" / "export.md", ROOT / "examples" / "c"
 STRUCTS = ("leader", "follower", "safety")
 SECONDS = 5  # For which messages go through the gate, each way a thousand a second
 
@@ -55,8 +55,8 @@ def sizes() -> str:
         for source in sorted((package / "src").glob("*.c")):
             objects.append(folder / f"{source.stem}.o")
             run("gcc", "-std=c11", "-O2", include, "-c", source, "-o", objects[-1])
-        loop = ROOT / "examples" / "c" / "loop.cpp"
-        run("g++", "-std=c++17", "-O2", include, f"-I{loop.parent}", loop, *objects, kernels, "-lm", "-o", folder / "loop")
+        loop = [f"-I{EXAMPLES}", EXAMPLES / "loop.cpp", *objects, kernels, "-lm"]
+        run("g++", "-std=c++17", "-O2", include, *loop, "-o", folder / "loop")
         ticks = re.search(r"takes (.+) us and (.+) us", run(folder / "loop", 20))
     assert ticks is not None
     code = table(("Processor", "Code of the kernels [kB]"), rows)

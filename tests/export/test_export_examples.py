@@ -14,9 +14,12 @@ import msgspec
 import pytest
 from packages import NATIVE, needs
 
-from foretouch.link import free_endpoint
+from foretouch import session
+from foretouch.devices import ScriptedOperator
+from foretouch.link import ZenohLink, free_endpoint
 from foretouch.recordings import read_session
 from foretouch.report import session_figures
+from foretouch.session import LEADER_CHANNELS, SessionSettings, StopFlag, run_leader, wait_for_hello
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = ROOT / "examples" / "c"
@@ -202,3 +205,37 @@ def test_a_leader_in_c_feels_what_a_follower_in_cpp_presses(
         judge(output, 1.0)
         assert float(said.rpartition(" N")[0].rpartition(" ")[2]) < 0.5  # it has let go
         assert there.ended()["dropped"] == here.ended()["dropped"] == 0
+
+
+class Telling(ScriptedOperator):
+    """A hand that remembers the largest force that it was given [N]."""
+
+    felt = 0.0
+
+    def render(self, force: float) -> float:
+        self.felt = max(self.felt, force)
+        return super().render(force)
+
+
+@pytest.mark.live
+@pytest.mark.long
+def test_a_leader_in_python_feels_what_a_follower_in_cpp_presses(programs: dict[str, Path], tmp_path: Path) -> None:
+    between, far = free_endpoint(), free_endpoint()
+    settings = SessionSettings(force_delay=0.08, jitter=0.02, loss=0.05)
+    with running() as processes:
+        words = ["--side", "follower", "--listen", between, "--at", far, "--delay", 0.08, *NETWORK]
+        processes.append(Process(tmp_path, "gate", "gate", *words))
+        processes[0].wait_for("a follower may connect")
+        command = [programs["franka_follower"], "arm", "127.0.0.1", far.rpartition(":")[2]]
+        hand, stop = Telling(surface=0.010, press_depth=0.006), StopFlag()
+        with (
+            subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as follower,
+            ZenohLink(connect=[between], subscribe=LEADER_CHANNELS) as link,
+        ):
+            assert "process" in wait_for_hello(link, {"follower"}, stop, timeout=20.0)["follower"]
+            own = session.Process(link, stop, lambda _: None)
+            ran = run_leader(own, hand, settings, description={}, duration=8.0)
+            said, _ = follower.communicate(timeout=20)
+    assert follower.returncode == 0, said
+    assert 1.0 < hand.felt < 10.0
+    assert ran["models_refused"] == ran["leader_undecodable"] == 0

@@ -156,13 +156,13 @@ def gate(
 
     Example: foretouch gate --connect tcp/127.0.0.1:7447 --at tcp/127.0.0.1:7460
     """
-    from foretouch.link import ROLES, Faults, FrameServer
+    from foretouch.link import Faults, FrameServer
+    from foretouch.messages import SIDES
     from foretouch.session import Gate, StopFlag, be_prompt, gate_channels
 
-    sides = ROLES[:2]
-    if side not in sides:
-        raise UnknownNameError("side", side, sides)
-    other = next(one for one in sides if one != side)
+    if side not in SIDES:
+        raise UnknownNameError("side", side, SIDES)
+    other = next(one for one in SIDES if one != side)
     server = FrameServer(at, lambda line: say(f"gate: {line}"), insecure=endpoints.insecure)
     stop = StopFlag().on_signals()
     with contextlib.closing(server):
