@@ -143,6 +143,45 @@ def test_a_recording_is_predicted_as_the_command_predicts_it(folder: Path, given
     assert rms == pytest.approx(scores.contact_force_rms_N, rel=1e-6)
 
 
+DROP = """([text, name]) => {
+  const dropped = new DataTransfer();
+  dropped.items.add(new File([text], name));
+  dispatchEvent(new DragEvent("drop", { dataTransfer: dropped }));
+}"""
+
+
+@in_browser()
+def test_a_dropped_file_is_read_and_one_that_is_no_recording_is_refused_with_the_reason(folder: Path) -> None:
+    with opened(folder) as page:
+        page.evaluate(DROP, [(folder / "example.csv").read_text(), "mine.csv"])
+        page.evaluate(TRIAL)
+        assert "mine.csv: 3000 samples" in page.locator("#file-says").inner_text()
+        for text, said in {"nothing": "names no columns", "time_s,force_N\n1,2\n": "1 rows of numbers"}.items():
+            page.evaluate(DROP, [text, "other.csv"])
+            page.wait_for_function("said => document.getElementById('file-says').textContent.includes(said)", arg=said)
+
+
+GAMEPAD = """() => {
+  window.effects = [];
+  const playEffect = async (kind, effect) => window.effects.push(effect.strongMagnitude);
+  navigator.getGamepads = () => [null, { connected: true, axes: [0, 0.5], vibrationActuator: { playEffect } }];
+}"""
+"""A stand-in for a gamepad, whose stick is held down."""
+
+
+@in_browser()
+def test_the_force_is_heard_and_shakes_a_gamepad_that_moves_the_handle(folder: Path) -> None:
+    with opened(folder) as page:
+        page.get_by_role("button", name="Sound").click()
+        page.get_by_role("button", name="Rumble").click()
+        page.evaluate(GAMEPAD)
+        page.wait_for_function("latest[FELT] > 0.5", timeout=20_000)
+        page.wait_for_function("Math.max(...effects) > 0.05", timeout=5_000)
+        assert page.evaluate("audio.context.state") == "running"
+        page.get_by_role("button", name="Sound").click()
+        page.wait_for_function("audio.context.state === 'suspended'", timeout=5_000)
+
+
 TABLES = {
     "time_ms;Weg [mm];Kraft [N]": (";", ",", (1e3, 1e3, 1.0)),
     "t\tposition_m\tforce_mN": ("\t", ".", (1.0, 1.0, 1e3)),
