@@ -155,7 +155,7 @@ class CommandedInSpace:
         commands = []
         if place is not None:
             output = (self.sequence, now, 0.0, 0, False, "test", 1)
-            commands = [Command(VERSION, *output, place=place, telemetry_sequence=self.state.tick, run=1)]
+            commands = [Command(VERSION, *output, place=tuple(place), telemetry_sequence=self.state.tick, run=1)]
         inputs = follower.Inputs(commands, self.seen(self.sample), MS, 0, beliefs=list(beliefs), **asked)
         self.state, acted = follower.step(self.state, inputs, now)
         self.path.append(acted.desired_position)
