@@ -1,4 +1,4 @@
-"""What the browser page is: its bits beside Python's, its pace and its size, printed for `docs/demo.md`; its picture.
+"""What the browser page is: its bits beside those of Python, its pace and its size, for `docs/demo.md`, and a picture.
 
 Usage: `.venv/bin/python docs/measure_page.py [FOLDER]`; the folder is that of a page that is there already.
 """

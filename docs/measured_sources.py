@@ -78,7 +78,9 @@ _OF_PAGES: dict[str, dict[str, tuple[str, ...]]] = {
         "sizes": ("measure_export:sizes", "foretouch.export.package:write_package"),
         "gate": ("measure_export:gate", "foretouch.cli.commands.sides:gate"),
         "bits": ("measure_bits:bits", SIMULATE, "foretouch.export.package:write_package"),
-        "ticks": ("measure_bits:ticks", "foretouch.session.steps.leading:tick", "foretouch.export.package:write_package"),
+        "ticks": (
+            *("measure_bits:ticks", "foretouch.session.steps.leading:tick", "foretouch.export.package:write_package"),
+        ),
     },
     "docs/faults.md": {"faults": ("measure_faults:main", "test_session_soak_fire", *LIVE)},
     "docs/identifiability.md": dict.fromkeys(("bounds", "twins"), ("draw_identifiability:shares",)),

@@ -62,8 +62,10 @@ def test_make_targets_run(arguments: tuple[str, ...], tmp_path: Path) -> None:
         assert (tmp_path / "session.mcap").stat().st_size > 100_000
 
 
-def test_readme_begins_with_the_two_commands_and_a_picture() -> None:
+def test_readme_begins_with_the_page_and_then_the_two_commands_and_a_picture() -> None:
     first = (ROOT / "README.md").read_text().split("\n## ")[0]
+    page = r"\[!\[.+\]\(docs/images/demo\.png\)\]\(docs/demo\.md\)\n\n`make demo`, then open `out/demo/"
+    assert re.match(page, first)
     assert re.search(
         r"# foretouch\n\n```sh\nmake teleop.*\nmake test.*\n```\n\n!\[.+\]\(docs/images/console\.png\)", first
     )

@@ -47,6 +47,14 @@ class Player:
             at += getattr(self, f"_take_{letter.decode()}")(taken, at)
         return b"".join(self.shown)
 
+    def _take_L(self, taken: bytes, at: int) -> int:
+        self.leader = np.frombuffer(taken, leading.Leader.layout, 1, at).copy()
+        return self.leader.nbytes
+
+    def _take_F(self, taken: bytes, at: int) -> int:
+        self.follower = np.frombuffer(taken, following.Following.layout, 1, at).copy()
+        return self.follower.nbytes
+
     def _take_l(self, _: bytes, __: int) -> int:
         self.leader = clean(self.begun["leader_init"])
         self.leader["views"]["epoch"] = EPOCH

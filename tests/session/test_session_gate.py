@@ -193,6 +193,7 @@ def test_what_comes_is_delayed_and_lost_as_the_console_asks() -> None:
         (encode(telemetry(1)), "telemetry", "on which a leader does not speak"),
         (encode(Settings(VERSION, 1, 1, 0.0, 0.0)), "settings", "on which a leader does not speak"),
     ],
+    ids=["rubbish", "another version", "hello", "telemetry", "settings"],  # the bytes hold a time
 )
 def test_what_a_leader_would_not_say_ends_the_connection(data: bytes, channel: str, line: str) -> None:
     with opened() as (gate, program):

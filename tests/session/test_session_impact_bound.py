@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from foretouch.models import KelvinVoigt
 from foretouch.robot import RcmArm, make_robot
 from foretouch.robot.materials.catalogue import Material
-from foretouch.session.safety.safety import REACTION, SafetyLimits, impact_impedance
+from foretouch.session.safety.kernel import REACTION, impact_impedance
+from foretouch.session.safety.safety import SafetyLimits
 
 SURFACE, TICK = 0.01, 1e-3
 STIFFEST, MOST_DAMPED = SafetyLimits().stiffest, SafetyLimits().most_damped

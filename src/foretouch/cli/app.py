@@ -9,7 +9,6 @@ from typer.core import TyperCommand
 
 from foretouch import __version__
 from foretouch.cli.commands import (
-    arms,
     calibrate,
     export,
     keys,
@@ -103,7 +102,7 @@ for command in (
 ):
     app.command(cls=PanelledCommand)(command)
 for name, group in {
-    "arms": arms.arms,
+    "arms": plugins.arms,
     "bridge": watchers.bridge,
     "calibrate": calibrate.calibrate,
     "datasets": recordings.datasets,

@@ -17,10 +17,9 @@ from numba.core.registry import CPUDispatcher
 
 from foretouch.core.compiling import interpreted, types_of
 from foretouch.errors import ForetouchError
-from foretouch.export.beginnings import Beginning
+from foretouch.export.beginnings import Beginning, packed
 from foretouch.export.entries import Entry, entries_of, structs
 from foretouch.export.lowering import RAISES, Function, Lowered
-from foretouch.export.packing import packed
 from foretouch.export.structs import PREFIX
 from foretouch.export.targets import TARGETS, Target
 
@@ -99,7 +98,7 @@ out:
   ret void
 }
 """
-"""Writes a record from what `foretouch.export.packing` makes of it."""
+"""Writes a record from what `packed` makes of it."""
 
 
 def main() -> None:

@@ -1,29 +1,65 @@
-"""The folder that a program of C or C++ is built against."""
+"""The folder that a program of C or C++ is built against, and its header: structs and functions, as Python says."""
 
 from __future__ import annotations
 
 import importlib.metadata
 import shutil
 import tempfile
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 from foretouch.errors import SettingError
-from foretouch.export.header import header
-from foretouch.export.lowering import Lowered, lowered
+from foretouch.export.entries import Entry, entries_of, structs
+from foretouch.export.lowering import Function, Lowered, Parameter, lowered
+from foretouch.export.structs import PREFIX, TYPES, checked, comment, declared, records_in, sentence
 from foretouch.export.targets import Target
 from foretouch.export.wire import sources
 from foretouch.identification import SENSOR_SENTENCES, ContactMap
+from foretouch.messages import STATUS_SENTENCES, Status
 from foretouch.models import ContactMapModel
 from foretouch.models.law_kernel import LAW_NAMES
 
 TEMPLATES = Path(__file__).with_name("c")
-"""What is written by hand: it is copied as it is, but for the words in `_words`."""
+"""What is written by hand: it is copied as it is, but for version and target."""
 
 PLACES = {".h": "include", ".hpp": "include", ".c": "src", ".txt": ""}
 """Folder of the package for each ending."""
 
 OBJECT = "lib/foretouch_kernels.o"
+
+TOP = """{top}
+#ifndef FORETOUCH_H
+#define FORETOUCH_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+#define FORETOUCH_CHECK(fact) static_assert(fact, #fact)
+extern "C" {{
+#else
+#define FORETOUCH_CHECK(fact) _Static_assert(fact, #fact)
+#endif
+
+#define FORETOUCH_VERSION "{version}"
+"""
+
+END = """
+#undef FORETOUCH_CHECK
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif
+"""
+
+INTRODUCTION = """foretouch {version} in C, for {target}: made by `foretouch export c`; do not edit.
+
+The functions are the code that Python runs, compiled for this processor. None allocates, waits, fails, or keeps
+anything outside of the structs that it is given: several threads may call them at once, each with its own. Units are
+SI. A struct begins with its init function; it may be copied, and is moved by copying its bytes."""
 
 
 def write_package(out: Path, target: Target, lower: Callable[[Target], list[Lowered]] = lowered) -> list[str]:
@@ -110,3 +146,68 @@ def _licence() -> Path:
     files = importlib.metadata.files("foretouch") or []
     found = [Path(str(file.locate())) for file in files if file.name == "LICENSE" and "licenses" in file.parts]
     return next((path for path in found if path.is_file()), Path(__file__).resolve().parents[3] / "LICENSE")
+
+
+def header(target: Target, version: str, made: Lowered) -> str:
+    """The text of ``foretouch.h``.
+
+    Args:
+        target: The processor.
+        version: Of foretouch.
+        made: The functions.
+    """
+    names = {struct.kind: struct.name for struct in structs()}
+    taken = {kind for function in made.functions for _, kind in function.parameters}
+    inside = {kind for struct in structs() if struct.name in taken for kind in records_in(struct.kind)}
+    shown = [struct for struct in structs() if struct.kind in inside]
+    introduction = comment(INTRODUCTION.format(version=version, target=target.name))
+    parts = [TOP.format(top=introduction, version=version), _statuses(), *(declared(one, names) for one in shown)]
+    parts += [_begins(*one) for one in made.begins]
+    parts += map(_declared, entries_of(target), made.functions)
+    placed = "\n".join(map(checked, shown))
+    parts.append(f"{comment('This compiler places every field where the code expects it.')}\n{placed}")
+    return "\n\n".join(part.strip("\n") for part in parts) + "\n" + END
+
+
+def _statuses() -> str:
+    lines = [comment(f"{sentence(Status).partition(';')[0]}."), f"typedef enum {PREFIX}follower_status {{"]
+    for status in Status:
+        said = comment(STATUS_SENTENCES[status], "    ")
+        lines += [said, f"    FORETOUCH_{status.name} = {status.value},"]
+    lines[-1] = lines[-1].rstrip(",")
+    return "\n".join([*lines, f"}} {PREFIX}follower_status;"])
+
+
+def _begins(name: str, struct: str, said: str) -> str:
+    return f"{comment(said)}\nvoid {PREFIX}{name}({PREFIX}{struct} *{struct});"
+
+
+def _declared(entry: Entry, function: Function) -> str:
+    """The declaration of a function, with the kernel's own description."""
+    several = len(function.results) != 1
+    given = [*map(_parameter, function.parameters), *(map(_pointer, function.results) if several else ())]
+    kind = "void" if several else function.results[0][1]
+    return f"{comment(entry.text)}\n{_signature(f'{kind} {PREFIX}{function.name}', given)}"
+
+
+def _parameter(parameter: Parameter) -> str:
+    name, kind = parameter
+    return f"{kind} {name}" if kind in TYPES.values() else f"{PREFIX}{kind} *{name}"
+
+
+def _pointer(result: Parameter) -> str:
+    return f"{result[1]} *{result[0]}"
+
+
+def _signature(begin: str, given: list[str]) -> str:
+    return "\n".join(_lines(f"{begin}(", given))
+
+
+def _lines(line: str, given: list[str]) -> Iterator[str]:
+    for index, one in enumerate(given):
+        word = one + (", " if index + 1 < len(given) else ");")
+        if len(line) + len(word.rstrip()) > 120:
+            yield line.rstrip()
+            line = "    "
+        line += word
+    yield line

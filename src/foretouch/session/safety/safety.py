@@ -14,10 +14,7 @@ from foretouch.errors.checks import require
 from foretouch.messages import Status
 from foretouch.session.safety import kernel
 from foretouch.session.safety.force_guard import AIMED, AWAY
-from foretouch.session.safety.kernel import REACTION, impact_impedance
 from foretouch.session.safety.motion import Path, begin
-
-__all__ = ["REACTION", "STATES", "Safety", "SafetyLimits", "impact_impedance"]
 
 _begin = Kernel(begin, "(Path, f8, f8, f8)", Path)
 
