@@ -211,7 +211,7 @@ def test_its_files_are_small_and_need_nothing_of_their_surroundings(folder: Path
     content = json.loads(re.search(r"const CONTENT = (\{.*\});\n", page)[1])  # type: ignore[index]
     module = base64.b64decode(content["wasm"])
     assert sum(path.stat().st_size for path in folder.iterdir()) < 600_000
-    assert len(module) < 200_000
+    assert len(module) < 175_000
 
 
 def test_the_page_names_no_address() -> None:

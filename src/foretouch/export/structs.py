@@ -19,6 +19,7 @@ TYPES = {"f8": "double", "f4": "float", "i8": "int64_t", "i4": "int32_t", "u1": 
 """C's types by NumPy's."""
 
 _FIELD = re.compile(r"^    (\w+): .*?(?:#(?! type:) *(.*))?$", re.MULTILINE)
+_SECTION = re.compile(r"(Args|Returns|Raises):\n")
 _ARGUMENT = re.compile(r"^ {4}(\w+): (.*(?:\n {8}.*)*)", re.MULTILINE)
 
 
@@ -68,14 +69,21 @@ def arguments(described: type) -> dict[str, str]:
 
 
 def comment(text: str, indent: str = "") -> str:
-    """A comment of C, as wide as the header."""
+    """A comment of C, as wide as the header; what a docstring lists stays a list."""
     plain = re.sub(r"``?([^`]*)``?", lambda name: _called(name[1].rpartition(".")[2]), text).replace("*/", "* /")
     lines: list[str] = []
     for paragraph in plain.split("\n\n"):
-        wrapped = textwrap.wrap(" ".join(paragraph.split()), WIDTH - len(indent) - 6)
+        listed = _SECTION.match(paragraph)
+        items = [" ".join(item.split()) for item in re.split(r"\n    (?! )", paragraph)] if listed else [paragraph]
+        wrapped = [line for item in items for line in _wrapped(item, indent, "  " if item != items[0] else "")]
         lines += ["", *wrapped] if lines else wrapped
     inner = "\n".join(f"{indent}   {line}" if line else "" for line in lines).lstrip()
     return f"{indent}/* {inner} */"
+
+
+def _wrapped(text: str, indent: str, before: str) -> list[str]:
+    width = WIDTH - len(indent) - 6
+    return textwrap.wrap(" ".join(text.split()), width, initial_indent=before, subsequent_indent=2 * before)
 
 
 TAKEN = re.compile(
