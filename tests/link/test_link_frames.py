@@ -12,7 +12,7 @@ import pytest
 
 from foretouch.errors import LinkError
 from foretouch.link import CHANNEL_NUMBERS, FrameServer, free_endpoint
-from foretouch.link.frames import PAUSE, QUEUED
+from foretouch.link.frames import PAUSE, QUEUED, UNANSWERED_MS
 from foretouch.messages import LARGEST_MESSAGE
 
 Served = tuple[FrameServer, int, list[str]]
@@ -145,6 +145,19 @@ def test_who_does_not_read_loses_the_oldest_and_holds_nobody_up(served: Served) 
             at += 4 + size
         assert numbers == sorted(numbers)
         assert numbers[-1] == 39_999
+
+
+@pytest.mark.long
+def test_who_reads_nothing_for_seconds_is_taken_for_gone(served: Served) -> None:
+    server, _, said = served
+    with connected(served):
+        begun = time.monotonic()
+        while server.connected:
+            server.hand("telemetry", bytes(200))
+            server.exchange(0.001)
+            assert time.monotonic() - begun < 30.0
+    assert time.monotonic() - begun > UNANSWERED_MS / 1000
+    assert said[-1].endswith("has read nothing for 5 s")
 
 
 def test_a_ring_ends_a_wait(served: Served) -> None:
