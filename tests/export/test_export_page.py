@@ -323,6 +323,7 @@ def something_else(folder: Path) -> Path:
         (a_file, "is there and is no folder"),
         (something_else, "holds something else than such a page"),
         (lambda folder: folder / "no" / "x", "there is no folder"),
+        (lambda folder: folder / ("x" * 300), "cannot be written: File name too long"),
     ],
 )
 def test_what_cannot_be_is_refused_before_anything_is_compiled(

@@ -27,7 +27,9 @@ URGENT = ("emergency", "stop")  # Sent before all that waits
 QUEUED = 64  # Messages of a channel that wait for a program that does not read; beyond it the oldest are dropped
 AT_ONCE = 65_536  # Bytes that are read, or sent, at a time
 KERNEL_BYTES = 65_536  # That the system may hold for a program that does not read: some 0.3 s of telemetry
-UNANSWERED_MS = 5_000  # Time after which a program is taken for gone that reads nothing, or whose machine is silent [ms]
+UNANSWERED_MS = (
+    5_000  # Time after which a program is taken for gone that reads nothing, or whose machine is silent [ms]
+)
 PAUSE = 0.5  # Time for which nobody is let in after a program that was sent away [s], which bounds the lines about it
 
 
