@@ -94,6 +94,18 @@ def test_what_cannot_be_a_frame_closes_the_connection_with_one_line(served: Serv
         assert time.monotonic() - begun > 0.5 * PAUSE
 
 
+def test_nobody_is_let_in_as_another_is_sent_away(served: Served) -> None:
+    server, port, said = served
+    with connected(served) as program:
+        program.sendall(frame("command", b"good") + frame(200, b"bad"))
+        with socket.create_connection(("127.0.0.1", port)):
+            time.sleep(0.05)
+            assert server.exchange(0.01) == [("command", b"good")]
+            assert not server.connected
+            until(server, lambda _: server.connected)
+    assert "closed the connection" in said[-2]
+
+
 def test_one_program_at_a_time(served: Served) -> None:
     server, port, said = served
     with connected(served) as program:

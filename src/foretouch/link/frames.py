@@ -105,7 +105,7 @@ class FrameServer:
         if self._hears_bell in ready:
             self._hears_bell.recv(AT_ONCE)
         frames = self._read(program) if program is not None and program in ready else []
-        if self._door in ready:
+        if self._door in ready and time.monotonic() >= self._opens:  # else one was just sent away
             self._let_in()
         return frames
 
