@@ -163,13 +163,24 @@ def something_else(folder: Path) -> list[str]:
     return ["--out", str(folder / "mine")]
 
 
+def a_program_beside_a_package(folder: Path) -> list[str]:
+    """What somebody has written into a package."""
+    for name in ("lib/foretouch_kernels.o", "include/foretouch.h", "build/mine.c"):
+        (folder / "package" / name).parent.mkdir(parents=True)
+        (folder / "package" / name).write_text("")
+    return ["--out", str(folder / "package")]
+
+
 @pytest.mark.parametrize(
     ("given", "line"),
     [
         (lambda folder: ["--out", str(folder / "x"), "--target", "z80"], "unknown target 'z80': choose one of aarch64"),
         (a_file, "is there and is no folder"),
         (something_else, "holds something else than such a package"),
+        (a_program_beside_a_package, "holds something else than such a package (build/mine.c)"),
         (lambda folder: ["--out", str(folder / "no" / "x")], "there is no folder"),
+        (lambda folder: ["--out", str(folder / ("x" * 300))], "cannot be written: File name too long"),
+        (lambda _: ["--out", "."], "is the folder that you are in"),
         (lambda _: ["--out", "/sys/foretouch-c"], "cannot be written"),
         (lambda folder: ["--out", str(folder / "x"), "--scene", "plane"], "sessions along a line alone are exported"),
         (

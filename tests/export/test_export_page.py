@@ -205,6 +205,92 @@ def test_other_names_units_and_separators_are_understood(folder: Path, tmp_path:
 
 
 @in_browser()
+def test_a_row_of_units_and_times_in_nanoseconds_are_understood(folder: Path, tmp_path: Path) -> None:
+    rows = [(0.004 * k, 10.0 * abs(np.sin(0.01 * k))) for k in range(1500)]
+    plain = "\n".join(f"{time:.3f},{at:.6f},{0.5 * max(at - 5.0, 0.0):.6f}" for time, at in rows)
+    late = "\n".join(f"{int(1e9 * time)},{1e-3 * at:.9f},{0.5 * max(at - 5.0, 0.0):.6f}" for time, at in rows)
+    texts = {"units": f"time,position,force\n[s],mm,(N)\n{plain}", "ns": f"timestamp_ns,position_m,force_N\n{late}"}
+    wrong = []
+    with opened(folder) as page:
+        page.click("#tab-recording")
+        for name, text in texts.items():
+            Path(tmp_path, f"{name}.csv").write_text(text)
+            page.set_input_files("#file", str(Path(tmp_path, f"{name}.csv")))
+            page.wait_for_function("result")
+            wrong.append(page.evaluate("[result.predicted_rms, result.delayed_rms]"))
+            page.evaluate("result = null")
+    assert wrong[0] == pytest.approx(wrong[1], rel=0.02)
+    assert wrong[0][0] < 0.2 * wrong[0][1]
+
+
+@in_browser()
+def test_after_many_clicks_the_hand_is_where_it_was(folder: Path) -> None:
+    with opened(folder) as page:
+        page.evaluate("setAim(8); for (let k = 0; k < 30; k++) $('nudge').click();")
+        page.evaluate("for (let k = 0; k < 31; k++) $('delayed').click();")
+        page.wait_for_timeout(500)
+        assert page.evaluate("aim") == pytest.approx(8.0)
+
+
+@in_browser()
+def test_no_note_stays_while_the_session_stands(folder: Path) -> None:
+    with opened(folder) as page:
+        page.click("#auto")
+        page.click("#sound")
+        page.evaluate("note = null; played = audio.now; audio.now = (force) => played((note = force));")
+        page.wait_for_function("note > 1 && ($('pause').click(), true)", timeout=20_000)
+        page.wait_for_timeout(300)
+        felt, note = page.evaluate("[latest[FELT], note]")
+        assert felt > 0.5
+        assert note == 0.0
+
+
+@in_browser()
+def test_what_is_scored_was_predicted_for_that_delay_and_those_columns(folder: Path) -> None:
+    with opened(folder) as page:
+        page.click("#tab-recording")
+        page.evaluate("load(CONTENT.example, 'example'); $('trial-delay').value = 10;")
+        page.wait_for_function("result")
+        assert page.evaluate("result.delayed_rms / result.rms") == pytest.approx(0.97, abs=0.01)
+        page.evaluate("startTrial(); $('time-column').value = 1; table.columns[1].fill(0); startTrial();")
+        page.wait_for_timeout(1500)
+        assert page.evaluate("result") is None
+
+
+@in_browser()
+def test_a_file_that_cannot_be_read_leaves_nothing_of_the_one_before(folder: Path, tmp_path: Path) -> None:
+    bad = tmp_path / "bad.csv"
+    bad.write_text("nothing")
+    with opened(folder) as page:
+        page.click("#tab-recording")
+        page.click("#example")
+        page.wait_for_selector("#scores:not([hidden])")
+        for mended in ("nothing", "nothing, still"):  # the same file may be chosen again
+            bad.write_text(mended)
+            page.evaluate("say('file-says', '')")
+            page.set_input_files("#file", str(bad))
+            page.wait_for_function("$('file-says').textContent.startsWith('bad.csv')")
+            assert page.is_hidden("#scores")
+            assert page.input_value("#file") == ""
+        drop = (
+            "take => { const gone = new File(['x'], 'gone'); gone.text = () => Promise.reject(new Error('a folder'));"
+        )
+        drop += "dispatchEvent(Object.assign(new Event('drop'), { dataTransfer: { files: [gone] } })); }"
+        page.evaluate(drop)
+        page.wait_for_function("$('file-says').textContent === 'gone cannot be read: a folder'")
+
+
+@in_browser()
+def test_times_beyond_all_measure_do_not_hang_the_page(folder: Path) -> None:
+    with opened(folder) as page:
+        page.click("#tab-recording")
+        page.evaluate(
+            "axes($('trial-plot'), 2e20, 2e20 + 0.5, 0, 5, ' s'); axes($('trial-plot'), 0, 1e300, -1e308, 1e308, '')"
+        )
+        assert page.evaluate("ticks(0, 10, 2)") == [0, 2, 4, 6, 8, 10]
+
+
+@in_browser()
 def test_its_files_are_small_and_need_nothing_of_their_surroundings(folder: Path) -> None:
     assert sorted(path.name for path in folder.iterdir()) == sorted(demo.FILES)
     page = (folder / "index.html").read_text()
@@ -237,6 +323,7 @@ def something_else(folder: Path) -> Path:
         (a_file, "is there and is no folder"),
         (something_else, "holds something else than such a page"),
         (lambda folder: folder / "no" / "x", "there is no folder"),
+        (lambda folder: folder / ("x" * 300), "cannot be written: File name too long"),
     ],
 )
 def test_what_cannot_be_is_refused_before_anything_is_compiled(

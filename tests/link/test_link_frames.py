@@ -12,7 +12,7 @@ import pytest
 
 from foretouch.errors import LinkError
 from foretouch.link import CHANNEL_NUMBERS, FrameServer, free_endpoint
-from foretouch.link.frames import PAUSE, QUEUED
+from foretouch.link.frames import PAUSE, QUEUED, UNANSWERED_MS
 from foretouch.messages import LARGEST_MESSAGE
 
 Served = tuple[FrameServer, int, list[str]]
@@ -94,6 +94,18 @@ def test_what_cannot_be_a_frame_closes_the_connection_with_one_line(served: Serv
         assert time.monotonic() - begun > 0.5 * PAUSE
 
 
+def test_nobody_is_let_in_as_another_is_sent_away(served: Served) -> None:
+    server, port, said = served
+    with connected(served) as program:
+        program.sendall(frame("command", b"good") + frame(200, b"bad"))
+        with socket.create_connection(("127.0.0.1", port)):
+            time.sleep(0.05)
+            assert server.exchange(0.01) == [("command", b"good")]
+            assert not server.connected
+            until(server, lambda _: server.connected)
+    assert "closed the connection" in said[-2]
+
+
 def test_one_program_at_a_time(served: Served) -> None:
     server, port, said = served
     with connected(served) as program:
@@ -145,6 +157,19 @@ def test_who_does_not_read_loses_the_oldest_and_holds_nobody_up(served: Served) 
             at += 4 + size
         assert numbers == sorted(numbers)
         assert numbers[-1] == 39_999
+
+
+@pytest.mark.long
+def test_who_reads_nothing_for_seconds_is_taken_for_gone(served: Served) -> None:
+    server, _, said = served
+    with connected(served):
+        begun = time.monotonic()
+        while server.connected:
+            server.hand("telemetry", bytes(200))
+            server.exchange(0.001)
+            assert time.monotonic() - begun < 30.0
+    assert time.monotonic() - begun > UNANSWERED_MS / 1000
+    assert said[-1].endswith("has read nothing for 5 s")
 
 
 def test_a_ring_ends_a_wait(served: Served) -> None:

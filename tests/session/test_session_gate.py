@@ -208,6 +208,24 @@ def test_what_a_leader_would_not_say_ends_the_connection(data: bytes, channel: s
         assert not gate.link.take("command")
 
 
+def test_a_hello_says_nothing_of_the_program_before() -> None:
+    with opened() as (gate, program):
+        met(gate, program, lambda: gate.link.publish(telemetry(1)))
+        program.socket.close()
+        until(lambda: not gate.server.connected)
+        other = Program(gate.at)
+        until(lambda: gate.server.connected)
+        time.sleep(0.1)
+        gate.link.take("hello")
+        time.sleep(1.5)
+        assert not gate.link.take("hello"), "it has said nothing yet"
+        other.say(msgspec.structs.replace(command(1, "another"), epoch=78))
+        hellos: list[Hello] = []
+        until(lambda: hellos.extend(hello for _, hello in gate.link.take("hello")) or hellos)
+        assert (hellos[0].texts["process"], hellos[0].texts["leader"]) == ("78", "another")
+        other.socket.close()
+
+
 def test_a_stop_ends_the_session_for_both() -> None:
     with opened() as (gate, program):
         met(gate, program, lambda: gate.link.publish(telemetry(1)))

@@ -68,12 +68,15 @@ def write_page(out: Path, lower: Callable[[Target], list[Lowered]] = lowered) ->
 
 def require_page_place(out: Path) -> None:
     """Refuse a folder that a page cannot be written to, before anything is compiled."""
-    if out.is_symlink() or (out.exists() and not out.is_dir()):
-        raise SettingError("out", str(out), "is there and is no folder: name another")
-    if not out.resolve().parent.is_dir():
-        raise SettingError("out", str(out), f"there is no folder {out.resolve().parent}: make it first")
-    if out.exists() and not {path.name for path in out.iterdir()} <= set(FILES):
-        raise SettingError("out", str(out), "holds something else than such a page: name another folder")
+    try:
+        if out.is_symlink() or (out.exists() and not out.is_dir()):
+            raise SettingError("out", str(out), "is there and is no folder: name another")
+        if not out.resolve().parent.is_dir():
+            raise SettingError("out", str(out), f"there is no folder {out.resolve().parent}: make it first")
+        if out.exists() and not {path.name for path in out.iterdir()} <= set(FILES):
+            raise SettingError("out", str(out), "holds something else than such a page: name another folder")
+    except OSError as error:
+        raise SettingError("out", str(out), f"cannot be written: {error.strerror or error}") from None
 
 
 def require_tools() -> None:
@@ -139,10 +142,8 @@ def page_text(module: bytes, example: str) -> str:
     return _filled((PARTS / "index.html").read_text(), words)
 
 
-EXAMPLE_SECONDS, EXAMPLE_STEP = (
-    12,
-    4,
-)  # Length of the example [s], and ticks of 1 ms from one of its samples to the next
+EXAMPLE_SECONDS = 12  # Length of the example [s]
+EXAMPLE_STEP = 4  # Ticks of 1 ms from one of its samples to the next
 
 
 def example_recording() -> str:

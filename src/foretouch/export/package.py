@@ -25,7 +25,8 @@ TEMPLATES = Path(__file__).with_name("c")
 PLACES = {".h": "include", ".hpp": "include", ".c": "src", ".txt": ""}
 """Folder of the package for each ending."""
 
-OBJECT = "lib/foretouch_kernels.o"
+HEADER, NAMES = "include/foretouch.h", "src/foretouch_names.inc"
+OBJECT, LICENCE = "lib/foretouch_kernels.o", "LICENSE"
 
 TOP = """{top}
 #ifndef FORETOUCH_H
@@ -94,11 +95,13 @@ def write_package(out: Path, target: Target, lower: Callable[[Target], list[Lowe
 
 def require_place(out: Path) -> None:
     """Refuse a folder that a package cannot be written to, before anything is compiled."""
-    if out.is_symlink() or (out.exists() and not out.is_dir()):
-        raise SettingError("out", str(out), "is there and is no folder: name another")
     try:
-        if out.exists() and any(out.iterdir()) and not Path(out, OBJECT).is_file():
-            raise SettingError("out", str(out), "holds something else than such a package: name another folder")
+        if out.is_symlink() or (out.exists() and not out.is_dir()):
+            raise SettingError("out", str(out), "is there and is no folder: name another")
+        if out.exists() and out.samefile(Path.cwd()):
+            raise SettingError("out", str(out), "is the folder that you are in: name another")
+        if out.exists() and any(out.iterdir()):
+            _require_package(out)
         with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.resolve().parent):
             pass
     except FileNotFoundError:
@@ -107,23 +110,43 @@ def require_place(out: Path) -> None:
         raise SettingError("out", str(out), f"cannot be written: {error.strerror or error}") from None
 
 
+def _require_package(out: Path) -> None:
+    """Refuse a folder with anything that no package has: it would be gone with the package that is replaced."""
+    own = set(_made())
+    others = (path for path in out.rglob("*") if not path.is_dir() and str(path.relative_to(out)) not in own)
+    other = next(others, None) if Path(out, OBJECT).is_file() else next(out.iterdir())
+    if other is not None:
+        what = f"holds something else than such a package ({other.relative_to(out)}): name another folder"
+        raise SettingError("out", str(out), what)
+
+
+def _made() -> list[str]:
+    """The files of a package."""
+    return [HEADER, NAMES, OBJECT, LICENCE, *sources(), *_templates()]
+
+
+def _templates() -> dict[str, Path]:
+    """What is written by hand, by its path in a package."""
+    found = (path for path in sorted(TEMPLATES.iterdir()) if path.suffix in PLACES)
+    return {str(Path(PLACES[path.suffix], path.name)): path for path in found}
+
+
 def _fill(folder: Path, target: Target, version: str, made: Lowered) -> None:
-    texts = {"include/foretouch.h": header(target, version, made), "src/foretouch_names.inc": names()}
+    texts = {HEADER: header(target, version, made), NAMES: names()}
     texts |= sources()
     words = {"@VERSION@": version, "@TARGET@": target.name}
-    for template in sorted(TEMPLATES.iterdir()):
-        if template.suffix in PLACES:
-            text = template.read_text()
-            for word, value in words.items():
-                text = text.replace(word, value)
-            texts[str(Path(PLACES[template.suffix], template.name))] = text
+    for name, template in _templates().items():
+        text = template.read_text()
+        for word, value in words.items():
+            text = text.replace(word, value)
+        texts[name] = text
     for name, text in texts.items():
         place = folder / name
         place.parent.mkdir(parents=True, exist_ok=True)
         place.write_text(text)
     Path(folder, OBJECT).parent.mkdir(exist_ok=True)
     Path(folder, OBJECT).write_bytes(made.content)
-    shutil.copyfile(_licence(), folder / "LICENSE")
+    shutil.copyfile(_licence(), folder / LICENCE)
 
 
 def names() -> str:

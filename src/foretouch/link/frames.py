@@ -7,6 +7,7 @@ A frame is the number of bytes behind it in four bytes (little-endian), the numb
 from __future__ import annotations
 
 import contextlib
+import errno
 import select
 import socket
 import time
@@ -26,7 +27,9 @@ URGENT = ("emergency", "stop")  # Sent before all that waits
 QUEUED = 64  # Messages of a channel that wait for a program that does not read; beyond it the oldest are dropped
 AT_ONCE = 65_536  # Bytes that are read, or sent, at a time
 KERNEL_BYTES = 65_536  # That the system may hold for a program that does not read: some 0.3 s of telemetry
-UNANSWERED_MS = 5_000  # Time after which a program whose machine does not answer is taken for gone [ms]
+UNANSWERED_MS = (
+    5_000  # Time after which a program is taken for gone that reads nothing, or whose machine is silent [ms]
+)
 PAUSE = 0.5  # Time for which nobody is let in after a program that was sent away [s], which bounds the lines about it
 
 
@@ -47,6 +50,7 @@ class FrameServer:
         taken: Frames that came.
         handed: Frames that were handed to the system for the program.
         dropped: Frames that were dropped because the program did not read.
+        visits: How often a program was let in.
     """
 
     def __init__(self, endpoint: str, say: Callable[[str], None], *, insecure: bool = False) -> None:
@@ -70,7 +74,7 @@ class FrameServer:
         self._came = bytearray()
         self._queues = {name: deque[bytes](maxlen=QUEUED) for name in (*URGENT, *CHANNELS)}
         self._under_way = memoryview(b"")
-        self.taken = self.handed = self.dropped = 0
+        self.taken = self.handed = self.dropped = self.visits = 0
 
     @property
     def connected(self) -> bool:
@@ -101,7 +105,7 @@ class FrameServer:
         if self._hears_bell in ready:
             self._hears_bell.recv(AT_ONCE)
         frames = self._read(program) if program is not None and program in ready else []
-        if self._door in ready:
+        if self._door in ready and time.monotonic() >= self._opens:  # else one was just sent away
             self._let_in()
         return frames
 
@@ -136,6 +140,7 @@ class FrameServer:
         for name, value in (("TCP_KEEPIDLE", 1), ("TCP_KEEPINTVL", 1), ("TCP_USER_TIMEOUT", UNANSWERED_MS)):
             if hasattr(socket, name):  # not on every system
                 program.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
+        self.visits += 1
         self._program, self._who, self._told_busy = program, f"{address[0]}:{address[1]}", False
         self._say(f"a program has connected from {self._who}")
 
@@ -144,11 +149,11 @@ class FrameServer:
             data = program.recv(AT_ONCE)
         except BlockingIOError:
             return []
-        except OSError:
-            data = b""
+        except OSError as error:
+            self._leave(error)
+            return []
         if not data:
-            self._say(f"the program at {self._who} has left")
-            self._close_program()
+            self._leave()
             return []
         self._came += data
         frames, came, at = [], self._came, 0
@@ -176,9 +181,8 @@ class FrameServer:
                 sent = self._program.send(self._under_way)
             except BlockingIOError:
                 return
-            except OSError:
-                self._say(f"the program at {self._who} has left")
-                self._close_program()
+            except OSError as error:
+                self._leave(error)
                 return
             self._under_way = self._under_way[sent:]
 
@@ -193,6 +197,13 @@ class FrameServer:
         self._under_way = memoryview(b"".join(parts))
         self.handed += len(parts)
         return size > 0
+
+    def _leave(self, error: OSError | None = None) -> None:
+        """Close a connection that has ended."""
+        silent = error is not None and error.errno == errno.ETIMEDOUT
+        what = f"has read nothing for {UNANSWERED_MS / 1000:g} s" if silent else "has left"
+        self._say(f"the program at {self._who} {what}")
+        self._close_program()
 
     def _close_program(self) -> None:
         if self._program is not None:

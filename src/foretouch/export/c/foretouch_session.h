@@ -3,7 +3,8 @@
    A leader's tick: `foretouch_leader_hear` and `foretouch_leader_adopt` for what has come, `foretouch_leader_tick`,
    and `foretouch_leader_command`, whose bytes go to the follower. A follower's: `foretouch_follower_take` for each
    command that has come, `foretouch_follower_tick`, and behind it, in this order, `foretouch_follower_model` and
-   `foretouch_follower_telemetry`, whose bytes go to the leader. How they get there is up to you; none has to arrive, in order or at all.
+   `foretouch_follower_telemetry`, whose bytes go to the leader. How they get there is up to you; none has to arrive, in
+   order or at all. Times are of a clock that is not below 0, or no message is written.
 
    Nothing here allocates, waits, or keeps anything outside of the structs. Both are large (`sizeof`): hold them in
    static memory or on the heap, not on a stack. Bytes may be anything: what is no message changes nothing. */

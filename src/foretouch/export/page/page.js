@@ -59,7 +59,7 @@ const offset = () => (Number.isFinite(latest[PROXY]) ? 1e3 * (latest[PROXY] - la
 // All that is shown of the aim is where the probe would be.
 function showAim() {
   const shown = (aim + offset()).toFixed(1);
-  if (document.activeElement !== $("handle") || $("handle").value !== shown) $("handle").value = shown;
+  $("handle").value = shown;
   say("handle-says", `${shown} mm`);
   if ($("handle").getAttribute("aria-valuetext") !== `${shown} millimetres down`) $("handle").setAttribute("aria-valuetext", `${shown} millimetres down`);
 }
@@ -152,6 +152,12 @@ function readColours() {
 }
 dark.addEventListener("change", () => { readColours(); drawTrial(); });
 
+// Multiples of a step between two numbers, ten at most, for of numbers beyond all measure the next one is the same.
+function ticks(low, high, step) {
+  const first = Math.ceil(low / step);
+  return Array.from({ length: 10 }, (_, k) => (first + k) * step).filter((one) => one <= high + 1e-9);
+}
+
 // A canvas in pixels of the screen, with a frame of axes; returns how values are placed in it.
 function axes(canvas, x0, x1, low, high, unit) {
   const ratio = devicePixelRatio || 1, width = canvas.clientWidth, height = canvas.clientHeight;
@@ -170,7 +176,7 @@ function axes(canvas, x0, x1, low, high, unit) {
   pen.setLineDash([]);
   const step = [0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100].find((one) => (high - low) / one <= 6) ?? (high - low) / 5;
   pen.textAlign = "right";
-  for (let f = Math.ceil(low / step) * step; f <= high + 1e-9; f += step) {
+  for (const f of ticks(low, high, step)) {
     pen.beginPath(); pen.moveTo(left, py(f)); pen.lineTo(width - 6, py(f)); pen.stroke();
     pen.fillText(`${Number(f.toFixed(2))}`, left - 5, py(f) + 4);
   }
@@ -178,7 +184,7 @@ function axes(canvas, x0, x1, low, high, unit) {
   pen.fillText("N", 2, 16);
   const wide = (x1 - x0) / 5, even = [0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 60, 120].find((one) => one >= wide) ?? wide;
   pen.textAlign = "center";
-  for (let x = Math.ceil(x0 / even) * even; x <= x1 + 1e-9; x += even)
+  for (const x of ticks(x0, x1, even))
     pen.fillText(`${Number(x.toFixed(2))}${unit}`, Math.min(px(x), width - 16), height - 5);
   return { pen, px, py };
 }
@@ -296,7 +302,11 @@ function draw(now) {
     worker.postMessage({ to: "aim", aim: 1e-3 * aim, ask: true, buffer }, buffer ? [buffer] : []);
   }
   rumble(now);
-  if (soundOn() && audio) { audio.now(latest[FELT]); audio.late(latest[ARRIVED]); }
+  if (soundOn() && audio) {
+    const moves = !$("press").hidden && $("pause").getAttribute("aria-pressed") !== "true"; // else a note would stay
+    audio.now(moves ? latest[FELT] : 0);
+    audio.late(moves ? latest[ARRIVED] : 0);
+  }
   if ($("press").hidden || (still.matches && now - drawn < 100)) return;
   drawn = now;
   if ($("auto").getAttribute("aria-pressed") === "true") aim = 1e3 * latest[AIM];
@@ -325,13 +335,18 @@ const SWITCHED = {
 };
 
 // The hand draws back a little and presses again: what calms down, and what goes on swinging?
+const NUDGE = 3; // [mm]
+let nudging = false; // one at a time, so that the hand is back where it was after many clicks
 function nudge() {
-  if ($("auto").getAttribute("aria-pressed") === "true") return;
+  if (nudging || $("auto").getAttribute("aria-pressed") === "true") return;
   const before = aim;
   aim -= NUDGE;
-  setTimeout(() => { if (aim === before - NUDGE) aim = before; }, 300);
+  nudging = true;
+  setTimeout(() => {
+    nudging = false;
+    if (aim === before - NUDGE) aim = before;
+  }, 300);
 }
-const NUDGE = 3; // [mm]
 
 function bindControls() {
   $("nudge").addEventListener("click", nudge);

@@ -16,36 +16,49 @@ function parseTable(text) {
   const cells = (line) => line.split(separator).map((cell) => cell.trim().replace(/^"|"$/g, ""));
   const number = (cell) => (cell === "" || cell === undefined ? NaN : Number(separator === "," ? cell : cell.replace(",", ".")));
   const names = cells(lines[0]);
-  const rows = lines.slice(1).map(cells).filter((row) => row.some((cell) => Number.isFinite(number(cell))));
+  const numeric = (row) => row.some((cell) => Number.isFinite(number(cell)));
+  const below = lines.slice(1).map(cells), rows = below.filter(numeric);
   if (rows.length < 100) throw new Error(`there are ${rows.length} rows of numbers: some seconds of presses are needed`);
-  return { names, columns: names.map((_, k) => Float64Array.from(rows, (row) => number(row[k]))) };
+  const units = below[0] !== rows[0] ? below[0] : []; // a row of words below the names
+  return { names, units, columns: names.map((_, k) => Float64Array.from(rows, (row) => number(row[k]))) };
 }
 
 const KINDS = {
-  time: [/^(time|t|zeit|timestamp|temps|tiempo)\b|^(time|t)_/i, { s: 1, ms: 0.001, us: 0.000001, "µs": 0.000001 }],
+  time: [/^(time|t|zeit|timestamp|temps|tiempo)\b|^(time|t)_/i, { s: 1, ms: 0.001, us: 0.000001, "µs": 0.000001, ns: 1e-9 }],
   position: [/^(position|pos|x|z|depth|weg|displacement|indentation|stroke|extension)\b|^(position|pos|depth|displacement)_/i, { m: 1, cm: 0.01, mm: 0.001, um: 0.000001, "µm": 0.000001 }],
   force: [/^(force|f|fz|load|kraft|fuerza)\b|^(force|load)_/i, { n: 1, mn: 0.001, cn: 0.01, kn: 1000 }],
 };
 
-function guess(names) {
+function guess({ names, units: below }) {
   for (const [kind, [pattern, units]] of Object.entries(KINDS)) {
     const select = $(`${kind}-column`);
     select.replaceChildren(...names.map((name, k) => new Option(name, k)));
     const found = names.findIndex((name) => pattern.test(name));
     select.value = found < 0 ? Math.min(Object.keys(KINDS).indexOf(kind), names.length - 1) : found;
-    const unit = /(?:_|\(|\[|\s)([a-zµ]+)[)\]]?\s*$/i.exec(names[select.value])?.[1].toLowerCase();
+    const named = /(?:_|\(|\[|\s)([a-zµ]+)[)\]]?\s*$/i.exec(names[select.value])?.[1];
+    const unit = (named ?? below[select.value]?.replace(/[()[\]]/g, ""))?.toLowerCase();
     $(`${kind}-unit`).value = String(units[unit] ?? 1);
   }
+}
+
+// Say what is the matter with a file, and show nothing of the one before.
+function refuse(text) {
+  table = result = null;
+  serial++;
+  say("file-says", text);
+  say("trial-says", "");
+  $("columns").disabled = $("scores").hidden = true;
+  drawTrial();
 }
 
 function load(text, name) {
   try {
     table = parseTable(text);
   } catch (error) {
-    say("file-says", `${name}: ${error.message}`);
+    refuse(`${name}: ${error.message}`);
     return;
   }
-  guess(table.names);
+  guess(table);
   $("columns").disabled = false;
   say("file-says", `${name}: ${table.columns[0].length} samples`);
   startTrial();
@@ -68,9 +81,11 @@ function chosen() {
 
 function startTrial() {
   if (!table) return;
-  trialOf = chosen();
-  const { time } = trialOf, delay = Number($("trial-delay").value) / 1000;
+  const delay = Number($("trial-delay").value) / 1000;
+  trialOf = { ...chosen(), delay };
+  const { time } = trialOf;
   result = null;
+  serial++; // what is still computed for another choice is not waited for
   if (time.length < 100 || !(time[time.length - 1] - time[0] > delay)) {
     say("trial-says", "Too few samples in these columns, or a recording that is shorter than the delay.");
     $("scores").hidden = true;
@@ -78,15 +93,14 @@ function startTrial() {
     return;
   }
   say("trial-says", "Computing…");
-  worker.postMessage({ to: "trial", id: ++serial, delay, ...trialOf });
+  worker.postMessage({ to: "trial", id: serial, ...trialOf });
 }
 
 heard.progress = (message) => { if (message.id === serial) say("trial-says", `Computing… ${Math.round(100 * message.done)} %`); };
 heard.trial = (message) => {
   if (message.id !== serial) return;
-  const delay = Number($("trial-delay").value) / 1000;
-  result = scored(trialOf, message.predicted, delay);
-  showScores(delay);
+  result = scored(trialOf, message.predicted);
+  showScores(trialOf.delay);
   drawTrial();
 };
 
@@ -131,8 +145,8 @@ function zeroOf({ time, position, force }) {
   return Math.abs(slope(position, force, outside)) <= 0.05 * contact ? middle : lowestMean(time, force);
 }
 
-function scored(data, predicted, delay) {
-  const { time, force } = data, zero = zeroOf(data), count = time.length;
+function scored(data, predicted) {
+  const { time, force, delay } = data, zero = zeroOf(data), count = time.length;
   const measured = force.map((value) => value - zero), delayed = new Float64Array(count);
   const period = median(time.slice(1).map((t, k) => t - time[k]));
   for (let k = 0, at = -1; k < count; k++) {
@@ -195,11 +209,18 @@ function drawTrial() {
 function bindRecording() {
   const take = async (file) => {
     if (!file) return;
-    if (file.size > LARGEST_FILE) { say("file-says", `${file.name} has more than 200 MB: a part of it is enough`); return; }
     if ($("recording").hidden) $("tab-recording").click();
-    load(await file.text(), file.name);
+    if (file.size > LARGEST_FILE) { refuse(`${file.name} has more than 200 MB: a part of it is enough`); return; }
+    try {
+      load(await file.text(), file.name);
+    } catch (error) { // a folder, or a file that is gone
+      refuse(`${file.name} cannot be read: ${error.message}`);
+    }
   };
-  $("file").addEventListener("change", () => take($("file").files[0]));
+  $("file").addEventListener("change", () => {
+    take($("file").files[0]);
+    $("file").value = ""; // so that the same file may be chosen again, once it is mended
+  });
   $("example").addEventListener("click", () => load(CONTENT.example, "example.csv, a press of simulated foam"));
   addEventListener("dragover", (event) => { event.preventDefault(); document.body.classList.add("over"); });
   addEventListener("dragleave", () => document.body.classList.remove("over"));

@@ -56,7 +56,7 @@ class Gate:
         self._names = {CHANNELS[name].kind: name for name in gate_channels(side)}
         self._arrived = deque[tuple[int, Message]](maxlen=ARRIVED)
         self._arriving: FaultStage[Message] = FaultStage(faults)
-        self._changed_ns = self._obeyed = 0
+        self._changed_ns = self._obeyed = self._visit = 0
         self._process: dict[str, str] = {}  # what a hello says of the program, once it has said it
         self.ended = ""
 
@@ -75,7 +75,10 @@ class Gate:
         greeter, server = Greeter(link, self._side), self._server
         with steady():
             while not (self.ended or should_stop()):
-                for name, data in server.exchange(TICK if server.connected else IDLE):
+                frames = server.exchange(TICK if server.connected else IDLE)
+                if server.visits != self._visit:  # another program, of which nothing is known
+                    self._visit, self._process, self._obeyed = server.visits, {}, 0
+                for name, data in frames:
                     if server.connected:  # else it was sent away for a frame before this one
                         self._pass_out(link, name, data)
                 while self._arrived:
