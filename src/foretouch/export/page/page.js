@@ -249,10 +249,10 @@ function report(now) {
   }
   rate = { at: now, up: state.up, down: state.down, made: state.made, now: state.now };
   const depth = 1e3 * latest[PROXY] - SURFACE, moved = swing(), held = $("delayed").getAttribute("aria-checked") === "true";
-  const place = !state.engaged ? "The handle is being coupled to the robot." : depth > 0 ? `You press ${depth.toFixed(0)} mm deep.` : "You are in free air.";
+  const place = !state.engaged ? "The handle is being coupled to the robot." : depth > 0 ? "You press into the material." : "You are in free air.";
   const known = held ? "The delayed force is rendered." : state.has_model ? "The material is known: its force is computed here." : "Nothing is known of the material yet.";
   const trouble = state.status in STATES ? ` The robot: ${STATES[state.status]}.` : "";
-  say("summary", `${place} ${known} You feel ${latest[FELT].toFixed(1)} newtons; ${latest[ARRIVED].toFixed(1)} have arrived.${trouble}`);
+  say("summary", `${place} ${known}${trouble}`); // read aloud where it changes: the numbers, which always do, stand above
   const quiet = !drag && $("auto").getAttribute("aria-pressed") !== "true";
   const swings = `Nobody moves the aim: the handle swings by ${moved.toFixed(1)} mm.`;
   say("delayed-says", quiet && (depth > 0.5 || (held && moved > 1)) ? `${swings}${held ? "" : " Now switch."}` : "Hold the handle still in the material, and switch.");
