@@ -282,7 +282,8 @@ def advanced(learnt: Map, memory: Memory, depth: float, velocity: float, period:
     variance = uncertainty(learnt, force)
     if position > learnt.reached:  # extrapolation along the slope is uncertain
         weight = (position - learnt.reached) / max(position + learnt.origin, 1e-9)
-        variance += (min(weight, 1.0) * force) ** 2
+        part = min(weight, 1.0) * force
+        variance += part * part  # a power of Python's is the C library's, of which some last bits differ
     return memory, force, math.sqrt(variance)
 
 
