@@ -9,27 +9,18 @@ import numpy as np
 import pytest
 from lap import MS, Lap
 
+from foretouch.export.beginnings import following_of
 from foretouch.messages import Command, ModelUpdate, Telemetry, encode
 from foretouch.session.network.freshness import Arrival
 from foretouch.session.steps import follower
-from foretouch.session.steps.following import RING_ROOM, Following, publish, published, take, tick
+from foretouch.session.steps.following import publish, published, take, tick
 
 
 class WithoutPython:
     """A follower that is driven by compiled code alone, from the same initial records."""
 
     def __init__(self, state: follower.State) -> None:
-        conditioning, rings = state.learner.conditioner.memory
-        assert rings.shape[1] <= RING_ROOM
-        parts = {
-            "followers": state.memory,
-            "conditionings": conditioning,
-            "learnings": state.learner.learning,
-            "banks": state.learner.estimator.states,  # type: ignore[attr-defined]
-            "hearings": state.records,
-            "watches": state.watch._first,
-        }
-        self.records = Following.new(**parts)
+        self.records = following_of(state)
 
     def tick(self, inputs: follower.Inputs, now_ns: int) -> None:
         record = self.records[0]
