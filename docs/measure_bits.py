@@ -1,7 +1,8 @@
 """Measure the leader and the follower in C, and write it into their page: bits that differ from Python's, and ticks.
 
-Usage: `.venv/bin/python docs/measure_bits.py`; it takes some twelve minutes, and needs gcc, clang, qemu-aarch64 and
-aarch64-linux-gnu-gcc. Times hold for the machine, and for one that does nothing else meanwhile.
+Usage: `.venv/bin/python docs/measure_bits.py [interpreted]`; it takes some twelve minutes, and needs gcc, clang,
+qemu-aarch64 and aarch64-linux-gnu-gcc. With `interpreted` it compares with Python in which nothing is compiled, instead,
+which takes most of an hour. Times hold for the machine, and for one that does nothing else meanwhile.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import os
 import subprocess
 import sys
 import tempfile
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -66,6 +68,20 @@ def bits(commands: dict[str, list[object]]) -> str:
     return table(("Session", "Ticks", *commands), rows)
 
 
+def interpreted(command: list[object]) -> str:
+    """In how many numbers what C gives is not what Python gives when nothing of it is compiled."""
+    python = ["env", "NUMBA_DISABLE_JIT=1", sys.executable, SOURCE.with_suffix(".py")]
+    golden = b"".join(bytes(logged(name, SECONDS).taken) for name in SESSIONS)
+    random = random_ticks(logged(LEARNT, 5.0), RANDOM, SEED)
+    with ThreadPoolExecutor(2) as pool:
+        given = list(pool.map(lambda taken: (randomly(python, taken), randomly(command, taken)), (golden, random)))
+    names = "all sessions above", f"whatever comes, {RANDOM:,} ticks"
+    return table(
+        ("What came", "Numbers", "Of them others than interpreted Python's"),
+        [[name, f"{a.size:,}", str(np.count_nonzero(a != b))] for name, (a, b) in zip(names, given, strict=True)],
+    )
+
+
 def ticks(command: list[object]) -> str:
     """How long a tick of the leader takes."""
     taken = bytes(logged(LEARNT, SECONDS).taken)
@@ -81,11 +97,14 @@ def ticks(command: list[object]) -> str:
 
 
 def main() -> None:
-    """Measure both."""
+    """Measure both, or what is asked for."""
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     with tempfile.TemporaryDirectory() as name:
         commands = programs(Path(name))
-        measured = {"ticks": ticks(commands["gcc"]), "bits": bits(commands)}
+        if sys.argv[1:] == ["interpreted"]:
+            measured = {"interpreted": interpreted(commands["gcc"])}
+        else:
+            measured = {"ticks": ticks(commands["gcc"]), "bits": bits(commands)}
     fill(PAGE, measured)
 
 

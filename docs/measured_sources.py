@@ -78,6 +78,7 @@ _OF_PAGES: dict[str, dict[str, tuple[str, ...]]] = {
         "sizes": ("measure_export:sizes", "foretouch.export.package:write_package"),
         "gate": ("measure_export:gate", "foretouch.cli.commands.sides:gate"),
         "bits": ("measure_bits:bits", SIMULATE, "foretouch.export.package:write_package"),
+        "interpreted": ("measure_bits:interpreted", SIMULATE, "foretouch.export.package:write_package"),
         "ticks": (
             *("measure_bits:ticks", "foretouch.session.steps.leading:tick", "foretouch.export.package:write_package"),
         ),

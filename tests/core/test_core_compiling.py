@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import os
 import subprocess
 import sys
@@ -111,6 +112,7 @@ def test_numba_keeps_what_is_compiled_of_us_where_we_say_and_of_others_where_it_
     assert folder is not None
     assert folder.name == f"session.safety.kernel-{compiling.digest_of(Path(safety_kernel.__file__))}"
     assert safety_kernel.keep_safe.function._cache.cache_path == str(folder)
+    assert safety_kernel.keep_safe.entry is not None  # compiled from here on
     assert list(folder.glob("kernel.keep_safe-*.nbi"))
     assert caching.CacheImpl._locator_classes[0].from_function(np.sum, np.__file__) is None
 
@@ -189,3 +191,21 @@ def test_a_kernel_takes_integers_as_numbers_and_refuses_what_is_no_array_of_reco
         with pytest.raises(TypeError):
             speed_of(np.zeros(3), 15.0, 0.0)
     assert interpreted(speed_of)(guards, 15.0, 0.0) == as_floats  # type: ignore[arg-type]
+
+
+def test_no_kernel_takes_a_square_as_a_power_whose_last_bits_are_those_of_the_c_library() -> None:
+    powers = [
+        f"{path}:{power.lineno}: {ast.unparse(power)}"
+        for path in PACKAGE.rglob("*.py")
+        if compiling.has_kernels(path)
+        for function in ast.walk(ast.parse(path.read_text()))
+        if isinstance(function, ast.FunctionDef) and compiling.DECORATED.search(decorators_of(function))
+        for power in ast.walk(function)
+        if isinstance(power, ast.BinOp) and isinstance(power.op, ast.Pow)
+        if isinstance(power.right, ast.Constant) and isinstance(power.right.value, int)
+    ]
+    assert not powers, "`squared` rounds alike everywhere"
+
+
+def decorators_of(function: ast.FunctionDef) -> str:
+    return "\n".join(f"@{ast.unparse(one)}" for one in function.decorator_list)

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 from foretouch.core.records import Held, Record
 
 if TYPE_CHECKING:
-    from foretouch.core.compiling import Kernel, compiled, kernel
+    from foretouch.core.compiling import Kernel, compiled, kernel, squared
 
-__all__ = ["Held", "Kernel", "Record", "compiled", "kernel"]
+__all__ = ["Held", "Kernel", "Record", "compiled", "kernel", "squared"]
 
 
 def __getattr__(name: str) -> Any:

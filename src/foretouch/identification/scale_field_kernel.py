@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core.compiling import compiled, kernel, scratch
+from foretouch.core.compiling import compiled, kernel, scratch, squared
 from foretouch.core.records import Record
 from foretouch.identification.exact.belief import DRIFT
 from foretouch.models.scale_field_kernel import LARGEST_LOG, REACH, SIDE, SPACING, SPREAD, TOUCHED, Scales, locate
@@ -203,7 +203,7 @@ def shared(state: ScaleState, felt: float, expected: float, deviation: float, pe
     scale = math.exp(value)
     if not (expected * min(scale, 1.0) > FORCE_NOISE and period > 0.0):
         return felt / scale  # where the law has no force, no scale of it can be felt
-    law, noise = LAW_ERROR**2 + (deviation / expected) ** 2, (FORCE_NOISE / (scale * expected)) ** 2
+    law, noise = squared(LAW_ERROR) + squared(deviation / expected), squared(FORCE_NOISE / (scale * expected))
     error = min(max(felt / (scale * expected) - 1.0, -1.0), LARGEST_ERROR)
     learn(state, error, (law + noise) * max(CORRELATION / period, 1.0), period)
     left = felt / math.exp(here(state)[0])

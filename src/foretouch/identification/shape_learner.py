@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core.compiling import compiled, kernel
+from foretouch.core.compiling import compiled, kernel, squared
 from foretouch.core.records import Record
 from foretouch.models.shape_field import CELLS, CORNER, HIGHEST, PITCH, SIDE, SPREAD, packed_shape
 from foretouch.quantities.pose import Vector
@@ -59,10 +59,11 @@ class ShapeState(Record):
 @compiled(error_model="numpy")
 def _spline(u: float, slope: bool) -> tuple[float, float, float, float]:
     """Weights of four nodes at a place from 0 to 1 in a cell, or their derivatives by it [1/m]."""
+    left, square, cube = 1.0 - u, squared(u), u * squared(u)
     if not slope:
-        a, b = (1.0 - u) ** 3 / 6.0, (3.0 * u**3 - 6.0 * u**2 + 4.0) / 6.0
-        return a, b, 1.0 - a - b - u**3 / 6.0, u**3 / 6.0
-    a, b, d = -0.5 * (1.0 - u) ** 2, 1.5 * u**2 - 2.0 * u, 0.5 * u**2
+        a, b = left * squared(left) / 6.0, (3.0 * cube - 6.0 * square + 4.0) / 6.0
+        return a, b, 1.0 - a - b - cube / 6.0, cube / 6.0
+    a, b, d = -0.5 * squared(left), 1.5 * square - 2.0 * u, 0.5 * square
     return a / PITCH, b / PITCH, -(a + b + d) / PITCH, d / PITCH
 
 
@@ -130,7 +131,7 @@ def touch(states: NDArray[np.void], x: float, y: float, z: float, deviation: flo
 def slide(states: NDArray[np.void], x: float, y: float, force: Vector, velocity: Vector, deviation: float) -> bool:
     """Learn the slope at a place from the direction of a force on a probe that slides; whether it was learnt from."""
     state = states[0]
-    size = math.sqrt(force[0] ** 2 + force[1] ** 2 + force[2] ** 2)
+    size = math.sqrt(squared(force[0]) + squared(force[1]) + squared(force[2]))
     a, b, c = force[0] / size, force[1] / size, force[2] / size
     inwards = velocity[0] * a + velocity[1] * b + velocity[2] * c
     d, e, f = velocity[0] - inwards * a, velocity[1] - inwards * b, velocity[2] - inwards * c

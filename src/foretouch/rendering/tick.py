@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from foretouch.core import Kernel, Record, compiled
+from foretouch.core import Kernel, Record, compiled, squared
 from foretouch.quantities.pose import Vector
 from foretouch.rendering import energy, mediation, proxy
 from foretouch.rendering.energy import Account
@@ -184,7 +184,7 @@ def _leaving_work(r: Rendering, work: float, way: float, offset: float, force: f
         mean += (top - mean) * steepness / (steepness + 2.0)
     work *= scale * mean / r.setup.position_scale
     if r.setup.stiffest > 0.0:
-        least = 0.5 * (scale * force) ** 2 / r.setup.stiffest
+        least = 0.5 * squared(scale * force) / r.setup.stiffest
         work = least if least > work else work
     return work, (way + yielded) / r.setup.position_scale
 
@@ -309,7 +309,8 @@ def give(r: Rendering, account: Account, rendered: float, line: Line, period: fl
     normal, point = vector(line.closest.normal), just_touching(line)
     beside = scaled(rub(r.friction, point, normal, rendered / scale, held), scale)
     # Friction takes what the normal force leaves: cut together, the latter would come back faster than its rate allows.
-    left = math.sqrt(max(min(r.limiter.largest_force, energy.ceiling_of(account)) ** 2 - rendered**2, 0.0))
+    largest = min(r.limiter.largest_force, energy.ceiling_of(account))
+    left = math.sqrt(max(squared(largest) - squared(rendered), 0.0))
     size = norm(beside)
     if size > left:
         beside = scaled(beside, left / size)

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 from numpy.typing import NDArray
 
-from foretouch.core import Record
+from foretouch.core import Record, squared
 from foretouch.core.compiling import inlined
 from foretouch.models.contact_map.layout import PLAYS
 
@@ -119,7 +119,7 @@ def predict_air(air: Air, time: float, floor: float) -> None:
         covariance[0, k] += since * covariance[1, k]
     for k in range(UNKNOWNS):
         covariance[k, 0] += since * covariance[k, 1]
-    most = (RATE * floor) ** 2
+    most = squared(RATE * floor)
     covariance[1, 1] = min(covariance[1, 1] + most * since / RATE_TIME, most)
 
 
@@ -127,7 +127,7 @@ def predict_air(air: Air, time: float, floor: float) -> None:
 def variance_of(air: Air, way: float, floor: float) -> float:
     """Variance of the mean force of a block in free air [N^2]."""
     p = air.covariance
-    return float(p[0, 0] + 2.0 * way * p[0, 2] + way * way * p[2, 2] + (UNSURE * floor) ** 2)
+    return float(p[0, 0] + 2.0 * way * p[0, 2] + way * way * p[2, 2] + squared(UNSURE * floor))
 
 
 @inlined
@@ -147,7 +147,7 @@ def begin_air(air: Air, time: float, force: float, way: float, floor: float) -> 
     air.reference, air.time = force, time
     air.known[:], air.covariance[:] = 0.0, 0.0
     p, friction = air.covariance, floor * floor  # it is of the size of a contact floor
-    p[0, 0], p[1, 1], p[2, 2] = way * way * friction, (RATE * floor) ** 2, friction
+    p[0, 0], p[1, 1], p[2, 2] = way * way * friction, squared(RATE * floor), friction
     p[0, 2] = p[2, 0] = -way * friction  # what is friction in this force is no zero
     air.touched = air.confirmed = False
 

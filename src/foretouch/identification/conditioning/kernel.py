@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core import Record, compiled, kernel
+from foretouch.core import Record, compiled, kernel, squared
 from foretouch.core.compiling import inlined
 from foretouch.identification.conditioning.air import (
     START_WINDOW,
@@ -112,7 +112,7 @@ def expect_zero(state: Conditioning) -> None:
     begin_air(air, math.nan, state.offset if is_guess else math.nan, 0.0, state.floor)
     air.reference_at, air.reference_in = -math.inf if is_guess else math.inf, -math.inf
     if is_guess:
-        air.covariance[0, 0] = state.offset_error**2
+        air.covariance[0, 0] = squared(state.offset_error)
 
 
 @inlined

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core.compiling import compiled, inlined
+from foretouch.core.compiling import compiled, inlined, squared
 from foretouch.identification.conditioning.kernel import PEAK_TIME
 from foretouch.identification.contact_map.regression import (
     fade,
@@ -82,7 +82,7 @@ def place_fine(bank: Bank, place: float) -> None:
     if bank.coarse.traced > 0:
         refine(bank.coarse.trace[:], bank.fine.trace[:], place)
         bank.fine.traced = 1
-    assumed = RING_PERIOD * (FIRST_ERROR * notes.peak) ** 2
+    assumed = RING_PERIOD * squared(FIRST_ERROR * notes.peak)
     # The fine map has to show that it is needed.
     notes.present.coarse, notes.present.fine, notes.present.time = 0.25 * assumed, assumed, RING_PERIOD
 
@@ -295,7 +295,7 @@ def note_present(bank: Bank, sample: tuple[float, float, float], period: float) 
     learnt, notes, values = bank.map[0], bank.notes[0], bank.values[:]
     fading, law = math.exp(-period / LEARNING_TIME), law_force(learnt, position, velocity)
     present = notes.present
-    present.law = fading * present.law + period * (law - force) ** 2
+    present.law = fading * present.law + period * squared(law - force)
     present.law_time = fading * present.law_time + period
     place, raw = position - learnt.place, force + learnt.zero
     if not in_fine_reach(place) or bank.coarse.rows == 0:

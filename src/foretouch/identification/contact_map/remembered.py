@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core.compiling import compiled, inlined, scratch
+from foretouch.core.compiling import compiled, inlined, scratch, squared
 from foretouch.identification.conditioning.kernel import PEAK_SHARE
 from foretouch.identification.contact_map.learning import copy_map, refine, snapshot_at
 from foretouch.identification.contact_map.regression import expect_mean, reach
@@ -73,7 +73,7 @@ def misfit(bank: Bank, change: float) -> float:
     for i in range(kept.count):
         one = kept.first[i]
         force = experts(kept.given[0], one.values, one.position - change, one.velocity, 1.0, True)[3]
-        total += (force - one.force) ** 2
+        total += squared(force - one.force)
     return total / kept.count
 
 
@@ -108,7 +108,7 @@ def drop(bank: Bank) -> None:
 def recall(bank: Bank, time: float) -> None:
     """Give the map from before as the mean, where it fits the first samples best; drop it where it does not."""
     kept, coarse, change = bank.remembered, bank.coarse, best_change(bank)
-    if kept.given[0].shares[2] > 0.5 or misfit(bank, change) > (CLEAR * bank.notes[0].peak) ** 2:
+    if kept.given[0].shares[2] > 0.5 or misfit(bank, change) > squared(CLEAR * bank.notes[0].peak):
         drop(bank)
         return
     kept.since, kept.against = time, 0.0
@@ -172,14 +172,14 @@ def judge(bank: Bank, time: float, sample: tuple[float, float, float], contact: 
     if index >= 0 and bank.times[index] >= kept.since:
         known = experts(kept.ring[index], bank.values, position, velocity, bank.memory[STUCK], True)[3]
         without = experts(bank.ring[index], bank.values, position, velocity, bank.memory[STUCK], True)[3]
-        allowed = (without - force) ** 2
+        allowed = squared(without - force)
         counts = contact or max(known, without) > PEAK_SHARE * notes.peak
     else:
         known = experts(kept.placed[0], bank.values, position, velocity, bank.memory[STUCK], True)[3]
-        allowed = (CLEAR * notes.peak) ** 2
+        allowed = squared(CLEAR * notes.peak)
         counts = contact
     if counts:
-        kept.against = max(kept.against + period * ((known - force) ** 2 - allowed), 0.0)
+        kept.against = max(kept.against + period * (squared(known - force) - allowed), 0.0)
     if kept.against > CONTRADICTED * notes.peak * notes.peak:
         drop(bank)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from foretouch.core.compiling import inlined
+from foretouch.core.compiling import inlined, squared
 from foretouch.identification.conditioning.air import SURE
 from foretouch.identification.conditioning.kernel import PEAK_SHARE
 from foretouch.identification.contact_map.state import Bank
@@ -43,8 +43,8 @@ def score(bank: Bank, snapshot: Map, sample: tuple[float, float, float], contact
     fading, shares = math.exp(-period / LEARNING_TIME), bank.map[0].shares
     known = shares[1] + shares[2]
     maps = coarse + (shares[2] / known * (fine - coarse) if known > 0.0 else 0.0)
-    notes.scores[0] = notes.scores[0] * fading + period * (law - force) ** 2
-    notes.scores[1] = notes.scores[1] * fading + period * (maps - force) ** 2
+    notes.scores[0] = notes.scores[0] * fading + period * squared(law - force)
+    notes.scores[1] = notes.scores[1] * fading + period * squared(maps - force)
     notes.scored = notes.scored * fading + period
     # A force is uncertain by a part of itself, and no less than by that of a clear force.
     least = CLEAR * notes.peak
@@ -76,7 +76,7 @@ def watch(bank: Bank, snapshot: Map, sample: tuple[float, float, float], contact
         return
     expected = SURE * SURE * (snapshot.uncertainty[0] + snapshot.uncertainty[1] * mixed * mixed)
     # At its foot a press may be a little elsewhere.
-    wrong = (mixed - force) ** 2 > max(expected, (CLEAR * notes.peak) ** 2)
+    wrong = squared(mixed - force) > max(expected, squared(CLEAR * notes.peak))
     if not wrong:
         notes.wrong.time = notes.wrong.product = notes.wrong.square = 0.0
         return
@@ -86,9 +86,9 @@ def watch(bank: Bank, snapshot: Map, sample: tuple[float, float, float], contact
 
 
 @inlined
-def trust(squared: float) -> float:
+def trust(wrong: float) -> float:
     """Weight of an expert before they sum to one, of its mean squared error [N^2]."""
-    fourth = (squared + 1e-12) ** 2
+    fourth = squared(wrong + 1e-12)
     return float(1.0 / (fourth * fourth))
 
 
@@ -99,7 +99,7 @@ def fine_share(bank: Bank) -> float:
     if bank.absent[1] == 0 and present.coarse < least * least * present.time:
         return 0.0
     coarse = 0.0 if bank.absent[1] > 0 else trust(present.coarse)
-    fine = 0.0 if bank.absent[2] > 0 else trust(present.fine * PENALTY**2)
+    fine = 0.0 if bank.absent[2] > 0 else trust(present.fine * squared(PENALTY))
     return fine / (coarse + fine) if coarse + fine > 0.0 else 0.0
 
 
@@ -108,11 +108,11 @@ def allot(bank: Bank) -> None:
     """Set the weights of the experts from their scores and the assumed first errors."""
     learnt, notes, weights = bank.map[0], bank.notes[0], bank.map[0].shares
     first = max(YOUNG * math.exp(-notes.contact / YOUNG), 1e-9)  # for nothing may have been scored yet
-    assumed = (FIRST_ERROR * notes.peak) ** 2
+    assumed = squared(FIRST_ERROR * notes.peak)
     # A law that is right describes what it learns at once, which a map does whether it is right or not.
     law = (notes.present.law + RING_PERIOD * assumed) / (notes.present.law_time + RING_PERIOD)
     maps = assumed * (0.25 if bank.changes > 0 else 1.0)
-    law = trust((notes.scores[0] + first * law) / (notes.scored + first) * PENALTY**2)
+    law = trust((notes.scores[0] + first * law) / (notes.scored + first) * squared(PENALTY))
     maps = trust((notes.scores[1] + first * maps) / (notes.scored + first))
     law = 0.0 if bank.absent[0] > 0 or not learnt.law[0] > 0.0 else law
     maps = maps if bank.absent[1] == 0 or bank.absent[2] == 0 or law == 0.0 else 0.0

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core.compiling import compiled, inlined
+from foretouch.core.compiling import compiled, inlined, squared
 from foretouch.core.records import Record
 from foretouch.identification.conditioning.air import SURE
 from foretouch.identification.exact.law import REFERENCE_TIME, UNKNOWNS
@@ -130,7 +130,7 @@ def restart(belief: Belief, settings: Settings, force: float) -> None:
     belief.covariance[:] = 0.0
     for i in range(UNKNOWNS):
         scale = max(belief.theta[0], force) if i < 2 else 1.0
-        belief.covariance[i, i] = (settings.priors[i] * scale) ** 2
+        belief.covariance[i, i] = squared(settings.priors[i] * scale)
 
 
 @compiled(error_model="numpy")
@@ -142,7 +142,7 @@ def begin(beliefs: NDArray[np.void], settings: Settings, time: float, depth: flo
     belief.last_time = belief.anchor_time = time
     belief.log_depth = belief.log_reference = math.log(depth)
     belief.power = force * force
-    belief.share_noise = FIRST_ERROR**2
+    belief.share_noise = squared(FIRST_ERROR)
     belief.excess = 1.0
     s_bounds, alpha_bounds = settings.s_bounds, settings.alpha_bounds
     belief.theta[0] = force
@@ -178,7 +178,7 @@ def move_reference(belief: Belief, settings: Settings, ratio: float) -> None:
     belief.log_reference = math.log(belief.reference)
     before = belief.largest_reference / belief.reference
     if before < 1.0:
-        covariance[4, 4] += settings.priors[4] ** 2 * (1.0 - before * before)
+        covariance[4, 4] += squared(settings.priors[4]) * (1.0 - before * before)
         belief.largest_reference = belief.reference
     project(belief, settings)
 
@@ -190,9 +190,9 @@ def drift(belief: Belief, settings: Settings, period: float) -> None:
     force = math.sqrt(belief.power)
     for i in range(UNKNOWNS):
         scale = max(theta[0], force) if i < 2 else 1.0
-        bound = (settings.priors[i] * scale) ** 2
+        bound = squared(settings.priors[i] * scale)
         if i < 4:
-            covariance[i, i] += settings.drift**2 * period * bound
+            covariance[i, i] += squared(settings.drift) * period * bound
         if covariance[i, i] > bound:
             shrink = math.sqrt(bound / covariance[i, i])
             for j in range(UNKNOWNS):

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core.compiling import compiled, inlined
+from foretouch.core.compiling import compiled, inlined, squared
 from foretouch.core.records import Record
 from foretouch.identification.conditioning.air import BLOCK, SURE
 from foretouch.identification.exact.belief import (
@@ -47,8 +47,8 @@ class Filter(Record):
 
 
 @inlined
-def learn_noise(belief: Belief, squared: float, size: float, variance: float) -> None:
-    """Learn the variance of the force, a constant plus a multiple of its square, from squared residuals."""
+def learn_noise(belief: Belief, misfit: float, size: float, variance: float) -> None:
+    """Learn the variance of the force, a constant plus a multiple of its square, from the square of a residual."""
     rate = 1.0 / (1.0 + belief.count)
     weight = rate / (variance * variance)
     square, kept = size * size, 1.0 - rate
@@ -56,8 +56,8 @@ def learn_noise(belief: Belief, squared: float, size: float, variance: float) ->
     m0 = moments[0] = kept * moments[0] + weight
     m2 = moments[1] = kept * moments[1] + weight * square
     m4 = moments[2] = kept * moments[2] + weight * (square * square)
-    b0 = moments[3] = kept * moments[3] + weight * squared
-    b2 = moments[4] = kept * moments[4] + weight * (squared * square)
+    b0 = moments[3] = kept * moments[3] + weight * misfit
+    b2 = moments[4] = kept * moments[4] + weight * (misfit * square)
     if belief.count < 20.0 or not m4 > 0.0:
         return
     determinant = m0 * m4 - m2 * m2
@@ -69,7 +69,7 @@ def learn_noise(belief: Belief, squared: float, size: float, variance: float) ->
             constant, fraction = 0.0, b2 / m4
         elif fraction < 0.0:
             constant, fraction = b0 / m0, 0.0
-    largest = FIRST_ERROR**2
+    largest = squared(FIRST_ERROR)
     belief.constant_noise = min(constant, largest * belief.power)
     belief.share_noise = min(fraction, largest)
 
@@ -163,14 +163,14 @@ def take(filters: NDArray[np.void], time: float, depth: float, velocity: float, 
     belief.power += rate * (force * force - belief.power)
     size = max(math.sqrt(abs(expected * force)), 0.1 * math.sqrt(belief.power), SMALLEST_FORCE)
     ignorance = math.exp(-belief.moving_time / settings.ignorance_time)
-    weight = belief.share_noise + ignorance * (FIRST_ERROR**2 - belief.share_noise)
-    variance = belief.constant_noise + weight * size * size + (settings.surface_noise * belief.slope[4]) ** 2
+    weight = belief.share_noise + ignorance * (squared(FIRST_ERROR) - belief.share_noise)
+    variance = belief.constant_noise + weight * size * size + squared(settings.surface_noise * belief.slope[4])
     normalised = innovation * innovation / (variance + uncertainty)
 
     # A sudden change: several large innovations in a row, never one alone. The law is forgotten, but not the noise.
     code = LEARNT
     belief.excess += min(0.2, period / BLOCK) * (min(normalised, LARGEST_INNOVATION) - belief.excess)
-    if belief.excess > SURE**2:
+    if belief.excess > squared(SURE):
         code = CHANGED
         belief.excess = 1.0
         scale = max(belief.theta[0], math.sqrt(belief.power))
@@ -182,7 +182,7 @@ def take(filters: NDArray[np.void], time: float, depth: float, velocity: float, 
     # Correlated residuals count as fewer, and a single outlier for little.
     likeness = min(max(belief.product / belief.square, 0.0), 0.999) if belief.square > 0.0 else 0.0
     noise = variance * min((1.0 + likeness) / (1.0 - likeness), max(1.0, BLOCK / max(period, 1e-6)))
-    if normalised > SURE**2:
+    if normalised > squared(SURE):
         noise += (math.sqrt(normalised) / SURE - 1.0) * (noise + uncertainty)
     correct(belief, innovation, noise, uncertainty)
     project(belief, settings)
@@ -191,8 +191,8 @@ def take(filters: NDArray[np.void], time: float, depth: float, velocity: float, 
     belief.count += 1.0
     belief.moving_time += period
     unexplained = variance / (variance + uncertainty)
-    squared = min(innovation * innovation, LARGEST_INNOVATION * (variance + uncertainty)) * unexplained
-    learn_noise(belief, squared, size, variance)
+    misfit = min(innovation * innovation, LARGEST_INNOVATION * (variance + uncertainty)) * unexplained
+    learn_noise(belief, misfit, size, variance)
     residual = min(max(innovation / math.sqrt(variance + uncertainty), -5.0), 5.0) * unexplained
     rate = 1.0 / (1.0 + belief.count)
     belief.product += rate * (residual * belief.last_residual - belief.product)

@@ -12,7 +12,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core import compiled, kernel
+from foretouch.core import compiled, kernel, squared
 from foretouch.core.compiling import inlined
 from foretouch.models.contact_map import layout
 from foretouch.models.contact_map.layout import COARSE, FINE, CoarseMap, FineMap, Grid, Map
@@ -282,8 +282,7 @@ def advanced(learnt: Map, memory: Memory, depth: float, velocity: float, period:
     variance = uncertainty(learnt, force)
     if position > learnt.reached:  # extrapolation along the slope is uncertain
         weight = (position - learnt.reached) / max(position + learnt.origin, 1e-9)
-        part = min(weight, 1.0) * force
-        variance += part * part  # a power of Python's is the C library's, of which some last bits differ
+        variance += squared(min(weight, 1.0) * force)
     return memory, force, math.sqrt(variance)
 
 

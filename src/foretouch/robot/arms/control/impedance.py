@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core import Record, compiled, kernel
+from foretouch.core import Record, compiled, kernel, squared
 from foretouch.robot.arms.body import Body
 from foretouch.robot.arms.control.links import LinkWatch
 from foretouch.robot.arms.control.reference import Reference, allowed_share, move_reference, take_command
@@ -67,7 +67,7 @@ def _turned_back(rotation: Array, target: Array) -> Array:
 
 @compiled
 def _shortened(vector: Array, largest: float) -> bool:
-    size = math.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)
+    size = math.sqrt(squared(vector[0]) + squared(vector[1]) + squared(vector[2]))
     if size > largest:
         vector *= largest / size
         return True
@@ -139,7 +139,7 @@ def push(
     force, ahead = tip[1, :3], tip[2, :3].copy()
     against, size = ahead @ force, math.sqrt(force @ force)
     if against < 0.0:  # the nearer to the limit, the less presses on for the arm's inertia: it would swing there
-        ahead -= min(size / reference.force_limit, 1.0) * against / size**2 * force
+        ahead -= min(size / reference.force_limit, 1.0) * against / squared(size) * force
     driven = np.ascontiguousarray(task[:, :3]) @ ahead  # with the torque that keeps the tool from turning then
     wrench[:3], wrench[3:] = held + driven[:3], turning + driven[3:]
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core import Record, compiled, kernel
+from foretouch.core import Record, compiled, kernel, squared
 
 Array = NDArray[np.float64]
 States = NDArray[np.void]
@@ -133,7 +133,7 @@ def move_reference(references: States, force: Array, acceleration: Array, h: flo
     v0 = reference.velocity_command[0] + closing * e0
     v1 = reference.velocity_command[1] + closing * e1
     v2 = reference.velocity_command[2] + closing * e2
-    size = math.sqrt(force[0] ** 2 + force[1] ** 2 + force[2] ** 2)
+    size = math.sqrt(squared(force[0]) + squared(force[1]) + squared(force[2]))
     if size > FELT * reference.force_limit:
         n0, n1, n2 = force[0] / size, force[1] / size, force[2] / size
         more = reference.yielding * (size - reference.force_limit) - (v0 * n0 + v1 * n1 + v2 * n2)

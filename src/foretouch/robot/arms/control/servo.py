@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core import kernel
+from foretouch.core import kernel, squared
 from foretouch.robot.arms.body import Body
 from foretouch.robot.arms.control.links import LinkWatch
 from foretouch.robot.arms.control.reference import allowed_share, move_reference, take_command
@@ -62,7 +62,7 @@ def carry(inertia: Array, jacobian: Array, acceleration: Array, felt: Array, lim
     size = math.sqrt(felt @ felt)
     if size > 0.0:
         share = min(size / (CARRIED * limit), 1.0)
-        along = share * (felt @ (jacobian @ acceleration)) / size**2 * felt
+        along = share * (felt @ (jacobian @ acceleration)) / squared(size) * felt
         shown = jacobian @ np.linalg.solve(inertia, np.ascontiguousarray(jacobian.T))
         for axis in range(3):
             shown[axis, axis] += 1e-6  # at a singular pose, where a direction weighs endlessly

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core import kernel
+from foretouch.core import kernel, squared
 from foretouch.errors import SettingError
 from foretouch.errors.checks import require
 
@@ -70,8 +70,8 @@ def locate(
     if not distance < math.inf:
         return 0, 0.0, 0.0, 0.0, 0.0, 0.0
     # An error of the force turns the line of action about the sensor.
-    lever = math.sqrt((a + p) ** 2 + (b + q) ** 2 + (c + r) ** 2)
-    deviation = math.sqrt(torque_noise * torque_noise + (lever * force_noise) ** 2) / force
+    lever = math.sqrt(squared(a + p) + squared(b + q) + squared(c + r))
+    deviation = math.sqrt(torque_noise * torque_noise + squared(lever * force_noise)) / force
     if distance > radius + SURE * deviation:
         return 2, p, q, r, distance, deviation
     if distance > radius:  # beside the sphere by less than the noise explains: it grazes
