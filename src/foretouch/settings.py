@@ -112,6 +112,11 @@ DELAY = {"at_least": 0.0, "at_most": 10.0}  # A longer delay [s] is in another u
 SCALE = {"at_least": 0.01, "at_most": 100.0}  # Of either scale
 
 
+LEAST_BUDGET = 1000.0
+"""Least bytes a second over a thin link: signs of life every 50 ms take half of them, and a model still comes within
+two seconds."""
+
+
 @dataclass(frozen=True)
 class Declared:
     """Fields of `foretouch.session.SessionSettings` that are chosen."""
@@ -304,6 +309,12 @@ class Declared:
         0.0, "Length of one stall in every 10 s, at whose end all that was held comes at once [s], 0 to 10."
     )
     outage: float = _network(0.0, "Length of one outage in every 10 s, in either direction [s], 0 to 10.")
+    budget: float = _network(
+        0.0,
+        f"Bytes that each side may send in a second, at least {LEAST_BUDGET:g}, so that only what can be felt is sent; "
+        "0 for all messages as they are.",
+        at_least=0.0,
+    )
 
 
 SETTINGS: dict[str, Setting] = {one.name: one.metadata["setting"] for one in dataclasses.fields(Declared)}

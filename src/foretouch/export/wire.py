@@ -19,7 +19,7 @@ from typing import Any
 import msgspec
 
 from foretouch.link import CHANNEL_NUMBERS
-from foretouch.messages import CHANNELS, LARGEST_MESSAGE, VERSION
+from foretouch.messages import CHANNELS, LARGEST_MESSAGE, VERSION, FollowerPacket, LeaderPacket
 
 FEW = 36
 """A list of at most so many numbers stands in its struct; a longer one is looked at where it lies."""
@@ -75,9 +75,12 @@ class WireField:
         return self.kind == _NUMBERS and self.most <= FEW
 
 
+PACKETS = LeaderPacket, FollowerPacket
+
+
 def kinds() -> tuple[type[msgspec.Struct], ...]:
-    """Messages that are written in C: those of all channels but the console's, which concern processes of Python."""
-    return tuple(channel.kind for channel in CHANNELS.values() if channel.sender != "console")
+    """Messages that are written in C: those of all channels but the console's and packets, which Python alone reads."""
+    return tuple(one.kind for one in CHANNELS.values() if one.sender != "console" and one.kind not in PACKETS)
 
 
 def fields_of(kind: type[msgspec.Struct]) -> tuple[WireField, ...]:

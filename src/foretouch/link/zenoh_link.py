@@ -55,6 +55,8 @@ PATIENCE = 1.5
 """Time [s] without a hello in this version after which a peer of another version counts as one: each peer says hello
 twice a second."""
 
+_NOTHING: deque[tuple[int, Message]] = deque(maxlen=0)
+
 MOST_PEERS = 64  # Peers that may be connected at a time
 
 
@@ -81,6 +83,7 @@ class ZenohLink:
         too_large: One line on the first that was too large; "" while none was.
         insecure: Whether an endpoint is off this machine and neither encrypted nor checked.
         name: Common name of the certificate that this process shows; "" without one.
+        aside: Called with each message that is published, too, on the thread that publishes it.
 
     Raises:
         LinkError: An endpoint is malformed, not allowed or in use.
@@ -108,6 +111,7 @@ class ZenohLink:
         self.inboxes: dict[str, deque[tuple[int, Message]]] = {}
         self.undecodable = self.foreign = self.dropped = self.unsent = 0
         self.too_large = ""
+        self.aside: Callable[[Message], None] | None = None
         self._send_error = zenoh.ZError
         self._greeted: set[str] = set()  # both of roles that there are, and so bounded
         self._foreigners: dict[str, tuple[int, PeerVersionError]] = {}
@@ -176,6 +180,8 @@ class ZenohLink:
 
     def publish(self, message: Message) -> None:
         """Send a message on its channel; never waits and never raises: what cannot be sent is dropped."""
+        if self.aside is not None:
+            self.aside(message)
         data = encode(message)
         if len(data) > LARGEST_MESSAGE:
             self.unsent += 1
@@ -187,9 +193,20 @@ class ZenohLink:
         except self._send_error:
             self.unsent += 1
 
+    def deliver(self, message: Message) -> None:
+        """Put a message that came in another way into its channel's inbox, which is made where it is not received."""
+        name = next(name for name, channel in CHANNELS.items() if channel.kind is type(message))
+        if isinstance(message, Hello):
+            self._greeted.add(message.role)
+        self.inboxes.setdefault(name, deque(maxlen=SHORTEST_QUEUE)).append((time.monotonic_ns(), message))
+
+    def is_received(self, name: str) -> bool:
+        """Whether another process receives what this one publishes on a channel."""
+        return bool(self._publishers[CHANNELS[name].kind].matching_status.matching)
+
     def take(self, name: str) -> list[tuple[int, Any]]:
-        """Messages that have arrived on a channel since the last call, oldest first."""
-        inbox = self.inboxes[name]
+        """Messages that have arrived on a channel since the last call, oldest first; none where it is not received."""
+        inbox = self.inboxes.get(name, _NOTHING)
         return [inbox.popleft() for _ in range(len(inbox))]
 
     def close(self) -> None:

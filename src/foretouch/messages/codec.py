@@ -46,6 +46,8 @@ CHANNELS: dict[str, Channel] = {
         Channel("stop", schema.Stop, "any", 0.0),
         Channel("emergency", schema.EmergencyStop, "any", 0.0),
         Channel("hello", schema.Hello, "any", 2.0),
+        Channel("forth", schema.LeaderPacket, "leader", 1000.0),
+        Channel("back", schema.FollowerPacket, "follower", 1000.0),
     )
 }
 """Every channel of a session by name."""

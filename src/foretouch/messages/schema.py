@@ -15,7 +15,7 @@ import msgspec
 
 from foretouch.quantities import brief_text
 
-VERSION = 14
+VERSION = 15
 """Version of the schema. It changes with every change of a field or a key; peers must agree."""
 
 Count = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
@@ -270,3 +270,23 @@ class Hello(Message, frozen=True, array_like=True, gc=False):
     def texts(self) -> dict[str, str]:
         """The texts by name."""
         return dict(zip(self.names, self.values, strict=False))
+
+
+class LeaderPacket(Message, frozen=True, array_like=True, gc=False):
+    """Leader to follower over a thin link, instead of all else: records of `foretouch.session.thin`.
+
+    Attributes:
+        content: One record behind another; `time_ns` is 0.
+    """
+
+    content: Content
+
+
+class FollowerPacket(Message, frozen=True, array_like=True, gc=False):
+    """Follower to leader over a thin link, instead of all else: records of `foretouch.session.thin`.
+
+    Attributes:
+        content: One record behind another; `time_ns` is 0.
+    """
+
+    content: Content

@@ -18,7 +18,16 @@ from foretouch.session.replay.machines import recorded_settings
 from foretouch.session.replay.replay import Replay, replay
 from foretouch.session.replay.under import CLOSED_LOOP, FIXED_MOTION, material_answers, replay_notes, replay_under
 from foretouch.session.runners.housekeeping import Housekeeper, Process, StopFlag, orphaned
-from foretouch.session.runners.live import FOLLOWER_CHANNELS, LEADER_CHANNELS, run_follower, run_leader, wait_for_hello
+from foretouch.session.runners.live import (
+    FOLLOWER_CHANNELS,
+    LEADER_CHANNELS,
+    hear_packets,
+    join_thin,
+    run_follower,
+    run_leader,
+    side_channels,
+    wait_for_hello,
+)
 from foretouch.session.runners.loop_timer import be_prompt, give_way
 from foretouch.session.runners.shadow import SHADOW_CHANNELS, run_shadow
 from foretouch.session.runners.simulated import SimulatedSession, simulate
@@ -26,6 +35,7 @@ from foretouch.session.runners.warm_up import prepare, warm_up
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.setup import make_moved_robot, make_session_robot, reach_texts, setup_of
 from foretouch.session.steps.sensing import session_calibration
+from foretouch.session.thin import end_of
 from foretouch.session.workspace import FramedDevice, FramedRobot, framed_device, framed_robot, inverse
 
 __all__ = [
@@ -50,12 +60,15 @@ __all__ = [
     "StopFlag",
     "be_prompt",
     "close_operator",
+    "end_of",
     "felt_texts",
     "framed_device",
     "framed_robot",
     "gate_channels",
     "give_way",
+    "hear_packets",
     "inverse",
+    "join_thin",
     "make_moved_robot",
     "make_operator",
     "make_session_robot",
@@ -77,6 +90,7 @@ __all__ = [
     "run_shadow",
     "session_calibration",
     "setup_of",
+    "side_channels",
     "simulate",
     "wait_for_hello",
     "warm_up",

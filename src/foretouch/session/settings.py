@@ -27,6 +27,7 @@ from foretouch.settings import (
     DEFAULTS,
     FAULTS,
     KINDS,
+    LEAST_BUDGET,
     NO_GRIP,
     SETTINGS,
     SIMULATED,
@@ -123,6 +124,8 @@ class SessionSettings(Declared, Brief):
         if self.largest_stiffness and self.grip == NO_GRIP:
             raise SettingError("largest_stiffness", self.largest_stiffness, "is felt by a hand alone: choose a grip")
         self._check_baseline()
+        if self.budget:
+            require("budget", self.budget, at_least=LEAST_BUDGET)
         require("unload_after", self.unload_after, at_least=self.hold_after)
         common = {name: getattr(self, name) for name in FAULTS}
         object.__setattr__(self, "command_faults", Faults(self.position_delay, **common, seed=2 * self.seed))

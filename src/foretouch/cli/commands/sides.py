@@ -10,6 +10,7 @@ import signal
 import socket
 import time
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -96,15 +97,18 @@ def leader(
     Example: foretouch leader --connect tcp/127.0.0.1:7447 --duration 5
     """
     from foretouch.session import (
-        LEADER_CHANNELS,
         Process,
         StopFlag,
         be_prompt,
         close_operator,
+        end_of,
         felt_texts,
+        hear_packets,
+        join_thin,
         prepare,
         run_leader,
         setup_of,
+        side_channels,
         wait_for_hello,
     )
 
@@ -113,10 +117,13 @@ def leader(
     be_prompt()
     stop = StopFlag().on_signals()
     prepare(settings, stop, say, parent)  # while the follower does the same
-    with open_link("leader", endpoints, LEADER_CHANNELS) as link:
+    with open_link("leader", endpoints, side_channels("leader", settings)) as link:
+        end = end_of("leader", settings.budget)
+        join_thin(link, end)
         if parent is None:
-            say("leader: waiting for a follower")
-        hello = wait_for_hello(link, {"follower"}, stop, parent=parent).get("follower", {})
+            say("leader: waiting for a follower" + (" that has a --budget, too" if end is not None else ""))
+        meanwhile = bool if end is None else partial(hear_packets, link, end)
+        hello = wait_for_hello(link, {"follower"}, stop, parent=parent, meanwhile=meanwhile).get("follower", {})
         if stop.reason:
             return Answer({"ended": stop.reason})
         moved_by = _operator(settings, hello)
@@ -125,7 +132,7 @@ def leader(
             description |= {"operator": moved_by.name} | insecurity(link)
             description |= felt_texts(moved_by, settings)
             ran = run_leader(
-                Process(link, stop, say, parent),
+                Process(link, stop, say, parent, end),
                 moved_by,
                 settings,
                 description=description,
@@ -246,7 +253,6 @@ def _follow(
     """The follower's side of a session, or a shadow of it; why it ended, and what it counted."""
     from foretouch.identification import Estimator
     from foretouch.session import (
-        FOLLOWER_CHANNELS,
         SHADOW_CHANNELS,
         Process,
         make_moved_robot,
@@ -254,11 +260,12 @@ def _follow(
         reach_texts,
         run_follower,
         run_shadow,
+        side_channels,
     )
 
     texts = {name: text for name, text in settings.as_text().items() if name not in LEADER_SETTINGS}
     run: Callable[..., Mapping[str, Any]] = run_follower
-    channels: tuple[str, ...] = FOLLOWER_CHANNELS
+    channels = side_channels("follower", settings)
     waits = WAITS
     pressed = f"pressing {settings.material}" if settings.robot == "simulated" else f"robot {settings.robot}"
     pressed += settings.workspace.where.format(settings.scene)

@@ -29,6 +29,7 @@ from foretouch.session.spatial.probe import ProbeInSpace
 from foretouch.session.spatial.scenes import make_scene
 from foretouch.session.spatial.unknown import HandOverUnknown, ProbeOverUnknown
 from foretouch.session.steps import follower, leader
+from foretouch.session.thin import FollowerEnd, LeaderEnd, end_of
 from foretouch.session.workspace import LINE, SPACE, browser_operator, framed_device, framed_robot
 from foretouch.settings import UNKNOWN
 
@@ -60,23 +61,32 @@ class Driven(ABC):
         channels: Channels that it listens to beside those of every such side.
         delay: Name of the setting that delays what arrives.
         arriving: Messages that arrived, on their way through the simulated network.
+        end: Its end of a thin link, whose packets then are what arrives; None where messages cross as they are.
         computed_ns: Computing time of the newest tick [ns].
     """
 
     channels: tuple[str, ...] = ()
     delay = "force_delay"
 
-    def __init__(self, faults: Faults) -> None:
+    def __init__(self, faults: Faults, end: LeaderEnd | FollowerEnd | None = None) -> None:
         self.arriving: FaultStage[Any] = FaultStage(faults)
+        self.end = end
         self.computed_ns = 0
 
     def tick(self, tick: Tick) -> list[Message]:
-        """One tick: takes the messages that are due; returns those to send."""
-        due = self.arriving.pop_due(tick.now_ns)
+        """One tick: takes the messages that are due; returns those to send, and the packet of a thin link last."""
+        due, end = self.arriving.pop_due(tick.now_ns), self.end
         began = time.perf_counter_ns()
-        messages = self.act(due, tick)
+        if end is None:
+            messages = self.act(due, tick)
+        else:
+            messages = end.said(self.act(end.heard(due, tick.now_ns), tick), tick.now_ns)
         self.computed_ns = time.perf_counter_ns() - began
         return messages
+
+    def crossing(self, messages: list[Message]) -> list[Message]:
+        """Those messages of a tick that cross the network to the other side."""
+        return messages if self.end is None else [one for one in messages if type(one) is self.end.packet]
 
     @abstractmethod
     def act(self, due: list[Any], tick: Tick) -> list[Message]:
@@ -113,7 +123,7 @@ class DrivenFollower(Driven):
     delay = "position_delay"
 
     def __init__(self, robot: Any, settings: SessionSettings, run: int, probe: ProbeInSpace | None = None) -> None:
-        super().__init__(settings.command_faults)
+        super().__init__(settings.command_faults, end_of("follower", settings.budget))
         self._robot = framed_robot(robot, settings.follower_frame)
         self.state = follower.start(self._robot.specification, settings, run=run, probe=probe)
         if rule := misfit(self._robot, self.state, settings):
@@ -124,23 +134,32 @@ class DrivenFollower(Driven):
         self.desired: Any = None
 
     def counts(self) -> dict[str, int]:
-        """Messages sent by the follower, and lost, late, repeated or refused ones of the leader."""
-        fresh = self.state.freshness
-        return {
-            "models_sent": self.state.sender.sequence,
-            "telemetry_sent": self.state.tick,
-            "commands_lost": self.state.commands.lost,
-            "commands_late": self.state.commands.late,
-            "commands_copies": self.state.commands.copies,
-            "commands_stale": fresh.counts[Arrival.STALE],
-            "commands_overtaken": fresh.counts[Arrival.OVERTAKEN],
-            "commands_future": fresh.counts[Arrival.FUTURE],
-            "commands_of_others": self.state.lease.refused,
-            "commands_before_release": self.state.before_release,
-            "step_failures": self.state.failures.count,
-            "held_ticks": self.state.held_ticks,
-            "faulty_ticks": self.state.faulty_ticks,
-        } | self._recalled()
+        """Messages sent by the follower, and lost, late, repeated or refused ones of the leader.
+
+        Over a thin link packets count as the messages that arrive.
+        """
+        fresh, end = self.state.freshness, self.end
+        commands = self.state.commands if end is None else end.arrived
+        sent = {} if end is None else {f"follower_{name}": count for name, count in end.counts().items()}
+        return (
+            sent
+            | {
+                "models_sent": self.state.sender.sequence,
+                "telemetry_sent": self.state.tick,
+                "commands_lost": commands.lost,
+                "commands_late": commands.late,
+                "commands_copies": commands.copies,
+                "commands_stale": fresh.counts[Arrival.STALE],
+                "commands_overtaken": fresh.counts[Arrival.OVERTAKEN],
+                "commands_future": fresh.counts[Arrival.FUTURE],
+                "commands_of_others": self.state.lease.refused,
+                "commands_before_release": self.state.before_release,
+                "step_failures": self.state.failures.count,
+                "held_ticks": self.state.held_ticks,
+                "faulty_ticks": self.state.faulty_ticks,
+            }
+            | self._recalled()
+        )
 
     def _recalled(self) -> dict[str, int]:
         """Whether what was remembered of the material has been dropped; nothing where nothing was."""
@@ -228,7 +247,7 @@ class DrivenLeader(Driven):
     def __init__(
         self, operator: Any, settings: SessionSettings, holder: str, epoch: int, hand: HandInSpace | None = None
     ) -> None:
-        super().__init__(settings.return_faults)
+        super().__init__(settings.return_faults, end_of("leader", settings.budget))
         device = felt_device(operator, settings)
         self.state = _start_of(settings)(settings, holder=holder, epoch=epoch, device=device, hand=hand)
         self._operator = framed_device(operator, settings.leader_frame)
@@ -236,16 +255,22 @@ class DrivenLeader(Driven):
         self.nowhere = 0
 
     def counts(self) -> dict[str, int]:
-        """Messages sent by the leader, and lost, late or repeated ones of the follower."""
-        return {
+        """Messages sent by the leader, and lost, late or repeated ones of the follower.
+
+        Over a thin link packets count as its telemetry.
+        """
+        view, end = self.state.follower_view, self.end
+        telemetry = view.telemetry if end is None else end.arrived
+        sent = {} if end is None else {f"leader_{name}": count for name, count in end.counts().items()}
+        return sent | {
             "commands_sent": self.state.sequence,
-            "models_lost": self.state.follower_view.models.lost,
-            "models_late": self.state.follower_view.models.late,
-            "models_copies": self.state.follower_view.models.copies,
+            "models_lost": view.models.lost if end is None else end.models_broken,
+            "models_late": view.models.late,
+            "models_copies": view.models.copies,
             "models_refused": self.state.refused,
-            "telemetry_lost": self.state.follower_view.telemetry.lost,
-            "telemetry_late": self.state.follower_view.telemetry.late,
-            "telemetry_copies": self.state.follower_view.telemetry.copies,
+            "telemetry_lost": telemetry.lost,
+            "telemetry_late": telemetry.late,
+            "telemetry_copies": telemetry.copies,
         }
 
     def operator_ns(self, now_ns: int) -> int:

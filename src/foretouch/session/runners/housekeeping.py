@@ -17,6 +17,7 @@ from foretouch.errors import one_line, plural, was_or_were
 from foretouch.link import WaitingNote, ZenohLink
 from foretouch.messages import LEAVES, SIDES, VERSION, Hello, Stop
 from foretouch.session.runners.news import HANGS_AFTER, LoopWatch, Repeats, connected
+from foretouch.session.thin import FollowerEnd, LeaderEnd
 
 HELLO_PERIOD = 0.5  # Time between two `Hello` messages [s]
 WELCOME = 4  # Number of `Hello` messages of a restarting leader after which its commands come at the latest
@@ -105,12 +106,14 @@ class Process(NamedTuple):
         stop: Checked in every tick.
         say: Prints one line for people.
         parent: Process id of the parent whose end ends this process too; None where a person started it.
+        end: End of a thin link that has heard of the other side already; None for a new one, or none.
     """
 
     link: ZenohLink
     stop: StopFlag
     say: Callable[[str], None]
     parent: int | None = None
+    end: LeaderEnd | FollowerEnd | None = None
 
 
 class Greeter:
@@ -174,7 +177,7 @@ class Housekeeper(threading.Thread):
         over: Callable[[], str] = lambda: "that is over",
     ) -> None:
         super().__init__(name="housekeeping", daemon=True)
-        self._link, self._stop_flag, self._say, self._parent = process
+        self._link, self._stop_flag, self._say, self._parent, _ = process
         self.role = role
         self._describe = describe
         self._news = news

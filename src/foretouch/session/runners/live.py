@@ -33,12 +33,38 @@ from foretouch.session.runners.news import LoopWatch, all_of, follower_news, fol
 from foretouch.session.runners.warm_up import prepare
 from foretouch.session.safety.safety import LEFT
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
+from foretouch.session.thin import FollowerEnd, LeaderEnd
 
 FOLLOWER_CHANNELS = ("command", "settings", "stop", "emergency", "hello", *SpaceFollower.channels)
 """Channels that the follower's link receives; the last is silent along a line."""
 
 LEADER_CHANNELS = ("model", "telemetry", "handle", "settings", "stop", "hello", *SpaceLeader.channels)
 """Channels that the leader's link receives; the last two are silent along a line."""
+
+THIN_CHANNELS = {
+    "follower": ("forth", "settings", "stop", "emergency"),
+    "leader": ("back", "handle", "settings", "stop"),
+}
+"""Channels that a side's link receives over a thin link: all else of the other side comes in its packets."""
+
+
+def side_channels(side: str, settings: SessionSettings) -> tuple[str, ...]:
+    """Channels that the link of a side receives, "leader" or "follower"."""
+    if settings.budget:
+        return THIN_CHANNELS[side]
+    return LEADER_CHANNELS if side == "leader" else FOLLOWER_CHANNELS
+
+
+def join_thin(link: ZenohLink, end: LeaderEnd | FollowerEnd | None) -> None:
+    """Let an end take what a side says beside its step, and give what it hears beside that."""
+    if end is not None:
+        link.aside, end.deliver = end.offer, link.deliver
+
+
+def hear_packets(link: ZenohLink, end: LeaderEnd | FollowerEnd) -> None:
+    """Hear what an end's other side says before this side has begun."""
+    end.heard([packet for _, packet in link.take(end.from_other)], time.monotonic_ns())
+
 
 MOST_PRESSES = 1024  # Number of emergency-stop presses remembered, so that a repeated message is recognised
 
@@ -49,11 +75,18 @@ RECORDER_PATIENCE = 10.0  # Longest wait of a leader for a recorder that it was 
 
 
 def wait_for_hello(
-    link: ZenohLink, roles: set[str], stop: StopFlag, *, timeout: float | None = None, parent: int | None = None
+    link: ZenohLink,
+    roles: set[str],
+    stop: StopFlag,
+    *,
+    timeout: float | None = None,
+    parent: int | None = None,
+    meanwhile: Callable[[], object] = bool,
 ) -> dict[str, dict[str, str]]:
     """Wait until each of these roles has sent a `Hello`; return the texts of each.
 
     Returns early, with what there is, when `stop` is set, after `timeout` [s], or when the process `parent` has gone.
+    `meanwhile` is called again and again.
 
     Raises:
         PeerVersionError: An awaited side speaks another version. Processes of one `parent` are of one version, and
@@ -62,6 +95,7 @@ def wait_for_hello(
     texts_of: dict[str, dict[str, str]] = {}
     end = None if timeout is None else time.monotonic() + timeout
     while not stop.reason and not roles <= texts_of.keys():
+        meanwhile()
         for _, hello in link.take("hello"):
             texts_of[hello.role] = hello.texts
         if parent is None and (error := link.other_version(roles & set(SIDES))) is not None:
@@ -126,6 +160,7 @@ class Loop:
 
     def __init__(self, process: Process, role: str, driven: Driven, prefix: str = "") -> None:
         self._link, self._stop, self._role = process.link, process.stop, role
+        join_thin(process.link, driven.end)
         self._driven, self._prefix, self._changed_ns = driven, prefix, 0
 
     def counts(self) -> dict[str, int]:
@@ -210,7 +245,7 @@ def run_follower(
     Raises:
         SideError: The loop raised.
     """
-    link, stop, say, parent = process
+    link, stop, say, parent, _ = process
     if never_begun := prepare(settings, stop, say, parent):
         return {"ended": never_begun}
     presses: deque[int] = deque(maxlen=MOST_PRESSES)
@@ -227,9 +262,10 @@ def run_follower(
         return all_of(contested, follower_news(state, robot.says, anew=house.leader_leaves))
 
     def hear(now: int) -> tuple[str, bool]:
-        for arrival, command in link.take("command"):
-            contest.hear(command, arrival)
-            driven.arriving.push(arrival, command)
+        for arrival, message in link.take("command" if driven.end is None else driven.end.from_other):
+            if driven.end is None:
+                contest.hear(message, arrival)
+            driven.arriving.push(arrival, message)
         if loop.choose(now):
             state.freshness.begin_way()
         for _, last_word in link.take("stop"):
@@ -317,10 +353,13 @@ def run_leader(
     counts as the settings' leader frame says. With `wait_for_recorder` the loop begins once a recorder listens, or
     after `RECORDER_PATIENCE`. Other leaders receive the `name` of this one. Returns and raises as that does.
     """
-    link, stop, say, parent = process
+    link, stop, say, parent, _ = process
     if never_begun := prepare(settings, stop, say, parent):
         return {"ended": never_begun}
     driven = drive_leader(operator, settings, name, own_epoch())
+    if process.end is not None:
+        driven.end = process.end
+    channels = ("model", "telemetry", *driven.channels) if driven.end is None else (driven.end.from_other,)
     view, epoch = driven.state.follower_view, driven.state.epoch
     heard_ns, lost_before = time.monotonic_ns(), 0
     asked, asked_ns, press, answered = 0, 0, 0, 0
@@ -333,7 +372,7 @@ def run_leader(
 
     def hear(now: int) -> tuple[str, bool]:
         nonlocal heard_ns, asked, asked_ns, press, answered
-        for channel in ("model", "telemetry", *driven.channels):
+        for channel in channels:
             for arrival, message in link.take(channel):
                 driven.arriving.push(arrival, message)
                 heard_ns = arrival
@@ -363,6 +402,17 @@ def run_leader(
         over=lambda: "that is over: the robot follows this leader",
     )
     house.start()
-    if wait_for_recorder and not wait_for_hello(link, {"recorder"}, stop, timeout=RECORDER_PATIENCE, parent=parent):
+    if wait_for_recorder and not _recorder_listens(link, driven.end, stop, parent):
         say(f"leader: no recorder after {RECORDER_PATIENCE:g} s; going on without it")
     return loop.run(house, hear, duration)
+
+
+def _recorder_listens(link: ZenohLink, end: LeaderEnd | FollowerEnd | None, stop: StopFlag, parent: int | None) -> bool:
+    """Wait for a recorder, whose hello does not cross a thin link; whether one listens."""
+    if end is None:
+        return bool(wait_for_hello(link, {"recorder"}, stop, timeout=RECORDER_PATIENCE, parent=parent))
+    limit = time.monotonic() + RECORDER_PATIENCE
+    while not (listens := link.is_received("command")) and time.monotonic() < limit and not stop.reason:
+        hear_packets(link, end)
+        time.sleep(0.01)
+    return listens

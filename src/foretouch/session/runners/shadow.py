@@ -195,7 +195,7 @@ def run_shadow(
     Returns:
         Reason for the end, as ``ended``, the score, and the counters, by name.
     """
-    link, stop, say, parent = process
+    link, stop, say, parent, _ = process
     settings = shadow_settings(settings)
     if never_begun := prepare(settings, stop, say, parent):
         return {"ended": never_begun}

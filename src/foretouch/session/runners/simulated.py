@@ -138,13 +138,14 @@ def run_session(
     for now_ns in range(0, round(duration / SAMPLE_PERIOD) * _PERIOD_NS, _PERIOD_NS):
         tick = Tick(now_ns, _PERIOD_NS)
         messages = follows.tick(tick)
-        for message in messages:
+        for message in follows.crossing(messages):
             leads.arriving.push(now_ns, message)
         follows.exchange()
         for watcher in watchers:
             messages += watcher.look(messages, now_ns)
         command, *records = leads.tick(tick)
-        follows.arriving.push(now_ns, command)
+        for message in leads.crossing([command, *records])[:1]:
+            follows.arriving.push(now_ns, message)
         computed[0].append(leads.computed_ns)
         computed[1].append(follows.computed_ns)
         messages += records

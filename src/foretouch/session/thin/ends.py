@@ -1,0 +1,252 @@
+"""The two ends of a thin link: full messages go in at one and come out at the other, in between go few bytes.
+
+An end stands between the steps of its side and the network. What it sends in a second is kept within a budget, the most
+urgent first: an emergency stop at once; then the lines of commands or telemetry, at the latest every
+`foretouch.session.thin.stream.LONGEST_GAP` ticks, which is also the sign of life; models; and what is only looked at.
+"""
+
+from __future__ import annotations
+
+from abc import ABC
+from collections.abc import Callable, Iterable
+from typing import Any, ClassVar, Generic, TypeVar
+
+from foretouch.errors import DecodeError
+from foretouch.link import SequenceCounter
+from foretouch.messages import (
+    VERSION,
+    Command,
+    EmergencyStop,
+    FieldUpdate,
+    FollowerPacket,
+    Hello,
+    LeaderPacket,
+    Message,
+    ModelUpdate,
+    Stop,
+    Telemetry,
+    decode,
+    encode,
+)
+from foretouch.session.thin.models import ModelsHeard, ModelsSaid
+from foretouch.session.thin.outbox import PARITY, PIECE, PIECE_HEAD, Inbox, Outbox
+from foretouch.session.thin.sides import CONTEXT, LINES, WANTS, Commands, Hearing, Kind, Saying, Seen
+from foretouch.session.thin.stream import DUE, NOTHING
+
+EMERGENCY = 5  # Kind of a record: an emergency stop
+LONGEST_WORD = 12  # Bytes of its reason
+
+ENVELOPE = 10  # Bytes of a packet around its content
+HELD_UP = 0.02  # Time that one packet may take, by the budget, so that a stop waits no longer for the one before it [s]
+SHARE = 0.7  # Part of the budget that lines may take beyond what is due, so that models come through
+SAVED = 0.1  # Time for which what was not sent may be sent later [s]
+HELLO_NS = 10_000_000_000  # Time between two hellos of the same texts [ns]
+
+SENT_WHOLE: dict[str, type[Message]] = {"stop": Stop, "field": FieldUpdate, "hello": Hello}
+NAMES = ("stop", "model", "field", "hello")  # Of what goes in pieces, the most urgent first
+
+Said = TypeVar("Said", bound=Message)
+Heard = TypeVar("Heard", bound=Message)
+
+
+class End(ABC, Generic[Said, Heard]):
+    """One end of a thin link.
+
+    Args:
+        budget: Bytes a second that it may send.
+
+    Attributes:
+        deliver: Takes what is heard and is no message for the side's step.
+        sent: Bytes sent.
+        packets: Number of packets sent.
+        arrived: Counts the packets that arrived.
+    """
+
+    tick: ClassVar[type[Message]]  # of which its side makes one a tick
+    packet: ClassVar[type[Message]]
+    from_other: ClassVar[str]  # channel of the other end's packets
+
+    def __init__(self, budget: float, says: Kind[Said], hears: Kind[Heard]) -> None:
+        self.deliver: Callable[[Message], None] = _nobody
+        self.sent = self.packets = 0
+        self.arrived = SequenceCounter()
+        self._saying, self._hearing = Saying(says), Hearing(hears)
+        self._outbox, self._inbox = Outbox(NAMES), Inbox(NAMES)
+        self._rate = budget * 1e-9
+        self._longest = max(round(budget * HELD_UP), 36)
+        self._allowance = self._for_lines = 0.0
+        self._before_ns = -1
+        self._emergency: EmergencyStop | None = None
+        self._texts: dict[str, str] = {}
+        self._hello_ns = -HELLO_NS
+
+    def offer(self, message: Message) -> None:
+        """Take a message of this side; what does not cross is left out."""
+        if isinstance(message, EmergencyStop):
+            self._emergency = message
+        elif isinstance(message, Hello):
+            self._offer_hello(message)
+        elif isinstance(message, Stop):
+            self._outbox.put("stop", encode(message))
+
+    def _offer_hello(self, hello: Hello) -> None:
+        """A hello that says something new, or the first for long."""
+        texts = {name: text for name, text in hello.texts.items() if not name.startswith("count_")}
+        if texts != self._texts or hello.time_ns - self._hello_ns >= HELLO_NS:
+            self._texts, self._hello_ns = texts, hello.time_ns
+            self._outbox.put("hello", encode(hello))
+
+    def counts(self) -> dict[str, int]:
+        """What this end sent, by name."""
+        return {"packets_sent": self.packets, "bytes_sent": self.sent}
+
+    def said(self, messages: Iterable[Message], now_ns: int) -> list[Message]:
+        """The messages of this tick with the packet behind them that is sent in it, if there is one."""
+        messages = list(messages)
+        for message in messages:
+            if type(message) is self.tick:
+                self._saying.note(message)
+            else:
+                self._offer_of_step(message, now_ns)
+        elapsed = now_ns - self._before_ns if self._before_ns >= 0 else 0
+        self._before_ns = now_ns
+        most, gained = SAVED * self._rate * 1e9, max(elapsed, 0) * self._rate
+        self._allowance = min(self._allowance + gained, most)
+        self._for_lines = min(self._for_lines + SHARE * gained, SHARE * most)
+        content = self._content()
+        if content:
+            self.packets += 1
+            packet = self.packet(VERSION, self.packets, 0, content)  # type: ignore[call-arg]
+            self.sent += len(content) + ENVELOPE
+            self._allowance -= len(content) + ENVELOPE
+            messages.append(packet)
+        return messages
+
+    def _offer_of_step(self, message: Message, now_ns: int) -> None:
+        self.offer(message)
+
+    @property
+    def models_broken(self) -> int:
+        """Models of which more than one piece was lost."""
+        return self._inbox.broken["model"]
+
+    @property
+    def _flags(self) -> int:
+        return 0
+
+    def _content(self) -> bytes:
+        """What is sent now; nothing where nothing is worth it, or allowed."""
+        if (emergency := self._emergency) is not None:
+            self._emergency = None
+            reason = emergency.reason.encode()[:LONGEST_WORD]
+            return bytes((EMERGENCY, len(reason))) + emergency.press.to_bytes(8, "little") + reason
+        urgency, content = self._saying.urgency, b""
+        if urgency == DUE or (urgency != NOTHING and min(self._allowance, self._for_lines) >= 0.0):
+            content = self._saying.record(self._flags)
+            self._for_lines -= len(content) + ENVELOPE
+        room = self._longest - len(content)
+        if room > 2 * PIECE_HEAD and self._allowance - len(content) >= 0.0:
+            content += self._outbox.next(room)
+        return content
+
+    def heard(self, packets: Iterable[Message], now_ns: int) -> list[Message]:
+        """The messages for this side's step in a tick in which these packets have come."""
+        due: list[Message] = []
+        for packet in packets:
+            if packet.sequence == 1:  # of another process, which counts from there
+                self.arrived.restart()
+            self.arrived.is_newest(packet.sequence)
+            self._take(packet.content, due, now_ns)  # type: ignore[attr-defined]
+        message = self._hearing.next()
+        if message is not None:
+            due.append(message)
+        return due
+
+    def _take(self, data: bytes, due: list[Message], now_ns: int) -> None:
+        """Take the records of a packet, up to the first that is none."""
+        at = 0
+        while 0 <= at < len(data):
+            kind = data[at]
+            if kind == LINES:
+                at = self._hearing.lines(data, at)
+            elif kind == CONTEXT and at + 2 <= len(data):
+                end = at + 2 + data[at + 1]
+                self._hearing.context(data[at + 2 : end])
+                at = end
+            elif kind in (PIECE, PARITY):
+                at, name, whole = self._inbox.take(data, at)
+                if whole:
+                    self._take_whole(name, whole, due)
+            elif kind == EMERGENCY and at + 10 <= len(data):
+                end = at + 10 + data[at + 1]
+                press, reason = int.from_bytes(data[at + 2 : at + 10], "little"), data[at + 10 : end]
+                self._pass_on(EmergencyStop(VERSION, 1, now_ns, reason.decode(errors="replace"), press), due)
+                at = end
+            else:
+                return
+
+    def _take_whole(self, name: str, data: bytes, due: list[Message]) -> None:
+        try:
+            self._pass_on(decode(data, SENT_WHOLE[name]), due)
+        except (DecodeError, KeyError):
+            return
+
+    def _pass_on(self, message: Message, due: list[Message]) -> None:
+        if isinstance(message, FieldUpdate):
+            due.append(message)
+        else:
+            self.deliver(message)
+
+
+def _nobody(message: Message) -> None:
+    """Leave out what nobody waits for."""
+
+
+class LeaderEnd(End[Command, Telemetry]):
+    """The end at the leader, of so many bytes a second."""
+
+    tick, packet, from_other = Command, LeaderPacket, "back"
+
+    def __init__(self, budget: float) -> None:
+        super().__init__(budget, Commands(), Seen())
+        self._models = ModelsHeard()
+
+    @property
+    def _flags(self) -> int:
+        return WANTS if self._models.wants_whole else 0
+
+    def _take_whole(self, name: str, data: bytes, due: list[Message]) -> None:
+        if name != "model":
+            super()._take_whole(name, data, due)
+        elif (model := self._models.take(data)) is not None:
+            due.append(model)
+
+
+class FollowerEnd(End[Telemetry, Command]):
+    """The end at the follower, of so many bytes a second."""
+
+    tick, packet, from_other = Telemetry, FollowerPacket, "forth"
+
+    def __init__(self, budget: float) -> None:
+        super().__init__(budget, Seen(), Commands())
+        self._models = ModelsSaid()
+
+    def _offer_of_step(self, message: Message, now_ns: int) -> None:
+        if isinstance(message, ModelUpdate):
+            if self._hearing.flags & WANTS:
+                self._models.ask_whole()
+            data = self._models.offer(message, self._hearing.counts[0], now_ns)
+            if data is not None:
+                self._outbox.put("model", data)
+        elif isinstance(message, FieldUpdate):
+            self._outbox.put("field", encode(message))
+        else:
+            super()._offer_of_step(message, now_ns)
+
+
+ENDS: dict[str, Any] = {"leader": LeaderEnd, "follower": FollowerEnd}
+
+
+def end_of(side: str, budget: float) -> LeaderEnd | FollowerEnd | None:
+    """The end of a side, "leader" or "follower"; None without a budget."""
+    return ENDS[side](budget) if budget else None

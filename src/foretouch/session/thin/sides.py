@@ -1,0 +1,351 @@
+"""Commands and telemetry as lines (`foretouch.session.thin.stream`): what of them crosses a thin link, in which bytes.
+
+A record begins with its kind. What seldom changes, such as the leader's name and process, is the sender's context and
+has a record of its own; what names another context is not understood. Ticks, times and numbers of messages are said by
+their lowest bits, and are those nearest to what was heard before.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+import zlib
+from abc import ABC, abstractmethod
+from typing import Any, ClassVar, Generic, TypeVar
+
+import msgspec
+import numpy as np
+
+from foretouch.messages import VERSION, Command, FollowerSpace, Message, Telemetry
+from foretouch.messages.schema import Count, Name
+from foretouch.session.thin import stream
+from foretouch.session.thin.stream import DUE, FORCE, LONGEST_GAP, MOST, NOTHING, PLACE, POSITION, WORTH, Number
+
+CONTEXT, LINES = 1, 2  # Kinds of a record
+CONTEXT_PERIOD = 1000  # Ticks between two records of the same context
+NEWS = 3  # Packets that carry a new context: some may be lost
+QUARTER_NS, TICK_NS = 250_000, 1_000_000  # In which times are said, and a tick [ns]
+
+ABSENT, WANTS, GUARDED, CONTACT, CLIPPED = 1, 2, 4, 8, 16
+"""Flags of a record: its numbers are missing; its sender needs a whole model; what is guarded; contact; a force that
+was cut."""
+
+HEAD = struct.Struct("<BHHHHHBBH")
+"""Kind, context, tick, time in quarters of a millisecond, two numbers of messages, flags, status and validity, and
+which numbers have lines, a bit for each. Of these follow three bytes for the value and two for the slope, in steps."""
+NUMBER = 5  # Bytes of a number
+
+M = TypeVar("M", bound=Message)
+Numbers = tuple[Number, ...]
+
+
+class Context(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields=True, gc=False):
+    """What seldom changes of a side's messages, and a tick and a time [ns] to count from."""
+
+    number: int
+    tick: Count
+    time_ns: Count
+    space: bool
+    epoch: Count
+    run: Count
+    holder: Name = ""
+
+
+_decode_context = msgspec.msgpack.Decoder(Context).decode
+
+
+def unwrapped(low: int, bits: int, near: int) -> int:
+    """The number with these lowest bits that is nearest to another, and not negative."""
+    span = 1 << bits
+    number = near + (low - near + span // 2) % span - span // 2
+    return number if number >= 0 else number + span
+
+
+class Kind(ABC, Generic[M]):
+    """How messages of a kind are said."""
+
+    numbers: ClassVar[tuple[Numbers, Numbers]]  # along a line, and in space
+    robot: ClassVar[bool]  # whether these are positions that a robot goes to
+
+    def positions(self, space: bool) -> int:
+        """How many of the numbers are positions that a robot goes to."""
+        return len(self.numbers[space]) if self.robot else 0
+
+    @abstractmethod
+    def fixed(self, message: M) -> tuple[bool, int, int, str]:
+        """Whether it is in space, epoch, run and holder: its context."""
+
+    @abstractmethod
+    def who(self, context: Context) -> int:
+        """The process that sent a context."""
+
+    @abstractmethod
+    def told(self, message: M) -> tuple[float, ...]:
+        """Its numbers that have lines."""
+
+    @abstractmethod
+    def counts(self, message: M) -> tuple[int, int]:
+        """The two numbers of messages that it says."""
+
+    @abstractmethod
+    def state(self, message: M) -> tuple[int, int]:
+        """Its flags, and status and validity as a byte: a change of one is said at once."""
+
+    @abstractmethod
+    def made(
+        self,
+        context: Context,
+        tick: int,
+        time_ns: int,
+        counts: tuple[int, int],
+        state: tuple[int, int],
+        told: list[float],
+    ) -> M:
+        """The message again; `counts` are as of `tick`."""
+
+
+class Commands(Kind[Command]):
+    """Commands: their position, and their place in space, are what a robot goes to."""
+
+    numbers, robot = ((POSITION,), (POSITION,) * 4), True
+
+    def fixed(self, message: Command) -> tuple[bool, int, int, str]:
+        """See `Kind.fixed`."""
+        return bool(message.place), message.epoch, message.run, message.holder
+
+    def who(self, context: Context) -> int:
+        """See `Kind.who`."""
+        return context.epoch
+
+    def told(self, message: Command) -> tuple[float, ...]:
+        """See `Kind.told`."""
+        return (message.position, *message.place)
+
+    def counts(self, message: Command) -> tuple[int, int]:
+        """See `Kind.counts`."""
+        return message.acknowledged_model, message.telemetry_sequence
+
+    def state(self, message: Command) -> tuple[int, int]:
+        """See `Kind.state`; a model that is used now is told at once, too."""
+        return GUARDED * message.guarded, message.acknowledged_model & 0xFF
+
+    def made(
+        self,
+        context: Context,
+        tick: int,
+        time_ns: int,
+        counts: tuple[int, int],
+        state: tuple[int, int],
+        told: list[float],
+    ) -> Command:
+        """See `Kind.made`."""
+        position, *place = told
+        guarded = bool(state[0] & GUARDED)
+        who = context.holder, context.epoch, tuple(place), counts[1], context.run
+        return Command(VERSION, tick, time_ns, position, counts[0], guarded, *who)
+
+
+UNSEEN = (0.0, 0.0, 1.0, math.nan, math.nan, math.nan, math.nan, 0.0, 0.0, 0.0)
+"""What is not said of space: normal, depth, and pose of the fixture."""
+
+
+class Seen(Kind[Telemetry]):
+    """Telemetry: commanded and true position and force; in space these places and that force, too.
+
+    What only pictures show of space is not said: normal, fixture, touch and joints.
+    """
+
+    numbers, robot = ((PLACE, PLACE, FORCE), (PLACE, PLACE, FORCE, *(PLACE,) * 6, *(FORCE,) * 3)), False
+
+    def fixed(self, message: Telemetry) -> tuple[bool, int, int, str]:
+        """See `Kind.fixed`."""
+        return message.space is not None, message.epoch, message.run, ""
+
+    def who(self, context: Context) -> int:
+        """See `Kind.who`."""
+        return context.run
+
+    def told(self, message: Telemetry) -> tuple[float, ...]:
+        """See `Kind.told`."""
+        numbers, s = (message.desired_position, message.position, message.force), message.space
+        if s is None:
+            return numbers
+        places = s.desired_x, s.desired_y, s.desired_z, s.place_x, s.place_y, s.place_z
+        return (*numbers, *places, s.force_x, s.force_y, s.force_z)
+
+    def counts(self, message: Telemetry) -> tuple[int, int]:
+        """See `Kind.counts`."""
+        return message.command_sequence, message.model_sequence
+
+    def state(self, message: Telemetry) -> tuple[int, int]:
+        """See `Kind.state`."""
+        flags = GUARDED * message.guarded | CONTACT * message.in_contact | CLIPPED * message.clipped
+        return flags, (message.status & 15) << 4 | message.validity & 15
+
+    def made(
+        self,
+        context: Context,
+        tick: int,
+        time_ns: int,
+        counts: tuple[int, int],
+        state: tuple[int, int],
+        told: list[float],
+    ) -> Telemetry:
+        """See `Kind.made`; the velocity is not said, and the force is that of the sensor, too."""
+        (desired, position, force, *rest), flags = told, state[0]
+        space = FollowerSpace(*rest[3:6], *rest[:3], *rest[6:9], *UNSEEN) if len(rest) == 9 else None
+        contact, clipped, guarded = bool(flags & CONTACT), bool(flags & CLIPPED), bool(flags & GUARDED)
+        numbers = desired, position, 0.0, force, force, math.nan, contact, clipped, counts[1], TICK_NS, 0, guarded
+        status, validity = state[1] >> 4, state[1] & 15
+        return Telemetry(
+            VERSION, tick, time_ns, counts[0], *numbers, status, validity, context.epoch, context.run, space
+        )
+
+
+class Saying(Generic[M]):
+    """What a side says of its ticks.
+
+    Args:
+        kind: Of its messages.
+
+    Attributes:
+        urgency: Of saying a record of the newest tick: `NOTHING`, `WORTH` or `DUE`.
+    """
+
+    def __init__(self, kind: Kind[M]) -> None:
+        self.urgency = NOTHING
+        self._kind, self._words = kind, np.zeros(2 * MOST, np.int64)
+        self._note, self._say = stream.note.entry, stream.say.entry
+        self._fixed: tuple[bool, int, int, str] | None = None
+        self._lines: Any = None
+        self._message: M | None = None
+        self._told: tuple[Any, ...] = ()  # what the newest record said of what is said at once
+        self._context = self._news = self._context_tick = self._tick = 0
+
+    def note(self, message: M) -> None:
+        """Note the message of a tick."""
+        kind, fixed = self._kind, self._kind.fixed(message)
+        if fixed != self._fixed:
+            if self._fixed is None or fixed[0] != self._fixed[0]:
+                self._lines = stream.said(kind.numbers[fixed[0]], kind.positions(fixed[0]))
+            self._fixed, self._news, self._context = fixed, NEWS, zlib.crc32(repr(fixed).encode()) & 0xFFFF
+        self._message, told = message, kind.told(message)
+        if math.isfinite(sum(told)):
+            urgency = self._note(self._lines, message.sequence, told + (0.0,) * (MOST - len(told)))
+        else:
+            told, urgency = (), DUE if message.sequence - self._tick >= LONGEST_GAP else NOTHING
+        self._now = (bool(told), *kind.state(message))
+        self.urgency = max(urgency, WORTH if self._now != self._told else NOTHING)
+
+    def record(self, flags: int = 0) -> bytes:
+        """The record of the newest tick, with these flags; before it that of its context, where it is due."""
+        message, kind, chosen, words = self._message, self._kind, 0, b""
+        assert message is not None
+        self._told, self._tick, self.urgency = self._now, message.sequence, NOTHING
+        if self._now[0]:
+            chosen = self._say(self._lines, self._words)
+            pairs = self._words[: 2 * chosen.bit_count()].tolist()
+            words = b"".join(
+                value.to_bytes(3, "little", signed=True) + slope.to_bytes(2, "little", signed=True)
+                for value, slope in zip(pairs[::2], pairs[1::2], strict=True)
+            )
+        (first, second), (state, status) = kind.counts(message), kind.state(message)
+        numbers = message.sequence, message.time_ns // QUARTER_NS, first, second
+        flags |= state if self._now[0] else state | ABSENT
+        head = HEAD.pack(LINES, self._context, *(number & 0xFFFF for number in numbers), flags, status, chosen)
+        return self._context_record(message) + head + words
+
+    def _context_record(self, message: M) -> bytes:
+        if not self._news and message.sequence - self._context_tick < CONTEXT_PERIOD:
+            return b""
+        assert self._fixed is not None
+        self._news, self._context_tick = max(self._news - 1, 0), message.sequence
+        data = msgspec.msgpack.encode(Context(self._context, message.sequence, message.time_ns, *self._fixed))
+        return bytes((CONTEXT, len(data))) + data
+
+
+class Hearing(Generic[M]):
+    """What is heard of the other side's ticks.
+
+    Args:
+        kind: Of its messages.
+
+    Attributes:
+        flags: Of its newest record.
+        counts: Numbers of messages that this said.
+    """
+
+    def __init__(self, kind: Kind[M]) -> None:
+        self.flags, self.counts = 0, (0, 0)
+        self._kind, self._words = kind, np.zeros(2 * MOST, np.int64)
+        self._take: Any
+        self._go_on: Any
+        self._take, self._go_on = stream.take.entry, stream.go_on.entry
+        self._context: Context | None = None
+        self._lines: Any = None
+        self._tick = self._time_ns = self._status = self._absent_tick = self._silent = 0
+
+    def context(self, data: bytes) -> None:
+        """Take the record of a context; what is none is left out."""
+        try:
+            context = _decode_context(data)
+        except (msgspec.DecodeError, UnicodeDecodeError):
+            return
+        before, kind = self._context, self._kind
+        if before is None or kind.who(before) != kind.who(context) or before.space != context.space:
+            # Another sender is heard once this one is silent: two of them may say lines at a time.
+            if before is not None and self._silent < stream.REACH:
+                return
+            self._lines = stream.heard(kind.numbers[context.space], kind.positions(context.space))
+            self._tick, self._time_ns, self.counts = max(context.tick - 1, 0), context.time_ns, (0, 0)
+            self.flags, self._silent = 0, 0
+        self._context = context
+
+    def lines(self, data: bytes, at: int) -> int:
+        """Take a record of lines at a place; where it ends, or a negative number where it is none."""
+        if at + HEAD.size > len(data):
+            return -1
+        _, number, tick, quarters, first, second, flags, status, chosen = HEAD.unpack_from(data, at)
+        at += HEAD.size
+        end = at + NUMBER * chosen.bit_count()
+        if end > len(data):
+            return -1
+        context = self._context
+        if context is None or number != context.number or chosen >> len(self._kind.numbers[context.space]):
+            return end
+        tick = unwrapped(tick, 16, max(self._tick, context.tick))
+        if tick <= self._tick:
+            return end
+        places = range(at, end, NUMBER)
+        for index, place in enumerate(places):
+            self._words[2 * index] = int.from_bytes(data[place : place + 3], "little", signed=True)
+            self._words[2 * index + 1] = int.from_bytes(data[place + 3 : place + 5], "little", signed=True)
+        self._tick, self._silent, self.flags, self._status = tick, 0, flags, status
+        self._time_ns = unwrapped(quarters, 16, self._time_ns // QUARTER_NS) * QUARTER_NS
+        before = self.counts
+        self.counts = unwrapped(first, 16, before[0]), unwrapped(second, 16, before[1])
+        if flags & ABSENT:
+            self._absent_tick = tick - 1
+        else:
+            self._take(self._lines, tick, chosen, self._words)
+        return end
+
+    def next(self) -> M | None:
+        """The message of the next tick of the other side, None where there is none."""
+        context = self._context
+        self._silent += 1
+        if context is None or not self._tick:
+            return None
+        count = len(self._kind.numbers[context.space])
+        if self.flags & ABSENT:
+            tick = self._absent_tick = max(self._absent_tick + 1, self._tick)
+            if tick - self._tick > stream.REACH:
+                return None
+            told = [math.nan] * count
+        else:
+            tick = self._go_on(self._lines)
+            if not tick:
+                return None
+            told = self._lines["given"][0, :count].tolist()
+        time_ns = max(self._time_ns + (tick - self._tick) * TICK_NS, 0)
+        return self._kind.made(context, tick, time_ns, self.counts, (self.flags, self._status), told)
