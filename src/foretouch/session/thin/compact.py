@@ -1,0 +1,373 @@
+"""A model as few numbers: each on a grid as fine as can be felt, and bits for what changed since another model.
+
+Every number of a model becomes an integer, with even steps up to one unit and even ratios from there on. Both ends keep
+those integers of the models that crossed, so that no rounding adds up, and what is written is the difference to one of
+them. Most differences are zero, and a binary arithmetic coder with adaptive chances writes a zero in a part of a bit.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.core import Record, compiled, kernel
+from foretouch.core.compiling import inlined, scratch
+from foretouch.models.contact_map.layout import COARSE, FINE, HEADER, SIZE, Map
+from foretouch.models.contact_map.wire import mark
+
+Numbers = NDArray[np.float64]
+Steps = NDArray[np.int64]
+Bytes = NDArray[np.uint8]
+
+PARAMETERS, MOST_PARAMETERS = 1, 6  # Where the parameters begin, after the surface, and their largest number
+AT_MAP = PARAMETERS + MOST_PARAMETERS
+AT_SPACE, SPACE = AT_MAP + SIZE, 6 + 6 + 1 + 8  # Pose of the fixture, its deviations, its age, and friction
+AT_ERRORS = AT_SPACE + SPACE
+COUNT = AT_ERRORS + MOST_PARAMETERS
+"""All numbers of a model: surface, parameters, map, what sessions in space have, and standard errors."""
+
+FARTHEST = 60  # Powers of two between one unit and the largest number
+
+FINE_LENGTH = 5e-7 * 2**20, 20  # Unit and powers of two of steps in it: steps of half a micrometre
+LENGTH = 5e-6 * 2**18, 18  # Steps of five micrometres
+FORCE = 1.0, 7  # Steps of a 128th of a newton, and of less than a percent above one newton
+ROUGH = 1e-6, 3  # Ratios of an eighth: for deviations and errors
+_OF_MAP = {
+    "origin": FINE_LENGTH,
+    "zero": (1.0, 9),
+    "law": (1.0, 7),
+    "law_surface": FINE_LENGTH,
+    "law_speed": (0.05, 5),
+    "uncertainty": (1e-4, 3),
+    "place": FINE_LENGTH,
+    "shares": (1.0, 7),
+    "felt": (1.0, 6),
+    "touch_force": (1.0, 6),
+    "pull": FORCE,
+}
+_LAW_OF_MAP = ((1.0, 8), (1.0, 7), (1.0, 11), (1.0, 11), ROUGH, ROUGH)  # k, lambda, n, alpha
+_RANGE = 1.0, 5
+_POSE = ((1e-5 * 2**16, 16),) * 3 + ((1e-4 * 2**12, 12),) * 3
+
+
+def _grids(parameters: tuple[tuple[float, int], ...]) -> Numbers:
+    """Unit, and steps in it, of each number, shape (COUNT, 2)."""
+    grids = [FINE_LENGTH, *parameters]
+    for name in Map.layout.names or ():
+        kind = Map.layout.fields[name][0]  # type: ignore[index]
+        if name in ("coarse", "fine"):
+            ranges, weights = (kind.fields[part][0].itemsize // 8 for part in ("ranges", "weights"))
+            grids += [_RANGE] * ranges + [FORCE] * weights
+        else:
+            grids += [_OF_MAP.get(name, LENGTH)] * (kind.itemsize // 8)
+    grids += [*_POSE, *[ROUGH] * 6, (1.0, 3), *[(1e-3, 6)] * 8, *[ROUGH] * MOST_PARAMETERS]
+    return np.array([(unit, 2.0**power) for unit, power in grids])
+
+
+GRIDS_OF_MAP, GRIDS = _grids(_LAW_OF_MAP), _grids(((1e-3, 14),) * MOST_PARAMETERS)
+"""Grids of a contact map's numbers, and of those of other laws, which their parameters alone make."""
+
+
+def grids_of(is_map: bool) -> Numbers:
+    """The grids of a contact map, or of another law."""
+    return GRIDS_OF_MAP if is_map else GRIDS
+
+
+def fits(numbers: Numbers, is_map: bool) -> bool:
+    """Whether the numbers of a model, shape (COUNT,), are all on their grids."""
+    return bool(np.all(np.abs(numbers) < grids_of(is_map)[:, 0] * 2.0 ** (FARTHEST - 1)))
+
+
+@inlined
+def _step_of(value: float, unit: float, steps: float) -> float:
+    """Where on its grid a number lies, between two steps."""
+    mantissa, power = math.frexp(1.0 + abs(value) / unit)
+    step = steps * (power - 1 + 2.0 * mantissa - 1.0)
+    return step if value >= 0.0 else -step
+
+
+@inlined
+def _value_of(step: int, unit: float, steps: float) -> float:
+    """The number at a step of its grid."""
+    power = min(abs(step) // int(steps), FARTHEST)
+    value = unit * (math.ldexp(1.0 + (abs(step) % int(steps)) / steps, power) - 1.0)
+    return value if step >= 0 else -value
+
+
+LAST_STEP = (FARTHEST + 1) << 20  # Beyond those of all grids
+
+IDLE = 0.7  # Steps within which a force or a weight stays as it was: to dither between two steps costs bits
+
+SHARES = AT_MAP + Map.layout.fields["shares"][1] // 8  # type: ignore[index]
+PLACE = AT_MAP + Map.layout.fields["place"][1] // 8  # type: ignore[index]
+OF_LAW = np.array(
+    [*range(PARAMETERS, AT_MAP), *(AT_MAP + Map.layout.fields[f"law_{name}"][1] // 8 for name in ("surface", "speed", "reached"))]  # type: ignore[index]
+)
+"""Numbers that no force depends on while the law has no weight."""
+
+STEADY = np.zeros(COUNT, np.bool_)
+"""Numbers that stay within `IDLE` steps: none that a map's own rules compare with another."""
+STEADY[AT_MAP + HEADER : AT_SPACE] = True
+for _name in ("uncertainty", "shares", "law_speed"):
+    _kind, _offset = Map.layout.fields[_name][:2]  # type: ignore[index]
+    STEADY[AT_MAP + _offset // 8 : AT_MAP + (_offset + _kind.itemsize) // 8] = True
+STEADY[PARAMETERS:AT_MAP] = True
+
+
+LAW = Map.layout.fields["law"][1] // 8  # type: ignore[index]  # In a map, where its parameters stand, too
+
+
+@compiled
+def write_map(steps: Steps, grids: Numbers, maps: NDArray[np.void]) -> None:
+    """Write the map of these steps; the weights of experts sum to 1."""
+    numbers, learnt = maps.view(np.float64), maps[0]
+    for k in range(SIZE):
+        numbers[k] = _value_of(steps[AT_MAP + k], grids[AT_MAP + k, 0], grids[AT_MAP + k, 1])
+    for k in range(4):
+        learnt.law[k] = _value_of(steps[PARAMETERS + k], grids[PARAMETERS + k, 0], grids[PARAMETERS + k, 1])
+    law = min(max(learnt.shares[0], 0.0), 1.0)
+    fine = min(max(learnt.shares[2], 0.0), 1.0 - law)
+    learnt.shares[0], learnt.shares[1], learnt.shares[2] = law, 1.0 - law - fine, fine
+
+
+@compiled
+def _mark_needed(steps: Steps, grids: Numbers, maps: NDArray[np.void], needed: NDArray[np.int8]) -> None:
+    """Mark the numbers of a map that are written: those that a force is computed from, by the steps of its header."""
+    write_map(steps, grids, maps)
+    mark(maps, needed)
+    needed[SHARES + 1 - AT_MAP] = 0  # follows from the others
+    for k in range(4):
+        needed[LAW + k] = 0
+
+
+@kernel("(f8[::1], f8[:, ::1], i8[::1], i8[::1], Map[::1], b1)")
+def settle(numbers: Numbers, grids: Numbers, base: Steps, steps: Steps, maps: NDArray[np.void], errors: bool) -> None:
+    """Write the steps of a model's numbers, shape (COUNT,): those of the base where a number is not needed, or idle.
+
+    Args:
+        numbers: Of the model.
+        grids: Theirs.
+        base: Steps of the model that the other end has.
+        steps: Written.
+        maps: An array of one, which is written.
+        errors: Whether those numbers are needed, too, that only people look at.
+    """
+    for k in range(COUNT):
+        exact = _step_of(numbers[k], grids[k, 0], grids[k, 1])
+        idle = IDLE if STEADY[k] else 0.5
+        steps[k] = base[k] if abs(exact - base[k]) <= idle else round(exact)
+    steps[SHARES + 1] = 0
+    if steps[SHARES] == 0 and maps.size > 0 and not errors:
+        for k in OF_LAW:
+            steps[k] = base[k]
+    needed = scratch(np.int8, SIZE)
+    _mark_needed(steps, grids, maps, needed)
+    for k in range(HEADER, SIZE):
+        if needed[k] == 0:
+            steps[AT_MAP + k] = base[AT_MAP + k]
+    if not errors:
+        for k in range(AT_ERRORS, COUNT):
+            steps[k] = base[k]
+
+
+@kernel("(i8[::1], f8[:, ::1], f8[::1], Map[::1])")
+def unsettle(steps: Steps, grids: Numbers, numbers: Numbers, maps: NDArray[np.void]) -> None:
+    """Write the numbers and the map of these steps."""
+    for k in range(COUNT):
+        numbers[k] = _value_of(steps[k], grids[k, 0], grids[k, 1])
+    write_map(steps, grids, maps)
+
+
+class Coder(Record):
+    """A binary arithmetic coder: what it writes or reads, with the chances that it has learnt so far."""
+
+    reads: bool
+    low: int
+    high: int
+    code: int  # the bits that are read
+    at: int  # bytes so far
+    chances: Annotated[NDArray[Any], int, 400]  # of a bit that is set, in 65,536ths; the first is even for ever
+
+
+WIDTH = 40  # Bits of `low` and `high`
+MASK = 2**WIDTH - 1
+EVEN = 0  # Context of a bit about which nothing is known
+PACE = 5  # A chance goes this power of a half of the way to what came
+LEAST, MOST = 400, 65536 - 400  # Chances
+
+
+@compiled
+def _bit(c: Coder, data: Bytes, context: int, value: int) -> int:
+    """Write or read a bit; beyond the end there are zeros."""
+    chance = c.chances[context]
+    middle = c.low + ((c.high - c.low) >> 16) * chance
+    if c.reads:
+        value = 1 if c.code <= middle else 0
+    if value != 0:
+        c.high = middle
+    else:
+        c.low = middle + 1
+    if context != EVEN:
+        chance += ((value << 16) - chance) >> PACE
+        c.chances[context] = min(max(chance, LEAST), MOST)
+    while (c.low ^ c.high) >> (WIDTH - 8) == 0:
+        if c.reads:
+            c.code = ((c.code << 8) & MASK) | (int(data[c.at]) if c.at < data.size else 0)
+        elif c.at < data.size:
+            data[c.at] = c.high >> (WIDTH - 8)
+        c.at += 1
+        c.low, c.high = (c.low << 8) & MASK, ((c.high << 8) & MASK) | 255
+    return value
+
+
+@compiled
+def _bits(c: Coder, data: Bytes, count: int, value: int) -> int:
+    """So many bits about which nothing is known."""
+    known = 0
+    for k in range(count - 1, -1, -1):
+        known = 2 * known + _bit(c, data, EVEN, (value >> k) & 1)
+    return known
+
+
+LENGTHS = 10  # Contexts for the length of a number
+CONTEXTS = 3 + 3 + LENGTHS
+"""Contexts of a kind of numbers: for whether one is zero, by its neighbours; for its sign, by that of the last; and for
+its length."""
+
+
+@compiled
+def _number(c: Coder, data: Bytes, first: int, near: int, last: int, value: int) -> int:
+    """A whole number, whose contexts begin with this one, with `near` neighbours that are not zero."""
+    if _bit(c, data, first + near, 1 if value == 0 else 0) != 0:
+        return 0
+    negative = _bit(c, data, first + 4 + last, 1 if value < 0 else 0)
+    size = abs(value)
+    length = 0
+    while length < FARTHEST and _bit(c, data, first + 6 + min(length, LENGTHS - 1), 1 if size >> (length + 1) else 0):
+        length += 1
+    size = (1 << length) | _bits(c, data, length, size & ((1 << length) - 1))
+    return -size if negative else size
+
+
+@compiled
+def _long(c: Coder, data: Bytes, first: int, spread: int, value: int) -> int:
+    """A whole number that mostly has about so many bits."""
+    negative = _bit(c, data, EVEN, 1 if value < 0 else 0)
+    size = abs(value)
+    high = _number(c, data, first, 0, 0, size >> spread)
+    size = (abs(high) << spread) | _bits(c, data, spread, size & ((1 << spread) - 1))
+    return -size if negative else size
+
+
+def _parts() -> Steps:
+    """Parts of the numbers: begin, end, kind, and distance of the neighbour in the row before; shape (parts, 4)."""
+    rows = [(0, AT_MAP + HEADER, 1, 0)]
+    at = AT_MAP + HEADER
+    for number, grid in enumerate((COARSE, FINE)):
+        rows.append((at, at + 2 * grid.features, 2, 0))
+        at += 2 * grid.features
+        rows.append((at, at + grid.knots, 3 + 2 * number, 0))
+        at += grid.knots
+        for feature in range(grid.features):
+            rows.append((at, at + grid.feature_knots, 4 + 2 * number, grid.feature_knots if feature else 0))
+            at += grid.feature_knots
+    rows += [(AT_SPACE, AT_ERRORS, 7, 0), (AT_ERRORS, COUNT, 8, 0)]
+    return np.array(rows)
+
+
+PARTS = _parts()
+HEADS = 9  # Kind of the numbers of `HEAD`, and of the memory, one each
+HEAD = ((6, "number"), (9, "time [ms]"), (3, "command, less the time"), (0, "reason"))
+MEMORY = ((9, "near"), (2, "far"), (6, "short"), (6, "middle"), (6, "long"), (0, "stuck"))
+SPREADS = np.array([spread for spread, _ in (*HEAD, *MEMORY)])
+AT_PARTS = 1 + (HEADS + len(SPREADS)) * CONTEXTS  # Contexts for whether a part has changed
+
+
+@compiled
+def _begin(c: Coder, data: Bytes, reads: bool) -> None:
+    c.reads, c.low, c.high, c.code, c.at = reads, 0, MASK, 0, 0
+    if reads:
+        for _ in range(WIDTH // 8):
+            c.code = (c.code << 8) | (int(data[c.at]) if c.at < data.size else 0)
+            c.at += 1
+    for k in range(c.chances.size):
+        c.chances[k] = 1 << 15
+    for kind in range(HEADS):
+        for near in range(3):
+            c.chances[1 + kind * CONTEXTS + near] = ZEROS[near]
+
+
+ZEROS = np.array([60000, 45000, 30000])
+"""Chances of a zero at first, with none, one and two neighbours that are not."""
+
+
+@compiled
+def _code_part(c: Coder, data: Bytes, part: int, base: Steps, steps: Steps, needed: NDArray[np.int8]) -> None:
+    """Write or read the numbers of a part."""
+    begin, end, kind, row = PARTS[part]
+    changed = 0
+    for k in range(begin, end):
+        if not c.reads and steps[k] != base[k]:
+            changed = 1
+    changed = _bit(c, data, AT_PARTS + part, changed)
+    first, last = 1 + kind * CONTEXTS, 0
+    before = second = 0
+    for k in range(begin, end):
+        if changed == 0 or (AT_MAP <= k < AT_SPACE and needed[k - AT_MAP] == 0):
+            if c.reads:
+                steps[k] = base[k]
+            continue
+        beside = before + (1 if row and steps[k - row] != base[k - row] else 0 if row else second)
+        value = _number(c, data, first, beside, last, steps[k] - base[k])
+        if c.reads:
+            steps[k] = min(max(base[k] + value, -LAST_STEP), LAST_STEP)
+        second, before = before, 1 if value else 0
+        last = (1 if value < 0 else 0) if value else last
+
+
+@kernel("i8(Coder, u1[::1], i8[::1], i8[::1], i8[::1], f8[:, ::1], Map[::1], b1, b1)", Map)
+def code(
+    c: Coder,
+    data: Bytes,
+    heads: Steps,
+    base: Steps,
+    steps: Steps,
+    grids: Numbers,
+    maps: NDArray[np.void],
+    is_map: bool,
+    reads: bool,
+) -> int:
+    """Write a model or read one: the number of bytes.
+
+    Args:
+        c: Written.
+        data: Bytes, written or read.
+        heads: Numbers of `HEAD`, then those of `MEMORY` or none.
+        base: Steps of the model that the other end has.
+        steps: Steps of this one; written where it is read.
+        grids: Theirs.
+        maps: An array of one, which is written.
+        is_map: Whether it is a contact map.
+        reads: Whether it is read.
+    """
+    _begin(c, data, reads)
+    for k in range(heads.size):
+        heads[k] = _long(c, data, 1 + (HEADS + k) * CONTEXTS, SPREADS[k], heads[k])
+    needed = scratch(np.int8, SIZE)
+    needed[:] = 0
+    for k in range(HEADER):
+        needed[k] = 1 if is_map else 0
+    needed[SHARES + 1 - AT_MAP] = 0
+    for k in range(4):
+        needed[LAW + k] = 0
+    for part in range(len(PARTS)):
+        _code_part(c, data, part, base, steps, needed)
+        if part == 0 and is_map:
+            _mark_needed(steps, grids, maps, needed)
+    if not reads and c.at < data.size:
+        data[c.at] = (c.low >> (WIDTH - 8)) + 1  # of what lies between low and high, the one of fewest bytes
+        c.at += 1
+    return int(c.at)

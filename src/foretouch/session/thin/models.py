@@ -1,0 +1,512 @@
+"""Models over a link of few bytes: only what the leader's hand would feel, and only what changed.
+
+The follower's end knows what the leader's has: the steps of each number that crossed (`compact`). It says a model where
+the force that this one renders differs by more than a part of what can be felt (`felt`), as the difference to one that
+the leader is known to render from, or whole.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import struct
+import zlib
+from collections import OrderedDict
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.errors import ForetouchError
+from foretouch.identification import Status
+from foretouch.messages import VERSION, ModelUpdate, decode, encode
+from foretouch.models import ContactMapModel
+from foretouch.models.contact_map.layout import MEMORY, Map
+from foretouch.session.thin import compact, felt
+
+PART = 0.25
+"""Change of force at which a model is said, as a part of the just noticeable difference."""
+
+LONGEST_NS = 2_000_000_000  # Longest time between two models [ns]
+PATIENCE = 1.5  # Round trips after which a model that nobody acknowledged is said again
+SELDOM_NS = 10_000_000_000  # Time between two messages of the numbers that only people look at [ns]
+KEPT, BASES = 64, 48  # Models that both ends keep, and the newest of them that differences refer to
+
+PHRASES = ("", "nothing has been touched yet", *(status.value for status in Status))
+"""Reasons that say nothing new: of them the number crosses."""
+OTHER = len(PHRASES)  # Number of a reason that is none of them, and crosses as a text
+
+PLAIN, WHOLE, DIFFERENCE, TEXTS = 0, 1, 2, 4
+"""First byte of a message: what it is; and whether texts follow, before the numbers."""
+
+NO_MEMORY, MEMORIES, UNTOUCHED = range(3)  # State of a model: empty, of as many numbers, or all not a number
+
+_TAG, _LENGTH = struct.Struct("<H"), struct.Struct("<H")
+_NUMBERS = struct.Struct(f"<{MEMORY}d")
+_encode, _decode = msgspec.msgpack.encode, msgspec.msgpack.decode
+_settle, _unsettle, _code = compact.settle, compact.unsettle, compact.code
+
+
+class Texts(NamedTuple):
+    """What changes seldom: each field crosses where it differs from that of the base."""
+
+    law: str = ""
+    estimator: str = ""
+    reason: str = ""
+    run: int = 0
+    epoch: int = 0
+    valid: bool = False
+    parameters: int = 0
+    state: int = NO_MEMORY
+    is_map: bool = False
+    fixture: int = 0
+    deviation: int = 0
+    friction: int = 0
+    errors: int = 0
+
+
+NO_TEXTS = Texts()
+
+
+@dataclass(frozen=True, slots=True)
+class Kept:
+    """A model that crossed, as both ends know it."""
+
+    tag: int
+    sequence: int
+    time_ns: int
+    command_sequence: int
+    texts: Texts
+    reason: int
+    steps: NDArray[np.int64]
+
+
+NOTHING = Kept(0, 0, 0, 0, NO_TEXTS, 0, np.zeros(compact.COUNT, np.int64))
+"""What there is before the first model: a whole one is the difference to it."""
+
+def _said(update: ModelUpdate, is_map: bool) -> tuple[Texts, int] | None:
+    """Texts of a model and the number of its reason; None where it has no such form."""
+    state = NO_MEMORY
+    if update.state:
+        state = UNTOUCHED if all(map(math.isnan, update.state)) else MEMORIES
+    reason = PHRASES.index(update.reason) if update.reason in PHRASES else OTHER
+    texts = Texts(
+        update.law,
+        update.estimator,
+        update.reason if reason == OTHER else "",
+        update.run,
+        update.epoch,
+        update.valid,
+        len(update.parameters),
+        state,
+        is_map,
+        len(update.fixture),
+        len(update.fixture_deviation),
+        len(update.friction),
+        len(update.standard_errors),
+    )
+    fits = _fits(texts) and bool(update.map) == is_map and len(update.state) in (0, MEMORY)
+    return (texts, reason) if fits and math.isfinite(sum(update.state)) != (state == UNTOUCHED) else None
+
+
+def _fits(texts: Texts) -> bool:
+    """Whether the lengths are those of a model's numbers."""
+    most = compact.MOST_PARAMETERS
+    lengths = texts.parameters <= most and texts.errors <= most and texts.friction <= 8 and texts.state <= UNTOUCHED
+    posed = texts.fixture in (0, 6) and texts.deviation in (0, 6)
+    law = (texts.parameters == 4) if texts.is_map else texts.state == NO_MEMORY
+    return lengths and posed and law and min(texts.run, texts.epoch, *texts[6:8], *texts[9:]) >= 0
+
+
+ABSENT, ENDLESS = -1.0, 1e11  # Numbers for a deviation or an age that is not a number, or infinite
+
+
+def _row(update: ModelUpdate, model: ContactMapModel | None) -> NDArray[np.float64] | None:
+    """The numbers of a model, shape (`compact.COUNT`,); None where one is out of every range."""
+    row = np.zeros(compact.COUNT)
+    row[0] = update.surface
+    row[1 : 1 + len(update.parameters)] = update.parameters
+    if model is not None:
+        row[compact.AT_MAP : compact.AT_SPACE] = model.record.view(np.float64)
+    at = compact.AT_SPACE
+    row[at : at + len(update.fixture)] = update.fixture
+    if update.fixture:
+        row[at + 12] = update.fixture_age
+    row[at + 6 : at + 6 + len(update.fixture_deviation)] = update.fixture_deviation
+    row[at + 13 : at + 13 + len(update.friction)] = update.friction
+    row[compact.AT_ERRORS : compact.AT_ERRORS + len(update.standard_errors)] = update.standard_errors
+    seldom = row[at + 6 :]
+    seldom[np.isnan(seldom)] = ABSENT
+    np.clip(seldom, ABSENT, ENDLESS, out=seldom)
+    return row if compact.fits(row, model is not None) else None
+
+
+def _from_row(row: NDArray[np.float64], texts: Texts) -> dict[str, Any]:
+    """Fields of a message of the numbers of a model that are for people or of space."""
+    at = compact.AT_SPACE
+    row = row.copy()
+    seldom = row[at + 6 :]
+    seldom[seldom > 0.5 * ENDLESS] = math.inf
+    seldom[seldom < 0.5 * ABSENT] = math.nan
+    pose, deviation, friction = at + texts.fixture, at + 6 + texts.deviation, at + 13 + texts.friction
+    return {
+        "surface": float(row[0]),
+        "parameters": tuple(row[1 : 1 + texts.parameters].tolist()),
+        "fixture": tuple(row[at:pose].tolist()),
+        "fixture_deviation": tuple(row[at + 6 : deviation].tolist()),
+        "fixture_age": float(row[at + 12]) if texts.fixture else math.inf,
+        "friction": tuple(row[at + 13 : friction].tolist()),
+        "standard_errors": tuple(row[compact.AT_ERRORS : compact.AT_ERRORS + texts.errors].tolist()),
+    }
+
+
+PLAY_STEP, AVERAGE_STEP = 5e-6, 2e-5  # Steps of the memory's plays and averages [m]
+FARTHEST_PLAY = 1e3  # Memory beyond this has no such form [m]
+
+
+def _memory(state: tuple[float, ...]) -> list[int]:
+    """A memory in steps, each from the one before, which is near it."""
+    near, far = round(state[0] / PLAY_STEP), round(state[1] / PLAY_STEP)
+    inside = max(near, 0) * PLAY_STEP
+    short, middle, long = (round((inside - average) / AVERAGE_STEP) for average in state[2:5])
+    return [near, near - far, short, middle - short, long - middle, round(state[5])]
+
+
+def _from_memory(steps: list[int]) -> tuple[float, ...]:
+    """The reverse of `_memory`."""
+    near, far, short, middle, long, stuck = steps
+    inside = max(near, 0) * PLAY_STEP
+    averages = (inside - step * AVERAGE_STEP for step in (short, short + middle, short + middle + long))
+    return (near * PLAY_STEP, (near - far) * PLAY_STEP, *averages, float(stuck))
+
+
+MILLISECOND = 1_000_000  # [ns]
+LARGEST_NUMBERS = 1024  # Bytes of the numbers of a model, at most
+
+
+class _Form:
+    """What both ends need to write and read numbers: room for them."""
+
+    def __init__(self) -> None:
+        self.coder, self.maps = compact.Coder.new(), Map.new()
+        self.room = np.zeros(LARGEST_NUMBERS, np.uint8)
+        for each in (_settle, _unsettle, _code):
+            each.entry  # noqa: B018  # asked for, it is compiled or loaded: nothing of that in the loop
+
+    def write(self, heads: list[int], base: NDArray[np.int64], steps: NDArray[np.int64], is_map: bool) -> bytes:
+        """The bytes of a model's steps; none where they are too many."""
+        asked = np.array(heads, np.int64)
+        arguments = asked, base, steps, compact.grids_of(is_map), self.maps, is_map, False
+        size = _code.entry(self.coder[0], self.room, *arguments)
+        return self.room[:size].tobytes() if size < LARGEST_NUMBERS else b""
+
+    def read(self, data: bytes, count: int, base: NDArray[np.int64], is_map: bool) -> tuple[list[int], NDArray[np.int64]]:
+        """The reverse of `write`, of so many heads."""
+        steps, heads = base.copy(), np.zeros(count, np.int64)
+        arguments = heads, base, steps, compact.grids_of(is_map), self.maps, is_map, True
+        _code.entry(self.coder[0], np.frombuffer(data, np.uint8).copy(), *arguments)
+        return heads.tolist(), steps
+
+    def update_of(self, kept: Kept, memory: tuple[float, ...]) -> ModelUpdate | None:
+        """The message of a model that crossed; None where there is no such model."""
+        texts, row = kept.texts, np.zeros(compact.COUNT)
+        _unsettle.entry(kept.steps, compact.grids_of(texts.is_map), row, self.maps)
+        content = b""
+        if texts.is_map:
+            model = ContactMapModel.of(self.maps)
+            if model is None:
+                return None
+            content = model.map
+        fields = _from_row(row, texts)
+        return ModelUpdate(
+            VERSION,
+            kept.sequence,
+            kept.time_ns,
+            kept.command_sequence,
+            law=texts.law,
+            state=memory,
+            valid=texts.valid,
+            reason=PHRASES[kept.reason] if kept.reason < OTHER else texts.reason,
+            estimator=texts.estimator,
+            map=content,
+            epoch=texts.epoch,
+            run=texts.run,
+            **fields,
+        )
+
+
+def _tag_of(data: bytes) -> int:
+    """By what a later message names this one."""
+    return zlib.crc32(data) & 0xFFFF
+
+
+def _start(base: Kept, law: str) -> NDArray[np.int64]:
+    """Steps that those of a model of this law are differences to."""
+    return base.steps if base.texts.law == law else NOTHING.steps
+
+
+@dataclass(slots=True)
+class _Sent:
+    """A model that was sent: as both ends know it, and what the leader renders from it."""
+
+    kept: Kept
+    law: NDArray[np.void]
+    surface: float
+    fixture: tuple[float, ...]
+    sent_ns: int
+    acknowledged: bool = False
+
+
+class ModelsSaid:
+    """The follower's end: says what the leader would feel.
+
+    Args:
+        part: Change of force at which a model is said, as a part of the just noticeable difference.
+    """
+
+    def __init__(self, part: float = PART) -> None:
+        self._part, self._form = part, _Form()
+        self._sent: OrderedDict[int, _Sent] = OrderedDict()  # the newest by their numbers
+        self._newest: _Sent | None = None
+        self._base: _Sent | None = None  # the newest that the leader is known to have
+        self._touches = felt.Touches.new(near=math.nan)
+        self._trip_ns = float(LONGEST_NS) / PATIENCE  # until a model is acknowledged
+        self._whole, self._whole_ns = True, -LONGEST_NS
+        self._seldom_ns = -SELDOM_NS
+        for each in (felt.gap, felt.touch):
+            each.entry  # noqa: B018  # see `_Form`
+
+    def ask_whole(self) -> None:
+        """The other end lost what differences refer to."""
+        self._whole = True
+
+    def offer(self, update: ModelUpdate, acknowledged: int, now_ns: int) -> bytes | None:
+        """What is to be sent of this model, None where nobody would feel it.
+
+        Args:
+            update: The newest model.
+            acknowledged: Number of the newest model that the leader is known to render from, 0 before the first.
+            now_ns: Time of this tick [ns].
+        """
+        self._note(acknowledged, now_ns)
+        law, model = felt.law_of(update)
+        if model is not None and len(update.state) == MEMORY:
+            felt.touch.entry(law, update.surface, update.state, update.time_ns * 1e-9, self._touches[0])
+        said = _said(update, model is not None)
+        if not self._is_due(update, law, said, now_ns):
+            return None
+        data = None if said is None else self._write(update, model, *said, now_ns)
+        if data is None:
+            data = bytes([PLAIN]) + encode(update)
+            self._keep(Kept(_tag_of(data), update.sequence, 0, 0, NO_TEXTS, 0, NOTHING.steps), update, law, now_ns)
+        return data
+
+    def _note(self, acknowledged: int, now_ns: int) -> None:
+        """Take note of what the leader renders from."""
+        sent = self._sent.get(acknowledged)
+        if sent is None or sent.acknowledged:
+            return
+        sent.acknowledged = True
+        self._trip_ns += 0.25 * (now_ns - sent.sent_ns - self._trip_ns) if self._base else now_ns - sent.sent_ns - self._trip_ns
+        if self._base is None or acknowledged > self._base.kept.sequence:
+            self._base = sent
+
+    def _is_due(
+        self, update: ModelUpdate, law: NDArray[np.void], said: tuple[Texts, int] | None, now_ns: int
+    ) -> bool:
+        """Whether a model is to be said now."""
+        sent = self._newest
+        if sent is None or now_ns - sent.sent_ns >= LONGEST_NS:
+            return True
+        if self._whole and now_ns - self._whole_ns >= self._trip_ns:
+            return True
+        if self._differs(sent, update, law, said):
+            return True
+        late = not sent.acknowledged and now_ns - sent.sent_ns > PATIENCE * self._trip_ns
+        return late and (self._base is None or self._differs(self._base, update, law, said))
+
+    def _differs(
+        self, sent: _Sent, update: ModelUpdate, law: NDArray[np.void], said: tuple[Texts, int] | None
+    ) -> bool:
+        """Whether the leader would feel that it renders from a model that was sent in place of this one."""
+        if said is not None and _is_news(sent.kept.texts, said[0]):
+            return True
+        if felt.moved(sent.fixture, update.fixture):
+            return True
+        touches = self._touches[0]
+        if not touches.count and abs(update.surface - sent.surface) > SURFACE_CHANGE:
+            return True
+        return felt.gap.entry(law, update.surface, sent.law, sent.surface, touches) > self._part
+
+    def _write(
+        self, update: ModelUpdate, model: ContactMapModel | None, texts: Texts, reason: int, now_ns: int
+    ) -> bytes | None:
+        """The message of a model; None where it has no such form."""
+        base, memory = self._base_for(update), []
+        if texts.state == MEMORIES:
+            if max(map(abs, update.state)) > FARTHEST_PLAY:
+                return None
+            memory = _memory(update.state)
+        row, is_map = _row(update, model), model is not None
+        if row is None:
+            return None
+        texts = _calm(texts, base.texts)
+        steps, start = np.empty(compact.COUNT, np.int64), _start(base, texts.law)
+        seldom = base is NOTHING or now_ns - self._seldom_ns >= SELDOM_NS or texts.errors != base.texts.errors
+        _settle.entry(row, compact.grids_of(is_map), start, steps, self._form.maps, seldom)
+        self._seldom_ns = now_ns if seldom else self._seldom_ns
+        head, heads = _written_head(base, texts, update)
+        numbers = self._form.write([*heads, reason, *memory], start, steps, is_map)
+        if not numbers:
+            return None
+        data = head + numbers
+        time_ns = update.time_ns if base is NOTHING else base.time_ns + heads[1] * MILLISECOND
+        kept = Kept(_tag_of(data), update.sequence, time_ns, update.command_sequence, texts, reason, steps)
+        seen = self._form.update_of(kept, update.state)
+        if seen is None:
+            return None
+        if base is NOTHING:
+            self._whole, self._whole_ns = False, now_ns
+        self._keep(kept, seen, felt.law_of(seen)[0], now_ns)
+        return data
+
+    def _base_for(self, update: ModelUpdate) -> Kept:
+        """What a model is written as the difference to."""
+        base = self._base
+        if base is None or self._whole or base.kept.texts.run != update.run:
+            return NOTHING
+        newest = list(self._sent.values())[-BASES:]
+        alike = [sent for sent in newest if sent.kept.tag == base.kept.tag]
+        return base.kept if alike == [base] else NOTHING
+
+    def _keep(self, kept: Kept, seen: ModelUpdate, law: NDArray[np.void], now_ns: int) -> None:
+        """Remember what was sent."""
+        self._newest = self._sent[kept.sequence] = _Sent(kept, law, seen.surface, seen.fixture, now_ns)
+        while len(self._sent) > KEPT:
+            self._sent.popitem(last=False)
+
+
+SURFACE_CHANGE = 1e-4  # Motion of a surface that is always said while nothing has been touched [m]
+
+_FIGURES = re.compile(r"[\d.]+")
+
+
+def _calm(texts: Texts, base: Texts) -> Texts:
+    """Texts with the base's reason, where the two differ in figures only: those count the time."""
+    alike = _FIGURES.sub("", texts.reason) == _FIGURES.sub("", base.reason)
+    return texts._replace(reason=base.reason) if alike else texts
+
+
+def _is_news(before: Texts, now: Texts) -> bool:
+    """Whether what is told in texts is worth a message by itself."""
+    return _calm(now, before)._replace(errors=0) != before._replace(errors=0)
+
+
+def _written_head(base: Kept, texts: Texts, update: ModelUpdate) -> tuple[bytes, list[int]]:
+    """The bytes before the numbers, and number, time and command as heads."""
+    changed = [index for index, pair in enumerate(zip(texts, base.texts, strict=True)) if pair[0] != pair[1]]
+    told: list[Any] = [sum(1 << index for index in changed), *(texts[index] for index in changed)]
+    kind = WHOLE if base is NOTHING else DIFFERENCE
+    heads = [0, 0, 0]
+    if kind == WHOLE:
+        told += [update.sequence, update.time_ns, update.command_sequence]
+    else:
+        passed = round((update.time_ns - base.time_ns) / MILLISECOND)
+        commands = update.command_sequence - base.command_sequence
+        heads = [update.sequence - base.sequence, passed, commands - passed]
+    head = bytes([kind | (TEXTS if len(told) > 1 else 0)]) + (_TAG.pack(base.tag) if kind == DIFFERENCE else b"")
+    if len(told) > 1:
+        content = _encode(told)
+        head += _LENGTH.pack(len(content)) + content
+    return head, heads
+
+
+class ModelsHeard:
+    """The leader's end: what arrives becomes the messages that the follower made, as far as they can be felt.
+
+    Attributes:
+        wants_whole: Whether a model came that differs from one that is not here.
+    """
+
+    def __init__(self) -> None:
+        self._form = _Form()
+        self._kept: dict[int, Kept] = {}  # by their numbers
+        self.wants_whole = False
+
+    def take(self, data: bytes) -> ModelUpdate | None:
+        """The model of these bytes; None where they are none, or its base is not known: then `wants_whole` is True."""
+        try:
+            return self._take(data)
+        except (ForetouchError, msgspec.MsgspecError, struct.error, ValueError, OverflowError, RecursionError):
+            return None
+
+    def _take(self, data: bytes) -> ModelUpdate | None:
+        if not data:
+            return None
+        if data[0] == PLAIN:
+            update = decode(data[1:], ModelUpdate)
+            self._keep(Kept(_tag_of(data), update.sequence, 0, 0, NO_TEXTS, 0, NOTHING.steps), update.run)
+            return update
+        kind, told, at = data[0] & ~TEXTS, [], 1
+        if kind not in (WHOLE, DIFFERENCE):
+            return None
+        base = NOTHING
+        if kind == DIFFERENCE:
+            (tag,) = _TAG.unpack_from(data, at)
+            at += _TAG.size
+            known = [kept for kept in self._kept.values() if kept.tag == tag]
+            if not known:
+                self.wants_whole = True
+                return None
+            base = max(known, key=lambda kept: kept.sequence)
+        if data[0] & TEXTS:
+            (length,) = _LENGTH.unpack_from(data, at)
+            at += _LENGTH.size
+            told, at = _decode(data[at : at + length], type=list), at + length
+        texts, whole = _read_texts(base.texts, told)
+        kept, memory = self._read(data[at:], base, texts, whole if kind == WHOLE else None)
+        found = self._form.update_of(Kept(_tag_of(data), *kept), memory)
+        if found is None:
+            return None
+        update = decode(encode(found), ModelUpdate)
+        self._keep(Kept(_tag_of(data), *kept), update.run)
+        self.wants_whole = self.wants_whole and kind != WHOLE
+        return update
+
+    def _read(self, data: bytes, base: Kept, texts: Texts, whole: list[int] | None) -> Any:
+        """The fields of a `Kept` after its tag, and the state."""
+        memories = len(compact.MEMORY) if texts.state == MEMORIES else 0
+        heads, steps = self._form.read(data, len(compact.HEAD) + memories, _start(base, texts.law), texts.is_map)
+        number, passed, commands, reason = heads[: len(compact.HEAD)]
+        if not 0 <= reason <= OTHER:
+            raise ValueError("no such reason")
+        state = _from_memory(heads[len(compact.HEAD) :]) if memories else ()
+        if texts.state == UNTOUCHED:
+            state = (math.nan,) * MEMORY
+        if whole is None:
+            time_ns = base.time_ns + passed * MILLISECOND
+            whole = [base.sequence + number, time_ns, base.command_sequence + commands + passed]
+        return (*whole, texts, reason, steps), state
+
+    def _keep(self, kept: Kept, run: int) -> None:
+        """Remember a model that came; those of another run of the follower are of no use any more."""
+        self._kept = {number: one for number, one in self._kept.items() if one.texts.run == run or one.steps is NOTHING.steps}
+        self._kept[kept.sequence] = kept
+        if len(self._kept) > KEPT:
+            del self._kept[min(self._kept)]
+
+
+def _read_texts(base: Texts, told: list[Any]) -> tuple[Texts, list[int]]:
+    """The texts of a model, and what stands after them: number, time and command of a whole one."""
+    mask, *values = told or [0]
+    changed = [name for index, name in enumerate(Texts._fields) if mask >> index & 1]
+    named = dict(zip(changed, values, strict=False))
+    for name, value in named.items():
+        if type(value) is not type(getattr(NO_TEXTS, name)):
+            raise ValueError("no such text")
+    texts, rest = base._replace(**named), values[len(changed) :]
+    if not _fits(texts) or len(rest) not in (0, 3) or not all(type(value) is int for value in rest):
+        raise ValueError("no such model")
+    return texts, rest
