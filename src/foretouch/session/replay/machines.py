@@ -18,7 +18,7 @@ from foretouch.errors import InputError
 from foretouch.quantities import LARGEST_POSITION, Rows
 from foretouch.robot import Robot, RobotSample, RobotSpecification, material_names
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
-from foretouch.settings import DEFAULTS
+from foretouch.settings import DEFAULTS, PAPER_DELAYS
 
 _DEFAULTS = {name: default for name, default in DEFAULTS.items() if name not in ("robot", "calibration")}
 """Defaults of a recording's settings: its robot is replayed, whatever it was, with values already calibrated."""
@@ -30,7 +30,7 @@ def recorded_settings(
     """The settings that a recording names, some of them changed.
 
     A setting that the recording lacks, or that this version does not know, has its default. A changed law has its own
-    default estimator, unless that is changed too.
+    default estimator, unless that is changed too; with another network the recorded delays are left out.
 
     Args:
         texts: `foretouch.messages.SessionLog.settings`.
@@ -52,6 +52,8 @@ def recorded_settings(
     changes = dict(changes or {})
     if "model" in changes and changes["model"] != values.get("model"):
         values.pop("estimator", None)
+    if "network" in changes:  # another network has delays of its own
+        values = {name: value for name, value in values.items() if name not in PAPER_DELAYS}
     return SessionSettings(**values | changes), tuple(notes)
 
 
