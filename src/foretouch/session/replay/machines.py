@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from foretouch.devices import OPERATORS, Device
 from foretouch.devices.device import limit_force
 from foretouch.errors import InputError
+from foretouch.link import network_trace
 from foretouch.quantities import LARGEST_POSITION, Rows
 from foretouch.robot import Robot, RobotSample, RobotSpecification, material_names
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
@@ -40,16 +41,19 @@ def recorded_settings(
         The settings, and one sentence on each thing for which a default was taken.
 
     Raises:
-        SettingError: A changed value is out of range, or does not go with the others.
-        UnknownNameError: A changed name that does not exist.
+        SettingError: A changed value is out of range, or does not go with the others; or the recorded network is a file
+            that is not here.
+        UnknownNameError: A changed name, or a recorded network, that does not exist.
     """
     values, notes = _parsed(texts)
+    changes = dict(changes or {})
+    if network := changes.get("network", values.get("network")):
+        network_trace(network)  # without it nothing would be as it was
     try:
         SessionSettings(**values)
     except InputError:
         values, refused = _understood(values)
         notes += refused
-    changes = dict(changes or {})
     if "model" in changes and changes["model"] != values.get("model"):
         values.pop("estimator", None)
     if "network" in changes:  # another network has delays of its own
