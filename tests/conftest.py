@@ -95,6 +95,22 @@ def original(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], Path]:
 
 
 @pytest.fixture
+def measured_network(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], str]:
+    """The name of a measured network, whose file is in the data folder, beside it, or in the cache."""
+    from foretouch.link import PUBLISHED_NETWORKS
+
+    if (BESIDE.parent / "networks").is_dir():
+        monkeypatch.setenv("FORETOUCH_DATA_DIR", str(BESIDE.parent))
+
+    def name_of(name: str) -> str:
+        if not PUBLISHED_NETWORKS[name].here:
+            pytest.skip(f"{name} is not here: FORETOUCH_DATA_DIR, or `foretouch network show {name}`")
+        return name
+
+    return name_of
+
+
+@pytest.fixture
 def elsewhere(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     """No data folder, an empty cache, no network, and no proxy between us and the loopback."""
     from foretouch.files import origins

@@ -289,12 +289,24 @@ class Declared:
         "(go out the way in).",
         choices=("unload", "retreat"),
     )
-    position_delay: float = _network(
-        0.08, "One-way delay of positions, leader to follower [s], 0 to 10; 0.08 is the paper's.", **DELAY
+    network: str = _network(
+        "",
+        "A network by name, `foretouch network list`, or a file of its delays; whatever else is given here is added to "
+        "what it does.",
     )
-    force_delay: float = _network(
-        0.3,
-        "One-way delay of models and telemetry, follower to leader [s], 0 to 10; 0.3 is the paper's.",
+    network_start: float = _network(
+        0.0, "Where in the network's delays the session begins [s].", at_least=0.0, at_most=86_400.0
+    )
+    position_delay: float | None = _network(
+        None,
+        "One-way delay of positions, leader to follower [s], 0 to 10; without it 0.08, the paper's, and 0 where a "
+        "network is given.",
+        **DELAY,
+    )
+    force_delay: float | None = _network(
+        None,
+        "One-way delay of models and telemetry, follower to leader [s], 0 to 10; without it 0.3, the paper's, and 0 "
+        "where a network is given.",
         owner="leader",
         **DELAY,
     )
@@ -325,8 +337,11 @@ DEFAULTS: dict[str, Any] = {one.name: one.default for one in dataclasses.fields(
 KINDS: dict[str, str] = {one.name: str(one.type) for one in dataclasses.fields(Declared)}
 """How each is annotated: ``"str"``, ``"int"``, ``"float"`` or ``"float | None"``; objects have a text here."""
 
-FAULTS = ("jitter", "loss", "burst", "reorder", "duplicate", "stall", "outage")
+FAULTS = ("jitter", "loss", "burst", "reorder", "duplicate", "stall", "outage", "network", "network_start")
 """What the network does to messages in either direction, beside its delays."""
+
+PAPER_DELAYS = {"position_delay": 0.08, "force_delay": 0.3}
+"""Delays of the paper [s], which are taken where neither they nor a network are given."""
 
 GROUPS: tuple[str, ...] = tuple(dict.fromkeys(one.group for one in SETTINGS.values()))
 """Headings of the help."""

@@ -21,7 +21,7 @@ from foretouch.models import HuntCrossley
 from foretouch.recordings import read_recording, write_columns
 from foretouch.session import SessionSettings
 from foretouch.session.runners import warm_up
-from foretouch.settings import DEFAULTS, LAWS_HELP, SETTINGS
+from foretouch.settings import DEFAULTS, KINDS, LAWS_HELP, SETTINGS
 
 IDENTIFY_KEYS = {
     "model",
@@ -361,7 +361,7 @@ def test_session_options_are_the_fields_and_defaults_of_the_settings() -> None:
         for rule, bound in declared.bounds.items():
             beyond = bound + 1.0 if rule == "at_most" else bound - 1.0
             with pytest.raises(SettingError, match=rf"^{name} = .*{bound:g}"):
-                SessionSettings(**{name: type(DEFAULTS[name])(beyond)})
+                SessionSettings(**{name: float(beyond) if KINDS[name] != "int" else int(beyond)})
     assert SessionSettings().estimator == "bank"
     assert SessionSettings(model="continuous-switching").estimator == "fprls"
 

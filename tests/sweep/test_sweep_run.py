@@ -128,7 +128,7 @@ def test_its_command_is_the_same_session_too(folder: Path, tmp_path: Path) -> No
 @pytest.mark.long
 def test_a_replay_that_differs_says_where(folder: Path, tmp_path: Path) -> None:
     header, stored = read_store(folder / FILE_NAME)
-    store = Store(tmp_path, seed=header.seed, duration=header.duration_s)
+    store = Store(tmp_path, Plan(seed=header.seed, duration=header.duration_s))
     store.add(msgspec.structs.replace(stored[3, "none"], largest_hand_force_N=1.0))
     replayed = replay_session(tmp_path, 3)
     assert not replayed.identical
@@ -249,4 +249,4 @@ def test_a_folder_from_before_there_were_arms_is_one_of_the_plain_robot(one: Pat
     (one / "older").mkdir()
     older = one / "older" / FILE_NAME
     older.write_text("\n".join([lines[0].replace(',"robot":"simulated"', ""), *lines[1:]]) + "\n")
-    assert Store(one / "older", duration=4.0).rows.keys() == {(0, "none")}
+    assert Store(one / "older", Plan(duration=4.0)).rows.keys() == {(0, "none")}

@@ -10,10 +10,10 @@ from typer.core import TyperCommand
 from foretouch import __version__
 from foretouch.cli.commands import (
     calibrate,
-    export,
+    exports,
     keys,
     machine,
-    maps,
+    networks,
     offline,
     plugins,
     recordings,
@@ -106,10 +106,11 @@ for name, group in {
     "bridge": watchers.bridge,
     "calibrate": calibrate.calibrate,
     "datasets": recordings.datasets,
-    "export": export.export,
+    "export": exports.export,
     "materials": recordings.materials,
     "keys": keys.keys,
-    "map": maps.maps,
+    "map": exports.maps,
+    "network": networks.network,
     "plugins": plugins.plugins,
     "recordings": recordings.recordings,
 }.items():

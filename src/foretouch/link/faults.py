@@ -1,7 +1,7 @@
 """Network faults of our own, seeded: `Faults` says what each does and its range, `FaultStage` applies them.
 
 The stage holds the messages of one direction back, loses them and doubles them, one function a fault, in real and in
-simulated time.
+simulated time. Measured networks (`foretouch.link.networks`) come first.
 """
 
 from __future__ import annotations
@@ -15,9 +15,13 @@ from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 from foretouch.errors import SettingError
+from foretouch.link.networks.named import network_trace
+from foretouch.link.networks.trace import Way
 
 LONGEST_DELAY = 10.0  # Delays beyond this [s] are refused: they are in other units
 SPELL_SPACING = 10.0  # Length of the windows [s] in each of which one outage and one stall begin, at seeded moments
+
+LONGEST_START = 86_400.0  # Latest moment of a network's trace at which a session begins [s]: traces are shorter
 
 LONGEST_BURST = 10_000.0
 """Longest mean burst of losses [messages]: 10 s at 1 kHz. What lasts longer is an outage."""
@@ -53,6 +57,9 @@ class Faults:
         stall: Length of a stall [s], 0 to 10; one begins at a random moment of every 10 s. Nothing arrives in it: what
             would have is held, and released together at its end in the order in which it was sent. TCP and TLS lose
             packets so: nothing is lost, and all of it is late at once.
+        network: A network by name, or a file of its delays (`foretouch.link.networks`), whose delays come first: in it
+            nothing overtakes. All others are added to what comes of it.
+        network_start: Where in it the first message is sent [s], 0 or more.
         seed: Seed of the random draws.
 
     Raises:
@@ -72,12 +79,15 @@ class Faults:
     reorder: float = 0.0
     duplicate: float = 0.0
     stall: float = 0.0
+    network: str = ""
+    network_start: float = 0.0
     seed: int = 0
 
     def __post_init__(self) -> None:
         lengths = dict.fromkeys(("delay", "jitter"), LONGEST_DELAY) | dict.fromkeys(("outage", "stall"), SPELL_SPACING)
         ranges = {name: (0.0, most, f"must lie between 0 and {most:g} s") for name, most in lengths.items()}
         ranges |= dict.fromkeys(("loss", "reorder", "duplicate"), (0.0, 1.0, "must lie between 0 and 1"))
+        ranges["network_start"] = (0.0, LONGEST_START, f"must lie between 0 and {LONGEST_START:g} s")
         ranges["burst"] = (1.0, LONGEST_BURST, f"must lie between 1 and {LONGEST_BURST:g} messages")
         for name, (least, most, rule) in ranges.items():
             if not least <= getattr(self, name) <= most:
@@ -124,6 +134,9 @@ class FaultStage(Generic[T]):
     Args:
         faults: Faults to apply; `change` replaces them while it runs.
 
+    Raises:
+        InputError: The faults name a network that does not exist, or is not here, or a file that is no trace.
+
     Attributes:
         delay: One-way delay [s]; may be changed at any time, for messages that follow.
         dropped: Number of messages lost.
@@ -138,6 +151,7 @@ class FaultStage(Generic[T]):
         self._draw = random.Random(faults.seed).random
         self._reorder = _Extra("reorder", faults.reorder, HELD_BACK, faults.seed) if faults.reorder else None
         self._duplicate = _Extra("duplicate", faults.duplicate, COPY_LATER, faults.seed) if faults.duplicate else None
+        self._way = Way(network_trace(faults.network), faults.network_start) if faults.network else None
         self._epoch_ns = 0  # from which outages and stalls count
         self._outage = self._spells("outage", faults.outage)
         self._stall = self._spells("stall", faults.stall)
@@ -198,6 +212,11 @@ class FaultStage(Generic[T]):
         if lost or (self._outage is not None and self._outage.end_ns(now_ns) is not None):
             self.dropped += 1
             return
+        if self._way is not None:
+            if not self._way.takes(now_ns, type(message)):
+                self.dropped += 1
+                return
+            now_ns = self._way.arrival_ns(now_ns)
         self._hold(now_ns + round(delay * 1e9), message)
         if copied:
             self.duplicated += 1

@@ -5,6 +5,7 @@ from foretouch.quantities import new_figure
 from foretouch.report.drawing import COLOURS, finished, legend
 from foretouch.report.energy import energy_account, energy_figures, exact_energy
 from foretouch.report.forces import Forces, forces_under_delay, remarks, require_delay_within
+from foretouch.report.networks import LIST_HEAD, network_figure, network_figures, network_lines, network_row
 from foretouch.report.perception import (
     LargestJump,
     free_hand,
@@ -50,6 +51,7 @@ __all__ = [
     "COLOURS",
     "CONTACT_FLOOR",
     "IDLE_LAW",
+    "LIST_HEAD",
     "STATUSES",
     "Contact",
     "Figures",
@@ -85,6 +87,10 @@ __all__ = [
     "map_lines",
     "merged",
     "named_values",
+    "network_figure",
+    "network_figures",
+    "network_lines",
+    "network_row",
     "new_figure",
     "oscillation",
     "pair",

@@ -14,7 +14,7 @@ from foretouch.errors import ArgumentTypeError, SettingError, UnknownNameError
 from foretouch.errors.checks import NUMBER, require
 from foretouch.identification import DEFAULT_ESTIMATORS, ESTIMATORS, ContactMap, Estimator, make_estimator
 from foretouch.identification.conditioning.kernel import CONTACT_FLOOR
-from foretouch.link import Faults
+from foretouch.link import Faults, network_trace
 from foretouch.messages import Choice, Settings
 from foretouch.models import ContactMapModel
 from foretouch.plugins import load_plugin, plugin_names
@@ -29,6 +29,7 @@ from foretouch.settings import (
     KINDS,
     LEAST_BUDGET,
     NO_GRIP,
+    PAPER_DELAYS,
     SETTINGS,
     SIMULATED,
     Declared,
@@ -59,8 +60,9 @@ SOFTEST = 1.0  # A device that is held carries at least this [N/m], or there is 
 class SessionSettings(Declared, Brief):
     """What is pressed, by whom, over which network, and what is identified.
 
-    The defaults of the delays are the paper's: 80 ms for positions, 300 ms for forces. The law is not: it is
-    the contact map; the paper's own law and estimator are ``model="continuous-switching"``.
+    The defaults of the delays are the paper's: 80 ms for positions, 300 ms for forces; with a ``network``, which has
+    delays of its own, they are 0. The law is not: it is the contact map; the paper's own law and estimator are
+    ``model="continuous-switching"``.
 
     What has parts is an object: ``clutch=[(5, 8), (12, 13)]``, ``leader_frame=Frame(0.1, -1)``,
     ``sensor_fault=SensorFault("stuck", 5, 8)``, in a scene ``leader_frame=SpatialFrame((0.4, 0, 0))``; None says that
@@ -81,6 +83,8 @@ class SessionSettings(Declared, Brief):
     follower_frame: Frame | SpatialFrame = NO_FRAME  # type: ignore[assignment]
     sensor_fault: SensorFault | None = None  # type: ignore[assignment]
     image_fault: ImageFault | None = None  # type: ignore[assignment]
+    position_delay: float = None  # type: ignore[assignment]
+    force_delay: float = None  # type: ignore[assignment]
     command_faults: Faults = field(init=False, repr=False)
     return_faults: Faults = field(init=False, repr=False)
     device: DeviceSpecification = field(init=False, repr=False)
@@ -88,6 +92,11 @@ class SessionSettings(Declared, Brief):
     def __post_init__(self) -> None:
         self._read_texts()
         self._check_types()
+        if self.network:
+            network_trace(self.network)  # refused here where it is none
+        for name, delay in PAPER_DELAYS.items():
+            if getattr(self, name) is None:
+                object.__setattr__(self, name, 0.0 if self.network else delay)
         for name, default in self.workspace.unchosen:
             if not getattr(self, name):
                 object.__setattr__(self, name, default)

@@ -12,10 +12,11 @@ import numpy as np
 
 from foretouch.devices import GRIPS
 from foretouch.errors.checks import require
+from foretouch.link import network_trace
 from foretouch.robot import MATERIALS, make_material
 from foretouch.session import SessionSettings
 from foretouch.session.operators import SHALLOWEST
-from foretouch.settings import SIMULATED
+from foretouch.settings import FAULTS, SIMULATED
 
 LONGEST_ROUND_TRIP = 5.0  # Largest round trip [s]
 CLEAN = "delay only"  # The network with delay only
@@ -56,7 +57,7 @@ class Case:
     Attributes:
         number: Number of the case, from 0.
         duration: Simulated [s].
-        network: Its faults beside the delay: one of `NETWORKS`.
+        network: Its faults beside the delay: one of `NETWORKS`, or the network that is named.
         options: Differences from the defaults of `SessionSettings`.
         baseline: ``"none"``, or the force that is rendered instead of models: ``"delayed"``, ``"delayed-tdpa"``.
     """
@@ -77,7 +78,9 @@ class Case:
 
     @property
     def round_trip(self) -> float:
-        """Both delays together, without what else the network does [s]."""
+        """Both delays together, without what else the network does [s]; of one that is named its usual ones."""
+        if network := self.options.get("network"):
+            return network_trace(str(network)).usual_round_trip
         return float(self.options["position_delay"]) + float(self.options["force_delay"])
 
     @property
@@ -90,7 +93,7 @@ class Case:
         return shlex.join(words)
 
 
-def draw_case(number: int, *, seed: int = 0, duration: float = 30.0, robot: str = SIMULATED) -> Case:
+def draw_case(number: int, *, seed: int = 0, duration: float = 30.0, robot: str = SIMULATED, network: str = "") -> Case:
     r"""The session with this number.
 
     Round trip, model rate, network, material and grip are spread evenly over any run of numbers by an additive
@@ -101,7 +104,8 @@ def draw_case(number: int, *, seed: int = 0, duration: float = 30.0, robot: str 
     A tenth of the round trips is 0, half of the others is uniform from 0 to 5 s, the other half uniform in its
     logarithm from 10 ms to 5 s. Where it is long the session is too, by 4 round trips: knowledge of a surface takes
     that long to arrive. Number and seed are 0 or more, the duration [s] is 2 or more, of which whole milliseconds are
-    taken; an argument out of range is a SettingError. Another robot changes nothing else of the session.
+    taken; an argument out of range is a SettingError. Another robot changes nothing else of the session; a named
+    network takes the place of delay and faults, and each session begins somewhere in it.
 
     References:
         The recurrence: Roberts (2018), The unreasonable effectiveness of quasirandom sequences.
@@ -111,8 +115,8 @@ def draw_case(number: int, *, seed: int = 0, duration: float = 30.0, robot: str 
     require("duration", duration, at_least=2.0)
     where = _even(number, seed, 5)
     random = np.random.default_rng([seed, number])
-    round_trip = _round_trip(where[0])
-    network = _chosen(NETWORKS, where[2])
+    round_trip = network_trace(network).usual_round_trip if network else _round_trip(where[0])
+    faults = _chosen(NETWORKS, where[2])
     lasting = round(duration + 4.0 * round_trip, 3)
     options: Options = {"seed": int(random.integers(2**31))}
     options |= {"material": sorted(MATERIALS)[int(where[3] * len(MATERIALS))], "grip": list(GRIPS)[int(where[4] * 3)]}
@@ -121,10 +125,14 @@ def draw_case(number: int, *, seed: int = 0, duration: float = 30.0, robot: str 
     options |= {"model_rate": _short(_log_uniform(where[1], 2.0, 200.0))}
     law = _chosen(LAWS, random.uniform())
     options |= {} if law == SessionSettings().model else {"model": law}
-    options |= _faults(random, network, round_trip)
+    options |= _faults(random, faults, round_trip)
     options |= _hands(random, lasting, str(options["material"]))
     options |= {} if robot == SIMULATED else {"robot": robot}
-    return Case(number, lasting, network, options)
+    if network:
+        options = {name: value for name, value in options.items() if name not in FAULTS}
+        start = round(network_trace(network).length * random.uniform(), 3)
+        options |= {"position_delay": 0.0, "force_delay": 0.0, "network": network, "network_start": start}
+    return Case(number, lasting, network or faults, options)
 
 
 def is_clean(network: str, options: Options) -> bool:

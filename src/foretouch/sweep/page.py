@@ -62,8 +62,9 @@ def stiffness_figure(rows: Sequence[Outcome], axis: Axis) -> Any:
 def condition_figure(rows: Sequence[Outcome]) -> Any:
     """Fraction of stable sessions by network, grip and round trip; pale: no oscillation, but energy given out."""
     kinds = [kind for kind in LABEL if of(rows, kind)]
+    networks = dict.fromkeys((*NETWORKS, *(row.network for row in rows)))  # those that are named come last
     every: list[tuple[str, Callable[[Outcome], bool]]] = [
-        *((name, lambda row, name=name: row.network == name) for name in NETWORKS),
+        *((name, lambda row, name=name: row.network == name) for name in networks),
         *(
             (f"grip: {grip}", lambda row, grip=grip: row.options["grip"] == grip)
             for grip in ("soft", "normal", "stiff")

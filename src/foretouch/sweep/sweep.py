@@ -18,6 +18,7 @@ from foretouch import __version__
 from foretouch.comparison.parallel import run_all
 from foretouch.errors import InputError, SettingError, UnknownNameError
 from foretouch.errors.checks import require
+from foretouch.link import network_trace
 from foretouch.robot import read_arm
 from foretouch.settings import ARMS, BASELINES, SIMULATED, is_arm, is_simulated
 from foretouch.sweep.cases import Case, baseline_numbers, draw_case
@@ -50,6 +51,7 @@ class Header(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     seed: int  # seed of the sweep
     duration_s: float  # duration of sessions without delay [s]
     robot: str = SIMULATED  # of all sessions
+    network: str = ""  # likewise
 
 
 @functools.cache
@@ -66,14 +68,15 @@ def code_digest() -> str:
 
 
 class Store:
-    """The rows in a folder, which is made if it is not there, of a seed, a robot and a duration without delay [s].
+    """The rows in a folder, which is made if it is not there, of a plan.
 
     An InputError says that the folder cannot be used, or holds the rows of another sweep.
     """
 
-    def __init__(self, folder: str | Path, *, seed: int = 0, duration: float = 30.0, robot: str = SIMULATED) -> None:
+    def __init__(self, folder: str | Path, plan: Plan) -> None:
         self.path = Path(folder) / FILE_NAME
-        self.header = Header(__version__, code_digest(), seed, duration, robot)  # it is, or will be, in the first line
+        # It is, or will be, in the first line.
+        self.header = Header(__version__, code_digest(), plan.seed, plan.duration, plan.robot, plan.network)
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             if self.path.exists():
@@ -85,6 +88,7 @@ class Store:
         header, rows = read_store(self.path)
         if header != self.header:
             differs = f"was made with --seed {header.seed} --duration {header.duration_s:g} --robot {header.robot}"
+            differs += f" --network {header.network}" * bool(header.network)
             if (header.version, header.code) != (self.header.version, self.header.code):
                 differs = "was made by other code, whose sessions are not comparable"
             raise InputError(f"{self.path}: {differs}; give another --out, or remove the file")
@@ -140,9 +144,12 @@ class Plan:
         duration: Duration of a session without delay [s], from 2 on.
         seed: Seed of all sessions.
         robot: Simulated robot of all sessions.
+        network: Network of all sessions in the place of delays and faults that are drawn: a name, or a file; "" for
+            none.
 
     Raises:
-        SettingError: A number out of range, or a robot that is not simulated.
+        SettingError: A number out of range, a robot that is not simulated, or a file that is no network's.
+        UnknownNameError: There is no such network.
         InputError: No such description of an arm, or one that breaks a rule.
         MissingExtraError: MuJoCo is not installed, and the robot is an arm.
     """
@@ -152,6 +159,7 @@ class Plan:
     duration: float = 30.0
     seed: int = 0
     robot: str = SIMULATED
+    network: str = ""
 
     def __post_init__(self) -> None:
         require("sessions", self.sessions, at_least=1)
@@ -161,12 +169,14 @@ class Plan:
         if not is_simulated(self.robot):
             rule = f"must be simulated, {', '.join(ARMS)}, or the .xml of an arm's description"
             raise SettingError("robot", self.robot, rule)
+        if self.network:
+            network_trace(self.network)
         if is_arm(self.robot):
             read_arm(self.robot)  # one line here, and not one in each session
 
     def cases(self) -> list[Case]:
         """All sessions; a baseline's follow ours of the same number, so that a partial sweep can be compared."""
-        same: Any = {"seed": self.seed, "duration": self.duration, "robot": self.robot}
+        same: Any = {"seed": self.seed, "duration": self.duration, "robot": self.robot, "network": self.network}
         ours = [draw_case(number, **same) for number in range(self.sessions)]
         both = set(baseline_numbers(ours, self.baselines))
         return [
@@ -195,7 +205,7 @@ def run_sweep(
         InputError: The folder cannot be used, or holds the rows of another sweep.
     """
     cases = plan.cases()
-    store = Store(folder, seed=plan.seed, duration=plan.duration, robot=plan.robot)
+    store = Store(folder, plan)
     missing = [case for case in cases if (case.number, case.baseline) not in store.rows]
     done = len(cases) - len(missing)
     for _, row in run_all(run_case, missing, processes=processes, cluster=cluster, lost=failed, say=say):
@@ -264,5 +274,6 @@ def replay_session(folder: str | Path, number: int, *, baseline: str = "none") -
     if stored is None:
         of = "" if baseline == "none" else f" with the baseline {baseline}"
         raise InputError(f"{Path(folder) / FILE_NAME}: has no session {number}{of}, but {len(rows)} others")
-    case = draw_case(number, seed=header.seed, duration=header.duration_s, robot=header.robot).rendering(baseline)
+    same: Any = {"seed": header.seed, "duration": header.duration_s, "robot": header.robot, "network": header.network}
+    case = draw_case(number, **same).rendering(baseline)
     return Replayed(stored, run_case(case), header.code == code_digest())

@@ -156,15 +156,22 @@ class Sessions:
     robot: Annotated[
         str, typer.Option(help="Of all sessions: simulated, fr3, ur5e, so101, or the file of an arm's description.")
     ] = SIMULATED
+    network: Annotated[
+        str,
+        typer.Option(
+            help="Of all sessions, instead of drawn delays and faults: `foretouch network list`, or a file; each "
+            "session begins somewhere in it."
+        ),
+    ] = ""
 
     def plan(self, quick: bool) -> Plan:
         """What is run, or a dozen short sessions."""
         from foretouch.sweep import Plan
 
         if quick:
-            return Plan(12, 2, 4.0, self.seed, self.robot)
+            return Plan(12, 2, 4.0, self.seed, self.robot, self.network)
         compared = min(100, self.sessions) if self.baselines is None else self.baselines
-        return Plan(self.sessions, compared, self.duration, self.seed, self.robot)
+        return Plan(self.sessions, compared, self.duration, self.seed, self.robot, self.network)
 
 
 @command(which=Sessions, workers=Workers)

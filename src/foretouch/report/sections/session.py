@@ -47,7 +47,7 @@ def heading(report: Mapping[str, Any]) -> list[str]:
     return [f"Session: {', '.join(words)}", *filter(None, sentences)]
 
 
-_SHOWN = {"operator": "", "estimator": "", "position_delay": " s", "force_delay": " s"}
+_SHOWN = {"operator": "", "estimator": "", "network": "", "position_delay": " s", "force_delay": " s"}
 
 
 def loop_sentence(settings: Mapping[str, str]) -> str:

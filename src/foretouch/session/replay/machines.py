@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 from foretouch.devices import OPERATORS, Device
 from foretouch.devices.device import limit_force
 from foretouch.errors import InputError
+from foretouch.link import network_trace
 from foretouch.quantities import LARGEST_POSITION, Rows
 from foretouch.robot import Robot, RobotSample, RobotSpecification, material_names
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
-from foretouch.settings import DEFAULTS
+from foretouch.settings import DEFAULTS, PAPER_DELAYS
 
 _DEFAULTS = {name: default for name, default in DEFAULTS.items() if name not in ("robot", "calibration")}
 """Defaults of a recording's settings: its robot is replayed, whatever it was, with values already calibrated."""
@@ -30,7 +31,7 @@ def recorded_settings(
     """The settings that a recording names, some of them changed.
 
     A setting that the recording lacks, or that this version does not know, has its default. A changed law has its own
-    default estimator, unless that is changed too.
+    default estimator, unless that is changed too; with another network the recorded delays are left out.
 
     Args:
         texts: `foretouch.messages.SessionLog.settings`.
@@ -40,18 +41,23 @@ def recorded_settings(
         The settings, and one sentence on each thing for which a default was taken.
 
     Raises:
-        SettingError: A changed value is out of range, or does not go with the others.
-        UnknownNameError: A changed name that does not exist.
+        SettingError: A changed value is out of range, or does not go with the others; or the recorded network is a file
+            that is not here.
+        UnknownNameError: A changed name, or a recorded network, that does not exist.
     """
     values, notes = _parsed(texts)
+    changes = dict(changes or {})
+    if network := changes.get("network", values.get("network")):
+        network_trace(network)  # without it nothing would be as it was
     try:
         SessionSettings(**values)
     except InputError:
         values, refused = _understood(values)
         notes += refused
-    changes = dict(changes or {})
     if "model" in changes and changes["model"] != values.get("model"):
         values.pop("estimator", None)
+    if "network" in changes:  # another network has delays of its own
+        values = {name: value for name, value in values.items() if name not in PAPER_DELAYS}
     return SessionSettings(**values | changes), tuple(notes)
 
 
