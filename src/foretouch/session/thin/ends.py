@@ -105,7 +105,7 @@ class End(ABC, Generic[Said, Heard]):
         messages = list(messages)
         for message in messages:
             if type(message) is self.tick:
-                self._saying.note(message)
+                self._saying.note(message)  # type: ignore[arg-type]
             else:
                 self._offer_of_step(message, now_ns)
         elapsed = now_ns - self._before_ns if self._before_ns >= 0 else 0

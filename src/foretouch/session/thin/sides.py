@@ -40,11 +40,12 @@ Numbers = tuple[Number, ...]
 
 
 class Context(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields=True, gc=False):
-    """What seldom changes of a side's messages, and a tick and a time [ns] to count from."""
+    """What seldom changes of a side's messages; and a tick, a time [ns] and numbers of messages to count from."""
 
     number: int
     tick: Count
     time_ns: Count
+    counts: tuple[Count, Count]
     space: bool
     epoch: Count
     run: Count
@@ -193,7 +194,7 @@ class Seen(Kind[Telemetry]):
     ) -> Telemetry:
         """See `Kind.made`; the velocity is not said, and the force is that of the sensor, too."""
         (desired, position, force, *rest), flags = told, state[0]
-        space = FollowerSpace(*rest[3:6], *rest[:3], *rest[6:9], *UNSEEN) if len(rest) == 9 else None
+        space = FollowerSpace(*rest[3:6], *rest[:3], *rest[6:9], *UNSEEN) if rest else None  # type: ignore[arg-type, call-arg]
         contact, clipped, guarded = bool(flags & CONTACT), bool(flags & CLIPPED), bool(flags & GUARDED)
         numbers = desired, position, 0.0, force, force, math.nan, contact, clipped, counts[1], TICK_NS, 0, guarded
         status, validity = state[1] >> 4, state[1] & 15
@@ -260,7 +261,10 @@ class Saying(Generic[M]):
             return b""
         assert self._fixed is not None
         self._news, self._context_tick = max(self._news - 1, 0), message.sequence
-        data = msgspec.msgpack.encode(Context(self._context, message.sequence, message.time_ns, *self._fixed))
+        space, epoch, run, holder = self._fixed
+        counts = self._kind.counts(message)
+        context = Context(self._context, message.sequence, message.time_ns, counts, space, epoch, run, holder)
+        data = msgspec.msgpack.encode(context)
         return bytes((CONTEXT, len(data))) + data
 
 
@@ -297,8 +301,9 @@ class Hearing(Generic[M]):
             if before is not None and self._silent < stream.REACH:
                 return
             self._lines = stream.heard(kind.numbers[context.space], kind.positions(context.space))
-            self._tick, self._time_ns, self.counts = max(context.tick - 1, 0), context.time_ns, (0, 0)
-            self.flags, self._silent = 0, 0
+            self._tick = self.flags = self._silent = 0
+        if context.tick > self._tick:  # the lowest bits may have come round since
+            self._tick, self._time_ns, self.counts = max(context.tick - 1, 0), context.time_ns, context.counts
         self._context = context
 
     def lines(self, data: bytes, at: int) -> int:
@@ -307,7 +312,7 @@ class Hearing(Generic[M]):
             return -1
         _, number, tick, quarters, first, second, flags, status, chosen = HEAD.unpack_from(data, at)
         at += HEAD.size
-        end = at + NUMBER * chosen.bit_count()
+        end: int = at + NUMBER * chosen.bit_count()
         if end > len(data):
             return -1
         context = self._context
