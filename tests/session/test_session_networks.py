@@ -70,7 +70,7 @@ class There(Device):
 def test_what_was_meant_during_a_stall_is_not_done_after_it(tmp_path: Path) -> None:
     """A stall of 2 s, in which the hand goes far away and comes back: no command of then is obeyed."""
     path = tmp_path / "stall.csv"
-    held = (max(5.0 - 0.05 * n, 0.0) if 3.0 <= 0.05 * n else 0.0 for n in range(200))
+    held = (max(5.0 - 0.05 * n, 0.0) if 0.05 * n >= 3.0 else 0.0 for n in range(200))
     rows = (f"{0.05 * n:.2f},{0.02 + late:.3f}" for n, late in enumerate(held))
     path.write_text("\n".join(("time_s,one_way_s", *rows)))
     settings = SessionSettings(network=str(path), first_touch="follow")
