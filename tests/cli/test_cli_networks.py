@@ -8,7 +8,10 @@ from typing import Any
 import pytest
 from typed_commands import good, output_of, refusal_of, run
 
-from foretouch.link import NETWORK_NAMES, PUBLISHED_NETWORKS
+from foretouch.link import NETWORK_NAMES, PUBLISHED_NETWORKS, network_trace
+from foretouch.report import network_row
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
 
 
 @pytest.fixture
@@ -41,6 +44,13 @@ def test_the_measured_ones_are_as_they_were_measured(measured_network: Any) -> N
     rural = output_of("network", "show", measured_network("5g-rural"))
     assert rural["stalls_that_unload"] > 10
     assert rural["longest_stall_s"] > 20.0
+
+
+@pytest.mark.parametrize("name", NETWORK_NAMES)
+def test_the_documentation_shows_the_list_as_it_is(name: str, request: pytest.FixtureRequest) -> None:
+    if name in PUBLISHED_NETWORKS:
+        request.getfixturevalue("measured_network")(name)
+    assert network_row(network_trace(name)) in (DOCS / "networks.md").read_text().splitlines()
 
 
 def test_a_file_is_shown_and_drawn(trace: Path, tmp_path: Path) -> None:

@@ -109,6 +109,8 @@ OFFLINE: dict[tuple[str, ...], Callable[[list[str]], list[str]]] = {
     ("recordings", "convert"): as_it_is,
     ("map", "merge"): of_touched_scenes,
     ("map", "show"): of_touched_scenes,
+    ("network", "list"): as_it_is,
+    ("network", "show"): as_it_is,
     ("materials", "list"): as_it_is,
     ("materials", "fit"): as_it_is,
     ("plugins",): as_it_is,

@@ -73,7 +73,7 @@ SETTINGS = foretouch.SessionSettings()
             "offset is '0' (str)",
             "a number, or None",
         ),
-        (foretouch.SessionSettings, (), {"force_delay": "a"}, "force_delay is 'a' (str)", "the default is 0.3"),
+        (foretouch.SessionSettings, (), {"jitter": "a"}, "jitter is 'a' (str)", "the default is 0.0"),
         (foretouch.SessionSettings, (), {"material": 3}, "material is 3 (int)", "must be a text"),
         (foretouch.SessionSettings, (), {"seed": 1.5}, "seed is 1.5 (float)", "must be a whole number"),
         (foretouch.SessionSettings, (), {"device_damping": "a"}, "device_damping is 'a' (str)", "a number, or None"),

@@ -84,7 +84,6 @@ def test_columns_are_found_by_their_names_and_units(text: str, tmp_path: Path) -
 def test_bad_files_are_refused_in_one_line(text: str | bytes, said: str, tmp_path: Path) -> None:
     path = written(tmp_path, text)
     with pytest.raises(SettingError, match=re.escape(said)) as refused:
-        Faults(network=path)
         FaultStage(Faults(network=path))
     assert "\n" not in str(refused.value)
     assert path in str(refused.value)

@@ -12,7 +12,8 @@ import pytest
 from foretouch.devices import Device
 from foretouch.link import NETWORK_NAMES, PUBLISHED_NETWORKS, FaultStage, network_trace
 from foretouch.messages import SessionLog, Status
-from foretouch.report import session_figures
+from foretouch.report import pair, session_figures
+from foretouch.report.scene.pose import scene_rows
 from foretouch.session import SessionSettings, recorded_settings, simulate
 from foretouch.settings import PAPER_DELAYS
 
@@ -70,7 +71,7 @@ class There(Device):
 def test_what_was_meant_during_a_stall_is_not_done_after_it(tmp_path: Path) -> None:
     """A stall of 2 s, in which the hand goes far away and comes back: no command of then is obeyed."""
     path = tmp_path / "stall.csv"
-    held = (max(5.0 - 0.05 * n, 0.0) if 3.0 <= 0.05 * n else 0.0 for n in range(200))
+    held = (max(5.0 - 0.05 * n, 0.0) if 0.05 * n >= 3.0 else 0.0 for n in range(200))
     rows = (f"{0.05 * n:.2f},{0.02 + late:.3f}" for n, late in enumerate(held))
     path.write_text("\n".join(("time_s,one_way_s", *rows)))
     settings = SessionSettings(network=str(path), first_touch="follow")
@@ -109,3 +110,11 @@ def test_a_session_repeats_bit_by_bit_and_the_start_counts() -> None:
     assert run() == run()
     assert run() != run(network_start=14.0)
     assert network_trace("low-orbit") is network_trace("low-orbit")
+
+
+def test_both_sides_of_a_scene_over_a_network_have_one_clock() -> None:
+    """The shortest way of a command is the network's, and no difference of two clocks."""
+    settings = SessionSettings(scene="plane", network="geostationary", fusion="none", displacement=0.0, turn=0.0)
+    log = simulate(settings, duration=3.0, say=lambda _: None).log
+    rows = scene_rows(log, pair(log))
+    np.testing.assert_allclose(rows.leader_time, rows.follower_time, atol=1e-9)

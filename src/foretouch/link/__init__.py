@@ -19,9 +19,8 @@ from foretouch.link.faults import Faults, FaultStage
 from foretouch.link.followers_here import WaitingNote, followers
 from foretouch.link.frames import CHANNEL_NUMBERS, FrameServer
 from foretouch.link.key_folder import ROLES, KeyFolder, default_key_folder
-from foretouch.link.networks.named import NAMES as NETWORK_NAMES
-from foretouch.link.networks.named import PUBLISHED as PUBLISHED_NETWORKS
-from foretouch.link.networks.named import network_trace
+from foretouch.link.networks.named import NETWORK_NAMES, PUBLISHED_NETWORKS, network_trace
+from foretouch.link.networks.reading import read_trace
 from foretouch.link.networks.trace import NetworkTrace
 from foretouch.link.sequence import SequenceCounter
 from foretouch.link.zenoh_link import ASKING_PERIOD_NS, STOPPING_CHANNELS, ZenohLink, ask_to_stop, new_press
@@ -58,4 +57,5 @@ __all__ = [
     "may_publish",
     "network_trace",
     "new_press",
+    "read_trace",
 ]

@@ -35,6 +35,7 @@ ROOMS = (
 SHOWING = (
     "report/writing",
     "report/forces.py",
+    "report/networks.py",
     "report/scene/touched.py",
     *(f"report/sections/{name}.py" for name in ("forces", "latency", "model", "robot", "scene")),
     "sweep/curves.py",

@@ -76,7 +76,7 @@ CICV5G = Origin(
     about="echoes over 5G to a car, CICV5G, Tongji University 2024",
 )
 
-PUBLISHED: Final = {
+PUBLISHED_NETWORKS: Final = {
     "5g-urban": Published(
         "urban_n8_v30_run01.txt",
         "Urban road/1-n8/v30",
@@ -174,16 +174,17 @@ KNOWN: Final[dict[str, Callable[[str], NetworkTrace]]] = {
 }
 """Networks as they are known, by name."""
 
-NAMES = (*PUBLISHED, *KNOWN)
+NETWORK_NAMES = (*PUBLISHED_NETWORKS, *KNOWN)
+"""Names of all networks."""
 
 
 @functools.cache
 def _named(name: str) -> NetworkTrace:
-    return PUBLISHED[name].fetch(name) if name in PUBLISHED else KNOWN[name](name)
+    return PUBLISHED_NETWORKS[name].fetch(name) if name in PUBLISHED_NETWORKS else KNOWN[name](name)
 
 
 def network_trace(name: str) -> NetworkTrace:
-    """The trace of a name of `NAMES`, or of a file.
+    """The trace of a name of `NETWORK_NAMES`, or of a file.
 
     Raises:
         UnknownNameError: There is no such network, and the text names no file.
@@ -191,8 +192,8 @@ def network_trace(name: str) -> NetworkTrace:
         DatasetError: A measured network is neither here nor can be fetched.
         MissingExtraError: To fetch it ``pooch`` is needed.
     """
-    if name in NAMES:
+    if name in NETWORK_NAMES:
         return _named(name)
     if not any(sign in name for sign in "./\\") and not Path(name).exists():
-        raise UnknownNameError("network", name, (*NAMES, "FILE"))
+        raise UnknownNameError("network", name, (*NETWORK_NAMES, "FILE"))
     return read_trace(name)

@@ -105,7 +105,9 @@ class Way:
     def __init__(self, trace: NetworkTrace, start: float = 0.0) -> None:
         time, delay = trace.corners
         # Plain floats: one message is looked up at a time.
-        self._time, self._delay, self._length = time.tolist(), delay.tolist(), trace.length
+        self._time: list[float] = time.tolist()
+        self._delay: list[float] = delay.tolist()
+        self._length = trace.length
         self._start, self._spacing_ns = start, round(trace.spacing * 1e9)
         self._begun_ns: int | None = None
         self._arrival_ns = 0  # of the latest
