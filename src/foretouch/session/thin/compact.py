@@ -41,15 +41,16 @@ _OF_MAP = {
     "law": (1.0, 7),
     "law_surface": FINE_LENGTH,
     "law_speed": (0.05, 5),
-    "uncertainty": (1e-4, 3),
+    "uncertainty": (1e-4, 2),
     "place": FINE_LENGTH,
     "shares": (1.0, 7),
     "felt": (1.0, 6),
+    "touch_way": (1e-4, 5),
     "touch_force": (1.0, 6),
     "pull": FORCE,
 }
 _LAW_OF_MAP = ((1.0, 8), (1.0, 7), (1.0, 11), (1.0, 11), ROUGH, ROUGH)  # k, lambda, n, alpha
-_RANGE = 1.0, 5
+_RANGE = 1.0, 7
 _POSE = ((1e-5 * 2**16, 16),) * 3 + ((1e-4 * 2**12, 12),) * 3
 
 
@@ -90,7 +91,7 @@ def _step_of(value: float, unit: float, steps: float) -> float:
 
 
 @inlined
-def _value_of(step: int, unit: float, steps: float) -> float:
+def value_of(step: int, unit: float, steps: float) -> float:
     """The number at a step of its grid."""
     power = min(abs(step) // int(steps), FARTHEST)
     value = unit * (math.ldexp(1.0 + (abs(step) % int(steps)) / steps, power) - 1.0)
@@ -125,9 +126,9 @@ def write_map(steps: Steps, grids: Numbers, maps: NDArray[np.void]) -> None:
     """Write the map of these steps; the weights of experts sum to 1."""
     numbers, learnt = maps.view(np.float64), maps[0]
     for k in range(SIZE):
-        numbers[k] = _value_of(steps[AT_MAP + k], grids[AT_MAP + k, 0], grids[AT_MAP + k, 1])
+        numbers[k] = value_of(steps[AT_MAP + k], grids[AT_MAP + k, 0], grids[AT_MAP + k, 1])
     for k in range(4):
-        learnt.law[k] = _value_of(steps[PARAMETERS + k], grids[PARAMETERS + k, 0], grids[PARAMETERS + k, 1])
+        learnt.law[k] = value_of(steps[PARAMETERS + k], grids[PARAMETERS + k, 0], grids[PARAMETERS + k, 1])
     law = min(max(learnt.shares[0], 0.0), 1.0)
     fine = min(max(learnt.shares[2], 0.0), 1.0 - law)
     learnt.shares[0], learnt.shares[1], learnt.shares[2] = law, 1.0 - law - fine, fine
@@ -160,6 +161,8 @@ def settle(numbers: Numbers, grids: Numbers, base: Steps, steps: Steps, maps: ND
         idle = IDLE if STEADY[k] else 0.5
         steps[k] = base[k] if abs(exact - base[k]) <= idle else round(exact)
     steps[SHARES + 1] = 0
+    for k in range(4):
+        steps[AT_MAP + LAW + k] = base[AT_MAP + LAW + k]
     if steps[SHARES] == 0 and maps.size > 0 and not errors:
         for k in OF_LAW:
             steps[k] = base[k]
@@ -177,7 +180,7 @@ def settle(numbers: Numbers, grids: Numbers, base: Steps, steps: Steps, maps: ND
 def unsettle(steps: Steps, grids: Numbers, numbers: Numbers, maps: NDArray[np.void]) -> None:
     """Write the numbers and the map of these steps."""
     for k in range(COUNT):
-        numbers[k] = _value_of(steps[k], grids[k, 0], grids[k, 1])
+        numbers[k] = value_of(steps[k], grids[k, 0], grids[k, 1])
     write_map(steps, grids, maps)
 
 
