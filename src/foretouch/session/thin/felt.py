@@ -12,13 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.core import Record, compiled, kernel
-from foretouch.core.compiling import scratch
+from foretouch.core.compiling import inlined, scratch
 from foretouch.errors import InputError
 from foretouch.messages import ModelUpdate
 from foretouch.models import ContactMapModel, ContactModel, make_model
 from foretouch.models.contact_map.layout import MEMORY, PLAYS, SIZE, Map
 from foretouch.models.law_kernel import Law, advance, form_of
-from foretouch.session.thin.compact import AT_MAP, AT_SPACE, PARTS, value_of, write_map
+from foretouch.models.predictor_kernel import copy
+from foretouch.session.thin.compact import AT_MAP, AT_SPACE, OF_LAW, PARTS, value_of, write_map
 
 JND_SHARE, JND_FORCE = 0.1, 0.05
 """Just noticeable difference of force: a part of the force, and at least this [N], as reports have it."""
@@ -184,10 +185,43 @@ def _is_near(law: Law, surface: float, touches: Touches, forces: NDArray[np.floa
     return True
 
 
-SPARED = (2**62, 4)
-"""Steps within which the numbers of a part stay those of the base, where nobody feels it: all of them, or small ones."""
+SHORTER = (62, 5, 4, 3, 2, 1)
+"""Bits by which the differences of a part are shortened where nobody feels it: all of them, or some."""
 
 MOST_OF_A_PART = 64
+
+
+@inlined
+def rounded(value: int, bits: int) -> int:
+    """The nearest multiple of a power of two."""
+    return ((value + ((1 << bits) >> 1)) >> bits) << bits
+
+
+@compiled
+def _spare_law(
+    steps: NDArray[np.int64],
+    base: NDArray[np.int64],
+    grids: NDArray[np.float64],
+    seen: float,
+    others: NDArray[np.void],
+    maps: NDArray[np.void],
+    touches: Touches,
+    wanted: NDArray[np.float64],
+    limit: float,
+) -> None:
+    """The same for the numbers of the law in a map."""
+    flat, numbers, kept = maps.view(np.float64), others.view(np.float64)[MAP_IN_LAW:], scratch(np.int64, LAWS_NUMBERS)
+    for k in range(LAWS_NUMBERS):
+        kept[k], steps[OF_LAW[k]] = steps[OF_LAW[k]], base[OF_LAW[k]]
+    write_map(steps, grids, maps)
+    copy(flat, numbers)
+    if not _is_near(others[0], seen, touches, wanted, limit):
+        for k in range(LAWS_NUMBERS):
+            steps[OF_LAW[k]] = kept[k]
+        write_map(steps, grids, maps)
+
+
+LAWS_NUMBERS = len(OF_LAW)
 MAP_IN_LAW = Law.layout.fields["map"][1] // 8  # type: ignore[index]
 
 
@@ -222,27 +256,23 @@ def spare(
     for point in range(POINTS):
         wanted[point] = _force(laws[0], surface, touches, point) if touches.known[point] != 0 else 0.0
     others[0].kind = laws[0].kind
-    write_map(steps, grids, maps)
+    _spare_law(steps, base, grids, seen, others, maps, touches, wanted, limit)
     numbers, flat = others.view(np.float64)[MAP_IN_LAW:], maps.view(np.float64)
-    for k in range(SIZE):
-        numbers[k] = flat[k]
+    copy(flat, numbers)
     for part in range(len(PARTS) - 1, 0, -1):
         begin, end = PARTS[part, 0], PARTS[part, 1]
         if begin >= AT_SPACE:
             continue
-        for idle in SPARED:
+        for k in range(begin, end):
+            kept[k - begin] = steps[k]
+        for bits in (*SHORTER, 0):
             changed = False
             for k in range(begin, end):
-                step = kept[k - begin] = steps[k]
-                if step != base[k] and abs(step - base[k]) <= idle:
-                    changed = True
-                    steps[k] = base[k]
-                    numbers[k - AT_MAP] = value_of(base[k], grids[k, 0], grids[k, 1])
+                steps[k] = base[k] + rounded(kept[k - begin] - base[k], bits)
+                numbers[k - AT_MAP] = value_of(steps[k], grids[k, 0], grids[k, 1])
+                changed = changed or steps[k] != kept[k - begin]
             if not changed or _is_near(others[0], seen, touches, wanted, limit):
                 break
-            for k in range(begin, end):
-                steps[k] = kept[k - begin]
-                numbers[k - AT_MAP] = value_of(steps[k], grids[k, 0], grids[k, 1])
 
 
 def law_of(update: ModelUpdate) -> tuple[NDArray[np.void], ContactMapModel | None]:

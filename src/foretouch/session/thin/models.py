@@ -23,7 +23,7 @@ from foretouch.errors import ForetouchError
 from foretouch.identification import Status
 from foretouch.messages import VERSION, ModelUpdate, decode, encode
 from foretouch.models import ContactMapModel
-from foretouch.models.contact_map.layout import MEMORY, Map
+from foretouch.models.contact_map.layout import MEMORY, PLAYS, Map
 from foretouch.session.thin import compact, felt
 
 PART = 0.5
@@ -166,6 +166,7 @@ def _from_row(row: NDArray[np.float64], texts: Texts) -> dict[str, Any]:
 
 
 PLAY_STEP, AVERAGE_STEP = 5e-6, 2e-5  # Steps of the memory's plays and averages [m]
+BETWEEN = round((PLAYS[1] - PLAYS[0]) / PLAY_STEP)  # From one play to the other while the probe moves [steps]
 FARTHEST_PLAY = 1e3  # Memory beyond this has no such form [m]
 
 
@@ -174,18 +175,19 @@ def _memory(state: tuple[float, ...]) -> list[int]:
     near, far = round(state[0] / PLAY_STEP), round(state[1] / PLAY_STEP)
     inside = max(near, 0) * PLAY_STEP
     short, middle, long = (round((inside - average) / AVERAGE_STEP) for average in state[2:5])
-    return [near, near - far, short, middle - short, long - middle, round(state[5])]
+    return [near, int(far > near), BETWEEN - abs(near - far), short, middle - short, long - middle, round(state[5])]
 
 
 def _from_memory(steps: list[int]) -> tuple[float, ...]:
     """The reverse of `_memory`."""
-    near, far, short, middle, long, stuck = steps
-    inside = max(near, 0) * PLAY_STEP
+    near, beyond, less, short, middle, long, stuck = steps
+    inside, away = max(near, 0) * PLAY_STEP, BETWEEN - less
     averages = (inside - step * AVERAGE_STEP for step in (short, short + middle, short + middle + long))
-    return (near * PLAY_STEP, (near - far) * PLAY_STEP, *averages, float(stuck))
+    return (near * PLAY_STEP, (near + (away if beyond else -away)) * PLAY_STEP, *averages, float(stuck))
 
 
 MILLISECOND = 1_000_000  # [ns]
+USUAL_MS = 20  # From one model to the next, as they are made [ms]
 LARGEST_NUMBERS = 1024  # Bytes of the numbers of a model, at most
 
 
@@ -374,7 +376,7 @@ class ModelsSaid:
         if not numbers:
             return None
         data = head + numbers
-        time_ns = update.time_ns if base is NOTHING else base.time_ns + heads[1] * MILLISECOND
+        time_ns = update.time_ns if base is NOTHING else base.time_ns + (heads[1] + USUAL_MS * heads[0]) * MILLISECOND
         kept = Kept(_tag_of(data), update.sequence, time_ns, update.command_sequence, texts, reason, steps)
         seen = self._form.update_of(kept, update.state)
         if seen is None:
@@ -428,7 +430,8 @@ def _written_head(base: Kept, texts: Texts, update: ModelUpdate) -> tuple[bytes,
     else:
         passed = round((update.time_ns - base.time_ns) / MILLISECOND)
         commands = update.command_sequence - base.command_sequence
-        heads = [update.sequence - base.sequence, passed, commands - passed]
+        number = update.sequence - base.sequence
+        heads = [number, passed - USUAL_MS * number, commands - passed]
     head = bytes([kind | (TEXTS if len(told) > 1 else 0)]) + (_TAG.pack(base.tag) if kind == DIFFERENCE else b"")
     if len(told) > 1:
         content = _encode(told)
@@ -499,6 +502,7 @@ class ModelsHeard:
         if texts.state == UNTOUCHED:
             state = (math.nan,) * MEMORY
         if whole is None:
+            passed += USUAL_MS * number
             time_ns = base.time_ns + passed * MILLISECOND
             whole = [base.sequence + number, time_ns, base.command_sequence + commands + passed]
         return (*whole, texts, reason, steps), state
