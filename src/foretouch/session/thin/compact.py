@@ -41,15 +41,16 @@ _OF_MAP = {
     "law": (1.0, 7),
     "law_surface": FINE_LENGTH,
     "law_speed": (0.05, 5),
-    "uncertainty": (1e-4, 3),
+    "uncertainty": (1e-4, 2),
     "place": FINE_LENGTH,
     "shares": (1.0, 7),
     "felt": (1.0, 6),
+    "touch_way": (1e-4, 5),
     "touch_force": (1.0, 6),
     "pull": FORCE,
 }
 _LAW_OF_MAP = ((1.0, 8), (1.0, 7), (1.0, 11), (1.0, 11), ROUGH, ROUGH)  # k, lambda, n, alpha
-_RANGE = 1.0, 5
+_RANGE = 1.0, 7
 _POSE = ((1e-5 * 2**16, 16),) * 3 + ((1e-4 * 2**12, 12),) * 3
 
 
@@ -90,7 +91,7 @@ def _step_of(value: float, unit: float, steps: float) -> float:
 
 
 @inlined
-def _value_of(step: int, unit: float, steps: float) -> float:
+def value_of(step: int, unit: float, steps: float) -> float:
     """The number at a step of its grid."""
     power = min(abs(step) // int(steps), FARTHEST)
     value = unit * (math.ldexp(1.0 + (abs(step) % int(steps)) / steps, power) - 1.0)
@@ -99,23 +100,22 @@ def _value_of(step: int, unit: float, steps: float) -> float:
 
 LAST_STEP = (FARTHEST + 1) << 20  # Beyond those of all grids
 
-IDLE = 0.7  # Steps within which a force or a weight stays as it was: to dither between two steps costs bits
 
-SHARES = AT_MAP + Map.layout.fields["shares"][1] // 8  # type: ignore[index]
-PLACE = AT_MAP + Map.layout.fields["place"][1] // 8  # type: ignore[index]
-OF_LAW = np.array(
-    [*range(PARAMETERS, AT_MAP), *(AT_MAP + Map.layout.fields[f"law_{name}"][1] // 8 for name in ("surface", "speed", "reached"))]  # type: ignore[index]
-)
+def _at(name: str) -> slice:
+    """Where a field of a map's header is among the numbers."""
+    kind, offset = Map.layout.fields[name][:2]  # type: ignore[index]
+    return slice(AT_MAP + offset // 8, AT_MAP + (offset + kind.itemsize) // 8)
+
+
+SHARES = _at("shares").start
+OF_LAW = np.r_[PARAMETERS:AT_MAP, _at("law_surface"), _at("law_speed"), _at("law_reached")]
 """Numbers that no force depends on while the law has no weight."""
 
-STEADY = np.zeros(COUNT, np.bool_)
-"""Numbers that stay within `IDLE` steps: none that a map's own rules compare with another."""
-STEADY[AT_MAP + HEADER : AT_SPACE] = True
-for _name in ("uncertainty", "shares", "law_speed"):
-    _kind, _offset = Map.layout.fields[_name][:2]  # type: ignore[index]
-    STEADY[AT_MAP + _offset // 8 : AT_MAP + (_offset + _kind.itemsize) // 8] = True
-STEADY[PARAMETERS:AT_MAP] = True
-
+IDLE = np.full(COUNT, 0.5)
+"""Steps within which a number stays as it was. To dither between two steps costs bits; but what a map's own rules
+compare with another number is rounded to the nearest."""
+IDLE[AT_MAP + HEADER : AT_SPACE] = IDLE[_at("shares")] = 0.7
+IDLE[_at("uncertainty")] = 2.0
 
 LAW = Map.layout.fields["law"][1] // 8  # type: ignore[index]  # In a map, where its parameters stand, too
 
@@ -125,9 +125,9 @@ def write_map(steps: Steps, grids: Numbers, maps: NDArray[np.void]) -> None:
     """Write the map of these steps; the weights of experts sum to 1."""
     numbers, learnt = maps.view(np.float64), maps[0]
     for k in range(SIZE):
-        numbers[k] = _value_of(steps[AT_MAP + k], grids[AT_MAP + k, 0], grids[AT_MAP + k, 1])
+        numbers[k] = value_of(steps[AT_MAP + k], grids[AT_MAP + k, 0], grids[AT_MAP + k, 1])
     for k in range(4):
-        learnt.law[k] = _value_of(steps[PARAMETERS + k], grids[PARAMETERS + k, 0], grids[PARAMETERS + k, 1])
+        learnt.law[k] = value_of(steps[PARAMETERS + k], grids[PARAMETERS + k, 0], grids[PARAMETERS + k, 1])
     law = min(max(learnt.shares[0], 0.0), 1.0)
     fine = min(max(learnt.shares[2], 0.0), 1.0 - law)
     learnt.shares[0], learnt.shares[1], learnt.shares[2] = law, 1.0 - law - fine, fine
@@ -157,9 +157,10 @@ def settle(numbers: Numbers, grids: Numbers, base: Steps, steps: Steps, maps: ND
     """
     for k in range(COUNT):
         exact = _step_of(numbers[k], grids[k, 0], grids[k, 1])
-        idle = IDLE if STEADY[k] else 0.5
-        steps[k] = base[k] if abs(exact - base[k]) <= idle else round(exact)
+        steps[k] = base[k] if abs(exact - base[k]) <= IDLE[k] else round(exact)
     steps[SHARES + 1] = 0
+    for k in range(4):
+        steps[AT_MAP + LAW + k] = base[AT_MAP + LAW + k]
     if steps[SHARES] == 0 and maps.size > 0 and not errors:
         for k in OF_LAW:
             steps[k] = base[k]
@@ -177,8 +178,11 @@ def settle(numbers: Numbers, grids: Numbers, base: Steps, steps: Steps, maps: ND
 def unsettle(steps: Steps, grids: Numbers, numbers: Numbers, maps: NDArray[np.void]) -> None:
     """Write the numbers and the map of these steps."""
     for k in range(COUNT):
-        numbers[k] = _value_of(steps[k], grids[k, 0], grids[k, 1])
+        numbers[k] = value_of(steps[k], grids[k, 0], grids[k, 1])
     write_map(steps, grids, maps)
+
+
+MOST_CONTEXTS = 400
 
 
 class Coder(Record):
@@ -189,7 +193,7 @@ class Coder(Record):
     high: int
     code: int  # the bits that are read
     at: int  # bytes so far
-    chances: Annotated[NDArray[Any], int, 400]  # of a bit that is set, in 65,536ths; the first is even for ever
+    chances: Annotated[NDArray[Any], int, MOST_CONTEXTS]  # of a bit that is set, in 65,536ths; the first is even for ever
 
 
 WIDTH = 40  # Bits of `low` and `high`
@@ -233,20 +237,20 @@ def _bits(c: Coder, data: Bytes, count: int, value: int) -> int:
 
 
 LENGTHS = 10  # Contexts for the length of a number
-CONTEXTS = 3 + 3 + LENGTHS
+CONTEXTS = 3 + 2 + LENGTHS
 """Contexts of a kind of numbers: for whether one is zero, by its neighbours; for its sign, by that of the last; and for
 its length."""
 
 
 @compiled
-def _number(c: Coder, data: Bytes, first: int, near: int, last: int, value: int) -> int:
-    """A whole number, whose contexts begin with this one, with `near` neighbours that are not zero."""
-    if _bit(c, data, first + near, 1 if value == 0 else 0) != 0:
+def _number(c: Coder, data: Bytes, first: int, zero: int, last: int, value: int) -> int:
+    """A whole number, by the contexts of its kind, and that for whether it is zero."""
+    if _bit(c, data, zero, 1 if value == 0 else 0) != 0:
         return 0
-    negative = _bit(c, data, first + 4 + last, 1 if value < 0 else 0)
+    negative = _bit(c, data, first + 3 + last, 1 if value < 0 else 0)
     size = abs(value)
     length = 0
-    while length < FARTHEST and _bit(c, data, first + 6 + min(length, LENGTHS - 1), 1 if size >> (length + 1) else 0):
+    while length < FARTHEST and _bit(c, data, first + 5 + min(length, LENGTHS - 1), 1 if size >> (length + 1) else 0):
         length += 1
     size = (1 << length) | _bits(c, data, length, size & ((1 << length) - 1))
     return -size if negative else size
@@ -257,7 +261,7 @@ def _long(c: Coder, data: Bytes, first: int, spread: int, value: int) -> int:
     """A whole number that mostly has about so many bits."""
     negative = _bit(c, data, EVEN, 1 if value < 0 else 0)
     size = abs(value)
-    high = _number(c, data, first, 0, 0, size >> spread)
+    high = _number(c, data, first, first, 0, size >> spread)
     size = (abs(high) << spread) | _bits(c, data, spread, size & ((1 << spread) - 1))
     return -size if negative else size
 
@@ -280,10 +284,44 @@ def _parts() -> Steps:
 
 PARTS = _parts()
 HEADS = 9  # Kind of the numbers of `HEAD`, and of the memory, one each
-HEAD = ((6, "number"), (9, "time [ms]"), (3, "command, less the time"), (0, "reason"))
-MEMORY = ((9, "near"), (2, "far"), (6, "short"), (6, "middle"), (6, "long"), (0, "stuck"))
+HEAD = ((5, "number"), (0, "time [ms], less 20 a number"), (0, "command, less the time"), (0, "reason"))
+MEMORY = ((9, "near"), (0, "side"), (2, "far"), (2, "short"), (3, "middle"), (4, "long"), (0, "stuck"))
 SPREADS = np.array([spread for spread, _ in (*HEAD, *MEMORY)])
 AT_PARTS = 1 + (HEADS + len(SPREADS)) * CONTEXTS  # Contexts for whether a part has changed
+AT_SCALARS = AT_PARTS + len(PARTS)  # Contexts for whether each number of the first part is zero
+SHIFTS = 7  # Most bits, less one, by which the differences of a part are shorter
+
+
+def _chances() -> Steps:
+    """Chances at first, shape (`MOST_CONTEXTS`,): as they are in sessions with simulated materials."""
+    chances = np.full(MOST_CONTEXTS, 0.5)
+    for kind in range(1, HEADS + len(SPREADS)):
+        zeros, signs, lengths = FIRST.get(kind, ((50,) * 3, (50, 50), (50,) * 4))
+        lengths = (*lengths, *(lengths[-1:] * (LENGTHS - len(lengths))))
+        first = 1 + kind * CONTEXTS
+        chances[first : first + CONTEXTS] = 0.01 * np.array([*zeros, *signs, *lengths])
+    chances[AT_PARTS : AT_PARTS + len(PARTS)] = 0.01 * np.array(FIRST_OF_PARTS)
+    chances[AT_SCALARS : AT_SCALARS + len(FIRST_OF_SCALARS)] = 0.01 * np.array(FIRST_OF_SCALARS)
+    return np.clip((65536 * chances).astype(np.int64), LEAST, MOST)
+
+
+FIRST = {
+    1: ((50, 50, 50), (50, 50), (90, 82, 83, 83, 80, 78, 69, 63, 56)),
+    2: ((76, 56, 30), (67, 61), (99, 97, 94, 91, 82, 57, 45)),
+    3: ((59, 27, 10), (19, 85), (83, 72, 65, 63, 65, 39)),
+    4: ((58, 27, 13), (26, 82), (85, 77, 67, 55, 49, 39)),
+    5: ((84, 39, 8), (11, 94), (86, 80, 74, 70, 58, 31)),
+    6: ((80, 28, 12), (21, 90), (89, 82, 72, 69, 68, 64)),
+    7: ((90, 70, 50), (50, 50), (70,)),
+    8: ((37, 57, 45), (10, 50), (97,)),
+}
+"""Percent of zeros by neighbours, of negative ones by the last sign, and of a further bit by those before, by kind."""
+FIRST_OF_PARTS = (90, 30, 79, 43, 60, 62, 53, 58, 62, 6, 35, 13, 2, 2)
+FIRST_OF_SCALARS = (
+    *(92, 67, 67, 68, 71, 98, 98, 92, 98, 50, 50, 50, 50, 73, 88, 89),
+    *(85, 74, 60, 60, 94, 70, 50, 77, 84, 81, 86, 91, 98, 98, 98),
+)
+ALL_CHANCES = _chances()
 
 
 @compiled
@@ -294,25 +332,36 @@ def _begin(c: Coder, data: Bytes, reads: bool) -> None:
             c.code = (c.code << 8) | (int(data[c.at]) if c.at < data.size else 0)
             c.at += 1
     for k in range(c.chances.size):
-        c.chances[k] = 1 << 15
-    for kind in range(HEADS):
-        for near in range(3):
-            c.chances[1 + kind * CONTEXTS + near] = ZEROS[near]
+        c.chances[k] = ALL_CHANCES[k]
 
 
-ZEROS = np.array([60000, 45000, 30000])
-"""Chances of a zero at first, with none, one and two neighbours that are not."""
+@inlined
+def _shorter(value: int, shift: int) -> int:
+    """A difference in units of a power of two, towards zero."""
+    return -(-value >> shift) if value < 0 else value >> shift
+
+
+@compiled
+def _shift_of(base: Steps, steps: Steps, begin: int, end: int) -> int:
+    """By how many bits all differences of a part can be shorter; -1 where there are none."""
+    every = 0
+    for k in range(begin, end):
+        every |= abs(steps[k] - base[k])
+    shift = 0
+    while every and not every & 1 and shift < SHIFTS:
+        every, shift = every >> 1, shift + 1
+    return shift if every else -1
 
 
 @compiled
 def _code_part(c: Coder, data: Bytes, part: int, base: Steps, steps: Steps, needed: NDArray[np.int8]) -> None:
     """Write or read the numbers of a part."""
     begin, end, kind, row = PARTS[part]
-    changed = 0
-    for k in range(begin, end):
-        if not c.reads and steps[k] != base[k]:
-            changed = 1
-    changed = _bit(c, data, AT_PARTS + part, changed)
+    shift = -1 if c.reads else _shift_of(base, steps, begin, end)
+    changed = _bit(c, data, AT_PARTS + part, 1 if shift >= 0 else 0)
+    if changed and part:
+        shift = _bits(c, data, 3, shift)
+    shift = shift if part else 0
     first, last = 1 + kind * CONTEXTS, 0
     before = second = 0
     for k in range(begin, end):
@@ -321,9 +370,10 @@ def _code_part(c: Coder, data: Bytes, part: int, base: Steps, steps: Steps, need
                 steps[k] = base[k]
             continue
         beside = before + (1 if row and steps[k - row] != base[k - row] else 0 if row else second)
-        value = _number(c, data, first, beside, last, steps[k] - base[k])
+        zero = first + beside if part else AT_SCALARS + k
+        value = _number(c, data, first, zero, last, _shorter(steps[k] - base[k], shift))
         if c.reads:
-            steps[k] = min(max(base[k] + value, -LAST_STEP), LAST_STEP)
+            steps[k] = min(max(base[k] + (value << shift), -LAST_STEP), LAST_STEP)
         second, before = before, 1 if value else 0
         last = (1 if value < 0 else 0) if value else last
 

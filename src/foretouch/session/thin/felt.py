@@ -1,6 +1,6 @@
-"""How far apart two models are at the leader's hand: forces of both, where the material was touched.
+"""How far apart two models are at the leader's hand: their forces where the material was touched.
 
-An update shows the material's memory, whose inner play says where the probe is to 0.1 mm and which way it went.
+An update shows the material's memory, whose inner play says where the probe is to 0.1 mm, and which way it went.
 """
 
 from __future__ import annotations
@@ -12,38 +12,57 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.core import Record, compiled, kernel
+from foretouch.core.compiling import inlined, scratch
 from foretouch.errors import InputError
 from foretouch.messages import ModelUpdate
 from foretouch.models import ContactMapModel, ContactModel, make_model
-from foretouch.models.contact_map.layout import MEMORY, PLAYS
+from foretouch.models.contact_map.layout import MEMORY, PLAYS, SIZE, Map
 from foretouch.models.law_kernel import Law, advance, form_of
-
-ROOM = 48
-"""Touches that are remembered, the newest: about a second in contact. Where nothing is learnt, nothing changes."""
+from foretouch.models.predictor_kernel import copy
+from foretouch.session.thin.compact import AT_MAP, AT_SPACE, OF_LAW, PARTS, value_of, write_map
 
 JND_SHARE, JND_FORCE = 0.1, 0.05
 """Just noticeable difference of force: a part of the force, and at least this [N], as reports have it."""
 
+RECENT, APART = 16, 0.055
+"""Newest touches, and the least time between two of them [s]: a press and what comes after it."""
+
+DEPTHS, NEAREST, IN_A_DOUBLING = 32, 2e-5, 3
+"""Classes of depth in each of which the newest touch is kept, inwards and outwards: even up to the nearest [m], and so
+many in each doubling from there on."""
+
 HORIZONS = (0.1, 0.2, 0.4)
-"""How far ahead of the newest touch models are compared, too [s]: the leader is ahead by the round trip."""
+"""How far ahead of the newest touch forces are compared, too [s], no deeper than was visited: the leader is ahead by
+the round trip."""
+
+SIDES = 3  # Points of a recent touch: in the middle of the inner play, and near both of its ends
+WITHIN = 0.97  # Of its radius: the ends themselves lie on a grid of counts, where models have their edges
+AT_DEPTHS = SIDES * RECENT
+AT_HORIZONS = AT_DEPTHS + 2 * DEPTHS
+POINTS = AT_HORIZONS + len(HORIZONS)
 
 NO_TIME = 1e-9  # Time in which no average moves [s]
 
 
 class Touches(Record):
-    """Touches of the material: positions [m] and memories in the frame of the surface's position."""
+    """Points at which forces are compared; positions and memories [m] count as the surface's position does."""
 
-    count: int  # of all so far
-    near: float  # where the inner play was at the newest update [m], NaN before the first
+    count: int  # of recent touches so far
+    near: float = math.nan  # where the inner play was at the newest update [m]
     time: float  # of it [s]
-    velocities: Annotated[NDArray[Any], float, ROOM]
-    memories: Annotated[NDArray[Any], float, (ROOM, MEMORY)]
+    newest: float = -math.inf  # when the newest recent touch began [s]
+    known: Annotated[NDArray[Any], int, POINTS]  # whether there is one
+    positions: Annotated[NDArray[Any], float, POINTS]
+    velocities: Annotated[NDArray[Any], float, POINTS]
+    aheads: Annotated[NDArray[Any], float, POINTS]  # time since the memory [s]
+    memories: Annotated[NDArray[Any], float, (POINTS, MEMORY)]
+    forces: Annotated[NDArray[Any], float, POINTS]  # of the law that the leader has [N]
 
 
 @compiled
-def _force(law: Law, surface: float, memory: NDArray[np.float64], position: float, velocity: float, ahead: float) -> float:
-    """Force of a law [N] at a position, some time after the memory was this."""
-    zero = surface + law.map.origin
+def _force(law: Law, surface: float, touches: Touches, point: int) -> float:
+    """Force of a law with its surface [m] at a point [N]."""
+    memory, zero = touches.memories[point], surface + law.map.origin
     before = (
         memory[0] - zero,
         memory[1] - zero,
@@ -52,61 +71,208 @@ def _force(law: Law, surface: float, memory: NDArray[np.float64], position: floa
         max(memory[4] - zero, 0.0),
         memory[5],
     )
-    return float(advance(law, before, position - surface, velocity, ahead)[1])
+    depth, velocity = touches.positions[point] - surface, touches.velocities[point]
+    return float(advance(law, before, depth, velocity, touches.aheads[point])[1])
 
 
 @compiled
-def _gap(first: float, second: float) -> float:
+def _noticed(first: float, second: float) -> float:
     """Difference of two forces, in just noticeable differences."""
     return abs(first - second) / max(JND_FORCE, JND_SHARE * max(abs(first), abs(second)))
 
 
-@kernel("f8(Law[::1], f8, Law[::1], f8, Touches)", Law)
-def gap(laws: NDArray[np.void], surface: float, formers: NDArray[np.void], former: float, touches: Touches) -> float:
-    """The largest difference of force between two laws with their surfaces [m], in just noticeable differences."""
+@kernel("(Law[::1], f8, Touches)")
+def remember(laws: NDArray[np.void], surface: float, touches: Touches) -> None:
+    """The leader has this law from now on."""
+    for point in range(POINTS):
+        if touches.known[point] != 0:
+            touches.forces[point] = _force(laws[0], surface, touches, point)
+
+
+@kernel("f8(Law[::1], f8, Touches)")
+def gap(laws: NDArray[np.void], surface: float, touches: Touches) -> float:
+    """The largest difference of a law to that which the leader has, in just noticeable differences."""
     largest = 0.0
-    law, other = laws[0], formers[0]
-    for index in range(min(touches.count, ROOM)):
-        memory, velocity = touches.memories[index], touches.velocities[index]
-        for side in range(-1, 2):
-            position = memory[0] + side * PLAYS[0]
-            mine = _force(law, surface, memory, position, velocity, NO_TIME)
-            largest = max(largest, _gap(mine, _force(other, former, memory, position, velocity, NO_TIME)))
-    if touches.count > 0:
-        newest = (touches.count - 1) % ROOM
-        memory, velocity = touches.memories[newest], touches.velocities[newest]
-        for ahead in HORIZONS:
-            position = memory[0] + velocity * ahead
-            mine = _force(law, surface, memory, position, velocity, ahead)
-            largest = max(largest, _gap(mine, _force(other, former, memory, position, velocity, ahead)))
+    for point in range(POINTS):
+        if touches.known[point] != 0:
+            largest = max(largest, _noticed(_force(laws[0], surface, touches, point), touches.forces[point]))
     return largest
 
 
-@kernel("b1(Law[::1], f8, UniTuple(f8, 6), f8, Touches)", Law)
+@kernel("f8(Law[::1], f8, Law[::1], f8, Touches)")
+def apart(laws: NDArray[np.void], surface: float, others: NDArray[np.void], other: float, touches: Touches) -> float:
+    """The largest difference between two laws with their surfaces [m], in just noticeable differences."""
+    largest = 0.0
+    for point in range(POINTS):
+        if touches.known[point] != 0:
+            force = _force(laws[0], surface, touches, point)
+            largest = max(largest, _noticed(force, _force(others[0], other, touches, point)))
+    return largest
+
+
+@compiled
+def _note(touches: Touches, point: int, state: tuple[float, ...], zero: float, away: float, ahead: float) -> None:
+    """Write a point: so far from the inner play, so long after the memory."""
+    for index in range(MEMORY):
+        touches.memories[point, index] = state[index] + zero
+    touches.memories[point, MEMORY - 1] = state[MEMORY - 1]
+    touches.positions[point] = state[0] + zero + away
+    touches.aheads[point] = ahead
+    touches.known[point] = 1
+
+
+@kernel("(Law[::1], f8, UniTuple(f8, 6), f8, Law[::1], f8, Touches)")
 def touch(
-    laws: NDArray[np.void], surface: float, state: tuple[float, ...], time: float, touches: Touches
-) -> bool:
-    """Remember where the material is touched; whether it is."""
-    law = laws[0]
-    zero = surface + law.map.origin
+    laws: NDArray[np.void],
+    surface: float,
+    state: tuple[float, ...],
+    time: float,
+    formers: NDArray[np.void],
+    former: float,
+    touches: Touches,
+) -> None:
+    """Remember where the material is touched, if it is.
+
+    Args:
+        laws: An array of one, the newest law.
+        surface: Its surface [m].
+        state: Memory of the material.
+        time: Time of it [s].
+        formers: An array of one, the law that the leader has.
+        former: Its surface [m].
+        touches: Written.
+    """
+    zero = surface + laws[0].map.origin
     near, before, since = state[0] + zero, touches.near, time - touches.time
     touches.near, touches.time = near, time
     if not math.isfinite(near):
-        return False
-    at = touches.count % ROOM
-    for index in range(5):
-        touches.memories[at, index] = state[index] + zero
-    touches.memories[at, 5] = state[5]
-    touches.velocities[at] = (near - before) / since if since > 0.0 and math.isfinite(before) else 0.0
-    memory = touches.memories[at]
+        return
+    velocity = (near - before) / since if since > 0.0 and math.isfinite(before) else 0.0
+    fresh = time - touches.newest >= APART
+    first = SIDES * ((touches.count if fresh else max(touches.count - 1, 0)) % RECENT)
     felt = 0.0
-    for side in range(-1, 2):
-        force = _force(law, surface, memory, near + side * PLAYS[0], touches.velocities[at], NO_TIME)
-        felt = max(felt, abs(force))
-    if felt > 0.5 * JND_FORCE:
-        touches.count += 1
-        return True
-    return False
+    for side in range(SIDES):
+        point = first + side
+        _note(touches, point, state, zero, (side - 1) * WITHIN * PLAYS[0], NO_TIME)
+        touches.velocities[point] = velocity
+        felt = max(felt, abs(_force(laws[0], surface, touches, point)))
+        touches.forces[point] = _force(formers[0], former, touches, point)
+    if felt < 0.5 * JND_FORCE:
+        for side in range(SIDES):
+            touches.known[first + side] = 0
+        return
+    if fresh:
+        touches.count, touches.newest = touches.count + 1, time
+    depth = int(IN_A_DOUBLING * math.log2(1.0 + max(near - surface, 0.0) / NEAREST))
+    point = AT_DEPTHS + 2 * min(depth, DEPTHS - 1) + (1 if velocity < 0.0 else 0)
+    _note(touches, point, state, zero, WITHIN * PLAYS[0] if velocity > 0.0 else -WITHIN * PLAYS[0], NO_TIME)
+    touches.velocities[point] = velocity
+    touches.forces[point] = _force(formers[0], former, touches, point)
+    for index in range(len(HORIZONS)):
+        point = AT_HORIZONS + index
+        away = min(velocity * HORIZONS[index], max(laws[0].map.reached - state[0], 0.0))
+        _note(touches, point, state, zero, away, HORIZONS[index])
+        touches.velocities[point] = velocity
+        touches.forces[point] = _force(formers[0], former, touches, point)
+
+
+@compiled
+def _is_near(law: Law, surface: float, touches: Touches, forces: NDArray[np.float64], limit: float) -> bool:
+    """Whether a law gives these forces at all points, but for so many just noticeable differences."""
+    for point in range(POINTS - 1, -1, -1):
+        if touches.known[point] != 0 and not _noticed(_force(law, surface, touches, point), forces[point]) <= limit:
+            return False
+    return True
+
+
+SHORTER = (62, 5, 4, 3, 2, 1)
+"""Bits by which the differences of a part are shortened where nobody feels it: all of them, or some."""
+
+MOST_OF_A_PART = 64
+
+
+@inlined
+def rounded(value: int, bits: int) -> int:
+    """The nearest multiple of a power of two."""
+    return ((value + ((1 << bits) >> 1)) >> bits) << bits
+
+
+@compiled
+def _spare_law(
+    steps: NDArray[np.int64],
+    base: NDArray[np.int64],
+    grids: NDArray[np.float64],
+    seen: float,
+    others: NDArray[np.void],
+    maps: NDArray[np.void],
+    touches: Touches,
+    wanted: NDArray[np.float64],
+    limit: float,
+) -> None:
+    """The same for the numbers of the law in a map."""
+    flat, numbers, kept = maps.view(np.float64), others.view(np.float64)[MAP_IN_LAW:], scratch(np.int64, LAWS_NUMBERS)
+    for k in range(LAWS_NUMBERS):
+        kept[k], steps[OF_LAW[k]] = steps[OF_LAW[k]], base[OF_LAW[k]]
+    write_map(steps, grids, maps)
+    copy(flat, numbers)
+    if not _is_near(others[0], seen, touches, wanted, limit):
+        for k in range(LAWS_NUMBERS):
+            steps[OF_LAW[k]] = kept[k]
+        write_map(steps, grids, maps)
+
+
+LAWS_NUMBERS = len(OF_LAW)
+MAP_IN_LAW = Law.layout.fields["map"][1] // 8  # type: ignore[index]
+
+
+@kernel("(i8[::1], i8[::1], f8[:, ::1], Law[::1], f8, f8, Law[::1], Map[::1], Touches, f8)")
+def spare(
+    steps: NDArray[np.int64],
+    base: NDArray[np.int64],
+    grids: NDArray[np.float64],
+    laws: NDArray[np.void],
+    surface: float,
+    seen: float,
+    others: NDArray[np.void],
+    maps: NDArray[np.void],
+    touches: Touches,
+    limit: float,
+) -> None:
+    """Let the steps of a contact map be those of the base, part by part, where that cannot be felt.
+
+    Args:
+        steps: Of the map; written.
+        base: Of the model that the other end has.
+        grids: Theirs.
+        laws: An array of one, the map as it is.
+        surface: Its surface [m].
+        seen: Surface as the other end has it [m].
+        others: An array of one, which is written.
+        maps: The same.
+        touches: Points where forces are compared.
+        limit: Difference that cannot be felt, in just noticeable differences.
+    """
+    wanted, kept = scratch(np.float64, POINTS), scratch(np.int64, MOST_OF_A_PART)
+    for point in range(POINTS):
+        wanted[point] = _force(laws[0], surface, touches, point) if touches.known[point] != 0 else 0.0
+    others[0].kind = laws[0].kind
+    _spare_law(steps, base, grids, seen, others, maps, touches, wanted, limit)
+    numbers, flat = others.view(np.float64)[MAP_IN_LAW:], maps.view(np.float64)
+    copy(flat, numbers)
+    for part in range(len(PARTS) - 1, 0, -1):
+        begin, end = PARTS[part, 0], PARTS[part, 1]
+        if begin >= AT_SPACE:
+            continue
+        for k in range(begin, end):
+            kept[k - begin] = steps[k]
+        for bits in (*SHORTER, 0):
+            changed = False
+            for k in range(begin, end):
+                steps[k] = base[k] + rounded(kept[k - begin] - base[k], bits)
+                numbers[k - AT_MAP] = value_of(steps[k], grids[k, 0], grids[k, 1])
+                changed = changed or steps[k] != kept[k - begin]
+            if not changed or _is_near(others[0], seen, touches, wanted, limit):
+                break
 
 
 def law_of(update: ModelUpdate) -> tuple[NDArray[np.void], ContactMapModel | None]:

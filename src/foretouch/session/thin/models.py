@@ -23,11 +23,14 @@ from foretouch.errors import ForetouchError
 from foretouch.identification import Status
 from foretouch.messages import VERSION, ModelUpdate, decode, encode
 from foretouch.models import ContactMapModel
-from foretouch.models.contact_map.layout import MEMORY, Map
+from foretouch.models.contact_map.layout import MEMORY, PLAYS, Map
 from foretouch.session.thin import compact, felt
 
-PART = 0.25
+PART = 0.5
 """Change of force at which a model is said, as a part of the just noticeable difference."""
+
+UNFELT = 0.15
+"""Change of force by rounding, at most, in the same unit, where the material was touched."""
 
 LONGEST_NS = 2_000_000_000  # Longest time between two models [ns]
 PATIENCE = 1.5  # Round trips after which a model that nobody acknowledged is said again
@@ -163,6 +166,7 @@ def _from_row(row: NDArray[np.float64], texts: Texts) -> dict[str, Any]:
 
 
 PLAY_STEP, AVERAGE_STEP = 5e-6, 2e-5  # Steps of the memory's plays and averages [m]
+BETWEEN = round((PLAYS[1] - PLAYS[0]) / PLAY_STEP)  # From one play to the other while the probe moves [steps]
 FARTHEST_PLAY = 1e3  # Memory beyond this has no such form [m]
 
 
@@ -171,18 +175,19 @@ def _memory(state: tuple[float, ...]) -> list[int]:
     near, far = round(state[0] / PLAY_STEP), round(state[1] / PLAY_STEP)
     inside = max(near, 0) * PLAY_STEP
     short, middle, long = (round((inside - average) / AVERAGE_STEP) for average in state[2:5])
-    return [near, near - far, short, middle - short, long - middle, round(state[5])]
+    return [near, int(far > near), BETWEEN - abs(near - far), short, middle - short, long - middle, round(state[5])]
 
 
 def _from_memory(steps: list[int]) -> tuple[float, ...]:
     """The reverse of `_memory`."""
-    near, far, short, middle, long, stuck = steps
-    inside = max(near, 0) * PLAY_STEP
+    near, beyond, less, short, middle, long, stuck = steps
+    inside, away = max(near, 0) * PLAY_STEP, BETWEEN - less
     averages = (inside - step * AVERAGE_STEP for step in (short, short + middle, short + middle + long))
-    return (near * PLAY_STEP, (near - far) * PLAY_STEP, *averages, float(stuck))
+    return (near * PLAY_STEP, (near + (away if beyond else -away)) * PLAY_STEP, *averages, float(stuck))
 
 
 MILLISECOND = 1_000_000  # [ns]
+USUAL_MS = 20  # From one model to the next, as they are made [ms]
 LARGEST_NUMBERS = 1024  # Bytes of the numbers of a model, at most
 
 
@@ -271,11 +276,12 @@ class ModelsSaid:
         self._sent: OrderedDict[int, _Sent] = OrderedDict()  # the newest by their numbers
         self._newest: _Sent | None = None
         self._base: _Sent | None = None  # the newest that the leader is known to have
-        self._touches = felt.Touches.new(near=math.nan)
+        self._other = felt.Law.new()  # room for a law
+        self._touches = felt.Touches.new()
         self._trip_ns = float(LONGEST_NS) / PATIENCE  # until a model is acknowledged
         self._whole, self._whole_ns = True, -LONGEST_NS
         self._seldom_ns = -SELDOM_NS
-        for each in (felt.gap, felt.touch):
+        for each in (felt.gap, felt.apart, felt.touch, felt.remember, felt.spare):
             each.entry  # noqa: B018  # see `_Form`
 
     def ask_whole(self) -> None:
@@ -293,11 +299,14 @@ class ModelsSaid:
         self._note(acknowledged, now_ns)
         law, model = felt.law_of(update)
         if model is not None and len(update.state) == MEMORY:
-            felt.touch.entry(law, update.surface, update.state, update.time_ns * 1e-9, self._touches[0])
+            has = law, update.surface
+            if self._newest is not None:
+                has = self._newest.law, self._newest.surface
+            felt.touch.entry(law, update.surface, update.state, update.time_ns * 1e-9, *has, self._touches[0])
         said = _said(update, model is not None)
         if not self._is_due(update, law, said, now_ns):
             return None
-        data = None if said is None else self._write(update, model, *said, now_ns)
+        data = None if said is None else self._write(update, law, model, *said, now_ns)
         if data is None:
             data = bytes([PLAIN]) + encode(update)
             self._keep(Kept(_tag_of(data), update.sequence, 0, 0, NO_TEXTS, 0, NOTHING.steps), update, law, now_ns)
@@ -338,10 +347,12 @@ class ModelsSaid:
         touches = self._touches[0]
         if not touches.count and abs(update.surface - sent.surface) > SURFACE_CHANGE:
             return True
-        return felt.gap.entry(law, update.surface, sent.law, sent.surface, touches) > self._part
+        if sent is self._newest:
+            return felt.gap.entry(law, update.surface, touches) > self._part
+        return felt.apart.entry(law, update.surface, sent.law, sent.surface, touches) > self._part
 
     def _write(
-        self, update: ModelUpdate, model: ContactMapModel | None, texts: Texts, reason: int, now_ns: int
+        self, update: ModelUpdate, law: NDArray[np.void], model: ContactMapModel | None, texts: Texts, reason: int, now_ns: int
     ) -> bytes | None:
         """The message of a model; None where it has no such form."""
         base, memory = self._base_for(update), []
@@ -357,12 +368,15 @@ class ModelsSaid:
         seldom = base is NOTHING or now_ns - self._seldom_ns >= SELDOM_NS or texts.errors != base.texts.errors
         _settle.entry(row, compact.grids_of(is_map), start, steps, self._form.maps, seldom)
         self._seldom_ns = now_ns if seldom else self._seldom_ns
+        if model is not None:
+            seen = compact.value_of(steps[0], *compact.GRIDS_OF_MAP[0])
+            felt.spare.entry(steps, start, compact.GRIDS_OF_MAP, law, update.surface, seen, self._other, self._form.maps, self._touches[0], UNFELT)
         head, heads = _written_head(base, texts, update)
         numbers = self._form.write([*heads, reason, *memory], start, steps, is_map)
         if not numbers:
             return None
         data = head + numbers
-        time_ns = update.time_ns if base is NOTHING else base.time_ns + heads[1] * MILLISECOND
+        time_ns = update.time_ns if base is NOTHING else base.time_ns + (heads[1] + USUAL_MS * heads[0]) * MILLISECOND
         kept = Kept(_tag_of(data), update.sequence, time_ns, update.command_sequence, texts, reason, steps)
         seen = self._form.update_of(kept, update.state)
         if seen is None:
@@ -384,6 +398,7 @@ class ModelsSaid:
     def _keep(self, kept: Kept, seen: ModelUpdate, law: NDArray[np.void], now_ns: int) -> None:
         """Remember what was sent."""
         self._newest = self._sent[kept.sequence] = _Sent(kept, law, seen.surface, seen.fixture, now_ns)
+        felt.remember.entry(law, seen.surface, self._touches[0])
         while len(self._sent) > KEPT:
             self._sent.popitem(last=False)
 
@@ -415,7 +430,8 @@ def _written_head(base: Kept, texts: Texts, update: ModelUpdate) -> tuple[bytes,
     else:
         passed = round((update.time_ns - base.time_ns) / MILLISECOND)
         commands = update.command_sequence - base.command_sequence
-        heads = [update.sequence - base.sequence, passed, commands - passed]
+        number = update.sequence - base.sequence
+        heads = [number, passed - USUAL_MS * number, commands - passed]
     head = bytes([kind | (TEXTS if len(told) > 1 else 0)]) + (_TAG.pack(base.tag) if kind == DIFFERENCE else b"")
     if len(told) > 1:
         content = _encode(told)
@@ -486,6 +502,7 @@ class ModelsHeard:
         if texts.state == UNTOUCHED:
             state = (math.nan,) * MEMORY
         if whole is None:
+            passed += USUAL_MS * number
             time_ns = base.time_ns + passed * MILLISECOND
             whole = [base.sequence + number, time_ns, base.command_sequence + commands + passed]
         return (*whole, texts, reason, steps), state
